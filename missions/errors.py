@@ -4,6 +4,7 @@ MissionsError
 ├── NetworkError       a network file that cannot be used: names the file, the place in it and what was expected
 ├── AreaError          an area that cannot be used: names the file, the feature and what was expected
 ├── ElevationError     a raster of heights that cannot be used: names the file, the place in it and what was expected
+├── BackgroundError    a picture of the ground that cannot be used
 ├── PlanFileError      a plan file that cannot be used
 ├── MissionFileError   a QGroundControl file that cannot be used
 ├── SafetyError        no heights or pads can keep this fleet apart over this network
@@ -25,6 +26,10 @@ class AreaError(MissionsError):
 
 class ElevationError(MissionsError):
     """The heights of the ground cannot be used."""
+
+
+class BackgroundError(MissionsError):
+    """The picture of the ground cannot be used."""
 
 
 class PlanFileError(MissionsError):

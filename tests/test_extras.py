@@ -75,6 +75,7 @@ REFUSED = {
     "bench fleet --out out": ("bench fleet --out", Extra.PICTURES),
     "network poles.xlsx": ("poles.xlsx: a workbook", Extra.GEO),
     "network lines.zip": ("lines.zip: a shapefile", Extra.GEO),
+    "fly mapped.toml --yes": ("[map] background", Extra.MAPS),
     "plan over.toml": ("ground.tif: a raster", Extra.TERRAIN),
     "bench terrain": ("bench terrain", Extra.TERRAIN),
     "bench fleet --browsers 1": ("bench fleet --browsers", Extra.WEB),
@@ -96,6 +97,7 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[int, st
     folder = tmp_path_factory.mktemp("without")
     (folder / "site.toml").write_text(SITE, encoding="utf-8")
     (folder / "published.toml").write_text(f"{SITE}\n[mqtt]\n", encoding="utf-8")
+    (folder / "mapped.toml").write_text(f'{SITE}\n[map]\nbackground = "ortho.tif"\n', encoding="utf-8")
     (folder / "over.toml").write_text(f'{SITE}\n[terrain]\nfiles = "ground.tif"\n', encoding="utf-8")
     (folder / "ground.tif").write_bytes(b"")
     (folder / "mavsdk.toml").write_text(f'{SITE}backend = "mavsdk"\n', encoding="utf-8")

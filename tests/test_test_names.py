@@ -137,6 +137,20 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/readers/opened.py",
         "missions/readers/xmltree.py",
     ),
+    "tests/missions/exports/test_exports.py": (
+        "missions/exports/drawn.py",
+        "missions/exports/geojson.py",
+        "missions/exports/gpx.py",
+        "missions/exports/kml.py",
+        "missions/exports/plan.py",
+        "missions/exports/xmltext.py",
+    ),
+    "tests/missions/readers/test_background.py": (
+        "missions/background.py",
+        "missions/readers/imagery.py",
+        "missions/readers/mbtiles.py",
+        "missions/readers/picture.py",
+    ),
     "tests/missions/readers/test_elevation.py": (
         "missions/elevation.py",
         "missions/readers/geoids.py",

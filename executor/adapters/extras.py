@@ -22,6 +22,7 @@ class Extra(Enum):
     MQTT = "mqtt"
     DASK = "dask"
     GEO = "geo"
+    MAPS = "maps"
     TERRAIN = "terrain"
 
 
@@ -33,10 +34,11 @@ MODULES: Mapping[Extra, tuple[str, ...]] = {
     Extra.MQTT: ("aiomqtt",),
     Extra.DASK: ("distributed",),
     Extra.GEO: ("openpyxl", "shapefile"),
+    Extra.MAPS: ("rasterio", "PIL", "contourpy"),
     Extra.TERRAIN: ("rasterio",),
 }
 """What is imported of each."""
-INSTALLED_BY: Mapping[str, str] = {"shapefile": "pyshp"}
+INSTALLED_BY: Mapping[str, str] = {"shapefile": "pyshp", "PIL": "pillow"}
 """The name that a module is installed by, where that is another one."""
 
 

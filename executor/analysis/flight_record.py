@@ -84,6 +84,8 @@ class VehicleRecord:
     battery: FloatArray
     """(m, 2) float64: seconds, and percent that remain."""
     fault: FaultRecord | None
+    sea_m: FloatArray
+    """(n,) float64: height of each of the track's places above mean sea level, as the vehicle said it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +139,8 @@ class FlightRecord:
     """The first plan first."""
     decisions: tuple[Decision, ...]
     duration_s: float
+    launched_unix_s: float
+    """Seconds since 1970 at the launch; later times are the flight's, which in a simulation may pass faster."""
     areas: tuple[Area, ...] = ()
     """That flights kept out of."""
     never: tuple[tuple[str, str], ...] = ()

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import AliasChoices, BaseModel, Field
 
-from executor.adapters.eventlog import read_events
+from executor.adapters.eventlog import read_events, read_head
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import FlightReport, read_report
 from executor.analysis.flight_record import (
@@ -51,6 +51,8 @@ class _Heard:
     """What one vehicle said, in the order of arrival and in seconds since the launch."""
 
     positions: list[tuple[float, float, float, float]] = field(default_factory=list)
+    seas: list[float] = field(default_factory=list)
+    """Heights above mean sea level of the positions."""
     samples: list[tuple[float, Sample]] = field(default_factory=list)
     battery: list[tuple[float, float]] = field(default_factory=list)
     status: list[tuple[float, float]] = field(default_factory=list)
@@ -99,6 +101,7 @@ def read_run(run: Path) -> FlightRecord:
         duration_s=report.duration_s,
         areas=first.areas,
         never=tuple(zip(first.unreachable_names, (one.why for one in first.unreachable), strict=True)),
+        launched_unix_s=read_head(RunDirectory(run).events).began_unix_s + log.launched_s,
     )
 
 
@@ -118,6 +121,7 @@ def _take(log: _Log, event: Event, t_s: float, frame: LocalFrame, speedup: float
         case Heard(vehicle, Position() as position) if vehicle in log.heard:
             place_m = frame.to_local_m(position.lat_deg, position.lon_deg)
             log.heard[vehicle].positions.append((t_s, *place_m, position.alt_rel_m))
+            log.heard[vehicle].seas.append(position.alt_msl_m)
             log.heard[vehicle].samples.append((t_s, Sample(position.boot_s, place_m)))
         case Heard(vehicle, Battery(remaining_pct=remaining)) if vehicle in log.heard and remaining is not None:
             log.heard[vehicle].battery.append((t_s, remaining))
@@ -158,6 +162,7 @@ def _vehicles(site: Site, report: FlightReport, log: _Log) -> tuple[VehicleRecor
                 # As in flight: SYS_STATUS counts only where there is no BATTERY_STATUS.
                 battery=np.array(heard.battery or heard.status, dtype=np.float64).reshape(-1, 2),
                 fault=faults.get(table.name),
+                sea_m=np.array(heard.seas, dtype=np.float64),
             )
         )
     return tuple(vehicles)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from executor.cli import flights, init_site, network, plans, replay, restore, risk
+from executor.cli import exports, flights, init_site, network, plans, replay, restore, risk
 from executor.cli.bench import cli as bench
 
 cli = typer.Typer(
@@ -23,7 +23,7 @@ for command in (
     plans.check,
     plans.window,
     plans.replan,
-    plans.export,
+    exports.export,
     risk.risk,
     flights.simulate,
     flights.fly,

@@ -45,7 +45,7 @@ from executor.cli.planning import can_be_written, ground_with, plan_and_tell, ro
 from executor.core.commands import Level
 from executor.core.preflight.checks import Severity
 from executor.core.preflight.parameters import number
-from executor.errors import PreflightFailed
+from executor.errors import LogError, PreflightFailed
 from executor.flight import fly as flying
 from executor.flight.broker import settings_of
 from executor.flight.flight_order import Order, keep
@@ -66,6 +66,8 @@ from executor.simulated.demo_site import (
 from executor.simulated.injected import happenings
 from executor.site import assembly
 from executor.site.config import check_site, read_site, signing_key
+from executor.site.ground_files import read_ground
+from executor.site.ground_view import GroundView, view_for
 from executor.site.planning import DEFAULT
 from missions import write_plan
 
@@ -198,8 +200,9 @@ def fly(
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     ground = ground_with(content, site.parent, learned, console)
     mqtt = settings_of(content.mqtt, site.parent, str(site))
+    below = view_for(ground, site.parent)  # a picture that cannot be used is said before anything is planned
     routes = routes_wanted(ground, console, asked, wanted, plan=plan, after=after)
-    order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt)
+    order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt, below)
     check_run(order.run, content)
     keep(order)
     flown = turns.run(flying.fly(order, console))
@@ -338,9 +341,18 @@ def _draw_flight(run: Path, record: FlightRecord) -> None:
     from executor.analysis.profile import profiles
     from executor.flight.run_start import beginning
 
-    draw_map(record, RunDirectory(run).map)
+    draw_map(record, RunDirectory(run).map, _kept_ground(run))
     draw_battery(record, RunDirectory(run).battery)
     if RunDirectory(run).terrain.exists():
         begun = beginning(run)
         setup, routes = begun.context.setup, assembly.routes_of(begun.ground, begun.plan.task(), begun.plan.plan)
         draw_profile(profiles(setup, assembly.paths_of(setup, routes).values()), RunDirectory(run).profile)
+
+
+def _kept_ground(run: Path) -> GroundView | None:
+    """Return the ground below a flight's map; without it where what was kept of it is damaged."""
+    try:
+        return read_ground(run)
+    except LogError as error:
+        _told(f"faultline: {error}: the map is drawn without the ground", to=sys.stderr)
+        return None

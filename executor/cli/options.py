@@ -47,10 +47,13 @@ class SolverName(StrEnum):
 
 
 class FormatName(StrEnum):
-    """What other ground stations read."""
+    """What other programs read."""
 
     QGC = "qgc"
     WAYPOINTS = "waypoints"
+    KML = "kml"
+    GEOJSON = "geojson"
+    GPX = "gpx"
 
 
 class AutopilotName(StrEnum):

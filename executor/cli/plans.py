@@ -1,4 +1,4 @@
-"""The commands about plans: plan, check, replan, export."""
+"""The commands about plans: plan, check, window, replan."""
 
 from __future__ import annotations
 
@@ -14,13 +14,10 @@ from executor.cli.console import TerminalConsole
 from executor.cli.options import (
     DEFAULT_REPLAN_COST,
     DEFAULT_STRETCH_PCT,
-    FIRST_AUTOPILOT,
     MOST_SECONDS,
     AfterOption,
-    AutopilotName,
     CostOption,
     EverybodyOption,
-    FormatName,
     JsonOption,
     LearnedOption,
     PlanArgument,
@@ -44,30 +41,21 @@ from executor.cli.planning import (
     wanted_of,
     writable,
 )
-from executor.core.preflight.heights import too_low
 from executor.errors import SiteError
 from executor.flight import next_sortie
 from executor.site import assembly, planning
 from executor.site.config import read_site
+from executor.site.ground_view import view_for
 from executor.site.heights import PlannedHeights, planned_heights
 from executor.site.plan_words import left_over_words, left_words, route_words, summary, window_words
 from executor.site.planning import DEFAULT, Wanted
 from missions import (
-    FlightSetup,
-    Inspection,
     PlanFile,
     check_plan,
-    dialect_for,
-    encode,
-    flight_path,
-    flight_setup,
     plan_document,
-    qgc_plan,
-    qgc_waypoints,
     read_plan,
     write_plan,
 )
-from missions.terrain import Terrain
 from planner import Cost, ReplanWindow, SearchParams, repairs_at, replan_window
 
 if TYPE_CHECKING:
@@ -131,6 +119,7 @@ def plan(
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
+    below = None if picture is None else view_for(ground, site.parent)  # what cannot be drawn is said before the work
     content = plan_and_tell(
         ground, console, wanted, next_sortie.segments_left(after, ground) if after is not None else None
     )
@@ -140,7 +129,7 @@ def plan(
     if picture is not None:
         from executor.analysis.pictures import draw_plan
 
-        writable(picture, lambda: draw_plan(content, picture))
+        writable(picture, lambda: draw_plan(content, picture, below))
     if profile is not None:
         _draw_profile(ground, content, profile)
     _print_plan(content, as_json=as_json, heights=heights)
@@ -280,67 +269,6 @@ def replan(
     _print_plan(result.plan, as_json=as_json)
     if not result.feasible:
         raise typer.Exit(1)
-
-
-def export(
-    plan: PlanArgument,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Directory for the files, one per vehicle.")
-    ],
-    to: Annotated[
-        FormatName, typer.Option("--format", help="qgc: QGroundControl .plan; waypoints: Mission Planner .waypoints.")
-    ] = FormatName.QGC,
-    autopilot: Annotated[
-        AutopilotName, typer.Option(help="Autopilot that the mission items are for.")
-    ] = FIRST_AUTOPILOT,
-    site: Annotated[
-        Path | None,
-        typer.Option(metavar="SITE", help="Its site file, for a plan over [terrain]: the ground is not in the plan."),
-    ] = None,
-) -> None:
-    """Write a file per vehicle for other ground stations."""
-    content = read_plan(plan)
-    if content.inspection is None:
-        raise SiteError(f"{plan}: inspection: expected heights and speeds, but the plan has none")
-    setup = _setup_of(content, content.inspection, _terrain_of(plan, content, site))
-    routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
-    for line in too_low(setup, list(assembly.paths_of(setup, routes).values())):
-        raise SiteError(f"{plan}: heights: {line}")
-    dialect = dialect_for(autopilot.value)
-    write, suffix = (qgc_plan, "plan") if to is FormatName.QGC else (qgc_waypoints, "waypoints")
-    writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
-    for route in content.plan.routes:
-        name = content.vehicles[route.vehicle].name
-        if not route.visits:
-            continue
-        items = encode(flight_path(setup, name, route.visits), dialect).items
-        pad = setup.pad_of(name)
-        home = (*setup.frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m)
-        path = output / f"{name}.{suffix}"
-        text = write(items, dialect, home)
-        writable(path, partial(path.write_text, text, encoding="utf-8"))
-        print(path)
-
-
-def _terrain_of(plan: Path, content: PlanFile, site: Path | None) -> Terrain | None:
-    """Return the ground that a plan was made over; it is not in the plan itself."""
-    if content.terrain is None:
-        return None
-    if site is None:
-        raise SiteError(f"{plan}: terrain: expected --site with the site file that the plan was made of")
-    ground = assembly.ground_of(read_site(site), site.parent)
-    planning.fits(content, ground, str(plan))
-    return ground.terrain
-
-
-def _setup_of(content: PlanFile, inspection: Inspection, terrain: Terrain | None) -> FlightSetup:
-    """Return heights, pads and areas as a plan file has them."""
-    names, network = [vehicle.name for vehicle in content.vehicles], content.network()
-    setup = flight_setup(network, names, inspection, areas=content.areas, terrain=terrain)
-    if not content.areas:
-        return setup
-    kept_out = () if content.pricing is None else content.pricing.kept_out
-    return replace(setup, areas=content.areas, kept_out=kept_out)
 
 
 def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> None:

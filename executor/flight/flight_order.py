@@ -20,6 +20,8 @@ from executor.flight.broker import Settings
 from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.config import Site
+from executor.site.ground_files import keep_ground
+from executor.site.ground_view import GroundView, view_for
 from missions import PlanFile, write_plan
 from missions.readers.kept_elevation import write_kept
 
@@ -71,6 +73,8 @@ class Order:
     """What really happened, asked for at the end; empty without a simulator."""
     mqtt: Settings | None = None
     """Where it is published."""
+    below: GroundView | None = None
+    """The ground around the line, where it is read already."""
 
 
 def keep_learned(run: Path, context: Context, state: FleetState, before: Mapping[str, Known]) -> None:
@@ -83,7 +87,13 @@ def keep_learned(run: Path, context: Context, state: FleetState, before: Mapping
 
 
 def keep(order: Order) -> None:
-    """Write the site and the first plan into the run directory."""
+    """Write the site, the first plan and the ground around the line into the run directory.
+
+    Raises:
+        BackgroundError: the picture of the ground cannot be used; nothing is written then.
+    """
+    below = view_for(order.ground, order.base) if order.below is None else order.below
+    keep_ground(order.run, below, order.ground.network.frame)
     files = {}
     if order.site.network.file != assembly.DEFAULT_NETWORK:
         files["network", "file"] = order.base / order.site.network.file
@@ -96,6 +106,8 @@ def keep(order: Order) -> None:
     if order.site.signing is not None and order.site.signing.key_file is not None:
         # The key stays where it is: a run directory is copied and handed on.
         content["signing"] = {"key_file": str((order.base / order.site.signing.key_file).resolve())}
+    # What the crew sees of it is kept; the whole picture may be as large as a county.
+    content.get("map", {}).pop("background", None)
     if order.ground.terrain is not None:
         # What was read, not the rasters: those may be gigabytes, and the next reading of them another.
         kept = RunDirectory(order.run).terrain

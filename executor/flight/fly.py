@@ -231,7 +231,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
         listening = flight.listening() if isinstance(begins, Launch) else nullcontext()
         with hearing, listening, Interrupts(flight, console) as interrupts:
             async with (
-                web.page_beside(order.site.web, flight, clock, console),
+                web.page_beside(order.site.web, flight, clock, console, web.lasting_of(order, console)),
                 _published(publication, flight, keeper, clock),
             ):
                 gc.collect()  # 0.1 s for a hundred vehicles: not between the crew's yes and the take-off

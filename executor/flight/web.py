@@ -4,24 +4,42 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from concurrent.futures import Future
 from contextlib import ExitStack, asynccontextmanager
+from dataclasses import dataclass
 from functools import partial
+from types import MappingProxyType
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.extras import Extra, what_to_install
 from executor.core.commands import Level
 from executor.core.intents import Intent, IntentRecord
 from executor.core.state import FleetState
-from executor.errors import ConnectionFailed, SiteError
-from executor.flight.flight_order import Teller
+from executor.errors import ConnectionFailed, LogError, SiteError
+from executor.flight.flight_order import Order, Teller
 from executor.runtime.flight import Flight
+from executor.site.ground_files import ground_files, kept_files
+from executor.site.ground_view import GroundView, area_of
 from executor.site.tables.links import WebTable
 from executor.supervised import hand_over
+from missions import Window
 
 LEAST_TOKEN = 16
 """Characters: shorter ones can be guessed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lasting:
+    """What the page shows that is the same during the whole flight."""
+
+    ground: Mapping[str, bytes]
+    """Files, as `ground_files` names them."""
+    window: Window | None
+    """The re-plan window of the first plan."""
+
+
+NOTHING = Lasting(MappingProxyType({}), None)
 
 
 def check_web(table: WebTable) -> None:
@@ -55,7 +73,9 @@ def _token(table: WebTable) -> str | None:
 
 
 @asynccontextmanager
-async def page_beside(table: WebTable, flight: Flight, clock: SystemClock, console: Teller) -> AsyncIterator[None]:
+async def page_beside(
+    table: WebTable, flight: Flight, clock: SystemClock, console: Teller, lasting: Lasting = NOTHING
+) -> AsyncIterator[None]:
     """Serve the page; a flight goes on without it where it cannot be served.
 
     It shows the flight before its beginning, too: while the operator is asked, nobody reads what comes to the loop.
@@ -81,7 +101,9 @@ async def page_beside(table: WebTable, flight: Flight, clock: SystemClock, conso
         return asyncio.run_coroutine_threadsafe(take(intent), loop)
 
     token = _token(table)
-    settings = WebSettings(table.host, table.port, token, frozenset(table.names), clock.speedup)
+    settings = WebSettings(
+        table.host, table.port, token, frozenset(table.names), clock.speedup, lasting.ground, lasting.window
+    )
     server = WebServer(settings, flight.context, now, submit, mistake=partial(hand_over, loop))
     stack = ExitStack()
     try:
@@ -96,3 +118,16 @@ async def page_beside(table: WebTable, flight: Flight, clock: SystemClock, conso
         yield
     finally:
         await asyncio.to_thread(stack.close)
+
+
+def lasting_of(order: Order, console: Teller) -> Lasting:
+    """Return what the run directory keeps of the ground, or at least where the local metres are; and the window."""
+    if not order.site.web.enabled:
+        return NOTHING
+    try:
+        kept = kept_files(order.run)
+    except LogError as error:
+        console.say(Level.WARNING, f"{error}: the page shows no ground")
+        kept = {}
+    around = GroundView(*area_of(order.ground.network.positions_m))
+    return Lasting(kept or ground_files(around, order.ground.network.frame), order.plan.window)

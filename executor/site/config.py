@@ -25,6 +25,7 @@ from executor.site.tables.flight import FaultsTable, FlightTable
 from executor.site.tables.ground import DepotTable, InspectionTable, NetworkTable
 from executor.site.tables.learned import LearnedTable
 from executor.site.tables.links import LinkTable, MqttTable, SigningTable, WebTable
+from executor.site.tables.map import MapTable
 from executor.site.tables.terrain import TerrainTable
 from missions import NESTED, first_reason
 
@@ -50,6 +51,7 @@ class Site(SiteTable):
     link: LinkTable = LinkTable()
     mqtt: MqttTable | None = None
     web: WebTable = WebTable()
+    map: MapTable | None = None
     learned: LearnedTable | None = None
 
     @model_validator(mode="before")

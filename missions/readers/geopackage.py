@@ -44,13 +44,18 @@ def draw_geopackage(path: Path, source: str, choice: Choice) -> Drawing:
         NetworkError: one line that names the file, the layer and feature and what was expected.
     """
     try:
-        with closing(_opened(path)) as database:
+        with closing(opened(path)) as database:
             return _drawn(database, source, choice)
     except (sqlite3.Error, sqlite3.Warning, UnicodeDecodeError) as reason:
         raise NetworkError(f"{source}: content: expected a GeoPackage: {printable(str(reason))}") from reason
 
 
-def _opened(path: Path) -> sqlite3.Connection:
+def opened(path: Path) -> sqlite3.Connection:
+    """Return an SQLite file of a stranger, to be read: nothing is written, and no query lasts for ever.
+
+    Raises:
+        sqlite3.Error: it cannot be opened.
+    """
     database = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1", uri=True)
     database.execute("PRAGMA trusted_schema = OFF")
     database.execute("PRAGMA cell_size_check = ON")

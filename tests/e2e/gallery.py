@@ -30,7 +30,9 @@ from executor.core.state import Briefing, CheckLine, FleetState, Question, SaidL
 from executor.core.vehicle import Stage, VehicleState, aboard
 from executor.core.view import FleetView, LossView, OfferView, TakenView, VehicleView, fleet_view
 from executor.site import assembly
-from missions import Segment, flight_path
+from executor.site.ground_files import ground_files
+from executor.site.ground_view import GroundView
+from missions import Segment, Window, flight_path
 from tests.executor.builders import ground_for, site_of, with_facts
 from tests.fakes.flight import Story
 from tests.missions.builders import network_of
@@ -317,11 +319,11 @@ class Shown:
         return self.scene.view(state, now_s)
 
     @contextmanager
-    def serving(self) -> Iterator[str]:
-        """Serve it; yields the address."""
-        server = WebServer(
-            WebSettings("127.0.0.1", 0, None), self.scene.context, self.now, self.submit, self.describe
-        )  # fmt: skip
+    def serving(self, ground: GroundView | None = None, window: Window | None = None) -> Iterator[str]:
+        """Serve it, over a ground if one is given; yields the address."""
+        files = {} if ground is None else ground_files(ground, self.scene.context.frame)
+        settings = WebSettings("127.0.0.1", 0, None, ground=files, window=window)
+        server = WebServer(settings, self.scene.context, self.now, self.submit, self.describe)
         with server:
             yield server.address
 

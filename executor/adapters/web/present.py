@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, field
 from executor.core.context import Context
 from executor.core.state import FleetState
 from executor.core.view import FleetView, fleet_view
-from missions import Phase
+from missions import Phase, Window
 from missions.areas import AreaKind
 
 Describe = Callable[[Context, FleetState, float], FleetView]
@@ -48,7 +48,14 @@ class _Track:
 class Present:
     """Reads the flight for everybody who looks; used by one thread."""
 
-    def __init__(self, context: Context, now: Now, speedup: float = 1.0, describe: Describe = fleet_view) -> None:
+    def __init__(
+        self,
+        context: Context,
+        now: Now,
+        speedup: float = 1.0,
+        describe: Describe = fleet_view,
+        window: Window | None = None,
+    ) -> None:
         """Look at a flight.
 
         Args:
@@ -56,11 +63,13 @@ class Present:
             now: Returns its newest state.
             speedup: Seconds of the flight in a real one.
             describe: Makes the description that is sent; tests show what a flight seldom comes to.
+            window: The re-plan window of the first plan.
         """
         self._context = context
         self._now = now
         self._speedup = speedup
         self._describe = describe
+        self._window = None if window is None else asdict(window)
         self._tracks = {name: _Track() for name in context.vehicles}
 
     def view(self) -> FleetView:
@@ -88,14 +97,16 @@ class Present:
             if place is not None and state.vehicles[vehicle["name"]].armed:
                 self._tracks[vehicle["name"]].add(place)
         content["chart"] = _stamp(state)
+        content["inferred"] = sorted(state.coverage.unproven())
         return _json(content)
 
     def chart(self) -> bytes:
         """Return the network, the pads, the routes on board and the ways flown so far, as JSON."""
         state, _ = self._now()
         setup = self._context.setup
-        content = {
+        content: dict[str, object] = {
             "chart": _stamp(state),
+            "window": self._window,
             "names": [self._context.segment_name(segment.id) for segment in setup.network.segments],
             "areas": [
                 {

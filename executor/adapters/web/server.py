@@ -15,7 +15,8 @@ import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from hashlib import sha256
 from importlib import resources
 from types import TracebackType
 from typing import Annotated, Any, Literal, Self
@@ -37,7 +38,7 @@ from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.view import fleet_view
 from executor.errors import ConnectionFailed
 from executor.supervised import WAITS_S, beside
-from missions import first_reason
+from missions import Window, first_reason
 
 PERIOD_S = 0.4
 """Real seconds between two states: at most half of the second that a state may be old."""
@@ -54,10 +55,12 @@ FILES: Mapping[str, str] = {
     "intents.js": "text/javascript; charset=utf-8",
     "briefing.js": "text/javascript; charset=utf-8",
     "freshness.js": "text/javascript; charset=utf-8",
+    "ground.js": "text/javascript; charset=utf-8",
     "offers.js": "text/javascript; charset=utf-8",
     "words.js": "text/javascript; charset=utf-8",
     "icon.svg": "image/svg+xml",
 }
+PICTURES: Mapping[str, str] = {".webp": "image/webp", ".png": "image/png"}
 STATUS = {Outcome.ACCEPTED: 202, Outcome.DONE: 200, Outcome.REFUSED: 409, Outcome.FAILED: 409}
 
 Mistake = Callable[[str, BaseException], None]
@@ -79,6 +82,22 @@ class WebSettings:
     """Host names that it answers to, beside its own."""
     speedup: float = 1.0
     """Seconds of the flight in a real one."""
+    ground: Mapping[str, bytes] = field(default_factory=dict)
+    """What lies below the line: `ground.json`, and the pictures that it names."""
+    window: Window | None = None
+    """The re-plan window of the first plan."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """A file that browsers may keep."""
+
+    content: bytes
+
+    @property
+    def tag(self) -> str:
+        """What it is told by."""
+        return f'"{sha256(self.content).hexdigest()[:20]}"'
 
 
 class _Wish(BaseModel):
@@ -137,7 +156,8 @@ class WebServer:
     ) -> None:
         """Prepare a server; entering it makes it listen."""
         self._settings = settings
-        self._present = Present(context, now, settings.speedup, describe)
+        self._present = Present(context, now, settings.speedup, describe, settings.window)
+        self._ground = {name: _Kept(content) for name, content in settings.ground.items()}
         self._submit = submit
         self._mistake = mistake
         self._limits = limits or DoorLimits()
@@ -160,6 +180,7 @@ class WebServer:
             Route("/state", self._state),
             Route("/chart", self._chart),
             Route("/clock", self._clock),
+            Route("/ground/{name}", self._ground_file),
             Route("/events", self._events),
             Route("/intents", self._intents, methods=["POST"]),
         ]
@@ -274,6 +295,18 @@ class WebServer:
 
     async def _chart(self, request: Request) -> Response:  # noqa: ARG002
         return Response(self._present.chart(), media_type="application/json")
+
+    async def _ground_file(self, request: Request) -> Response:
+        """Answer with a file that is the same during the whole flight: a browser that has it is told so."""
+        name = request.path_params["name"]
+        kept = self._ground.get(name)
+        if kept is None:
+            return PlainTextResponse("nothing is known of the ground", 404)
+        headers = {"cache-control": "private, no-cache", "etag": kept.tag}
+        if kept.tag in request.headers.get("if-none-match", ""):
+            return Response(status_code=304, headers=headers)
+        kind = PICTURES.get(name[name.rfind(".") :], "application/json")
+        return Response(kept.content, media_type=kind, headers=headers)
 
     async def _clock(self, request: Request) -> Response:  # noqa: ARG002
         return Response(self._present.clock(), media_type="application/json")

@@ -20,6 +20,7 @@ from executor.analysis.pictures.risk import risk_figure
 from executor.analysis.pictures.style import DPI
 from executor.analysis.pictures.window import window_figure
 from executor.analysis.profile import Profile
+from executor.site.ground_view import GroundView
 from missions import PlanFile, Understood
 from planner import LossRepair, ReplanWindow, Risk
 
@@ -44,13 +45,13 @@ __all__ = [
 ]
 
 
-def draw_plan(content: PlanFile, path: Path) -> None:
-    """Write the map of a plan.
+def draw_plan(content: PlanFile, path: Path, ground: GroundView | None = None) -> None:
+    """Write the map of a plan, over the ground if that is known.
 
     Raises:
         OSError: the file cannot be written.
     """
-    _save(plan_figure(content), path)
+    _save(plan_figure(content, ground), path)
 
 
 def draw_profile(profiles: Sequence[Profile], path: Path) -> None:
@@ -71,13 +72,13 @@ def draw_network(understood: Understood, path: Path) -> None:
     _save(network_figure(understood), path)
 
 
-def draw_map(record: FlightRecord, path: Path) -> None:
-    """Write the map of a flight: the first plan, and what was flown.
+def draw_map(record: FlightRecord, path: Path, ground: GroundView | None = None) -> None:
+    """Write the map of a flight: the first plan, and what was flown; over the ground if that is known.
 
     Raises:
         OSError: the file cannot be written.
     """
-    _save(map_figure(record), path)
+    _save(map_figure(record, ground), path)
 
 
 def draw_battery(record: FlightRecord, path: Path) -> None:

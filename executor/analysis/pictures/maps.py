@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -23,10 +23,12 @@ from executor.analysis.flight_record import (
     last_place_m,
     plan_at_launch,
 )
+from executor.analysis.pictures.below import draw_below
 from executor.analysis.pictures.placing import Placer, along, calmest
 from executor.analysis.pictures.sheet import Sheet, area_handles, draw_areas, draw_ground, legend, make_sheet
 from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, VehicleStyle, cased, outlined, style_of
 from executor.core.words import since_take_off
+from executor.site.ground_view import GroundView
 from missions import PlanFile
 from missions.geo import FloatArray
 from missions.pricing import DEPOT_M
@@ -47,14 +49,16 @@ class _Look:
     inspecting_pt: float
     transit_pt: float
     dashed: bool
+    cased: bool = False
+    """Whether they have a white edge: over the colours of the ground they need one."""
 
 
 FIRST = _Look(2.8, 0.8, dashed=False)
 AGAIN = _Look(1.5, 1.0, dashed=True)
 
 
-def plan_figure(content: PlanFile) -> Figure:
-    """Return the map of a plan."""
+def plan_figure(content: PlanFile, ground: GroundView | None = None) -> Figure:
+    """Return the map of a plan, over the ground if that is known."""
     styles = {vehicle.name: style_of(layer) for layer, vehicle in enumerate(content.vehicles)}
     routes = plan_at_launch(content).routes
     handles = [*_vehicle_handles(styles), *_first_handles(), *_ground_handles(pads=False), *area_handles(content.areas)]
@@ -62,14 +66,15 @@ def plan_figure(content: PlanFile) -> Figure:
     count, covered = len(content.segments) + len(content.unreachable), sum(len(route.segments) for route in routes)
     title = f"{covered} of {count} segments for {len(routes)} vehicles, {_chosen(content)}"
     sheet = make_sheet(np.concatenate(places), title, ["Plan"], len(handles))
+    sheet = draw_below(sheet, ground, np.concatenate(places))
     draw_areas(sheet.panels[0], content.areas)
     _draw_first(sheet, sheet.panels[0], content.ends_m, routes, styles, ())
     legend(sheet, handles)
     return sheet.figure
 
 
-def map_figure(record: FlightRecord) -> Figure:
-    """Return the first plan, and beside it what was flown and what was planned anew."""
+def map_figure(record: FlightRecord, ground: GroundView | None = None) -> Figure:
+    """Return the first plan, and beside it what was flown and what was planned anew; over the ground if it is known."""
     styles = {vehicle.name: style_of(vehicle.layer) for vehicle in record.vehicles}
     ends = np.array(_ends(record.segments)).reshape(-1, 2, 2)
     pads = [vehicle.pad_m for vehicle in record.vehicles]
@@ -79,6 +84,7 @@ def map_figure(record: FlightRecord) -> Figure:
     shown = np.concatenate((ends.reshape(-1, 2), np.array(pads).reshape(-1, 2), *tracks))
     names = ["First plan", "As flown"]
     sheet = make_sheet(shown, _title(record), names, len(handles))
+    sheet = draw_below(sheet, ground, shown)
     for axes in sheet.panels:
         draw_areas(axes, record.areas)
     _draw_first(sheet, sheet.panels[0], ends, record.revisions[0].routes, styles, pads)
@@ -112,7 +118,7 @@ def _draw_first(
 ) -> None:
     draw_ground(axes, ends_m, pads_m)
     for route in routes:
-        _draw_route(axes, route, styles[route.vehicle], FIRST)
+        _draw_route(axes, route, styles[route.vehicle], replace(FIRST, cased=sheet.busy))
     middles = {route.vehicle: _middles(_inspected_m(route)) for route in routes}
     placer = _placer(sheet, ends_m, (np.array(route.way_m) for route in routes))
     _name_vehicles(axes, sheet, placer, middles, styles)
@@ -130,7 +136,7 @@ def _draw_flown(
     for left in given_away(record):
         _draw_taken_over(axes, left.segment)
     for vehicle in record.vehicles:
-        _draw_track(axes, vehicle, styles[vehicle.name])
+        _draw_track(axes, vehicle, styles[vehicle.name], edged=sheet.busy)
     for revision in record.revisions[1:]:
         for route in revision.routes:
             _draw_route(axes, route, styles[route.vehicle], AGAIN)
@@ -157,18 +163,20 @@ def _draw_route(axes: Axes, route: PlannedRoute, style: VehicleStyle, look: _Loo
             ]  # fmt: skip
         broken = np.concatenate([np.vstack((leg, [np.nan, np.nan])) for leg in legs]) if legs else np.zeros((0, 2))
         ls = style.dashes if look.dashed else "-"
-        effects = cased(width_pt + 1.6) if look.dashed else []
+        effects = cased(width_pt + 1.6) if look.dashed or look.cased else []
         axes.plot(broken[:, 0], broken[:, 1], color=style.colour, lw=width_pt, ls=ls, zorder=4, path_effects=effects,
                   solid_capstyle="round")  # fmt: skip
 
 
-def _draw_track(axes: Axes, vehicle: VehicleRecord, style: VehicleStyle) -> None:
+def _draw_track(axes: Axes, vehicle: VehicleRecord, style: VehicleStyle, *, edged: bool) -> None:
     track = vehicle.track
     if len(track) == 0:
         return
     gaps = np.flatnonzero(np.diff(track[:, 0]) > GAP_S) + 1
     shown = np.insert(track[:, 1:3], gaps, np.nan, axis=0)
-    axes.plot(shown[:, 0], shown[:, 1], color=style.colour, lw=3.4, alpha=0.5, zorder=3, solid_capstyle="round")
+    effects = cased(5.4) if edged else []
+    axes.plot(shown[:, 0], shown[:, 1], color=style.colour, lw=3.4, alpha=0.5, zorder=3, solid_capstyle="round",
+              path_effects=effects)  # fmt: skip
 
 
 def _draw_taken_over(axes: Axes, segment: SegmentRecord) -> None:

@@ -43,6 +43,8 @@ class Sheet:
     low_m: Place
     """South-western corner of what may hold words; the strip for the scale lies below."""
     high_m: Place
+    busy: bool = False
+    """Whether the ground is drawn below: what is over it needs an edge."""
 
 
 def make_sheet(shown_m: FloatArray, title: str, panels: Sequence[str], legend_entries: int) -> Sheet:

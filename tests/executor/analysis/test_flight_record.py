@@ -32,7 +32,7 @@ NOTHING = np.empty((0, 4))
 def vehicle_of(
     name: str = "uav1", battery: FloatArray = PACK, track: FloatArray = TRACK, **given: Any
 ) -> VehicleRecord:
-    return replace(VehicleRecord(name, 0, (0.0, 0.0), 75.0, 15.0, track, battery, None), **given)
+    return replace(VehicleRecord(name, 0, (0.0, 0.0), 75.0, 15.0, track, battery, None, track[:, 3]), **given)
 
 
 def passing(*places: tuple[float, float, float]) -> FloatArray:
@@ -77,7 +77,7 @@ FLIGHT = FlightRecord(
     (segment(1, "uav1"), segment(2, "uav2"), segment(3, None), segment(4, "uav3")),
     (lost("uav1", 60.0), lost("uav2", 40.0), vehicle_of("uav3")),
     (planned(0, 0.0, uav1=(1, 3), uav2=(2, 4)), planned(1, 60.0, uav1=(4,), uav3=(3,)), planned(2, 60.1, uav3=(2,))),
-    (), 99.0,
+    (), 99.0, 0.0,
 )  # fmt: skip
 
 

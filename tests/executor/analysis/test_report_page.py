@@ -217,5 +217,5 @@ def test_values_in_words(value: object, words: str) -> None:
 
 @given(st.text())
 def test_any_text_comes_back_from_the_page_as_it_was(text: str) -> None:
-    record = FlightRecord((), (), (Revision(0, 0.0, (), ()),), (Decision(0.0, Level.INFO, f"<{text}>"),), 0.0)
+    record = FlightRecord((), (), (Revision(0, 0.0, (), ()),), (Decision(0.0, Level.INFO, f"<{text}>"),), 0.0, 0.0)
     assert f"<{text}>".split() == "".join(_read(page(record, short_report([]), {})).of("td")[2:]).split()

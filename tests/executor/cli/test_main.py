@@ -321,7 +321,7 @@ def test_what_the_search_is_tuned_by(place: Place) -> None:
         (["plan", "SITE", "--sped", "1"], "--sped"),
         (["simulate", "SITE", "--speedup", "0"], "--speedup"),
         (["replan", "PLAN", "--at", "5"], "--lost"),
-        (["export", "PLAN", "-o", "out", "--format", "kml"], "--format"),
+        (["export", "PLAN", "-o", "out", "--format", "shp"], "--format"),
         (["flie", "SITE"], "flie"),
     ],
 )

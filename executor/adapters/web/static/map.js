@@ -1,4 +1,6 @@
 // The map: a canvas in local metres, north up.
+import { Ground } from "./ground.js";
+
 const HUES = ["#0072b2", "#d55e00", "#7a3e9d", "#b8860b", "#c2569a", "#1b9aaa", "#8b4513", "#5a6b00"];
 const PAD_PX = 46;
 const OUT = new Set(["flying", "holding", "starting", "returning", "landing", "pilot"]);
@@ -7,8 +9,10 @@ export const hueOf = (index) => HUES[index % HUES.length];
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 export class Chart {
-  constructor(canvas, choose) {
+  constructor(canvas, choose, pointed = () => {}) {
     this.canvas = canvas;
+    this.pointed = pointed;
+    this.ground = new Ground(() => this.later());
     this.context = canvas.getContext("2d");
     this.choose_ = choose;
     this.chart = null;
@@ -121,8 +125,14 @@ export class Chart {
       this.canvas.setPointerCapture(event.pointerId);
       this.pointers.set(event.pointerId, at(event));
       this.pressed = at(event);
+      this.pointed(this.metres(this.pressed));
+    });
+    this.canvas.addEventListener("pointerleave", (event) => {
+      // A finger that was lifted has still asked for a place.
+      if (event.pointerType === "mouse") this.pointed(null);
     });
     this.canvas.addEventListener("pointermove", (event) => {
+      this.pointed(this.metres(at(event)));
       const before = this.pointers.get(event.pointerId);
       if (!before) return;
       const now = at(event);
@@ -182,6 +192,19 @@ export class Chart {
     context.setLineDash(dash);
     context.beginPath();
     places.forEach((place, index) => context[index ? "lineTo" : "moveTo"](...this.pixels(place)));
+    if (this.ground.layer !== "plain" && alpha > 0.4) this.edge(width, HUES.includes(colour));
+    context.stroke();
+    context.restore();
+  }
+
+  // An edge about the line that is about to be drawn: over the colours of the ground it needs one.
+  edge(width, bright) {
+    const context = this.context;
+    context.save();
+    context.setLineDash([]);
+    context.globalAlpha *= 0.65;
+    context.strokeStyle = style(bright ? "--edge" : "--map");
+    context.lineWidth = width + 2.5;
     context.stroke();
     context.restore();
   }
@@ -190,6 +213,7 @@ export class Chart {
     const context = this.context;
     context.clearRect(0, 0, this.width, this.height);
     if (!this.chart) return;
+    this.ground.draw(this);
     for (const area of this.chart.areas ?? []) this.drawArea(area);
     this.drawNetwork();
     const vehicles = this.state?.vehicles ?? [];
@@ -231,11 +255,14 @@ export class Chart {
   drawNetwork() {
     const inspected = new Set(this.state?.inspected ?? []);
     const left = new Set(this.state?.uncovered ?? []);
+    const inferred = new Set(this.state?.inferred ?? []);
     const current = new Map((this.state?.vehicles ?? []).map((one, index) => [one.progress.segment, index]));
     this.chart.segments_m.forEach((ends, segment) => {
       if (current.has(segment)) this.line(ends, { colour: hueOf(current.get(segment)), width: 15, alpha: 0.33 });
-      if (inspected.has(segment)) this.line(ends, { colour: style("--done"), width: 7 });
-      else if (left.has(segment)) this.line(ends, { colour: style("--left"), width: 5, dash: [4, 4] });
+      if (inspected.has(segment)) {
+        this.line(ends, { colour: style("--done"), width: 7, dash: inferred.has(segment) ? [7, 5] : [] });
+      }
+      if (left.has(segment) && !inspected.has(segment)) this.line(ends, { colour: style("--left"), width: 5, dash: [4, 4] });
       this.line(ends, { colour: style("--open"), width: 1.8 });
       for (const place of ends) {
         const [x, y] = this.pixels(place);
@@ -363,6 +390,14 @@ export class Chart {
     const metres = [5, 2, 1].map((step) => step * power).find((one) => one <= wanted) ?? power;
     const [x, y] = [14, 22];
     const context = this.context;
+    const words = metres >= 1000 ? `${metres / 1000} km` : `${metres} m`;
+    context.font = "600 12px system-ui, sans-serif";
+    if (this.ground.layer !== "plain") {
+      context.globalAlpha = 0.8;
+      context.fillStyle = style("--map");
+      context.fillRect(x - 6, y - 17, metres * this.scale + 48, 24);
+      context.globalAlpha = 1;
+    }
     context.strokeStyle = context.fillStyle = style("--ink");
     context.lineWidth = 2;
     context.beginPath();
@@ -371,8 +406,7 @@ export class Chart {
     context.lineTo(x + metres * this.scale, y);
     context.lineTo(x + metres * this.scale, y - 5);
     context.stroke();
-    context.font = "600 12px system-ui, sans-serif";
-    context.fillText(metres >= 1000 ? `${metres / 1000} km` : `${metres} m`, x + 5, y - 4);
+    context.fillText(words, x + 5, y - 4);
     context.fillText("N ↑", x + metres * this.scale + 12, y);
   }
 }

@@ -10,7 +10,7 @@ import { age, element, flightTime, since, write } from "./words.js";
 const MARKS = { info: "·", warning: "▲", fault: "■" };
 const byId = (id) => document.getElementById(id);
 
-const chart = new Chart(byId("map"), choose);
+const chart = new Chart(byId("map"), choose, pointed);
 const intents = new Intents(() => state);
 const ask = (action, vehicle) => intents.ask(action, vehicle);
 const strips = new Strips(byId("vehicles"), choose, ask);
@@ -23,6 +23,7 @@ let chosen = null;
 let charted = "";
 let charting = false;
 let shownLines = "";
+let planned = null;
 
 function choose(name) {
   chosen = name;
@@ -40,6 +41,7 @@ function show(next) {
     ? `${next.replan.revision} ${next.replan.solving ? "is solved …" : "goes on board …"}`
     : `revision ${next.revision}`);
   showWindow(next);
+  showPlanned(next);
   briefing.show(next);
   offers.show(next);
   strips.show(next);
@@ -47,7 +49,9 @@ function show(next) {
   showLines(next);
   intents.show(next);
   const idle = next.finished || next.recalled || next.flight_s === null;
-  for (const button of byId("fleet").querySelectorAll("[data-action]")) button.disabled = idle;
+  const nothing = { prove: !next.inferred.length };
+  for (const button of byId("fleet").querySelectorAll("[data-action]")) button.disabled = idle || nothing[button.dataset.action];
+  byId("legend-inferred").hidden = !next.inferred.length;
   document.title = `${next.inspected.length}/${next.segments_total} faultline`;
   const stamp = JSON.stringify(next.chart);
   if (stamp !== charted && !charting) loadChart(stamp);
@@ -61,6 +65,40 @@ function showWindow(next) {
   write(place, !judged.length ? "not known" : outside.length ? `✗ not ${outside.join(", ")}` : "✓ all finished");
   place.className = !judged.length ? "" : outside.length ? "loss out" : "loss in";
   place.title = outside.length ? "The loss of these could not be made good by the others" : "";
+}
+
+// From when on the plan itself can do without any one vehicle, and whose loss it cannot make good before.
+function showPlanned(next) {
+  const place = byId("planned");
+  place.hidden = planned === null || next.revision !== 0 || next.finished;
+  if (place.hidden) return;
+  const { earliest_s: earliest, longest_route_s: longest, window_pct: share, breaking } = planned;
+  const inside = next.flight_s !== null && next.flight_s >= earliest;
+  const whom = breaking ? `, until then not ${breaking.vehicle}` : "";
+  const since0 = earliest <= 0 ? "at any time" : inside ? `since ${since(earliest)}` : `from ${since(earliest)} on`;
+  write(place, `plan: any one ${since0}${inside ? "" : whom}`);
+  place.title = `Re-plan window of the plan: ${share.toFixed(0)} % of its longest route, which ends at ${since(longest)}`
+    + (breaking ? `; ${breaking.vehicle} lost between ${since(breaking.from_s)} and ${since(breaking.to_s)} breaks it` : "");
+}
+
+function pointed(place) {
+  write(byId("pointed"), place === null ? "" : chart.ground.describe(place));
+}
+
+function showLayer() {
+  const button = byId("layer");
+  button.hidden = chart.ground.layers.length < 2;
+  write(button, chart.ground.word());
+  write(byId("attribution"), chart.ground.attribution());
+}
+
+async function loadGround() {
+  try {
+    await chart.ground.load();
+  } catch {
+    setTimeout(loadGround, 3000);
+  }
+  showLayer();
 }
 
 function showLines(next) {
@@ -84,6 +122,8 @@ async function loadChart(stamp) {
     if (answer.ok) {
       const content = await answer.json();
       strips.names = content.names;
+      planned = content.window;
+      if (state !== null) showPlanned(state);
       chart.load(content);
       charted = stamp;
     }
@@ -147,6 +187,7 @@ document.addEventListener("keydown", (event) => {
   if (/^[1-9]$/.test(key) && vehicle) choose(vehicle.name);
   else if (key === "A") ask("abort", null);
   else if (key === "p") ask("replan", null);
+  else if (key === "f" && state.inferred.length) ask("prove", null);
   else if (key === "y") briefing.answer();
   else if (key === "?") byId("help").showModal();
   else if (KEYS[key] && chosen) ask(KEYS[key], chosen);
@@ -155,6 +196,7 @@ document.addEventListener("keydown", (event) => {
   else if (key === "+" || key === "=") chart.zoom(1.4);
   else if (key === "-") chart.zoom(1 / 1.4);
   else if (key === "0") chart.fit();
+  else if (key === "m") nextLayer();
   else return;
   event.preventDefault();
 });
@@ -169,5 +211,13 @@ byId("zoom").addEventListener("click", (event) => {
   else if (way) chart.zoom(way === "in" ? 1.5 : 1 / 1.5);
 });
 
+byId("layer").addEventListener("click", nextLayer);
+
+function nextLayer() {
+  chart.ground.next();
+  showLayer();
+}
+
 setInterval(watch, 500);
+loadGround();
 listen();

@@ -1,0 +1,161 @@
+// What lies below the map: a picture of the ground or its relief, contour lines, and what is known of a place.
+const SHOWN = { photo: "Photo", relief: "Relief", plain: "Plain" };
+const VEIL = 0.38;
+const SHADE = 0.42;
+// Pixels that a contour line needs, to be written on; and that lie between two heights.
+const LABEL_PX = 170;
+const APART_PX = 90;
+const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+export class Ground {
+  constructor(changed) {
+    this.changed = changed;
+    this.document = null;
+    this.images = {};
+    this.layer = "plain";
+    this.layers = ["plain"];
+    this.lines = [];
+  }
+
+  async load() {
+    const answer = await fetch("/ground/ground.json");
+    if (!answer.ok) return;
+    this.document = await answer.json();
+    const { photo, relief } = this.document;
+    this.layers = [...(photo ? ["photo"] : []), ...(relief ? ["relief"] : []), "plain"];
+    this.layer = this.layers[0];
+    if (photo) this.fetch("photo", photo);
+    if (relief) {
+      this.fetch("relief", relief.file);
+      this.lines = relief.contours.map((line) => contour(line));
+    }
+    this.changed();
+  }
+
+  fetch(layer, name) {
+    const image = new Image();
+    image.fetchPriority = "low";
+    image.addEventListener("load", () => {
+      this.images[layer] = image;
+      this.changed();
+    });
+    image.src = `/ground/${name}`;
+  }
+
+  // The next layer; returns its name.
+  next() {
+    this.layer = this.layers[(this.layers.indexOf(this.layer) + 1) % this.layers.length];
+    this.changed();
+    return this.word();
+  }
+
+  word() {
+    return SHOWN[this.layer];
+  }
+
+  attribution() {
+    if (this.document === null || this.layer === "plain") return "";
+    const lines = this.lines.length ? `contours every ${this.document.relief.interval_m} m` : "";
+    return [lines, this.layer === "photo" ? this.document.attribution : ""].filter(Boolean).join(" · ");
+  }
+
+  draw(chart) {
+    const image = this.images[this.layer];
+    chart.canvas.dataset.ground = image ? this.layer : "plain";
+    if (this.layer === "plain" || this.document === null) return;
+    const context = chart.context;
+    if (image) {
+      const [west, south] = chart.pixels(this.document.low_m);
+      const [east, north] = chart.pixels(this.document.high_m);
+      context.save();
+      context.globalAlpha = this.layer === "photo" ? 1 : SHADE;
+      context.drawImage(image, west, north, east - west, south - north);
+      if (this.layer === "photo") {
+        context.globalAlpha = VEIL;
+        context.fillStyle = style("--map");
+        context.fillRect(west, north, east - west, south - north);
+      }
+      context.restore();
+    }
+    this.drawLines(chart);
+  }
+
+  drawLines(chart) {
+    const context = chart.context;
+    const ratio = devicePixelRatio || 1;
+    const [x, y] = chart.pixels([0, 0]);
+    context.save();
+    context.strokeStyle = style("--contour");
+    context.globalAlpha = 0.7;
+    // In metres: the lines were made once, and are only moved and scaled.
+    context.setTransform(ratio * chart.scale, 0, 0, -ratio * chart.scale, ratio * x, ratio * y);
+    for (const line of this.lines) {
+      context.lineWidth = (line.bold ? 1.3 : 0.6) / chart.scale;
+      context.stroke(line.path);
+    }
+    context.restore();
+    this.writeHeights(chart);
+  }
+
+  writeHeights(chart) {
+    const context = chart.context;
+    const taken = [];
+    context.save();
+    context.font = "600 11px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    for (const line of this.lines) {
+      if (!line.bold || line.length * chart.scale < LABEL_PX) continue;
+      const [x, y] = chart.pixels(line.middle);
+      if (x < 30 || y < 30 || x > chart.width - 30 || y > chart.height - 30) continue;
+      if (taken.some(([ox, oy]) => Math.hypot(ox - x, oy - y) < APART_PX)) continue;
+      taken.push([x, y]);
+      context.strokeStyle = style("--map");
+      context.lineWidth = 3;
+      context.strokeText(`${line.height}`, x, y);
+      context.fillStyle = style("--contour");
+      context.fillText(`${line.height}`, x, y);
+    }
+    context.restore();
+  }
+
+  // Where a place is, and how high the ground there, in words; nothing where that is not known.
+  describe(place) {
+    if (this.document === null) return "";
+    const { degrees, relief } = this.document;
+    const lat = this.between(place, degrees, degrees.lat_deg, true);
+    const lon = this.between(place, degrees, degrees.lon_deg, true);
+    if (lat === null || lon === null) return "";
+    const metres = relief ? this.between(place, relief.heights, relief.heights.metres, false) : null;
+    return `${lat.toFixed(6)}, ${lon.toFixed(6)}${metres === null ? "" : ` · ground ${metres.toFixed(0)} m`}`;
+  }
+
+  // A value between those of a grid over the whole area: at its corners, or in the middles of its cells.
+  between([east, north], { rows, columns }, values, corners) {
+    const { low_m: low, high_m: high } = this.document;
+    const [right, down] = [(east - low[0]) / (high[0] - low[0]), (high[1] - north) / (high[1] - low[1])];
+    if (!corners && (right < 0 || right > 1 || down < 0 || down > 1)) return null;
+    // Beyond the area latitudes and longitudes go on as they do at its edge.
+    const at = (share, count) => (corners ? share * (count - 1) : Math.min(count - 1, Math.max(0, share * count - 0.5)));
+    const [i, j] = [at(down, rows), at(right, columns)];
+    const [top, left] = [within(Math.floor(i), rows - 2), within(Math.floor(j), columns - 2)];
+    const value = (row, column) => values[row * columns + column];
+    const around = [value(top, left), value(top, left + 1), value(top + 1, left), value(top + 1, left + 1)];
+    if (around.some((one) => one === null)) return null;
+    const [y, x] = [i - top, j - left];
+    return (around[0] * (1 - x) + around[1] * x) * (1 - y) + (around[2] * (1 - x) + around[3] * x) * y;
+  }
+}
+
+const within = (value, most) => Math.min(most, Math.max(0, value));
+
+// A contour line, ready to be drawn.
+function contour({ height_m: height, places_m: places, bold }) {
+  const path = new Path2D();
+  let length = 0;
+  places.forEach(([east, north], index) => {
+    path[index ? "lineTo" : "moveTo"](east, north);
+    if (index) length += Math.hypot(east - places[index - 1][0], north - places[index - 1][1]);
+  });
+  return { height, bold, path, length, middle: places[Math.floor(places.length / 2)] };
+}

@@ -1,0 +1,187 @@
+"""A flight as lines and places on the earth: what was planned, what was flown and when, and who was lost where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from executor.adapters.run_directory import RunDirectory
+from executor.analysis.flight_record import FaultRecord, FlightRecord, VehicleRecord
+from executor.analysis.read_run import read_run
+from executor.errors import LogError
+from executor.site.assembly import terrain_of
+from executor.site.config import read_site
+from missions import (
+    FlightPath,
+    FlightSetup,
+    LocalFrame,
+    Pad,
+    Phase,
+    PlanFile,
+    Waypoint,
+    continue_path,
+    flight_path,
+    read_plan,
+)
+from missions.exports import (
+    Drawn,
+    DrawnKind,
+    DrawnPlace,
+    DrawnWay,
+    Fact,
+    Piece,
+    Reference,
+    drawn_line,
+    drawn_pads,
+    drawn_route,
+)
+from missions.geo import FloatArray
+from missions.plansetup import setup_of_plan
+from planner import is_reversed, segment_of, visit_of
+
+GAP_S = 5.0
+"""Where nothing was heard for longer than this, nothing is drawn."""
+STEP_S = 0.5
+"""Positions that follow sooner say nothing more to who looks at a map."""
+
+
+def drawn_run(run: Path) -> Drawn:
+    """Return the flight of a run directory.
+
+    Raises:
+        LogError: it holds no report, or its log cannot be read.
+        SiteError: site.toml cannot be used.
+        MissionsError: a plan file cannot be used.
+    """
+    record, first = read_run(run), read_plan(RunDirectory(run).plan(0))
+    if first.inspection is None:
+        raise LogError(f"{RunDirectory(run).plan(0)}: inspection: expected heights and speeds, but the plan has none")
+    pads = [Pad(vehicle.name, *vehicle.pad_m, _home_m(vehicle, first.frame.alt_m)) for vehicle in record.vehicles]
+    names = tuple(vehicle.name for vehicle in record.vehicles)
+    terrain = terrain_of(read_site(RunDirectory(run).site), run, first.network())
+    setup = setup_of_plan(first, first.inspection, pads=pads, terrain=terrain)
+    segments = {
+        number: {
+            "inspected_by": segment.inspected_by,
+            "inspected": None if segment.inspected_s is None else _time(record, segment.inspected_s),
+        }
+        for number, segment in enumerate(record.segments)
+    }
+    ways = [*drawn_line(setup, segments), *_planned(record, setup, first), *_replanned(run, record, setup, first)]
+    ways += [way for vehicle in record.vehicles for way in _flown(record, setup.frame, vehicle)]
+    spots = [*drawn_pads(setup, Reference.SEA), *_events(record, setup)]
+    return Drawn(f"flight of {_time(record, 0.0)}", names, ways, spots)
+
+
+def _home_m(vehicle: VehicleRecord, otherwise_m: float) -> float:
+    """Return the height of a vehicle's home above mean sea level, as it said it first."""
+    return float(vehicle.sea_m[0] - vehicle.track[0, 3]) if len(vehicle.track) else otherwise_m
+
+
+def _time(record: FlightRecord, t_s: float) -> str:
+    when = datetime.fromtimestamp(record.launched_unix_s + t_s, UTC)
+    return f"{when:%Y-%m-%dT%H:%M:%S}.{when.microsecond // 1000:03d}Z"
+
+
+def _planned(record: FlightRecord, setup: FlightSetup, first: PlanFile) -> Iterator[DrawnWay]:
+    for route in first.plan.routes:
+        name = first.vehicles[route.vehicle].name
+        path = flight_path(setup, name, route.visits)
+        if path.waypoints:
+            facts: dict[str, Fact] = {"revision": 0, "begin": _time(record, 0.0), "segments": len(route.visits)}
+            yield drawn_route(setup, path, f"{name} planned", facts, reference=Reference.SEA)
+
+
+def _replanned(run: Path, record: FlightRecord, setup: FlightSetup, first: PlanFile) -> Iterator[DrawnWay]:
+    """Yield what was put on board in flight, from where the vehicle began it."""
+    numbers = {segment.id: number for number, segment in enumerate(first.segments)}
+    for revision in record.revisions[1:]:
+        content = read_plan(RunDirectory(run).plan(revision.number))
+        on_board = {route.vehicle for route in revision.routes}
+        for route in content.plan.routes:
+            vehicle = content.vehicles[route.vehicle]
+            if vehicle.name not in on_board:
+                continue
+            visits = tuple(
+                visit_of(numbers[content.segments[segment_of(visit)].id], is_reversed(visit)) for visit in route.visits
+            )
+            if vehicle.airborne:
+                up_m = vehicle.start_up_m if content.pricing is not None else None
+                path = _from_the_air(setup, vehicle.name, vehicle.start_m, up_m, visits)
+            else:
+                path = flight_path(setup, vehicle.name, visits)
+            if path.waypoints:
+                facts: dict[str, Fact] = {
+                    "revision": revision.number,
+                    "begin": _time(record, revision.decided_s),
+                    "segments": len(visits),
+                }
+                name = f"{vehicle.name} re-plan {revision.number}"
+                yield drawn_route(setup, path, name, facts, reference=Reference.SEA)
+
+
+def _from_the_air(
+    setup: FlightSetup, name: str, start_m: tuple[float, float], up_m: float | None, visits: tuple[int, ...]
+) -> FlightPath:
+    """Return the path that begins where a vehicle was in the air; without its height there, in its layer."""
+    layers = setup.layers
+    here_m = (layers.surface.height_m(*start_m) if up_m is None else up_m) + layers.offset_m(name)
+    alt_rel_m = here_m - setup.frame.up_m(setup.pad_of(name).alt_m)
+    begin = Waypoint(Phase.TRANSIT, *setup.frame.to_wgs84_deg(*start_m), alt_rel_m, setup.inspection.transit_speed_m_s)
+    return continue_path(setup, FlightPath(name, (begin,)), 1, visits)
+
+
+def _flown(record: FlightRecord, frame: LocalFrame, vehicle: VehicleRecord) -> Iterator[DrawnWay]:
+    """Yield a vehicle's track since the launch, in as many pieces as it was heard in."""
+    kept = _thinned(vehicle.track[:, 0])
+    breaks = [0, *(np.flatnonzero(np.diff(vehicle.track[kept, 0]) > GAP_S) + 1).tolist(), len(kept)]
+    lat_lon = frame.many_to_wgs84_deg(vehicle.track[kept, 1:3]) if len(kept) else np.zeros((0, 2))
+    pieces = []
+    for begin, end in pairwise(breaks):
+        rows = kept[begin:end]
+        if len(rows) > 1:
+            positions = tuple(
+                (float(lat), float(lon), float(sea_m))
+                for (lat, lon), sea_m in zip(lat_lon[begin:end], vehicle.sea_m[rows], strict=True)
+            )
+            pieces.append(Piece(positions, tuple(_time(record, t_s) for t_s in vehicle.track[rows, 0].tolist())))
+    if pieces:
+        segments = sum(segment.inspected_by == vehicle.name for segment in record.segments)
+        yield DrawnWay(
+            DrawnKind.FLOWN, f"{vehicle.name} flown", tuple(pieces), Reference.SEA, vehicle.name, {"segments": segments}
+        )
+
+
+def _thinned(times_s: FloatArray) -> npt.NDArray[np.intp]:
+    """Return the indices of positions since the launch that are `STEP_S` apart or more."""
+    kept: list[int] = []
+    last_s = -STEP_S
+    for index, t_s in enumerate(times_s.tolist()):
+        if t_s >= 0.0 and t_s - last_s >= STEP_S:
+            kept.append(index)
+            last_s = t_s
+    return np.array(kept, dtype=np.intp)
+
+
+def _events(record: FlightRecord, setup: FlightSetup) -> Iterator[DrawnPlace]:
+    """Yield where each vehicle that was lost was heard last before that was declared."""
+    for vehicle, fault in record.lost:
+        heard = np.flatnonzero(vehicle.track[:, 0] <= fault.detected_s)
+        if len(heard) == 0:
+            continue
+        _, east_m, north_m, _ = vehicle.track[heard[-1]].tolist()
+        place = (*setup.frame.to_wgs84_deg(east_m, north_m), float(vehicle.sea_m[heard[-1]]))
+        yield DrawnPlace(
+            DrawnKind.EVENT, f"{vehicle.name} lost: {fault.kind.value}", place, Reference.SEA, vehicle.name,
+            _time(record, fault.detected_s), _facts(record, fault),
+        )  # fmt: skip
+
+
+def _facts(record: FlightRecord, fault: FaultRecord) -> dict[str, str | None]:
+    happened = None if fault.happened_s is None else _time(record, fault.happened_s)
+    return {"event": "fault", "fault": fault.kind.value, "reason": fault.reason, "happened": happened}

@@ -1,0 +1,123 @@
+"""The command `export`: files for other ground stations, for Google Earth, for GIS programs and for handhelds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executor.adapters.run_directory import RunDirectory
+from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, FormatName
+from executor.cli.planning import writable
+from executor.core.preflight.heights import too_low
+from executor.errors import SiteError
+from executor.site import assembly, planning
+from executor.site.config import read_site
+from missions import (
+    FlightSetup,
+    PlanFile,
+    dialect_for,
+    encode,
+    flight_path,
+    qgc_plan,
+    qgc_waypoints,
+    read_plan,
+)
+from missions.exports import Drawn, drawn_plan, geojson_text, gpx_text, kml_text
+from missions.plansetup import setup_of_plan
+
+DRAWN: Mapping[FormatName, Callable[[Drawn], str]] = {
+    FormatName.KML: kml_text,
+    FormatName.GEOJSON: geojson_text,
+    FormatName.GPX: gpx_text,
+}
+"""One file of everything, in formats that show rather than fly it."""
+
+
+def export(
+    what: Annotated[
+        Path, typer.Argument(metavar="PLAN", help="A plan file, or the run directory of a flight that has ended.")
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Directory for the files.")],
+    to: Annotated[
+        FormatName | None,
+        typer.Option(
+            "--format",
+            help="qgc: QGroundControl .plan; waypoints: Mission Planner .waypoints; each a file per vehicle. kml, "
+            "geojson, gpx: one file with the line, the pads and all routes, of a flight also with what was flown. "
+            "Without it qgc, and kml of a flight.",
+        ),
+    ] = None,
+    autopilot: Annotated[
+        AutopilotName, typer.Option(help="Autopilot that the mission items of qgc and waypoints are for.")
+    ] = FIRST_AUTOPILOT,
+    site: Annotated[
+        Path | None,
+        typer.Option(metavar="SITE", help="Its site file, for a plan over [terrain]: the ground is not in the plan."),
+    ] = None,
+) -> None:
+    """Write a plan for other ground stations, or a plan or a flight for maps."""
+    if what.is_dir():
+        _export_run(what, output, FormatName.KML if to is None else to)
+        return
+    content = read_plan(what)
+    setup = _setup_of(content, what, site)
+    to = to or FormatName.QGC
+    if to in DRAWN:
+        _write(output, f"{what.stem}.{to.value}", DRAWN[to](drawn_plan(content, setup, what.stem)))
+    else:
+        _export_missions(content, setup, output, to, autopilot)
+
+
+def _setup_of(content: PlanFile, source: Path, site: Path | None) -> FlightSetup:
+    if content.inspection is None:
+        raise SiteError(f"{source}: inspection: expected heights and speeds, but the plan has none")
+    terrain = None
+    if content.terrain is not None:
+        if site is None:
+            raise SiteError(f"{source}: terrain: expected --site with the site file that the plan was made of")
+        ground = assembly.ground_of(read_site(site), site.parent)
+        planning.fits(content, ground, str(source))
+        terrain = ground.terrain
+    setup = setup_of_plan(content, content.inspection, terrain=terrain)
+    routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
+    for line in too_low(setup, list(assembly.paths_of(setup, routes).values())):
+        raise SiteError(f"{source}: heights: {line}")
+    return setup
+
+
+def _export_missions(
+    content: PlanFile, setup: FlightSetup, output: Path, to: FormatName, autopilot: AutopilotName
+) -> None:
+    dialect = dialect_for(autopilot.value)
+    write, suffix = (qgc_plan, "plan") if to is FormatName.QGC else (qgc_waypoints, "waypoints")
+    writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
+    for route in content.plan.routes:
+        name = content.vehicles[route.vehicle].name
+        if not route.visits:
+            continue
+        items = encode(flight_path(setup, name, route.visits), dialect).items
+        pad = setup.pad_of(name)
+        home = (*setup.frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m)
+        _write(output, f"{name}.{suffix}", write(items, dialect, home))
+
+
+def _export_run(run: Path, output: Path, to: FormatName) -> None:
+    from executor.analysis.drawn_run import drawn_run
+
+    if to not in DRAWN:
+        raise SiteError(
+            f"{run}: --format {to.value}: expected kml, geojson or gpx for a run directory; its plans can be exported "
+            f"one by one, such as {RunDirectory(run).plan(0)}"
+        )
+    _write(output, f"flight.{to.value}", DRAWN[to](drawn_run(run)))
+
+
+def _write(output: Path, name: str, text: str) -> None:
+    writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
+    path = output / name
+    writable(path, partial(path.write_text, text, encoding="utf-8"))
+    print(path)

@@ -1,0 +1,140 @@
+"""MBTiles 1.3: pictures in the tiles of web maps, in an SQLite file."""
+
+from __future__ import annotations
+
+import io
+import math
+import sqlite3
+from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyproj
+
+from missions.background import Pixels
+from missions.errors import BackgroundError
+from missions.files import printable
+from missions.readers.geopackage import opened
+from missions.readers.picture import AreaWanted, Read, from_degrees, plain
+
+HALF_M = math.pi * 6378137.0
+"""Half of the world's width in the metres of web maps."""
+PICTURES = frozenset({"png", "jpg", "jpeg", "webp", ""})
+MOST_ZOOM = 24
+SIDES = (64, 1024)
+MORE = 2.5
+"""So many times the pixels that are shown may be read."""
+TILES = (
+    "SELECT tile_column, tile_row, tile_data FROM tiles WHERE zoom_level = ? AND tile_column BETWEEN ? AND ? "
+    "AND tile_row BETWEEN ? AND ? LIMIT ?"
+)
+ALL = -1
+
+
+@dataclass(frozen=True, slots=True)
+class _Range:
+    """Tiles of one zoom, counted from north and west."""
+
+    zoom: int
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def bounds(self) -> tuple[int, int, int, int, int]:
+        """Zoom, columns and rows as the file counts them: from the south."""
+        most = 2**self.zoom - 1
+        return self.zoom, self.left, self.right, most - self.bottom, most - self.top
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return (self.right - self.left + 1) * (self.bottom - self.top + 1)
+
+
+def read_mbtiles(path: Path, wanted: AreaWanted) -> Read:
+    """Return the tiles of an area, of the zoom that fits what is shown.
+
+    Raises:
+        BackgroundError: one line that names the file, the tile and what was expected.
+    """
+    try:
+        with closing(opened(path)) as database:
+            return _read(path, database, wanted)
+    except (sqlite3.Error, sqlite3.Warning, UnicodeDecodeError) as error:
+        raise BackgroundError(f"{path}: content: expected MBTiles: {printable(str(error))}") from error
+
+
+def _read(path: Path, database: sqlite3.Connection, wanted: AreaWanted) -> Read:
+    facts = {str(name): str(value) for name, value in database.execute("SELECT name, value FROM metadata")}
+    kind = facts.get("format", "").lower()
+    if kind not in PICTURES:
+        raise BackgroundError(f"{path}: metadata.format: expected pictures (png, jpg or webp), got {printable(kind)!r}")
+    tiles, side = _fitting(path, database, wanted)
+    shape = ((tiles.bottom - tiles.top + 1) * side, (tiles.right - tiles.left + 1) * side, 4)
+    mosaic: Pixels = np.zeros(shape, dtype=np.uint8)
+    for column, row, data in database.execute(TILES, (*tiles.bounds, ALL)):
+        right, down = column - tiles.left, 2**tiles.zoom - 1 - row - tiles.top
+        tile = _decoded(path, f"tile {tiles.zoom}/{column}/{row}", data, side)
+        mosaic[down * side : (down + 1) * side, right * side : (right + 1) * side] = tile
+    tile_m = 2.0 * HALF_M / 2**tiles.zoom
+    scale = side / tile_m
+    to_pixels = (scale, 0.0, scale * HALF_M - tiles.left * side, 0.0, -scale, scale * HALF_M - tiles.top * side)
+    step_m = tile_m / side * math.cos(math.radians(wanted.frame.lat_deg))
+    return Read(mosaic, pyproj.CRS("EPSG:3857"), to_pixels, step_m, _attribution(facts))
+
+
+def _fitting(path: Path, database: sqlite3.Connection, wanted: AreaWanted) -> tuple[_Range, int]:
+    """Return the tiles of the finest zoom that is not much finer than what is shown, and how wide a tile is."""
+    ((lowest, highest),) = database.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles")
+    if not (isinstance(lowest, int) and isinstance(highest, int) and 0 <= lowest <= highest <= MOST_ZOOM):
+        raise BackgroundError(f"{path}: tiles: expected zoom levels from 0 to {MOST_ZOOM}, got {lowest} to {highest}")
+    for zoom in range(highest, lowest - 1, -1):
+        tiles = _range(wanted, zoom)
+        if SIDES[0] ** 2 * tiles.count > MORE * wanted.most_pixels and zoom > lowest:
+            continue
+        for column, row, data in database.execute(TILES, (*tiles.bounds, 1)):
+            side = len(_decoded(path, f"tile {zoom}/{column}/{row}", data, 0))
+            if side**2 * tiles.count <= MORE * max(wanted.most_pixels, 16 * side**2):
+                return tiles, side
+    raise BackgroundError(f"{path}: tiles: expected some of the line's surroundings, found none")
+
+
+def _range(wanted: AreaWanted, zoom: int) -> _Range:
+    x, y = from_degrees(pyproj.CRS("EPSG:3857"), wanted.places_deg())
+    most = 2**zoom - 1
+    columns = np.clip(np.floor((x + HALF_M) / (2 * HALF_M) * 2**zoom), 0, most)
+    rows = np.clip(np.floor((HALF_M - y) / (2 * HALF_M) * 2**zoom), 0, most)
+    return _Range(zoom, int(columns.min()), int(rows.min()), int(columns.max()), int(rows.max()))
+
+
+def _decoded(path: Path, place: str, data: object, side: int) -> Pixels:
+    """Return a tile's pixels: of the first tile's size, whatever its own is; square, in any case."""
+    from PIL import Image
+
+    try:
+        with Image.open(io.BytesIO(data if isinstance(data, bytes) else b""), formats=("PNG", "JPEG", "WEBP")) as image:
+            width, height = image.size
+            if not (width == height and SIDES[0] <= width <= SIDES[1]):
+                raise BackgroundError(
+                    f"{path}: {place}: expected a square of {SIDES[0]} to {SIDES[1]} pixels, got {width} by {height}"
+                )
+            pixels = image.convert("RGBA")
+            if side and width != side:
+                pixels = pixels.resize((side, side))
+            return np.asarray(pixels, dtype=np.uint8)
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise BackgroundError(f"{path}: {place}: expected a picture (PNG, JPEG or WebP): {_why(error)}") from error
+
+
+def _why(error: Exception) -> str:
+    text = printable(str(error))
+    return "it is none" if "cannot identify" in text else text[:160]
+
+
+def _attribution(facts: Mapping[str, str]) -> str:
+    """Return whom the tiles are by, without the markup that web maps put there."""
+    return plain(facts.get("attribution", "") or facts.get("description", ""))

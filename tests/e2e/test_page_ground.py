@@ -1,0 +1,171 @@
+"""What lies below the page's map, and what else it says of places and of the plan, in a real browser."""
+
+from __future__ import annotations
+
+import itertools
+import re
+
+import httpx
+import numpy as np
+import pytest
+from playwright.async_api import expect
+
+from executor.core.view import fleet_view
+from executor.site.ground_files import ground_files
+from missions import BreakingLoss, Window
+from tests.e2e.gallery import CHROMIUM, LAYOUTS, PLACES_M, Shown, browsing, scene_of
+from tests.executor.builders import with_facts
+from tests.executor.grounds import Hills, ground_about
+from tests.missions.builders import FRAME
+
+pytestmark = [
+    pytest.mark.asyncio,
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed (Debian: apt-get install chromium)"),
+]
+HILLS = Hills(cell_m=5.0)
+PLANE = Hills(hill_m=0.0, slope=(0.1, 0.2))
+WINDOW = Window(80.0, 65.0, 325.0, BreakingLoss("uav2", 10.0, 65.0))
+
+
+async def test_a_place_under_the_pointer_is_told_with_the_height_of_its_ground() -> None:
+    """On a plane that rises to the north-east every height is known by hand."""
+    ground = ground_about(np.array(PLACES_M), photo=False, hills=PLANE)
+    with Shown(scene_of("flying")).serving(ground) as address:
+        async with browsing(address) as page:
+            await expect(page.locator("#layer")).to_have_text("Relief")
+            await expect(page.locator("#pointed")).to_have_text("")
+            box = await page.locator("#map").bounding_box()
+            assert box is not None
+            await page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+            told = page.locator("#pointed")
+            await expect(told).to_have_text(re.compile(r"^49\.\d{6}, 15\.\d{6} · ground \d+ m$"))
+            lat_deg, lon_deg, height_m = map(float, re.findall(r"\d+\.\d{6}|\d+(?= m)", await told.inner_text()))
+            east_m, north_m = FRAME.to_local_m(lat_deg, lon_deg)
+            assert 90.0 < east_m < 600.0  # the middle of what is fitted into the map
+            assert height_m == pytest.approx(430.0 + 0.1 * east_m + 0.2 * north_m, abs=1.1)
+            await page.mouse.move(box["x"] + box["width"] + 60, box["y"] + 5)
+            await expect(told).to_have_text("")
+
+
+async def test_the_layers_below_the_map_are_told_apart_and_said_whom_they_are_by() -> None:
+    ground = ground_about(np.array(PLACES_M), hills=HILLS)
+    with Shown(scene_of("flying")).serving(ground) as address:
+        async with browsing(address) as page:
+            layer, by = page.locator("#layer"), page.locator("#attribution")
+            await expect(layer).to_have_text("Photo")
+            await expect(by).to_have_text("contours every 10 m · © Land survey 2026")
+            await page.wait_for_function("document.getElementById('map').dataset.ground === 'photo'")
+            pictures = {"Photo": await page.locator("#map").screenshot()}
+            for word, said in (("Relief", "contours every 10 m"), ("Plain", ""), ("Photo", re.compile("Land survey"))):
+                await page.keyboard.press("m")
+                await expect(layer).to_have_text(word)
+                await expect(by).to_have_text(said)
+                await page.wait_for_timeout(150.0)
+                pictures.setdefault(word, await page.locator("#map").screenshot())
+            assert len(set(pictures.values())) == 3
+
+
+async def test_without_anything_known_of_the_ground_nothing_is_offered_and_places_are_told_all_the_same() -> None:
+    ground = ground_about(np.array(PLACES_M), photo=False)
+    with Shown(scene_of("flying")).serving(ground) as address:
+        async with browsing(address) as page:
+            await page.locator(".strip").nth(2).wait_for()
+            await page.locator("#map").hover()
+            await expect(page.locator("#pointed")).to_have_text(re.compile(r"^49\.\d{6}, 15\.\d{6}$"))
+            await expect(page.locator("#layer")).to_be_hidden()
+            await expect(page.locator("#attribution")).to_be_hidden()
+
+
+async def test_the_window_of_the_plan_is_shown_until_a_re_plan() -> None:
+    scene = scene_of("flying")
+    view = fleet_view(scene.context, scene.state, scene.now_s)
+    assert view.flight_s is not None
+    later = Window(80.0, view.flight_s + 300.0, 900.0, BreakingLoss("uav2", 10.0, 65.0))
+    for window, words in ((later, r"^plan: any one from T\+\d+:\d\d on, until then not uav2$"),
+                          (Window(100.0, 0.0, 325.0), r"^plan: any one at any time$")):  # fmt: skip
+        with Shown(scene).serving(window=window) as address:
+            async with browsing(address) as page:
+                planned = page.locator("#planned")
+                await expect(planned).to_have_text(re.compile(words))
+                title = await planned.get_attribute("title")
+                assert title is not None
+                assert title.startswith("Re-plan window of the plan: ")
+                assert ("uav2 lost between T+0:10 and T+1:05 breaks it" in title) is (window is later)
+    with Shown(scene).serving() as address:
+        async with browsing(address) as page:
+            await page.locator(".strip").nth(2).wait_for()
+            await expect(page.locator("#planned")).to_be_hidden()
+
+
+async def test_what_was_inferred_is_flown_again_by_a_button() -> None:
+    """It is there to be pressed only while something counts by evidence alone."""
+    scene = scene_of("flying")
+    shown = Shown(scene)
+    with shown.serving() as address:
+        async with browsing(address) as page:
+            button = page.locator("[data-action=prove]")
+            await expect(button).to_be_disabled()
+            coverage = scene.state.coverage
+            [segment] = sorted(coverage.inspected)[:1]
+            shown.scene = type(scene)(
+                **{
+                    **{name: getattr(scene, name) for name in scene.__slots__},
+                    "state": with_facts(scene.state, inferred=frozenset({segment})),
+                }
+            )
+            await expect(button).to_be_enabled()
+            await expect(page.locator("#legend-inferred")).to_be_visible()
+            await page.keyboard.press("f")
+            await expect(page.locator("#question")).to_have_text("Fly inferred again?")
+            await page.keyboard.press("Enter")
+            await expect(page.locator("#answer")).to_contain_text("Fly inferred again: accepted")
+    assert [(one.action.value, one.vehicle) for one in shown.asked] == [("prove", None)]
+
+
+async def test_a_browser_keeps_the_pictures_and_fetches_them_once() -> None:
+    ground = ground_about(np.array(PLACES_M), hills=HILLS)
+    files = ground_files(ground, FRAME)
+    assert sum(map(len, files.values())) < 3_000_000
+    with Shown(scene_of("flying")).serving(ground) as address:
+        async with httpx.AsyncClient(base_url=address) as client:
+            for name, kind in (("ground-photo.webp", "image/webp"), ("ground-relief.png", "image/png"),
+                               ("ground.json", "application/json")):  # fmt: skip
+                first = await client.get(f"/ground/{name}")
+                assert (first.status_code, first.headers["content-type"], first.content) == (200, kind, files[name])
+                assert first.headers["cache-control"] == "private, no-cache"
+                again = await client.get(f"/ground/{name}", headers={"if-none-match": first.headers["etag"]})
+                assert (again.status_code, again.content) == (304, b"")
+            assert (await client.get("/ground/site.toml")).status_code == 404
+            assert (await client.get("/state")).headers["cache-control"] == "no-store"
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+async def test_nothing_on_the_map_lies_over_anything_else(layout: str) -> None:
+    ground = ground_about(np.array(PLACES_M), hills=HILLS)
+    with Shown(scene_of("flying")).serving(ground, WINDOW) as address:
+        async with browsing(address, LAYOUTS[layout]) as page:
+            await expect(page.locator("#attribution")).to_contain_text("Land survey")
+            await page.locator("#map").hover(position={"x": 60.0, "y": 200.0})
+            await expect(page.locator("#pointed")).not_to_have_text("")
+            boxes = {}
+            for name in ("#zoom", "#legend", "#below-map"):
+                box = await page.locator(name).bounding_box()
+                assert box is not None
+                boxes[name] = (box["x"], box["y"], box["x"] + box["width"], box["y"] + box["height"])
+            names = sorted(boxes)
+            for index, one in enumerate(names):
+                for other in names[index + 1 :]:
+                    a, b = boxes[one], boxes[other]
+                    assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], (one, other, boxes)
+            for name in ("#planned", "#fleet", "#pointed"):
+                box = await page.locator(name).bounding_box()
+                assert box is not None
+                assert box["x"] + box["width"] <= LAYOUTS[layout][0], name
+            ends = [await part.bounding_box() for part in await page.locator("#summary > div").all()]
+            lefts = [(box["x"], box["x"] + box["width"]) for box in ends if box is not None]
+            assert all(one[1] <= other[0] for one, other in itertools.pairwise(lefts)), lefts
+            widths = (
+                "[...document.querySelectorAll('#summary dd')].every((one) => one.scrollWidth <= one.clientWidth + 1)"
+            )
+            assert await page.evaluate(widths)
+            assert await page.evaluate("document.documentElement.scrollWidth") <= LAYOUTS[layout][0]
