@@ -164,6 +164,10 @@ class InspectionPart(_Part):
     """`flat`: the ground is claimed to be as high as the depot's everywhere."""
 
 
+def _is_empty(value: tuple[int, ...]) -> bool:
+    return not value
+
+
 class VehicleModelPart(_Part):
     """How one vehicle flies."""
 
@@ -171,6 +175,8 @@ class VehicleModelPart(_Part):
     performance: Performance
     pace: Annotated[Pace, Field(exclude_if=_is_modelled)] = AS_MODELLED
     """What was learned of it in flight: factors on the times and energies of its legs."""
+    barred: Annotated[tuple[Id, ...], Field(exclude_if=_is_empty)] = ()
+    """Positions in `segments` of those that it cannot be given, for it lacks a camera that they ask for."""
 
 
 class ModelPart(_Part):
@@ -376,7 +382,12 @@ def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
         "name": "flight",
         "power": models[0].power,
         "vehicles": [
-            {"base": pricing.bases[vehicle.name], "performance": model.performance, "pace": model.pace}
+            {
+                "base": pricing.bases[vehicle.name],
+                "performance": model.performance,
+                "pace": model.pace,
+                "barred": sorted(pricing.barred.get(vehicle.name, ())),
+            }
             for vehicle, model in zip(vehicles, models, strict=True)
         ],
         "tracks": pricing.tracks_m.tolist(),
@@ -402,4 +413,5 @@ def _pricing(document: PlanDocument) -> Pricing | None:
         model.pads,
         model.column_m,
         model.answer_s,
+        {name: frozenset(own.barred) for name, own in named.items() if own.barred},
     )

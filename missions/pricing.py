@@ -33,6 +33,8 @@ TABLES_UP_TO = 1000
 """Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
 AROUND_UP_TO = 1000
 """Segments times vehicles up to which ways lead around others' pads: each vehicle then has moves of its own."""
+BARRED_PCT = 1e5
+"""Of a full battery: a visit that takes so much fits into no budget."""
 DEPOT_M = (0.0, 0.0)
 """The depot in its own frame; pads are a few steps away."""
 UNKNOWN = np.zeros(3)
@@ -175,6 +177,15 @@ class Flier:
 
     model: FlightModel
     columns: Columns = field(default_factory=Columns)
+    barred: frozenset[int] = frozenset()
+    """Segments that it cannot be given."""
+
+    def barred_pct(self, visits: int) -> FloatArray:
+        """Return (visits,) float64: what a visit takes besides, more than any battery holds where it is barred."""
+        besides_pct = np.zeros(visits)
+        for segment in self.barred:
+            besides_pct[2 * segment : 2 * segment + 2] = BARRED_PCT
+        return besides_pct
 
     def moves(
         self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray
@@ -216,6 +227,8 @@ class Pricing:
     """Radius of these columns; 0 where every way is straight."""
     answer_s: float = 0.0
     """How long after a loss everybody flies on as planned, as `planner.Instance` has it."""
+    barred: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    """By the vehicle's name: segments that it cannot be given, for it lacks what they ask for."""
 
     def fliers(self, vehicles: Iterable[str], *, around: bool) -> list[Flier]:
         """Return how vehicles move.
@@ -225,8 +238,8 @@ class Pricing:
             around: Whether their ways lead around others' pads.
         """
         if not (around and self.column_m):
-            return [Flier(self.models[name]) for name in vehicles]
-        return [Flier(self.models[name], self._columns(name)) for name in vehicles]
+            return [Flier(self.models[name], barred=self.barred.get(name, frozenset())) for name in vehicles]
+        return [Flier(self.models[name], self._columns(name), self.barred.get(name, frozenset())) for name in vehicles]
 
     def _columns(self, vehicle: str) -> Columns:
         own_m = self.bases[vehicle].place_m[:2]
@@ -236,9 +249,15 @@ class Pricing:
     def part(self, segments: Sequence[int], vehicles: Iterable[str]) -> Pricing:
         """Return that of some segments, numbered anew in the order given, and of some vehicles."""
         names = tuple(vehicles)
+        numbers = {segment: number for number, segment in enumerate(segments)}
         return replace(
             self,
             tracks_m=self.tracks_m[list(segments)],
+            barred={
+                name: frozenset(numbers[segment] for segment in self.barred[name] if segment in numbers)
+                for name in names
+                if name in self.barred
+            },
             bases={name: self.bases[name] for name in names},
             models={name: self.models[name] for name in names},
         )
@@ -254,6 +273,8 @@ class FlownMoves:
     """(2n, 3) float64: where it ends."""
     fliers: tuple[Flier, ...]
     """One for each profile."""
+    barred_pct: FloatArray | None = None
+    """(profiles, 2n) float64: what visits take besides, by profile; None where nobody is barred from anything."""
 
     @property
     def profiles(self) -> int:
@@ -275,7 +296,9 @@ class FlownMoves:
 
     def part(self, visits: Sequence[int]) -> MoveTables:
         """Return the moves between some of the visits, as tables."""
-        return replace(self, first_m=self.first_m[list(visits)], last_m=self.last_m[list(visits)]).tables()
+        which = list(visits)
+        barred_pct = None if self.barred_pct is None else self.barred_pct[:, which]
+        return replace(self, first_m=self.first_m[which], last_m=self.last_m[which], barred_pct=barred_pct).tables()
 
     def tables(self) -> MoveTables:
         """Return all moves."""
@@ -287,7 +310,10 @@ class FlownMoves:
 
     def _between(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
         facing_m = self.last_m[before] - self.first_m[before]
-        return self.fliers[profile].moves(self.last_m[before], facing_m, self.first_m[after], self.last_m[after])
+        seconds, pct = self.fliers[profile].moves(
+            self.last_m[before], facing_m, self.first_m[after], self.last_m[after]
+        )
+        return seconds, pct if self.barred_pct is None else pct + self.barred_pct[profile][after]
 
 
 def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_to: int = TABLES_UP_TO) -> Instance:
@@ -309,7 +335,9 @@ def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_t
     around = len(tracks_m) * len(vehicles) <= AROUND_UP_TO
     fliers = pricing.fliers((vehicle.name for vehicle in vehicles), around=around)
     profiles = tuple(dict.fromkeys(fliers))
-    flown = FlownMoves(first_m, last_m, profiles)
+    barred = any(flier.barred for flier in fliers)
+    besides_pct = np.array([flier.barred_pct(len(first_m)) for flier in profiles]) if barred else None
+    flown = FlownMoves(first_m, last_m, profiles, besides_pct)
     moves: Moves = flown.tables() if profiles and len(tracks_m) <= tables_up_to else flown
     start, again, home = (np.zeros((2, len(vehicles), len(first_m))) for _ in range(3))
     idle = np.zeros((2, len(vehicles)))
@@ -324,6 +352,10 @@ def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_t
             facing_m = np.array([*vehicle.facing_m, 0.0])
             start[:, row] = flier.moves(here_m, facing_m, first_m, last_m)
             idle[:, row] = flier.ways_home(here_m, facing_m, base)
+    if barred:
+        besides = np.array([flier.barred_pct(len(first_m)) for flier in fliers])
+        start[1] += besides
+        again[1] += besides
     consumption = np.array([vehicle.consumption for vehicle in vehicles], dtype=np.float64)[:, np.newaxis]
     return Instance(
         vehicles=tuple(vehicles),

@@ -10,10 +10,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from missions.cameras import Capture
 from missions.geo import FloatArray
 from missions.pads import column_radius_m, way_around_m
 from missions.pricing import SAME_PLACE_M
@@ -106,7 +107,17 @@ class _Flight:
         start, end = self._inspection_m(visit)
         if math.hypot(*(start[:2] - self.here_m[:2])) > SAME_PLACE_M:
             yield from self._transit(start, Phase.TRANSIT, visit=number, hold=True)
-        yield self._to(end, Phase.INSPECT, self.setup.inspection.speed_m_s, hold=True, visit=number)
+        inspected = self._to(end, Phase.INSPECT, self.setup.inspection.speed_m_s, hold=True, visit=number)
+        yield replace(inspected, captures=self._captures(visit)) if self.setup.looks else inspected
+
+    def _captures(self, visit: int) -> tuple[Capture, ...]:
+        inspection = self.setup.inspection
+        return self.setup.looks.captures(
+            segment_of(visit),
+            height_m=inspection.height_m + self.setup.layers.offset_m(self.vehicle),
+            standoff_m=inspection.standoff_m,
+            reverse=is_reversed(visit),
+        )
 
     def _inspection_m(self, visit: int) -> tuple[FloatArray, FloatArray]:
         """Return (3,) start and end of a visit's inspection leg in this vehicle's layer."""

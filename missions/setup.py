@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from missions.cameras import NO_LOOKS, Looks
 from missions.errors import SafetyError
 from missions.geo import FloatArray, LocalFrame
 from missions.heights import with_heights
@@ -66,6 +67,8 @@ class FlightSetup:
     """In the order of the layers' vehicles."""
     tracks_m: FloatArray
     """(n, 2, 2) float64: east and north of both ends of every inspection leg."""
+    looks: Looks = NO_LOOKS
+    """What is to be seen, and who has the cameras for it."""
 
     def __post_init__(self) -> None:
         """Check that the parts belong to each other.

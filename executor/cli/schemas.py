@@ -15,7 +15,7 @@ from executor.adapters.mqtt import intake, payloads
 from executor.analysis import documents, learned
 from executor.core import state, view
 from executor.site import config
-from executor.site.tables import aircraft, flight, ground, links
+from executor.site.tables import aircraft, cameras, flight, ground, links
 from executor.site.tables import learned as learned_table
 from missions import planfile, planjson
 
@@ -37,7 +37,7 @@ MESSAGES: dict[str, type[BaseModel]] = {
     "telemetry": payloads.TelemetryMessage,
     "vehicle-state": payloads.VehicleStateMessage,
 }
-SITE = (config, aircraft, flight, ground, learned_table, links)
+SITE = (config, aircraft, cameras, flight, ground, learned_table, links)
 """The modules that the site file's keys are in."""
 Words = Mapping[tuple[str, str], str]
 

@@ -16,6 +16,7 @@ from executor.core.limits import Limits
 from executor.core.preflight.failsafes import LinkFailsafe, declared_lost_after_s
 from executor.errors import SiteError
 from executor.site.config import Site
+from executor.site.looks import looks_of
 from missions import (
     Dialect,
     FlightModel,
@@ -126,6 +127,7 @@ def ground_over(site: Site, network: Network, worth_a_look: tuple[str, ...] = ()
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
     inspection = inspection_of(site, network)
     setup = flight_setup(network, tuple(vehicle.name for vehicle in site.vehicle), inspection)
+    setup = replace(setup, looks=looks_of(site, network))
     return Ground(site, network, inspection, drone, travel, setup, worth_a_look)
 
 
@@ -222,8 +224,9 @@ def pricing_of(
         )  # fmt: skip
     bases = {name: setup.base_of(name) for name in ground.names}
     pads_m = tuple((pad.east_m, pad.north_m) for pad in setup.pads)
+    barred = {name: looks for name in ground.names if (looks := setup.looks.barred(name))}
     return Pricing(
-        setup.tracks_up_m, bases, models, pads_m, column_radius_m(setup.layers.layer_m), answer_s(ground.site)
+        setup.tracks_up_m, bases, models, pads_m, column_radius_m(setup.layers.layer_m), answer_s(ground.site), barred
     )
 
 

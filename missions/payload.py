@@ -1,0 +1,72 @@
+"""From what cameras do along a leg to mission items.
+
+Items that begin it stand before the leg's own, after the speed; items that end it right behind. All of them follow from
+the one waypoint, so that a list which keeps a waypoint keeps them too. Only commands and parameters are used that both
+autopilots store and give back as they were: ArduPilot keeps whole degrees, PX4 gives back no CONDITION_DELAY and no
+DO_SET_ROI_NONE (mavlink_mission.cpp). Delays are the hold of a waypoint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from missions.autopilots.dialect import Dialect
+from missions.cameras import Capture, Trigger
+from missions.items import Command, MissionItem
+from missions.waypoints import Waypoint
+
+AT_ONCE = 1.0
+"""param3 of DO_SET_CAM_TRIGG_DIST: the first picture is taken where it begins."""
+HORIZON = 4 | 8
+"""GIMBAL_MANAGER_FLAGS: roll and pitch are from the horizon, yaw from the nose."""
+EVERY_STREAM = 0.0
+"""param1 of VIDEO_START_CAPTURE: it names a stream; which camera it is, ArduPilot does not keep."""
+ENDLESS = 0.0
+"""param3 of IMAGE_START_CAPTURE: until it is stopped."""
+
+
+def begin_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
+    """Yield what begins with the leg to a waypoint, not numbered yet."""
+    pointed: set[tuple[int, int]] = set()
+    for capture in point.captures:
+        if capture.pitch_deg is not None and capture.yaw_deg is not None:
+            pointing = (capture.pitch_deg, capture.yaw_deg)
+            if pointing not in pointed:
+                pointed.add(pointing)
+                yield _pointing(*pointing, dialect)
+        match capture.trigger:
+            case Trigger.DISTANCE:
+                yield _command(dialect, Command.DO_SET_CAM_TRIGG_DIST, capture.every_m, 0.0, AT_ONCE)
+            case Trigger.INTERVAL:
+                every_s = capture.every_m / point.speed_m_s
+                yield _command(dialect, Command.IMAGE_START_CAPTURE, capture.camera_id, every_s, ENDLESS)
+            case Trigger.VIDEO:
+                yield _command(dialect, Command.VIDEO_START_CAPTURE, EVERY_STREAM)
+
+
+def end_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
+    """Yield what ends with the leg to a waypoint, not numbered yet."""
+    for capture in point.captures:
+        yield _command(dialect, *_end_of(capture))
+
+
+def _end_of(capture: Capture) -> tuple[Command, float]:
+    match capture.trigger:
+        case Trigger.DISTANCE:
+            return Command.DO_SET_CAM_TRIGG_DIST, 0.0
+        case Trigger.INTERVAL:
+            return Command.IMAGE_STOP_CAPTURE, capture.camera_id
+        case Trigger.VIDEO:
+            return Command.VIDEO_STOP_CAPTURE, EVERY_STREAM
+
+
+def _pointing(pitch_deg: int, yaw_deg: int, dialect: Dialect) -> MissionItem:
+    return MissionItem(
+        0, dialect.command_frame, Command.DO_GIMBAL_MANAGER_PITCHYAW, float(pitch_deg), float(yaw_deg),
+        dialect.gimbal_rate, dialect.gimbal_rate, x=HORIZON,
+    )  # fmt: skip
+
+
+def _command(dialect: Dialect, command: Command, *params: float) -> MissionItem:
+    one, two, three = (*map(float, params), *(0.0 for _ in range(3 - len(params))))
+    return MissionItem(0, dialect.command_frame, command, one, two, three)
