@@ -36,7 +36,9 @@ def begin_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
                 yield _pointing(*pointing, dialect)
         match capture.trigger:
             case Trigger.DISTANCE:
-                yield _command(dialect, Command.DO_SET_CAM_TRIGG_DIST, capture.every_m, 0.0, AT_ONCE)
+                # A gimbal turns with the vehicle, which faces the leg only once it has set out.
+                first = AT_ONCE if capture.pitch_deg is None else 0.0
+                yield _command(dialect, Command.DO_SET_CAM_TRIGG_DIST, capture.every_m, 0.0, first)
             case Trigger.INTERVAL:
                 every_s = capture.every_m / point.speed_m_s
                 yield _command(dialect, Command.IMAGE_START_CAPTURE, capture.camera_id, every_s, ENDLESS)

@@ -15,7 +15,7 @@ from executor.simulator.airframe import Airframe, Manners
 from executor.simulator.camera import Payload
 from executor.simulator.config import AutopilotKind, SimVehicle
 from executor.simulator.enums import MavCommand, Result, Severity
-from executor.simulator.faults import InjectionKind
+from executor.simulator.faults import PAYLOAD_FAULTS, InjectionKind
 from executor.simulator.guidance import Hover, Leg, stopping_place
 from executor.simulator.messages import (
     Body,
@@ -158,8 +158,10 @@ class Autopilot(ABC):
         there = Place(here.east_m + DRIFT_M, here.north_m, here.up_m)
         self.frame.pilot.fly([Leg(here, there, DRIFT_M_S, accept_m=0.5), Hover(there)])
 
-    def befalls(self, kind: InjectionKind, word: str) -> None:
-        """Suffer what people, fences, batteries and estimators do."""
+    def befalls(self, kind: InjectionKind, word: str, value: float) -> None:
+        """Suffer what people, fences, batteries, estimators and cameras do."""
+        if kind in PAYLOAD_FAULTS and self.payload is not None:
+            self.payload.befall(kind.value, value)
         match kind:
             case InjectionKind.PILOT:
                 self.taken(word)

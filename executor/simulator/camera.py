@@ -332,9 +332,8 @@ def quaternion(roll_deg: float, pitch_deg: float, yaw_deg: float) -> tuple[float
         (math.cos(math.radians(angle) / 2), math.sin(math.radians(angle) / 2))
         for angle in (roll_deg, pitch_deg, yaw_deg)
     )
-    return (
-        cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
-    )  # fmt: skip
+    w, x = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
+    return w, x, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
 
 
 def _beat(kind: int) -> Outbound:

@@ -213,7 +213,7 @@ def _as_stored(item: MissionItem) -> MissionItem:
 
 
 def _payload_as_stored(item: MissionItem) -> MissionItem:
-    """Return an item for a camera or a gimbal as AP_Mission keeps it: by its source, and what it has no room for is 0."""
+    """Return an item for a camera or a gimbal as AP_Mission keeps it, by its source: what has no room there is 0."""
     match item.command:
         case Command.DO_SET_CAM_TRIGG_DIST:
             return replace(item, param2=0.0, param4=0.0, x=0, y=0, z=0.0)

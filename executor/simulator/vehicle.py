@@ -12,7 +12,7 @@ from executor.simulator.autopilot import STEP_S, Autopilot
 from executor.simulator.camera import GIMBAL, Shot
 from executor.simulator.channel import Channel, LinkCondition
 from executor.simulator.config import AutopilotKind, SimVehicle
-from executor.simulator.faults import PAYLOAD_FAULTS, Injection, InjectionKind, faults_of, is_due
+from executor.simulator.faults import Injection, InjectionKind, faults_of, is_due
 from executor.simulator.messages import Command, Heartbeat, Peer, Received, out
 from executor.simulator.mission_store import UploadFault
 from executor.simulator.px4 import Px4
@@ -170,11 +170,8 @@ class SimulatedVehicle:
                 self.autopilot.store.fault = UploadFault.HALF
             case _ if kind in LINK_FIELDS:
                 setattr(condition, LINK_FIELDS[kind], value)
-            case _ if kind in PAYLOAD_FAULTS:
-                if self.autopilot.payload is not None:
-                    self.autopilot.payload.befall(kind.value, value)
             case _:
-                self.autopilot.befalls(kind, word)
+                self.autopilot.befalls(kind, word, value)
 
     def _called(self, word: str) -> None:
         """Let another ground station order a mode; from now on its heartbeat is on the air."""

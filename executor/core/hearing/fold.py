@@ -26,6 +26,7 @@ from executor.core.messages import (
     ModeChange,
     OrderSeen,
     OwnFailsafe,
+    PayloadMessage,
     Position,
     Radio,
     RcChannels,
@@ -80,6 +81,8 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
     context: Scene, state: VehicleState, message: FlightMessage, now_s: float
 ) -> Folded:
     """Take one message into the state."""
+    if isinstance(message, PayloadMessage):
+        return Folded(state)  # what cameras say is no word of their vehicle's autopilot; see `pictures`
     if isinstance(message, _ABOUT):
         return Folded(_about(context, state, message, now_s))
     if isinstance(message, _EVIDENT):

@@ -300,6 +300,7 @@ def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) ->
         inspected=MappingProxyType(inspected),
         flown=MappingProxyType(flown),
         inferred=state.coverage.inferred - again,
+        caught=MappingProxyType({one: seen for one, seen in state.coverage.caught.items() if one not in again}),
     )
     known = replace(state.replanning, ordered=True, trigger=trigger, trigger_s=now_s)
     text = f"{listed(context, again)} flown again for proof"

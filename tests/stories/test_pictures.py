@@ -1,0 +1,67 @@
+"""Flights that have something to see: pictures prove the spans, what is lost is asked for, what was not seen is flown
+again, and a camera that fails is found."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.stories.eyes import EVERY_10_M, MAVLINK, WIRED, Eyes, Table
+from tests.stories.story import Moment, Routes, Story, on_segment, share, told
+
+LOOPTIME = pytest.mark.looptime(noop_cycles=2)
+DIALECTS = ("ardupilot", "px4")
+TWO: Routes = {"uav1": (0, 2), "uav2": (4, 6)}
+
+
+def story(*moments: Moment, fleet: Routes = TWO, **tables: dict[str, object]) -> Story:
+    return Story("pictures", moments, fleet=fleet, tables=tables)
+
+
+def lines(sky: Eyes) -> list[str]:
+    return [say.text for _, say in sky.said]
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+@pytest.mark.parametrize("autopilot", DIALECTS)
+@pytest.mark.parametrize("camera", [MAVLINK, WIRED], ids=["mavlink", "wired"])
+async def test_each_picture_is_known_once_with_its_span(autopilot: str, camera: Table) -> None:
+    sky = Eyes(story(), autopilot, [camera])
+    flown = await sky.fly()
+    assert set(flown.inspected) == flown.wanted, lines(sky)
+    for name, own in TWO.items():
+        known = sky.pictures(name)
+        assert len(known) == len(sky.shots[name]) == len({one.sequence for one in known})
+        assert {one.segment for one in known} == {visit >> 1 for visit in own}
+        assert [one.flaw for one in known if one.flaw] == []
+        for segment in {one.segment for one in known}:
+            places = sorted(one.along_m or 0.0 for one in known if one.segment == segment)
+            # 100 m, one every ten metres; one at the pylon may be taken for the span before.
+            assert max(b - a for a, b in zip([0.0, *places], [*places, 100.0], strict=True)) < 12.5
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+@pytest.mark.parametrize("autopilot", DIALECTS)
+async def test_words_that_are_lost_are_asked_for_again(autopilot: str) -> None:
+    sky = Eyes(story(told(share("uav1", 0.01), "uav1:camera-loss=0.4")), autopilot)
+    flown = await sky.fly()
+    assert set(flown.inspected) == flown.wanted, lines(sky)
+    assert {one.sequence for one in sky.pictures("uav1")} == {shot.number for shot in sky.shots["uav1"]}
+    assert sky.state.coverage.not_seen == ()
+    assert flown.solver_asked == 0
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+@pytest.mark.parametrize("autopilot", DIALECTS)
+async def test_a_re_plan_in_flight_neither_loses_nor_doubles_a_picture(autopilot: str) -> None:
+    crash = told(on_segment("uav2"), "uav2:crash")
+    sky = Eyes(story(crash), autopilot)
+    flown = await sky.fly()
+    assert set(flown.inspected) == flown.wanted, lines(sky)
+    places = {segment: [] for segment in range(4)}
+    for one in sky.pictures("uav1"):
+        places[one.segment].append(round(one.along_m or 0.0))
+    for segment in range(4):
+        assert len(places[segment]) in {9, 10}, (segment, places)  # each once, also where its mission changed meanwhile
