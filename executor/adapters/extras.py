@@ -16,6 +16,7 @@ class Extra(Enum):
     """The extras that something is refused without, as pyproject.toml names them."""
 
     PICTURES = "pictures"
+    IMAGES = "images"
     MAVSDK = "mavsdk"
     LOGS = "logs"
     WEB = "web"
@@ -26,6 +27,7 @@ class Extra(Enum):
 
 MODULES: Mapping[Extra, tuple[str, ...]] = {
     Extra.PICTURES: ("matplotlib",),
+    Extra.IMAGES: ("PIL",),
     Extra.MAVSDK: ("mavsdk",),
     Extra.LOGS: ("pyulog",),
     Extra.WEB: ("starlette", "uvicorn"),
@@ -34,7 +36,7 @@ MODULES: Mapping[Extra, tuple[str, ...]] = {
     Extra.GEO: ("openpyxl", "shapefile"),
 }
 """What is imported of each."""
-INSTALLED_BY: Mapping[str, str] = {"shapefile": "pyshp"}
+INSTALLED_BY: Mapping[str, str] = {"PIL": "pillow", "shapefile": "pyshp"}
 """The name that a module is installed by, where that is another one."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.stories.eyes import EVERY_10_M, MAVLINK, WIRED, Eyes, Table
+from tests.stories.eyes import MAVLINK, WIRED, Eyes, Table
 from tests.stories.story import Moment, Routes, Story, on_segment, share, told
 
 LOOPTIME = pytest.mark.looptime(noop_cycles=2)
