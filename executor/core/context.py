@@ -113,6 +113,8 @@ class Context(Scene):
     """How long an offer to fly again stands once nobody flies any more."""
     horizon_s: float
     """How long solving and uploading a re-plan may take, in the vehicles' time."""
+    camera_home: bool = True
+    """Whether a vehicle whose camera or gimbal fails comes home; else it goes on with what it can see."""
 
     @property
     def segments(self) -> int:

@@ -57,6 +57,7 @@ from executor.core.replan import offering, replanning
 from executor.core.resume import blackout, resuming
 from executor.core.roster import killswitch, offers, takeover
 from executor.core.roster.withdraw import declare
+from executor.core.seeing import faults as faults_of_cameras
 from executor.core.seeing import proof
 from executor.core.separation import separated
 from executor.core.state import Briefing, CheckLine, Crew, FleetState, Outlook, Question, SaidLine, Told
@@ -233,8 +234,9 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     for name in state.vehicles:
         state, more = _look_at(context, state, name, now_s)
         commands.extend(more)
-    state, more = proof.looked_at(context, state, now_s)
-    commands.extend(more)
+    for look in (proof.looked_at, faults_of_cameras.looked_at):
+        state, more = look(context, state, now_s)
+        commands.extend(more)
     state, more = offering.offered_again(context, state, now_s)
     commands.extend(more)
     state, more = replanning.begin(context, state, now_s)

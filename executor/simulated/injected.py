@@ -17,6 +17,10 @@ KINDS = {
     "reboot": "interruption",
     "refuse-upload": "interruption",
     "half-upload": "interruption",
+    "camera-silent": "payload",
+    "camera-mute": "payload",
+    "card-full": "payload",
+    "gimbal-stuck": "payload",
 }
 """What a fault that the simulator injects should be declared as."""
 

@@ -324,4 +324,5 @@ def context_of(
         infers=site.flight.inferred == "count",
         offer_s=site.flight.offer_s,
         horizon_s=horizon_s(site),
+        camera_home=site.faults.camera == "home",
     )

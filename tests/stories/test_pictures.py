@@ -11,6 +11,7 @@ from tests.stories.story import Moment, Routes, Story, on_segment, share, told
 LOOPTIME = pytest.mark.looptime(noop_cycles=2)
 DIALECTS = ("ardupilot", "px4")
 TWO: Routes = {"uav1": (0, 2), "uav2": (4, 6)}
+FOUR: Routes = {"uav1": (0, 2, 4), "uav2": (6, 8)}
 
 
 def story(*moments: Moment, fleet: Routes = TWO, **tables: dict[str, object]) -> Story:
@@ -65,3 +66,35 @@ async def test_a_re_plan_in_flight_neither_loses_nor_doubles_a_picture(autopilot
         places[one.segment].append(round(one.along_m or 0.0))
     for segment in range(4):
         assert len(places[segment]) in {9, 10}, (segment, places)  # each once, also where its mission changed meanwhile
+
+
+FAULTS = (
+    ("camera-silent", "no picture for", MAVLINK),
+    ("camera-mute", "has not said for", MAVLINK),
+    ("card-full", "its card is full", MAVLINK),
+    ("gimbal-stuck", "its gimbal points at", MAVLINK),
+    ("camera-silent", "no picture for", WIRED),
+)
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+@pytest.mark.parametrize("autopilot", DIALECTS)
+@pytest.mark.parametrize(("fault", "words", "camera"), FAULTS)
+@pytest.mark.parametrize("then", ["home", "on"])
+async def test_a_payload_that_fails_is_found_and_others_look(
+    autopilot: str, fault: str, words: str, camera: Table, then: str
+) -> None:
+    if autopilot == "px4" and camera is WIRED:
+        pytest.skip("PX4 says of such a camera only that it was triggered")
+    # Before it sets out on its second span: it has flown one and seen it. A gimbal sticks before it first turns.
+    at = share("uav1", 0.01) if fault == "gimbal-stuck" else on_segment("uav1", 2)
+    sky = Eyes(story(told(at, f"uav1:{fault}"), fleet=FOUR, faults={"camera": then}), autopilot, [camera])
+    flown = await sky.fly()
+    said = lines(sky)
+    assert any(line.startswith("uav1") and words in line for line in said), said
+    assert set(flown.inspected) == flown.wanted, said
+    first = set() if fault == "gimbal-stuck" else {0}
+    assert {segment for segment, by in flown.inspected.items() if by == "uav1"} == first
+    faulty = sky.state.vehicles["uav1"].fault
+    assert (faulty is not None) == (then == "home")

@@ -120,15 +120,13 @@ def _camera_of(context: Context, vehicle: VehicleState, message: PictureTaken) -
 def _picture(
     context: Context, state: FleetState, vehicle: VehicleState, message: PictureTaken, now_s: float
 ) -> FleetState:
-    if message.source is Proof.TRIGGER:
-        vehicle = replace(vehicle, payload=replace(vehicle.payload, trigger_s=now_s))
     camera = _camera_of(context, vehicle, message)
     if camera is None:
-        return state.put(vehicle)
+        return state
     memory = vehicle.payload.camera(camera.name, message.component)
     numbered = _numbered(memory, message.sequence)
     if numbered is None:
-        return state.put(vehicle)  # said before
+        return state  # said before
     memory = replace(numbered, heard_s=now_s)
     if not message.ok:
         memory = replace(memory, failures=memory.failures + 1)

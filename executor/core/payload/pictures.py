@@ -88,11 +88,8 @@ class Payload:
     gimbal_s: float | None = None
     off_since_s: float | None = None
     """Since when the gimbal does not point where the leg under way wants it."""
-    trigger_s: float | None = None
-    """When its autopilot triggered last."""
-    began: tuple[str, float, float] | None = None
-    """On a leg with pictures: which leg, when it began, and how far the vehicle had come along it at the last picture
-    that counted."""
+    working: tuple[int, float] | None = None
+    """The visit on which pictures are due now, and since when it moves along it."""
     broken: tuple[Broken, ...] = ()
 
     def camera(self, name: str, component: int) -> CameraMemory:
