@@ -26,6 +26,8 @@ class Trigger(Enum):
     """The camera, every so many seconds (IMAGE_START_CAPTURE)."""
     VIDEO = "video"
     """Nobody: it films (VIDEO_START_CAPTURE)."""
+    ONCE = "once"
+    """The mission, at the end of the leg (IMAGE_START_CAPTURE of one image, or DO_DIGICAM_CONTROL)."""
 
 
 class Proof(Enum):
@@ -93,6 +95,28 @@ class SpanLook:
 
 
 @dataclass(frozen=True, slots=True)
+class Viewpoint:
+    """From where, and whereto, a pylon is looked at."""
+
+    place_m: tuple[float, float]
+    """East and north of the depot."""
+    pitch_deg: int
+    yaw_deg: int
+    """From north, -180 to 180."""
+
+
+@dataclass(frozen=True, slots=True)
+class PylonLook:
+    """What a pylon asks of one camera."""
+
+    camera: str
+    points: tuple[Viewpoint, ...]
+    """In the order in which they are flown forward."""
+    hover_s: float
+    aim_deg: float
+
+
+@dataclass(frozen=True, slots=True)
 class Capture:
     """What one camera does along a leg."""
 
@@ -105,6 +129,8 @@ class Capture:
     yaw_deg: int | None = None
     """Of its gimbal from the nose, clockwise."""
     aim_deg: float = 20.0
+    from_north: bool = False
+    """Whether ``yaw_deg`` counts from north."""
 
     @property
     def films(self) -> bool:
@@ -121,10 +147,18 @@ class Looks:
     """By the vehicle's name: the cameras that it carries."""
     spans: Mapping[int, tuple[SpanLook, ...]] = field(default_factory=dict)
     """By segment."""
+    pylons: Mapping[int, PylonLook] = field(default_factory=dict)
+    """By the segment that stands for a pylon and its viewpoints."""
 
     def __bool__(self) -> bool:
         """Return whether anything is asked for."""
-        return bool(self.spans)
+        return bool(self.spans or self.pylons)
+
+    def wanted(self, segment: int) -> frozenset[str]:
+        """Return the cameras that a segment asks for."""
+        pylon = self.pylons.get(segment)
+        own = frozenset(look.camera for look in self.spans.get(segment, ()))
+        return own if pylon is None else own | {pylon.camera}
 
     def barred(self, vehicle: str, broken: Iterable[str] = ()) -> frozenset[int]:
         """Return the segments that a vehicle cannot be given: it lacks a camera that they ask for.
@@ -134,9 +168,7 @@ class Looks:
             broken: Cameras of it that do not work any more.
         """
         own = self.carriers.get(vehicle, frozenset()) - set(broken)
-        return frozenset(
-            segment for segment, looks in self.spans.items() if any(look.camera not in own for look in looks)
-        )
+        return frozenset(segment for segment in (*self.spans, *self.pylons) if not self.wanted(segment) <= own)
 
     def captures(self, segment: int, *, height_m: float, standoff_m: float, reverse: bool) -> tuple[Capture, ...]:
         """Return what cameras do along one segment.
@@ -151,6 +183,14 @@ class Looks:
             self._capture(look, math.degrees(math.atan2(height_m, standoff_m)), reverse)
             for look in self.spans.get(segment, ())
         )
+
+    def capture_at(self, look: PylonLook, point: Viewpoint) -> Capture:
+        """Return what is done at a viewpoint, once the vehicle has come to rest there."""
+        camera = self.cameras[look.camera]
+        pitch_deg, yaw_deg = (point.pitch_deg, point.yaw_deg) if camera.gimbal else (None, None)
+        return Capture(
+            camera.name, camera.id, Trigger.ONCE, 0.0, pitch_deg, yaw_deg, look.aim_deg, from_north=True
+        )  # fmt: skip
 
     def _capture(self, look: SpanLook, below_deg: float, reverse: bool) -> Capture:
         camera = self.cameras[look.camera]

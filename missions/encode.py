@@ -105,7 +105,8 @@ def _place(seq: int, point: Waypoint, dialect: Dialect) -> MissionItem:
     elif point.phase is Phase.LAND:
         command, param2 = Command.NAV_LAND, 0.0
     elif point.hold:
-        param1, param2 = dialect.performance.hold_s, dialect.stop_radius_m
+        # Whole seconds: ArduPilot keeps no others.
+        param1, param2 = max(dialect.performance.hold_s, float(math.ceil(point.hover_s))), dialect.stop_radius_m
     has_position = command is not Command.NAV_TAKEOFF or dialect.takeoff_with_position
     return MissionItem(
         seq=seq,

@@ -11,14 +11,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from missions.autopilots.dialect import Dialect
-from missions.cameras import Capture, Trigger
+from missions.cameras import FIRST_COMPONENT, Capture, Trigger
 from missions.items import Command, MissionItem
 from missions.waypoints import Waypoint
 
 AT_ONCE = 1.0
 """param3 of DO_SET_CAM_TRIGG_DIST: the first picture is taken where it begins."""
-HORIZON = 4 | 8
-"""GIMBAL_MANAGER_FLAGS: roll and pitch are from the horizon, yaw from the nose."""
+HORIZON, FROM_NORTH = 4 | 8, 16
+"""GIMBAL_MANAGER_FLAGS: roll and pitch are from the horizon; yaw is from the nose, or from north."""
+ONE, SHOOT = 1.0, 1
 EVERY_STREAM = 0.0
 """param1 of VIDEO_START_CAPTURE: it names a stream; which camera it is, ArduPilot does not keep."""
 ENDLESS = 0.0
@@ -27,10 +28,10 @@ ENDLESS = 0.0
 
 def begin_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
     """Yield what begins with the leg to a waypoint, not numbered yet."""
-    pointed: set[tuple[int, int]] = set()
+    pointed: set[tuple[int, int, bool]] = set()
     for capture in point.captures:
         if capture.pitch_deg is not None and capture.yaw_deg is not None:
-            pointing = (capture.pitch_deg, capture.yaw_deg)
+            pointing = (capture.pitch_deg, capture.yaw_deg, capture.from_north)
             if pointing not in pointed:
                 pointed.add(pointing)
                 yield _pointing(*pointing, dialect)
@@ -44,12 +45,19 @@ def begin_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
                 yield _command(dialect, Command.IMAGE_START_CAPTURE, capture.camera_id, every_s, ENDLESS)
             case Trigger.VIDEO:
                 yield _command(dialect, Command.VIDEO_START_CAPTURE, EVERY_STREAM)
+            case Trigger.ONCE:
+                pass
 
 
 def end_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
     """Yield what ends with the leg to a waypoint, not numbered yet."""
     for capture in point.captures:
-        yield _command(dialect, *_end_of(capture))
+        if capture.trigger is not Trigger.ONCE:
+            yield _command(dialect, *_end_of(capture))
+        elif capture.camera_id >= FIRST_COMPONENT:
+            yield _command(dialect, Command.IMAGE_START_CAPTURE, capture.camera_id, 0.0, ONE)
+        else:  # PX4 triggers what is wired to it by this command alone
+            yield MissionItem(0, dialect.command_frame, Command.DO_DIGICAM_CONTROL, x=SHOOT)
 
 
 def _end_of(capture: Capture) -> tuple[Command, float]:
@@ -58,14 +66,14 @@ def _end_of(capture: Capture) -> tuple[Command, float]:
             return Command.DO_SET_CAM_TRIGG_DIST, 0.0
         case Trigger.INTERVAL:
             return Command.IMAGE_STOP_CAPTURE, capture.camera_id
-        case Trigger.VIDEO:
+        case _:
             return Command.VIDEO_STOP_CAPTURE, EVERY_STREAM
 
 
-def _pointing(pitch_deg: int, yaw_deg: int, dialect: Dialect) -> MissionItem:
+def _pointing(pitch_deg: int, yaw_deg: int, from_north: bool, dialect: Dialect) -> MissionItem:
     return MissionItem(
         0, dialect.command_frame, Command.DO_GIMBAL_MANAGER_PITCHYAW, float(pitch_deg), float(yaw_deg),
-        dialect.gimbal_rate, dialect.gimbal_rate, x=HORIZON,
+        dialect.gimbal_rate, dialect.gimbal_rate, x=HORIZON | (FROM_NORTH if from_north else 0),
     )  # fmt: skip
 
 

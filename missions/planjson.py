@@ -164,7 +164,7 @@ class InspectionPart(_Part):
     """`flat`: the ground is claimed to be as high as the depot's everywhere."""
 
 
-def _is_empty(value: tuple[int, ...]) -> bool:
+def _is_empty(value: tuple[object, ...]) -> bool:
     return not value
 
 
@@ -195,6 +195,8 @@ class ModelPart(_Part):
     """Radius of these columns; 0 where every way is straight."""
     answer_s: Annotated[Figure, Field(ge=0)] = 0.0
     """How long after a loss everybody flies on as planned: until it is known, a re-plan is found and is on board."""
+    besides_s: Annotated[tuple[tuple[Id, Figure], ...], Field(exclude_if=_is_empty)] = ()
+    """Positions in `segments` of those that take longer than their tracks, and by how much."""
 
 
 class PlanDocument(_Part):
@@ -394,6 +396,7 @@ def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
         "pads": pricing.pads_m,
         "column_m": pricing.column_m,
         "answer_s": pricing.answer_s,
+        "besides_s": sorted(pricing.besides_s.items()),
     }
 
 
@@ -414,4 +417,5 @@ def _pricing(document: PlanDocument) -> Pricing | None:
         model.column_m,
         model.answer_s,
         {name: frozenset(own.barred) for name, own in named.items() if own.barred},
+        dict(model.besides_s),
     )

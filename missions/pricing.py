@@ -180,12 +180,20 @@ class Flier:
     barred: frozenset[int] = frozenset()
     """Segments that it cannot be given."""
 
-    def barred_pct(self, visits: int) -> FloatArray:
-        """Return (visits,) float64: what a visit takes besides, more than any battery holds where it is barred."""
-        besides_pct = np.zeros(visits)
+    besides_s: tuple[tuple[int, float], ...] = ()
+    """Segments that take longer than their tracks, and by how much."""
+
+    def besides(self, visits: int) -> FloatArray:
+        """Return (2, visits) float64: seconds and energy that visits take besides.
+
+        That is more than any battery holds where the vehicle is barred from a visit.
+        """
+        more = np.zeros((2, visits))
+        for segment, seconds in self.besides_s:
+            more[:, 2 * segment : 2 * segment + 2] = [[seconds], [seconds * self.model.hover_pct_per_s]]
         for segment in self.barred:
-            besides_pct[2 * segment : 2 * segment + 2] = BARRED_PCT
-        return besides_pct
+            more[1, 2 * segment : 2 * segment + 2] += BARRED_PCT
+        return more
 
     def moves(
         self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray
@@ -229,6 +237,8 @@ class Pricing:
     """How long after a loss everybody flies on as planned, as `planner.Instance` has it."""
     barred: Mapping[str, frozenset[int]] = field(default_factory=dict)
     """By the vehicle's name: segments that it cannot be given, for it lacks what they ask for."""
+    besides_s: Mapping[int, float] = field(default_factory=dict)
+    """Segments that take longer than their tracks, and by how much: pylons with viewpoints."""
 
     def fliers(self, vehicles: Iterable[str], *, around: bool) -> list[Flier]:
         """Return how vehicles move.
@@ -253,6 +263,7 @@ class Pricing:
         return replace(
             self,
             tracks_m=self.tracks_m[list(segments)],
+            besides_s={numbers[segment]: seconds for segment, seconds in self.besides_s.items() if segment in numbers},
             barred={
                 name: frozenset(numbers[segment] for segment in self.barred[name] if segment in numbers)
                 for name in names
@@ -273,8 +284,8 @@ class FlownMoves:
     """(2n, 3) float64: where it ends."""
     fliers: tuple[Flier, ...]
     """One for each profile."""
-    barred_pct: FloatArray | None = None
-    """(profiles, 2n) float64: what visits take besides, by profile; None where nobody is barred from anything."""
+    besides: FloatArray | None = None
+    """(2, profiles, 2n) float64: seconds and energy that visits take besides, by profile; None where none do."""
 
     @property
     def profiles(self) -> int:
@@ -297,8 +308,8 @@ class FlownMoves:
     def part(self, visits: Sequence[int]) -> MoveTables:
         """Return the moves between some of the visits, as tables."""
         which = list(visits)
-        barred_pct = None if self.barred_pct is None else self.barred_pct[:, which]
-        return replace(self, first_m=self.first_m[which], last_m=self.last_m[which], barred_pct=barred_pct).tables()
+        besides = None if self.besides is None else self.besides[..., which]
+        return replace(self, first_m=self.first_m[which], last_m=self.last_m[which], besides=besides).tables()
 
     def tables(self) -> MoveTables:
         """Return all moves."""
@@ -313,7 +324,9 @@ class FlownMoves:
         seconds, pct = self.fliers[profile].moves(
             self.last_m[before], facing_m, self.first_m[after], self.last_m[after]
         )
-        return seconds, pct if self.barred_pct is None else pct + self.barred_pct[profile][after]
+        if self.besides is None:
+            return seconds, pct
+        return seconds + self.besides[0, profile][after], pct + self.besides[1, profile][after]
 
 
 def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_to: int = TABLES_UP_TO) -> Instance:
@@ -335,9 +348,9 @@ def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_t
     around = len(tracks_m) * len(vehicles) <= AROUND_UP_TO
     fliers = pricing.fliers((vehicle.name for vehicle in vehicles), around=around)
     profiles = tuple(dict.fromkeys(fliers))
-    barred = any(flier.barred for flier in fliers)
-    besides_pct = np.array([flier.barred_pct(len(first_m)) for flier in profiles]) if barred else None
-    flown = FlownMoves(first_m, last_m, profiles, besides_pct)
+    more = any(flier.barred or flier.besides_s for flier in fliers)
+    besides = np.stack([flier.besides(len(first_m)) for flier in profiles], axis=1) if more else None
+    flown = FlownMoves(first_m, last_m, profiles, besides)
     moves: Moves = flown.tables() if profiles and len(tracks_m) <= tables_up_to else flown
     start, again, home = (np.zeros((2, len(vehicles), len(first_m))) for _ in range(3))
     idle = np.zeros((2, len(vehicles)))
@@ -352,10 +365,10 @@ def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_t
             facing_m = np.array([*vehicle.facing_m, 0.0])
             start[:, row] = flier.moves(here_m, facing_m, first_m, last_m)
             idle[:, row] = flier.ways_home(here_m, facing_m, base)
-    if barred:
-        besides = np.array([flier.barred_pct(len(first_m)) for flier in fliers])
-        start[1] += besides
-        again[1] += besides
+    if more:
+        own = np.stack([flier.besides(len(first_m)) for flier in fliers], axis=1)
+        start += own
+        again += own
     consumption = np.array([vehicle.consumption for vehicle in vehicles], dtype=np.float64)[:, np.newaxis]
     return Instance(
         vehicles=tuple(vehicles),

@@ -37,6 +37,8 @@ class Waypoint:
     """Position in the route of the visit that this leg belongs to (transit and inspection); None for the rest."""
     captures: tuple[Capture, ...] = ()
     """What cameras do along the leg that ends here."""
+    hover_s: float = 0.0
+    """How long it stays here, where that is longer than the hold that every stop takes."""
 
 
 @dataclass(frozen=True, slots=True)

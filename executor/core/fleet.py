@@ -163,6 +163,7 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
         commands.extend(more)
     if folded.inspected is not None and folded.inspected not in state.coverage.inspected:
         state = proof.flown(context, state, event.vehicle, [(folded.inspected, folded.flown)], now_s)
+    state = proof.passed_pylons(context, state, before, now_s)
     if folded.state.assignment.runs_broken is not before.assignment.runs_broken:
         # What was inferred of its beginning is worth nothing now: it counts when all of it is seen.
         broken = {folded.state.assignment.runs_broken[-1][0]} - set(state.coverage.inspected)

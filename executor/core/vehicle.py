@@ -288,9 +288,10 @@ def carrying(vehicle: VehicleState, board: OnBoard, now_s: float) -> VehicleStat
 def aboard(context: Context, name: str, revision: int, path: FlightPath, visits: tuple[int, ...]) -> OnBoard:
     """Return what a vehicle carries once `path` has been put on board and read back."""
     places = tuple(context.frame.to_local_m(waypoint.lat_deg, waypoint.lon_deg) for waypoint in path.waypoints)
+    pylons = context.setup.looks.pylons
     # The leg that is marked as the inspection of a visit begins where the leg before it ends.
     tracks = tuple(
-        Track(segment_of(visits[waypoint.visit]), places[index - 1], places[index])
+        Track(segment := segment_of(visits[waypoint.visit]), places[index - 1], places[index], segment in pylons)
         for index, waypoint in enumerate(path.waypoints)
         if waypoint.phase is Phase.INSPECT and waypoint.visit is not None
     )

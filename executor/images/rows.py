@@ -57,7 +57,7 @@ class AssetRow:
     segment: int
     camera: str
     take: str
-    """pictures or video."""
+    """pictures, video, or how many viewpoints."""
     every_m: float
     state: str
     """seen, not seen or not flown."""
@@ -91,7 +91,7 @@ def _image(context: Context, vehicle: str, picture: Picture, began_unix_s: float
     return ImageRow(
         asset="" if picture.segment is None else context.segment_name(picture.segment),
         segment=picture.segment,
-        viewpoint="" if picture.along_m is None else f"{picture.along_m:.1f} m",
+        viewpoint=_viewpoint(context, picture),
         vehicle=vehicle,
         camera=picture.camera,
         sequence=picture.sequence,
@@ -110,6 +110,14 @@ def _image(context: Context, vehicle: str, picture: Picture, began_unix_s: float
     )
 
 
+def _viewpoint(context: Context, picture: Picture) -> str:
+    if picture.along_m is None or picture.segment is None:
+        return ""
+    if picture.segment in context.setup.looks.pylons:
+        return f"viewpoint {int(picture.along_m) + 1}"
+    return f"{picture.along_m:.1f} m"
+
+
 def asset_rows(context: Context, state: FleetState) -> list[AssetRow]:
     """Return what every span of this flight asked for, and what became of it."""
     return list(_assets(context, state, context.setup.looks))
@@ -117,23 +125,28 @@ def asset_rows(context: Context, state: FleetState) -> list[AssetRow]:
 
 def _assets(context: Context, state: FleetState, looks: Looks) -> Iterator[AssetRow]:
     network, past = context.setup.network, {one.segment for one in state.coverage.not_seen}
-    for segment in sorted(context.wanted & set(looks.spans)):
+    for segment in sorted(context.wanted & {*looks.spans, *looks.pylons}):
         by = state.coverage.inspected.get(segment, "")
         lacks = missing(context, state, segment)
         caught = state.coverage.caught.get(segment, ())
         ends = [network.pylons[end] for end in (network.segments[segment].a, network.segments[segment].b)]
         first, last = ((pylon.lat_deg, pylon.lon_deg) for pylon in ends)
-        for look in looks.spans[segment]:
-            count = sum(camera == look.camera for camera, _ in caught)
+        pylon = looks.pylons.get(segment)
+        asked = [] if pylon is None else [(pylon.camera, f"{len(pylon.points)} viewpoints", 0.0)]
+        asked += [
+            (look.camera, "video" if look.trigger is Trigger.VIDEO else "pictures", look.every_m)
+            for look in looks.spans.get(segment, ())
+        ]
+        for camera, take, every_m in asked:
             yield AssetRow(
                 asset=context.segment_name(segment),
                 segment=segment,
-                camera=look.camera,
-                take="video" if look.trigger is Trigger.VIDEO else "pictures",
-                every_m=look.every_m,
+                camera=camera,
+                take=take,
+                every_m=every_m,
                 state="seen" if by else "not seen" if caught or segment in past else "not flown",
                 vehicle=by,
-                pictures=count,
-                missing="; ".join(words for words in lacks if words.startswith(f"{look.camera} ")),
+                pictures=sum(one == camera for one, _ in caught),
+                missing="; ".join(words for words in lacks if words.startswith(f"{camera} ")),
                 line=(first, last),
             )

@@ -26,7 +26,12 @@ TURNS_DEG_S = 60.0
 STORAGE, STATUS, CAPTURED = 261, 262, 263
 REQUEST_MESSAGE = 512
 GIMBAL_S = 0.5
+YAW_LOCK = 16
+"""GIMBAL_MANAGER_FLAGS: the yaw counts from north."""
 NEVER_S = math.inf
+OF_CAMERAS = frozenset({
+    Item.IMAGE_START_CAPTURE, Item.IMAGE_STOP_CAPTURE, Item.VIDEO_START_CAPTURE, Item.VIDEO_STOP_CAPTURE,
+})  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,16 +83,20 @@ class Gimbal:
     pitch_deg: float = 0.0
     yaw_deg: float = 0.0
     wanted: tuple[float, float] = (0.0, 0.0)
+    from_north: bool = False
+    """Whether the yaw that is wanted counts from north."""
     stuck: bool = False
     due_s: float = 0.0
 
-    def step(self, dt_s: float) -> None:
+    def step(self, dt_s: float, nose_deg: float) -> None:
         """Turn towards where it is to look."""
         if self.stuck:
             return
         most_deg = TURNS_DEG_S * dt_s
+        wanted_deg = self.wanted[1] - nose_deg if self.from_north else self.wanted[1]
+        turn_deg = (wanted_deg - self.yaw_deg + 180.0) % 360.0 - 180.0
         self.pitch_deg += max(-most_deg, min(most_deg, self.wanted[0] - self.pitch_deg))
-        self.yaw_deg += max(-most_deg, min(most_deg, self.wanted[1] - self.yaw_deg))
+        self.yaw_deg += max(-most_deg, min(most_deg, turn_deg))
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,20 +146,34 @@ class Payload:
                 self._last_m = (self.body.east_m, self.body.north_m)
                 if self.every_m and params[2] == 1:
                     self._trigger()
-            case Item.IMAGE_START_CAPTURE | Item.IMAGE_STOP_CAPTURE:
-                for unit in self.units:
-                    if unit.answers_to(params[0]):
-                        begins = number == Item.IMAGE_START_CAPTURE
-                        unit.every_s, unit.due_s = (params[1], self.now_s) if begins else (0.0, NEVER_S)
-            case Item.VIDEO_START_CAPTURE | Item.VIDEO_STOP_CAPTURE:
-                for unit in self.units:
-                    unit.filming_s = self.now_s if number == Item.VIDEO_START_CAPTURE else None
+            case Item.DO_DIGICAM_CONTROL:
+                if params[4] == 1:
+                    self._trigger()
             case Item.DO_GIMBAL_MANAGER_PITCHYAW:
                 if self.gimbal is not None:
-                    self.gimbal.wanted = (params[0], params[1])
+                    self.gimbal.wanted, self.gimbal.from_north = (params[0], params[1]), bool(int(params[4]) & YAW_LOCK)
+            case _ if number in OF_CAMERAS:
+                for unit in self.units:
+                    self._ordered(unit, number, params)
             case _:
                 return False
         return True
+
+    def _ordered(self, unit: CameraUnit, number: int, params: Sequence[float]) -> None:
+        """Have one camera do what an item for cameras says."""
+        match number:
+            case Item.VIDEO_START_CAPTURE:
+                unit.filming_s = self.now_s
+            case Item.VIDEO_STOP_CAPTURE:
+                unit.filming_s = None
+            case _ if not unit.answers_to(params[0]):
+                pass
+            case Item.IMAGE_STOP_CAPTURE:
+                unit.every_s, unit.due_s = 0.0, NEVER_S
+            case _ if params[2] == 1:
+                self._shoot(unit)
+            case _:
+                unit.every_s, unit.due_s = params[1], self.now_s
 
     def asked(self, command: Command, component: int) -> None:
         """Answer what one of its components is asked."""
@@ -186,7 +209,7 @@ class Payload:
         """Live for one step."""
         self.now_s, self.boot_s = now_s, boot_s
         if self.gimbal is not None:
-            self.gimbal.step(dt_s)
+            self.gimbal.step(dt_s, math.degrees(self.body.yaw_rad))
             if now_s >= self.gimbal.due_s:
                 self.gimbal.due_s = now_s + GIMBAL_S
                 self._say_gimbal(self.gimbal)

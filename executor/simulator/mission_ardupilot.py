@@ -29,6 +29,7 @@ NAMES = {
     Command.NAV_LAND: "Land",
     Command.NAV_TAKEOFF: "Takeoff",
     Command.DO_CHANGE_SPEED: "ChangeSpeed",
+    Command.DO_DIGICAM_CONTROL: "DigiCamCtrl",
     Command.DO_SET_CAM_TRIGG_DIST: "SetCamTriggDst",
     Command.DO_GIMBAL_MANAGER_PITCHYAW: "GimbalPitchYaw",
     Command.IMAGE_START_CAPTURE: "ImageStartCapture",

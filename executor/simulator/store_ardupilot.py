@@ -223,6 +223,8 @@ def _payload_as_stored(item: MissionItem) -> MissionItem:
                 item, param1=float(int(item.param1)), param2=float(int(item.param2)), param3=next(rates),
                 param4=next(rates), y=0,
             )  # fmt: skip
+        case Command.DO_DIGICAM_CONTROL:
+            return replace(item, y=0)
         case Command.IMAGE_START_CAPTURE:
             return replace(item, param3=float(int(item.param3)), param4=float(int(item.param4)), x=0, y=0, z=0.0)
         case _:

@@ -16,7 +16,7 @@ from executor.core.limits import Limits
 from executor.core.preflight.failsafes import LinkFailsafe, declared_lost_after_s
 from executor.errors import SiteError
 from executor.site.config import Site
-from executor.site.looks import looks_of
+from executor.site.looks import looks_of, pylon_wishes
 from missions import (
     Dialect,
     FlightModel,
@@ -43,6 +43,7 @@ from missions import (
 )
 from missions.pace import AS_MODELLED
 from missions.pads import column_radius_m
+from missions.viewpoints import besides_s, with_viewpoints
 from planner import PRESETS, Drone, Plan, Travel, Vehicle, steady_wind, top_speed_m_s, travel_for
 
 STALL_REAL_S = 2.0
@@ -126,8 +127,9 @@ def ground_over(site: Site, network: Network, worth_a_look: tuple[str, ...] = ()
     _check_speeds(site, drone)
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
     inspection = inspection_of(site, network)
+    network, pylons = with_viewpoints(network, pylon_wishes(site, network), table.standoff_m)
     setup = flight_setup(network, tuple(vehicle.name for vehicle in site.vehicle), inspection)
-    setup = replace(setup, looks=looks_of(site, network))
+    setup = replace(setup, looks=looks_of(site, network, pylons))
     return Ground(site, network, inspection, drone, travel, setup, worth_a_look)
 
 
@@ -224,9 +226,19 @@ def pricing_of(
         )  # fmt: skip
     bases = {name: setup.base_of(name) for name in ground.names}
     pads_m = tuple((pad.east_m, pad.north_m) for pad in setup.pads)
+    slowest = max((model.performance for model in models.values()), key=lambda one: one.hold_s + one.settle_s)
+    pylons = setup.looks.pylons.items()
+    longer = {segment: besides_s(look, slowest, table.speed_m_s) for segment, look in pylons}
     barred = {name: looks for name in ground.names if (looks := setup.looks.barred(name))}
     return Pricing(
-        setup.tracks_up_m, bases, models, pads_m, column_radius_m(setup.layers.layer_m), answer_s(ground.site), barred
+        setup.tracks_up_m,
+        bases,
+        models,
+        pads_m,
+        column_radius_m(setup.layers.layer_m),
+        answer_s(ground.site),
+        barred,
+        longer,
     )
 
 

@@ -3,22 +3,61 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
+from types import MappingProxyType
 
 from executor.errors import SiteError
 from executor.site.config import Site
 from executor.site.tables.cameras import CameraTable, LookTable
 from missions import SafetyError
-from missions.cameras import NO_LOOKS, Camera, Looks, SpanLook, Trigger
+from missions.cameras import NO_LOOKS, Camera, Looks, PylonLook, SpanLook, Trigger
 from missions.network import Network
+from missions.viewpoints import PylonWish
 
 SHORTEST_M = 0.5
 """Pictures nearer to each other than this are a mistake in the figures."""
 
 
-def looks_of(site: Site, network: Network) -> Looks:
+def pylon_wishes(site: Site, network: Network) -> list[PylonWish]:
+    """Return from where pylons are to be seen.
+
+    Raises:
+        SiteError: a look is for no pylon.
+    """
+    wishes = []
+    for index, table in enumerate(site.look):
+        if table.of != "pylons":
+            continue
+        sides = [table.bearings_deg] + ([tuple(-one for one in table.bearings_deg[::-1])] if table.both_sides else [])
+        bearings_deg = tuple(one for side in sides for one in side)
+        known = [
+            PylonWish(
+                pylon=number,
+                camera=table.camera,
+                bearings_deg=bearings_deg,
+                distance_m=table.distance_m,
+                hover_s=table.hover_s,
+                pitch_deg=table.pitch_deg,
+                aim_deg=table.aim_deg,
+                height_m=site.inspection.height_m,
+            )
+            for number, pylon in enumerate(network.pylons)
+            if any(fnmatchcase(pylon.id, pattern) for pattern in table.pylons)
+        ]
+        if not known:
+            raise SiteError(f"look[{index}].pylons: expected names of pylons, nothing is called {table.pylons[0]!r}")
+        wishes += known
+    return wishes
+
+
+def looks_of(site: Site, network: Network, pylons: Mapping[int, PylonLook] = MappingProxyType({})) -> Looks:
     """Return what is to be seen, and who has the cameras for it.
+
+    Args:
+        site: The site file's tables.
+        network: With an asset for each pylon that is to be seen.
+        pylons: These, by their segment.
 
     Raises:
         SiteError: a look that no vehicle, camera or speed can give, or that is for nothing.
@@ -33,13 +72,15 @@ def looks_of(site: Site, network: Network) -> Looks:
     }
     spans: dict[int, list[SpanLook]] = {}
     for index, table in enumerate(site.look):
+        if table.of == "pylons":
+            continue
         look = _look(site, index, table, cameras[table.camera])
-        wanted = list(_wanted(network, table))
+        wanted = [segment for segment in _wanted(network, table) if segment not in pylons]
         if not wanted:
             raise SiteError(f"look[{index}].segments: expected names of spans, nothing is called {table.segments[0]!r}")
         for segment in wanted:
             spans.setdefault(segment, []).append(look)
-    looks = Looks(cameras, carriers, {segment: tuple(own) for segment, own in sorted(spans.items())})
+    looks = Looks(cameras, carriers, {segment: tuple(own) for segment, own in sorted(spans.items())}, pylons)
     _check(looks, names, network)
     return looks
 
@@ -91,10 +132,10 @@ def _look(site: Site, index: int, table: LookTable, camera: Camera) -> SpanLook:
 
 def _check(looks: Looks, names: list[str], network: Network) -> None:
     barred = [looks.barred(name) for name in names]
-    for segment, own in looks.spans.items():
-        name = network.segment_name(segment)
+    for segment in (*looks.spans, *looks.pylons):
+        name, own = network.segment_name(segment), looks.spans.get(segment, ())
         if all(segment in one for one in barred):
-            wanted = " and ".join(sorted({f"'{look.camera}'" for look in own}))
+            wanted = " and ".join(f"'{camera}'" for camera in sorted(looks.wanted(segment)))
             raise SiteError(f"look: {name}: expected a vehicle that carries camera {wanted}, none does")
         spaces = {look.every_m for look in own if look.trigger is Trigger.DISTANCE}
         if len(spaces) > 1:

@@ -98,3 +98,22 @@ async def test_a_payload_that_fails_is_found_and_others_look(
     assert {segment for segment, by in flown.inspected.items() if by == "uav1"} == first
     faulty = sky.state.vehicles["uav1"].fault
     assert (faulty is not None) == (then == "home")
+
+
+AROUND = {"camera": "rgb", "of": "pylons", "pylons": ["*1"], "bearings_deg": [60, 120], "both_sides": True}
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+@pytest.mark.parametrize("autopilot", DIALECTS)
+@pytest.mark.parametrize("camera", [MAVLINK, WIRED], ids=["mavlink", "wired"])
+async def test_a_pylon_is_an_asset_of_its_own_with_its_viewpoints(autopilot: str, camera: Table) -> None:
+    fleet: Routes = {"uav1": (0, 4), "uav2": (2,)}
+    sky = Eyes(story(fleet=fleet), autopilot, [camera], [AROUND], pylons=3)
+    flown = await sky.fly()
+    assert sky.flight is not None
+    names = [sky.flight.context.segment_name(segment) for segment in sorted(flown.wanted)]
+    assert names[-1].startswith("pylon")
+    assert set(flown.inspected) == flown.wanted, lines(sky)
+    known = sky.pictures("uav1")
+    assert [(one.segment, one.along_m, one.flaw) for one in known] == [(2, float(number), "") for number in range(4)]

@@ -351,6 +351,8 @@ def _covered(context: Scene, state: VehicleState, sample: Sample) -> _Covered:
     if visit is None:
         return _Covered(old)
     track = old.board.tracks[visit]
+    if track.by_pictures:
+        return _Covered(old)
     run = old.run if old.run_visit == visit else None
     step = follow(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
     if step.done:

@@ -20,7 +20,7 @@ from executor.core.payload.pictures import CameraMemory, Picture, Wanted
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
-from missions.cameras import FIRST_COMPONENT, Camera, Capture, Proof, proof_of
+from missions.cameras import FIRST_COMPONENT, Camera, Capture, Proof, PylonLook, proof_of
 from planner import is_reversed
 
 MOST_WANTED = 50
@@ -222,7 +222,12 @@ def _on(context: Context, vehicle: VehicleState, camera: Camera, place_m: tuple[
     best: tuple[float, _Seen] | None = None
     for visit in sorted((one for one in reached if one is not None), reverse=True):
         track = board.tracks[visit]
-        if all(look.camera != camera.name for look in looks.spans.get(track.segment, ())):
+        if camera.name not in looks.wanted(track.segment):
+            continue
+        if track.by_pictures:
+            point = _viewpoint(looks.pylons[track.segment], place_m)
+            if point is not None:
+                return _Seen(visit, track, float(point), 0.0)
             continue
         along_m, _ = track.locate(place_m)
         beyond_m, aside_m = max(-along_m, along_m - track.length_m, 0.0), track.aside_m(place_m)
@@ -233,6 +238,12 @@ def _on(context: Context, vehicle: VehicleState, camera: Camera, place_m: tuple[
     return None if best is None else best[1]
 
 
+def _viewpoint(look: PylonLook, place_m: tuple[float, float]) -> int | None:
+    """Return the number of the viewpoint that a place is at; None if it is at none."""
+    number = min(range(len(look.points)), key=lambda one: math.dist(look.points[one].place_m, place_m))
+    return number if math.dist(look.points[number].place_m, place_m) <= END_TOLERANCE_M else None
+
+
 def _asked(board: OnBoard | None, visit: int, camera: str) -> Capture | None:
     """Return what a visit asks of a camera."""
     for point in () if board is None else board.path.waypoints:
@@ -241,16 +252,24 @@ def _asked(board: OnBoard | None, visit: int, camera: str) -> Capture | None:
     return None
 
 
+def _asked_at(context: Context, seen: _Seen, capture: Capture) -> Capture:
+    """Return what was asked of a camera at the viewpoint of a pylon; elsewhere all along the span."""
+    look = context.setup.looks.pylons.get(seen.track.segment)
+    return capture if look is None else context.setup.looks.capture_at(look, look.points[int(seen.along_m)])
+
+
 def _flaw(context: Context, vehicle: VehicleState, message: PictureTaken, picture: Picture, seen: _Seen | None) -> str:
     """Return why a picture does not count; nothing if it does."""
     capture = None if seen is None else _asked(vehicle.assignment.board, seen.visit, picture.camera)
     if seen is None or capture is None:
         return "of no span that asks for it"
+    capture = _asked_at(context, seen, capture)
     if picture.speed_m_s > SPEED_FACTOR * context.inspection_speed_m_s:
         return f"taken at {picture.speed_m_s:.1f} m/s"
     off_deg = 0.0
     if capture.pitch_deg is not None and capture.yaw_deg is not None and picture.pitch_deg is not None:
-        wanted_deg = (bearing_deg(seen.track.begin_m, seen.track.end_m) + capture.yaw_deg) % 360
+        nose_deg = 0.0 if capture.from_north else bearing_deg(seen.track.begin_m, seen.track.end_m)
+        wanted_deg = (nose_deg + capture.yaw_deg) % 360
         yaw_deg = wanted_deg if picture.yaw_deg is None else picture.yaw_deg
         off_deg = apart_deg(picture.pitch_deg, yaw_deg, capture.pitch_deg, wanted_deg)
     elif message.source is Proof.FEEDBACK and message.roll_deg is not None and message.pitch_deg is not None:
@@ -259,7 +278,7 @@ def _flaw(context: Context, vehicle: VehicleState, message: PictureTaken, pictur
 
 
 def _from_a(board: OnBoard | None, seen: _Seen) -> float:
-    backward = board is not None and is_reversed(board.visits[seen.visit])
+    backward = board is not None and is_reversed(board.visits[seen.visit]) and not seen.track.by_pictures
     return seen.track.length_m - seen.along_m if backward else seen.along_m
 
 

@@ -18,7 +18,7 @@ from executor.core.roster.withdraw import declare, withdrawn
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from executor.core.words import count_of
-from missions.cameras import FIRST_COMPONENT, Capture
+from missions.cameras import FIRST_COMPONENT, Capture, Trigger
 from planner import segment_of
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -57,8 +57,8 @@ def _of_one(context: Context, state: FleetState, name: str, now_s: float) -> Ste
         return state, ()
     out = vehicle.payload.broken_names()
     for capture in () if vehicle.leg is None else vehicle.leg.captures:
-        if capture.camera in out:
-            continue
+        if capture.camera in out or (capture.trigger is Trigger.ONCE and not vehicle.payload.off_since_s):
+            continue  # one picture is no row of them; where it is missing, it was not seen
         found = next(_findings(context, vehicle, capture, working[1], now_s), None)
         if found is not None:
             return _told(context, state, vehicle, capture.camera, found, now_s)
@@ -102,6 +102,8 @@ def _findings(
         yield FaultCode.CARD_FULL, f"{name}: its card is full"
     if memory.failures >= FAILURES:
         yield FaultCode.CARD_FULL, f"{name}: {memory.failures} pictures in a row failed, by its own word"
+    if capture.trigger is Trigger.ONCE:
+        return
     every_s = capture.every_m / context.inspection_speed_m_s
     late_s = LATEST_S if capture.films else max(LATEST_S, PICTURES_LATE * every_s)
     last_s = since_s if memory.picture_s is None else max(since_s, memory.picture_s)

@@ -17,6 +17,7 @@ from executor.core.payload.pictures import NotSeen, Unseen, Wanted
 from executor.core.payload.spans import most_apart_m, unseen_m
 from executor.core.state import FleetState
 from executor.core.vehicle import IN_THE_AIR, VehicleState
+from missions import Phase
 from missions.cameras import FIRST_COMPONENT
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -31,7 +32,7 @@ AT_ONCE = 5
 
 def asks(context: Context, segment: int) -> bool:
     """Return whether a segment asks for pictures."""
-    return segment in context.setup.looks.spans
+    return segment in context.setup.looks.spans or segment in context.setup.looks.pylons
 
 
 def flown(
@@ -58,8 +59,27 @@ def flown(
     return replace(state, coverage=coverage)
 
 
+def passed_pylons(context: Context, state: FleetState, before: VehicleState, now_s: float) -> FleetState:
+    """Take pylons for flown once their last viewpoint is behind the vehicle, by its own word."""
+    vehicle = state.vehicles[before.name]
+    board, was, now = vehicle.assignment.board, before.assignment.waypoint, vehicle.assignment.waypoint
+    if not context.setup.looks.pylons or board is None or now <= was or before.assignment.board is not board:
+        return state
+    done = [
+        (board.tracks[point.visit].segment, None)
+        for point in board.path.waypoints[was:now]
+        if point.phase is Phase.INSPECT and point.visit is not None and board.tracks[point.visit].by_pictures
+    ]
+    return flown(context, state, vehicle.name, done, now_s) if done else state
+
+
 def missing(context: Context, state: FleetState, segment: int) -> list[str]:
     """Return in words what pictures do not show of a segment; nothing where they show all of it."""
+    pylon = context.setup.looks.pylons.get(segment)
+    if pylon is not None:
+        had = {int(at_m) for camera, at_m in state.coverage.caught.get(segment, ()) if camera == pylon.camera}
+        gone = [str(number + 1) for number in range(len(pylon.points)) if number not in had]
+        return [f"{pylon.camera} has no picture from viewpoint {', '.join(gone)}"] if gone else []
     begin_m, end_m = context.setup.tracks_m[segment]
     length_m = float(((end_m - begin_m) ** 2).sum() ** 0.5)
     caught = state.coverage.caught.get(segment, ())

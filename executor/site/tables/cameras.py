@@ -36,10 +36,12 @@ class CameraTable(SiteTable):
 
 
 class LookTable(SiteTable):
-    """What spans ask for."""
+    """What spans, or pylons, ask for."""
 
     camera: CameraName
     """The camera that sees them: only vehicles that carry it are given these spans."""
+    of: Literal["spans", "pylons"] = "spans"
+    """Whether spans are looked at along their way, or pylons from viewpoints around them."""
     segments: Annotated[tuple[str, ...], Field(min_length=1)] = ("*",)
     """Names of the spans, `*` stands for anything in them; without it all."""
     take: Literal["pictures", "video"] = "pictures"
@@ -56,9 +58,23 @@ class LookTable(SiteTable):
     """Where a gimbal points, from the horizon, down is negative; without it at the line."""
     aim_deg: Annotated[float, Field(gt=0, le=180)] = 20.0
     """A picture whose camera points farther beside that does not count."""
+    pylons: Annotated[tuple[str, ...], Field(min_length=1)] = ("*",)
+    """Names of the pylons, as `segments` has those of spans."""
+    bearings_deg: tuple[Annotated[float, Field(ge=-180, le=180)], ...] = ()
+    """Viewpoints around a pylon in the order in which they are flown, clockwise from the direction of its line."""
+    both_sides: bool = False
+    """Whether the same are flown on the other side of the line, too."""
+    distance_m: Annotated[float, Field(ge=3, le=200)] = 12.0
+    """Of viewpoints from the pylon; they lie as high over its top as spans are flown."""
+    hover_s: Annotated[float, Field(ge=0, le=60)] = 2.0
+    """How long a vehicle stays at a viewpoint before the picture is taken."""
 
     @model_validator(mode="after")
     def _spaced(self) -> LookTable:
+        if self.of == "pylons":
+            if len(self.bearings_deg) * (1 + self.both_sides) < 2:
+                raise ValueError("bearings_deg: expected two viewpoints or more for a pylon")
+            return self
         given = [key for key in ("every_m", "overlap_pct") if getattr(self, key) is not None]
         if self.take == "pictures" and len(given) != 1:
             raise ValueError(
