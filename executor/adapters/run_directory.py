@@ -114,6 +114,11 @@ class RunDirectory:
         """Return which file is which picture."""
         return self.path / "images-files.csv"
 
+    @property
+    def assets(self) -> Path:
+        """Return the page of every asset with its pictures."""
+        return self.path / "assets.html"
+
     def plan(self, revision: int) -> Path:
         """Return a plan: the first is 0, every re-plan one more."""
         return self.path / f"plan-{revision:03d}.json"

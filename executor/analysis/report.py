@@ -21,6 +21,7 @@ from executor.analysis.documents import (
     PadPart,
     ParameterRow,
     ReplanRow,
+    SeenRow,
     VehicleRow,
 )
 from executor.analysis.planned_and_flown import flown_routes
@@ -33,6 +34,7 @@ from executor.core.preflight.checks import Check, Facts
 from executor.core.state import FleetState, ReplanRecord
 from executor.core.vehicle import Fault, Stage, VehicleState
 from executor.core.view import state_word
+from executor.images.rows import asset_rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,10 +167,26 @@ def report_of(
             )
             for absence in state.listening.absences
         ),
+        seen=tuple(
+            SeenRow(
+                segment=row.segment,
+                name=row.asset,
+                camera=row.camera,
+                take=row.take,
+                state=row.state,
+                vehicle=row.vehicle,
+                pictures=row.pictures,
+                missing=row.missing,
+            )
+            for row in asset_rows(context, state)
+        ),
         inferred=tuple(sorted(state.coverage.unproven())),
         min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
         inspection_speed_m_s=context.inspection_speed_m_s,
-        inspections=tuple(_inspection(context, state, segment) for segment in sorted(state.coverage.flown)),
+        inspections=tuple(
+            _inspection(context, state, segment)
+            for segment in sorted(set(state.coverage.flown) & set(state.coverage.inspected))
+        ),
         not_counted=tuple(
             NotCountedRow(vehicle=vehicle.name, segment=segment, name=context.segment_name(segment), reason=reason)
             for vehicle in state.vehicles.values()

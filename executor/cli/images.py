@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from executor.adapters.extras import Extra, need
+from executor.adapters.run_directory import RunDirectory
 from executor.cli.options import JsonOption, QuietOption
 from executor.errors import LogError
 from executor.images.matching import Found, Match, find
@@ -45,6 +46,7 @@ def images(
     """Match the files of cameras to the pictures of a flight, by time and place; says what is missing."""
     need(Extra.IMAGES, "faultline images")
     from executor.images.exif import picture_files
+    from executor.images.pages import write_assets
 
     if not folder.is_dir():
         raise LogError(f"{folder}: no such folder; expected one with the files of cameras")
@@ -52,6 +54,7 @@ def images(
     found = find(index, list(picture_files(folder)), folder)
     placed = _placed(found.matches, write)
     write_files(run, COLUMNS, _rows(found))
+    write_assets(RunDirectory(run).assets, index, found)
     if as_json:
         print(json.dumps(_document(found, placed)))
     elif not quiet:

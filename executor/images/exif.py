@@ -102,7 +102,7 @@ def _degrees(gps: dict[int, object], place: int, side: int, negative: str) -> fl
     numbers = [_number(part) for part in parts]
     if any(number is None for number in numbers):
         return None
-    degrees = sum((number or 0.0) / 60**power for power, number in enumerate(numbers))
+    degrees = sum((number or 0.0) / 60.0 ** float(power) for power, number in enumerate(numbers))
     return -degrees if str(gps.get(side, "")).strip("\0 ").upper().startswith(negative) else degrees
 
 

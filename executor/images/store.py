@@ -121,7 +121,7 @@ def read_index(run: Path) -> Index:
             assets = tables.execute(f"SELECT {', '.join((*_ASSET, 'line'))} FROM asset").fetchall()  # noqa: S608
         return Index(
             tuple(ImageRow(*row) for row in images),
-            tuple(AssetRow(*row[:-1], line=_line(json.loads(row[-1]))) for row in assets),
+            tuple(AssetRow(*row[:-1], _line(json.loads(row[-1]))) for row in assets),
         )
     except (sqlite3.Error, ValueError, TypeError) as error:
         raise LogError(f"{path}: {error}; expected {EXPECTED}") from error

@@ -337,11 +337,12 @@ class Payload:
 
     def _storage(self, unit: CameraUnit) -> Outbound:
         free_mib = self._free_mib(unit)
-        return out(
-            "STORAGE_INFORMATION", time_boot_ms=self._boot_ms, storage_id=1, storage_count=1, status=2,
-            total_capacity=CARD_MIB, used_capacity=CARD_MIB - free_mib, available_capacity=free_mib, read_speed=0.0,
-            write_speed=0.0, type=0, name=b"", storage_usage=0,
-        )  # fmt: skip
+        fields = {
+            "time_boot_ms": self._boot_ms, "storage_id": 1, "storage_count": 1, "status": 2,
+            "total_capacity": CARD_MIB, "used_capacity": CARD_MIB - free_mib, "available_capacity": free_mib,
+            "read_speed": 0.0, "write_speed": 0.0, "type": 0, "name": b"", "storage_usage": 0,
+        }  # fmt: skip
+        return Outbound("STORAGE_INFORMATION", fields)
 
 
 def file_name(number: int) -> str:

@@ -93,6 +93,12 @@ def missing(context: Context, state: FleetState, segment: int) -> list[str]:
     return words
 
 
+def missed(context: Context, state: FleetState) -> frozenset[int]:
+    """Return what was flown and is not seen: at once, while the words of pictures may still come."""
+    waiting = {segment for segment in state.coverage.unseen if missing(context, state, segment)}
+    return frozenset(waiting | {one.segment for one in state.coverage.not_seen} - set(state.coverage.inspected))
+
+
 def looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Ask again for lost words, and judge what was flown."""
     if not context.setup.looks:

@@ -60,7 +60,9 @@ async def test_files_find_their_pictures(
     run.mkdir()
     sky = await flown(folder, run, ahead_s=ahead_s, places=places)
     found = find(read_index(run), list(picture_files(folder)), folder)
-    assert found.missing == found.strange == found.doubled == ()
+    assert not found.missing
+    assert not found.strange
+    assert not found.doubled
     assert found.complete
     assert {card.name: card.key for card in found.cards} == {
         "uav1-rgb": ("uav1", "rgb"), "uav2-rgb": ("uav2", "rgb"),
@@ -102,6 +104,25 @@ async def test_the_command_says_what_is_missing_and_writes_places(
     with (run / "images-files.csv").open() as table:
         states = {row["state"] for row in csv.DictReader(table)}
     assert {"matched", "missing"} <= states
+    page = (run / "assets.html").read_text(encoding="utf-8")
+    assert page.count("<section") == 5
+    assert page.count("<img") == said["matched"]
+    assert "no file of uav1 rgb 3" in page
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+async def test_the_index_is_a_table_a_map_and_a_database(tmp_path: Path) -> None:
+    await flown(tmp_path / "cards", tmp_path)
+    index = read_index(tmp_path)
+    with (tmp_path / "images.csv").open() as table:
+        rows = list(csv.DictReader(table))
+    assert [row["asset"] for row in rows] == [row.asset for row in index.images]
+    assert rows[0]["time"].startswith("2026-09-21T")
+    features = json.loads((tmp_path / "images.geojson").read_text())["features"]
+    kinds = [feature["properties"]["kind"] for feature in features]
+    assert (kinds.count("asset"), kinds.count("image")) == (5, len(rows))
+    assert {row.state for row in index.assets} == {"seen"}
 
 
 def test_a_run_without_an_index_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
