@@ -286,12 +286,12 @@ class Payload:
             return False
         if unit.speaks:
             pitch_deg, yaw_deg = self._aim(unit)
-            number = unit.images if not unit.full else unit.images + 1
+            number = unit.images - 1 if not unit.full else unit.images
             message = out(
                 "CAMERA_IMAGE_CAPTURED", time_boot_ms=self._boot_ms, time_utc=0, camera_id=0, lat=lat, lon=lon,
                 alt=round((self.home.alt_m + self.body.up_m) * 1e3), relative_alt=round(self.body.up_m * 1e3),
                 q=quaternion(0.0, pitch_deg, yaw_deg), image_index=number, capture_result=int(not unit.full),
-                file_url=b"" if unit.full else file_name(number).encode(),
+                file_url=b"" if unit.full else file_name(number + 1).encode(),
             )  # fmt: skip
             if not unit.full:
                 unit.told[number] = message

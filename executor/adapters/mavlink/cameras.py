@@ -83,9 +83,8 @@ def _trigger(frame: Any) -> PictureTaken:  # noqa: ANN401
 
 
 def _status(frame: Any) -> CameraStatus:  # noqa: ANN401
-    count = getattr(frame, "image_count", 0)
     free_mib = frame.available_capacity if math.isfinite(frame.available_capacity) else None
-    return CameraStatus(frame.get_srcComponent(), frame.video_status == 1, count or None, free_mib)
+    return CameraStatus(frame.get_srcComponent(), frame.video_status == 1, frame.image_count, free_mib)
 
 
 def _storage(frame: Any) -> CameraStatus:  # noqa: ANN401

@@ -77,11 +77,7 @@ def _status(
     if camera is None:
         return state
     memory = vehicle.payload.camera(camera.name, camera.id)
-    last, wanted = memory.last, memory.wanted
-    if message.images is not None and last is not None and 0 < message.images - last <= MOST_WANTED:
-        # It has taken pictures since the last that was heard of; the word of the newest may be under way.
-        passed = range(last + 1, message.images)
-        wanted, last = (*wanted, *map(Wanted, passed)), message.images - 1
+    last, wanted = _counted(memory, message.images)
     memory = replace(
         memory,
         heard_s=now_s,
@@ -101,6 +97,22 @@ def _status(
     if seen is None or capture is None or not capture.films:
         return state
     return _caught(state, vehicle, camera, seen)
+
+
+def _counted(memory: CameraMemory, images: int | None) -> tuple[int | None, tuple[Wanted, ...]]:
+    """Return the highest number of a picture, and those that are to be asked for, once a camera says its count.
+
+    Pictures are numbered from 0. The word of the newest may be under way, unless the count was heard before.
+    """
+    last = memory.last
+    if images is None:
+        return last, memory.wanted
+    newest = images - 1 if images == memory.images else images - 2
+    if last is None:
+        return images - 1, memory.wanted
+    if not 0 < newest - last <= MOST_WANTED:
+        return last, memory.wanted
+    return newest, (*memory.wanted, *map(Wanted, range(last + 1, newest + 1)))
 
 
 def _camera_of(context: Context, vehicle: VehicleState, message: PictureTaken) -> Camera | None:
