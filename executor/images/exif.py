@@ -102,7 +102,8 @@ def _degrees(gps: dict[int, object], place: int, side: int, negative: str) -> fl
     numbers = [_number(part) for part in parts]
     if any(number is None for number in numbers):
         return None
-    degrees = sum((number or 0.0) / 60.0 ** float(power) for power, number in enumerate(numbers))
+    whole, minutes, seconds = (number or 0.0 for number in numbers)
+    degrees = whole + minutes / 60.0 + seconds / 3600.0
     return -degrees if str(gps.get(side, "")).strip("\0 ").upper().startswith(negative) else degrees
 
 

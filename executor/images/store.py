@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 from executor.adapters.run_directory import RunDirectory, write_json
 from executor.core.context import Context
@@ -121,10 +122,15 @@ def read_index(run: Path) -> Index:
             assets = tables.execute(f"SELECT {', '.join((*_ASSET, 'line'))} FROM asset").fetchall()  # noqa: S608
         return Index(
             tuple(ImageRow(*row) for row in images),
-            tuple(AssetRow(*row[:-1], _line(json.loads(row[-1]))) for row in assets),
+            tuple(_asset(row) for row in assets),
         )
     except (sqlite3.Error, ValueError, TypeError) as error:
         raise LogError(f"{path}: {error}; expected {EXPECTED}") from error
+
+
+def _asset(row: tuple[Any, ...]) -> AssetRow:
+    *known, line = row
+    return AssetRow(**dict(zip(_ASSET, known, strict=True)), line=_line(json.loads(line)))
 
 
 def _line(pair: list[list[float]]) -> tuple[tuple[float, float], tuple[float, float]]:

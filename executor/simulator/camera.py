@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from executor.simulator.config import AutopilotKind, SimCamera, SimVehicle
 from executor.simulator.enums import Result
-from executor.simulator.messages import Command, Outbound, out
+from executor.simulator.messages import Command, FieldValue, Outbound, out
 from executor.simulator.physics import Body, Home
 from missions.items import Command as Item
 
@@ -337,7 +337,7 @@ class Payload:
 
     def _storage(self, unit: CameraUnit) -> Outbound:
         free_mib = self._free_mib(unit)
-        fields = {
+        fields: dict[str, FieldValue] = {
             "time_boot_ms": self._boot_ms, "storage_id": 1, "storage_count": 1, "status": 2,
             "total_capacity": CARD_MIB, "used_capacity": CARD_MIB - free_mib, "available_capacity": free_mib,
             "read_speed": 0.0, "write_speed": 0.0, "type": 0, "name": b"", "storage_usage": 0,
