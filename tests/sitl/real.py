@@ -188,9 +188,8 @@ def _px4(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) -> tu
     lat_deg, lon_deg = wanted.frame.to_wgs84_deg(pad.east_m, pad.north_m)
     place = {"PX4_HOME_LAT": f"{lat_deg:.7f}", "PX4_HOME_LON": f"{lon_deg:.7f}", "PX4_HOME_ALT": str(pad.alt_m)}
     speed = {"PX4_SIM_SPEED_FACTOR": f"{wanted.speedup:g}"}
-    # Whether it keeps a log of its own, and triggers cameras, is decided while it starts.
-    early = ("SDLOG_", "TRIG_")
-    log = {f"PX4_PARAM_{name}": f"{value:g}" for name, value in wanted.settings.items() if name.startswith(early)}
+    # Whether it keeps a log of its own is decided while it starts.
+    log = {f"PX4_PARAM_{name}": f"{value:g}" for name, value in wanted.settings.items() if name.startswith("SDLOG_")}
     process = _start([binary, "-i", str(number)], folder, {**PX4_ENVIRONMENT, **place, **speed, **log})
     return process, OtherLink(socket.SOCK_DGRAM, 18570 + number, bytewise=True)
 
