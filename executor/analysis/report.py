@@ -34,7 +34,7 @@ from executor.core.preflight.checks import Check, Facts
 from executor.core.state import FleetState, ReplanRecord
 from executor.core.vehicle import Fault, Stage, VehicleState
 from executor.core.view import state_word
-from executor.images.rows import asset_rows
+from executor.images.rows import AssetRow, asset_rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,19 +167,7 @@ def report_of(
             )
             for absence in state.listening.absences
         ),
-        seen=tuple(
-            SeenRow(
-                segment=row.segment,
-                name=row.asset,
-                camera=row.camera,
-                take=row.take,
-                state=row.state,
-                vehicle=row.vehicle,
-                pictures=row.pictures,
-                missing=row.missing,
-            )
-            for row in asset_rows(context, state)
-        ),
+        seen=tuple(map(_seen, asset_rows(context, state))),
         inferred=tuple(sorted(state.coverage.unproven())),
         min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
         inspection_speed_m_s=context.inspection_speed_m_s,
@@ -193,6 +181,19 @@ def report_of(
             for segment, reason in vehicle.assignment.runs_broken
         ),
         routes=flown_routes(state, {name: setup.prior.factor for name, setup in context.vehicles.items()}),
+    )
+
+
+def _seen(row: AssetRow) -> SeenRow:
+    return SeenRow(
+        segment=row.segment,
+        name=row.asset,
+        camera=row.camera,
+        take=row.take,
+        state=row.state,
+        vehicle=row.vehicle,
+        pictures=row.pictures,
+        missing=row.missing,
     )
 
 
