@@ -30,7 +30,7 @@ class Trigger(Enum):
     """The mission, at the end of the leg (IMAGE_START_CAPTURE of one image, or DO_DIGICAM_CONTROL)."""
 
 
-class Proof(Enum):
+class PictureProof(Enum):
     """Which message says that a picture was taken."""
 
     CAPTURED = "captured"
@@ -204,8 +204,8 @@ class Looks:
 NO_LOOKS = Looks()
 
 
-def proof_of(camera: Camera, autopilot: str) -> Proof:
+def proof_of(camera: Camera, autopilot: str) -> PictureProof:
     """Return which message proves a camera's pictures on a vehicle."""
     if camera.id >= FIRST_COMPONENT:
-        return Proof.CAPTURED
-    return Proof.FEEDBACK if autopilot == "ardupilot" else Proof.TRIGGER
+        return PictureProof.CAPTURED
+    return PictureProof.FEEDBACK if autopilot == "ardupilot" else PictureProof.TRIGGER

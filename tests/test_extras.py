@@ -75,6 +75,7 @@ REFUSED = {
     "bench fleet --out out": ("bench fleet --out", Extra.PICTURES),
     "network poles.xlsx": ("poles.xlsx: a workbook", Extra.GEO),
     "network lines.zip": ("lines.zip: a shapefile", Extra.GEO),
+    "images . --run .": ("faultline images", Extra.IMAGES),
     "bench fleet --browsers 1": ("bench fleet --browsers", Extra.WEB),
 }
 """What needs one: in whose words, and which."""

@@ -14,7 +14,7 @@ from executor.adapters.extras import Extra, need
 from executor.adapters.run_directory import RunDirectory
 from executor.cli.options import JsonOption, QuietOption
 from executor.errors import LogError
-from executor.images.matching import Found, Match, find
+from executor.images.matching import FileMatch, Matching, match_files
 from executor.images.store import read_index, write_files
 
 SHOWN = 5
@@ -51,7 +51,7 @@ def images(
     if not folder.is_dir():
         raise LogError(f"{folder}: no such folder; expected one with the files of cameras")
     index = read_index(run)
-    found = find(index, list(picture_files(folder)), folder)
+    found = match_files(index, list(picture_files(folder)), folder)
     placed = _placed(found.matches, write)
     write_files(run, COLUMNS, _rows(found))
     write_assets(RunDirectory(run).assets, index, found)
@@ -63,7 +63,7 @@ def images(
         raise typer.Exit(1)
 
 
-def _placed(matches: Sequence[Match], write: Written) -> int:
+def _placed(matches: Sequence[FileMatch], write: Written) -> int:
     """Write places where files have none; returns how many."""
     from executor.images.exif import write_place_exif, write_place_xmp
 
@@ -79,7 +79,7 @@ def _placed(matches: Sequence[Match], write: Written) -> int:
     return len(without)
 
 
-def _rows(found: Found) -> list[tuple[object, ...]]:
+def _rows(found: Matching) -> list[tuple[object, ...]]:
     blurred = {match.file.path for match in found.blurred}
     rows: list[tuple[object, ...]] = []
     for match in found.matches:
@@ -99,7 +99,7 @@ def _rows(found: Found) -> list[tuple[object, ...]]:
     return rows
 
 
-def _lines(found: Found, placed: int, pictures: int) -> list[str]:
+def _lines(found: Matching, placed: int, pictures: int) -> list[str]:
     lines = [f"{len(found.matches)} of {pictures} pictures have a file"]
     for card in found.cards:
         if card.key is None or card.offset is None:
@@ -133,7 +133,7 @@ def _some(what: str, names: Sequence[str]) -> list[str]:
     return [f"{what}, {len(names)}: {', '.join(names[:SHOWN])}{more}"]
 
 
-def _document(found: Found, placed: int) -> dict[str, object]:
+def _document(found: Matching, placed: int) -> dict[str, object]:
     return {
         "matched": len(found.matches),
         "missing": [[row.vehicle, row.camera, row.sequence] for row in found.missing],

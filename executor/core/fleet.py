@@ -162,7 +162,7 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
         state, more = killswitch.kill_heard(state, state.vehicles[event.vehicle], folded.text, now_s)
         commands.extend(more)
     if folded.inspected is not None and folded.inspected not in state.coverage.inspected:
-        state = proof.flown(context, state, event.vehicle, [(folded.inspected, folded.flown)], now_s)
+        state = proof.was_flown(context, state, event.vehicle, [(folded.inspected, folded.flown)], now_s)
     state = proof.passed_pylons(context, state, before, now_s)
     if folded.state.assignment.runs_broken is not before.assignment.runs_broken:
         # What was inferred of its beginning is worth nothing now: it counts when all of it is seen.
@@ -235,7 +235,7 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     for name in state.vehicles:
         state, more = _look_at(context, state, name, now_s)
         commands.extend(more)
-    for look in (proof.looked_at, faults_of_cameras.looked_at):
+    for look in (proof.pictures_judged, faults_of_cameras.cameras_looked_at):
         state, more = look(context, state, now_s)
         commands.extend(more)
     state, more = offering.offered_again(context, state, now_s)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from missions.cameras import Proof
+from missions.cameras import PictureProof
 from missions.items import MissionItem
 
 GROUND_STATION = (255, 190)
@@ -334,7 +334,7 @@ class DoubleHeard:
 class PictureTaken:
     """CAMERA_IMAGE_CAPTURED, CAMERA_FEEDBACK or CAMERA_TRIGGER: a camera says that it took a picture, or failed to."""
 
-    source: Proof
+    source: PictureProof
     component: int
     """Who says it."""
     camera: int

@@ -24,7 +24,7 @@ from executor.core.parts import (
     Telemetry,
     Watch,
 )
-from executor.core.payload.pictures import NO_PAYLOAD, Payload
+from executor.core.payload.pictures import NO_PAYLOAD, PayloadState
 from missions import FlightPath, Phase, Waypoint, encode, estimate
 from planner import segment_of
 
@@ -183,7 +183,7 @@ class VehicleState:
     sortie: Sortie = field(default_factory=Sortie)
     custody: Custody = field(default_factory=Custody)
     evidence: Evidence = field(default_factory=Evidence)
-    payload: Payload = NO_PAYLOAD
+    payload: PayloadState = NO_PAYLOAD
 
     @property
     def airborne(self) -> bool:

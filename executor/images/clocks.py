@@ -27,7 +27,7 @@ MOST_PAIRS = 4_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Series:
+class Times:
     """Times in ascending order, with places where they are known."""
 
     times_s: FloatArray
@@ -47,17 +47,17 @@ class Offset:
     """How well they do: two cameras that fly alike have as many pairs, but not as near ones."""
 
 
-def series(frame: LocalFrame, rows: list[tuple[float, float | None, float | None]]) -> Series:
+def series(frame: LocalFrame, rows: list[tuple[float, float | None, float | None]]) -> Times:
     """Return times with their places, from times, latitudes and longitudes."""
     places = [
         (np.nan, np.nan) if lat_deg is None or lon_deg is None else frame.to_local_m(lat_deg, lon_deg)
         for _, lat_deg, lon_deg in rows
     ]
     times = np.array([row[0] for row in rows], dtype=np.float64)
-    return Series(times, np.array(places, dtype=np.float64).reshape(-1, 2))
+    return Times(times, np.array(places, dtype=np.float64).reshape(-1, 2))
 
 
-def offset_of(card: Series, pictures: Series) -> Offset | None:
+def offset_of(card: Times, pictures: Times) -> Offset | None:
     """Return the offset at which most files fall together with pictures; None where none do."""
     apart_s = _differences(card, pictures)
     apart_s = apart_s[np.abs(apart_s) <= FARTHEST_S]
@@ -75,7 +75,7 @@ def offset_of(card: Series, pictures: Series) -> Offset | None:
     return Offset(ahead_s, len(together), float((1.0 - np.abs(apart_s) / TOLERANCE_S).sum()) * (1.0 - wrong))
 
 
-def _differences(card: Series, pictures: Series) -> FloatArray:
+def _differences(card: Times, pictures: Times) -> FloatArray:
     """Return by how much the time of each file is after that of each picture, of pairs that may be the same."""
     thin = max(1, int(np.ceil(len(card.times_s) * len(pictures.times_s) / MOST_PAIRS)))
     times_s, places_m = card.times_s[::thin], card.places_m[::thin]
@@ -84,7 +84,7 @@ def _differences(card: Series, pictures: Series) -> FloatArray:
     return np.asarray(apart_s[~(apart_m > NEAR_M)])
 
 
-def matched(card: Series, pictures: Series, ahead_s: float) -> list[tuple[int, int]]:
+def matched(card: Times, pictures: Times, ahead_s: float) -> list[tuple[int, int]]:
     """Return (file, picture) of all that fall together, each at most once, the nearest in time first."""
     times_s = card.times_s - ahead_s
     candidates: list[tuple[float, int, int]] = []

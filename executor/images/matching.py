@@ -19,7 +19,7 @@ Key = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True)
-class Match:
+class FileMatch:
     """A file and the picture that it is."""
 
     file: PictureFile
@@ -40,10 +40,10 @@ class Card:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Matching:
     """What a folder holds of an index."""
 
-    matches: tuple[Match, ...]
+    matches: tuple[FileMatch, ...]
     cards: tuple[Card, ...]
     missing: tuple[ImageRow, ...]
     """Pictures without a file."""
@@ -52,7 +52,7 @@ class Found:
     strange: tuple[Path, ...]
     """Files that are no picture of this flight."""
     unreadable: tuple[tuple[Path, str], ...]
-    blurred: tuple[Match, ...] = ()
+    blurred: tuple[FileMatch, ...] = ()
     misaimed: tuple[ImageRow, ...] = ()
     """Pictures that do not count, with their flaws."""
     unseen: tuple[AssetRow, ...] = field(default=())
@@ -64,7 +64,7 @@ class Found:
         return not self.missing and not self.unseen
 
 
-def find(index: Index, files: Sequence[PictureFile], folder: Path) -> Found:
+def match_files(index: Index, files: Sequence[PictureFile], folder: Path) -> Matching:
     """Match files to an index."""
     readable = [file for file in files if not file.unreadable]
     once, doubled = _once(readable)
@@ -72,13 +72,13 @@ def find(index: Index, files: Sequence[PictureFile], folder: Path) -> Found:
     for row in index.images:
         groups.setdefault((row.vehicle, row.camera), []).append(row)
     cards = _owners(_cards(once, folder), groups, index)
-    matches: list[Match] = []
+    matches: list[FileMatch] = []
     for card in cards:
         if card.key is not None and card.offset is not None:
             matches += _matches(card, card.offset, groups[card.key], _frame(index))
     have = {id(match.image) for match in matches}
     used = {match.file.path for match in matches}
-    return Found(
+    return Matching(
         matches=tuple(matches),
         cards=tuple(cards),
         missing=tuple(row for row in index.images if id(row) not in have),
@@ -154,14 +154,14 @@ def _enough(files: int, rows: int) -> int:
     return max(1, min(files, rows) // 2)
 
 
-def _matches(card: Card, offset: Offset, rows: list[ImageRow], frame: LocalFrame) -> Iterator[Match]:
+def _matches(card: Card, offset: Offset, rows: list[ImageRow], frame: LocalFrame) -> Iterator[FileMatch]:
     timed = _timed(card)
     files = series(frame, [(file.taken_s or 0.0, file.lat_deg, file.lon_deg) for file in timed])
     pictures = series(frame, [(row.unix_s, row.lat_deg, row.lon_deg) for row in rows])
     for file, picture in matched(files, pictures, offset.ahead_s):
-        yield Match(timed[file], rows[picture], offset.ahead_s)
+        yield FileMatch(timed[file], rows[picture], offset.ahead_s)
 
 
-def _is_blurred(match: Match) -> bool:
+def _is_blurred(match: FileMatch) -> bool:
     exposure_s = match.file.exposure_s
     return exposure_s is not None and exposure_s * match.image.speed_m_s > BLUR_M

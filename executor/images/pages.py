@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 
-from executor.images.matching import Found, Match
+from executor.images.matching import FileMatch, Matching
 from executor.images.rows import AssetRow, ImageRow
 from executor.images.store import Index
 from missions.files import write_whole
@@ -39,7 +39,7 @@ table { border-collapse: collapse; font-size: .92rem; } td, th { text-align: lef
 """
 
 
-def write_assets(path: Path, index: Index, found: Found) -> None:
+def write_assets(path: Path, index: Index, found: Matching) -> None:
     """Write the page; a file that no thumbnail can be made of is named without one.
 
     Raises:
@@ -48,7 +48,7 @@ def write_assets(path: Path, index: Index, found: Found) -> None:
     write_whole(path, assets_page(index, found).encode("utf-8", errors="xmlcharrefreplace"))
 
 
-def assets_page(index: Index, found: Found) -> str:
+def assets_page(index: Index, found: Matching) -> str:
     """Return the page."""
     assets = list(dict.fromkeys(row.asset for row in index.assets))
     seen = {name: [row for row in index.assets if row.asset == name] for name in assets}
@@ -75,7 +75,7 @@ def _contents(seen: dict[str, list[AssetRow]]) -> str:
     return f"<table><thead><tr><th>asset<th>camera<th>state<th>missing</tr></thead><tbody>{rows}</tbody></table>"
 
 
-def _section(name: str, rows: Sequence[AssetRow], images: Sequence[ImageRow], found: Found) -> str:
+def _section(name: str, rows: Sequence[AssetRow], images: Sequence[ImageRow], found: Matching) -> str:
     asked = "; ".join(_asked(row) for row in rows)
     lacks = [row.missing for row in rows if row.missing]
     gone = [row for row in found.missing if row.asset == name]
@@ -97,7 +97,7 @@ def _asked(row: AssetRow) -> str:
     return f"{row.camera}: {row.take}{every}"
 
 
-def _figures(matches: Sequence[Match]) -> Iterator[str]:
+def _figures(matches: Sequence[FileMatch]) -> Iterator[str]:
     for match in matches:
         image = match.image
         words = f"{image.viewpoint}, {image.vehicle}, {match.file.path.name}"

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 
 from executor.core.context import Context
 from executor.core.payload.pictures import Picture
-from executor.core.seeing.proof import missing
+from executor.core.seeing.proof import unshown
 from executor.core.state import FleetState
 from missions.cameras import Looks, Trigger
 
@@ -127,7 +127,7 @@ def _assets(context: Context, state: FleetState, looks: Looks) -> Iterator[Asset
     network, past = context.setup.network, {one.segment for one in state.coverage.not_seen}
     for segment in sorted(context.wanted & {*looks.spans, *looks.pylons}):
         by = state.coverage.inspected.get(segment, "")
-        lacks = missing(context, state, segment)
+        lacks = unshown(context, state, segment)
         caught = state.coverage.caught.get(segment, ())
         ends = [network.pylons[end] for end in (network.segments[segment].a, network.segments[segment].b)]
         first, last = ((pylon.lat_deg, pylon.lon_deg) for pylon in ends)

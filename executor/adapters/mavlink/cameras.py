@@ -8,7 +8,7 @@ from typing import Any
 
 from executor.core.messages import CameraStatus, GimbalAttitude, PictureTaken
 from executor.core.words import shown
-from missions.cameras import Proof
+from missions.cameras import PictureProof
 
 FIRST_UNIX_S = 1e9
 """A time before 2001 is one since the vehicle's start."""
@@ -39,7 +39,7 @@ def _captured(frame: Any) -> PictureTaken:  # noqa: ANN401 - pymavlink's classes
     roll, pitch, yaw = angles_deg(frame.q)
     placed = (frame.lat, frame.lon) != (0, 0)
     return PictureTaken(
-        Proof.CAPTURED,
+        PictureProof.CAPTURED,
         frame.get_srcComponent(),
         frame.camera_id,
         frame.image_index,
@@ -60,7 +60,7 @@ def _captured(frame: Any) -> PictureTaken:  # noqa: ANN401 - pymavlink's classes
 def _feedback(frame: Any) -> PictureTaken:  # noqa: ANN401
     boot_s, unix_s = _times(frame.time_usec)
     return PictureTaken(
-        Proof.FEEDBACK,
+        PictureProof.FEEDBACK,
         frame.get_srcComponent(),
         frame.cam_idx + 1,
         frame.img_idx,
@@ -79,7 +79,9 @@ def _feedback(frame: Any) -> PictureTaken:  # noqa: ANN401
 
 def _trigger(frame: Any) -> PictureTaken:  # noqa: ANN401
     boot_s, unix_s = _times(frame.time_usec)
-    return PictureTaken(Proof.TRIGGER, frame.get_srcComponent(), 0, frame.seq, ok=True, boot_s=boot_s, unix_s=unix_s)
+    return PictureTaken(
+        PictureProof.TRIGGER, frame.get_srcComponent(), 0, frame.seq, ok=True, boot_s=boot_s, unix_s=unix_s
+    )
 
 
 def _status(frame: Any) -> CameraStatus:  # noqa: ANN401

@@ -16,11 +16,11 @@ from executor.core.coverage import END_TOLERANCE_M, SPEED_FACTOR, Track
 from executor.core.messages import CameraHeard, CameraStatus, GimbalAttitude, PayloadMessage, PictureTaken
 from executor.core.parts import OnBoard
 from executor.core.payload.aim import apart_deg, bearing_deg
-from executor.core.payload.pictures import CameraMemory, Picture, Wanted
+from executor.core.payload.pictures import CameraMemory, Picture, WantedPicture
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
-from missions.cameras import FIRST_COMPONENT, Camera, Capture, Proof, PylonLook, proof_of
+from missions.cameras import FIRST_COMPONENT, Camera, Capture, PictureProof, PylonLook, proof_of
 from planner import is_reversed
 
 MOST_WANTED = 50
@@ -99,7 +99,7 @@ def _status(
     return _caught(state, vehicle, camera, seen)
 
 
-def _counted(memory: CameraMemory, images: int | None) -> tuple[int | None, tuple[Wanted, ...]]:
+def _counted(memory: CameraMemory, images: int | None) -> tuple[int | None, tuple[WantedPicture, ...]]:
     """Return the highest number of a picture, and those that are to be asked for, once a camera says its count.
 
     Pictures are numbered from 0. The word of the newest may be under way, unless the count was heard before.
@@ -112,7 +112,7 @@ def _counted(memory: CameraMemory, images: int | None) -> tuple[int | None, tupl
         return images - 1, memory.wanted
     if not 0 < newest - last <= MOST_WANTED:
         return last, memory.wanted
-    return newest, (*memory.wanted, *map(Wanted, range(last + 1, newest + 1)))
+    return newest, (*memory.wanted, *map(WantedPicture, range(last + 1, newest + 1)))
 
 
 def _camera_of(context: Context, vehicle: VehicleState, message: PictureTaken) -> Camera | None:
@@ -159,7 +159,7 @@ def _numbered(memory: CameraMemory, sequence: int) -> CameraMemory | None:
     if last is None or sequence < last - BEGAN_ANEW or sequence > last + MOST_WANTED:
         return replace(memory, last=sequence, wanted=())
     if sequence > last:
-        return replace(memory, last=sequence, wanted=(*memory.wanted, *map(Wanted, range(last + 1, sequence))))
+        return replace(memory, last=sequence, wanted=(*memory.wanted, *map(WantedPicture, range(last + 1, sequence))))
     left = tuple(one for one in memory.wanted if one.sequence != sequence)
     return None if len(left) == len(memory.wanted) else replace(memory, wanted=left)
 
@@ -213,7 +213,7 @@ def _look(
     vehicle: VehicleState, camera: Camera, message: PictureTaken, now_s: float
 ) -> tuple[float | None, float | None]:
     """Return where the camera looked: by its own word, or by its gimbal's on a vehicle with this heading."""
-    if message.source is Proof.CAPTURED and message.pitch_deg is not None:
+    if message.source is PictureProof.CAPTURED and message.pitch_deg is not None:
         return message.pitch_deg, message.yaw_deg
     known, fix = vehicle.payload, vehicle.motion.fix
     fresh = known.gimbal_s is not None and now_s - known.gimbal_s <= GIMBAL_KNOWN_S
@@ -284,7 +284,7 @@ def _flaw(context: Context, vehicle: VehicleState, message: PictureTaken, pictur
         wanted_deg = (nose_deg + capture.yaw_deg) % 360
         yaw_deg = wanted_deg if picture.yaw_deg is None else picture.yaw_deg
         off_deg = apart_deg(picture.pitch_deg, yaw_deg, capture.pitch_deg, wanted_deg)
-    elif message.source is Proof.FEEDBACK and message.roll_deg is not None and message.pitch_deg is not None:
+    elif message.source is PictureProof.FEEDBACK and message.roll_deg is not None and message.pitch_deg is not None:
         off_deg = max(abs(message.roll_deg), abs(message.pitch_deg))  # of the vehicle, which carries it level
     return f"aimed {off_deg:.0f} degrees beside" if off_deg > capture.aim_deg else ""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from executor.core.messages import GimbalAttitude
-from missions.cameras import Proof
+from missions.cameras import PictureProof
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,7 +14,7 @@ class Picture:
 
     camera: str
     """By its name in the site file."""
-    source: Proof
+    source: PictureProof
     sequence: int
     at_s: float
     """When it was taken, in the ground station's time."""
@@ -40,7 +40,7 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class WantedPicture:
     """A picture that was passed over, and is asked for again."""
 
     sequence: int
@@ -61,7 +61,7 @@ class CameraMemory:
     """When it took its last picture that succeeded."""
     last: int | None = None
     """The highest number of a picture."""
-    wanted: tuple[Wanted, ...] = ()
+    wanted: tuple[WantedPicture, ...] = ()
     failures: int = 0
     """Pictures in a row that it says it could not take."""
     films: bool = False
@@ -79,7 +79,7 @@ class Broken:
 
 
 @dataclass(frozen=True, slots=True)
-class Payload:
+class PayloadState:
     """All cameras of one vehicle."""
 
     pictures: tuple[Picture, ...] = ()
@@ -96,7 +96,7 @@ class Payload:
         """Return what is known of a camera."""
         return next((one for one in self.cameras if one.name == name), CameraMemory(name, component))
 
-    def with_camera(self, camera: CameraMemory) -> Payload:
+    def with_camera(self, camera: CameraMemory) -> PayloadState:
         """Return it with what is known of one camera replaced."""
         others = tuple(one for one in self.cameras if one.name != camera.name)
         return replace(self, cameras=(*others, camera))
@@ -106,7 +106,7 @@ class Payload:
         return frozenset(one.camera for one in self.broken)
 
 
-NO_PAYLOAD = Payload()
+NO_PAYLOAD = PayloadState()
 
 
 @dataclass(frozen=True, slots=True)

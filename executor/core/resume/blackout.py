@@ -99,7 +99,7 @@ def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board:
     state = state.put(vehicle)
     new = [segment for segment in found.segments if segment not in state.coverage.inspected]
     heard_s = vehicle.link.heard_s or 0.0
-    state = proof.flown(context, state, vehicle.name, [(segment, None) for segment in new], heard_s)
+    state = proof.was_flown(context, state, vehicle.name, [(segment, None) for segment in new], heard_s)
     inferred = state.coverage.inferred | {*new, *proven}
     state = replace(state, coverage=replace(state.coverage, inferred=inferred))
     if found.why_not:

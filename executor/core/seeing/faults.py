@@ -38,7 +38,7 @@ OFF_S = 5.0
 FRESH_S = 3.0
 
 
-def looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:
+def cameras_looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Look at the cameras of everybody who is on a span."""
     if not context.setup.looks:
         return state, ()

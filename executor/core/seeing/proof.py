@@ -13,7 +13,7 @@ from types import MappingProxyType
 from executor.core.commands import AskPicture, Command, Level, Say
 from executor.core.context import Context
 from executor.core.coverage import SegmentPass
-from executor.core.payload.pictures import NotSeen, Unseen, Wanted
+from executor.core.payload.pictures import NotSeen, Unseen, WantedPicture
 from executor.core.payload.spans import most_apart_m, unseen_m
 from executor.core.state import FleetState
 from executor.core.vehicle import IN_THE_AIR, VehicleState
@@ -35,7 +35,7 @@ def asks(context: Context, segment: int) -> bool:
     return segment in context.setup.looks.spans or segment in context.setup.looks.pylons
 
 
-def flown(
+def was_flown(
     context: Context, state: FleetState, vehicle: str, segments: Iterable[tuple[int, SegmentPass | None]], now_s: float
 ) -> FleetState:
     """Take what was flown: it is inspected, or waits for its pictures."""
@@ -70,10 +70,10 @@ def passed_pylons(context: Context, state: FleetState, before: VehicleState, now
         for point in board.path.waypoints[was:now]
         if point.phase is Phase.INSPECT and point.visit is not None and board.tracks[point.visit].by_pictures
     ]
-    return flown(context, state, vehicle.name, done, now_s) if done else state
+    return was_flown(context, state, vehicle.name, done, now_s) if done else state
 
 
-def missing(context: Context, state: FleetState, segment: int) -> list[str]:
+def unshown(context: Context, state: FleetState, segment: int) -> list[str]:
     """Return in words what pictures do not show of a segment; nothing where they show all of it."""
     pylon = context.setup.looks.pylons.get(segment)
     if pylon is not None:
@@ -95,18 +95,18 @@ def missing(context: Context, state: FleetState, segment: int) -> list[str]:
 
 def missed(context: Context, state: FleetState) -> frozenset[int]:
     """Return what was flown and is not seen: at once, while the words of pictures may still come."""
-    waiting = {segment for segment in state.coverage.unseen if missing(context, state, segment)}
+    waiting = {segment for segment in state.coverage.unseen if unshown(context, state, segment)}
     return frozenset(waiting | {one.segment for one in state.coverage.not_seen} - set(state.coverage.inspected))
 
 
-def looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:
+def pictures_judged(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Ask again for lost words, and judge what was flown."""
     if not context.setup.looks:
         return state, ()
     state, asked = _asked_again(state, now_s)
     commands: list[Command] = list(asked)
     for segment, waits in state.coverage.unseen.items():
-        why = missing(context, state, segment)
+        why = unshown(context, state, segment)
         if why and now_s - waits.since_s < WAITS_S:
             continue
         state, more = _judged(context, state, segment, waits, why, now_s)
@@ -146,7 +146,7 @@ def _of_one(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
             continue  # an autopilot says each once
         due = [one for one in camera.wanted if one.tries < TRIES and now_s - one.at_s >= ASK_AGAIN_S][:AT_ONCE]
         if due:
-            asked = {one.sequence: Wanted(one.sequence, one.tries + 1, now_s) for one in due}
+            asked = {one.sequence: WantedPicture(one.sequence, one.tries + 1, now_s) for one in due}
             wanted = tuple(asked.get(one.sequence, one) for one in camera.wanted)
             payload = payload.with_camera(replace(camera, wanted=wanted))
             commands += [AskPicture(vehicle.name, camera.component, one.sequence) for one in due]

@@ -12,7 +12,7 @@ import pytest
 
 from executor.cli.main import main
 from executor.images.exif import picture_files, read_picture
-from executor.images.matching import find
+from executor.images.matching import match_files
 from executor.images.store import index_of, read_index, write_index
 from executor.simulated.cards import Cards
 from tests.stories.eyes import WIRED, Eyes
@@ -59,7 +59,7 @@ async def test_files_find_their_pictures(
     folder, run = tmp_path / "cards", tmp_path / "run"
     run.mkdir()
     sky = await flown(folder, run, ahead_s=ahead_s, places=places)
-    found = find(read_index(run), list(picture_files(folder)), folder)
+    found = match_files(read_index(run), list(picture_files(folder)), folder)
     assert not found.missing
     assert not found.strange
     assert not found.doubled

@@ -11,7 +11,7 @@ from executor.adapters.mavlink.cameras import angles_deg
 from executor.adapters.mavlink.codec import Codec
 from executor.core.messages import CameraHeard, CameraStatus, GimbalAttitude, Message, PictureTaken, SendCommand
 from executor.simulator.camera import quaternion
-from missions.cameras import Proof
+from missions.cameras import PictureProof
 
 NOWHERE = (0.0, 0.0, 0.0, 0.0)
 
@@ -32,7 +32,7 @@ def test_a_picture_of_a_mavlink_camera() -> None:
     said = heard(captured(quaternion(0.0, -72.0, 350.0), place=(496000000, 156000000)), 100)
     assert isinstance(said, PictureTaken)
     assert (said.source, said.component, said.sequence, said.ok, said.boot_s, said.file) == (
-        Proof.CAPTURED, 100, 7, True, 12.5, "DSC00008.JPG",
+        PictureProof.CAPTURED, 100, 7, True, 12.5, "DSC00008.JPG",
     )  # fmt: skip
     assert (said.lat_deg, said.lon_deg, said.alt_msl_m, said.alt_rel_m) == (49.6, 15.6, 300.0, 40.0)
     assert said.pitch_deg == pytest.approx(-72.0, abs=0.01)
@@ -52,10 +52,16 @@ def test_feedback_and_triggers_of_the_autopilots() -> None:
     )
     said = heard(feedback, 1)
     assert isinstance(said, PictureTaken)
-    assert (said.source, said.camera, said.sequence, said.boot_s, said.yaw_deg) == (Proof.FEEDBACK, 1, 5, 20.0, 90.0)
+    assert (said.source, said.camera, said.sequence, said.boot_s, said.yaw_deg) == (
+        PictureProof.FEEDBACK,
+        1,
+        5,
+        20.0,
+        90.0,
+    )
     dated = heard(mav.MAVLink_camera_trigger_message(1_790_000_000_000_000, 4), 1)
     assert isinstance(dated, PictureTaken)
-    assert (dated.source, dated.sequence, dated.boot_s, dated.unix_s) == (Proof.TRIGGER, 4, None, 1.79e9)
+    assert (dated.source, dated.sequence, dated.boot_s, dated.unix_s) == (PictureProof.TRIGGER, 4, None, 1.79e9)
 
 
 def test_a_status_a_heartbeat_and_a_gimbal() -> None:
