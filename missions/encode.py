@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from missions.autopilots.dialect import Dialect
 from missions.errors import EncodeError
 from missions.items import Command, Frame, MissionItem
+from missions.payload import begin_items, end_items
 from missions.waypoints import FlightPath, Phase, Waypoint
 
 GROUND_SPEED = 1.0
@@ -52,8 +53,15 @@ def encode(path: FlightPath, dialect: Dialect) -> EncodedMission:
             speed_m_s = point.speed_m_s
             items.append(_speed(len(items), speed_m_s, dialect))
             waypoint_of.append(index)
+        for item in begin_items(point, dialect):
+            items.append(replace(item, seq=len(items)))
+            waypoint_of.append(index)
         items.append(_place(len(items), point, dialect))
         waypoint_of.append(index)
+        for item in end_items(point, dialect):
+            # It comes when the leg is over: who is there flies to the next waypoint.
+            items.append(replace(item, seq=len(items)))
+            waypoint_of.append(min(index + 1, len(path.waypoints) - 1))
     if len(items) > dialect.max_items:
         raise EncodeError(
             f"{path.vehicle}: expected at most {dialect.max_items} items for {dialect.name}, got {len(items)}"
@@ -97,7 +105,8 @@ def _place(seq: int, point: Waypoint, dialect: Dialect) -> MissionItem:
     elif point.phase is Phase.LAND:
         command, param2 = Command.NAV_LAND, 0.0
     elif point.hold:
-        param1, param2 = dialect.performance.hold_s, dialect.stop_radius_m
+        # Whole seconds: ArduPilot keeps no others.
+        param1, param2 = max(dialect.performance.hold_s, float(math.ceil(point.hover_s))), dialect.stop_radius_m
     has_position = command is not Command.NAV_TAKEOFF or dialect.takeoff_with_position
     return MissionItem(
         seq=seq,

@@ -54,7 +54,7 @@ def estimate(path: FlightPath, model: FlightModel, *, consumption: float = 1.0) 
             upright = model.take_off if point.phase is Phase.TAKEOFF else model.landing
             seconds[index], pct[index] = upright(np.abs(along_m[index, 2]))
             continue
-        more_s = performance.settle_s * stops[index] + performance.hold_s * point.hold
+        more_s = performance.settle_s * stops[index] + max(performance.hold_s, point.hover_s) * point.hold
         before_m = along_m[index - 1] if index and path.waypoints[index - 1].phase is not Phase.TAKEOFF else UNKNOWN
         if index and stops[index - 1]:
             more_s += float(performance.turns_s(before_m, along_m[index]))

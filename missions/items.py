@@ -48,6 +48,20 @@ class Command(IntEnum):
     NAV_LAND = 21
     NAV_TAKEOFF = 22
     DO_CHANGE_SPEED = 178
+    DO_DIGICAM_CONTROL = 203
+    DO_SET_CAM_TRIGG_DIST = 206
+    DO_GIMBAL_MANAGER_PITCHYAW = 1000
+    IMAGE_START_CAPTURE = 2000
+    IMAGE_STOP_CAPTURE = 2001
+    VIDEO_START_CAPTURE = 2500
+    VIDEO_STOP_CAPTURE = 2501
+
+
+PAYLOAD = frozenset({
+    Command.DO_DIGICAM_CONTROL, Command.DO_SET_CAM_TRIGG_DIST, Command.DO_GIMBAL_MANAGER_PITCHYAW,
+    Command.IMAGE_START_CAPTURE, Command.IMAGE_STOP_CAPTURE, Command.VIDEO_START_CAPTURE, Command.VIDEO_STOP_CAPTURE,
+})  # fmt: skip
+"""What is for a camera or its gimbal."""
 
 
 @dataclass(frozen=True, slots=True)

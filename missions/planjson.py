@@ -170,6 +170,10 @@ class InspectionPart(_Part):
     """`flat`: the ground is claimed to be as high as the depot's everywhere."""
 
 
+def _is_empty(value: tuple[object, ...]) -> bool:
+    return not value
+
+
 class VehicleModelPart(_Part):
     """How one vehicle flies."""
 
@@ -177,6 +181,8 @@ class VehicleModelPart(_Part):
     performance: Performance
     pace: Annotated[Pace, Field(exclude_if=_is_modelled)] = AS_MODELLED
     """What was learned of it in flight: factors on the times and energies of its legs."""
+    barred: Annotated[tuple[Id, ...], Field(exclude_if=_is_empty)] = ()
+    """Positions in `segments` of those that it cannot be given, for it lacks a camera that they ask for."""
 
 
 class AreaPart(_Part):
@@ -209,10 +215,6 @@ class UnreachablePart(_Part):
     """Its id in the network; it is none of `segments`."""
     name: Text
     why: Text
-
-
-def _is_empty(value: tuple[object, ...]) -> bool:
-    return not value
 
 
 class ReliefPart(_Part):
@@ -253,6 +255,8 @@ class ModelPart(_Part):
     """That ways lead around."""
     relief: Annotated[ReliefPart | None, Field(exclude_if=is_none)] = None
     """Where a raster knows the ground; without it ways rise and fall evenly."""
+    besides_s: Annotated[tuple[tuple[Id, Figure], ...], Field(exclude_if=_is_empty)] = ()
+    """Positions in `segments` of those that take longer than their tracks, and by how much."""
 
 
 class PlanDocument(_Part):
@@ -454,7 +458,12 @@ def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
         "name": "flight",
         "power": models[0].power,
         "vehicles": [
-            {"base": pricing.bases[vehicle.name], "performance": model.performance, "pace": model.pace}
+            {
+                "base": pricing.bases[vehicle.name],
+                "performance": model.performance,
+                "pace": model.pace,
+                "barred": sorted(pricing.barred.get(vehicle.name, ())),
+            }
             for vehicle, model in zip(vehicles, models, strict=True)
         ],
         "tracks": pricing.tracks_m.tolist(),
@@ -472,6 +481,7 @@ def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
             for one in pricing.kept_out
         ],
         "relief": pricing.relief and _relief(pricing.relief.grid),
+        "besides_s": sorted(pricing.besides_s.items()),
     }
 
 
@@ -496,10 +506,12 @@ def _pricing(document: PlanDocument) -> Pricing | None:
         model.pads,
         model.column_m,
         model.answer_s,
-        tuple(map(_kept_out, model.areas)),
-        None
+        kept_out=tuple(map(_kept_out, model.areas)),
+        relief=None
         if relief is None
         else Relief(Grid((relief.east_m, relief.north_m), relief.step_m, np.array(relief.heights_m))),
+        barred={name: frozenset(own.barred) for name, own in named.items() if own.barred},
+        besides_s=dict(model.besides_s),
     )
 
 

@@ -37,6 +37,8 @@ TABLES_UP_TO = 1000
 """Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
 AROUND_UP_TO = 1000
 """Segments times vehicles up to which ways lead around others' pads: each vehicle then has moves of its own."""
+BARRED_PCT = 1e5
+"""Of a full battery: a visit that takes so much fits into no budget."""
 DEPOT_M = (0.0, 0.0)
 """The depot in its own frame; pads are a few steps away."""
 UNKNOWN = np.zeros(3)
@@ -180,6 +182,23 @@ class Flier:
     model: FlightModel
     columns: Columns = field(default_factory=Columns)
     relief: Relief | None = None
+    barred: frozenset[int] = frozenset()
+    """Segments that it cannot be given."""
+
+    besides_s: tuple[tuple[int, float], ...] = ()
+    """Segments that take longer than their tracks, and by how much."""
+
+    def besides(self, visits: int) -> FloatArray:
+        """Return (2, visits) float64: seconds and energy that visits take besides.
+
+        That is more than any battery holds where the vehicle is barred from a visit.
+        """
+        more = np.zeros((2, visits))
+        for segment, seconds in self.besides_s:
+            more[:, 2 * segment : 2 * segment + 2] = [[seconds], [seconds * self.model.hover_pct_per_s]]
+        for segment in self.barred:
+            more[1, 2 * segment : 2 * segment + 2] += BARRED_PCT
+        return more
 
     def moves(
         self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray
@@ -240,6 +259,10 @@ class Pricing:
     """Areas that ways lead around, however many segments there are."""
     relief: Relief | None = None
     """The lowest layer's heights, where a raster knows the ground; without it ways rise evenly."""
+    barred: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    """By the vehicle's name: segments that it cannot be given, for it lacks what they ask for."""
+    besides_s: Mapping[int, float] = field(default_factory=dict)
+    """Segments that take longer than their tracks, and by how much: pylons with viewpoints."""
 
     def fliers(self, vehicles: Iterable[str], *, around: bool) -> list[Flier]:
         """Return how vehicles move.
@@ -248,7 +271,17 @@ class Pricing:
             vehicles: Their names.
             around: Whether their ways lead around others' pads.
         """
-        return [Flier(self.models[name], self._columns(name, around=around), self.relief) for name in vehicles]
+        longer = tuple(sorted(self.besides_s.items()))
+        return [
+            Flier(
+                self.models[name],
+                self._columns(name, around=around),
+                self.relief,
+                self.barred.get(name, frozenset()),
+                longer,
+            )
+            for name in vehicles
+        ]
 
     def _columns(self, vehicle: str, *, around: bool) -> Columns:
         areas = tuple(obstacle_of(one.area) for one in self.kept_out if vehicle in one.vehicles)
@@ -261,9 +294,16 @@ class Pricing:
     def part(self, segments: Sequence[int], vehicles: Iterable[str]) -> Pricing:
         """Return that of some segments, numbered anew in the order given, and of some vehicles."""
         names = tuple(vehicles)
+        numbers = {segment: number for number, segment in enumerate(segments)}
         return replace(
             self,
             tracks_m=self.tracks_m[list(segments)],
+            besides_s={numbers[segment]: seconds for segment, seconds in self.besides_s.items() if segment in numbers},
+            barred={
+                name: frozenset(numbers[segment] for segment in self.barred[name] if segment in numbers)
+                for name in names
+                if name in self.barred
+            },
             bases={name: self.bases[name] for name in names},
             models={name: self.models[name] for name in names},
         )
@@ -279,6 +319,8 @@ class FlownMoves:
     """(2n, 3) float64: where it ends."""
     fliers: tuple[Flier, ...]
     """One for each profile."""
+    besides: FloatArray | None = None
+    """(2, profiles, 2n) float64: seconds and energy that visits take besides, by profile; None where none do."""
 
     @property
     def profiles(self) -> int:
@@ -300,7 +342,9 @@ class FlownMoves:
 
     def part(self, visits: Sequence[int]) -> MoveTables:
         """Return the moves between some of the visits, as tables."""
-        return replace(self, first_m=self.first_m[list(visits)], last_m=self.last_m[list(visits)]).tables()
+        which = list(visits)
+        besides = None if self.besides is None else self.besides[..., which]
+        return replace(self, first_m=self.first_m[which], last_m=self.last_m[which], besides=besides).tables()
 
     def tables(self) -> MoveTables:
         """Return all moves."""
@@ -312,7 +356,12 @@ class FlownMoves:
 
     def _between(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
         facing_m = self.last_m[before] - self.first_m[before]
-        return self.fliers[profile].moves(self.last_m[before], facing_m, self.first_m[after], self.last_m[after])
+        seconds, pct = self.fliers[profile].moves(
+            self.last_m[before], facing_m, self.first_m[after], self.last_m[after]
+        )
+        if self.besides is None:
+            return seconds, pct
+        return seconds + self.besides[0, profile][after], pct + self.besides[1, profile][after]
 
 
 def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_to: int = TABLES_UP_TO) -> Instance:
@@ -334,7 +383,9 @@ def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_t
     around = len(tracks_m) * len(vehicles) <= AROUND_UP_TO
     fliers = pricing.fliers((vehicle.name for vehicle in vehicles), around=around)
     profiles = tuple(dict.fromkeys(fliers))
-    flown = FlownMoves(first_m, last_m, profiles)
+    more = any(flier.barred or flier.besides_s for flier in fliers)
+    besides = np.stack([flier.besides(len(first_m)) for flier in profiles], axis=1) if more else None
+    flown = FlownMoves(first_m, last_m, profiles, besides)
     moves: Moves = flown.tables() if profiles and len(tracks_m) <= tables_up_to else flown
     start, again, home = (np.zeros((2, len(vehicles), len(first_m))) for _ in range(3))
     idle = np.zeros((2, len(vehicles)))
@@ -349,6 +400,10 @@ def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_t
             facing_m = np.array([*vehicle.facing_m, 0.0])
             start[:, row] = flier.moves(here_m, facing_m, first_m, last_m)
             idle[:, row] = flier.ways_home(here_m, facing_m, base)
+    if more:
+        own = np.stack([flier.besides(len(first_m)) for flier in fliers], axis=1)
+        start += own
+        again += own
     consumption = np.array([vehicle.consumption for vehicle in vehicles], dtype=np.float64)[:, np.newaxis]
     return Instance(
         vehicles=tuple(vehicles),

@@ -10,10 +10,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from missions.cameras import Capture, PylonLook
 from missions.geo import FloatArray
 from missions.pricing import SAME_PLACE_M
 from missions.setup import FlightSetup
@@ -105,9 +106,38 @@ class _Flight:
 
     def _visit(self, number: int, visit: int) -> Iterator[Waypoint]:
         start, end = self._inspection_m(visit)
+        pylon = self.setup.looks.pylons.get(segment_of(visit))
+        if pylon is not None:
+            yield from self._around(number, visit, pylon, start)
+            return
         if math.hypot(*(start[:2] - self.here_m[:2])) > SAME_PLACE_M:
             yield from self._transit(start, Phase.TRANSIT, visit=number, hold=True)
-        yield self._to(end, Phase.INSPECT, self.setup.inspection.speed_m_s, hold=True, visit=number)
+        inspected = self._to(end, Phase.INSPECT, self.setup.inspection.speed_m_s, hold=True, visit=number)
+        yield replace(inspected, captures=self._captures(visit)) if self.setup.looks else inspected
+
+    def _around(self, number: int, visit: int, look: PylonLook, start_m: FloatArray) -> Iterator[Waypoint]:
+        """Yield the viewpoints of a pylon: a stop at each, the last of them ends its inspection."""
+        points = look.points[::-1] if is_reversed(visit) else look.points
+        layers = self.setup.layers
+        for index, point in enumerate(points):
+            captures = (self.setup.looks.capture_at(look, point),)
+            if index == 0:
+                *before, stop = self._transit(start_m, Phase.TRANSIT, visit=number, hold=True)
+                yield from before
+            else:
+                place_m = np.array([*point.place_m, layers.height_m(self.vehicle, *point.place_m)])
+                phase = Phase.INSPECT if index + 1 == len(points) else Phase.TRANSIT
+                stop = self._to(place_m, phase, self.setup.inspection.speed_m_s, hold=True, visit=number)
+            yield replace(stop, captures=captures, hover_s=look.hover_s)
+
+    def _captures(self, visit: int) -> tuple[Capture, ...]:
+        inspection = self.setup.inspection
+        return self.setup.looks.captures(
+            segment_of(visit),
+            height_m=inspection.height_m + self.setup.layers.offset_m(self.vehicle),
+            standoff_m=inspection.standoff_m,
+            reverse=is_reversed(visit),
+        )
 
     def _inspection_m(self, visit: int) -> tuple[FloatArray, FloatArray]:
         """Return (3,) start and end of a visit's inspection leg in this vehicle's layer."""

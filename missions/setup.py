@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from missions.areas import Area, KeptOut, NamedPlace, Unreachable
+from missions.cameras import NO_LOOKS, Looks
 from missions.detours import Columns
 from missions.errors import SafetyError
 from missions.geo import FloatArray, LocalFrame
@@ -80,6 +81,8 @@ class FlightSetup:
     """Where a vehicle may come down that does not come home."""
     terrain: Terrain | None = None
     """The ground, where a raster knows it."""
+    looks: Looks = NO_LOOKS
+    """What is to be seen, and who has the cameras for it."""
 
     def __post_init__(self) -> None:
         """Check that the parts belong to each other.

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from missions.cameras import Capture
+
 
 class Phase(Enum):
     """What the vehicle does on the leg that *ends* at a waypoint."""
@@ -33,6 +35,10 @@ class Waypoint:
     """Whether the vehicle must come to a stop here, so that the next leg's speed is flown from its beginning."""
     visit: int | None = None
     """Position in the route of the visit that this leg belongs to (transit and inspection); None for the rest."""
+    captures: tuple[Capture, ...] = ()
+    """What cameras do along the leg that ends here."""
+    hover_s: float = 0.0
+    """How long it stays here, where that is longer than the hold that every stop takes."""
 
 
 @dataclass(frozen=True, slots=True)

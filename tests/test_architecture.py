@@ -122,7 +122,7 @@ COMMANDS = ("DO_SET_MODE", "DO_CHANGE_SPEED", "MISSION_START", "COMPONENT_ARM_DI
             "SET_MESSAGE_INTERVAL", "REQUEST_MESSAGE")  # fmt: skip
 MESSAGES = ("HEARTBEAT", "GLOBAL_POSITION_INT", "SYS_STATUS", "MISSION_CURRENT", "BATTERY_STATUS", "AUTOPILOT_VERSION",
             "EXTENDED_SYS_STATE", "ATTITUDE", "GPS_RAW_INT", "RC_CHANNELS", "WIND", "WIND_COV",
-            "FENCE_STATUS")  # fmt: skip
+            "FENCE_STATUS", "CAMERA_IMAGE_CAPTURED")  # fmt: skip
 
 
 def test_the_numbers_of_orders_are_mavlinks() -> None:

@@ -78,6 +78,7 @@ REFUSED = {
     "fly mapped.toml --yes": ("[map] background", Extra.MAPS),
     "plan over.toml": ("ground.tif: a raster", Extra.TERRAIN),
     "bench terrain": ("bench terrain", Extra.TERRAIN),
+    "images . --run .": ("faultline images", Extra.IMAGES),
     "bench fleet --browsers 1": ("bench fleet --browsers", Extra.WEB),
 }
 """What needs one: in whose words, and which."""

@@ -162,6 +162,27 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/analysis/pictures/profile.py",
         "executor/analysis/profile.py",
     ),
+    "tests/stories/test_pictures.py": (
+        "executor/core/hearing/pictures.py",
+        "executor/core/payload/pictures.py",
+        "executor/core/seeing/faults.py",
+        "executor/core/seeing/proof.py",
+        "executor/simulator/camera.py",
+    ),
+    "tests/executor/images/test_matching.py": (
+        "executor/cli/images.py",
+        "executor/images/clocks.py",
+        "executor/images/exif.py",
+        "executor/images/pages.py",
+        "executor/images/rows.py",
+        "executor/images/store.py",
+        "executor/simulated/cards.py",
+    ),
+    "tests/executor/site/test_looks.py": (
+        "executor/site/tables/cameras.py",
+        "missions/viewpoints.py",
+    ),
+    "tests/missions/test_payload.py": ("missions/cameras.py",),
     "tests/missions/readers/test_build.py": (
         "missions/readers/aftermath.py",
         "missions/readers/choice.py",

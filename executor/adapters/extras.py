@@ -16,6 +16,7 @@ class Extra(Enum):
     """The extras that something is refused without, as pyproject.toml names them."""
 
     PICTURES = "pictures"
+    IMAGES = "images"
     MAVSDK = "mavsdk"
     LOGS = "logs"
     WEB = "web"
@@ -28,6 +29,7 @@ class Extra(Enum):
 
 MODULES: Mapping[Extra, tuple[str, ...]] = {
     Extra.PICTURES: ("matplotlib",),
+    Extra.IMAGES: ("PIL",),
     Extra.MAVSDK: ("mavsdk",),
     Extra.LOGS: ("pyulog",),
     Extra.WEB: ("starlette", "uvicorn"),
@@ -38,7 +40,7 @@ MODULES: Mapping[Extra, tuple[str, ...]] = {
     Extra.TERRAIN: ("rasterio",),
 }
 """What is imported of each."""
-INSTALLED_BY: Mapping[str, str] = {"shapefile": "pyshp", "PIL": "pillow"}
+INSTALLED_BY: Mapping[str, str] = {"PIL": "pillow", "shapefile": "pyshp"}
 """The name that a module is installed by, where that is another one."""
 
 

@@ -109,6 +109,31 @@ class RunDirectory:
         """Return the file that is locked while the directory is flown."""
         return self.path / ".lock"
 
+    @property
+    def images_csv(self) -> Path:
+        """Return the pictures of the flight, as a table."""
+        return self.path / "images.csv"
+
+    @property
+    def images_geojson(self) -> Path:
+        """Return the same with the assets, for maps."""
+        return self.path / "images.geojson"
+
+    @property
+    def images_sqlite(self) -> Path:
+        """Return the same as tables, which the files of the cards are matched to."""
+        return self.path / "images.sqlite"
+
+    @property
+    def images_files(self) -> Path:
+        """Return which file is which picture."""
+        return self.path / "images-files.csv"
+
+    @property
+    def assets(self) -> Path:
+        """Return the page of every asset with its pictures."""
+        return self.path / "assets.html"
+
     def plan(self, revision: int) -> Path:
         """Return a plan: the first is 0, every re-plan one more."""
         return self.path / f"plan-{revision:03d}.json"

@@ -185,7 +185,8 @@ def paced(pricing: Pricing, problem: Solve) -> Pricing:
         name: replace(model, pace=model.pace.times(shown[name])) if name in shown else model
         for name, model in pricing.models.items()
     }
-    return replace(pricing, models=models)
+    barred = {offer.vehicle: frozenset(offer.barred) for offer in problem.survivors if offer.barred}
+    return replace(pricing, models=models, barred=barred)
 
 
 def _gain(instance: Instance, carried: CarriedPlan, best: Plan, spare: set[int], names: Sequence[str]) -> Gain:

@@ -226,6 +226,24 @@ class NotCountedRow(Document):
     reason: str
 
 
+class SeenRow(Document):
+    """What an asset asked of a camera, and what became of it."""
+
+    segment: Whole
+    name: str
+    camera: str
+    take: str
+    """pictures, video, or how many viewpoints."""
+    state: str
+    """seen, not seen or not flown."""
+    vehicle: str
+    """Who has seen it; empty if nobody has."""
+    pictures: Whole
+    """How many count."""
+    missing: str
+    """What no picture shows, in words."""
+
+
 class LegRow(Document):
     """A leg of a mission, from one waypoint to the next with the hold there, as planned and as flown."""
 
@@ -303,6 +321,8 @@ class FlightReport(Document):
     heights: HeightsPart | None = None
     absences: tuple[AbsenceRow, ...] = ()
     """Times in which the ground station itself was away."""
+    seen: tuple[SeenRow, ...] = ()
+    """What assets asked of cameras."""
     inferred: tuple[Whole, ...] = ()
     """Ids of segments that count by evidence, not by positions, after an absence."""
     min_separation_m: Number | None

@@ -21,6 +21,7 @@ from executor.analysis.documents import (
     PadPart,
     ParameterRow,
     ReplanRow,
+    SeenRow,
     UnreachableRow,
     VehicleRow,
 )
@@ -34,6 +35,7 @@ from executor.core.preflight.checks import Check, Facts
 from executor.core.state import FleetState, ReplanRecord
 from executor.core.vehicle import Fault, Stage, VehicleState
 from executor.core.view import state_word
+from executor.images.rows import AssetRow, asset_rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,16 +173,33 @@ def report_of(
             )
             for absence in state.listening.absences
         ),
+        seen=tuple(map(_seen, asset_rows(context, state))),
         inferred=tuple(sorted(state.coverage.unproven())),
         min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
         inspection_speed_m_s=context.inspection_speed_m_s,
-        inspections=tuple(_inspection(context, state, segment) for segment in sorted(state.coverage.flown)),
+        inspections=tuple(
+            _inspection(context, state, segment)
+            for segment in sorted(set(state.coverage.flown) & set(state.coverage.inspected))
+        ),
         not_counted=tuple(
             NotCountedRow(vehicle=vehicle.name, segment=segment, name=context.segment_name(segment), reason=reason)
             for vehicle in state.vehicles.values()
             for segment, reason in vehicle.assignment.runs_broken
         ),
         routes=flown_routes(state, {name: setup.prior.factor for name, setup in context.vehicles.items()}),
+    )
+
+
+def _seen(row: AssetRow) -> SeenRow:
+    return SeenRow(
+        segment=row.segment,
+        name=row.asset,
+        camera=row.camera,
+        take=row.take,
+        state=row.state,
+        vehicle=row.vehicle,
+        pictures=row.pictures,
+        missing=row.missing,
     )
 
 

@@ -65,6 +65,15 @@ ROUTES = (
     "planned (% of battery)", "flown (%)", "error (%)",
 )  # fmt: skip
 LEGS = ("leg", "for", "segment", "planned (s)", "flown (s)", "planned (% of battery)", "flown (%)")
+SEEN = {
+    "name": "asset",
+    "camera": "camera",
+    "take": "asked",
+    "state": "state",
+    "vehicle": "by",
+    "pictures": "pictures",
+    "missing": "missing",
+}
 NOT_COUNTED = {"vehicle": "vehicle", "segment": "segment", "reason": "reason"}
 
 _CLASSES = {Level.INFO: "", Level.WARNING: "warning", Level.FAULT: "fault"}
@@ -131,6 +140,7 @@ def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, byte
         _section("Not at home: where to look", AWAY, _away(report)),
         _section("Before the flight", CHECKS.values(), _rows(report, report.checks, CHECKS), _severities(report)),
         _section("How the segments were flown", INSPECTIONS.values(), _rows(report, report.inspections, INSPECTIONS)),
+        _section("What was seen", SEEN.values(), _rows(report, report.seen, SEEN), _unseen(report)),
         _section("Flown, but not counted", NOT_COUNTED.values(), _rows(report, report.not_counted, NOT_COUNTED)),
         _section("Planned and flown", ROUTES, _routes(report)) + "".join(_legs(report)),
         _section("Decisions", DECISIONS, _decisions(record), [_CLASSES[one.level] for one in record.decisions]),
@@ -176,6 +186,10 @@ def _facts(record: FlightRecord, report: FlightReport) -> str:
 
 def _severities(report: FlightReport) -> list[str]:
     return ["" if check.severity is Severity.OK else "warning" for check in report.checks]
+
+
+def _unseen(report: FlightReport) -> list[str]:
+    return ["" if row.state == "seen" else "fault" for row in report.seen]
 
 
 def _speeds(report: FlightReport) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from executor.cli import exports, flights, init_site, network, plans, replay, restore, risk
+from executor.cli import exports, flights, images, init_site, network, plans, replay, restore, risk
 from executor.cli.bench import cli as bench
 
 cli = typer.Typer(
@@ -30,6 +30,7 @@ for command in (
     flights.preflight,
     flights.resume,
     restore.restore,
+    images.images,
 ):
     cli.command()(command)
 cli.command("replay")(replay.replay_logs)

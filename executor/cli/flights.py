@@ -11,7 +11,7 @@ from typing import Annotated, TextIO
 
 import typer
 
-from executor.adapters.extras import Extra, what_to_install
+from executor.adapters.extras import Extra, need, what_to_install
 from executor.adapters.interrupts import nobody_reads
 from executor.adapters.run_directory import RunDirectory, new_run_directory
 from executor.analysis.documents import FlightReport
@@ -158,17 +158,23 @@ def simulate(
             help="Vehicles have a GCS failsafe: RTL when the ground station is silent. Without it they fly on.",
         ),
     ] = False,
+    cards: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write what the site's cameras take there, as JPEGs with EXIF."),
+    ] = None,
 ) -> None:
     """Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C."""
-    from executor.simulated.fleet import run_simulation
+    from executor.simulated.fleet import Outputs, run_simulation
 
     can_be_written(truth)
+    if cards is not None:
+        need(Extra.IMAGES, "--cards")
     content = read_site(site)
     ground = assembly.ground_of(content, site.parent)
     factor = content.flight.speedup if speedup is None else speedup
     run_simulation(
-        ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, truth=truth, failsafe=failsafe,
-        key=signing_key(content, site.parent),
+        ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, outputs=Outputs(truth, cards),
+        failsafe=failsafe, key=signing_key(content, site.parent),
     )  # fmt: skip
 
 

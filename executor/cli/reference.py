@@ -236,7 +236,7 @@ def _value(value: object) -> str:
         case bool():
             return f"`{str(value).lower()}`"
         case tuple():
-            return f"`[{', '.join(f'{one:g}' for one in value)}]`"
+            return f"`[{', '.join(f'{one:g}' if isinstance(one, float) else repr(one) for one in value)}]`"
         case float():
             return f"`{value:g}`"
         case _:

@@ -15,7 +15,7 @@ from executor.adapters.mqtt import intake, payloads
 from executor.analysis import documents, learned
 from executor.core import state, view
 from executor.site import config
-from executor.site.tables import aircraft, areas, fence, flight, ground, links, terrain
+from executor.site.tables import aircraft, areas, cameras, fence, flight, ground, links, terrain
 from executor.site.tables import learned as learned_table
 from executor.site.tables import map as map_table
 from missions import planfile, planjson
@@ -38,7 +38,7 @@ MESSAGES: dict[str, type[BaseModel]] = {
     "telemetry": payloads.TelemetryMessage,
     "vehicle-state": payloads.VehicleStateMessage,
 }
-SITE = (config, aircraft, areas, fence, flight, ground, learned_table, links, map_table, terrain)
+SITE = (config, aircraft, areas, cameras, fence, flight, ground, learned_table, links, map_table, terrain)
 """The modules that the site file's keys are in."""
 Words = Mapping[tuple[str, str], str]
 

@@ -99,6 +99,15 @@ class ReadMission:
 
 
 @dataclass(frozen=True, slots=True)
+class AskPicture:
+    """Ask a camera to say again that it took a picture: its word got lost on the way."""
+
+    vehicle: str
+    component: int
+    sequence: int
+
+
+@dataclass(frozen=True, slots=True)
 class HandsOff:
     """Say nothing more to the vehicle: a person has it. What is half on board is still made whole."""
 
@@ -130,6 +139,8 @@ class Survivor:
     """What it has shown of its pace in this flight, beside the one of its model."""
     facing_m: tuple[float, float] = (0.0, 0.0)
     """East and north along the leg on which it comes there; of no length where nobody knows."""
+    barred: tuple[int, ...] = ()
+    """Segments that it cannot be given, for it has no camera that does what they ask for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,6 +187,7 @@ Command = (
     | Disarm
     | HandsOff
     | AskStreams
+    | AskPicture
     | ReadMission
     | Solve
     | Compose

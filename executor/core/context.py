@@ -132,6 +132,8 @@ class Context(Scene):
     """How long solving and uploading a re-plan may take, in the vehicles' time."""
     fencing: Fencing | None = None
     """None where the site says nothing of fences."""
+    camera_home: bool = True
+    """Whether a vehicle whose camera or gimbal fails comes home; else it goes on with what it can see."""
 
     @property
     def segments(self) -> int:

@@ -30,6 +30,8 @@ class Track:
     segment: int
     begin_m: tuple[float, float]
     end_m: tuple[float, float]
+    by_pictures: bool = False
+    """Whether pictures alone prove it: a pylon, which is flown around."""
 
     @property
     def length_m(self) -> float:

@@ -38,11 +38,12 @@ from executor.core.faults import link_loss, streams, warnings, watchpoints
 from executor.core.faults.watching import View, Watchpoint
 from executor.core.hearing import texts
 from executor.core.hearing.fold import fold
+from executor.core.hearing.pictures import payload_heard
 from executor.core.hearing.strangers import stranger_lines
 from executor.core.homing import down, homeward
 from executor.core.homing.homeward import comes_home, on_mission
 from executor.core.homing.landing import has_landed, touched_down
-from executor.core.messages import ComponentText, Heartbeat, LandedState, MissionCurrent, Position
+from executor.core.messages import ComponentText, Heartbeat, LandedState, MissionCurrent, PayloadMessage, Position
 from executor.core.operator import handling
 from executor.core.parts import Assignment, Cause, OnBoard
 from executor.core.places import (
@@ -56,6 +57,8 @@ from executor.core.replan import offering, replanning
 from executor.core.resume import blackout, resuming
 from executor.core.roster import killswitch, offers, takeover
 from executor.core.roster.withdraw import declare
+from executor.core.seeing import faults as faults_of_cameras
+from executor.core.seeing import proof
 from executor.core.separation import separated
 from executor.core.state import Briefing, CheckLine, Crew, FleetState, Outlook, Question, SaidLine, Told
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, aboard, carrying, moved_to
@@ -148,6 +151,8 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
     before = state.vehicles[event.vehicle]
     if isinstance(event.message, ComponentText):
         return texts.said_aboard(state, before, event.message, now_s)
+    if isinstance(event.message, PayloadMessage):
+        return payload_heard(context, state, before, event.message, now_s), ()
     folded = fold(context, before, event.message, now_s)
     if isinstance(event.message, Heartbeat):
         folded = replace(folded, state=causes.judged(context, state.listening.absences, before, folded.state, now_s))
@@ -165,13 +170,8 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
         state, more = killswitch.kill_heard(state, state.vehicles[event.vehicle], folded.text, now_s)
         commands.extend(more)
     if folded.inspected is not None and folded.inspected not in state.coverage.inspected:
-        inspected = MappingProxyType({**state.coverage.inspected, folded.inspected: event.vehicle})
-        flown = (
-            {**state.coverage.flown, folded.inspected: folded.flown}
-            if folded.flown is not None
-            else state.coverage.flown
-        )
-        state = replace(state, coverage=replace(state.coverage, inspected=inspected, flown=MappingProxyType(flown)))
+        state = proof.was_flown(context, state, event.vehicle, [(folded.inspected, folded.flown)], now_s)
+    state = proof.passed_pylons(context, state, before, now_s)
     if folded.state.assignment.runs_broken is not before.assignment.runs_broken:
         # What was inferred of its beginning is worth nothing now: it counts when all of it is seen.
         broken = {folded.state.assignment.runs_broken[-1][0]} - set(state.coverage.inspected)
@@ -242,6 +242,9 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
         state = blackout.began(state, state.listening.silent_since_s)
     for name in state.vehicles:
         state, more = _look_at(context, state, name, now_s)
+        commands.extend(more)
+    for look in (proof.pictures_judged, faults_of_cameras.cameras_looked_at):
+        state, more = look(context, state, now_s)
         commands.extend(more)
     state, more = offering.offered_again(context, state, now_s)
     commands.extend(more)

@@ -36,7 +36,8 @@ class Action(Enum):
     REPLAN = "replan"
     """Plan everything anew that is still to be flown."""
     PROVE = "prove"
-    """Fly again, for proof by positions, what counts as inspected by evidence alone."""
+    """Fly again, for proof, what counts as inspected by evidence alone, and look again at what was flown but not
+    seen."""
     ABORT = "abort"
     """Everybody returns."""
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from missions.cameras import PictureProof
 from missions.items import MissionItem, MissionKind
 
 GROUND_STATION = (255, 190)
@@ -333,6 +334,69 @@ class DoubleHeard:
     places: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class PictureTaken:
+    """CAMERA_IMAGE_CAPTURED, CAMERA_FEEDBACK or CAMERA_TRIGGER: a camera says that it took a picture, or failed to."""
+
+    source: PictureProof
+    component: int
+    """Who says it."""
+    camera: int
+    """Of a camera at the autopilot: which, counted from 1; 0 where nobody says."""
+    sequence: int
+    ok: bool
+    boot_s: float | None
+    """By the vehicle's own clock."""
+    unix_s: float | None
+    """By the camera's clock, seconds since 1970."""
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    alt_msl_m: float | None = None
+    alt_rel_m: float | None = None
+    roll_deg: float | None = None
+    """Of the camera where it says so itself, else of the vehicle, as the next two."""
+    pitch_deg: float | None = None
+    yaw_deg: float | None = None
+    file: str = ""
+    """How the camera calls it."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraStatus:
+    """CAMERA_CAPTURE_STATUS or STORAGE_INFORMATION."""
+
+    component: int
+    films: bool | None
+    images: int | None
+    """How many it has taken."""
+    free_mib: float | None
+    """Room on its card."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraHeard:
+    """HEARTBEAT of a camera."""
+
+    component: int
+
+
+@dataclass(frozen=True, slots=True)
+class GimbalAttitude:
+    """GIMBAL_DEVICE_ATTITUDE_STATUS or MOUNT_ORIENTATION."""
+
+    pitch_deg: float
+    """From the horizon."""
+    yaw_deg: float
+    """From the nose, or from north."""
+    from_north: bool
+    failed: bool = False
+    """Whether it says that something is wrong with it."""
+
+
+PayloadMessage = PictureTaken | CameraStatus | CameraHeard | GimbalAttitude
+"""What cameras and gimbals say, whichever component of the vehicle they are."""
+
+
 FlightMessage = (
     Heartbeat
     | Position
@@ -357,6 +421,10 @@ FlightMessage = (
     | RcChannels
     | VehicleSetting
     | OwnFailsafe
+    | PictureTaken
+    | CameraStatus
+    | CameraHeard
+    | GimbalAttitude
 )
 """What the core follows in flight; it is logged and replayed."""
 
@@ -412,6 +480,8 @@ class SendCommand:
     command: int
     params: tuple[float, float, float, float, float, float, float] = (0.0,) * 7
     confirmation: int = 0
+    component: int | None = None
+    """Another component than the autopilot."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from executor.core.commands import Level, Solve
 from executor.core.coverage import SegmentPass
 from executor.core.events import Gain, NewRoute
 from executor.core.intents import IntentRecord
+from executor.core.payload.pictures import NotSeen, Unseen
 from executor.core.vehicle import Fault, Stage, VehicleState
 from missions import FlightPath
 from missions.fences import Fence
@@ -196,6 +197,12 @@ class Coverage:
     """How often a segment was flown without proof."""
     inferred: frozenset[int] = frozenset()
     """Segments of which the whole or a part was flown in a silence: nobody saw it, everything fits."""
+    caught: Mapping[int, tuple[tuple[str, float], ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """Of segments that ask for pictures: the camera, and metres along the flight track from a, of each that counts."""
+    unseen: Mapping[int, Unseen] = field(default_factory=lambda: MappingProxyType({}))
+    """Segments that were flown, and whose pictures are waited for."""
+    not_seen: tuple[NotSeen, ...] = ()
+    """Segments that were flown but not seen, in the order of time; some were seen later."""
 
     def unproven(self) -> frozenset[int]:
         """Return the segments that count as inspected by evidence alone."""

@@ -24,6 +24,7 @@ from executor.core.parts import (
     Telemetry,
     Watch,
 )
+from executor.core.payload.pictures import NO_PAYLOAD, PayloadState
 from missions import FlightPath, Phase, Waypoint, encode, estimate
 from planner import segment_of
 
@@ -80,6 +81,8 @@ class FaultKind(Enum):
     """It is outside its fence."""
     OPERATOR = "operator"
     """By the operator's word."""
+    PAYLOAD = "payload"
+    """Its cameras, or its gimbal."""
     DOWN = "down"
     """On the ground where, when or how it should not be."""
 
@@ -141,6 +144,14 @@ class FaultCode(StrEnum):
     """Its mission on board is a mix of two."""
     OPERATOR_LAND = "operator_land"
     """An operator's intent had it land."""
+    CAMERA_SILENT = "camera_silent"
+    """A camera takes no pictures where it should, and says nothing."""
+    CAMERA_MUTE = "camera_mute"
+    """The autopilot triggers a camera that does not say that it took a picture."""
+    CARD_FULL = "card_full"
+    """A camera has no room for pictures, or says that it cannot take them."""
+    GIMBAL_STUCK = "gimbal_stuck"
+    """The gimbal does not point where it should."""
     OPERATOR_EXCLUDE = "operator_exclude"
     """An operator's intent took it out of the plan."""
 
@@ -176,6 +187,7 @@ class VehicleState:
     sortie: Sortie = field(default_factory=Sortie)
     custody: Custody = field(default_factory=Custody)
     evidence: Evidence = field(default_factory=Evidence)
+    payload: PayloadState = NO_PAYLOAD
 
     @property
     def airborne(self) -> bool:
@@ -202,7 +214,7 @@ class VehicleState:
         return VehicleState(
             self.name, self.stage, self.fault, self.watches, link, telemetry or self.telemetry, sensors or self.sensors,
             motion or self.motion, power or self.power, assignment or self.assignment, self.orders,
-            sortie or self.sortie, custody or self.custody, self.evidence,
+            sortie or self.sortie, custody or self.custody, self.evidence, self.payload,
         )  # fmt: skip
 
     def remaining_visits(self) -> tuple[int, ...]:
@@ -280,9 +292,10 @@ def carrying(vehicle: VehicleState, board: OnBoard, now_s: float) -> VehicleStat
 def aboard(context: Context, name: str, revision: int, path: FlightPath, visits: tuple[int, ...]) -> OnBoard:
     """Return what a vehicle carries once `path` has been put on board and read back."""
     places = tuple(context.frame.to_local_m(waypoint.lat_deg, waypoint.lon_deg) for waypoint in path.waypoints)
+    pylons = context.setup.looks.pylons
     # The leg that is marked as the inspection of a visit begins where the leg before it ends.
     tracks = tuple(
-        Track(segment_of(visits[waypoint.visit]), places[index - 1], places[index])
+        Track(segment := segment_of(visits[waypoint.visit]), places[index - 1], places[index], segment in pylons)
         for index, waypoint in enumerate(path.waypoints)
         if waypoint.phase is Phase.INSPECT and waypoint.visit is not None
     )

@@ -15,6 +15,7 @@ from executor.core.context import Context
 from executor.core.coverage import Track
 from executor.core.replan.replanning import left_over
 from executor.core.roster.offers import offer_words
+from executor.core.seeing import proof
 from executor.core.state import CheckLine, FleetState, Question
 from executor.core.vehicle import FaultCode, Stage, VehicleState
 from missions import Phase
@@ -208,6 +209,8 @@ class FleetView:
     inspected: tuple[int, ...]
     uncovered: tuple[int, ...]
     """Segments that nobody inspects in this flight: left for the next sortie by the plan, or given up since."""
+    missed: tuple[int, ...]
+    """Segments that were flown but not seen: pictures of them are missing."""
     replan: ReplanView | None
     all_silent: bool
     """Whether nobody at all is heard."""
@@ -237,6 +240,7 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
         segments_total=context.segments,
         inspected=tuple(sorted(state.coverage.inspected)),
         uncovered=tuple(sorted((state.coverage.given_up | left_over(state)) - set(state.coverage.inspected))),
+        missed=tuple(sorted(proof.missed(context, state))),
         replan=None
         if plan is None
         else ReplanView(plan.solve.revision, plan.solve.trigger, plan.solve_s is None, tuple(sorted(plan.pending))),

@@ -40,6 +40,7 @@ from executor.flight.linking import open_links
 from executor.flight.preparing import examined, interviews, load_all
 from executor.flight.recorder import NOTHING_LEFT, Keeper, Legacy, in_force
 from executor.flight.together import time_of
+from executor.images.store import index_of, write_index
 from executor.runtime.flight import Flight
 from executor.runtime.outlook import keep_judging
 from executor.site.plan_words import route_words, summary
@@ -253,6 +254,11 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
     )
     writes: Mapping[str, Callable[[], None]] = {
         "report.json": partial(report.write, RunDirectory(order.run).report),
+        **(
+            {"images": partial(write_index, order.run, index_of(context, flight.state, clock.began_unix_s))}
+            if context.setup.looks
+            else {}
+        ),
         "learned.json": partial(keep_learned, order.run, context, flight.state, order.ground.learned),
     }
     for name, write in writes.items():

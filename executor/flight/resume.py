@@ -34,6 +34,7 @@ from executor.flight.linking import open_links
 from executor.flight.recorder import Legacy, plan_path
 from executor.flight.run_start import Beginning, beginning
 from executor.flight.together import time_of
+from executor.images.store import index_of, write_index
 from executor.simulated.injected import happenings
 from executor.site.assembly import Ground, ground_of
 from executor.site.config import read_site
@@ -221,6 +222,8 @@ def over(run: Path, left: Left) -> FlightReport | None:
     with suppress(OSError):  # it is shown all the same
         keep_learned(run, left.begun.context, left.state, left.begun.ground.learned)
         report.write(RunDirectory(run).report)
+        if left.begun.context.setup.looks:
+            write_index(run, index_of(left.begun.context, left.state, left.head.began_unix_s))
     return report
 
 

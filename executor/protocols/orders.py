@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from executor.core.messages import SendCommand
 from missions import ModeNumber
 
@@ -29,6 +31,7 @@ WIND = 168
 """Of ArduPilot's own dialect."""
 WIND_COV = 231
 EXTENDED_SYS_STATE = 245
+CAMERA_IMAGE_CAPTURED = 263
 
 
 def _command(number: int, *params: float) -> SendCommand:
@@ -80,3 +83,8 @@ def run_prearm_checks() -> SendCommand:
 def send_banner() -> SendCommand:
     """Let the vehicle say again what it says when it starts."""
     return _command(DO_SEND_BANNER)
+
+
+def picture(component: int, sequence: int) -> SendCommand:
+    """Ask a camera to say again that it took a picture."""
+    return replace(_command(REQUEST_MESSAGE, CAMERA_IMAGE_CAPTURED, sequence), component=component)

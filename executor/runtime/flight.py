@@ -21,6 +21,7 @@ from executor.core.ports import Clock, EventSink, Link, Solver
 from executor.core.replan import replanning
 from executor.core.resume.resuming import found_on
 from executor.core.state import FleetState
+from executor.protocols import orders
 from executor.runtime import procedures, reunion, streams
 from missions import EncodeError, encode, flag_current
 
@@ -192,7 +193,7 @@ class Flight:
             self.apply(events.Tick())
             await asyncio.sleep(period_s)
 
-    def _carry_out(self, command: Command, now_s: float) -> None:  # noqa: C901 - one case for each command
+    def _carry_out(self, command: Command, now_s: float) -> None:  # noqa: C901, PLR0912 - one case for each command
         failed: Failed
         match command:
             case commands.Say():
@@ -217,6 +218,9 @@ class Flight:
             case commands.AskStreams(vehicle) | commands.ReadMission(vehicle):
                 asks = self._ask_streams if isinstance(command, commands.AskStreams) else self._read
                 self._aside(vehicle, asks(vehicle))
+            case commands.AskPicture(vehicle, component, sequence):
+                # Its answer is heard like any other picture, and asked for again where none comes.
+                self._links[vehicle].send(orders.picture(component, sequence))
             case commands.Solve():
                 nothing = partial(events.SolveEnded, command.revision, None, (), 0.0)
                 self._spawn(

@@ -7,12 +7,15 @@ import signal
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
-from executor.simulator.config import AutopilotKind, Signing, SimFleet, SimVehicle
+from executor.simulated.cards import Cards
+from executor.simulator.config import AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle
 from executor.simulator.faults import parse_fault
 from executor.simulator.fleet import run_fleet
 from executor.simulator.truth import Truth, TruthWriter
+from executor.simulator.vehicle import SimulatedVehicle
 from executor.site import assembly
 from executor.site.assembly import Ground
 from missions import dialect_for
@@ -63,9 +66,24 @@ def fleet_of(
                 },
                 seed=seed * 1000 + number,
                 signing=signing,
+                cameras=tuple(
+                    SimCamera(camera.name, camera.id, camera.gimbal)
+                    for camera in ground.site.camera
+                    if not camera.vehicles or table.name in camera.vehicles
+                ),
             )
         )
     return SimFleet(tuple(vehicles), speedup, tuple(parse_fault(fault) for fault in faults))
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """What a simulation writes besides what it prints."""
+
+    truth: Path | None = None
+    """What really happened."""
+    cards: Path | None = None
+    """What its cameras take."""
 
 
 def run_simulation(
@@ -75,18 +93,19 @@ def run_simulation(
     faults: Sequence[str],
     seed: int,
     wind: float,
-    truth: Path | None,
+    outputs: Outputs,
     failsafe: bool,
     key: bytes | None = None,
 ) -> None:
     """Fly the simulated fleet until it is told to stop (SIGINT or SIGTERM)."""
+    written = None if outputs.cards is None else Cards(outputs.cards, ground.network, time.time())
     signing = None
     if key is not None:
         began_ticks = round((time.time() - SIGNING_EPOCH_UNIX_S) * TICKS_PER_S)
         signing = Signing(key, began_ticks, TICKS_PER_S / speedup)
     fleet = fleet_of(ground, speedup=speedup, faults=faults, seed=seed, wind=wind, failsafe=failsafe, signing=signing)
     with ExitStack() as stack:
-        writer = stack.enter_context(TruthWriter(truth)) if truth is not None else None
+        writer = stack.enter_context(TruthWriter(outputs.truth)) if outputs.truth is not None else None
         for vehicle in fleet.vehicles:
             print(f"{vehicle.name}: system {vehicle.sysid}, {vehicle.autopilot.value}, {vehicle.connection}")
 
@@ -96,13 +115,21 @@ def run_simulation(
             if writer is not None:
                 writer(what)
 
-        asyncio.run(_until_told(fleet, happened))
+        def lived(vehicles: Sequence[SimulatedVehicle]) -> None:
+            for vehicle in vehicles:
+                for shot in vehicle.drain_shots():
+                    if written is not None:
+                        written.write(vehicle.name, shot)
+
+        asyncio.run(_until_told(fleet, happened, lived))
 
 
-async def _until_told(fleet: SimFleet, happened: Callable[[Truth], None]) -> None:
+async def _until_told(
+    fleet: SimFleet, happened: Callable[[Truth], None], lived: Callable[[Sequence[SimulatedVehicle]], None]
+) -> None:
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         with suppress(NotImplementedError):
             loop.add_signal_handler(number, stop.set)
-    await run_fleet(fleet, stop=stop, on_truth=happened)
+    await run_fleet(fleet, stop=stop, on_truth=happened, watched=lived)

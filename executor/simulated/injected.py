@@ -18,6 +18,10 @@ KINDS = {
     "refuse-upload": "interruption",
     "half-upload": "interruption",
     "fence": "fence",
+    "camera-silent": "payload",
+    "camera-mute": "payload",
+    "card-full": "payload",
+    "gimbal-stuck": "payload",
 }
 """What a fault that the simulator injects should be declared as."""
 

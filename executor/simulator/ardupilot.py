@@ -85,7 +85,7 @@ class ArduPilot(Autopilot):
         item = MissionItem(0, Frame.GLOBAL, ItemCommand.NAV_WAYPOINT, x=lat, y=lon, z=home.alt_m)
         store = ArduPilotStore(item, vehicle.transfer_patience_s)
         super().__init__(vehicle, MANNERS, store, home)
-        self.mission = ArduPilotMission(self.frame, store, home, self.params, self.voice)
+        self.mission = ArduPilotMission(self.frame, store, home, self.params, self.voice, self.carry_out)
         self._gcs_failsafe = self._ekf_failsafe = False
         self._breached, self._breaches = False, 0
         self._shapes: tuple[Shape, ...] = ()

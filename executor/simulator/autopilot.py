@@ -7,14 +7,15 @@ wall clock and no chance: ``advance`` and ``receive`` go in, ``voice.drain()`` a
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
 from executor.simulator import telemetry
 from executor.simulator.airframe import Airframe, Manners
+from executor.simulator.camera import Payload
 from executor.simulator.config import AutopilotKind, SimVehicle
 from executor.simulator.enums import MavCommand, Result, Severity
-from executor.simulator.faults import InjectionKind
+from executor.simulator.faults import PAYLOAD_FAULTS, InjectionKind
 from executor.simulator.guidance import Hover, Leg, stopping_place
 from executor.simulator.messages import (
     Body,
@@ -97,6 +98,7 @@ class Autopilot(ABC):
         self._was_armed = False
         self.told_to_disarm = False
         """Whether a command stopped the motors last."""
+        self.payload = Payload(vehicle, home, self.frame.body) if vehicle.cameras else None
         self._partner = Peer(0, 0)
         """Who gave the command that is being obeyed."""
         self._after_ack: list[Outbound] = []
@@ -156,8 +158,10 @@ class Autopilot(ABC):
         there = Place(here.east_m + DRIFT_M, here.north_m, here.up_m)
         self.frame.pilot.fly([Leg(here, there, DRIFT_M_S, accept_m=0.5), Hover(there)])
 
-    def befalls(self, kind: InjectionKind, word: str) -> None:
-        """Suffer what people, fences, batteries and estimators do."""
+    def befalls(self, kind: InjectionKind, word: str, value: float) -> None:
+        """Suffer what people, fences, batteries, estimators and cameras do."""
+        if kind in PAYLOAD_FAULTS and self.payload is not None:
+            self.payload.befall(kind.value, value)
         match kind:
             case InjectionKind.PILOT:
                 self.taken(word)
@@ -232,6 +236,10 @@ class Autopilot(ABC):
         if message is not None:
             self.voice.send([message])
         return selected
+
+    def carry_out(self, number: int, params: Sequence[float]) -> bool:
+        """Do what a mission item or a command wants of the payload; returns whether there is one for it."""
+        return self.payload is not None and self.payload.obey(number, params)
 
     def arm(self) -> bool:
         """Arm, unless something speaks against it; then say what."""
@@ -347,6 +355,8 @@ class Autopilot(ABC):
 
     def _step(self) -> None:
         self.frame.step(self.now_s, STEP_S)
+        if self.payload is not None:
+            self.payload.step(self.now_s, self.boot_s, STEP_S)
         if self._was_armed and not self.frame.armed:
             self._was_armed = False
             self._on_disarmed()
@@ -430,6 +440,8 @@ class Autopilot(ABC):
         self._partner = sender
         handler = self._commands.get(command.number)
         result = Result.UNSUPPORTED if handler is None else handler(command)
+        if handler is None and self.carry_out(command.number, command.params):
+            result = Result.ACCEPTED
         self.acknowledge(command, result)
         self.voice.send(self._after_ack)
         self._after_ack.clear()

@@ -69,6 +69,22 @@ class Signing:
 
 
 @dataclass(frozen=True, slots=True)
+class SimCamera:
+    """A camera on board."""
+
+    name: str
+    id: int = 0
+    """From 7 on it is a component that speaks for itself; below it is wired to the autopilot."""
+    gimbal: bool = False
+    pitch_deg: float = -90.0
+    """Where it looks without a gimbal."""
+    triggered: bool = True
+    """Whether the autopilot's trigger reaches it."""
+    clock_s: float = 0.0
+    """By how much its own clock is ahead."""
+
+
+@dataclass(frozen=True, slots=True)
 class SimVehicle:
     """One simulated vehicle, standing on its pad with its autopilot just switched on."""
 
@@ -103,6 +119,7 @@ class SimVehicle:
     seed: int = 0
     signing: Signing | None = None
     """None: it neither signs nor asks others to."""
+    cameras: tuple[SimCamera, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the figures.

@@ -57,6 +57,22 @@ class InjectionKind(Enum):
     """Its battery falls to a few percent, and its own failsafe acts: LAND, or VALUE."""
     EKF = "ekf"
     """It does not know where it is any more, and lands."""
+    CAMERA_SILENT = "camera-silent"
+    """Its cameras take no pictures and say nothing any more."""
+    CAMERA_MUTE = "camera-mute"
+    """Its cameras take pictures and do not say so."""
+    CAMERA_LOSS = "camera-loss"
+    """A share VALUE of what its cameras say of pictures is lost."""
+    CARD_FULL = "card-full"
+    """Its cameras have no room for pictures any more."""
+    GIMBAL_STUCK = "gimbal-stuck"
+    """Its gimbal stays as it is."""
+
+
+PAYLOAD_FAULTS = frozenset({
+    InjectionKind.CAMERA_SILENT, InjectionKind.CAMERA_MUTE, InjectionKind.CAMERA_LOSS, InjectionKind.CARD_FULL,
+    InjectionKind.GIMBAL_STUCK,
+})  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +124,11 @@ _RULES: dict[InjectionKind, _Rule | None] = {
     InjectionKind.FENCE: None,
     InjectionKind.EMERGENCY: _Rule("LAND or RTL, or nothing", required=False, words=frozenset({"LAND", "RTL"})),
     InjectionKind.EKF: None,
+    InjectionKind.CAMERA_SILENT: None,
+    InjectionKind.CAMERA_MUTE: None,
+    InjectionKind.CAMERA_LOSS: _SHARE,
+    InjectionKind.CARD_FULL: None,
+    InjectionKind.GIMBAL_STUCK: None,
 }
 
 

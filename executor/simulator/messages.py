@@ -206,6 +206,8 @@ class Received:
 
     sender: Peer
     body: Body
+    component: int = 0
+    """Which of the vehicle's components it is for; 0 is all of them."""
 
 
 @dataclass(frozen=True, slots=True)

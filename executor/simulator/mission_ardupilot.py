@@ -12,7 +12,7 @@ from executor.simulator.enums import MissionState, Severity
 from executor.simulator.fence import way_home_ends
 from executor.simulator.guidance import Goal, Hover, Land, Leg, Ride, corner_speed_m_s, distance_m, takes_up
 from executor.simulator.messages import out
-from executor.simulator.mission_store import has_place
+from executor.simulator.mission_store import DONE_IN_PASSING, CarryOut, has_place, params_of
 from executor.simulator.params import ParamTable
 from executor.simulator.physics import Home, Place
 from executor.simulator.route import place_of
@@ -30,6 +30,13 @@ NAMES = {
     Command.NAV_LAND: "Land",
     Command.NAV_TAKEOFF: "Takeoff",
     Command.DO_CHANGE_SPEED: "ChangeSpeed",
+    Command.DO_DIGICAM_CONTROL: "DigiCamCtrl",
+    Command.DO_SET_CAM_TRIGG_DIST: "SetCamTriggDst",
+    Command.DO_GIMBAL_MANAGER_PITCHYAW: "GimbalPitchYaw",
+    Command.IMAGE_START_CAPTURE: "ImageStartCapture",
+    Command.IMAGE_STOP_CAPTURE: "ImageStopCapture",
+    Command.VIDEO_START_CAPTURE: "VideoStartCapture",
+    Command.VIDEO_STOP_CAPTURE: "VideoStopCapture",
 }
 PASS_S = 0.4
 """A corner is passed this long before it is reached. Recorded: 0 to 0.5 m before it at 1 m/s, 1.3 to 2.3 m at 5 m/s."""
@@ -49,8 +56,11 @@ CONE_LEAST_M = 2.0
 class ArduPilotMission:
     """What AUTO does."""
 
-    def __init__(self, frame: Airframe, store: ArduPilotStore, home: Home, params: ParamTable, voice: Voice) -> None:
+    def __init__(
+        self, frame: Airframe, store: ArduPilotStore, home: Home, params: ParamTable, voice: Voice, carry_out: CarryOut
+    ) -> None:
         self._frame, self._store, self._home, self._params, self._voice = frame, store, home, params, voice
+        self._carry_out = carry_out
         self.index = 0
         """What MISSION_CURRENT says."""
         self.nav: MissionItem | None = None
@@ -83,7 +93,7 @@ class ArduPilotMission:
     def begins_with_takeoff(self) -> bool:
         """Return whether the item that a start would fly is a take-off."""
         seq = self._resume_seq()
-        while (item := self._store.at(seq)) is not None and item.command == Command.DO_CHANGE_SPEED:
+        while (item := self._store.at(seq)) is not None and item.command in DONE_IN_PASSING:
             seq += 1
         return item is not None and item.command == Command.NAV_TAKEOFF
 
@@ -202,7 +212,7 @@ class ArduPilotMission:
     def _nav_seq(self, seq: int) -> int | None:
         """Return the first item from ``seq`` that moves the vehicle."""
         while (item := self._store.at(seq)) is not None:
-            if item.command != Command.DO_CHANGE_SPEED:
+            if item.command not in DONE_IN_PASSING:
                 return seq
             seq += 1
         return None
@@ -223,9 +233,11 @@ class ArduPilotMission:
         """Execute the DO items from ``seq`` and return the number of the next that moves, or of the list's end."""
         while (item := self._store.at(seq)) is not None:
             self._voice.say(Severity.INFO, f"Mission: {seq} {NAMES[Command(item.command)]}")
-            if item.command != Command.DO_CHANGE_SPEED:
+            if item.command not in DONE_IN_PASSING:
                 break
-            if item.param2 > 0:
+            if item.command != Command.DO_CHANGE_SPEED:
+                self._carry_out(item.command, params_of(item))
+            elif item.param2 > 0:
                 self.asked_m_s = item.param2
             self._reached = seq
             seq += 1

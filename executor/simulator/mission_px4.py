@@ -10,7 +10,7 @@ from executor.simulator.enums import MissionState, Severity
 from executor.simulator.gliding import Glide
 from executor.simulator.guidance import Goal, Land, Leg
 from executor.simulator.messages import out
-from executor.simulator.mission_store import has_place
+from executor.simulator.mission_store import DONE_IN_PASSING, CarryOut, has_place, params_of
 from executor.simulator.params import ParamTable
 from executor.simulator.physics import Home, Place
 from executor.simulator.route import place_of
@@ -42,8 +42,11 @@ class MissionEnd(Enum):
 class Px4Mission:
     """What AUTO.MISSION does."""
 
-    def __init__(self, frame: Airframe, store: Px4Store, home: Home, params: ParamTable, voice: Voice) -> None:
+    def __init__(
+        self, frame: Airframe, store: Px4Store, home: Home, params: ParamTable, voice: Voice, carry_out: CarryOut
+    ) -> None:
         self._frame, self._store, self._home, self._params, self._voice = frame, store, home, params, voice
+        self._carry_out = carry_out
         self.left_fence_at: Callable[[], int | None] = lambda: None
         """The first item that lies outside the fence; None if none does."""
         self.index = 0
@@ -191,8 +194,10 @@ class Px4Mission:
     def _start(self, seq: int) -> MissionEnd | None:
         """Execute the DO items from ``seq`` and fly the next that moves."""
         items = self._store.items
-        while seq < len(items) and items[seq].command == Command.DO_CHANGE_SPEED:
-            if items[seq].param2 > 0:
+        while seq < len(items) and items[seq].command in DONE_IN_PASSING:
+            if items[seq].command != Command.DO_CHANGE_SPEED:
+                self._carry_out(items[seq].command, params_of(items[seq]))
+            elif items[seq].param2 > 0:
                 self.asked_m_s = items[seq].param2
             if self._reached is not None and self._reached[0] == seq - 1:
                 # A DO item takes the place of the item before it in the report.
@@ -249,7 +254,7 @@ class Px4Mission:
 
     def _waypoint(self, item: MissionItem, seq: int, origin: Place, target: Place) -> Glide:
         accept_m = item.param2 if item.param2 > LEAST_RADIUS_M else self._params["NAV_ACC_RAD"]
-        after = next((nav for nav in self._store.items[seq + 1 :] if nav.command != Command.DO_CHANGE_SPEED), None)
+        after = next((nav for nav in self._store.items[seq + 1 :] if nav.command not in DONE_IN_PASSING), None)
         # It brakes for a hold, and for a landing at the same place.
         onward = None
         if item.param1 <= 0 and after is not None and has_place(after):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol
@@ -15,7 +16,7 @@ from executor.simulator.messages import (
     Peer,
     out,
 )
-from missions.items import Command, Frame, MissionItem
+from missions.items import PAYLOAD, Command, Frame, MissionItem
 
 DEGREES_E7 = 1e-7
 
@@ -115,6 +116,17 @@ def to_item(received: ItemReceived) -> MissionItem:
 def has_place(item: MissionItem) -> bool:
     """Return whether the item names a place of its own; zeros mean 'here'."""
     return item.command in {Command.NAV_WAYPOINT, Command.NAV_LAND, Command.NAV_TAKEOFF} and (item.x, item.y) != (0, 0)
+
+
+CarryOut = Callable[[int, Sequence[float]], object]
+"""Does what an item for the payload wants."""
+DONE_IN_PASSING = frozenset({Command.DO_CHANGE_SPEED, *PAYLOAD})
+"""Items that do not move the vehicle."""
+
+
+def params_of(item: MissionItem) -> tuple[float, ...]:
+    """Return all seven parameters of an item without a place."""
+    return (item.param1, item.param2, item.param3, item.param4, float(item.x), float(item.y), item.z)
 
 
 def is_relative(item: MissionItem) -> bool:

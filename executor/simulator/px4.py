@@ -67,7 +67,7 @@ class Px4(Autopilot):
         home = Home(vehicle.home_lat_deg, vehicle.home_lon_deg, vehicle.home_alt_m)
         super().__init__(vehicle, MANNERS, self._store, home)
         self.mode = Mode.LOITER
-        self.mission = Px4Mission(self.frame, self._store, home, self.params, self.voice)
+        self.mission = Px4Mission(self.frame, self._store, home, self.params, self.voice, self.carry_out)
         self._arming_for_mission = False
         self._mode_after_flight = Mode.LOITER
         """The mode that the crew chose last, of those in which it can be armed: with the motors off it is back."""

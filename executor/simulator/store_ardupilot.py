@@ -5,6 +5,7 @@ Measured on Copter 4.7-dev unless a line says otherwise.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from executor.simulator.enums import MissionResult, Severity
@@ -32,7 +33,7 @@ from executor.simulator.mission_store import (
     request_message,
     to_item,
 )
-from missions.items import Command, Frame, MissionItem
+from missions.items import PAYLOAD, Command, Frame, MissionItem
 
 CAPACITY = 650
 """Items that the board has room for; measured, other boards have room for more."""
@@ -228,9 +229,30 @@ def _as_stored(item: MissionItem) -> MissionItem:
     rewritten = replace(item, current=False, frame=Frame.GLOBAL_RELATIVE_ALT if is_relative(item) else Frame.GLOBAL)
     if item.command in {Command.DO_CHANGE_SPEED, Command.NAV_RETURN_TO_LAUNCH}:
         return replace(rewritten, frame=Frame.GLOBAL)
+    if item.command in PAYLOAD:
+        return _payload_as_stored(replace(rewritten, frame=Frame.GLOBAL))
     rewritten = replace(rewritten, z=round(item.z * 100) / 100)
     if item.command == Command.NAV_LAND:
         return replace(rewritten, param4=-1.0 if item.param4 < 0 else 1.0)
     if item.command == Command.NAV_WAYPOINT:
         rewritten = replace(rewritten, param1=float(int(item.param1)))
     return rewritten
+
+
+def _payload_as_stored(item: MissionItem) -> MissionItem:
+    """Return an item for a camera or a gimbal as AP_Mission keeps it, by its source: what has no room there is 0."""
+    match item.command:
+        case Command.DO_SET_CAM_TRIGG_DIST:
+            return replace(item, param2=0.0, param4=0.0, x=0, y=0, z=0.0)
+        case Command.DO_GIMBAL_MANAGER_PITCHYAW:
+            rates = (0.0 if math.isnan(rate) else float(int(rate)) for rate in (item.param3, item.param4))
+            return replace(
+                item, param1=float(int(item.param1)), param2=float(int(item.param2)), param3=next(rates),
+                param4=next(rates), y=0,
+            )  # fmt: skip
+        case Command.DO_DIGICAM_CONTROL:
+            return replace(item, y=0)
+        case Command.IMAGE_START_CAPTURE:
+            return replace(item, param3=float(int(item.param3)), param4=float(int(item.param4)), x=0, y=0, z=0.0)
+        case _:
+            return replace(item, param2=0.0, param3=0.0, param4=0.0, x=0, y=0, z=0.0)

@@ -9,10 +9,11 @@ from collections.abc import Callable, Iterable
 from executor.simulator.airframe import Event
 from executor.simulator.ardupilot import ArduPilot
 from executor.simulator.autopilot import STEP_S, Autopilot
+from executor.simulator.camera import GIMBAL, Shot
 from executor.simulator.channel import Channel, LinkCondition
 from executor.simulator.config import AutopilotKind, SimVehicle
 from executor.simulator.faults import Injection, InjectionKind, faults_of, is_due
-from executor.simulator.messages import Heartbeat, Peer, Received, out
+from executor.simulator.messages import Command, Heartbeat, Peer, Received, out
 from executor.simulator.mission_store import UploadFault
 from executor.simulator.px4 import Px4
 from executor.simulator.truth import Truth
@@ -39,9 +40,18 @@ class SimulatedVehicle:
     def __init__(self, vehicle: SimVehicle, faults: Iterable[Injection] = ()) -> None:
         self.name = vehicle.name
         self.autopilot = make_autopilot(vehicle)
+        payload = self.autopilot.payload
+        speaking = frozenset() if payload is None else payload.components()
         self._codec = Codec(
-            vehicle.sysid, every_component=vehicle.autopilot is AutopilotKind.ARDUPILOT, signing=vehicle.signing
+            vehicle.sysid,
+            every_component=vehicle.autopilot is AutopilotKind.ARDUPILOT,
+            signing=vehicle.signing,
+            others=speaking,
         )
+        self._components = {
+            number: Codec(vehicle.sysid, component=number, signing=vehicle.signing) for number in (*speaking, GIMBAL)
+        }
+        """Of cameras and the gimbal, which number their frames for themselves."""
         self._pending = list(faults_of(faults, vehicle.name))
         self._condition = LinkCondition()
         rng = random.Random(f"{vehicle.seed}:{vehicle.name}")
@@ -95,16 +105,29 @@ class SimulatedVehicle:
             )  # fmt: skip
         return truths
 
+    def drain_shots(self) -> list[Shot]:
+        """Take away what came onto its cameras' cards."""
+        return [] if self.autopilot.payload is None else self.autopilot.payload.drain_shots()
+
     def _deliver(self) -> None:
         for datagram in self._up.due(self._now_s):
             for received in self._codec.decode(datagram):
-                self.autopilot.receive(received)
+                payload = self.autopilot.payload
+                if payload is not None and received.component in self._components:
+                    if isinstance(received.body, Command):
+                        payload.asked(received.body, received.component)
+                else:
+                    self.autopilot.receive(received)
 
     def _collect(self) -> None:
         messages = self.autopilot.voice.drain()
         if not self.autopilot.mute:
             for message in messages:
                 self._down.offer(self._codec.encode(message, self._now_s), self._now_s)
+        if self.autopilot.payload is not None and self.autopilot.frame.crashed_s is None:
+            for said in self.autopilot.payload.drain():
+                codec = self._codec if said.component is None else self._components[said.component]
+                self._down.offer(codec.encode(said.message, self._now_s), self._now_s)
 
     def _inject(self) -> None:
         if not self._pending:
@@ -148,7 +171,7 @@ class SimulatedVehicle:
             case _ if kind in LINK_FIELDS:
                 setattr(condition, LINK_FIELDS[kind], value)
             case _:
-                self.autopilot.befalls(kind, word)
+                self.autopilot.befalls(kind, word, value)
 
     def _called(self, word: str) -> None:
         """Let another ground station order a mode; from now on its heartbeat is on the air."""

@@ -146,10 +146,13 @@ class Codec:
         every_component: bool = False,
         signing: Signing | None = None,
         component: int = AUTOPILOT_COMPONENT,
+        others: frozenset[int] = frozenset(),
     ) -> None:
         self._sysid = sysid
         self._every_component = every_component
         """Whether it obeys what is for another component: ArduPilot does where it knows of none with that id."""
+        self._others = others
+        """Components of the vehicle beside the autopilot that are spoken to."""
         self._packer = dialect.MAVLink(None, srcSystem=sysid, srcComponent=component)
         self._began_ticks, self._ticks_per_s = 0, 0.0
         if signing is not None:
@@ -189,11 +192,12 @@ class Codec:
             values = message.to_dict()
             if values.get("target_system", EVERYBODY) not in {EVERYBODY, self._sysid}:
                 continue
-            elsewhere = values.get("target_component", EVERYBODY) not in {EVERYBODY, AUTOPILOT_COMPONENT}
+            target = values.get("target_component", EVERYBODY)
+            elsewhere = target not in {EVERYBODY, AUTOPILOT_COMPONENT, *self._others}
             if elsewhere and not self._every_component:
                 continue
             sender = Peer(message.get_srcSystem(), message.get_srcComponent())
-            received.append(Received(sender, reader(_Fields(values))))
+            received.append(Received(sender, reader(_Fields(values)), target))
         return received
 
     def _extended(self, packed: dialect.MAVLink_message, tail: bytes) -> bytes:

@@ -17,6 +17,7 @@ from executor.core.preflight.failsafes import LinkFailsafe, declared_lost_after_
 from executor.errors import SiteError
 from executor.site.areas import areas_of, places_of
 from executor.site.config import Site
+from executor.site.looks import looks_of, pylon_wishes
 from missions import (
     Dialect,
     FlightModel,
@@ -48,6 +49,7 @@ from missions.poles import on_ground, with_structures
 from missions.reach import within_areas
 from missions.readers.elevation import Reading, read_elevation
 from missions.terrain import DETOUR_M, Terrain, reading_box_m
+from missions.viewpoints import besides_s, with_viewpoints
 from planner import PRESETS, Drone, Plan, Travel, Vehicle, steady_wind, top_speed_m_s, travel_for
 
 STALL_REAL_S = 2.0
@@ -175,9 +177,11 @@ def ground_over(
     _check_speeds(site, drone)
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
     inspection = inspection_of(site, network)
+    network, pylons = with_viewpoints(network, pylon_wishes(site, network), table.standoff_m)
     names = tuple(vehicle.name for vehicle in site.vehicle)
     found, (stated, alternates) = areas_of(site, base, network), places_of(site, network.frame)
     setup = flight_setup(network, names, inspection, stated=stated, areas=found.areas, terrain=terrain)
+    setup = replace(setup, looks=looks_of(site, network, pylons))
     if found.areas or alternates:
         setup = within_areas(setup, found.areas, alternates)
     return Ground(site, network, inspection, drone, travel, setup, terrain, (*worth_a_look, *found.remarks))
@@ -286,10 +290,22 @@ def pricing_of(
         )  # fmt: skip
     bases = {name: setup.base_of(name) for name in ground.names}
     pads_m = tuple((pad.east_m, pad.north_m) for pad in setup.pads)
+    slowest = max((model.performance for model in models.values()), key=lambda one: one.hold_s + one.settle_s)
+    pylons = setup.looks.pylons.items()
+    longer = {segment: besides_s(look, slowest, table.speed_m_s) for segment, look in pylons}
+    barred = {name: looks for name in ground.names if (looks := setup.looks.barred(name))}
     return Pricing(
-        setup.tracks_up_m, bases, models, pads_m, column_radius_m(setup.layers.layer_m), answer_s(ground.site),
-        setup.kept_out, setup.layers.relief,
-    )  # fmt: skip
+        setup.tracks_up_m,
+        bases,
+        models,
+        pads_m,
+        column_radius_m(setup.layers.layer_m),
+        answer_s(ground.site),
+        kept_out=setup.kept_out,
+        relief=setup.layers.relief,
+        barred=barred,
+        besides_s=longer,
+    )
 
 
 def answer_s(site: Site) -> float:
@@ -397,4 +413,5 @@ def context_of(
         offer_s=site.flight.offer_s,
         horizon_s=horizon_s(site),
         fencing=fencing_of(site),
+        camera_home=site.faults.camera == "home",
     )

@@ -19,6 +19,7 @@ from executor.core.hearing.speaker import AUTOPILOT
 from executor.errors import SiteError
 from executor.site.tables.aircraft import EnergyTable, VehicleTable
 from executor.site.tables.areas import AreaTable, PlaceTable
+from executor.site.tables.cameras import CameraTable, LookTable
 from executor.site.tables.fence import FenceTable
 from executor.site.tables.fields import SiteTable
 from executor.site.tables.flight import FaultsTable, FlightTable
@@ -53,6 +54,8 @@ class Site(SiteTable):
     web: WebTable = WebTable()
     map: MapTable | None = None
     learned: LearnedTable | None = None
+    camera: tuple[CameraTable, ...] = ()
+    look: tuple[LookTable, ...] = ()
 
     @model_validator(mode="before")
     @classmethod
@@ -107,6 +110,22 @@ class Site(SiteTable):
                     f"vehicle '{taken[vehicle.pad]}'"
                 )
             taken[vehicle.pad] = vehicle.name
+        return self
+
+    @model_validator(mode="after")
+    def _sees(self) -> Site:
+        vehicles, cameras = {vehicle.name for vehicle in self.vehicle}, [camera.name for camera in self.camera]
+        for index, camera in enumerate(self.camera):
+            if camera.name in cameras[:index]:
+                raise ValueError(f"camera[{index}].name: expected a name of its own, got '{camera.name}' again")
+            for number, name in enumerate(camera.vehicles):
+                if name not in vehicles:
+                    raise ValueError(
+                        f"camera[{index}].vehicles[{number}]: expected the name of a vehicle, got '{name}'"
+                    )
+        for index, look in enumerate(self.look):
+            if look.camera not in cameras:
+                raise ValueError(f"look[{index}].camera: expected the name of a [[camera]], got '{look.camera}'")
         return self
 
     @model_validator(mode="after")

@@ -119,6 +119,8 @@ class Dialect:
     """Whether the take-off item carries the pad's latitude and longitude."""
     no_yaw: float
     """param4 for 'keep facing along the way'."""
+    gimbal_rate: float
+    """param3 and param4 of DO_GIMBAL_MANAGER_PITCHYAW for 'an angle, at no rate'."""
     stop_radius_m: float
     """param2 of a waypoint with a hold; 0 leaves the autopilot's own acceptance radius."""
     pass_radius_m: float

@@ -73,6 +73,8 @@ class Story:
     """When it happens."""
     pack_ah: float | None = None
     """What ArduPilot's packs really hold."""
+    tables: Mapping[str, object] = field(default_factory=lambda: MappingProxyType({}))
+    """More tables of the site file."""
     loses: str = ""
     """Who falls silent for good."""
     loses_at: Callable[[VehicleState, FleetState], bool] = in_its_second_segment
@@ -206,6 +208,7 @@ def site_of(autopilot: Autopilot, story: Story) -> Site:
     return check_site(
         {
             **(signed if story.signed else {}),
+            **story.tables,
             "network": {"file": "default", "radius_m": story.radius_m},
             "flight": {
                 "speedup": story.speedup,

@@ -14,7 +14,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.adapters.mavlink import integers
+from executor.adapters.mavlink import cameras, integers
 from executor.adapters.mavlink.cutter import Cutter
 from executor.adapters.mavlink.signing import Distrust, Signing
 from executor.adapters.mavlink.texts import Texts
@@ -25,6 +25,7 @@ from executor.core.messages import (
     GROUND_STATION,
     Attitude,
     Battery,
+    CameraHeard,
     CommandAck,
     FenceStatus,
     Gps,
@@ -281,9 +282,11 @@ def _percent(value: float) -> float | None:
     return value if 0 <= value <= 100 else None
 
 
-def _heartbeat(frame: Any) -> Heartbeat | StationHeard | None:  # noqa: ANN401
+def _heartbeat(frame: Any) -> Heartbeat | StationHeard | CameraHeard | None:  # noqa: ANN401
     if frame.type == mav.MAV_TYPE_GCS:
         return StationHeard(frame.get_srcSystem(), frame.get_srcComponent())
+    if frame.type == mav.MAV_TYPE_CAMERA:
+        return CameraHeard(frame.get_srcComponent())
     if frame.autopilot == mav.MAV_AUTOPILOT_INVALID:
         return None
     armed = bool(frame.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
@@ -431,6 +434,7 @@ _READERS: dict[str, Any] = {
     "MISSION_COUNT": _of_mission(MissionCount, "count"),
     "MISSION_ITEM_INT": _item,
     "RC_CHANNELS": _channels,
+    **cameras.READERS,
     "COMMAND_ACK": lambda frame: CommandAck(frame.command, frame.result),
     "AUTOPILOT_VERSION": _version,
 }
@@ -456,7 +460,8 @@ def _to_mavlink(message: Outgoing, sysid: int, compid: int, autopilot: int | Non
         case SendMissionAck(result, kind):
             return mav.MAVLink_mission_ack_message(sysid, compid, result, kind)
         case SendCommand(command, params, confirmation):
-            return mav.MAVLink_command_long_message(sysid, compid, command, confirmation, *params)
+            target = compid if message.component is None else message.component
+            return mav.MAVLink_command_long_message(sysid, target, command, confirmation, *params)
         case SendParamRequest(name):
             return mav.MAVLink_param_request_read_message(sysid, compid, name.encode(), -1)
         case SendParamSet(name, value, kind):

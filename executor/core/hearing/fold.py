@@ -26,6 +26,7 @@ from executor.core.messages import (
     ModeChange,
     OrderSeen,
     OwnFailsafe,
+    PayloadMessage,
     Position,
     Radio,
     RcChannels,
@@ -82,6 +83,8 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
     context: Scene, state: VehicleState, message: FlightMessage, now_s: float
 ) -> Folded:
     """Take one message into the state."""
+    if isinstance(message, PayloadMessage):
+        return Folded(state)  # what cameras say is no word of their vehicle's autopilot; see `pictures`
     if isinstance(message, _ABOUT):
         return Folded(_about(context, state, message, now_s))
     if isinstance(message, _EVIDENT):
@@ -350,6 +353,8 @@ def _covered(context: Scene, state: VehicleState, sample: Sample) -> _Covered:
     if visit is None:
         return _Covered(old)
     track = old.board.tracks[visit]
+    if track.by_pictures:
+        return _Covered(old)
     run = old.run if old.run_visit == visit else None
     step = follow(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
     if step.done:

@@ -15,12 +15,15 @@ from executor.core.messages import (
     NO_ITEM,
     Attitude,
     Battery,
+    CameraStatus,
+    GimbalAttitude,
     Gps,
     Home,
     Message,
     MissionCurrent,
     MissionReached,
     ParamValue,
+    PictureTaken,
     Position,
     SystemStatus,
     Wind,
@@ -109,6 +112,32 @@ def _wind(said: Wind) -> Wind | None:
     return said if 0.0 <= said.speed_m_s <= MOST_WIND_M_S and 0.0 <= said.from_deg <= MOST_TURN_DEG else None
 
 
+def _picture(said: PictureTaken) -> PictureTaken | None:
+    if said.sequence < 0:
+        return None
+    lost: dict[str, Any] = {}
+    place = (said.lat_deg, said.lon_deg)
+    if said.lat_deg is None or said.lon_deg is None or not _is_place(said.lat_deg, said.lon_deg):
+        lost |= {"lat_deg": None, "lon_deg": None} if place != (None, None) else {}
+    for key in ("alt_msl_m", "alt_rel_m"):
+        if not _within(getattr(said, key), LOWEST_M, HIGHEST_M):
+            lost[key] = None
+    for key in ("roll_deg", "pitch_deg", "yaw_deg"):
+        if not _within(getattr(said, key), -MOST_TURN_DEG, MOST_TURN_DEG):
+            lost[key] = None
+    return replace(said, **lost) if lost else said
+
+
+def _camera(said: CameraStatus) -> CameraStatus:
+    wrong = said.free_mib is not None and not said.free_mib >= 0.0
+    return replace(said, free_mib=None) if wrong else said
+
+
+def _gimbal(said: GimbalAttitude) -> GimbalAttitude | None:
+    known = abs(said.pitch_deg) <= MOST_TURN_DEG and abs(said.yaw_deg) <= MOST_TURN_DEG
+    return said if known else None
+
+
 def _current(said: MissionCurrent) -> MissionCurrent | None:
     # An index beyond the total is what ArduPilot says when another station has given it a shorter mission.
     return said if 0 <= said.seq < NO_ITEM else None
@@ -133,4 +162,7 @@ _JUDGES: dict[type, Callable[[Any], Any]] = {
     MissionCurrent: _current,
     MissionReached: _reached,
     ParamValue: _parameter,
+    PictureTaken: _picture,
+    CameraStatus: _camera,
+    GimbalAttitude: _gimbal,
 }

@@ -9,7 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from executor.core.hearing.firmware import MULTICOPTERS, OTHERS
-from executor.core.messages import ComponentText, Heartbeat, Message, OrderSeen, Radio, StationHeard, StatusText
+from executor.core.messages import (
+    ComponentText,
+    Heartbeat,
+    Message,
+    OrderSeen,
+    PayloadMessage,
+    Radio,
+    StationHeard,
+    StatusText,
+)
 
 AUTOPILOT = 1
 """MAV_COMP_ID_AUTOPILOT1."""
@@ -35,7 +44,7 @@ def speaker_after(known: Speaker, component: int, beat: Heartbeat) -> Speaker:
 
 
 def heard_of(known: Speaker, component: int, message: Message) -> Message | None:
-    """Return what is heard of a message: of other components only words, and what they say of the link."""
-    if component == known.component or isinstance(message, StationHeard | Radio | OrderSeen):
+    """Return what is heard of a message: of other components only words, the link, cameras and gimbals."""
+    if component == known.component or isinstance(message, StationHeard | Radio | OrderSeen | PayloadMessage):
         return message
     return ComponentText(component, message.severity, message.text) if isinstance(message, StatusText) else None

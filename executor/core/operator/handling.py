@@ -20,6 +20,7 @@ from executor.core.replan import replanning
 from executor.core.replan.wording import listed
 from executor.core.roster import takeover
 from executor.core.roster.withdraw import declare, left_plan, withdrawn
+from executor.core.seeing import proof
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
 
@@ -291,7 +292,7 @@ def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -
 
 
 def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
-    again = state.coverage.unproven()
+    again = state.coverage.unproven() | proof.missed(context, state)
     inspected = {segment: by for segment, by in state.coverage.inspected.items() if segment not in again}
     flown = {segment: how for segment, how in state.coverage.flown.items() if segment not in again}
     trigger = f"{intent.source} asks for proof"
@@ -300,6 +301,8 @@ def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) ->
         inspected=MappingProxyType(inspected),
         flown=MappingProxyType(flown),
         inferred=state.coverage.inferred - again,
+        given_up=state.coverage.given_up - again,
+        caught=MappingProxyType({one: seen for one, seen in state.coverage.caught.items() if one not in again}),
     )
     known = replace(state.replanning, ordered=True, trigger=trigger, trigger_s=now_s)
     text = f"{listed(context, again)} flown again for proof"

@@ -14,6 +14,7 @@ from executor.core.intents import BEFORE, FOR_ALL, Action, Intent, IntentReason
 from executor.core.places import where
 from executor.core.replan import replanning
 from executor.core.roster.offers import open_segments
+from executor.core.seeing import proof
 from executor.core.state import FleetState
 from executor.core.vehicle import IN_THE_AIR, Stage, VehicleState
 from missions import Phase
@@ -230,7 +231,7 @@ def _replan(context: Context, state: FleetState, now_s: float) -> Why:
 
 
 def _prove(context: Context, state: FleetState, now_s: float) -> Why:
-    if not state.coverage.unproven():
+    if not state.coverage.unproven() | proof.missed(context, state):
         return IntentReason.NOTHING_TO_PLAN, "every segment that counts was proven by positions"
     why = _replan(context, state, now_s)
     return None if why is not None and why[0] is IntentReason.NOTHING_TO_PLAN else why

@@ -41,9 +41,15 @@ Some 10 ms for fifty vehicles, whose missions together would take a third of a s
 def orphans(context: Context, state: FleetState) -> frozenset[int]:
     """Return the segments that are not inspected, not given up, not the next sortie's, and on nobody's way."""
     wanted = context.wanted - set(state.coverage.inspected) - state.coverage.given_up - state.coverage.left_over
+    wanted -= set(state.coverage.unseen)  # their pictures are waited for
     for vehicle in state.on_mission():
-        wanted -= {segment_of(visit) for visit in vehicle.remaining_visits()}
+        wanted -= {segment_of(visit) for visit in vehicle.remaining_visits()} - barred(context, vehicle)
     return frozenset(wanted)
+
+
+def barred(context: Context, vehicle: VehicleState) -> frozenset[int]:
+    """Return the segments that a vehicle cannot see: it has no camera that does what they ask for."""
+    return context.setup.looks.barred(vehicle.name, vehicle.payload.broken_names())
 
 
 def left_over(state: FleetState) -> frozenset[int]:
@@ -173,11 +179,12 @@ def _offer(
     if state.assignment.board is not None and airborne:
         ahead = {waypoint.visit for waypoint in state.assignment.board.path.waypoints[kept:]}
         tail = tuple(visit for index, visit in enumerate(state.assignment.board.visits) if index in ahead)
+    blind = barred(context, state)
     most = remaining - setup.reserve_pct - spent_pct
     learned = state.assignment.learned
     return Survivor(
         state.name, start_m, max(0.0, budget), account.factor(state.power.battery), airborne, tail, kept,
-        max(0.0, most), pace=AS_MODELLED if learned is None else learned.pace,
+        max(0.0, most), pace=AS_MODELLED if learned is None else learned.pace, barred=tuple(sorted(blind)),
     )  # fmt: skip
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import replace
-from types import MappingProxyType
 
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Context, Scene
@@ -17,6 +16,7 @@ from executor.core.homing.homeward import on_mission
 from executor.core.parts import OnBoard
 from executor.core.replan.wording import listed
 from executor.core.resume.inference import flown_meanwhile
+from executor.core.seeing import proof
 from executor.core.state import FleetState
 from executor.core.vehicle import VehicleState, before_of
 
@@ -98,15 +98,10 @@ def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board:
     )
     state = state.put(vehicle)
     new = [segment for segment in found.segments if segment not in state.coverage.inspected]
-    inspected = {**state.coverage.inspected, **dict.fromkeys(new, vehicle.name)}
-    state = replace(
-        state,
-        coverage=replace(
-            state.coverage,
-            inspected=MappingProxyType(inspected),
-            inferred=state.coverage.inferred | {*new, *proven},
-        ),
-    )
+    heard_s = vehicle.link.heard_s or 0.0
+    state = proof.was_flown(context, state, vehicle.name, [(segment, None) for segment in new], heard_s)
+    inferred = state.coverage.inferred | {*new, *proven}
+    state = replace(state, coverage=replace(state.coverage, inferred=inferred))
     if found.why_not:
         text = f"{vehicle.name}: what it flew meanwhile does not count: {found.why_not}"
         return state, (Say(Level.WARNING, text),)

@@ -48,3 +48,5 @@ class FaultsTable(SiteTable):
     """A loss of this much beyond the usual consumption is a battery drain."""
     battery_window_s: Positive = 90.0
     """Time in which an excess of consumption is forgotten but for a third."""
+    camera: Literal["home", "on"] = "home"
+    """A vehicle whose camera or gimbal fails flies `home`, or `on` with what it can see without it."""

@@ -256,13 +256,14 @@ export class Chart {
     const inspected = new Set(this.state?.inspected ?? []);
     const left = new Set(this.state?.uncovered ?? []);
     const inferred = new Set(this.state?.inferred ?? []);
+    const missed = new Set(this.state?.missed ?? []);
     const current = new Map((this.state?.vehicles ?? []).map((one, index) => [one.progress.segment, index]));
     this.chart.segments_m.forEach((ends, segment) => {
       if (current.has(segment)) this.line(ends, { colour: hueOf(current.get(segment)), width: 15, alpha: 0.33 });
-      if (inspected.has(segment)) {
+      if (missed.has(segment)) this.line(ends, { colour: style("--left"), width: 7 });
+      else if (inspected.has(segment)) {
         this.line(ends, { colour: style("--done"), width: 7, dash: inferred.has(segment) ? [7, 5] : [] });
-      }
-      if (left.has(segment) && !inspected.has(segment)) this.line(ends, { colour: style("--left"), width: 5, dash: [4, 4] });
+      } else if (left.has(segment)) this.line(ends, { colour: style("--left"), width: 5, dash: [4, 4] });
       this.line(ends, { colour: style("--open"), width: 1.8 });
       for (const place of ends) {
         const [x, y] = this.pixels(place);

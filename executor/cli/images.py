@@ -1,0 +1,158 @@
+"""The command that finds the files of a flight's pictures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executor.adapters.extras import Extra, need
+from executor.adapters.run_directory import RunDirectory
+from executor.cli.options import JsonOption, QuietOption
+from executor.errors import LogError
+from executor.images.matching import FileMatch, Matching, match_files
+from executor.images.store import read_index, write_files
+
+SHOWN = 5
+"""Names of one kind that are printed; images-files.csv has all of them."""
+COLUMNS = ("path", "asset", "viewpoint", "vehicle", "camera", "sequence", "state", "clock_ahead_s")
+
+
+class Written(StrEnum):
+    """Where a place is written that a file does not have."""
+
+    NONE = "none"
+    XMP = "xmp"
+    EXIF = "exif"
+
+
+def images(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The files of the cards, in any folders below it.")],
+    run: Annotated[Path, typer.Option("--run", metavar="DIR", help="The run directory of the flight.")],
+    write: Annotated[
+        Written,
+        typer.Option(
+            "--write",
+            help="Where a place is written that a file lacks: a file .xmp beside it, its own EXIF, or nowhere.",
+        ),
+    ] = Written.XMP,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Match the files of cameras to the pictures of a flight, by time and place; says what is missing."""
+    need(Extra.IMAGES, "faultline images")
+    from executor.images.exif import picture_files
+    from executor.images.pages import write_assets
+
+    if not folder.is_dir():
+        raise LogError(f"{folder}: no such folder; expected one with the files of cameras")
+    index = read_index(run)
+    found = match_files(index, list(picture_files(folder)), folder)
+    placed = _placed(found.matches, write)
+    write_files(run, COLUMNS, _rows(found))
+    write_assets(RunDirectory(run).assets, index, found)
+    if as_json:
+        print(json.dumps(_document(found, placed)))
+    elif not quiet:
+        print("\n".join(_lines(found, placed, len(index.images))))
+    if not found.complete:
+        raise typer.Exit(1)
+
+
+def _placed(matches: Sequence[FileMatch], write: Written) -> int:
+    """Write places where files have none; returns how many."""
+    from executor.images.exif import write_place_exif, write_place_xmp
+
+    without = [match for match in matches if match.file.lat_deg is None or match.file.lon_deg is None]
+    if write is Written.NONE:
+        return 0
+    for match in without:
+        place = (match.image.lat_deg, match.image.lon_deg, match.image.alt_msl_m)
+        if write is Written.XMP:
+            write_place_xmp(match.file.path, *place)
+        else:
+            write_place_exif(match.file.path, *place)
+    return len(without)
+
+
+def _rows(found: Matching) -> list[tuple[object, ...]]:
+    blurred = {match.file.path for match in found.blurred}
+    rows: list[tuple[object, ...]] = []
+    for match in found.matches:
+        image = match.image
+        state = image.flaw or ("blurred" if match.file.path in blurred else "matched")
+        rows.append((
+            str(match.file.path), image.asset, image.viewpoint, image.vehicle, image.camera, image.sequence, state,
+            round(match.ahead_s, 2),
+        ))  # fmt: skip
+    nobody = ("", "", "", "", "")
+    rows += [
+        ("", row.asset, row.viewpoint, row.vehicle, row.camera, row.sequence, "missing", "") for row in found.missing
+    ]
+    rows += [(str(copy), *nobody, f"a copy of {first}", "") for first, copy in found.doubled]
+    rows += [(str(path), *nobody, "of no picture of this flight", "") for path in found.strange]
+    rows += [(str(path), *nobody, why, "") for path, why in found.unreadable]
+    return rows
+
+
+def _lines(found: Matching, placed: int, pictures: int) -> list[str]:
+    lines = [f"{len(found.matches)} of {pictures} pictures have a file"]
+    for card in found.cards:
+        if card.key is None or card.offset is None:
+            lines.append(f"{card.name}: {len(card.files)} files, of no camera of this flight")
+            continue
+        ahead_s = card.offset.ahead_s
+        clock = f"its clock is {abs(ahead_s):.1f} s {'ahead' if ahead_s > 0 else 'behind'}"
+        lines.append(f"{card.name}: {len(card.files)} files of {card.key[0]}, camera {card.key[1]}; {clock}")
+    if placed:
+        lines.append(f"{placed} files did not say where they were taken; that is written now")
+    lines += _some(
+        "missing", [f"{row.vehicle} {row.camera} {row.sequence} ({_of(row.asset)})" for row in found.missing]
+    )
+    lines += _some("doubled", [f"{copy} is {first}" for first, copy in found.doubled])
+    lines += _some("of no picture of this flight", [str(path) for path in found.strange])
+    lines += _some("unreadable", [f"{path}: {why}" for path, why in found.unreadable])
+    lines += _some("blurred by speed", [str(match.file.path) for match in found.blurred])
+    lines += _some("do not count", [f"{row.vehicle} {row.camera} {row.sequence}: {row.flaw}" for row in found.misaimed])
+    lines += _some("not seen", [f"{row.asset}: {row.missing or row.state}" for row in found.unseen])
+    return lines
+
+
+def _of(asset: str) -> str:
+    return asset or "of no span"
+
+
+def _some(what: str, names: Sequence[str]) -> list[str]:
+    if not names:
+        return []
+    more = f", and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return [f"{what}, {len(names)}: {', '.join(names[:SHOWN])}{more}"]
+
+
+def _document(found: Matching, placed: int) -> dict[str, object]:
+    return {
+        "matched": len(found.matches),
+        "missing": [[row.vehicle, row.camera, row.sequence] for row in found.missing],
+        "doubled": [[str(first), str(copy)] for first, copy in found.doubled],
+        "strange": [str(path) for path in found.strange],
+        "unreadable": [[str(path), why] for path, why in found.unreadable],
+        "blurred": [str(match.file.path) for match in found.blurred],
+        "misaimed": [[row.vehicle, row.camera, row.sequence, row.flaw] for row in found.misaimed],
+        "unseen": [[row.asset, row.camera, row.missing or row.state] for row in found.unseen],
+        "cards": [
+            {
+                "name": card.name,
+                "files": len(card.files),
+                "vehicle": None if card.key is None else card.key[0],
+                "camera": None if card.key is None else card.key[1],
+                "clock_ahead_s": None if card.offset is None else round(card.offset.ahead_s, 2),
+            }
+            for card in found.cards
+        ],
+        "placed": placed,
+        "complete": found.complete,
+    }

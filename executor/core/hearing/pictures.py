@@ -1,0 +1,301 @@
+"""What cameras say, taken into what is known: each picture with the span that it shows, and why it does not count.
+
+A picture counts by its own place and look: it lies inside the corridor about a span of its vehicle's mission that asks
+for this camera, it is sharp enough, and the camera points where it should. Numbers that were passed over are kept, so
+that they are asked for again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from executor.core.context import Context
+from executor.core.coverage import END_TOLERANCE_M, SPEED_FACTOR, Track
+from executor.core.messages import CameraHeard, CameraStatus, GimbalAttitude, PayloadMessage, PictureTaken
+from executor.core.parts import OnBoard
+from executor.core.payload.aim import apart_deg, bearing_deg
+from executor.core.payload.pictures import CameraMemory, Picture, WantedPicture
+from executor.core.state import FleetState
+from executor.core.vehicle import Stage, VehicleState
+from missions import Phase
+from missions.cameras import FIRST_COMPONENT, Camera, Capture, PictureProof, PylonLook, proof_of
+from planner import is_reversed
+
+MOST_WANTED = 50
+"""Numbers that were passed over at once; more is a camera that began to count anew."""
+BEGAN_ANEW = 20
+"""A number so much lower than the last is one of a new count."""
+GIMBAL_KNOWN_S = 3.0
+PICTURES = frozenset({Stage.STARTING, Stage.FLYING, Stage.PILOT, Stage.RETURNING})
+"""Where what a camera sees may be of a span; a late word comes while it flies home."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """The visit that a place is on."""
+
+    visit: int
+    track: Track
+    along_m: float
+    """In the direction of the visit."""
+    aside_m: float
+
+
+def payload_heard(
+    context: Context, state: FleetState, vehicle: VehicleState, message: PayloadMessage, now_s: float
+) -> FleetState:
+    """Take one message of a camera or a gimbal."""
+    if not context.setup.looks:
+        return state
+    known = vehicle.payload
+    match message:
+        case GimbalAttitude():
+            return state.put(replace(vehicle, payload=replace(known, gimbal=message, gimbal_s=now_s)))
+        case CameraHeard(component):
+            for camera in _carried(context, vehicle.name):
+                if camera.id == component:
+                    memory = known.camera(camera.name, component)
+                    known = known.with_camera(replace(memory, heard_s=now_s))
+            return state.put(replace(vehicle, payload=known))
+        case CameraStatus():
+            return _status(context, state, vehicle, message, now_s)
+        case PictureTaken():
+            return _picture(context, state, vehicle, message, now_s)
+
+
+def _carried(context: Context, name: str) -> list[Camera]:
+    looks = context.setup.looks
+    return [camera for camera in looks.cameras.values() if camera.name in looks.carriers.get(name, frozenset())]
+
+
+def _status(
+    context: Context, state: FleetState, vehicle: VehicleState, message: CameraStatus, now_s: float
+) -> FleetState:
+    camera = next((one for one in _carried(context, vehicle.name) if one.id == message.component), None)
+    if camera is None:
+        return state
+    memory = vehicle.payload.camera(camera.name, camera.id)
+    last, wanted = _counted(memory, message.images)
+    memory = replace(
+        memory,
+        heard_s=now_s,
+        films=memory.films if message.films is None else message.films,
+        free_mib=memory.free_mib if message.free_mib is None else message.free_mib,
+        images=memory.images if message.images is None else message.images,
+        last=last,
+        wanted=wanted,
+    )
+    vehicle = replace(vehicle, payload=vehicle.payload.with_camera(memory))
+    state = state.put(vehicle)
+    fix = vehicle.motion.fix
+    if not message.films or fix is None:
+        return state
+    seen = _on(context, vehicle, camera, fix.place_m)
+    capture = None if seen is None else _asked(vehicle.assignment.board, seen.visit, camera.name)
+    if seen is None or capture is None or not capture.films:
+        return state
+    return _caught(state, vehicle, camera, seen)
+
+
+def _counted(memory: CameraMemory, images: int | None) -> tuple[int | None, tuple[WantedPicture, ...]]:
+    """Return the highest number of a picture, and those that are to be asked for, once a camera says its count.
+
+    Pictures are numbered from 0. The word of the newest may be under way, unless the count was heard before.
+    """
+    last = memory.last
+    if images is None:
+        return last, memory.wanted
+    newest = images - 1 if images == memory.images else images - 2
+    if last is None:
+        return images - 1, memory.wanted
+    if not 0 < newest - last <= MOST_WANTED:
+        return last, memory.wanted
+    return newest, (*memory.wanted, *map(WantedPicture, range(last + 1, newest + 1)))
+
+
+def _camera_of(context: Context, vehicle: VehicleState, message: PictureTaken) -> Camera | None:
+    """Return which of the vehicle's cameras a message is about; None where it proves nothing for any."""
+    autopilot = context.vehicles[vehicle.name].dialect.name
+    for camera in _carried(context, vehicle.name):
+        if message.source is not proof_of(camera, autopilot):
+            continue
+        if camera.id >= FIRST_COMPONENT:
+            if message.component == camera.id:
+                return camera
+        elif message.camera in {0, camera.id} or camera.id == 0:
+            return camera
+    return None
+
+
+def _picture(
+    context: Context, state: FleetState, vehicle: VehicleState, message: PictureTaken, now_s: float
+) -> FleetState:
+    camera = _camera_of(context, vehicle, message)
+    if camera is None:
+        return state
+    memory = vehicle.payload.camera(camera.name, message.component)
+    numbered = _numbered(memory, message.sequence)
+    if numbered is None:
+        return state  # said before
+    memory = replace(numbered, heard_s=now_s)
+    if not message.ok:
+        memory = replace(memory, failures=memory.failures + 1)
+        return state.put(replace(vehicle, payload=vehicle.payload.with_camera(memory)))
+    memory = replace(memory, failures=0, picture_s=now_s)
+    payload = vehicle.payload.with_camera(memory)
+    picture, seen = _placed(context, vehicle, camera, message, now_s)
+    if picture is None:
+        return state.put(replace(vehicle, payload=payload))
+    vehicle = replace(vehicle, payload=replace(payload, pictures=(*payload.pictures, picture)))
+    state = state.put(vehicle)
+    return state if picture.flaw or seen is None else _caught(state, vehicle, camera, seen)
+
+
+def _numbered(memory: CameraMemory, sequence: int) -> CameraMemory | None:
+    """Return what is known once a number was heard; None if it was heard before."""
+    last = memory.last
+    if last is None or sequence < last - BEGAN_ANEW or sequence > last + MOST_WANTED:
+        return replace(memory, last=sequence, wanted=())
+    if sequence > last:
+        return replace(memory, last=sequence, wanted=(*memory.wanted, *map(WantedPicture, range(last + 1, sequence))))
+    left = tuple(one for one in memory.wanted if one.sequence != sequence)
+    return None if len(left) == len(memory.wanted) else replace(memory, wanted=left)
+
+
+def _placed(
+    context: Context, vehicle: VehicleState, camera: Camera, message: PictureTaken, now_s: float
+) -> tuple[Picture | None, _Seen | None]:
+    """Return a picture with its place, and the visit that it is of; None where nobody knows where it was taken."""
+    fix = vehicle.motion.fix
+    if fix is None:
+        return None, None
+    at_s = now_s
+    if message.boot_s is not None and abs(message.boot_s - fix.boot_s) < LONGEST_S:
+        at_s = min(now_s, fix.at_s + message.boot_s - fix.boot_s)
+    place_m, alt_msl_m, alt_rel_m = fix.place_m, fix.alt_msl_m, fix.alt_rel_m
+    if message.lat_deg is not None and message.lon_deg is not None:
+        place_m = context.frame.to_local_m(message.lat_deg, message.lon_deg)
+        alt_msl_m = alt_msl_m if message.alt_msl_m is None else message.alt_msl_m
+        alt_rel_m = alt_rel_m if message.alt_rel_m is None else message.alt_rel_m
+    elif abs(at_s - fix.at_s) < GIMBAL_KNOWN_S:
+        (east_m, north_m), (east_m_s, north_m_s, _) = fix.place_m, fix.velocity_m_s
+        place_m = (east_m + east_m_s * (at_s - fix.at_s), north_m + north_m_s * (at_s - fix.at_s))
+    pitch_deg, yaw_deg = _look(vehicle, camera, message, now_s)
+    seen = _on(context, vehicle, camera, place_m)
+    lat_deg, lon_deg = context.frame.to_wgs84_deg(*place_m)
+    speed_m_s = math.hypot(*fix.velocity_m_s[:2])
+    picture = Picture(
+        camera=camera.name,
+        source=message.source,
+        sequence=message.sequence,
+        at_s=at_s,
+        unix_s=message.unix_s,
+        lat_deg=lat_deg,
+        lon_deg=lon_deg,
+        alt_msl_m=alt_msl_m,
+        alt_rel_m=alt_rel_m,
+        pitch_deg=pitch_deg,
+        yaw_deg=yaw_deg,
+        speed_m_s=speed_m_s,
+        file=message.file,
+        segment=None if seen is None else seen.track.segment,
+        along_m=None if seen is None else _from_a(vehicle.assignment.board, seen),
+    )
+    return replace(picture, flaw=_flaw(context, vehicle, message, picture, seen)), seen
+
+
+LONGEST_S = 3600.0
+
+
+def _look(
+    vehicle: VehicleState, camera: Camera, message: PictureTaken, now_s: float
+) -> tuple[float | None, float | None]:
+    """Return where the camera looked: by its own word, or by its gimbal's on a vehicle with this heading."""
+    if message.source is PictureProof.CAPTURED and message.pitch_deg is not None:
+        return message.pitch_deg, message.yaw_deg
+    known, fix = vehicle.payload, vehicle.motion.fix
+    fresh = known.gimbal_s is not None and now_s - known.gimbal_s <= GIMBAL_KNOWN_S
+    if not camera.gimbal or known.gimbal is None or not fresh:
+        return None, None
+    heading_deg = message.yaw_deg if message.yaw_deg is not None else None if fix is None else fix.heading_deg
+    if known.gimbal.from_north:
+        return known.gimbal.pitch_deg, known.gimbal.yaw_deg
+    return known.gimbal.pitch_deg, None if heading_deg is None else (heading_deg + known.gimbal.yaw_deg) % 360
+
+
+def _on(context: Context, vehicle: VehicleState, camera: Camera, place_m: tuple[float, float]) -> _Seen | None:
+    """Return the visit that a place is on, of those that were flown or are being flown and ask for a camera."""
+    board, looks = vehicle.assignment.board, context.setup.looks
+    if board is None or vehicle.stage not in PICTURES:
+        return None
+    reached = {point.visit for point in board.path.waypoints[: vehicle.assignment.waypoint + 1]} - {None}
+    best: tuple[float, _Seen] | None = None
+    for visit in sorted((one for one in reached if one is not None), reverse=True):
+        track = board.tracks[visit]
+        if camera.name not in looks.wanted(track.segment):
+            continue
+        if track.by_pictures:
+            point = _viewpoint(looks.pylons[track.segment], place_m)
+            if point is not None:
+                return _Seen(visit, track, float(point), 0.0)
+            continue
+        along_m, _ = track.locate(place_m)
+        beyond_m, aside_m = max(-along_m, along_m - track.length_m, 0.0), track.aside_m(place_m)
+        if beyond_m > END_TOLERANCE_M or aside_m > context.corridor_m:
+            continue
+        if best is None or beyond_m + aside_m < best[0] - 1.0:
+            best = (beyond_m + aside_m, _Seen(visit, track, along_m, aside_m))
+    return None if best is None else best[1]
+
+
+def _viewpoint(look: PylonLook, place_m: tuple[float, float]) -> int | None:
+    """Return the number of the viewpoint that a place is at; None if it is at none."""
+    number = min(range(len(look.points)), key=lambda one: math.dist(look.points[one].place_m, place_m))
+    return number if math.dist(look.points[number].place_m, place_m) <= END_TOLERANCE_M else None
+
+
+def _asked(board: OnBoard | None, visit: int, camera: str) -> Capture | None:
+    """Return what a visit asks of a camera."""
+    for point in () if board is None else board.path.waypoints:
+        if point.visit == visit and point.phase is Phase.INSPECT:
+            return next((one for one in point.captures if one.camera == camera), None)
+    return None
+
+
+def _asked_at(context: Context, seen: _Seen, capture: Capture) -> Capture:
+    """Return what was asked of a camera at the viewpoint of a pylon; elsewhere all along the span."""
+    look = context.setup.looks.pylons.get(seen.track.segment)
+    return capture if look is None else context.setup.looks.capture_at(look, look.points[int(seen.along_m)])
+
+
+def _flaw(context: Context, vehicle: VehicleState, message: PictureTaken, picture: Picture, seen: _Seen | None) -> str:
+    """Return why a picture does not count; nothing if it does."""
+    capture = None if seen is None else _asked(vehicle.assignment.board, seen.visit, picture.camera)
+    if seen is None or capture is None:
+        return "of no span that asks for it"
+    capture = _asked_at(context, seen, capture)
+    if picture.speed_m_s > SPEED_FACTOR * context.inspection_speed_m_s:
+        return f"taken at {picture.speed_m_s:.1f} m/s"
+    off_deg = 0.0
+    if capture.pitch_deg is not None and capture.yaw_deg is not None and picture.pitch_deg is not None:
+        nose_deg = 0.0 if capture.from_north else bearing_deg(seen.track.begin_m, seen.track.end_m)
+        wanted_deg = (nose_deg + capture.yaw_deg) % 360
+        yaw_deg = wanted_deg if picture.yaw_deg is None else picture.yaw_deg
+        off_deg = apart_deg(picture.pitch_deg, yaw_deg, capture.pitch_deg, wanted_deg)
+    elif message.source is PictureProof.FEEDBACK and message.roll_deg is not None and message.pitch_deg is not None:
+        off_deg = max(abs(message.roll_deg), abs(message.pitch_deg))  # of the vehicle, which carries it level
+    return f"aimed {off_deg:.0f} degrees beside" if off_deg > capture.aim_deg else ""
+
+
+def _from_a(board: OnBoard | None, seen: _Seen) -> float:
+    backward = board is not None and is_reversed(board.visits[seen.visit]) and not seen.track.by_pictures
+    return seen.track.length_m - seen.along_m if backward else seen.along_m
+
+
+def _caught(state: FleetState, vehicle: VehicleState, camera: Camera, seen: _Seen) -> FleetState:
+    before = state.coverage.caught.get(seen.track.segment, ())
+    here = (camera.name, round(_from_a(vehicle.assignment.board, seen), 2))
+    caught = MappingProxyType({**state.coverage.caught, seen.track.segment: (*before, here)})
+    return replace(state, coverage=replace(state.coverage, caught=caught))

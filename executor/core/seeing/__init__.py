@@ -1,0 +1,1 @@
+"""Whether what was flown was seen, and what is wrong with cameras."""

@@ -1,0 +1,142 @@
+"""Cameras and gimbals that do not do their work: found where they should, told, and flown home or on with.
+
+Each is a level, looked at on every tick while a vehicle moves along a span that asks for pictures.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+from executor.core.commands import Command, Level, Say
+from executor.core.context import Context
+from executor.core.custody.causes import in_other_hands
+from executor.core.payload.pictures import Broken, CameraMemory
+from executor.core.replan.replanning import barred
+from executor.core.roster.withdraw import declare, withdrawn
+from executor.core.state import FleetState
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
+from executor.core.words import count_of
+from missions.cameras import FIRST_COMPONENT, Capture, Trigger
+from planner import segment_of
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+Finding = tuple[FaultCode, str]
+
+MOVES = 0.5
+"""Share of the inspection speed from which on pictures are due."""
+PICTURES_LATE = 4.0
+"""So many pictures that did not come are none that got lost."""
+LATEST_S = 8.0
+"""A camera says once a second that it is there; a word that got lost is asked for three times in this time."""
+HEARD_S = 4.0
+FAILURES = 3
+LEAST_MIB = 1.0
+OFF_S = 5.0
+"""A gimbal has turned after this."""
+FRESH_S = 3.0
+
+
+def cameras_looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Look at the cameras of everybody who is on a span."""
+    if not context.setup.looks:
+        return state, ()
+    commands: list[Command] = []
+    for name in state.vehicles:
+        state, more = _of_one(context, state, name, now_s)
+        commands.extend(more)
+    return state, tuple(commands)
+
+
+def _of_one(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
+    vehicle = _followed(context, state.vehicles[name], now_s)
+    state = state.put(vehicle)
+    working = vehicle.payload.working
+    if working is None or vehicle.fault is not None or vehicle.link.stale or in_other_hands(vehicle):
+        return state, ()
+    out = vehicle.payload.broken_names()
+    for capture in () if vehicle.leg is None else vehicle.leg.captures:
+        if capture.camera in out or (capture.trigger is Trigger.ONCE and not vehicle.payload.off_since_s):
+            continue  # one picture is no row of them; where it is missing, it was not seen
+        found = next(_findings(context, vehicle, capture, working[1], now_s), None)
+        if found is not None:
+            return _told(context, state, vehicle, capture.camera, found, now_s)
+    return state, ()
+
+
+def _followed(context: Context, vehicle: VehicleState, now_s: float) -> VehicleState:
+    """Return the vehicle with since when it moves along the span under way, and points wrong."""
+    leg, fix, known = vehicle.leg, vehicle.motion.fix, vehicle.payload
+    moves = fix is not None and math.hypot(*fix.velocity_m_s[:2]) >= MOVES * context.inspection_speed_m_s
+    if vehicle.stage is not Stage.FLYING or leg is None or not leg.captures or leg.visit is None or not moves:
+        if known.working is None and known.off_since_s is None:
+            return vehicle
+        return replace(vehicle, payload=replace(known, working=None, off_since_s=None))
+    working = known.working if known.working is not None and known.working[0] == leg.visit else (leg.visit, now_s)
+    off_s = None
+    if any(_is_off(vehicle, capture, now_s) for capture in leg.captures):
+        off_s = now_s if known.off_since_s is None else known.off_since_s
+    if (working, off_s) == (known.working, known.off_since_s):
+        return vehicle
+    return replace(vehicle, payload=replace(known, working=working, off_since_s=off_s))
+
+
+def _is_off(vehicle: VehicleState, capture: Capture, now_s: float) -> bool:
+    known = vehicle.payload
+    if capture.pitch_deg is None or known.gimbal is None or known.gimbal_s is None or now_s - known.gimbal_s > FRESH_S:
+        return False
+    return known.gimbal.failed or abs(known.gimbal.pitch_deg - capture.pitch_deg) > capture.aim_deg
+
+
+def _findings(
+    context: Context, vehicle: VehicleState, capture: Capture, since_s: float, now_s: float
+) -> Iterator[Finding]:
+    known = vehicle.payload
+    memory = known.camera(capture.camera, capture.camera_id)
+    name = f"camera {capture.camera}"
+    if known.gimbal is not None and known.off_since_s is not None and now_s - known.off_since_s >= OFF_S:
+        where = f"points at {known.gimbal.pitch_deg:.0f} degrees, not at {capture.pitch_deg}"
+        yield FaultCode.GIMBAL_STUCK, "its gimbal says that it failed" if known.gimbal.failed else f"its gimbal {where}"
+    if memory.free_mib is not None and memory.free_mib < LEAST_MIB:
+        yield FaultCode.CARD_FULL, f"{name}: its card is full"
+    if memory.failures >= FAILURES:
+        yield FaultCode.CARD_FULL, f"{name}: {memory.failures} pictures in a row failed, by its own word"
+    if capture.trigger is Trigger.ONCE:
+        return
+    every_s = capture.every_m / context.inspection_speed_m_s
+    late_s = LATEST_S if capture.films else max(LATEST_S, PICTURES_LATE * every_s)
+    last_s = since_s if memory.picture_s is None else max(since_s, memory.picture_s)
+    if capture.films and memory.films and memory.heard_s is not None:
+        last_s = max(last_s, memory.heard_s)
+    if now_s - last_s < late_s:
+        return
+    if capture.films:
+        yield FaultCode.CAMERA_SILENT, f"{name}: it has not filmed for {now_s - last_s:.0f} s"
+        return
+    if _is_there(memory, now_s):
+        text = f"{name}: it is there, and has not said for {now_s - last_s:.0f} s that it took a picture"
+        yield FaultCode.CAMERA_MUTE, text
+    else:
+        yield FaultCode.CAMERA_SILENT, f"{name}: no picture for {now_s - last_s:.0f} s"
+
+
+def _is_there(memory: CameraMemory, now_s: float) -> bool:
+    speaks = memory.component >= FIRST_COMPONENT and memory.heard_s is not None
+    return speaks and memory.heard_s is not None and now_s - memory.heard_s <= HEARD_S
+
+
+def _told(
+    context: Context, state: FleetState, vehicle: VehicleState, camera: str, found: Finding, now_s: float
+) -> Stepped:
+    code, why = found
+    broken = (*vehicle.payload.broken, Broken(camera, why))
+    vehicle = replace(vehicle, payload=replace(vehicle.payload, broken=broken))
+    if context.camera_home:
+        return declare(context, state.put(vehicle), vehicle, Fault(FaultKind.PAYLOAD, why, now_s, code))
+    state = state.put(vehicle)
+    blind = {segment_of(visit) for visit in vehicle.remaining_visits()} & barred(context, vehicle)
+    left = blind - set(state.coverage.inspected)
+    what = f"; {count_of(len(left), 'segment')} to be reassigned" if left else ""
+    state, more = withdrawn(state, vehicle.name, f"{vehicle.name}: {why}", now_s)
+    return state, (Say(Level.FAULT, f"{vehicle.name}: {why}; it flies on without it{what}"), *more)

@@ -1,0 +1,153 @@
+"""Flown is not seen: a span that asks for pictures counts when they show all of it.
+
+One that was flown waits for the words of its pictures; those that got lost are asked for again. What is not shown then
+was flown but not seen, and is planned again like anything else that is open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from types import MappingProxyType
+
+from executor.core.commands import AskPicture, Command, Level, Say
+from executor.core.context import Context
+from executor.core.coverage import SegmentPass
+from executor.core.payload.pictures import NotSeen, Unseen, WantedPicture
+from executor.core.payload.spans import most_apart_m, unseen_m
+from executor.core.state import FleetState
+from executor.core.vehicle import IN_THE_AIR, VehicleState
+from missions import Phase
+from missions.cameras import FIRST_COMPONENT
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+WAITS_S = 8.0
+"""For the words of pictures, once a span is flown: time to ask for a lost one three times."""
+ASK_AGAIN_S = 2.0
+TRIES = 3
+AT_ONCE = 5
+"""Pictures that are asked for in one turn."""
+
+
+def asks(context: Context, segment: int) -> bool:
+    """Return whether a segment asks for pictures."""
+    return segment in context.setup.looks.spans or segment in context.setup.looks.pylons
+
+
+def was_flown(
+    context: Context, state: FleetState, vehicle: str, segments: Iterable[tuple[int, SegmentPass | None]], now_s: float
+) -> FleetState:
+    """Take what was flown: it is inspected, or waits for its pictures."""
+    coverage = state.coverage
+    inspected, passes, unseen = dict(coverage.inspected), dict(coverage.flown), dict(coverage.unseen)
+    for segment, how in segments:
+        if segment in inspected:
+            continue
+        if how is not None:
+            passes[segment] = how
+        if asks(context, segment):
+            unseen[segment] = Unseen(vehicle, now_s)
+        else:
+            inspected[segment] = vehicle
+    coverage = replace(
+        coverage,
+        inspected=MappingProxyType(inspected),
+        flown=MappingProxyType(passes),
+        unseen=MappingProxyType(unseen) if len(unseen) != len(coverage.unseen) else coverage.unseen,
+    )
+    return replace(state, coverage=coverage)
+
+
+def passed_pylons(context: Context, state: FleetState, before: VehicleState, now_s: float) -> FleetState:
+    """Take pylons for flown once their last viewpoint is behind the vehicle, by its own word."""
+    vehicle = state.vehicles[before.name]
+    board, was, now = vehicle.assignment.board, before.assignment.waypoint, vehicle.assignment.waypoint
+    if not context.setup.looks.pylons or board is None or now <= was or before.assignment.board is not board:
+        return state
+    done = [
+        (board.tracks[point.visit].segment, None)
+        for point in board.path.waypoints[was:now]
+        if point.phase is Phase.INSPECT and point.visit is not None and board.tracks[point.visit].by_pictures
+    ]
+    return was_flown(context, state, vehicle.name, done, now_s) if done else state
+
+
+def unshown(context: Context, state: FleetState, segment: int) -> list[str]:
+    """Return in words what pictures do not show of a segment; nothing where they show all of it."""
+    pylon = context.setup.looks.pylons.get(segment)
+    if pylon is not None:
+        had = {int(at_m) for camera, at_m in state.coverage.caught.get(segment, ()) if camera == pylon.camera}
+        gone = [str(number + 1) for number in range(len(pylon.points)) if number not in had]
+        return [f"{pylon.camera} has no picture from viewpoint {', '.join(gone)}"] if gone else []
+    begin_m, end_m = context.setup.tracks_m[segment]
+    length_m = float(((end_m - begin_m) ** 2).sum() ** 0.5)
+    caught = state.coverage.caught.get(segment, ())
+    words = []
+    for look in context.setup.looks.spans.get(segment, ()):
+        places = [at_m for camera, at_m in caught if camera == look.camera]
+        stretches = unseen_m(length_m, places, most_apart_m(look, context.inspection_speed_m_s))
+        if stretches:
+            where = ", ".join(f"{begin:.0f} to {end:.0f} m" for begin, end in stretches)
+            words.append(f"{look.camera} does not show {where} of {length_m:.0f} m")
+    return words
+
+
+def missed(context: Context, state: FleetState) -> frozenset[int]:
+    """Return what was flown and is not seen: at once, while the words of pictures may still come."""
+    waiting = {segment for segment in state.coverage.unseen if unshown(context, state, segment)}
+    return frozenset(waiting | {one.segment for one in state.coverage.not_seen} - set(state.coverage.inspected))
+
+
+def pictures_judged(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Ask again for lost words, and judge what was flown."""
+    if not context.setup.looks:
+        return state, ()
+    state, asked = _asked_again(state, now_s)
+    commands: list[Command] = list(asked)
+    for segment, waits in state.coverage.unseen.items():
+        why = unshown(context, state, segment)
+        if why and now_s - waits.since_s < WAITS_S:
+            continue
+        state, more = _judged(context, state, segment, waits, why, now_s)
+        commands.extend(more)
+    return state, tuple(commands)
+
+
+def _judged(context: Context, state: FleetState, segment: int, waits: Unseen, why: list[str], now_s: float) -> Stepped:
+    coverage = state.coverage
+    unseen = MappingProxyType({one: other for one, other in coverage.unseen.items() if one != segment})
+    if not why:
+        inspected = MappingProxyType({**coverage.inspected, segment: waits.vehicle})
+        return replace(state, coverage=replace(coverage, unseen=unseen, inspected=inspected)), ()
+    words = "; ".join(why)
+    passes = MappingProxyType({one: how for one, how in coverage.flown.items() if one != segment})
+    found = NotSeen(waits.vehicle, segment, now_s, words)
+    coverage = replace(coverage, unseen=unseen, flown=passes, not_seen=(*coverage.not_seen, found))
+    text = f"{waits.vehicle}: {context.segment_name(segment)} is flown but not seen: {words}"
+    return replace(state, coverage=coverage), (Say(Level.WARNING, text),)
+
+
+def _asked_again(state: FleetState, now_s: float) -> Stepped:
+    commands: list[Command] = []
+    for vehicle in state.vehicles.values():
+        if vehicle.stage not in IN_THE_AIR or vehicle.link.stale:
+            continue
+        state, more = _of_one(state, vehicle, now_s)
+        commands.extend(more)
+    return state, tuple(commands)
+
+
+def _of_one(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    commands: list[Command] = []
+    payload = vehicle.payload
+    for camera in payload.cameras:
+        if camera.component < FIRST_COMPONENT:
+            continue  # an autopilot says each once
+        due = [one for one in camera.wanted if one.tries < TRIES and now_s - one.at_s >= ASK_AGAIN_S][:AT_ONCE]
+        if due:
+            asked = {one.sequence: WantedPicture(one.sequence, one.tries + 1, now_s) for one in due}
+            wanted = tuple(asked.get(one.sequence, one) for one in camera.wanted)
+            payload = payload.with_camera(replace(camera, wanted=wanted))
+            commands += [AskPicture(vehicle.name, camera.component, one.sequence) for one in due]
+    return (state.put(replace(vehicle, payload=payload)), tuple(commands)) if commands else (state, ())

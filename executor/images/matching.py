@@ -1,0 +1,167 @@
+"""From a folder of files to an index: which file is which picture; what is missing, doubled, blurred, badly aimed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from executor.images.clocks import Offset, matched, offset_of, series
+from executor.images.exif import PictureFile
+from executor.images.rows import AssetRow, ImageRow
+from executor.images.store import Index
+from missions.geo import LocalFrame
+
+BLUR_M = 0.02
+"""A picture that moved by more of the line while it was exposed is blurred."""
+Key = tuple[str, str]
+"""A vehicle and its camera."""
+
+
+@dataclass(frozen=True, slots=True)
+class FileMatch:
+    """A file and the picture that it is."""
+
+    file: PictureFile
+    image: ImageRow
+    ahead_s: float
+    """By how much the clock of its camera is ahead."""
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """Files that one camera wrote."""
+
+    name: str
+    files: tuple[PictureFile, ...]
+    key: Key | None = None
+    """Whose they are; None where they fall together with nobody's pictures."""
+    offset: Offset | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Matching:
+    """What a folder holds of an index."""
+
+    matches: tuple[FileMatch, ...]
+    cards: tuple[Card, ...]
+    missing: tuple[ImageRow, ...]
+    """Pictures without a file."""
+    doubled: tuple[tuple[Path, Path], ...]
+    """A file, and another with the same content."""
+    strange: tuple[Path, ...]
+    """Files that are no picture of this flight."""
+    unreadable: tuple[tuple[Path, str], ...]
+    blurred: tuple[FileMatch, ...] = ()
+    misaimed: tuple[ImageRow, ...] = ()
+    """Pictures that do not count, with their flaws."""
+    unseen: tuple[AssetRow, ...] = field(default=())
+    """Assets of which something is not shown."""
+
+    @property
+    def complete(self) -> bool:
+        """Return whether every picture has a file, and everything was seen."""
+        return not self.missing and not self.unseen
+
+
+def match_files(index: Index, files: Sequence[PictureFile], folder: Path) -> Matching:
+    """Match files to an index."""
+    readable = [file for file in files if not file.unreadable]
+    once, doubled = _once(readable)
+    groups: dict[Key, list[ImageRow]] = {}
+    for row in index.images:
+        groups.setdefault((row.vehicle, row.camera), []).append(row)
+    cards = _owners(_cards(once, folder), groups, index)
+    matches: list[FileMatch] = []
+    for card in cards:
+        if card.key is not None and card.offset is not None:
+            matches += _matches(card, card.offset, groups[card.key], _frame(index))
+    have = {id(match.image) for match in matches}
+    used = {match.file.path for match in matches}
+    return Matching(
+        matches=tuple(matches),
+        cards=tuple(cards),
+        missing=tuple(row for row in index.images if id(row) not in have),
+        doubled=tuple(doubled),
+        strange=tuple(file.path for file in once if file.path not in used),
+        unreadable=tuple((file.path, file.unreadable) for file in files if file.unreadable),
+        blurred=tuple(match for match in matches if _is_blurred(match)),
+        misaimed=tuple(row for row in index.images if row.flaw),
+        unseen=tuple(row for row in index.assets if row.state != "seen"),
+    )
+
+
+def _once(files: Sequence[PictureFile]) -> tuple[list[PictureFile], list[tuple[Path, Path]]]:
+    first: dict[str, PictureFile] = {}
+    doubled = []
+    for file in files:
+        if file.digest in first:
+            doubled.append((first[file.digest].path, file.path))
+        else:
+            first[file.digest] = file
+    return list(first.values()), doubled
+
+
+def _cards(files: Sequence[PictureFile], folder: Path) -> list[Card]:
+    """Return the files by what wrote them: a folder's, of one make and number."""
+    groups: dict[tuple[Path, str], list[PictureFile]] = {}
+    for file in files:
+        groups.setdefault((file.path.parent, file.camera), []).append(file)
+    several = {place for place, _ in groups if sum(other == place for other, _ in groups) > 1}
+    cards = []
+    for (place, camera), own in groups.items():
+        name = str(place.relative_to(folder)) if place != folder else "."
+        cards.append(Card(f"{name} ({camera})" if place in several else name, tuple(own)))
+    return cards
+
+
+def _frame(index: Index) -> LocalFrame:
+    first = index.images[0] if index.images else None
+    return LocalFrame(0.0, 0.0) if first is None else LocalFrame(first.lat_deg, first.lon_deg)
+
+
+def _timed(card: Card) -> list[PictureFile]:
+    return sorted((file for file in card.files if file.taken_s is not None), key=lambda file: file.taken_s or 0.0)
+
+
+def _owners(cards: list[Card], groups: dict[Key, list[ImageRow]], index: Index) -> list[Card]:
+    """Return whose each card is: of all pairs, those that fall together best come first.
+
+    A camera may have filled several cards; a card has pictures of one camera.
+    """
+    frame = _frame(index)
+    tried: list[tuple[float, int, Key, Offset]] = []
+    for number, card in enumerate(cards):
+        files = series(frame, [(file.taken_s or 0.0, file.lat_deg, file.lon_deg) for file in _timed(card)])
+        for key, rows in groups.items():
+            pictures = series(frame, [(row.unix_s, row.lat_deg, row.lon_deg) for row in rows])
+            found = offset_of(files, pictures) if len(files.times_s) else None
+            if found is not None and found.pairs >= _enough(len(files.times_s), len(rows)):
+                tried.append((found.score, number, key, found))
+    owned: dict[int, tuple[Key, Offset]] = {}
+    left = {key: len(rows) for key, rows in groups.items()}
+    for _, number, key, found in sorted(tried, key=lambda one: (-one[0], one[1], one[2])):
+        if number not in owned and left[key] >= found.pairs / 2:
+            owned[number] = (key, found)
+            left[key] -= found.pairs
+    return [
+        Card(card.name, card.files, *owned[number]) if number in owned else card for number, card in enumerate(cards)
+    ]
+
+
+def _enough(files: int, rows: int) -> int:
+    """Return how many must fall together: any two rows of times have some pairs at some offset."""
+    return max(1, min(files, rows) // 2)
+
+
+def _matches(card: Card, offset: Offset, rows: list[ImageRow], frame: LocalFrame) -> Iterator[FileMatch]:
+    timed = _timed(card)
+    files = series(frame, [(file.taken_s or 0.0, file.lat_deg, file.lon_deg) for file in timed])
+    pictures = series(frame, [(row.unix_s, row.lat_deg, row.lon_deg) for row in rows])
+    for file, picture in matched(files, pictures, offset.ahead_s):
+        yield FileMatch(timed[file], rows[picture], offset.ahead_s)
+
+
+def _is_blurred(match: FileMatch) -> bool:
+    exposure_s = match.file.exposure_s
+    return exposure_s is not None and exposure_s * match.image.speed_m_s > BLUR_M

@@ -1,0 +1,211 @@
+"""What is to be seen, and with what: cameras, what each asset asks for, and what that means along a leg.
+
+Along a span a camera takes a picture every so many metres, triggered by the autopilot or by the camera's own clock, or
+films. What a leg asks of a camera stands at its waypoint, so that it is a part of the mission like everything else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from missions.errors import SafetyError
+
+FIRST_COMPONENT = 7
+"""Ids from here on are component ids of MAVLink cameras; 1 to 6 are wired to the autopilot, 0 is all of them."""
+
+
+class Trigger(Enum):
+    """Who decides when a picture is taken."""
+
+    DISTANCE = "distance"
+    """The autopilot, every so many metres (DO_SET_CAM_TRIGG_DIST)."""
+    INTERVAL = "interval"
+    """The camera, every so many seconds (IMAGE_START_CAPTURE)."""
+    VIDEO = "video"
+    """Nobody: it films (VIDEO_START_CAPTURE)."""
+    ONCE = "once"
+    """The mission, at the end of the leg (IMAGE_START_CAPTURE of one image, or DO_DIGICAM_CONTROL)."""
+
+
+class PictureProof(Enum):
+    """Which message says that a picture was taken."""
+
+    CAPTURED = "captured"
+    """CAMERA_IMAGE_CAPTURED of a MAVLink camera."""
+    FEEDBACK = "feedback"
+    """CAMERA_FEEDBACK of ArduPilot."""
+    TRIGGER = "trigger"
+    """CAMERA_TRIGGER of PX4: that it was triggered, where nothing says more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A camera that vehicles carry."""
+
+    name: str
+    id: int = 0
+    """As mission items name it."""
+    focal_mm: float | None = None
+    sensor_mm: tuple[float, float] | None = None
+    """Width and height; the width lies across the flight."""
+    image_px: tuple[int, int] | None = None
+    """The same of its pictures."""
+    least_interval_s: float = 1.0
+    """It takes no pictures faster than this."""
+    gimbal: bool = False
+    """Whether a mission points it."""
+
+    def footprint_m(self, distance_m: float) -> tuple[float, float]:
+        """Return how much of the line a picture shows across the flight and along it, from a distance.
+
+        Raises:
+            SafetyError: its focal length or sensor is not known.
+        """
+        if self.focal_mm is None or self.sensor_mm is None:
+            raise SafetyError(f"camera {self.name!r}: focal_mm and sensor_mm: expected both for a footprint")
+        across, along = (side * distance_m / self.focal_mm for side in self.sensor_mm)
+        return across, along
+
+    def ground_sample_m(self, distance_m: float) -> float:
+        """Return what one pixel shows, from a distance.
+
+        Raises:
+            SafetyError: its focal length, sensor or pixels are not known.
+        """
+        if self.image_px is None:
+            raise SafetyError(f"camera {self.name!r}: image_px: expected width and height for a ground sample distance")
+        return self.footprint_m(distance_m)[0] / self.image_px[0]
+
+
+@dataclass(frozen=True, slots=True)
+class SpanLook:
+    """What a span asks of one camera."""
+
+    camera: str
+    trigger: Trigger
+    every_m: float = 0.0
+    """Between two pictures; 0 where it films."""
+    pitch_deg: float | None = None
+    """Of the camera, from the horizon, down is negative; None points it at the line."""
+    aim_deg: float = 20.0
+    """A picture that is aimed farther beside what was asked does not count."""
+
+
+@dataclass(frozen=True, slots=True)
+class Viewpoint:
+    """From where, and whereto, a pylon is looked at."""
+
+    place_m: tuple[float, float]
+    """East and north of the depot."""
+    pitch_deg: int
+    yaw_deg: int
+    """From north, -180 to 180."""
+
+
+@dataclass(frozen=True, slots=True)
+class PylonLook:
+    """What a pylon asks of one camera."""
+
+    camera: str
+    points: tuple[Viewpoint, ...]
+    """In the order in which they are flown forward."""
+    hover_s: float
+    aim_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class Capture:
+    """What one camera does along a leg."""
+
+    camera: str
+    camera_id: int
+    trigger: Trigger
+    every_m: float
+    pitch_deg: int | None = None
+    """Of its gimbal, from the horizon; None leaves it alone. Whole degrees: ArduPilot keeps no others."""
+    yaw_deg: int | None = None
+    """Of its gimbal from the nose, clockwise."""
+    aim_deg: float = 20.0
+    from_north: bool = False
+    """Whether ``yaw_deg`` counts from north."""
+
+    @property
+    def films(self) -> bool:
+        """Whether it films."""
+        return self.trigger is Trigger.VIDEO
+
+
+@dataclass(frozen=True, slots=True)
+class Looks:
+    """What every segment asks for, and who can give it."""
+
+    cameras: Mapping[str, Camera] = field(default_factory=dict)
+    carriers: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    """By the vehicle's name: the cameras that it carries."""
+    spans: Mapping[int, tuple[SpanLook, ...]] = field(default_factory=dict)
+    """By segment."""
+    pylons: Mapping[int, PylonLook] = field(default_factory=dict)
+    """By the segment that stands for a pylon and its viewpoints."""
+
+    def __bool__(self) -> bool:
+        """Return whether anything is asked for."""
+        return bool(self.spans or self.pylons)
+
+    def wanted(self, segment: int) -> frozenset[str]:
+        """Return the cameras that a segment asks for."""
+        pylon = self.pylons.get(segment)
+        own = frozenset(look.camera for look in self.spans.get(segment, ()))
+        return own if pylon is None else own | {pylon.camera}
+
+    def barred(self, vehicle: str, broken: Iterable[str] = ()) -> frozenset[int]:
+        """Return the segments that a vehicle cannot be given: it lacks a camera that they ask for.
+
+        Args:
+            vehicle: Its name.
+            broken: Cameras of it that do not work any more.
+        """
+        own = self.carriers.get(vehicle, frozenset()) - set(broken)
+        return frozenset(segment for segment in (*self.spans, *self.pylons) if not self.wanted(segment) <= own)
+
+    def captures(self, segment: int, *, height_m: float, standoff_m: float, reverse: bool) -> tuple[Capture, ...]:
+        """Return what cameras do along one segment.
+
+        Args:
+            segment: Which.
+            height_m: Of the flight over the line.
+            standoff_m: Beside it, to the right of the direction from a to b.
+            reverse: Whether it is flown from b to a.
+        """
+        return tuple(
+            self._capture(look, math.degrees(math.atan2(height_m, standoff_m)), reverse)
+            for look in self.spans.get(segment, ())
+        )
+
+    def capture_at(self, look: PylonLook, point: Viewpoint) -> Capture:
+        """Return what is done at a viewpoint, once the vehicle has come to rest there."""
+        camera = self.cameras[look.camera]
+        pitch_deg, yaw_deg = (point.pitch_deg, point.yaw_deg) if camera.gimbal else (None, None)
+        return Capture(
+            camera.name, camera.id, Trigger.ONCE, 0.0, pitch_deg, yaw_deg, look.aim_deg, from_north=True
+        )  # fmt: skip
+
+    def _capture(self, look: SpanLook, below_deg: float, reverse: bool) -> Capture:
+        camera = self.cameras[look.camera]
+        pitch_deg: int | None = None
+        if camera.gimbal:
+            pitch_deg = round(-below_deg if look.pitch_deg is None else look.pitch_deg)
+        yaw_deg = None if pitch_deg is None else 0 if pitch_deg <= -90 else 90 if reverse else -90
+        return Capture(camera.name, camera.id, look.trigger, look.every_m, pitch_deg, yaw_deg, look.aim_deg)
+
+
+NO_LOOKS = Looks()
+
+
+def proof_of(camera: Camera, autopilot: str) -> PictureProof:
+    """Return which message proves a camera's pictures on a vehicle."""
+    if camera.id >= FIRST_COMPONENT:
+        return PictureProof.CAPTURED
+    return PictureProof.FEEDBACK if autopilot == "ardupilot" else PictureProof.TRIGGER

@@ -1,0 +1,93 @@
+"""Items for cameras: what stands where in a mission, in both dialects, and that a re-plan keeps its beginning."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from missions import (
+    ARDUPILOT,
+    PX4,
+    Command,
+    Dialect,
+    Inspection,
+    continue_path,
+    differences,
+    encode,
+    flight_path,
+    flight_setup,
+)
+from missions.cameras import Camera, Looks, SpanLook, Trigger
+from missions.items import PAYLOAD
+from missions.setup import FlightSetup
+from tests.missions.builders import line_east
+
+BOTH = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda one: one.name)
+GIMBAL = Camera("rgb", 100, gimbal=True)
+WIRED = Camera("rgb", 1)
+
+
+def setup_with(camera: Camera, *looks: SpanLook, vehicles: tuple[str, ...] = ("uav1", "uav2")) -> FlightSetup:
+    setup = flight_setup(line_east(5), vehicles, Inspection(flat=True))
+    every = dict.fromkeys(range(4), looks)
+    return replace(setup, looks=Looks({camera.name: camera}, {"uav1": frozenset({camera.name})}, every))
+
+
+def commands(setup: FlightSetup, dialect: Dialect, visits: tuple[int, ...]) -> list[tuple[str, float]]:
+    items = encode(flight_path(setup, "uav1", visits), dialect).items
+    return [(Command(item.command).name, item.param1) for item in items if item.command in PAYLOAD]
+
+
+@BOTH
+def test_a_span_begins_and_ends_what_it_asks_for(dialect: Dialect) -> None:
+    every = SpanLook("rgb", Trigger.DISTANCE, 8.0)
+    assert commands(setup_with(WIRED, every), dialect, (0,)) == [
+        ("DO_SET_CAM_TRIGG_DIST", 8.0), ("DO_SET_CAM_TRIGG_DIST", 0.0),
+    ]  # fmt: skip
+    film = SpanLook("rgb", Trigger.VIDEO)
+    assert [name for name, _ in commands(setup_with(WIRED, film), dialect, (0,))] == [
+        "VIDEO_START_CAPTURE", "VIDEO_STOP_CAPTURE",
+    ]  # fmt: skip
+    timed = SpanLook("rgb", Trigger.INTERVAL, 9.0)
+    items = encode(flight_path(setup_with(GIMBAL, timed), "uav1", (0,)), dialect).items
+    [start] = [item for item in items if item.command == Command.IMAGE_START_CAPTURE]
+    assert (start.param1, start.param2, start.param3) == (100.0, 3.0, 0.0)  # 9 m at 3 m/s
+
+
+@BOTH
+def test_a_gimbal_looks_at_the_line_whichever_way_it_is_flown(dialect: Dialect) -> None:
+    setup = setup_with(GIMBAL, SpanLook("rgb", Trigger.DISTANCE, 8.0))
+    yaws = []
+    for visit in (0, 1):
+        items = encode(flight_path(setup, "uav1", (visit,)), dialect).items
+        [pointing] = [item for item in items if item.command == Command.DO_GIMBAL_MANAGER_PITCHYAW]
+        assert pointing.param1 == -72.0  # 15 m above and 5 m beside
+        yaws.append(pointing.param2)
+    assert yaws == [-90.0, 90.0]  # the track lies to the right of the line
+
+
+@BOTH
+def test_a_continued_mission_begins_as_the_one_on_board(dialect: Dialect) -> None:
+    setup = setup_with(GIMBAL, SpanLook("rgb", Trigger.DISTANCE, 8.0))
+    path = flight_path(setup, "uav1", (0, 2, 4))
+    kept = 1 + max(index for index, point in enumerate(path.waypoints) if point.visit == 0)
+    before, after = (encode(one, dialect) for one in (path, continue_path(setup, path, kept, (7,))))
+    last = max(seq for seq, waypoint in enumerate(before.waypoint_of) if waypoint is not None and waypoint < kept)
+    same = before.items[: last + 2]  # with what ends the kept span
+    assert same[-1].command == Command.DO_SET_CAM_TRIGG_DIST
+    assert after.items[: last + 2] == same
+    assert differences(before.items, before.items, dialect) == ()
+
+
+def test_a_vehicle_without_the_camera_is_barred_from_what_asks_for_it() -> None:
+    looks = setup_with(GIMBAL, SpanLook("rgb", Trigger.DISTANCE, 8.0)).looks
+    assert looks.barred("uav1") == frozenset()
+    assert looks.barred("uav2") == frozenset(range(4))
+    assert looks.barred("uav1", {"rgb"}) == frozenset(range(4))
+
+
+@BOTH
+def test_without_looks_nothing_is_in_the_mission(dialect: Dialect) -> None:
+    setup = flight_setup(line_east(5), ("uav1",), Inspection(flat=True))
+    assert commands(setup, dialect, (0, 2)) == []

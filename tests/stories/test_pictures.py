@@ -1,0 +1,117 @@
+"""Flights that have something to see: pictures prove the spans, what is lost is asked for, what was not seen is flown
+again, and a camera that fails is found."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.stories.eyes import MAVLINK, WIRED, Eyes, Table
+from tests.stories.story import Moment, Routes, Story, on_segment, share, told
+
+LOOPTIME = pytest.mark.looptime(noop_cycles=2)
+DIALECTS = ("ardupilot", "px4")
+TWO: Routes = {"uav1": (0, 2), "uav2": (4, 6)}
+FOUR: Routes = {"uav1": (0, 2, 4), "uav2": (6, 8)}
+
+
+def story(*moments: Moment, fleet: Routes = TWO, **tables: dict[str, object]) -> Story:
+    return Story("pictures", moments, fleet=fleet, tables=tables)
+
+
+def lines(sky: Eyes) -> list[str]:
+    return [say.text for _, say in sky.said]
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+@pytest.mark.parametrize("autopilot", DIALECTS)
+@pytest.mark.parametrize("camera", [MAVLINK, WIRED], ids=["mavlink", "wired"])
+async def test_each_picture_is_known_once_with_its_span(autopilot: str, camera: Table) -> None:
+    sky = Eyes(story(), autopilot, [camera])
+    flown = await sky.fly()
+    assert set(flown.inspected) == flown.wanted, lines(sky)
+    for name, own in TWO.items():
+        known = sky.pictures(name)
+        assert len(known) == len(sky.shots[name]) == len({one.sequence for one in known})
+        assert {one.segment for one in known} == {visit >> 1 for visit in own}
+        assert [one.flaw for one in known if one.flaw] == []
+        for segment in {one.segment for one in known}:
+            places = sorted(one.along_m or 0.0 for one in known if one.segment == segment)
+            # 100 m, one every ten metres; one at the pylon may be taken for the span before.
+            assert max(b - a for a, b in zip([0.0, *places], [*places, 100.0], strict=True)) < 12.5
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+@pytest.mark.parametrize("autopilot", DIALECTS)
+async def test_words_that_are_lost_are_asked_for_again(autopilot: str) -> None:
+    sky = Eyes(story(told(share("uav1", 0.01), "uav1:camera-loss=0.4")), autopilot)
+    flown = await sky.fly()
+    assert set(flown.inspected) == flown.wanted, lines(sky)
+    assert {one.sequence for one in sky.pictures("uav1")} == {shot.number - 1 for shot in sky.shots["uav1"]}
+    assert sky.state.coverage.not_seen == ()
+    assert flown.solver_asked == 0
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+@pytest.mark.parametrize("autopilot", DIALECTS)
+async def test_a_re_plan_in_flight_neither_loses_nor_doubles_a_picture(autopilot: str) -> None:
+    crash = told(on_segment("uav2"), "uav2:crash")
+    sky = Eyes(story(crash), autopilot)
+    flown = await sky.fly()
+    assert set(flown.inspected) == flown.wanted, lines(sky)
+    shown = [one.segment for one in sky.pictures("uav1")]
+    for segment in range(4):
+        assert shown.count(segment) in {9, 10}, (segment, shown)  # each once, also where its mission changed meanwhile
+
+
+FAULTS = (
+    ("camera-silent", "no picture for", MAVLINK),
+    ("camera-mute", "has not said for", MAVLINK),
+    ("card-full", "its card is full", MAVLINK),
+    ("gimbal-stuck", "its gimbal points at", MAVLINK),
+    ("camera-silent", "no picture for", WIRED),
+)
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+@pytest.mark.parametrize("autopilot", DIALECTS)
+@pytest.mark.parametrize(("fault", "words", "camera"), FAULTS)
+@pytest.mark.parametrize("then", ["home", "on"])
+async def test_a_payload_that_fails_is_found_and_others_look(
+    autopilot: str, fault: str, words: str, camera: Table, then: str
+) -> None:
+    if autopilot == "px4" and camera is WIRED:
+        pytest.skip("PX4 says of such a camera only that it was triggered")
+    # Before it sets out on its second span: it has flown one and seen it. A gimbal sticks before it first turns.
+    at = share("uav1", 0.01) if fault == "gimbal-stuck" else on_segment("uav1", 2)
+    sky = Eyes(story(told(at, f"uav1:{fault}"), fleet=FOUR, faults={"camera": then}), autopilot, [camera])
+    flown = await sky.fly()
+    said = lines(sky)
+    assert any(line.startswith("uav1") and words in line for line in said), said
+    assert set(flown.inspected) == flown.wanted, said
+    first = set() if fault == "gimbal-stuck" else {0}
+    assert {segment for segment, by in flown.inspected.items() if by == "uav1"} == first
+    faulty = sky.state.vehicles["uav1"].fault
+    assert (faulty is not None) == (then == "home")
+
+
+AROUND = {"camera": "rgb", "of": "pylons", "pylons": ["*1"], "bearings_deg": [60, 120], "both_sides": True}
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+@pytest.mark.parametrize("autopilot", DIALECTS)
+@pytest.mark.parametrize("camera", [MAVLINK, WIRED], ids=["mavlink", "wired"])
+async def test_a_pylon_is_an_asset_of_its_own_with_its_viewpoints(autopilot: str, camera: Table) -> None:
+    fleet: Routes = {"uav1": (0, 4), "uav2": (2,)}
+    sky = Eyes(story(fleet=fleet), autopilot, [camera], [AROUND], pylons=3)
+    flown = await sky.fly()
+    assert sky.flight is not None
+    names = [sky.flight.context.segment_name(segment) for segment in sorted(flown.wanted)]
+    assert names[-1].startswith("pylon")
+    assert set(flown.inspected) == flown.wanted, lines(sky)
+    known = sky.pictures("uav1")
+    assert [(one.segment, one.along_m, one.flaw) for one in known] == [(2, float(number), "") for number in range(4)]
