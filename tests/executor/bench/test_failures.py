@@ -17,6 +17,7 @@ from executor.bench.data import shared_folder
 from executor.bench.errors import BenchError
 from executor.bench.failures import families, scenario_files, solve_scenario
 from executor.bench.failurespage import failures_document, failures_page, keep_failures, print_failures
+from executor.bench.least import least_value
 from executor.bench.scenario import Scenario, day_of, initial_timelines, read_scenario, wrong_with
 from executor.bench.store import Json
 from executor.cli.bench import cli
@@ -170,6 +171,30 @@ def test_all_scenarios_make_a_page(tmp_path: Path) -> None:
     assert "| grid.1 | 1 | 30 | 40 | -23.8 % |" in page
     assert "Not valid" not in page
     assert json.loads((tmp_path / "out" / "failures.json").read_text(encoding="utf-8")) == content
+
+
+def test_what_no_answer_can_fall_below_is_proven(tmp_path: Path) -> None:
+    path = write(tmp_path / "failures", GRID)
+    asked = ["failures", "--seconds", "0.05", "--prove", "5"]
+    shown = CliRunner().invoke(cli, [*asked, "--instance", str(path)])
+    assert "no answer can end before 30.5, proven" in shown.stdout
+    shown = CliRunner().invoke(cli, [*asked, "--data", str(tmp_path), "--out", str(tmp_path), "--json"])
+    content = json.loads(shown.stdout)
+    assert content["rows"][0]["least"] == 30.5
+    (family,) = content["families"]
+    assert (family["proven"], family["least_possible"], family["least_sum"]) == (1, 1, 30.5)
+    page = (tmp_path / "failures.md").read_text(encoding="utf-8")
+    assert "| grid | 1 | 1 of 1 | 30 | 30 | 40 | -23.8 % |" in page
+    assert content["command"].endswith("--prove 5")
+
+
+def test_a_bound_knows_what_comes_and_what_is_under_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert least_value(scenario(failures=[]), 5.0) == 6.5
+    # The other is lost as well, before it could bring its second trip home: only its first counts.
+    both = scenario(failures=[{"vehicle": 2, "at": 30.0}, {"vehicle": 1, "at": 6.0}])
+    assert least_value(both, 5.0) == float("inf")
+    monkeypatch.setattr("planner.day.exact.MOST_COLUMNS", 1)
+    assert least_value(scenario(), 5.0) == 6.5
 
 
 def test_missing_data_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
