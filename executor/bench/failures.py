@@ -88,15 +88,15 @@ def solve_scenario(scenario: Scenario, stop: StopRule, seed: int, prove_s: float
     )
 
 
-def scenario_files(data: Path) -> list[Path]:
-    """Return the scenarios in a directory of the data, by family and number.
+def scenario_files(data: Path, family: str = "*") -> list[Path]:
+    """Return the scenarios in a directory of the data, of one family or all, by family and number.
 
     Raises:
         BenchError: there is none.
     """
-    files = sorted((data / FOLDER).glob("*.json"), key=_order)
+    files = sorted((data / FOLDER).glob(f"{family}.*json"), key=_order)
     if not files:
-        raise BenchError(f"{data / FOLDER}: expected failure scenarios (*.json)")
+        raise BenchError(f"{data / FOLDER}: expected failure scenarios ({family}.*json)")
     return files
 
 

@@ -29,6 +29,9 @@ def failures(
             "docs/results by default.",
         ),
     ] = None,
+    family: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only the scenarios whose names begin so, up to the point.")
+    ] = None,
     seconds: SecondsOption = 0.5,
     seed: SeedOption = 1,
     prove: Annotated[
@@ -83,8 +86,8 @@ def failures(
         print(f"faultline: the failure scenarios are left out: {missing}", file=sys.stderr)
         raise typer.Exit(0)
     with ShownProgress() as shown:
-        rows = solve_all(scenario_files(place), seconds, seed, partial(shown.told, "scenarios"), prove)
-    asked = "" if prove is None else f" --prove {prove:g}"
+        rows = solve_all(scenario_files(place, family or "*"), seconds, seed, partial(shown.told, "scenarios"), prove)
+    asked = ("" if prove is None else f" --prove {prove:g}") + ("" if family is None else f" --family {family}")
     command = f"faultline bench failures --seconds {seconds:g} --seed {seed}{asked}"
     content = failures_document(rows, command, seconds, LONG_ENOUGH, seed, prove)
     keep_failures(content, RESULTS if out is None else out)

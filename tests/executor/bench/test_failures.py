@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import runpy
 import subprocess
 import sys
 from dataclasses import replace
@@ -164,6 +165,9 @@ def test_all_scenarios_make_a_page(tmp_path: Path) -> None:
     assert shown.exit_code == 0
     content = json.loads(shown.stdout)
     assert [row["name"] for row in content["rows"]] == ["grid.2", "grid.1"]  # files by number
+    assert len(scenario_files(tmp_path, "grid")) == 2
+    with pytest.raises(BenchError, match=r"expected failure scenarios \(gri\."):
+        scenario_files(tmp_path, "gri")
     (family,) = content["families"]
     assert (family["scenarios"], family["valid"], family["compared"], family["not_longer"]) == (2, 2, 1, 1)
     assert (family["sum"], family["published_sum"]) == (30.5, 40.0)
@@ -214,6 +218,19 @@ def test_what_is_not_valid_is_on_the_page(tmp_path: Path, capsys: pytest.Capture
     keep_failures(content, tmp_path)
     print_failures(content)
     assert "grid" in capsys.readouterr().out
+
+
+def test_the_public_checker_takes_every_answer() -> None:
+    """As little search as there can be: what is valid must not depend on it."""
+    data, tools = shared_folder(None, "data", ""), shared_folder(None, "tools", "")
+    if data is None or tools is None or not (data / "failures").is_dir():
+        pytest.skip("no ../shared/data/failures and ../shared/tools beside the project")
+    check = runpy.run_path(str(tools / "check_failures.py"))["check"]
+    for path in scenario_files(data):
+        solved = solve_scenario(read_scenario(path), Iterations(200), seed=1)
+        bad, value, missing = check(json.loads(path.read_text(encoding="utf-8")), solved.solution)
+        assert (bad, missing) == ([], 0), path.stem
+        assert value == pytest.approx(solved.value_s), path.stem
 
 
 @pytest.mark.parametrize("name", ["gdb.3", "bccm.1", "bccm.37"])
