@@ -6,13 +6,30 @@ import json
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from executor.cli.options import JsonOption, SecondsOption, SeedOption, finite
 
+if TYPE_CHECKING:
+    from executor.bench.failures import SolvedScenario
+
 RESULTS = Path("docs") / "results"
+
+FamilyOption = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Only the scenarios whose names begin so, up to the point.")
+]
+ProveOption = Annotated[
+    float | None,
+    typer.Option(
+        min=0.01,
+        callback=finite,
+        metavar="S",
+        help="Prove for S seconds at most, for each scenario, what no answer can fall below, even if it knew all "
+        "losses at the first one.",
+    ),
+]
 
 
 def failures(
@@ -29,21 +46,10 @@ def failures(
             "docs/results by default.",
         ),
     ] = None,
-    family: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Only the scenarios whose names begin so, up to the point.")
-    ] = None,
+    family: FamilyOption = None,
     seconds: SecondsOption = 0.5,
     seed: SeedOption = 1,
-    prove: Annotated[
-        float | None,
-        typer.Option(
-            min=0.01,
-            callback=finite,
-            metavar="S",
-            help="Prove for S seconds at most, for each scenario, what no answer can fall below, even if it knew all "
-            "losses at the first one.",
-        ),
-    ] = None,
+    prove: ProveOption = None,
     data: Annotated[
         Path | None,
         typer.Option(
@@ -71,14 +77,7 @@ def failures(
         if as_json:
             print(json.dumps(solved.row))
         else:
-            published = solved.scenario.published.after
-            beside = "" if published is None else f", published {published:g}"
-            print(f"{solved.scenario.name}: the last trip ends at {solved.value_s:g}{beside}")
-            print(f"re-plans took {', '.join(f'{took:.2f}' for took in solved.replan_s) or 'no'} s")
-            if solved.least_s is not None:
-                print(f"no answer can end before {solved.least_s:g}, proven")
-            if solved.left:
-                print(f"{solved.left} required edges are left over")
+            _tell(solved)
         raise typer.Exit(1 if solved.left or solved.wrong else 0)
     place = data_directory(data)
     if place is None:
@@ -96,3 +95,15 @@ def failures(
     else:
         print_failures(content)
     raise typer.Exit(1 if any(row["left"] or row["wrong"] for row in rows) else 0)
+
+
+def _tell(solved: SolvedScenario) -> None:
+    """Print one scenario's figures."""
+    published = solved.scenario.published.after
+    beside = "" if published is None else f", published {published:g}"
+    print(f"{solved.scenario.name}: the last trip ends at {solved.value_s:g}{beside}")
+    print(f"re-plans took {', '.join(f'{took:.2f}' for took in solved.replan_s) or 'no'} s")
+    if solved.least_s is not None:
+        print(f"no answer can end before {solved.least_s:g}, proven")
+    if solved.left:
+        print(f"{solved.left} required edges are left over")
