@@ -256,6 +256,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/bench/test_prediction.py": ("executor/bench/predictionpage.py",),
     "tests/executor/bench/test_failures.py": (
         "executor/bench/failurespage.py",
+        "executor/bench/least.py",
         "executor/bench/scenario.py",
         "executor/cli/bench_failures.py",
     ),

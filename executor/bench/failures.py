@@ -8,6 +8,7 @@ from pathlib import Path
 from statistics import median
 
 from executor.bench.errors import BenchError
+from executor.bench.least import SAME, least_value
 from executor.bench.machine import cores
 from executor.bench.scenario import Scenario, day_of, initial_timelines, read_scenario, solution_of, wrong_with
 from executor.bench.store import Json
@@ -30,6 +31,8 @@ class SolvedScenario:
     """From each loss to the plan after it."""
     left: int
     """Required edges on no trip that counts."""
+    least_s: float | None
+    """What no answer's value can fall below, if it was asked for."""
     wrong: tuple[str, ...]
     solution: Json
 
@@ -44,6 +47,7 @@ class SolvedScenario:
             "published_s": self.scenario.published.seconds,
             "losses": len(self.replan_s),
             "left": self.left,
+            "least": self.least_s,
             "wrong": list(self.wrong),
         }
 
@@ -53,8 +57,15 @@ def stop_after(seconds: float) -> StopRule:
     return any_of(Seconds(seconds), NoImprovement(LONG_ENOUGH))
 
 
-def solve_scenario(scenario: Scenario, stop: StopRule, seed: int) -> SolvedScenario:
-    """Fly a scenario's day on paper: at each loss a new plan, from what is known then."""
+def solve_scenario(scenario: Scenario, stop: StopRule, seed: int, prove_s: float | None = None) -> SolvedScenario:
+    """Fly a scenario's day on paper: at each loss a new plan, from what is known then.
+
+    Args:
+        scenario: the day and its losses.
+        stop: when the search of a re-plan ends.
+        seed: of the searches.
+        prove_s: seconds to prove afterwards what no answer can fall below; None for no proof.
+    """
     starts = cores()
     warm_up_day(starts)
     day = day_of(scenario)
@@ -71,20 +82,21 @@ def solve_scenario(scenario: Scenario, stop: StopRule, seed: int) -> SolvedScena
         value_s=max((trip.end_s for own in entries[-1] for trip in own), default=0.0),
         replan_s=tuple(took),
         left=len(open_tasks(day, entries[-1])),
+        least_s=None if prove_s is None else least_value(scenario, prove_s),
         wrong=tuple(wrong_with(scenario, day, entries)),
         solution=solution_of(scenario, entries),
     )
 
 
-def scenario_files(data: Path) -> list[Path]:
-    """Return the scenarios in a directory of the data, by family and number.
+def scenario_files(data: Path, family: str = "*") -> list[Path]:
+    """Return the scenarios in a directory of the data, of one family or all, by family and number.
 
     Raises:
         BenchError: there is none.
     """
-    files = sorted((data / FOLDER).glob("*.json"), key=_order)
+    files = sorted((data / FOLDER).glob(f"{family}.*json"), key=_order)
     if not files:
-        raise BenchError(f"{data / FOLDER}: expected failure scenarios (*.json)")
+        raise BenchError(f"{data / FOLDER}: expected failure scenarios ({family}.*json)")
     return files
 
 
@@ -93,12 +105,14 @@ def _order(path: Path) -> tuple[str, int, str]:
     return family, int(number) if number.isdigit() else 0, path.stem
 
 
-def solve_all(files: list[Path], seconds: float, seed: int, told: Callable[[int, int], None]) -> list[Json]:
+def solve_all(
+    files: list[Path], seconds: float, seed: int, told: Callable[[int, int], None], prove_s: float | None = None
+) -> list[Json]:
     """Return the figures of each scenario."""
     rows: list[Json] = []
     for done, path in enumerate(files):
         told(done, len(files))
-        rows.append(solve_scenario(read_scenario(path), stop_after(seconds), seed).row)
+        rows.append(solve_scenario(read_scenario(path), stop_after(seconds), seed, prove_s).row)
     told(len(files), len(files))
     return rows
 
@@ -112,6 +126,7 @@ def families(rows: list[Json]) -> list[Json]:
 def _family(name: str, rows: list[Json]) -> Json:
     known = [row for row in rows if row["published"] is not None]
     took = [seconds for row in rows for seconds in row["replan_s"]]
+    proven = [row for row in rows if row["least"] is not None]
     published_s = [row["published_s"] for row in rows if row["published_s"] is not None]
     return {
         "family": name,
@@ -121,6 +136,9 @@ def _family(name: str, rows: list[Json]) -> Json:
         "not_longer": sum(row["value"] <= row["published"] + 1e-9 for row in known),
         "sum": sum(row["value"] for row in known),
         "published_sum": sum(row["published"] for row in known),
+        "proven": len(proven),
+        "least_possible": sum(row["value"] <= row["least"] + SAME for row in proven),
+        "least_sum": sum(row["least"] for row in proven if row["published"] is not None),
         "replan_median_s": median(took) if took else None,
         "replan_max_s": max(took, default=None),
         "published_median_s": median(published_s) if published_s else None,

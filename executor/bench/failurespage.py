@@ -24,16 +24,25 @@ INTRODUCTION = (
     "centralised auction on the same routes. Each search ends after {seconds:g} s, or where {steady} iterations have "
     "found nothing better; a re-plan's time counts from the loss to everybody's new trips."
 )
+PROVEN = (
+    "Proven by HiGHS, for {prove_s:g} s at most for each scenario: what no answer's value can fall below, even if it "
+    "knew all later losses at the first one. The routes until the first loss are given, and so is what is under way at "
+    "it. Where a value equals its bound, no choice among the plans after a loss, and no foresight, makes it less."
+)
+BOUNDS = ("family", "scenarios", "values that equal their bound", "sum of values", "sum of bounds", "published",
+          "least possible difference")  # fmt: skip
 FAMILY = ("family", "scenarios", "valid", "not longer than published", "sum of values", "published", "difference",
           "re-plan, median s", "longest s", "published, median s", "longest s")  # fmt: skip
 SCENARIO = ("scenario", "losses", "value", "published", "difference", "longest re-plan s", "published s",
-            "left over")  # fmt: skip
+            "left over", "bound")  # fmt: skip
 SHOWN = 9
 """Columns of a family that fit on a terminal."""
 Rows = list[tuple[str, ...]]
 
 
-def failures_document(rows: list[Json], command: str, seconds: float, steady: int, seed: int) -> Json:
+def failures_document(
+    rows: list[Json], command: str, seconds: float, steady: int, seed: int, prove_s: float | None = None
+) -> Json:
     """Return the content of failures.json."""
     return {
         "format": "faultline-bench-failures/1",
@@ -42,6 +51,7 @@ def failures_document(rows: list[Json], command: str, seconds: float, steady: in
         "seconds": seconds,
         "steady": steady,
         "seed": seed,
+        "prove_s": prove_s,
         "families": families(rows),
         "rows": rows,
     }
@@ -70,20 +80,34 @@ def _scenario_rows(content: Mapping[str, Any]) -> Rows:
         (
             row["name"], str(row["losses"]), figure(row["value"], 0), figure(row["published"], 0),
             percent_over(row["value"], row["published"], 1), figure(max(row["replan_s"], default=None), 2),
-            figure(row["published_s"], 3), str(row["left"]),
+            figure(row["published_s"], 3), str(row["left"]), figure(row["least"], 0),
         )
         for row in content["rows"]
     ]  # fmt: skip
 
 
+def _bound_rows(content: Mapping[str, Any]) -> Rows:
+    return [
+        (
+            row["family"], str(row["proven"]), f"{row['least_possible']} of {row['proven']}", figure(row["sum"], 0),
+            figure(row["least_sum"], 0), figure(row["published_sum"], 0),
+            percent_over(row["least_sum"], row["published_sum"], 1),
+        )
+        for row in content["families"]
+    ]  # fmt: skip
+
+
 def failures_page(content: Mapping[str, Any]) -> str:
     """Return the page."""
+    proven = content["prove_s"] is not None
     wrong = [f"{row['name']}: {reason}" for row in content["rows"] for reason in row["wrong"]]
     return markdown_page(
         TITLE,
         machine_line(content["machine"]),
         INTRODUCTION.format_map(content),
         markdown_table(FAMILY, _family_rows(content)),
+        f"## What is possible at all\n\n{PROVEN.format_map(content)}" if proven else "",
+        markdown_table(BOUNDS, _bound_rows(content)) if proven else "",
         "## Not valid\n\n" + "\n".join(f"- {line}" for line in wrong) if wrong else "",
         "## Every scenario",
         markdown_table(SCENARIO, _scenario_rows(content)),

@@ -6,13 +6,30 @@ import json
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from executor.cli.options import JsonOption, SecondsOption, SeedOption
+from executor.cli.options import JsonOption, SecondsOption, SeedOption, finite
+
+if TYPE_CHECKING:
+    from executor.bench.failures import SolvedScenario
 
 RESULTS = Path("docs") / "results"
+
+FamilyOption = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Only the scenarios whose names begin so, up to the point.")
+]
+ProveOption = Annotated[
+    float | None,
+    typer.Option(
+        min=0.01,
+        callback=finite,
+        metavar="S",
+        help="Prove for S seconds at most, for each scenario, what no answer can fall below, even if it knew all "
+        "losses at the first one.",
+    ),
+]
 
 
 def failures(
@@ -29,8 +46,10 @@ def failures(
             "docs/results by default.",
         ),
     ] = None,
+    family: FamilyOption = None,
     seconds: SecondsOption = 0.5,
     seed: SeedOption = 1,
+    prove: ProveOption = None,
     data: Annotated[
         Path | None,
         typer.Option(
@@ -52,18 +71,13 @@ def failures(
     from executor.bench.store import write_result
 
     if instance is not None:
-        solved = solve_scenario(read_scenario(instance), stop_after(seconds), seed)
+        solved = solve_scenario(read_scenario(instance), stop_after(seconds), seed, prove)
         if out is not None:
             write_result(out, solved.solution)
         if as_json:
             print(json.dumps(solved.row))
         else:
-            published = solved.scenario.published.after
-            beside = "" if published is None else f", published {published:g}"
-            print(f"{solved.scenario.name}: the last trip ends at {solved.value_s:g}{beside}")
-            print(f"re-plans took {', '.join(f'{took:.2f}' for took in solved.replan_s) or 'no'} s")
-            if solved.left:
-                print(f"{solved.left} required edges are left over")
+            _tell(solved)
         raise typer.Exit(1 if solved.left or solved.wrong else 0)
     place = data_directory(data)
     if place is None:
@@ -71,12 +85,25 @@ def failures(
         print(f"faultline: the failure scenarios are left out: {missing}", file=sys.stderr)
         raise typer.Exit(0)
     with ShownProgress() as shown:
-        rows = solve_all(scenario_files(place), seconds, seed, partial(shown.told, "scenarios"))
-    command = f"faultline bench failures --seconds {seconds:g} --seed {seed}"
-    content = failures_document(rows, command, seconds, LONG_ENOUGH, seed)
+        rows = solve_all(scenario_files(place, family or "*"), seconds, seed, partial(shown.told, "scenarios"), prove)
+    asked = ("" if prove is None else f" --prove {prove:g}") + ("" if family is None else f" --family {family}")
+    command = f"faultline bench failures --seconds {seconds:g} --seed {seed}{asked}"
+    content = failures_document(rows, command, seconds, LONG_ENOUGH, seed, prove)
     keep_failures(content, RESULTS if out is None else out)
     if as_json:
         print(json.dumps(content))
     else:
         print_failures(content)
     raise typer.Exit(1 if any(row["left"] or row["wrong"] for row in rows) else 0)
+
+
+def _tell(solved: SolvedScenario) -> None:
+    """Print one scenario's figures."""
+    published = solved.scenario.published.after
+    beside = "" if published is None else f", published {published:g}"
+    print(f"{solved.scenario.name}: the last trip ends at {solved.value_s:g}{beside}")
+    print(f"re-plans took {', '.join(f'{took:.2f}' for took in solved.replan_s) or 'no'} s")
+    if solved.least_s is not None:
+        print(f"no answer can end before {solved.least_s:g}, proven")
+    if solved.left:
+        print(f"{solved.left} required edges are left over")

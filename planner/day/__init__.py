@@ -8,8 +8,18 @@ Importing this package is cheap; the first plan, or ``warm_up_day``, loads the c
 """
 
 from planner.day.evaluate import DayEvaluation, evaluate_day, trip_s
-from planner.day.exact import MOST_COLUMNS, solve_day_exact
-from planner.day.losses import Day, DayLeft, TimedTrip, Timeline, day_after, left_after, open_tasks, replan_losses
+from planner.day.exact import MOST_COLUMNS, least_last_end_s, solve_day_exact
+from planner.day.losses import (
+    Day,
+    DayLeft,
+    TimedTrip,
+    Timeline,
+    day_after,
+    known_after,
+    left_after,
+    open_tasks,
+    replan_losses,
+)
 from planner.day.model import DayInstance, DayPlan, DayTask, DayVehicle, Trip, day_instance
 from planner.day.result import DayResult
 from planner.day.solve import solve_day, warm_up_day
@@ -32,6 +42,8 @@ __all__ = [
     "day_after",
     "day_instance",
     "evaluate_day",
+    "known_after",
+    "least_last_end_s",
     "left_after",
     "open_tasks",
     "replan_losses",

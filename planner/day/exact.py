@@ -4,11 +4,14 @@ A column is a trip: a set of tasks (or none), where it begins, where it lands, a
 plan is a choice of columns for each vehicle that share the tasks among them and can be flown one after the other: as
 many of a vehicle's trips leave a depot as land there, but for its first and its last one. HiGHS chooses; where a
 vehicle's trips fall apart into rings that its others never touch, that is forbidden and HiGHS chooses again.
+
+Where no detour is shorter than the way itself, a task may as well be done twice: then only trips are columns to which
+no further task can be added for nothing, some thirtieth of all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -17,6 +20,7 @@ import numpy as np
 from planner.day.evaluate import TOLERANCE_S
 from planner.day.model import DayInstance, DayPlan, Trip, way_of
 from planner.errors import InstanceError
+from planner.stop import Stopwatch
 
 if TYPE_CHECKING:
     import highspy
@@ -40,6 +44,8 @@ class _Program:
     """Rows of HiGHS as they are gathered: columns and weights of each, and its limits."""
 
     columns: list[_Column]
+    stopwatch: Stopwatch = field(default_factory=Stopwatch)
+    limit_s: float = np.inf
     lower: list[float] = field(default_factory=list)
     upper: list[float] = field(default_factory=list)
     rows: list[dict[int, float]] = field(default_factory=list)
@@ -48,6 +54,15 @@ class _Program:
         self.rows.append(weights)
         self.lower.append(lower)
         self.upper.append(upper)
+
+
+@dataclass(frozen=True, slots=True)
+class _Choice:
+    """What HiGHS found, and what nothing can fall below."""
+
+    values: list[float] | None
+    bound: float
+    """Infinite where there is no choice."""
 
 
 def solve_day_exact(instance: DayInstance) -> DayPlan | None:
@@ -60,20 +75,42 @@ def solve_day_exact(instance: DayInstance) -> DayPlan | None:
     program = _program(instance, columns)
     fleet = len(instance.vehicles)
     last, total = len(columns) + 3 * fleet, range(len(columns) + 2 * fleet, len(columns) + 3 * fleet)
-    best = _connected(instance, program, {last: 1.0})
+    best = _connected(instance, program, {last: 1.0}).values
     if best is None:
         return None
     program.add({last: 1.0}, -np.inf, best[last] + TOLERANCE_S)
-    best = _connected(instance, program, dict.fromkeys(total, 1.0)) or best
+    best = _connected(instance, program, dict.fromkeys(total, 1.0)).values or best
     return _plan(instance, columns, best)
+
+
+def least_last_end_s(instance: DayInstance, until_s: Sequence[float] = (), limit_s: float = np.inf) -> float:
+    """Return what no plan's last end can fall below; infinite where no plan does every task.
+
+    Without ``limit_s`` there is a plan that ends then.
+
+    Args:
+        instance: the problem.
+        until_s: for each vehicle, until when it must have turned round after its last trip; empty for no such time.
+        limit_s: seconds of search; then what is proven so far is returned.
+
+    Raises:
+        InstanceError: more than MOST_COLUMNS ways to make a trip.
+    """
+    columns = _columns(instance)
+    program = _program(instance, columns, until_s, limit_s)
+    return _connected(instance, program, {len(columns) + 3 * len(instance.vehicles): 1.0}).bound
 
 
 def _columns(instance: DayInstance) -> list[_Column]:
     depots = sorted(set(instance.depots))
     columns: list[_Column] = []
-    from_depots = [_trips(instance, place, depots) for place in depots]
+    kept: Callable[[_Trips], _Trips] = _widest if _metric(instance) else dict
+    trips_from = {place: kept(_trips(instance, place, depots)) for place in depots}
     for vehicle, own in enumerate(instance.vehicles):
-        for begin, trips in [(-1, _trips(instance, own.place, depots)), *enumerate(from_depots)]:
+        if own.place not in trips_from:
+            trips_from[own.place] = kept(_trips(instance, own.place, depots))
+        from_depots = enumerate(trips_from[place] for place in depots)
+        for begin, trips in [(-1, trips_from[own.place]), *from_depots]:
             columns += [
                 _Column(vehicle, begin, end, visits, seconds)
                 for (_, end), (seconds, visits) in trips.items()
@@ -85,6 +122,25 @@ def _columns(instance: DayInstance) -> list[_Column]:
 
 
 _Trips = dict[tuple[int, int], tuple[float, tuple[int, ...]]]
+
+
+def _metric(instance: DayInstance) -> bool:
+    """Return whether leaving a task out never makes a trip longer."""
+    times = instance.times_s
+    through = min((times[:, [middle]] + times[middle] - times).min() for middle in range(len(times)))
+    direct = all(task.seconds >= max(times[task.a, task.b], times[task.b, task.a]) for task in instance.tasks)
+    return bool(through >= -TOLERANCE_S) and direct
+
+
+def _widest(trips: _Trips) -> _Trips:
+    """Return the trips to which no task can be added for nothing."""
+    every = [1 << task for task in range(max((done for done, _ in trips), default=0).bit_length())]
+
+    def more(done: int, end: int, seconds: float) -> bool:
+        return any(not done & task and trips.get((done | task, end), (np.inf,))[0] <= seconds for task in every)
+
+    # A move may be flown more than once, a trip for tasks is not: moves stay.
+    return {(done, end): trip for (done, end), trip in trips.items() if not done or not more(done, end, trip[0])}
 
 
 def _trips(instance: DayInstance, place: int, depots: Sequence[int]) -> _Trips:
@@ -121,7 +177,9 @@ def _trips(instance: DayInstance, place: int, depots: Sequence[int]) -> _Trips:
     return found
 
 
-def _program(instance: DayInstance, columns: list[_Column]) -> _Program:
+def _program(
+    instance: DayInstance, columns: list[_Column], until_s: Sequence[float] = (), limit_s: float = np.inf
+) -> _Program:
     """Return the rows: tasks, depots, ends.
 
     After the columns come whether each vehicle flies, as many unused, each vehicle's end, the last end, and where each
@@ -131,10 +189,11 @@ def _program(instance: DayInstance, columns: list[_Column]) -> _Program:
     flies, ends = len(columns), len(columns) + 2 * fleet
     last = len(columns) + 3 * fleet
     lands = last + 1
-    program = _Program(columns)
+    program = _Program(columns, limit_s=limit_s)
+    most = np.inf if _metric(instance) else 1.0
     for task in range(len(instance.tasks)):
         doing = [number for number, one in enumerate(columns) if any(visit >> 1 == task for visit in one.visits)]
-        program.add(dict.fromkeys(doing, 1.0), 1.0, 1.0)
+        program.add(dict.fromkeys(doing, 1.0), 1.0, most)
     for vehicle, own in enumerate(instance.vehicles):
         mine = [number for number, one in enumerate(columns) if one.vehicle == vehicle]
         first = {number: 1.0 for number in mine if columns[number].begin < 0}
@@ -144,6 +203,8 @@ def _program(instance: DayInstance, columns: list[_Column]) -> _Program:
             program.add({**row, lands + vehicle * depots + depot: 1.0}, 0.0, 0.0)
         # Whatever it does takes its time and a pause, but for the pause after the last trip.
         row = {number: columns[number].seconds + instance.turnaround_s for number in mine}
+        if until_s:
+            program.add(row, -np.inf, max(0.0, until_s[vehicle] - own.ready_s))
         program.add(
             {**row, flies + vehicle: own.ready_s - own.ended_s - instance.turnaround_s, ends + vehicle: -1.0},
             -own.ended_s, -own.ended_s,
@@ -152,15 +213,15 @@ def _program(instance: DayInstance, columns: list[_Column]) -> _Program:
     return program
 
 
-def _connected(instance: DayInstance, program: _Program, cost: dict[int, float]) -> list[float] | None:
-    """Return the best choice whose trips hang together for each vehicle; None if there is no choice."""
+def _connected(instance: DayInstance, program: _Program, cost: dict[int, float]) -> _Choice:
+    """Return the best choice whose trips hang together for each vehicle."""
+    bound = 0.0
     while True:
         found = _run(instance, program, cost)
-        if found is None:
-            return None
-        rings = list(_rings(program.columns, found))
+        bound = max(bound, found.bound)
+        rings = list(_rings(program.columns, found.values or ()))
         if not rings:
-            return found
+            return _Choice(found.values, bound)
         for vehicle, depots, used in rings:
             into = {
                 number: 1.0
@@ -173,7 +234,7 @@ def _connected(instance: DayInstance, program: _Program, cost: dict[int, float])
 
 def _rings(columns: Sequence[_Column], found: Sequence[float]) -> Iterable[tuple[int, set[int], list[int]]]:
     """Yield vehicles with depots and trips that their first trip never leads to."""
-    taken = [number for number in range(len(columns)) if found[number] > 0.5]
+    taken = [number for number in range(len(columns)) if found and found[number] > 0.5]
     for vehicle in {columns[number].vehicle for number in taken}:
         mine = [number for number in taken if columns[number].vehicle == vehicle]
         seen = {-1}
@@ -184,7 +245,7 @@ def _rings(columns: Sequence[_Column], found: Sequence[float]) -> Iterable[tuple
             yield vehicle, {columns[number].begin for number in apart}, apart
 
 
-def _run(instance: DayInstance, program: _Program, cost: dict[int, float]) -> list[float] | None:
+def _run(instance: DayInstance, program: _Program, cost: dict[int, float]) -> _Choice:
     """Return what HiGHS chooses."""
     # Only here: it takes a tenth of a second to load, and few ever ask for a proof.
     import highspy
@@ -195,6 +256,7 @@ def _run(instance: DayInstance, program: _Program, cost: dict[int, float]) -> li
     solver = highspy.Highs()  # type: ignore[no-untyped-call]
     for option, setting in (("output_flag", False), ("threads", 1), ("mip_rel_gap", 0.0), ("mip_abs_gap", 1e-7)):
         solver.setOptionValue(option, setting)
+    solver.setOptionValue("time_limit", max(0.0, program.limit_s - program.stopwatch.seconds))
     lp = highspy.HighsLp()
     lp.num_col_, lp.num_row_ = width, len(program.rows)
     lp.col_cost_ = np.array([cost.get(number, 0.0) for number in range(width)])
@@ -216,17 +278,21 @@ def _run(instance: DayInstance, program: _Program, cost: dict[int, float]) -> li
     return _solution(solver)
 
 
-def _solution(solver: highspy.Highs) -> list[float] | None:
+def _solution(solver: highspy.Highs) -> _Choice:
     import highspy
 
-    if solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
-        return None
-    return list(solver.getSolution().col_value)
+    status = solver.getModelStatus()
+    if status == highspy.HighsModelStatus.kOptimal:
+        return _Choice(list(solver.getSolution().col_value), solver.getInfo().objective_function_value)
+    if status == highspy.HighsModelStatus.kTimeLimit:
+        return _Choice(None, solver.getInfo().mip_dual_bound)
+    return _Choice(None, np.inf)
 
 
 def _plan(instance: DayInstance, columns: Sequence[_Column], found: Sequence[float]) -> DayPlan:
     depots = sorted(set(instance.depots))
     everybody: list[tuple[Trip, ...]] = []
+    done: set[int] = set()
     for vehicle, own in enumerate(instance.vehicles):
         waiting = [
             one for number, one in enumerate(columns) for _ in range(round(found[number])) if one.vehicle == vehicle
@@ -235,7 +301,10 @@ def _plan(instance: DayInstance, columns: Sequence[_Column], found: Sequence[flo
         trips: list[Trip] = []
         place = own.place
         for one in order:
-            trips.append(Trip(place, one.visits, depots[one.end]))
+            visits = tuple(visit for visit in one.visits if visit >> 1 not in done)
+            done |= {visit >> 1 for visit in visits}
+            if visits or place != depots[one.end]:
+                trips.append(Trip(place, visits, depots[one.end]))
             place = depots[one.end]
         everybody.append(tuple(trips))
     return DayPlan(tuple(everybody))

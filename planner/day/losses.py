@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import inf
 
 from planner.day.model import DayInstance, DayPlan, DayTask, DayVehicle, Trip, way_of
 from planner.day.result import DayResult
@@ -98,19 +99,49 @@ def left_after(day: Day, timelines: Sequence[Timeline], lost: Sequence[int], at_
         else _brought_home(timeline, at_s, day.turnaround_s)
         for vehicle, timeline in enumerate(timelines)
     )  # fmt: skip
-    waiting = open_tasks(day, kept)
     survivors = tuple(vehicle for vehicle in range(len(timelines)) if vehicle not in lost)
-    if not waiting or not survivors:
-        return DayLeft(kept, survivors, waiting, None, ())
+    return _left(day, timelines, kept, survivors, at_s)
+
+
+def _left(
+    day: Day, timelines: Sequence[Timeline], kept: tuple[Timeline, ...], flying: tuple[int, ...], at_s: float
+) -> DayLeft:
+    waiting = open_tasks(day, kept)
+    if not waiting or not flying:
+        return DayLeft(kept, flying, waiting, None, ())
     instance = DayInstance(
         times_s=day.streets.times_s,
         tasks=tuple(day.tasks[number] for number in waiting),
         depots=day.depots,
-        vehicles=tuple(_vehicle(day, kept[vehicle], vehicle, at_s) for vehicle in survivors),
+        vehicles=tuple(_vehicle(day, kept[vehicle], vehicle, at_s) for vehicle in flying),
         capacity_s=day.capacity_s,
         turnaround_s=day.turnaround_s,
     )
-    return DayLeft(kept, survivors, waiting, instance, _tails(day, timelines, kept, survivors, waiting))
+    return DayLeft(kept, flying, waiting, instance, _tails(day, timelines, kept, flying, waiting))
+
+
+def known_after(
+    day: Day, timelines: Sequence[Timeline], losses: Sequence[tuple[int, float]]
+) -> tuple[DayLeft, tuple[float, ...]]:
+    """Return what is left at the first loss for somebody who knows all the others, and until when each may fly.
+
+    Nothing that keeps to what is known at each loss can end earlier than the best plan for that.
+
+    Args:
+        day: what stays the same.
+        timelines: the plan for the whole day.
+        losses: vehicle and time of each, in the order of their times.
+    """
+    at_s, lost_s = losses[0][1], dict(losses)
+    begun = tuple(_begun(timeline, at_s) for timeline in timelines)
+    kept = tuple(
+        _brought_home(timeline, lost_s[vehicle], day.turnaround_s) if vehicle in lost_s else timeline
+        for vehicle, timeline in enumerate(begun)
+    )
+    # Whoever loses what it has on board now brings nothing home later.
+    flying = tuple(vehicle for vehicle in range(len(begun)) if kept[vehicle] == begun[vehicle])
+    left = _left(day, timelines, kept, flying, at_s)
+    return left, tuple(lost_s.get(vehicle, inf) for vehicle in flying)
 
 
 def open_tasks(day: Day, timelines: Sequence[Timeline]) -> tuple[int, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import runpy
 import subprocess
 import sys
 from dataclasses import replace
@@ -17,6 +18,7 @@ from executor.bench.data import shared_folder
 from executor.bench.errors import BenchError
 from executor.bench.failures import families, scenario_files, solve_scenario
 from executor.bench.failurespage import failures_document, failures_page, keep_failures, print_failures
+from executor.bench.least import least_value
 from executor.bench.scenario import Scenario, day_of, initial_timelines, read_scenario, wrong_with
 from executor.bench.store import Json
 from executor.cli.bench import cli
@@ -163,6 +165,9 @@ def test_all_scenarios_make_a_page(tmp_path: Path) -> None:
     assert shown.exit_code == 0
     content = json.loads(shown.stdout)
     assert [row["name"] for row in content["rows"]] == ["grid.2", "grid.1"]  # files by number
+    assert len(scenario_files(tmp_path, "grid")) == 2
+    with pytest.raises(BenchError, match=r"expected failure scenarios \(gri\."):
+        scenario_files(tmp_path, "gri")
     (family,) = content["families"]
     assert (family["scenarios"], family["valid"], family["compared"], family["not_longer"]) == (2, 2, 1, 1)
     assert (family["sum"], family["published_sum"]) == (30.5, 40.0)
@@ -170,6 +175,30 @@ def test_all_scenarios_make_a_page(tmp_path: Path) -> None:
     assert "| grid.1 | 1 | 30 | 40 | -23.8 % |" in page
     assert "Not valid" not in page
     assert json.loads((tmp_path / "out" / "failures.json").read_text(encoding="utf-8")) == content
+
+
+def test_what_no_answer_can_fall_below_is_proven(tmp_path: Path) -> None:
+    path = write(tmp_path / "failures", GRID)
+    asked = ["failures", "--seconds", "0.05", "--prove", "5"]
+    shown = CliRunner().invoke(cli, [*asked, "--instance", str(path)])
+    assert "no answer can end before 30.5, proven" in shown.stdout
+    shown = CliRunner().invoke(cli, [*asked, "--data", str(tmp_path), "--out", str(tmp_path), "--json"])
+    content = json.loads(shown.stdout)
+    assert content["rows"][0]["least"] == 30.5
+    (family,) = content["families"]
+    assert (family["proven"], family["least_possible"], family["least_sum"]) == (1, 1, 30.5)
+    page = (tmp_path / "failures.md").read_text(encoding="utf-8")
+    assert "| grid | 1 | 1 of 1 | 30 | 30 | 40 | -23.8 % |" in page
+    assert content["command"].endswith("--prove 5")
+
+
+def test_a_bound_knows_what_comes_and_what_is_under_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert least_value(scenario(failures=[]), 5.0) == 6.5
+    # The other is lost as well, before it could bring its second trip home: only its first counts.
+    both = scenario(failures=[{"vehicle": 2, "at": 30.0}, {"vehicle": 1, "at": 6.0}])
+    assert least_value(both, 5.0) == float("inf")
+    monkeypatch.setattr("planner.day.exact.MOST_COLUMNS", 1)
+    assert least_value(scenario(), 5.0) == 6.5
 
 
 def test_missing_data_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -189,6 +218,19 @@ def test_what_is_not_valid_is_on_the_page(tmp_path: Path, capsys: pytest.Capture
     keep_failures(content, tmp_path)
     print_failures(content)
     assert "grid" in capsys.readouterr().out
+
+
+def test_the_public_checker_takes_every_answer() -> None:
+    """As little search as there can be: what is valid must not depend on it."""
+    data, tools = shared_folder(None, "data", ""), shared_folder(None, "tools", "")
+    if data is None or tools is None or not (data / "failures").is_dir():
+        pytest.skip("no ../shared/data/failures and ../shared/tools beside the project")
+    check = runpy.run_path(str(tools / "check_failures.py"))["check"]
+    for path in scenario_files(data):
+        solved = solve_scenario(read_scenario(path), Iterations(200), seed=1)
+        bad, value, missing = check(json.loads(path.read_text(encoding="utf-8")), solved.solution)
+        assert (bad, missing) == ([], 0), path.stem
+        assert value == pytest.approx(solved.value_s), path.stem
 
 
 @pytest.mark.parametrize("name", ["gdb.3", "bccm.1", "bccm.37"])

@@ -12,7 +12,18 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from planner import InstanceError, Iterations
-from planner.day import DayInstance, DayPlan, DayTask, DayVehicle, Trip, evaluate_day, exact, solve_day, solve_day_exact
+from planner.day import (
+    DayInstance,
+    DayPlan,
+    DayTask,
+    DayVehicle,
+    Trip,
+    evaluate_day,
+    exact,
+    least_last_end_s,
+    solve_day,
+    solve_day_exact,
+)
 from tests.planner.day.builders import instance_of, random_day
 
 
@@ -111,6 +122,45 @@ def test_trips_that_fall_apart_into_rings_are_chosen_again() -> None:
     assert found.violations == ()
     # Out to 1 and on to the depot at 4, then to 8 over the second task.
     assert found.last_end_s == 40.0 + 1.0 + 40.0
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(st.integers(0, 10**6), st.integers(1, 6), st.integers(1, 2), st.integers(1, 2))
+def test_trips_that_others_make_useless_change_no_optimum(seed: int, tasks: int, vehicles: int, depots: int) -> None:
+    instance = instance_of(random_day(seed, tasks, vehicles, depots, places=6), seed)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(exact, "_metric", lambda _: False)
+        every = solve_day_exact(instance)
+    fewer = solve_day_exact(instance)
+    if every is None or fewer is None:
+        assert every is fewer
+        assert least_last_end_s(instance) == np.inf
+        return
+    one, other = evaluate_day(instance, every), evaluate_day(instance, fewer)
+    assert other.violations == ()
+    assert (one.last_end_s, one.sum_ends_s) == pytest.approx((other.last_end_s, other.sum_ends_s))
+    assert least_last_end_s(instance) == pytest.approx(one.last_end_s)
+    assert least_last_end_s(instance, limit_s=1e-9) <= one.last_end_s + 1e-6
+
+
+def test_a_detour_that_is_shorter_than_the_way_keeps_every_trip() -> None:
+    """From 0 to 2 it takes 10 s, through 1 only 2 s: who leaves the task at 1 out flies longer."""
+    times = np.array([[0.0, 1.0, 10.0], [1.0, 0.0, 1.0], [10.0, 1.0, 0.0]])
+    instance = DayInstance(times, (DayTask(1, 1, 0.0), DayTask(2, 2, 0.0)), (0, 2), (DayVehicle(0),), 12.0, 5.0)
+    plan = solve_day_exact(instance)
+    assert plan is not None
+    assert evaluate_day(instance, plan).violations == ()
+    assert evaluate_day(instance, plan).last_end_s == 2.0
+
+
+def test_a_vehicle_that_must_be_back_by_a_time_leaves_the_rest_to_others() -> None:
+    times = 10.0 * np.abs(np.arange(3.0) - np.arange(3.0)[:, np.newaxis])
+    both = (DayVehicle(1), DayVehicle(1))
+    instance = DayInstance(times, (DayTask(0, 1, 10.0), DayTask(1, 2, 10.0)), (1,), both, 20.0, 5.0)
+    assert least_last_end_s(instance) == 20.0
+    assert least_last_end_s(instance, (np.inf, 25.0)) == 20.0
+    assert least_last_end_s(instance, (np.inf, 24.0)) == 45.0
+    assert least_last_end_s(instance, (44.0, 24.0)) == np.inf
 
 
 def test_too_many_trips_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,8 @@ from planner.day import (
     DayVehicle,
     TimedTrip,
     day_after,
+    known_after,
+    least_last_end_s,
     left_after,
     open_tasks,
     replan_losses,
@@ -173,3 +175,40 @@ def test_a_plan_for_nobody_changes_nothing() -> None:
     left = left_after(DAY, PLAN, [0], 500.0)
     assert left.instance is None
     assert day_after(DAY, left, DayPlan(())) == left.kept
+
+
+def test_who_knows_all_losses_counts_on_nobody_who_will_be_lost() -> None:
+    left, until_s = known_after(DAY, PLAN, [(0, 10.0), (1, 24.0)])
+    assert (left.kept, left.survivors, left.open) == (((), ()), (), (0, 1, 2, 3))
+    left, until_s = known_after(DAY, PLAN, [(0, 10.0), (1, 50.0)])
+    # Its first trip is home by 25; until 50 nothing else but a trip of 20 with its turnaround would be.
+    assert (left.kept, left.survivors, left.open) == (((), PLAN[1][:1]), (1,), (0, 1, 2))
+    assert until_s == (50.0,)
+    left, until_s = known_after(DAY, PLAN, [(0, 30.0)])
+    assert (left.kept, left.open, until_s) == ((PLAN[0][:1], PLAN[1]), (1,), (np.inf,))
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(st.integers(0, 10**6))
+def test_no_answer_falls_below_the_bound_of_who_knows_all_losses(seed: int) -> None:
+    chance = np.random.default_rng(seed)
+    day = random_day(seed, 5, 3, 2, places=6)
+    alone = solve_day(_whole(day), stop=Iterations(200), seed=1)
+    if alone.plan.uncovered:
+        return
+    first = day_after(day, DayLeft(((),) * 3, (0, 1, 2), tuple(range(5)), _whole(day), ()), alone.plan)
+    horizon = int(max(alone.evaluation.last_end_s, 2.0))
+    times = np.sort(chance.integers(1, horizon, 2)).tolist()
+    losses = list(zip(chance.permutation(3)[:2].tolist(), times, strict=True))
+    last = replan_losses(day, first, losses, replanned)[-1]
+    left, until_s = known_after(day, first, losses)
+    ends = [trip.end_s for own in left.kept for trip in own]
+    if left.instance is not None:
+        ends.append(least_last_end_s(left.instance, until_s))
+    if not open_tasks(day, last):
+        assert max(trip.end_s for own in last for trip in own) >= max(ends) - 1e-6
+
+
+def _whole(day: Day) -> DayInstance:
+    vehicles = tuple(DayVehicle(place) for place in day.starts)
+    return DayInstance(day.streets.times_s, day.tasks, day.depots, vehicles, day.capacity_s, day.turnaround_s)
