@@ -6,7 +6,7 @@ many of a vehicle's trips leave a depot as land there, but for its first and its
 vehicle's trips fall apart into rings that its others never touch, that is forbidden and HiGHS chooses again.
 
 Where no detour is shorter than the way itself, a task may as well be done twice: then only trips are columns to which
-no further task can be added for nothing, some thirtieth of all.
+no further task can be added for nothing: 14 to 71 % of all in the gdb scenarios that were counted.
 """
 
 from __future__ import annotations
