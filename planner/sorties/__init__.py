@@ -10,6 +10,9 @@ cheap; the first plan, or ``warm_up_sorties``, loads the compiled kernels.
 """
 
 from planner.sorties.evaluate import SortieEvaluation, evaluate_sorties, packs_at_once, sortie_pct, sortie_s
+from planner.sorties.exact import solve_sorties_exact
+from planner.sorties.lives import Lives, Spares, fly_lives, with_spares
+from planner.sorties.losses import LossWindow, SortieLoss, after_loss, sortie_window
 from planner.sorties.model import (
     Objective,
     Sortie,
@@ -23,19 +26,28 @@ from planner.sorties.result import SortieResult
 from planner.sorties.solve import solve_sorties, warm_up_sorties
 
 __all__ = [
+    "Lives",
+    "LossWindow",
     "Objective",
     "Sortie",
     "SortieBase",
     "SortieEvaluation",
     "SortieInstance",
+    "SortieLoss",
     "SortiePlan",
     "SortieResult",
     "SortieVehicle",
+    "Spares",
+    "after_loss",
     "evaluate_sorties",
+    "fly_lives",
     "packs_at_once",
     "parted_windows",
     "solve_sorties",
+    "solve_sorties_exact",
     "sortie_pct",
     "sortie_s",
+    "sortie_window",
     "warm_up_sorties",
+    "with_spares",
 ]

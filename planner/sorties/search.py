@@ -40,7 +40,7 @@ PER_SEGMENT = 15
 GROWTH = 1.5
 HOT = 0.02
 """The temperature at the begin of a cycle, as a share of the mean sortie's time."""
-COLD = 0.0002
+COLD = 0.0003
 """The same at its end."""
 FEW = 60
 """Segments up to which a plan is so short that it is shaken harder."""
@@ -146,7 +146,7 @@ class SortieSearch:
         best = self._leader.best
         self._most = float(best.whole[:, 0].max(initial=1.0))
         mean_s = best.sums[2] / max(1.0, best.sums[3])
-        few = 5.0 if self._instance.segments <= FEW else 1.0
+        few = 15.0 if self._instance.segments <= FEW else 1.0
         hot, cold = (few * share * max(mean_s, 1.0) for share in (HOT, COLD))
         self._cooling = (cold / hot) ** (1 / self._length)
         leader = sortie_state(self._problem, self._table)
