@@ -13,18 +13,20 @@ from matplotlib.figure import Figure
 from executor.analysis.flight_record import FlightRecord
 from executor.analysis.pictures.battery import battery_figure
 from executor.analysis.pictures.front import FrontPoint, front_figure
+from executor.analysis.pictures.gantt import gantt_figure
 from executor.analysis.pictures.maps import map_figure, plan_figure
 from executor.analysis.pictures.network import network_figure
 from executor.analysis.pictures.risk import risk_figure
 from executor.analysis.pictures.style import DPI
 from executor.analysis.pictures.window import window_figure
-from missions import PlanFile, Understood
+from missions import DayPlanFile, PlanFile, Understood
 from planner import LossRepair, ReplanWindow, Risk
 
 __all__ = [
     "FrontPoint",
     "battery_figure",
     "draw_battery",
+    "draw_day",
     "draw_front",
     "draw_map",
     "draw_network",
@@ -32,6 +34,7 @@ __all__ = [
     "draw_risk",
     "draw_window",
     "front_figure",
+    "gantt_figure",
     "map_figure",
     "network_figure",
     "plan_figure",
@@ -47,6 +50,15 @@ def draw_plan(content: PlanFile, path: Path) -> None:
         OSError: the file cannot be written.
     """
     _save(plan_figure(content), path)
+
+
+def draw_day(content: DayPlanFile, path: Path) -> None:
+    """Write who flies when, from which base, of a plan of many sorties.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    _save(gantt_figure(content), path)
 
 
 def draw_network(understood: Understood, path: Path) -> None:
