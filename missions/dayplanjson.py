@@ -335,6 +335,7 @@ def _content(document: DayPlanDocument, source: str) -> DayPlanFile:
             SortieVehicle(
                 own.name, bases.index(own.base), own.budget_pct, own.windows,
                 tuple(bases.index(base) for base in own.lands), 0, own.consumption,
+                document.days[0].begin_s,
             )
             for own in document.vehicles
         ),

@@ -21,9 +21,9 @@ from planner.day import streets
 from planner.sorties import (
     Objective,
     SortieBase,
+    SortieEvaluation,
     SortiePlan,
     SortieVehicle,
-    evaluate_sorties,
     parted_windows,
     solve_sorties,
 )
@@ -70,7 +70,9 @@ def day_of(ground: Ground) -> DayPlanFile:
         ]  # fmt: skip
         windows = parted_windows(days, quiet)
         vehicles.append(
-            SortieVehicle(one.name, home, one.budget_pct, windows, lands, 0, consumption_of(ground, one.name))
+            SortieVehicle(
+                one.name, home, one.budget_pct, windows, lands, 0, consumption_of(ground, one.name), days[0][0]
+            )
         )
     models = dict(pricing.models)
     fastest_m_s = max(site.inspection.speed_m_s, site.inspection.transit_speed_m_s, *_speeds(site, ground))
@@ -84,7 +86,7 @@ def day_of(ground: Ground) -> DayPlanFile:
         )
     models = {name: replace(model, power=power) for name, model in models.items()}
     nothing = SortiePlan(((),) * len(vehicles), tuple(range(len(ground.network.segments))))
-    content = DayPlanFile(
+    return DayPlanFile(
         frame=ground.network.frame,
         segments=tuple(plan_segment(ground.network, number) for number in range(len(ground.network.segments))),
         pricing=replace(
@@ -100,11 +102,10 @@ def day_of(ground: Ground) -> DayPlanFile:
         stagger_s=table.stagger_s,
         able=_able(ground, table),
         plan=nothing,
-        evaluation=None,  # type: ignore[arg-type]
+        evaluation=SortieEvaluation(0.0, 0.0, 0, ((),) * len(vehicles), ((),) * len(vehicles), ()),
         objective=Objective.FINISH,
         solved=Solved("search", 0, 0.0),
     )  # fmt: skip
-    return replace(content, evaluation=evaluate_sorties(content.instance(), nothing))
 
 
 def planned_day(

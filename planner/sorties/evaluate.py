@@ -38,8 +38,8 @@ def sortie_s(instance: SortieInstance, vehicle: int, sortie: Sortie) -> float:
         PlanError: it has no visit, or one that the instance does not have.
     """
     _check(instance, sortie)
-    visits, profile = sortie.visits, instance.vehicles[vehicle].profile
-    between = sum(float(instance.moves.seconds(profile, one, other)) for one, other in pairwise(visits))
+    visits, profile = list(sortie.visits), instance.vehicles[vehicle].profile
+    between = instance.moves.seconds(profile, visits[:-1], visits[1:]).sum()
     out, home = instance.out_s[vehicle, sortie.base, visits[0]], instance.home_s[vehicle, visits[-1], sortie.lands]
     return float(out + between + home)
 
@@ -51,8 +51,8 @@ def sortie_pct(instance: SortieInstance, vehicle: int, sortie: Sortie) -> float:
         PlanError: as ``sortie_s``.
     """
     _check(instance, sortie)
-    visits, own = sortie.visits, instance.vehicles[vehicle]
-    between = sum(float(instance.moves.pct(own.profile, one, other)) for one, other in pairwise(visits))
+    visits, own = list(sortie.visits), instance.vehicles[vehicle]
+    between = instance.moves.pct(own.profile, visits[:-1], visits[1:]).sum()
     out, home = instance.out_pct[vehicle, sortie.base, visits[0]], instance.home_pct[vehicle, visits[-1], sortie.lands]
     return float(out + own.consumption * between + home)
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planner.moves import MoveTables
 from planner.risk import Chance, wilson
 from planner.sorties.evaluate import evaluate_sorties, packs_at_once, sortie_s
 from planner.sorties.losses import ENOUGH, after_loss, replanned
@@ -85,6 +86,12 @@ def fly_lives(
         table: the moves, where they are priced already.
         told: how many samples are done.
     """
+    # Only here: it loads the kernels.
+    from planner.sorties.construct import move_table
+
+    table = move_table(instance) if table is None else table
+    # Each sortie is priced again and again here.
+    instance = replace(instance, moves=MoveTables(table.move[..., 0], table.move[..., 1]))
     missing = len(instance.vehicles) - len(plan.sorties)
     plan = SortiePlan(plan.sorties + ((),) * missing, plan.uncovered)
     finished = losses = 0

@@ -160,6 +160,10 @@ def sortie_window(
     the last, just before it lands, decides. That a re-plan exists was shown by one that was found; that none does is
     only that the search found none.
     """
+    # Only here: it loads the kernels.
+    from planner.sorties.construct import move_table
+
+    table = move_table(instance) if table is None else table
     total, done = sum(map(len, plan.sorties)), 0
     found = []
     for vehicle, own in enumerate(plan.sorties):
