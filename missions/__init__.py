@@ -45,7 +45,16 @@ from missions.network import Network, Pylon, Segment
 from missions.pace import Pace
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.performance import Performance, Ramp, Tuning, tuned
-from missions.planfile import BreakingLoss, PlanFile, PlanSegment, Solved, Window, check_plan, make_plan_file, plan_segment
+from missions.planfile import (
+    BreakingLoss,
+    PlanFile,
+    PlanSegment,
+    Solved,
+    Window,
+    check_plan,
+    make_plan_file,
+    plan_segment,
+)
 from missions.planjson import plan_document, read_plan, write_plan
 from missions.pricing import Base, FlightModel, FlownMoves, Pricing, flown_instance
 from missions.qgc import QgcPlan, parse_qgc_plan, parse_qgc_waypoints, qgc_plan, qgc_waypoints

@@ -152,7 +152,6 @@ class DayPlanDocument(BaseModel):
 
     @model_validator(mode="after")
     def _of_a_piece(self) -> DayPlanDocument:
-        known = {segment.id for segment in self.segments}
         bases, names = [base.name for base in self.bases], [vehicle.name for vehicle in self.vehicles]
         for key, own in (("bases", bases), ("vehicles", names), ("segments", [one.id for one in self.segments])):
             if len(set(own)) < len(own):
@@ -161,11 +160,22 @@ class DayPlanDocument(BaseModel):
             raise ValueError(f"tracks: expected {len(self.segments)}, got {len(self.tracks)}")
         if len(self.transfers_s) != len(bases) or any(len(row) != len(bases) for row in self.transfers_s):
             raise ValueError(f"transfers_s: expected {len(bases)} rows of {len(bases)}")
+        return self
+
+    @model_validator(mode="after")
+    def _vehicles_of_known(self) -> DayPlanDocument:
+        bases = [base.name for base in self.bases]
         for index, vehicle in enumerate(self.vehicles):
             for base in (vehicle.base, *vehicle.lands):
                 _expect(f"vehicles[{index}]", base, bases)
             if len(vehicle.pads) != len(bases):
                 raise ValueError(f"vehicles[{index}].pads: expected {len(bases)}, got {len(vehicle.pads)}")
+        return self
+
+    @model_validator(mode="after")
+    def _sorties_of_known(self) -> DayPlanDocument:
+        known = {segment.id for segment in self.segments}
+        bases, names = [base.name for base in self.bases], [vehicle.name for vehicle in self.vehicles]
         for index, one in enumerate(self.sorties):
             _expect(f"sorties[{index}].vehicle", one.vehicle, names)
             for base in (one.base, one.lands):
@@ -303,20 +313,6 @@ def _content(document: DayPlanDocument, source: str) -> DayPlanFile:
             may = set(own.segments)
             able[row] = [segment.id in may for segment in document.segments]
     rows = [[one for one in document.sorties if one.vehicle == name] for name in names]
-    plan = SortiePlan(
-        tuple(
-            tuple(
-                Sortie(
-                    bases.index(one.base),
-                    tuple(visit_of(position[visit.segment], visit.reversed) for visit in one.visits),
-                    bases.index(one.lands), one.start_s,
-                )
-                for one in own
-            )
-            for own in rows
-        ),
-        tuple(position[segment] for segment in document.uncovered),
-    )  # fmt: skip
     pricing = Pricing(
         np.array(document.tracks, dtype=np.float64).reshape(-1, 2, 3),
         {own.name: own.pads[bases.index(own.base)] for own in document.vehicles},
@@ -344,7 +340,7 @@ def _content(document: DayPlanDocument, source: str) -> DayPlanFile:
         transfer_s=np.array([[math.inf if value is None else value for value in row] for row in document.transfers_s]),
         stagger_s=document.stagger_s,
         able=able,
-        plan=plan,
+        plan=_plan(document, rows, position, bases),
         evaluation=SortieEvaluation(
             document.finish_s, document.flight_s, len(document.sorties),
             tuple(tuple(one.duration_s for one in own) for own in rows),
@@ -355,3 +351,14 @@ def _content(document: DayPlanDocument, source: str) -> DayPlanFile:
         windows=tuple(LossWindow(names.index(one.vehicle), one.from_s, one.breaks) for one in document.windows),
         source=source,
     )  # fmt: skip
+
+
+def _plan(
+    document: DayPlanDocument, rows: list[list[SortiePart]], position: dict[int, int], bases: list[str]
+) -> SortiePlan:
+    def sortie(one: SortiePart) -> Sortie:
+        visits = tuple(visit_of(position[visit.segment], visit.reversed) for visit in one.visits)
+        return Sortie(bases.index(one.base), visits, bases.index(one.lands), one.start_s)
+
+    uncovered = tuple(position[segment] for segment in document.uncovered)
+    return SortiePlan(tuple(tuple(map(sortie, own)) for own in rows), uncovered)

@@ -22,7 +22,6 @@ def flown_sorties(
     days: Sequence[Window],
     transfer_s: FloatArray,
     *,
-    wanted: npt.NDArray[np.bool_] | None = None,
     able: npt.NDArray[np.bool_] | None = None,
     stagger_s: float = 0.0,
 ) -> SortieInstance:
@@ -35,7 +34,6 @@ def flown_sorties(
         bases: Packs and times.
         days: When may be flown at all.
         transfer_s: Between bases, on the ground.
-        wanted: Segments that are to be inspected; by default all.
         able: (k, n), whose camera is good for which segment; by default everybody's for all.
         stagger_s: The least time between two take-offs from a base.
 
@@ -69,6 +67,6 @@ def flown_sorties(
         out_s=out[0], out_pct=out[1], home_s=home[0], home_pct=home[1],
         transfer_s=transfer_s,
         able=np.ones((fleet, visits // 2), dtype=np.bool_) if able is None else able,
-        wanted=np.ones(visits // 2, dtype=np.bool_) if wanted is None else wanted,
+        wanted=np.ones(visits // 2, dtype=np.bool_),
         stagger_s=stagger_s,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""`faultline bench day`: days of many sorties: proven optima, the paper's whole network, vehicles and packs for losses."""
+"""`faultline bench day`: days of many sorties beside proven optima, of a whole network, and with losses."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def _apart_m(one_m: FloatArray, other_m: FloatArray) -> FloatArray:
 
 
 def network_row(network: Path, seconds: float, seed: int, told: Told) -> Json:
-    """Plan a whole network from four bases with six vehicles; the search has what the preparation leaves of the time."""
+    """Plan a whole network from four bases with six vehicles; the search has what is left of the time."""
     told("the whole network", 0, 1)
     watch = Stopwatch()
     content = day_of(ground_of(check_site(whole_site(network), "bench day"), Path()))

@@ -12,7 +12,7 @@ from executor.bench.store import Json, write_result, write_text
 
 TITLE = "Days of many sorties"
 EXACT = (
-    "## Beside proven optima\n\nRandom lines of 8 segments, 2 bases, 2 vehicles that land at either base or are driven; "
+    "## Beside proven optima\n\nRandom lines of 8 segments, 2 bases, 2 vehicles that land at either or are driven; "
     "a sortie has energy for a part of the line. HiGHS proves the earliest last landing, and with it the least time in "
     "the air; the search has 100,000 iterations. Of {count} instances {same} are the same; {without} have no plan that "
     "inspects everything, which both say."
@@ -25,9 +25,10 @@ NETWORK = (
 FLEET = (
     "## Vehicles and packs against losses\n\nfaultline's own network, three vehicles from two bases in two hours, "
     "charging in an hour; vehicles fail at random and are lost with their pack, each loss is re-planned, spares take "
-    "part then. {samples} times each. The rule of arXiv 2604.15890, k = m (ceil(R) + 1) spares for m that are active "
-    "and R the time to recover over the time active, is taken for packs at each base: it holds for missions without end "
-    "in which everybody's pack is empty at once, and knows neither the end of the day nor losses."
+    "part then. {samples} times each. The rule of arXiv 2604.15890 is k = m (ceil(R) + 1) for m that are active and R "
+    "the time to recover over the time active. There whole vehicles recover; here packs do, so it stands beside the "
+    "packs, summed over the bases. It is meant to suffice even where all are empty at once, and knows no losses for "
+    "good; the column before it is what the plan without a loss has in use at once."
 )
 Rows = list[tuple[str, ...]]
 

@@ -47,4 +47,6 @@ def day(
         keep_day(document, out)
     print(json.dumps(document) if as_json else day_page(document))
     whole = content["network"]
-    raise typer.Exit(1 if whole["uncovered"] or whole["wrong"] or not all(row["same"] for row in content["exact"]) else 0)
+    raise typer.Exit(
+        1 if whole["uncovered"] or whole["wrong"] or not all(row["same"] for row in content["exact"]) else 0
+    )

@@ -1,4 +1,4 @@
-"""`faultline plan --day`: the working days of a site, planned, drawn and kept; how many vehicles and packs they need."""
+"""`faultline plan --day`: the working days of a site, planned, drawn and kept; vehicles and packs that they need."""
 
 from __future__ import annotations
 
@@ -51,12 +51,14 @@ MtbfOption = Annotated[
     float | None,
     typer.Option(
         "--mtbf-hours", min=0.01, callback=finite, metavar="HOURS",
-        help="With --day: mean flight hours between failures of one vehicle; says how many vehicles and packs are needed.",
+        help="With --day: mean flight hours between failures of one vehicle; says how many vehicles and packs it takes",
     ),
 ]  # fmt: skip
 ProbabilityOption = Annotated[
     str,
-    typer.Option("--probability", metavar="PCT,PCT", help="With --mtbf-hours: the chances to finish that are asked for."),
+    typer.Option(
+        "--probability", metavar="PCT,PCT", help="With --mtbf-hours: the chances to finish that are asked for."
+    ),
 ]
 SamplesOption = Annotated[
     int, typer.Option(min=1, max=1_000_000, metavar="N", help="With --mtbf-hours: how many times the days are flown.")
@@ -92,35 +94,21 @@ def shares_of(text: str) -> list[float]:
 
 
 def plan_day(
-    ground: Ground, console: TerminalConsole, asked: DayAsked, output: Path | None, picture: Path | None, *, as_json: bool
+    ground: Ground,
+    console: TerminalConsole,
+    asked: DayAsked,
+    output: Path | None,
+    picture: Path | None,
+    *,
+    as_json: bool,
 ) -> None:
     """Plan the days of a site and tell; exit 1 if segments are left over.
 
     Raises:
         SiteError: the site or an option cannot be used.
     """
-    known = [one.value for one in Objective]
-    if asked.objective not in known:
-        raise SiteError(f"--objective: expected one of {', '.join(known)}, got '{asked.objective}'")
-    shares = shares_of(asked.probability)
-    content = day_of(ground)
-    console.say(
-        Level.INFO,
-        f"planning {len(content.segments)} segments for {len(content.vehicles)} vehicles from {len(content.bases)} "
-        f"bases on {len(content.days)} days at most ({asked.objective}, {asked.seconds:g} s)",
-    )
-
-    def progressed(progress: Progress) -> None:
-        value = progress.value if asked.objective == Objective.SWAPS.value else progress.value / 3600
-        console.progress(f"{progress.iterations} iterations, {asked.objective} {value:.2f}, {progress.uncovered} left out")
-
-    wanted = DayWanted(
-        Objective(asked.objective), Seconds(asked.seconds), asked.seed, asked.starts or os.cpu_count() or 1
-    )
-    content = planned_day(content, wanted, progressed)
-    for line in check_day_plan(content):
-        raise SiteError(f"the plan of the days does not hold: {line}")
-    content = with_windows(content, console, asked.seed)
+    objective, shares = objective_of(asked.objective), shares_of(asked.probability)
+    content = _planned(day_of(ground), console, asked, objective)
     spares = [] if asked.mtbf_h is None else _spares(content, console, asked, asked.mtbf_h, max(shares))
     console.progress("")
     if output is not None:
@@ -132,15 +120,51 @@ def plan_day(
     if as_json:
         print(json.dumps({**day_plan_document(content), **day_document(content, spares, shares, asked.mtbf_h)}))
     else:
-        for lines in (day_lines, need_lines, left_lines, window_lines):
-            for line in lines(content):
-                print(line)
-        if spares:
-            print(f"one failure in {asked.mtbf_h:g} flight hours, re-planned; a lower bound of what can be reached:")
-            for line in spare_lines(content, spares, shares):
-                print(line)
+        _print_day(content, spares, shares, asked.mtbf_h)
     if content.plan.uncovered:
         raise typer.Exit(1)
+
+
+def objective_of(text: str) -> Objective:
+    """Return what `--objective` asks for.
+
+    Raises:
+        SiteError: there is no such.
+    """
+    known = [one.value for one in Objective]
+    if text not in known:
+        raise SiteError(f"--objective: expected one of {', '.join(known)}, got '{text}'")
+    return Objective(text)
+
+
+def _print_day(content: DayPlanFile, spares: list[Spares], shares: list[float], mtbf_h: float | None) -> None:
+    for lines in (day_lines, need_lines, left_lines, window_lines):
+        for line in lines(content):
+            print(line)
+    if spares:
+        print(f"one failure in {mtbf_h:g} flight hours, re-planned; a lower bound of what can be reached:")
+        for line in spare_lines(content, spares, shares):
+            print(line)
+
+
+def _planned(content: DayPlanFile, console: TerminalConsole, asked: DayAsked, objective: Objective) -> DayPlanFile:
+    console.say(
+        Level.INFO,
+        f"planning {len(content.segments)} segments for {len(content.vehicles)} vehicles from {len(content.bases)} "
+        f"bases on {len(content.days)} days at most ({asked.objective}, {asked.seconds:g} s)",
+    )
+
+    def progressed(progress: Progress) -> None:
+        value = progress.value if objective is Objective.SWAPS else progress.value / 3600
+        console.progress(
+            f"{progress.iterations} iterations, {asked.objective} {value:.2f}, {progress.uncovered} left out"
+        )
+
+    wanted = DayWanted(objective, Seconds(asked.seconds), asked.seed, asked.starts or os.cpu_count() or 1)
+    content = planned_day(content, wanted, progressed)
+    for line in check_day_plan(content):
+        raise SiteError(f"the plan of the days does not hold: {line}")
+    return with_windows(content, console, asked.seed)
 
 
 def with_windows(content: DayPlanFile, console: TerminalConsole, seed: int) -> DayPlanFile:
@@ -185,9 +209,7 @@ def day_document(
         return document
     fleet = sum(1 for own in content.plan.sorties if own)
     document["mtbf_h"] = mtbf_h
-    document["rule_packs"] = {
-        place.name: rule_packs(content, number) for number, place in enumerate(content.places)
-    }
+    document["rule_packs"] = {place.name: rule_packs(content, number) for number, place in enumerate(content.places)}
     document["fleets"] = [
         {
             "vehicles": fleet + len(one.spares), "spares": [content.vehicles[row].name for row in one.spares],

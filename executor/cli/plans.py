@@ -89,6 +89,12 @@ SearchOption = Annotated[
         "--search", metavar="FILE", help="What the search is tuned by (TOML); what it does not set is as by default."
     ),
 ]
+PlanPictureOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="PNG", help="Draw the plan on a map, the trade-offs of --front, or who flies when with --day."
+    ),
+]
 FrontOption = Annotated[
     bool,
     typer.Option(
@@ -121,12 +127,7 @@ def plan(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan to this file.")
     ] = None,
-    picture: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="PNG", help="Draw the plan on a map, the trade-offs of --front, or who flies when with --day."
-        ),
-    ] = None,
+    picture: PlanPictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Plan a route for each vehicle within its budget; exit 1 if segments are left over.

@@ -87,9 +87,14 @@ class Site(SiteTable):
         for one in self.vehicle:
             if self.base and one.name not in stands:
                 raise ValueError(f"base: expected every vehicle at one, got none for '{one.name}'")
+        return self
+
+    @model_validator(mode="after")
+    def _day_of_known(self) -> Site:
+        vehicles, bases = {one.name for one in self.vehicle}, {one.name for one in self.base}
         for index, road in enumerate(self.day.road if self.day is not None else ()):
             for name in road.between:
-                _check_named(f"day.road[{index}].between", name, set(bases))
+                _check_named(f"day.road[{index}].between", name, bases)
         for index, quiet in enumerate(self.day.quiet if self.day is not None else ()):
             for name in quiet.vehicles:
                 _check_named(f"day.quiet[{index}].vehicles", name, vehicles)

@@ -64,8 +64,12 @@ def _people(content: DayPlanFile, base: int) -> int:
 def day_lines(content: DayPlanFile) -> Iterator[str]:
     """Yield a line for each sortie, by day and take-off."""
     rows = [
-        (one.start_s, own.name, one, content.evaluation.lasts_s[row][number], content.evaluation.energies_pct[row][number])
-        for row, own in enumerate(content.vehicles) for number, one in enumerate(content.plan.sorties[row])
+        (one.start_s, own.name, one, lasts_s, pct)
+        for own, sorties, all_lasts_s, energies in zip(
+            content.vehicles, content.plan.sorties, content.evaluation.lasts_s, content.evaluation.energies_pct,
+            strict=True,
+        )
+        for one, lasts_s, pct in zip(sorties, all_lasts_s, energies, strict=True)
     ]  # fmt: skip
     rows.sort(key=lambda row: row[:2])
     for day, (begin, end) in enumerate(content.days, 1):
@@ -150,7 +154,7 @@ def spare_lines(content: DayPlanFile, found: list[Spares], shares: list[float]) 
     for one in found:
         lives, chance = one.lives, one.lives.finished
         yield (
-            f"{fleet + len(one.spares):3d} vehicles: finished in {100 * chance.estimate:.1f} % of {lives.samples} times "
+            f"{fleet + len(one.spares):3d} vehicles finish in {100 * chance.estimate:.1f} % of {lives.samples} times "
             f"(95 %: {100 * chance.low:.1f} to {100 * chance.high:.1f} %), {lives.losses:.2f} losses each"
         )
     for share in shares:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -124,9 +125,7 @@ def planned_day(
 
 def _depot(ground: Ground) -> BaseTable:
     frame = ground.network.frame
-    return BaseTable(
-        name=DEPOT, lat_deg=frame.lat_deg, lon_deg=frame.lon_deg, alt_m=frame.alt_m, vehicles=ground.names
-    )
+    return BaseTable(name=DEPOT, lat_deg=frame.lat_deg, lon_deg=frame.lon_deg, alt_m=frame.alt_m, vehicles=ground.names)
 
 
 def _place(ground: Ground, base: BaseTable) -> BasePlace:
@@ -147,7 +146,7 @@ def _pad(ground: Ground, vehicle: str, place: BasePlace, at_m: tuple[float, floa
     climb_m = up_m + layers.offset_m(vehicle) - ground.network.frame.up_m(place.alt_m)
     if climb_m < LOWEST_FLIGHT_M:
         raise SiteError(
-            f"base {place.name}: expected flight heights of {LOWEST_FLIGHT_M:g} m or more over it, got {climb_m:.1f} m: "
+            f"base {place.name}: expected flights {LOWEST_FLIGHT_M:g} m or more over it, got {climb_m:.1f} m: "
             f"its alt_m {place.alt_m:.0f} or the site's heights are wrong"
         )
     return Base((*at_m, up_m), climb_m)
@@ -171,17 +170,16 @@ def _speeds(site: Site, ground: Ground) -> list[float]:
 
 def _transfers(table: DayTable, names: list[str], at_m: list[tuple[float, float]]) -> FloatArray:
     """Return seconds from base to base: roads that are named, straight distances for the others, the shortest way."""
-    roads = [
-        (*sorted((names.index(road.between[0]), names.index(road.between[1]))), 60.0 * road.minutes)
-        for road in table.road if road.between[0] != road.between[1]
-    ]  # fmt: skip
-    named = {(one, other) for one, other, _ in roads}
+    number = {name: place for place, name in enumerate(names)}
+    roads: dict[tuple[int, int], float] = {}
     if table.road_m_s is not None:
-        roads += [
-            (one, other, math.dist(at_m[one], at_m[other]) / table.road_m_s)
-            for one in range(len(names)) for other in range(one + 1, len(names)) if (one, other) not in named
-        ]  # fmt: skip
-    return streets(len(names), roads).times_s
+        roads = {pair: math.dist(at_m[pair[0]], at_m[pair[1]]) / table.road_m_s
+                 for pair in combinations(range(len(names)), 2)}  # fmt: skip
+    for road in table.road:
+        one, other = sorted(number[name] for name in road.between)
+        roads[one, other] = 60.0 * road.minutes
+    edges = [(one, other, seconds) for (one, other), seconds in roads.items() if one != other]
+    return streets(len(names), edges).times_s
 
 
 def _able(ground: Ground, table: DayTable) -> npt.NDArray[np.bool_]:
@@ -198,4 +196,3 @@ def _able(ground: Ground, table: DayTable) -> npt.NDArray[np.bool_]:
                 )
         able[ground.names.index(other.name)] = [name in other.segments for name in names]
     return able
-

@@ -27,9 +27,7 @@ PLACE = nb.types.Tuple((nb.float64, nb.float64, nb.int64, nb.int64, nb.int64))
 
 
 @inner(nb.float64(SORTIE_PROBLEM, SORTIE_STATE, nb.int64, nb.int64, nb.int64, nb.int64))
-def added(
-    problem: SortieProblem, state: SortieState, row: int, position: int, visit: int, figure: int
-) -> float:
+def added(problem: SortieProblem, state: SortieState, row: int, position: int, visit: int, figure: int) -> float:
     """Return the seconds (0) or percent (1) that a visit adds to a sortie at a position."""
     vehicle, size = state.owner[row], state.size[row]
     move = problem.move[problem.profile[vehicle]]
@@ -54,9 +52,7 @@ def added(
 @inner(nb.float64(SORTIE_PROBLEM, SORTIE_STATE, nb.int64, nb.float64, nb.float64))
 def worsening(problem: SortieProblem, state: SortieState, vehicle: int, seconds: float, last: float) -> float:
     """Return what seconds of a vehicle's weigh."""
-    return float(
-        problem.finish * max(0.0, state.ends[vehicle] + seconds - last) + (problem.flight + 1e-6) * seconds
-    )
+    return float(problem.finish * max(0.0, state.ends[vehicle] + seconds - last) + (problem.flight + 1e-6) * seconds)
 
 
 @inner(PLACE(SORTIE_PROBLEM, SORTIE_STATE, nb.int64, nb.float64, RANDOM))
@@ -97,10 +93,10 @@ def alone(
     """Return the least weight of a sortie of its own: seconds, vehicle, number, visit, base, where it lands."""
     best, lasts, chosen, number, way, begins, lands = NEVER, 0.0, -1, 0, 0, 0, 0
     bases = len(problem.turnaround)
-    for vehicle in range(len(state.count)):
+    for vehicle in range(len(state.counts)):
         if problem.able[vehicle, segment] == 0:
             continue
-        count = state.count[vehicle]
+        count = state.counts[vehicle]
         for choice in range(2):
             at = count if choice == 0 else below(rng, count + 1)
             if choice == 1 and at == count:
@@ -153,10 +149,10 @@ def put(
         state.size[row] = 1
         state.visits[row, 0] = way
         state.owner[row], state.base[row], state.land[row] = vehicle, base, land
-        for later in range(state.count[vehicle], number, -1):
+        for later in range(state.counts[vehicle], number, -1):
             state.order[vehicle, later] = state.order[vehicle, later - 1]
         state.order[vehicle, number] = row
-        state.count[vehicle] += 1
+        state.counts[vehicle] += 1
     state.where[segment] = row
     measure_row(problem, state, row)
     settle_row(problem, state, row)
@@ -183,7 +179,7 @@ def put_all(
 @kernel(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY))
 def settle_touched(problem: SortieProblem, state: SortieState, memory: SortieMemory) -> bool:
     """Choose bases for all vehicles that were touched; return whether each has a way."""
-    for vehicle in range(len(state.count)):
+    for vehicle in range(len(state.counts)):
         if memory.touched[vehicle] == 1 and not settle(problem, state, memory, vehicle):
             return False
     return True
@@ -192,8 +188,8 @@ def settle_touched(problem: SortieProblem, state: SortieState, memory: SortieMem
 @kernel(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY))
 def measured(problem: SortieProblem, state: SortieState, memory: SortieMemory) -> bool:
     """Set the figures of given sorties and choose their bases; return whether each vehicle may and can fly its own."""
-    for vehicle in range(len(state.count)):
-        for number in range(state.count[vehicle]):
+    for vehicle in range(len(state.counts)):
+        for number in range(state.counts[vehicle]):
             row = state.order[vehicle, number]
             for position in range(state.size[row]):
                 if problem.able[vehicle, state.visits[row, position] >> 1] == 0:

@@ -95,7 +95,7 @@ class SortieState(NamedTuple):
     """(r,): when it begins; NEVER where the days are over before."""
     order: IntArray
     """(k, r): each vehicle's rows in the order of flight."""
-    count: IntArray
+    counts: IntArray
     """(k,)"""
     where: IntArray
     """(n,): the row of a segment; -1 if it has none."""
@@ -184,7 +184,7 @@ def settle_row(problem: SortieProblem, state: SortieState, row: int) -> bool:
 @inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64))
 def settle(problem: SortieProblem, state: SortieState, memory: SortieMemory, vehicle: int) -> bool:
     """Choose where a vehicle's sorties begin and land: least time, and least shunned; return whether any way does."""
-    count, bases = state.count[vehicle], len(problem.turnaround)
+    count, bases = state.counts[vehicle], len(problem.turnaround)
     budget = problem.budget[vehicle] + TOLERANCE
     for base in range(bases):
         memory.cost[0, base] = NEVER
@@ -300,7 +300,7 @@ def take_off(
 @kernel(nb.void(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY))
 def schedule(problem: SortieProblem, state: SortieState, memory: SortieMemory) -> None:
     """Let all sorties begin as soon as they can, the soonest first; set the figures."""
-    fleet = len(state.count)
+    fleet = len(state.counts)
     sums = state.sums
     sums[:] = 0.0
     waiting = 0
@@ -309,7 +309,7 @@ def schedule(problem: SortieProblem, state: SortieState, memory: SortieMemory) -
         memory.at[vehicle] = problem.place[vehicle]
         memory.ready[vehicle] = problem.ready[vehicle]
         state.ends[vehicle] = 0.0
-        waiting += state.count[vehicle]
+        waiting += state.counts[vehicle]
     for base in range(len(problem.turnaround)):
         memory.last[base] = problem.taken_off[base]
     sums[3] = waiting
@@ -320,7 +320,7 @@ def schedule(problem: SortieProblem, state: SortieState, memory: SortieMemory) -
         while waiting > 0:
             soonest, chosen = NEVER, -1
             for vehicle in range(fleet):
-                if memory.next[vehicle] < state.count[vehicle]:
+                if memory.next[vehicle] < state.counts[vehicle]:
                     begin = earliest(problem, state, memory, vehicle, day)
                     if begin < soonest:
                         soonest, chosen = begin, vehicle
@@ -330,7 +330,7 @@ def schedule(problem: SortieProblem, state: SortieState, memory: SortieMemory) -
             waiting -= 1
     for vehicle in range(fleet):
         sums[1] = max(sums[1], state.ends[vehicle])
-        for number in range(state.count[vehicle]):
+        for number in range(state.counts[vehicle]):
             row = state.order[vehicle, number]
             sums[2] += state.whole[row, 0]
             if number >= memory.next[vehicle]:
@@ -338,6 +338,6 @@ def schedule(problem: SortieProblem, state: SortieState, memory: SortieMemory) -
                 sums[0] += state.whole[row, 0] + problem.turnaround[state.land[row]]
     busy = sums[2]
     for vehicle in range(fleet):
-        for number in range(state.count[vehicle]):
+        for number in range(state.counts[vehicle]):
             busy += problem.turnaround[state.land[state.order[vehicle, number]]]
     sums[4] = problem.finish * sums[1] + problem.flight * busy + problem.swap * sums[3] + 3.0 * sums[0]

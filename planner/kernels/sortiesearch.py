@@ -33,12 +33,12 @@ def copy_sorties(source: SortieState, target: SortieState) -> None:
     for row in range(len(source.size)):
         if target.size[row] > 0 and source.size[row] == 0:
             target.size[row] = 0
-    for vehicle in range(len(source.count)):
-        target.count[vehicle] = source.count[vehicle]
+    for vehicle in range(len(source.counts)):
+        target.counts[vehicle] = source.counts[vehicle]
         target.ends[vehicle] = source.ends[vehicle]
         for base in range(source.bias.shape[1]):
             target.bias[vehicle, base] = source.bias[vehicle, base]
-        for number in range(source.count[vehicle]):
+        for number in range(source.counts[vehicle]):
             row = source.order[vehicle, number]
             target.order[vehicle, number] = row
             target.size[row] = source.size[row]
@@ -77,9 +77,9 @@ def cut(
         number = 0
         while state.order[vehicle, number] != row:
             number += 1
-        for later in range(number + 1, state.count[vehicle]):
+        for later in range(number + 1, state.counts[vehicle]):
             state.order[vehicle, later - 1] = state.order[vehicle, later]
-        state.count[vehicle] -= 1
+        state.counts[vehicle] -= 1
         state.ends[vehicle] -= before + problem.turnaround[state.land[row]]
         return count
     measure_row(problem, state, row)
@@ -148,10 +148,10 @@ def arrange(problem: SortieProblem, memory: SortieMemory, count: int, rng: Rando
 @inner(nb.void(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
 def turn_part(problem: SortieProblem, state: SortieState, memory: SortieMemory, rng: RandomState) -> None:
     """Fly a part of a sortie the other way round."""
-    vehicle = below(rng, len(state.count))
-    if state.count[vehicle] == 0:
+    vehicle = below(rng, len(state.counts))
+    if state.counts[vehicle] == 0:
         return
-    row = state.order[vehicle, below(rng, state.count[vehicle])]
+    row = state.order[vehicle, below(rng, state.counts[vehicle])]
     low, high = below(rng, state.size[row]), below(rng, state.size[row])
     if low > high:
         low, high = high, low
@@ -167,22 +167,22 @@ def turn_part(problem: SortieProblem, state: SortieState, memory: SortieMemory, 
 @inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
 def hand_on(problem: SortieProblem, state: SortieState, memory: SortieMemory, rng: RandomState) -> bool:
     """Give a whole sortie another place in the order of this vehicle or another; return whether it may have it."""
-    giver, taker = below(rng, len(state.count)), below(rng, len(state.count))
-    if state.count[giver] == 0:
+    giver, taker = below(rng, len(state.counts)), below(rng, len(state.counts))
+    if state.counts[giver] == 0:
         return False
-    number = below(rng, state.count[giver])
+    number = below(rng, state.counts[giver])
     row = state.order[giver, number]
     for position in range(state.size[row]):
         if problem.able[taker, state.visits[row, position] >> 1] == 0:
             return False
-    for later in range(number + 1, state.count[giver]):
+    for later in range(number + 1, state.counts[giver]):
         state.order[giver, later - 1] = state.order[giver, later]
-    state.count[giver] -= 1
-    to = below(rng, state.count[taker] + 1)
-    for later in range(state.count[taker], to, -1):
+    state.counts[giver] -= 1
+    to = below(rng, state.counts[taker] + 1)
+    for later in range(state.counts[taker], to, -1):
         state.order[taker, later] = state.order[taker, later - 1]
     state.order[taker, to] = row
-    state.count[taker] += 1
+    state.counts[taker] += 1
     state.owner[row] = taker
     measure_row(problem, state, row)
     memory.touched[giver] = 1
@@ -193,7 +193,7 @@ def hand_on(problem: SortieProblem, state: SortieState, memory: SortieMemory, rn
 @inner(nb.void(SORTIE_STATE, SORTIE_MEMORY, nb.float64, RANDOM))
 def shun(state: SortieState, memory: SortieMemory, most: float, rng: RandomState) -> None:
     """Let a vehicle shun a base, or not any more."""
-    vehicle, base = below(rng, len(state.count)), below(rng, state.bias.shape[1])
+    vehicle, base = below(rng, len(state.counts)), below(rng, state.bias.shape[1])
     state.bias[vehicle, base] = 0.0 if uniform(rng) < 0.5 else most * uniform(rng)
     memory.touched[vehicle] = 1
 
@@ -226,7 +226,7 @@ def anneal_sorties(
     ``trial`` equals ``current`` before and after, ``most`` is the longest sortie. Returns the last iteration that found
     a new best, counted from 1; 0 if none did.
     """
-    fleet = len(current.count)
+    fleet = len(current.counts)
     improved = 0
     for iteration in range(iterations):
         kind = uniform(rng)

@@ -129,7 +129,9 @@ def _able(instance: SortieInstance, lands: IntArray) -> IntArray:
             continue
         out, home = instance.out_pct[row][may], instance.home_pct[row][:, may]
         pct = (out[:, :, np.newaxis] + home[np.newaxis]).min(axis=(0, 2))
-        seconds = (instance.out_s[row][may][:, :, np.newaxis] + instance.home_s[row][:, may][np.newaxis]).min(axis=(0, 2))
+        seconds = (instance.out_s[row][may][:, :, np.newaxis] + instance.home_s[row][:, may][np.newaxis]).min(
+            axis=(0, 2)
+        )
         fits = (pct <= own.budget_pct + 1e-9) & (seconds <= max(end - begin for begin, end in own.windows))
         able[row] = instance.able[row] & instance.wanted & fits.reshape(-1, 2).any(axis=1)
     return able
@@ -163,7 +165,7 @@ def sortie_state(problem: SortieProblem, table: MoveTable) -> SortieState:
         whole=np.zeros((segments, 2)),
         start=np.zeros(segments),
         order=np.zeros((fleet, segments), dtype=np.int64),
-        count=np.zeros(fleet, dtype=np.int64),
+        counts=np.zeros(fleet, dtype=np.int64),
         where=np.full(segments, -1, dtype=np.int64),
         bias=np.zeros((fleet, len(problem.packs))),
         ends=np.zeros(fleet),
@@ -209,13 +211,13 @@ def begin_with(state: SortieState, sorties: Sequence[Sequence[Sortie]]) -> None:
                     raise PlanError(f"initial: segment {visit >> 1} is in two sorties")
                 state.where[visit >> 1] = row
             row += 1
-        state.count[vehicle] = len(own)
+        state.counts[vehicle] = len(own)
 
 
 def sortie_plan(instance: SortieInstance, state: SortieState) -> SortiePlan:
     """Return a state as a plan; what finds no day is left uncovered."""
     sorties, flown = [], set()
-    for own, count in zip(state.order, state.count, strict=True):
+    for own, count in zip(state.order, state.counts, strict=True):
         mine = [
             Sortie(
                 int(state.base[row]), tuple(int(visit) for visit in state.visits[row, : state.size[row]]),

@@ -76,9 +76,7 @@ def evaluate_sorties(instance: SortieInstance, plan: SortiePlan) -> SortieEvalua
         raise PlanError(f"plan: expected {len(instance.vehicles)} vehicles, got {len(plan.sorties)}")
     if not all(0 <= segment < instance.segments for segment in plan.uncovered):
         raise PlanError(f"uncovered: expected some of {instance.segments} segments")
-    lasts = tuple(
-        tuple(sortie_s(instance, vehicle, one) for one in own) for vehicle, own in enumerate(plan.sorties)
-    )
+    lasts = tuple(tuple(sortie_s(instance, vehicle, one) for one in own) for vehicle, own in enumerate(plan.sorties))
     energies = tuple(
         tuple(sortie_pct(instance, vehicle, one) for one in own) for vehicle, own in enumerate(plan.sorties)
     )
@@ -88,9 +86,7 @@ def evaluate_sorties(instance: SortieInstance, plan: SortiePlan) -> SortieEvalua
         *_coverage(instance, plan), *_vehicles(instance, plan, lasts, energies),
         *_take_offs(instance, plan), *_packs(instance, plan, lasts),
     ]  # fmt: skip
-    return SortieEvaluation(
-        max(ends, default=0.0), sum(map(sum, lasts)), len(ends), lasts, energies, tuple(found)
-    )
+    return SortieEvaluation(max(ends, default=0.0), sum(map(sum, lasts)), len(ends), lasts, energies, tuple(found))
 
 
 def _coverage(instance: SortieInstance, plan: SortiePlan) -> Iterator[str]:
@@ -138,9 +134,7 @@ def _take_offs(instance: SortieInstance, plan: SortiePlan) -> Iterator[str]:
                 yield f"base {base.name}: take-offs at {before:.1f} and {after:.1f} s, {instance.stagger_s:g} s apart"
 
 
-def _packs(
-    instance: SortieInstance, plan: SortiePlan, lasts: tuple[tuple[float, ...], ...]
-) -> Iterator[str]:
+def _packs(instance: SortieInstance, plan: SortiePlan, lasts: tuple[tuple[float, ...], ...]) -> Iterator[str]:
     for day, (opens, closes) in enumerate(instance.days):
         pools = [
             list(base.charged_s) if day == 0 and base.charged_s is not None else [opens] * (base.packs or 0)

@@ -54,6 +54,10 @@ _Flights = dict[tuple[int, int, int], _Flight]
 """The shortest within the budget by base, set of segments as bits, and base where it lands."""
 
 
+_UnderWay = dict[tuple[int, int], list[_Flight]]
+"""Flights that have not landed, by set of segments and last visit."""
+
+
 def solve_sorties_exact(instance: SortieInstance) -> SortiePlan | None:
     """Return the best plan that inspects everything, or None where there is none: both are certain.
 
@@ -75,37 +79,56 @@ def solve_sorties_exact(instance: SortieInstance) -> SortiePlan | None:
 
 
 def _flights(instance: SortieInstance, vehicle: int, wanted: Sequence[int]) -> _Flights:
-    """Return all sorties that may be best: beside the shortest, those that use less are kept on the way."""
-    own, found = instance.vehicles[vehicle], dict[tuple[int, int, int], _Flight]()
-    for base in own.lands:
-        out = [(instance.out_s[vehicle, base, visit], instance.out_pct[vehicle, base, visit])
-               for visit in range(2 * instance.segments)]  # fmt: skip
-        under_way: dict[tuple[int, int], list[_Flight]] = {}
-        for number, segment in enumerate(wanted):
-            for visit in (2 * segment, 2 * segment + 1):
-                if instance.able[vehicle, segment]:
-                    under_way[1 << number, visit] = [_Flight(float(out[visit][0]), float(out[visit][1]), (visit,))]
+    """Return the shortest sorties."""
+    found: _Flights = {}
+    for base in instance.vehicles[vehicle].lands:
+        under_way: _UnderWay = {
+            (1 << number, visit): [
+                _Flight(
+                    float(instance.out_s[vehicle, base, visit]), float(instance.out_pct[vehicle, base, visit]), (visit,)
+                )
+            ]
+            for number, segment in enumerate(wanted) if instance.able[vehicle, segment]
+            for visit in (2 * segment, 2 * segment + 1)
+        }  # fmt: skip
         while under_way:
-            longer: dict[tuple[int, int], list[_Flight]] = {}
             for (done, last), flights in under_way.items():
                 for one in flights:
-                    for land in own.lands:
-                        seconds = one.seconds + float(instance.home_s[vehicle, last, land])
-                        pct = one.pct + float(instance.home_pct[vehicle, last, land])
-                        known = found.get((base, done, land))
-                        if pct <= own.budget_pct + TOLERANCE and (known is None or seconds < known.seconds):
-                            found[base, done, land] = _Flight(seconds, pct, one.visits)
-                    for number, segment in enumerate(wanted):
-                        if done >> number & 1 or not instance.able[vehicle, segment]:
-                            continue
-                        for visit in (2 * segment, 2 * segment + 1):
-                            pct = one.pct + own.consumption * float(instance.moves.pct(own.profile, last, visit))
-                            if pct <= own.budget_pct + TOLERANCE:
-                                seconds = one.seconds + float(instance.moves.seconds(own.profile, last, visit))
-                                _keep(longer.setdefault((done | 1 << number, visit), []),
-                                      _Flight(seconds, pct, (*one.visits, visit)))  # fmt: skip
-            under_way = longer
+                    _land(instance, vehicle, found, base, done, last, one)
+            under_way = _longer(instance, vehicle, wanted, under_way)
     return found
+
+
+def _land(
+    instance: SortieInstance, vehicle: int, found: _Flights, base: int, done: int, last: int, one: _Flight
+) -> None:
+    own = instance.vehicles[vehicle]
+    for land in own.lands:
+        seconds = one.seconds + float(instance.home_s[vehicle, last, land])
+        pct = one.pct + float(instance.home_pct[vehicle, last, land])
+        known = found.get((base, done, land))
+        if pct <= own.budget_pct + TOLERANCE and (known is None or seconds < known.seconds):
+            found[base, done, land] = _Flight(seconds, pct, one.visits)
+
+
+def _longer(instance: SortieInstance, vehicle: int, wanted: Sequence[int], under_way: _UnderWay) -> _UnderWay:
+    """Return flights with one visit more; beside the shortest those that use less are kept."""
+    own, longer = instance.vehicles[vehicle], dict[tuple[int, int], list[_Flight]]()
+    for (done, last), flights in under_way.items():
+        onward = [
+            (number, visit) for number, segment in enumerate(wanted)
+            if not done >> number & 1 and instance.able[vehicle, segment] for visit in (2 * segment, 2 * segment + 1)
+        ]  # fmt: skip
+        for number, visit in onward:
+            more_s = float(instance.moves.seconds(own.profile, last, visit))
+            more_pct = own.consumption * float(instance.moves.pct(own.profile, last, visit))
+            for one in flights:
+                if one.pct + more_pct <= own.budget_pct + TOLERANCE:
+                    _keep(
+                        longer.setdefault((done | 1 << number, visit), []),
+                        _Flight(one.seconds + more_s, one.pct + more_pct, (*one.visits, visit)),
+                    )
+    return longer
 
 
 def _keep(kept: list[_Flight], new: _Flight) -> None:
@@ -141,9 +164,7 @@ def _options(
     return found
 
 
-def _start_s(
-    instance: SortieInstance, vehicle: int, before: _Option, base: int, seconds: float
-) -> float | None:
+def _start_s(instance: SortieInstance, vehicle: int, before: _Option, base: int, seconds: float) -> float | None:
     own = instance.vehicles[vehicle]
     ready_s = before.lands_s + instance.bases[before.base].turnaround_s if before.sorties else own.ready_s
     ready_s += float(instance.transfer_s[before.base, base])
@@ -163,8 +184,10 @@ def _chosen(
         rows.append(({number: 1.0 for number, one in enumerate(columns) if one[0] == vehicle}, 1.0, 1.0))
         lands = {number: one[2].lands_s for number, one in enumerate(columns) if one[0] == vehicle}
         rows.append(({**lands, last: -1.0}, -np.inf, 0.0))
-    for segment in range(segments):
-        rows.append(({number: 1.0 for number, one in enumerate(columns) if one[1] >> segment & 1}, 1.0, 1.0))
+    rows += [
+        ({number: 1.0 for number, one in enumerate(columns) if one[1] >> segment & 1}, 1.0, 1.0)
+        for segment in range(segments)
+    ]
     for place, base in enumerate(limited):
         taken = {number: float(one[2].packs[place]) for number, one in enumerate(columns)}
         rows.append((taken, -np.inf, float(instance.bases[base].packs or 0)))

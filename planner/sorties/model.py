@@ -99,46 +99,57 @@ class SortieInstance:
         Raises:
             InstanceError: what does not fit.
         """
-        visits, d, k = self.moves.visits, len(self.bases), len(self.vehicles)
-        if not d or not k or not self.days:
+        if not self.bases or not self.vehicles or not self.days:
             raise InstanceError("bases, vehicles, days: expected one at least of each")
-        shapes: dict[str, tuple[npt.NDArray[np.generic], tuple[int, ...]]] = {
-            "out_s": (self.out_s, (k, d, visits)), "out_pct": (self.out_pct, (k, d, visits)),
-            "home_s": (self.home_s, (k, visits, d)), "home_pct": (self.home_pct, (k, visits, d)),
-            "transfer_s": (self.transfer_s, (d, d)), "able": (self.able, (k, visits // 2)),
-            "wanted": (self.wanted, (visits // 2,)),
-        }  # fmt: skip
-        for name, (table, shape) in shapes.items():
-            if table.shape != shape:
-                raise InstanceError(f"{name} has shape {table.shape}, expected {shape}")
-            if table.dtype == np.float64 and (np.isnan(table).any() or bool((table < 0).any())):
-                raise InstanceError(f"{name}: expected numbers, 0 or more")
-        _check_windows("days", self.days)
-        for base in self.bases:
-            if not (math.isfinite(base.turnaround_s) and base.turnaround_s >= 0):
-                raise InstanceError(f"turnaround_s of base {base.name}: expected 0 or more")
-            if base.recharge_s is not None and not base.recharge_s >= 0:
-                raise InstanceError(f"recharge_s of base {base.name}: expected 0 or more")
-            if base.packs is not None and base.packs < 0:
-                raise InstanceError(f"packs of base {base.name}: expected 0 or more")
-        for own in self.vehicles:
-            if not all(0 <= base < d for base in (own.base, *own.lands)):
-                raise InstanceError(f"vehicle {own.name}: expected bases from 0 to {d - 1}")
-            if not 0 <= own.profile < self.moves.profiles:
-                raise InstanceError(f"vehicle {own.name}: expected a profile below {self.moves.profiles}")
-            if not (math.isfinite(own.budget_pct) and own.consumption > 0 and math.isfinite(own.ready_s)):
-                raise InstanceError(f"vehicle {own.name}: expected a budget, a consumption and a time")
-            _check_windows(f"windows of vehicle {own.name}", own.windows)
-            for begin, end in own.windows:
-                if not any(opens <= begin and end <= closes for opens, closes in self.days):
-                    raise InstanceError(f"windows of vehicle {own.name}: expected each within a day")
         if not self.stagger_s >= 0:
             raise InstanceError("stagger_s: expected 0 or more")
+        _check_tables(self)
+        _check_windows("days", self.days)
+        for base in self.bases:
+            _check_base(base)
+        for own in self.vehicles:
+            _check_vehicle(self, own)
 
     @property
     def segments(self) -> int:
         """How many there are."""
         return len(self.wanted)
+
+
+def _check_tables(instance: SortieInstance) -> None:
+    visits, d, k = instance.moves.visits, len(instance.bases), len(instance.vehicles)
+    shapes: dict[str, tuple[npt.NDArray[np.generic], tuple[int, ...]]] = {
+        "out_s": (instance.out_s, (k, d, visits)), "out_pct": (instance.out_pct, (k, d, visits)),
+        "home_s": (instance.home_s, (k, visits, d)), "home_pct": (instance.home_pct, (k, visits, d)),
+        "transfer_s": (instance.transfer_s, (d, d)), "able": (instance.able, (k, visits // 2)),
+        "wanted": (instance.wanted, (visits // 2,)),
+    }  # fmt: skip
+    for name, (table, shape) in shapes.items():
+        if table.shape != shape:
+            raise InstanceError(f"{name} has shape {table.shape}, expected {shape}")
+        if not bool((np.asarray(table, dtype=np.float64) >= 0).all()):
+            raise InstanceError(f"{name}: expected numbers, 0 or more")
+
+
+def _check_base(base: SortieBase) -> None:
+    figures = {"turnaround_s": base.turnaround_s, "recharge_s": base.recharge_s or 0.0, "packs": base.packs or 0}
+    for name, figure in figures.items():
+        if not 0 <= figure < math.inf:
+            raise InstanceError(f"{name} of base {base.name}: expected 0 or more")
+
+
+def _check_vehicle(instance: SortieInstance, own: SortieVehicle) -> None:
+    d = len(instance.bases)
+    if not all(0 <= base < d for base in (own.base, *own.lands)):
+        raise InstanceError(f"vehicle {own.name}: expected bases from 0 to {d - 1}")
+    if not 0 <= own.profile < instance.moves.profiles:
+        raise InstanceError(f"vehicle {own.name}: expected a profile below {instance.moves.profiles}")
+    if not (math.isfinite(own.budget_pct) and own.consumption > 0 and math.isfinite(own.ready_s)):
+        raise InstanceError(f"vehicle {own.name}: expected a budget, a consumption and a time")
+    _check_windows(f"windows of vehicle {own.name}", own.windows)
+    for begin, end in own.windows:
+        if not any(opens <= begin and end <= closes for opens, closes in instance.days):
+            raise InstanceError(f"windows of vehicle {own.name}: expected each within a day")
 
 
 def _check_windows(name: str, windows: Iterable[Window]) -> None:

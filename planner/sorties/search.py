@@ -137,9 +137,7 @@ class SortieSearch:
                     break
                 self._advance(verdict.allowed, threads)
         plan = sortie_plan(self._instance, self._leader.best)
-        return SortieResult(
-            plan, evaluate_sorties(self._instance, plan), self._iterations, self._watch.seconds, reason
-        )
+        return SortieResult(plan, evaluate_sorties(self._instance, plan), self._iterations, self._watch.seconds, reason)
 
     def _begin(self) -> None:
         self._done = 0

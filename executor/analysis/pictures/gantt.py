@@ -1,4 +1,4 @@
-"""Who flies when: a row for each vehicle, a panel for each day, a bar for each sortie, packs away from each base below."""
+"""Who flies when: a panel for each day, a row for each vehicle, a bar for each sortie in its base's colour."""
 
 from __future__ import annotations
 
@@ -59,7 +59,9 @@ def _draw_day(axes: Axes, content: DayPlanFile, day: int) -> None:
         for number, one in enumerate(own):
             if begin <= one.start_s < end:
                 lasts_s = content.evaluation.lasts_s[row][number]
-                axes.broken_barh([(one.start_s, lasts_s)], (row - 0.36, 0.72), color=_colour(one.base), ec=PAPER, lw=0.8)
+                axes.broken_barh(
+                    [(one.start_s, lasts_s)], (row - 0.36, 0.72), color=_colour(one.base), ec=PAPER, lw=0.8
+                )
                 if lasts_s > NARROW_S * (end - begin) / (8 * HOUR_S):
                     words = f"{len(one.visits)}" if one.lands == one.base else f"{len(one.visits)} →"
                     axes.text(one.start_s + lasts_s / 2, row, words, fontsize=8, color=PAPER, ha="center", va="center")
