@@ -14,7 +14,7 @@ from executor.bench.store import Json
 from executor.site.assembly import ground_of
 from executor.site.config import check_site
 from executor.site.day_words import needs, rule_packs
-from executor.site.sorties import DayWanted, day_of, planned_day
+from executor.site.sorties import DayWanted, planned_day, site_day
 from missions import DayPlanFile, default_network_path, read_network
 from missions.geo import FloatArray
 from planner import Iterations, MoveGeometry, Seconds, Stopwatch, Travel
@@ -44,7 +44,7 @@ SPARES = 3
 SHARES = (0.95, 0.99)
 
 
-def measure_day(network: Path, *, seconds: float, samples: int, seed: int, told: Told) -> Json:
+def day_figures(network: Path, *, seconds: float, samples: int, seed: int, told: Told) -> Json:
     """Return the figures of all parts."""
     warm_up_sorties(cores())
     return {
@@ -119,7 +119,7 @@ def network_row(network: Path, seconds: float, seed: int, told: Told) -> Json:
     """Plan a whole network from four bases with six vehicles; the search has what is left of the time."""
     told("the whole network", 0, 1)
     watch = Stopwatch()
-    content = day_of(ground_of(check_site(whole_site(network), "bench day"), Path()))
+    content = site_day(ground_of(check_site(whole_site(network), "bench day"), Path()))
     ready_s = watch.seconds
     # The search's own watch begins with the pricing of all moves.
     wanted = DayWanted(Objective.FINISH, Seconds(max(1.0, seconds - ready_s)), seed, cores())
@@ -233,5 +233,5 @@ def own_day(seed: int) -> DayPlanFile:
              "autopilot": "px4"} for number in (1, 2, 3)
         ],
     }  # fmt: skip
-    content = day_of(ground_of(check_site(site, "bench day"), Path()))
+    content = site_day(ground_of(check_site(site, "bench day"), Path()))
     return planned_day(content, DayWanted(Objective.FINISH, Iterations(150_000), seed, 1))

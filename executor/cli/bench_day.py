@@ -31,7 +31,7 @@ def day(
     The network of 1693 segments is planned within --seconds, everything included.
     """
     from executor.bench.data import NECHRANICE, data_directory
-    from executor.bench.day import measure_day
+    from executor.bench.day import day_figures
     from executor.bench.daypage import day_document, day_page, keep_day
     from executor.bench.errors import BenchError
     from executor.bench.progress import ShownProgress
@@ -40,7 +40,7 @@ def day(
     if place is None or not (place / NECHRANICE).is_file():
         raise BenchError(f"--data: expected a directory with {NECHRANICE}")
     with ShownProgress() as shown:
-        content = measure_day(place / NECHRANICE, seconds=seconds, samples=samples, seed=seed, told=shown.told)
+        content = day_figures(place / NECHRANICE, seconds=seconds, samples=samples, seed=seed, told=shown.told)
     command = f"faultline bench day --seconds {seconds:g} --samples {samples} --seed {seed}"
     document = day_document(content, command, samples)
     if out is not None:

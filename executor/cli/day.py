@@ -26,7 +26,7 @@ from executor.site.day_words import (
     spare_lines,
     window_lines,
 )
-from executor.site.sorties import DayWanted, day_of, planned_day
+from executor.site.sorties import DayWanted, planned_day, site_day
 from missions import DayPlanFile, check_day_plan, day_plan_document, write_day_plan
 from planner import Progress, Seconds
 from planner.sorties import Objective, Spares, fly_lives, sortie_window, with_spares
@@ -108,7 +108,7 @@ def plan_day(
         SiteError: the site or an option cannot be used.
     """
     objective, shares = objective_of(asked.objective), shares_of(asked.probability)
-    content = _planned(day_of(ground), console, asked, objective)
+    content = _planned(site_day(ground), console, asked, objective)
     spares = [] if asked.mtbf_h is None else _spares(content, console, asked, asked.mtbf_h, max(shares))
     console.progress("")
     if output is not None:

@@ -44,7 +44,7 @@ class DayWanted:
     starts: int
 
 
-def day_of(ground: Ground) -> DayPlanFile:
+def site_day(ground: Ground) -> DayPlanFile:
     """Return the days of a site without a plan: nobody flies, every segment is uncovered.
 
     Raises:

@@ -56,7 +56,7 @@ def worsening(problem: SortieProblem, state: SortieState, vehicle: int, seconds:
 
 
 @inner(PLACE(SORTIE_PROBLEM, SORTIE_STATE, nb.int64, nb.float64, RANDOM))
-def beside(
+def place_beside(
     problem: SortieProblem, state: SortieState, segment: int, last: float, rng: RandomState
 ) -> tuple[float, float, int, int, int]:
     """Return the least weight of a place beside a near segment, its seconds, the row, the position, the visit."""
@@ -126,11 +126,11 @@ def alone(
 
 
 @inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.float64, RANDOM))
-def put(
+def put_segment(
     problem: SortieProblem, state: SortieState, memory: SortieMemory, segment: int, last: float, rng: RandomState
 ) -> bool:
     """Put a segment where it costs least; return whether there is a place."""
-    worse, seconds, row, position, visit = beside(problem, state, segment, last, rng)
+    worse, seconds, row, position, visit = place_beside(problem, state, segment, last, rng)
     other, lasts, vehicle, number, way, base, land = alone(problem, state, segment, last, rng)
     if row < 0 and vehicle < 0:
         return False
@@ -171,7 +171,7 @@ def put_all(
         last = 0.0
         for vehicle in range(len(state.ends)):
             last = max(last, state.ends[vehicle])
-        if not put(problem, state, memory, segments[number], last, rng):
+        if not put_segment(problem, state, memory, segments[number], last, rng):
             left += 1
     return left
 
@@ -186,7 +186,7 @@ def settle_touched(problem: SortieProblem, state: SortieState, memory: SortieMem
 
 
 @kernel(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY))
-def measured(problem: SortieProblem, state: SortieState, memory: SortieMemory) -> bool:
+def measure_given(problem: SortieProblem, state: SortieState, memory: SortieMemory) -> bool:
     """Set the figures of given sorties and choose their bases; return whether each vehicle may and can fly its own."""
     for vehicle in range(len(state.counts)):
         for number in range(state.counts[vehicle]):

@@ -256,7 +256,7 @@ def soonest_pack(memory: SortieMemory, base: int) -> int:
 
 
 @inner(nb.float64(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.int64))
-def earliest(problem: SortieProblem, state: SortieState, memory: SortieMemory, vehicle: int, day: int) -> float:
+def soonest_start(problem: SortieProblem, state: SortieState, memory: SortieMemory, vehicle: int, day: int) -> float:
     """Return when a vehicle's next sortie can begin on a day; NEVER if it cannot."""
     row = state.order[vehicle, memory.next[vehicle]]
     base = state.base[row]
@@ -321,7 +321,7 @@ def schedule(problem: SortieProblem, state: SortieState, memory: SortieMemory) -
             soonest, chosen = NEVER, -1
             for vehicle in range(fleet):
                 if memory.next[vehicle] < state.counts[vehicle]:
-                    begin = earliest(problem, state, memory, vehicle, day)
+                    begin = soonest_start(problem, state, memory, vehicle, day)
                     if begin < soonest:
                         soonest, chosen = begin, vehicle
             if chosen < 0:

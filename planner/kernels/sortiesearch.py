@@ -58,7 +58,7 @@ def copy_sorties(source: SortieState, target: SortieState) -> None:
 
 
 @inner(nb.int64(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.int64, nb.int64, nb.int64))
-def cut(
+def cut_sortie(
     problem: SortieProblem, state: SortieState, memory: SortieMemory, row: int, begin: int, end: int, count: int
 ) -> int:
     """Take positions [begin, end) out of a sortie, which is struck off if nothing is left; return the new count."""
@@ -94,7 +94,7 @@ def cut(
 
 
 @inner(nb.int64(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
-def ruin(problem: SortieProblem, state: SortieState, memory: SortieMemory, rng: RandomState) -> int:
+def ruin_sorties(problem: SortieProblem, state: SortieState, memory: SortieMemory, rng: RandomState) -> int:
     """Take segments out near a random one: singly, in strings, or a whole sortie; return how many."""
     segments = len(state.where)
     wanted = 1 + below(rng, min(MOST_REMOVED, segments))
@@ -115,18 +115,18 @@ def ruin(problem: SortieProblem, state: SortieState, memory: SortieMemory, rng: 
             position += 1
         size = state.size[row]
         if kind < 0.35:
-            count = cut(problem, state, memory, row, position, position + 1, count)
+            count = cut_sortie(problem, state, memory, row, position, position + 1, count)
         elif kind < 0.9:
             string = min(1 + below(rng, 6), size)
             begin = max(0, min(position - below(rng, string), size - string))
-            count = cut(problem, state, memory, row, begin, begin + string, count)
+            count = cut_sortie(problem, state, memory, row, begin, begin + string, count)
         else:
-            count = cut(problem, state, memory, row, 0, size, count)
+            count = cut_sortie(problem, state, memory, row, 0, size, count)
     return count
 
 
 @inner(nb.void(SORTIE_PROBLEM, SORTIE_MEMORY, nb.int64, RANDOM))
-def arrange(problem: SortieProblem, memory: SortieMemory, count: int, rng: RandomState) -> None:
+def arrange_segments(problem: SortieProblem, memory: SortieMemory, count: int, rng: RandomState) -> None:
     """Put the removed segments into a random order, or those far from the bases first, or the nearest."""
     removed, keys = memory.removed, memory.keys
     kind = uniform(rng)
@@ -165,7 +165,7 @@ def turn_part(problem: SortieProblem, state: SortieState, memory: SortieMemory, 
 
 
 @inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
-def hand_on(problem: SortieProblem, state: SortieState, memory: SortieMemory, rng: RandomState) -> bool:
+def hand_sortie_on(problem: SortieProblem, state: SortieState, memory: SortieMemory, rng: RandomState) -> bool:
     """Give a whole sortie another place in the order of this vehicle or another; return whether it may have it."""
     giver, taker = below(rng, len(state.counts)), below(rng, len(state.counts))
     if state.counts[giver] == 0:
@@ -199,7 +199,7 @@ def shun(state: SortieState, memory: SortieMemory, most: float, rng: RandomState
 
 
 @kernel(nb.boolean(SORTIE_PROBLEM, FLOATS, FLOATS))
-def better(problem: SortieProblem, sums: FloatArray, other: FloatArray) -> bool:
+def better_sums(problem: SortieProblem, sums: FloatArray, other: FloatArray) -> bool:
     """Return whether figures are better than others: what finds no day first, then by the objective."""
     for rank in range(4):
         entry = rank
@@ -234,12 +234,12 @@ def anneal_sorties(
         if kind < 0.06:
             turn_part(problem, trial, memory, rng)
         elif kind < 0.16:
-            complete = hand_on(problem, trial, memory, rng)
+            complete = hand_sortie_on(problem, trial, memory, rng)
         elif kind < 0.2:
             shun(trial, memory, most, rng)
         else:
-            count = ruin(problem, trial, memory, rng)
-            arrange(problem, memory, count, rng)
+            count = ruin_sorties(problem, trial, memory, rng)
+            arrange_segments(problem, memory, count, rng)
             complete = put_all(problem, trial, memory, memory.removed, count, rng) == 0
         accepted = complete and settle_touched(problem, trial, memory)
         if accepted:
@@ -250,7 +250,7 @@ def anneal_sorties(
             memory.touched[vehicle] = 0
         if accepted:
             copy_sorties(trial, current)
-            if better(problem, current.sums, best.sums):
+            if better_sums(problem, current.sums, best.sums):
                 improved = iteration + 1
                 copy_sorties(current, best)
         else:

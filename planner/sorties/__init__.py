@@ -12,7 +12,7 @@ cheap; the first plan, or ``warm_up_sorties``, loads the compiled kernels.
 from planner.sorties.evaluate import SortieEvaluation, evaluate_sorties, packs_at_once, sortie_pct, sortie_s
 from planner.sorties.exact import solve_sorties_exact
 from planner.sorties.lives import Lives, Spares, fly_lives, with_spares
-from planner.sorties.losses import LossWindow, SortieLoss, after_loss, sortie_window
+from planner.sorties.losses import LossWindow, SortieLoss, sortie_window, sorties_left
 from planner.sorties.model import (
     Objective,
     Sortie,
@@ -38,7 +38,6 @@ __all__ = [
     "SortieResult",
     "SortieVehicle",
     "Spares",
-    "after_loss",
     "evaluate_sorties",
     "fly_lives",
     "packs_at_once",
@@ -48,6 +47,7 @@ __all__ = [
     "sortie_pct",
     "sortie_s",
     "sortie_window",
+    "sorties_left",
     "warm_up_sorties",
     "with_spares",
 ]

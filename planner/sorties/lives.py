@@ -16,7 +16,7 @@ import numpy as np
 from planner.moves import MoveTables
 from planner.risk import Chance, wilson
 from planner.sorties.evaluate import evaluate_sorties, packs_at_once, sortie_s
-from planner.sorties.losses import ENOUGH, after_loss, replanned
+from planner.sorties.losses import ENOUGH, replanned, sorties_left
 from planner.sorties.model import SortieInstance, SortiePlan
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def fly_lives(
         plan: everybody's sorties without a loss; of spares there need not be any.
         mtbf_h: mean flight hours between failures of one vehicle.
         samples: how many times.
-        seed: of all chance: the same seed and number of samples means the same failures for any number of spares.
+        seed: of all random numbers: with the same one vehicles fail alike, however many spares there are.
         iterations: of one re-plan, at most.
         table: the moves, where they are priced already.
         told: how many samples are done.
@@ -129,7 +129,7 @@ def _once(
             break
         at_s, number = min(failures)
         lost[number] = at_s
-        left = after_loss(instance, plan, lost, at_s)
+        left = sorties_left(instance, plan, lost, at_s)
         plan = left.known(replanned(left, seed, iterations, table))
     return plan, len(lost)
 

@@ -1,7 +1,7 @@
 """Days in which vehicles are lost for good: what is left then, and until when a loss still lets the days be finished.
 
 A sortie that has begun is flown to its end. What a vehicle did counts once it has landed: a lost one loses what it had
-on board. The others are given new sorties after those under way.
+on board. For the others new sorties are planned after those under way.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class SortieLoss:
         return SortiePlan(tuple(joined), plan.uncovered)
 
 
-def after_loss(instance: SortieInstance, plan: SortiePlan, lost: Mapping[int, float], at_s: float) -> SortieLoss:
+def sorties_left(instance: SortieInstance, plan: SortiePlan, lost: Mapping[int, float], at_s: float) -> SortieLoss:
     """Return what is left at a time when some vehicles are lost.
 
     Args:
@@ -172,7 +172,7 @@ def sortie_window(
             lands_s = own[number].start_s + sortie_s(instance, vehicle, own[number])
             done += 1
             told(done, total)
-            if not finishes(after_loss(instance, plan, {vehicle: lands_s}, lands_s), seed, iterations, table):
+            if not finishes(sorties_left(instance, plan, {vehicle: lands_s}, lands_s), seed, iterations, table):
                 from_s, breaks = lands_s, number
                 done += number
                 break

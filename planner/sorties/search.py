@@ -14,9 +14,9 @@ import numpy as np
 
 from planner.construct import random_state
 from planner.kernels.arrays import RandomState
-from planner.kernels.sortieinsertion import measured, put_all, settle_touched
+from planner.kernels.sortieinsertion import measure_given, put_all, settle_touched
 from planner.kernels.sorties import SortieProblem, SortieState, schedule
-from planner.kernels.sortiesearch import anneal_sorties, better, copy_sorties
+from planner.kernels.sortiesearch import anneal_sorties, better_sums, copy_sorties
 from planner.sorties.construct import (
     MoveTable,
     begin_with,
@@ -108,7 +108,7 @@ class SortieSearch:
         state, memory = sortie_state(self._problem, self._table), sortie_memory(self._problem)
         if initial:
             begin_with(state, initial)
-            if not measured(self._problem, state, memory):
+            if not measure_given(self._problem, state, memory):
                 state = sortie_state(self._problem, self._table)
         nearest_s = self._problem.out[:, :, ::2, 0].min(axis=(0, 1))
         able = self._problem.able.any(axis=0) & (state.where < 0)
@@ -162,7 +162,7 @@ class SortieSearch:
         else:
             found = list(threads.map(lambda start: start.run(self._cooling, self._most, share), starts))
         for start in starts:
-            if better(self._problem, start.best.sums, self._leader.best.sums):
+            if better_sums(self._problem, start.best.sums, self._leader.best.sums):
                 self._leader = start
         if max(found) > 0:
             self._improved_at = self._iterations + max(found) * len(starts)

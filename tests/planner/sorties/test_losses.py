@@ -11,12 +11,12 @@ from planner.sorties import (
     Sortie,
     SortieInstance,
     SortiePlan,
-    after_loss,
     evaluate_sorties,
     fly_lives,
     solve_sorties,
     sortie_s,
     sortie_window,
+    sorties_left,
     with_spares,
 )
 from planner.sorties.losses import finishes
@@ -39,7 +39,7 @@ def test_what_a_lost_vehicle_has_on_board_is_flown_again_and_what_is_under_way_i
     instance, plan = short_day(packs=4)
     first = plan.sorties[0][0]
     at_s = lands_s(instance, 0, first) - 1.0
-    left = after_loss(instance, plan, {0: at_s}, at_s)
+    left = sorties_left(instance, plan, {0: at_s}, at_s)
     assert left.kept[0] == ()
     assert left.broken[0] == (first,)
     assert all(left.instance.wanted[visit >> 1] for visit in first.visits)
@@ -55,7 +55,7 @@ def test_after_its_landing_a_lost_vehicle_has_done_what_it_did() -> None:
     instance, plan = short_day()
     first = plan.sorties[0][0]
     at_s = lands_s(instance, 0, first) + 1.0
-    left = after_loss(instance, plan, {0: at_s}, at_s)
+    left = sorties_left(instance, plan, {0: at_s}, at_s)
     assert left.kept[0] == (first,)
     assert not any(left.instance.wanted[visit >> 1] for visit in first.visits)
 
@@ -63,7 +63,7 @@ def test_after_its_landing_a_lost_vehicle_has_done_what_it_did() -> None:
 def test_a_re_plan_and_what_was_kept_are_a_whole_plan_of_the_day() -> None:
     instance, plan = short_day(end_s=4_000.0, packs=6)
     at_s = lands_s(instance, 0, plan.sorties[0][0]) - 1.0
-    left = after_loss(instance, plan, {0: at_s}, at_s)
+    left = sorties_left(instance, plan, {0: at_s}, at_s)
     rest = solve_sorties(left.instance, stop=Iterations(2_000), initial=left.tails).plan
     whole = left.whole(rest)
     assert evaluate_sorties(instance, whole).violations == ()
@@ -83,7 +83,7 @@ def test_the_window_begins_after_the_last_sortie_whose_loss_nobody_makes_good() 
         for number, sortie in enumerate(own):
             at_s = lands_s(instance, one.vehicle, sortie)
             if number >= one.breaks:
-                assert finishes(after_loss(instance, plan, {one.vehicle: at_s}, at_s), 0, 3_000, None) == (
+                assert finishes(sorties_left(instance, plan, {one.vehicle: at_s}, at_s), 0, 3_000, None) == (
                     number > one.breaks
                 )
 
@@ -109,6 +109,6 @@ def test_more_spares_finish_more_often_and_nobody_fails_without_failures() -> No
 def test_losses_of_others_than_there_are_are_refused() -> None:
     instance, plan = short_day()
     with pytest.raises(PlanError, match="2 vehicles"):
-        after_loss(instance, plan, {5: 1.0}, 1.0)
+        sorties_left(instance, plan, {5: 1.0}, 1.0)
     with pytest.raises(PlanError, match="2 vehicles"):
-        after_loss(instance, replace(plan, sorties=()), {0: 1.0}, 1.0)
+        sorties_left(instance, replace(plan, sorties=()), {0: 1.0}, 1.0)
