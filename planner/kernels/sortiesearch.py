@@ -190,6 +190,89 @@ def hand_sortie_on(problem: SortieProblem, state: SortieState, memory: SortieMem
     return True
 
 
+@inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
+def split_sortie(problem: SortieProblem, state: SortieState, memory: SortieMemory, rng: RandomState) -> bool:
+    """Make a part at the begin or the end of a sortie one of its own, of any vehicle; return whether that may be.
+
+    One segment after the other would never leave: the first one would pay the whole way there.
+    """
+    giver, taker = below(rng, len(state.counts)), below(rng, len(state.counts))
+    if state.counts[giver] == 0:
+        return False
+    row = state.order[giver, below(rng, state.counts[giver])]
+    size = state.size[row]
+    if size < 2:
+        return False
+    at = 1 + below(rng, size - 1)
+    begin, end = (at, size) if uniform(rng) < 0.5 else (0, at)
+    for position in range(begin, end):
+        if problem.able[taker, state.visits[row, position] >> 1] == 0:
+            return False
+    new = 0
+    while state.size[new] > 0:
+        new += 1
+    state.size[new] = end - begin
+    state.owner[new] = taker
+    for position in range(begin, end):
+        visit = state.visits[row, position]
+        state.visits[new, position - begin] = visit
+        state.where[visit >> 1] = new
+    for position in range(end, size):
+        state.visits[row, position - (end - begin)] = state.visits[row, position]
+    state.size[row] = size - (end - begin)
+    to = below(rng, state.counts[taker] + 1)
+    for later in range(state.counts[taker], to, -1):
+        state.order[taker, later] = state.order[taker, later - 1]
+    state.order[taker, to] = new
+    state.counts[taker] += 1
+    measure_row(problem, state, row)
+    measure_row(problem, state, new)
+    memory.touched[giver] = 1
+    memory.touched[taker] = 1
+    return True
+
+
+@inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
+def move_end(problem: SortieProblem, state: SortieState, memory: SortieMemory, rng: RandomState) -> bool:
+    """Move the end of a sortie beside a near segment of another, all at once; return whether that may be."""
+    segment = below(rng, len(state.where))
+    near = problem.near[segment, below(rng, problem.near.shape[1])]
+    row, other = state.where[segment], state.where[near]
+    if row < 0 or other < 0 or row == other:
+        return False
+    taker = state.owner[other]
+    at = 0
+    while state.visits[row, at] >> 1 != segment:
+        at += 1
+    to = 0
+    while state.visits[other, to] >> 1 != near:
+        to += 1
+    to += below(rng, 2)
+    begin, end = (at, state.size[row]) if uniform(rng) < 0.5 else (0, at + 1)
+    length = end - begin
+    if length == state.size[row] or state.size[other] + length > state.visits.shape[1]:
+        return False
+    for position in range(begin, end):
+        if problem.able[taker, state.visits[row, position] >> 1] == 0:
+            return False
+    turned = uniform(rng) < 0.5
+    for position in range(state.size[other] - 1, to - 1, -1):
+        state.visits[other, position + length] = state.visits[other, position]
+    for number in range(length):
+        visit = state.visits[row, end - 1 - number] ^ 1 if turned else state.visits[row, begin + number]
+        state.visits[other, to + number] = visit
+        state.where[visit >> 1] = other
+    for position in range(end, state.size[row]):
+        state.visits[row, position - length] = state.visits[row, position]
+    state.size[other] += length
+    state.size[row] -= length
+    measure_row(problem, state, row)
+    measure_row(problem, state, other)
+    memory.touched[state.owner[row]] = 1
+    memory.touched[taker] = 1
+    return True
+
+
 @inner(nb.void(SORTIE_STATE, SORTIE_MEMORY, nb.float64, RANDOM))
 def shun(state: SortieState, memory: SortieMemory, most: float, rng: RandomState) -> None:
     """Let a vehicle shun a base, or not any more."""
@@ -237,6 +320,10 @@ def anneal_sorties(
             complete = hand_sortie_on(problem, trial, memory, rng)
         elif kind < 0.2:
             shun(trial, memory, most, rng)
+        elif kind < 0.24:
+            complete = split_sortie(problem, trial, memory, rng)
+        elif kind < 0.34:
+            complete = move_end(problem, trial, memory, rng)
         else:
             count = ruin_sorties(problem, trial, memory, rng)
             arrange_segments(problem, memory, count, rng)
