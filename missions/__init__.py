@@ -25,6 +25,8 @@ from missions.clearance import (
     return_over_ground_m,
 )
 from missions.compare import alike, differences
+from missions.dayplan import BasePlace, DayPlanFile, check_day_plan
+from missions.dayplanjson import day_plan_document, is_day_plan, read_day_plan, write_day_plan
 from missions.encode import EncodedMission, encode, flag_current
 from missions.errors import (
     EncodeError,
@@ -43,7 +45,16 @@ from missions.network import Network, Pylon, Segment
 from missions.pace import Pace
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.performance import Performance, Ramp, Tuning, tuned
-from missions.planfile import BreakingLoss, PlanFile, PlanSegment, Solved, Window, check_plan, make_plan_file
+from missions.planfile import (
+    BreakingLoss,
+    PlanFile,
+    PlanSegment,
+    Solved,
+    Window,
+    check_plan,
+    make_plan_file,
+    plan_segment,
+)
 from missions.planjson import plan_document, read_plan, write_plan
 from missions.pricing import Base, FlightModel, FlownMoves, Pricing, flown_instance
 from missions.qgc import QgcPlan, parse_qgc_plan, parse_qgc_waypoints, qgc_plan, qgc_waypoints
@@ -64,6 +75,7 @@ from missions.readers import (
 from missions.routes import continue_path, flight_path
 from missions.safety import HeightReference, Layers, check_separation, plan_layers, tracks_m
 from missions.setup import FlightSetup, Inspection, flight_setup
+from missions.sorties import flown_sorties
 from missions.tasks import Task, open_task
 from missions.validation import first_reason
 from missions.waypoints import FlightPath, Phase, Waypoint
@@ -75,10 +87,12 @@ __all__ = [
     "PX4",
     "SNAP_M",
     "Base",
+    "BasePlace",
     "BatteryFailsafe",
     "BatteryLevel",
     "BreakingLoss",
     "Command",
+    "DayPlanFile",
     "Dialect",
     "EncodeError",
     "EncodedMission",
@@ -134,11 +148,13 @@ __all__ = [
     "alike",
     "check_ceiling",
     "check_clearance",
+    "check_day_plan",
     "check_everywhere",
     "check_plan",
     "check_separation",
     "column_radius_m",
     "continue_path",
+    "day_plan_document",
     "default_network_path",
     "dialect_for",
     "dialect_of",
@@ -150,8 +166,10 @@ __all__ = [
     "flight_path",
     "flight_setup",
     "flown_instance",
+    "flown_sorties",
     "highest_return_m",
     "implausible",
+    "is_day_plan",
     "lowest_over_tops_m",
     "make_plan_file",
     "margin_m",
@@ -165,8 +183,10 @@ __all__ = [
     "place_pads",
     "plan_document",
     "plan_layers",
+    "plan_segment",
     "qgc_plan",
     "qgc_waypoints",
+    "read_day_plan",
     "read_network",
     "read_plan",
     "read_text",
@@ -176,5 +196,6 @@ __all__ = [
     "tuned",
     "understand",
     "with_heights",
+    "write_day_plan",
     "write_plan",
 ]

@@ -247,7 +247,7 @@ def make_plan_file(
         inspection = replace(inspection, flat=True)
     return PlanFile(
         frame=network.frame,
-        segments=tuple(_plan_segment(network, segment) for segment in task.segment_ids),
+        segments=tuple(plan_segment(network, segment) for segment in task.segment_ids),
         vehicles=task.instance.vehicles,
         travel=travel,
         plan=plan,
@@ -290,7 +290,7 @@ def _window_findings(content: PlanFile, written: Window) -> Iterator[str]:
     except PlanError as error:
         yield f"window: {error}"
         return
-    if not _agree(written.earliest_s, found.earliest_s):
+    if not agrees(written.earliest_s, found.earliest_s):
         yield f"window.earliest_s is {written.earliest_s:.6g}, its content gives {found.earliest_s:.6g}"
 
 
@@ -317,7 +317,7 @@ def _findings(content: PlanFile) -> Iterator[str]:
         figures.append(("window.longest_route_s", content.window.longest_route_s, longest_s))
         figures.append(("window.window_pct", content.window.window_pct, window_pct))
     for name, written, computed in figures:
-        if not _agree(written, computed):
+        if not agrees(written, computed):
             yield f"{name} is {written:.6g}, its content gives {computed:.6g}"
     yield from _coverage_findings(content)
     for vehicle, energy_pct in zip(content.vehicles, evaluation.energies_pct, strict=True):
@@ -342,7 +342,7 @@ def _place_findings(content: PlanFile) -> Iterator[str]:
             if not apart_m <= PLACE_TOLERANCE_M:
                 yield f"{segment.called}: {key} and {key}_lat_lon_deg are {apart_m:.2f} m apart"
         length_m = math.dist(segment.a_enu_m[:2], segment.b_enu_m[:2])
-        if not _agree(segment.length_m, length_m):
+        if not agrees(segment.length_m, length_m):
             yield f"{segment.called}: length_m is {segment.length_m:.6g}, its ends are {length_m:.6g} m apart"
 
 
@@ -364,11 +364,13 @@ def _area_findings(content: PlanFile) -> Iterator[str]:
                 yield f"the pad of {name} lies in area {one.area.name!r}"
 
 
-def _agree(written: float, computed: float) -> bool:
+def agrees(written: float, computed: float) -> bool:
+    """Return whether a figure is what it was computed anew to be."""
     return abs(written - computed) <= FIGURE_TOLERANCE * max(1.0, abs(computed))
 
 
-def _plan_segment(network: Network, number: int) -> PlanSegment:
+def plan_segment(network: Network, number: int) -> PlanSegment:
+    """Return a segment as plan files keep it."""
     segment = network.segments[number]
     a, b = network.pylons[segment.a], network.pylons[segment.b]
     a_m, b_m = network.ends_m[number].tolist()

@@ -38,7 +38,7 @@ NEEDS_LOGS_OR_HOURS = ("replay", "bench")
 RUNS = [call for call in CALLS if not call.startswith((*NEEDS_VEHICLES, *NEEDS_LOGS_OR_HOURS))]
 LEAST_SITE = {
     "network": {"file": "default"},
-    "vehicle": [{"name": "uav9", "connection": "udpin://0.0.0.0:14999", "sysid": 9, "autopilot": "px4"}],
+    "vehicle": [{"name": "uav1", "connection": "udpin://0.0.0.0:14999", "sysid": 9, "autopilot": "px4"}],
 }
 """What a table that is shown alone is put into."""
 

@@ -19,6 +19,7 @@ REASONS = {
     "report": "what every part of the measurements has",
     "resume": "the agreement calls two commands so: of a flight, and of its measurement",
     "window": "the agreement calls two commands so: of a plan, and of its measurement",
+    "Sortie": "one of a day's plan, and what has become of the one in flight",
     "disarm": "the order, and the dialogue that gives it",
 }
 

@@ -11,7 +11,7 @@ import typer
 from executor.adapters.extras import Extra, need
 from executor.bench.errors import BenchError
 from executor.bench.parts.names import PartName
-from executor.cli import bench_failures, bench_flights
+from executor.cli import bench_day, bench_failures, bench_flights
 from executor.cli.options import (
     MINMAX_COST,
     CostName,
@@ -368,3 +368,4 @@ def detection(
 cli.command()(bench_flights.prediction)
 cli.command()(bench_flights.window)
 cli.command()(bench_failures.failures)
+cli.command()(bench_day.day)

@@ -11,6 +11,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from executor.cli.console import TerminalConsole
+from executor.cli.day import (
+    DAY_SECONDS,
+    DayAsked,
+    DayOption,
+    MtbfOption,
+    ObjectiveName,
+    ProbabilityOption,
+    SamplesOption,
+    plan_day,
+)
 from executor.cli.options import (
     DEFAULT_REPLAN_COST,
     DEFAULT_STRETCH_PCT,
@@ -51,8 +61,11 @@ from executor.site.plan_words import left_over_words, left_words, route_words, s
 from executor.site.planning import DEFAULT, Wanted
 from missions import (
     PlanFile,
+    check_day_plan,
     check_plan,
+    is_day_plan,
     plan_document,
+    read_day_plan,
     read_plan,
     write_plan,
 )
@@ -67,6 +80,12 @@ SearchOption = Annotated[
         "--search", metavar="FILE", help="What the search is tuned by (TOML); what it does not set is as by default."
     ),
 ]
+PlanPictureOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="PNG", help="Draw the plan on a map, the trade-offs of --front, or who flies when with --day."
+    ),
+]
 FrontOption = Annotated[
     bool,
     typer.Option(
@@ -78,6 +97,7 @@ FrontOption = Annotated[
 
 
 def plan(
+    asked: typer.Context,
     site: SiteArgument,
     cost: PlanCostOption = None,
     solver: SolverOption = SolverName.SEARCH,
@@ -88,14 +108,17 @@ def plan(
     starts: StartsOption = 0,
     search: SearchOption = None,
     front: FrontOption = False,
+    day: DayOption = False,
+    objective: ObjectiveName = "finish",
+    mtbf_hours: MtbfOption = None,
+    probability: ProbabilityOption = "95,99",
+    samples: SamplesOption = 300,
     after: AfterOption = None,
     learned: LearnedOption = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan to this file.")
     ] = None,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Draw the plan on a map, or the trade-offs of --front.")
-    ] = None,
+    picture: PlanPictureOption = None,
     profile: Annotated[
         Path | None,
         typer.Option(metavar="PNG", help="Draw each vehicle's flight from the side, over the ground of [terrain]."),
@@ -106,6 +129,7 @@ def plan(
 
     `fly --plan` flies exactly this plan; `preflight` and `fly` with the same options make one by the same rules.
     """
+    _fit_together(asked, day=day)
     wanted = wanted_of(PlanCostName.WINDOW if front else cost, solver, stretch, all_vehicles, seconds, seed, starts)
     if search is not None:
         wanted = replace(wanted, params=SearchParams.load(search))
@@ -114,6 +138,11 @@ def plan(
     can_be_drawn("--profile", profile)
     console = TerminalConsole(quiet=as_json, yes=True)
     ground = ground_with(read_site(site), site.parent, learned, console)
+    if day:
+        seconds = seconds if _is_given(asked, "seconds") else DAY_SECONDS
+        wishes = DayAsked(objective, seconds, seed, starts, mtbf_hours, probability, samples)
+        plan_day(ground, console, wishes, output, picture, as_json=as_json)
+        return
     if profile is not None and (front or ground.terrain is None):
         raise SiteError(f"--profile: expected one plan, without --front, of a site with [terrain], got {site}")
     if front:
@@ -148,6 +177,22 @@ def _draw_profile(ground: assembly.Ground, content: PlanFile, path: Path) -> Non
     paths = assembly.paths_of(setup, assembly.routes_of(ground, content.task(), content.plan))
     flown = profiles(setup, paths.values())
     writable(path, lambda: draw_profile(flown, path))
+
+
+NOT_BY_DAY = ("cost", "solver", "stretch", "all_vehicles", "search", "front", "after", "profile")
+ONLY_BY_DAY = ("objective", "mtbf_hours", "probability", "samples")
+
+
+def _fit_together(asked: typer.Context, *, day: bool) -> None:
+    for name in NOT_BY_DAY if day else ONLY_BY_DAY:
+        if _is_given(asked, name):
+            beside = "none beside --day" if day else "--day beside it"
+            raise SiteError(f"--{name.replace('_', '-')}: expected {beside}")
+
+
+def _is_given(asked: typer.Context, name: str) -> bool:
+    source = asked.get_parameter_source(name)
+    return source is not None and source.name != "DEFAULT"
 
 
 def _plan_front(
@@ -201,8 +246,8 @@ def _print_trade(name: str, content: PlanFile) -> None:
 
 
 def check(plan: PlanArgument, as_json: JsonOption = False) -> None:
-    """Recompute every figure of a plan file from its own network, and say what is wrong."""
-    wrong = check_plan(read_plan(plan))
+    """Recompute every figure of a plan file, or a day plan, from its own network, and say what is wrong."""
+    wrong = check_day_plan(read_day_plan(plan)) if is_day_plan(plan) else check_plan(read_plan(plan))
     if as_json:
         print(json.dumps({"ok": not wrong, "wrong": wrong}))
     else:

@@ -15,12 +15,13 @@ from executor.adapters.mqtt import intake, payloads
 from executor.analysis import documents, learned
 from executor.core import state, view
 from executor.site import config
-from executor.site.tables import aircraft, areas, cameras, fence, flight, ground, links, terrain
+from executor.site.tables import aircraft, areas, cameras, day, fence, flight, ground, links, terrain
 from executor.site.tables import learned as learned_table
 from executor.site.tables import map as map_table
-from missions import planfile, planjson
+from missions import dayplanjson, planfile, planjson
 
 FILES: dict[str, type[BaseModel]] = {
+    "dayplan": dayplanjson.DayPlanDocument,
     "learned": learned.LearnedDocument,
     "plan": planjson.PlanDocument,
     "report": documents.FlightReport,
@@ -38,14 +39,14 @@ MESSAGES: dict[str, type[BaseModel]] = {
     "telemetry": payloads.TelemetryMessage,
     "vehicle-state": payloads.VehicleStateMessage,
 }
-SITE = (config, aircraft, areas, cameras, fence, flight, ground, learned_table, links, map_table, terrain)
+SITE = (config, aircraft, areas, cameras, day, fence, flight, ground, learned_table, links, map_table, terrain)
 """The modules that the site file's keys are in."""
 Words = Mapping[tuple[str, str], str]
 
 
 def schemas() -> dict[str, str]:
     """Return every schema as text, by its place below `docs`."""
-    words = {(kind, key): text for module in (view, state, planfile, planjson, documents, learned, *SITE)
+    words = {(kind, key): text for module in (view, state, planfile, planjson, dayplanjson, documents, learned, *SITE)
              for kind, key, text in docstrings(module)}  # fmt: skip
     files = {f"schemas/{name}": _text(f"faultline/{name}", one, words) for name, one in FILES.items()}
     sent = {f"mqtt/{name}": _text(f"faultline/{payloads.VERSION}/{name}", one, words) for name, one in MESSAGES.items()}

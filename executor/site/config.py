@@ -9,7 +9,7 @@ import hashlib
 import os
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,6 +20,7 @@ from executor.errors import SiteError
 from executor.site.tables.aircraft import EnergyTable, VehicleTable
 from executor.site.tables.areas import AreaTable, PlaceTable
 from executor.site.tables.cameras import CameraTable, LookTable
+from executor.site.tables.day import BaseTable, DayTable
 from executor.site.tables.fence import FenceTable
 from executor.site.tables.fields import SiteTable
 from executor.site.tables.flight import FaultsTable, FlightTable
@@ -56,6 +57,8 @@ class Site(SiteTable):
     learned: LearnedTable | None = None
     camera: tuple[CameraTable, ...] = ()
     look: tuple[LookTable, ...] = ()
+    day: DayTable | None = None
+    base: tuple[BaseTable, ...] = ()
 
     @model_validator(mode="before")
     @classmethod
@@ -129,6 +132,39 @@ class Site(SiteTable):
         return self
 
     @model_validator(mode="after")
+    def _based(self) -> Site:
+        vehicles, bases = {one.name for one in self.vehicle}, [one.name for one in self.base]
+        stands: dict[str, str] = {}
+        for index, base in enumerate(self.base):
+            if bases.index(base.name) < index:
+                raise ValueError(f"base[{index}].name: expected a name of its own, got '{base.name}'")
+            for name in base.vehicles:
+                _check_named(f"base[{index}].vehicles", name, vehicles)
+                if name in stands:
+                    raise ValueError(
+                        f"base[{index}].vehicles: expected each vehicle at one base, got '{name}', which stands at "
+                        f"'{stands[name]}'"
+                    )
+                stands[name] = base.name
+        for one in self.vehicle:
+            if self.base and one.name not in stands:
+                raise ValueError(f"base: expected every vehicle at one, got none for '{one.name}'")
+        return self
+
+    @model_validator(mode="after")
+    def _day_of_known(self) -> Site:
+        vehicles, bases = {one.name for one in self.vehicle}, {one.name for one in self.base}
+        for index, road in enumerate(self.day.road if self.day is not None else ()):
+            for name in road.between:
+                _check_named(f"day.road[{index}].between", name, bases)
+        for index, quiet in enumerate(self.day.quiet if self.day is not None else ()):
+            for name in quiet.vehicles:
+                _check_named(f"day.quiet[{index}].vehicles", name, vehicles)
+        for index, other in enumerate(self.day.vehicle if self.day is not None else ()):
+            _check_named(f"day.vehicle[{index}].name", other.name, vehicles)
+        return self
+
+    @model_validator(mode="after")
     def _signs(self) -> Site:
         for index, vehicle in enumerate(self.vehicle):
             if self.signing is not None and vehicle.backend == "mavsdk":
@@ -164,6 +200,11 @@ class Site(SiteTable):
                     f"connection has it, got '{vehicle.backend}'"
                 )
         return self
+
+
+def _check_named(key: str, name: str, known: Set[str]) -> None:
+    if name not in known:
+        raise ValueError(f"{key}: expected one of {', '.join(sorted(known)) or 'no name at all'}, got '{name}'")
 
 
 def signing_key(site: Site, base: Path) -> bytes | None:

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from executor.analysis.flight_record import FlightRecord
 from executor.analysis.pictures.battery import battery_figure
 from executor.analysis.pictures.front import FrontPoint, front_figure
+from executor.analysis.pictures.gantt import gantt_figure
 from executor.analysis.pictures.maps import map_figure, plan_figure
 from executor.analysis.pictures.network import network_figure
 from executor.analysis.pictures.profile import profile_figure
@@ -21,13 +22,14 @@ from executor.analysis.pictures.style import DPI
 from executor.analysis.pictures.window import window_figure
 from executor.analysis.profile import Profile
 from executor.site.ground_view import GroundView
-from missions import PlanFile, Understood
+from missions import DayPlanFile, PlanFile, Understood
 from planner import LossRepair, ReplanWindow, Risk
 
 __all__ = [
     "FrontPoint",
     "battery_figure",
     "draw_battery",
+    "draw_day",
     "draw_front",
     "draw_map",
     "draw_network",
@@ -36,6 +38,7 @@ __all__ = [
     "draw_risk",
     "draw_window",
     "front_figure",
+    "gantt_figure",
     "map_figure",
     "network_figure",
     "plan_figure",
@@ -61,6 +64,15 @@ def draw_profile(profiles: Sequence[Profile], path: Path) -> None:
         OSError: the file cannot be written.
     """
     _save(profile_figure(profiles), path)
+
+
+def draw_day(content: DayPlanFile, path: Path) -> None:
+    """Write who flies when, from which base, of a plan of many sorties.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    _save(gantt_figure(content), path)
 
 
 def draw_network(understood: Understood, path: Path) -> None:

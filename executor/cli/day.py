@@ -1,0 +1,234 @@
+"""`faultline plan --day`: the working days of a site, planned, drawn and kept; vehicles and packs that they need."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executor.cli.console import TerminalConsole
+from executor.cli.options import finite
+from executor.cli.planning import writable
+from executor.core.commands import Level
+from executor.errors import SiteError
+from executor.site.assembly import Ground
+from executor.site.day_words import (
+    day_lines,
+    enough_for,
+    left_lines,
+    need_lines,
+    needs,
+    rule_packs,
+    spare_lines,
+    window_lines,
+)
+from executor.site.sorties import DayWanted, planned_day, site_day
+from missions import DayPlanFile, check_day_plan, day_plan_document, write_day_plan
+from planner import Progress, Seconds
+from planner.sorties import Objective, Spares, fly_lives, sortie_window, with_spares
+
+DAY_SECONDS = 20.0
+"""Of a day's search where nobody said how long."""
+MOST_SPARES = 5
+DayOption = Annotated[
+    bool,
+    typer.Option(
+        "--day", help="Plan working days of many sorties from the bases of the site; -o is then a day plan file."
+    ),
+]
+ObjectiveName = Annotated[
+    str,
+    typer.Option(
+        "--objective", metavar="[finish|flight|swaps]",
+        help="With --day: what comes first, the last landing, the time in the air, or the number of sorties.",
+    ),
+]  # fmt: skip
+MtbfOption = Annotated[
+    float | None,
+    typer.Option(
+        "--mtbf-hours", min=0.01, callback=finite, metavar="HOURS",
+        help="With --day: mean flight hours between failures of one vehicle; says how many vehicles and packs it takes",
+    ),
+]  # fmt: skip
+ProbabilityOption = Annotated[
+    str,
+    typer.Option(
+        "--probability", metavar="PCT,PCT", help="With --mtbf-hours: the chances to finish that are asked for."
+    ),
+]
+SamplesOption = Annotated[
+    int, typer.Option(min=1, max=1_000_000, metavar="N", help="With --mtbf-hours: how many times the days are flown.")
+]
+
+
+@dataclass(frozen=True, slots=True)
+class DayAsked:
+    """What the options of `plan --day` ask for."""
+
+    objective: str
+    seconds: float
+    seed: int
+    starts: int
+    mtbf_h: float | None
+    probability: str
+    samples: int
+
+
+def shares_of(text: str) -> list[float]:
+    """Return the chances of `--probability` as shares.
+
+    Raises:
+        SiteError: it is not a list of percentages.
+    """
+    try:
+        shares = [float(part) / 100 for part in text.split(",")]
+    except ValueError:
+        shares = []
+    if not shares or not all(0 < share < 1 for share in shares):
+        raise SiteError(f"--probability: expected percentages between 0 and 100 such as 95,99, got '{text}'")
+    return shares
+
+
+def plan_day(
+    ground: Ground,
+    console: TerminalConsole,
+    asked: DayAsked,
+    output: Path | None,
+    picture: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    """Plan the days of a site and tell; exit 1 if segments are left over.
+
+    Raises:
+        SiteError: the site or an option cannot be used.
+    """
+    objective, shares = objective_of(asked.objective), shares_of(asked.probability)
+    content = _planned(site_day(ground), console, asked, objective)
+    spares = [] if asked.mtbf_h is None else _spares(content, console, asked, asked.mtbf_h, max(shares))
+    console.progress("")
+    if output is not None:
+        writable(output, lambda: write_day_plan(output, content))
+    if picture is not None:
+        from executor.analysis.pictures import draw_day
+
+        writable(picture, lambda: draw_day(content, picture))
+    if as_json:
+        print(json.dumps({**day_plan_document(content), **day_document(content, spares, shares, asked.mtbf_h)}))
+    else:
+        _print_day(content, spares, shares, asked.mtbf_h)
+    if content.plan.uncovered:
+        raise typer.Exit(1)
+
+
+def objective_of(text: str) -> Objective:
+    """Return what `--objective` asks for.
+
+    Raises:
+        SiteError: there is no such.
+    """
+    known = [one.value for one in Objective]
+    if text not in known:
+        raise SiteError(f"--objective: expected one of {', '.join(known)}, got '{text}'")
+    return Objective(text)
+
+
+def _print_day(content: DayPlanFile, spares: list[Spares], shares: list[float], mtbf_h: float | None) -> None:
+    for lines in (day_lines, need_lines, left_lines, window_lines):
+        for line in lines(content):
+            print(line)
+    if spares:
+        print(f"one failure in {mtbf_h:g} flight hours, re-planned; a lower bound of what can be reached:")
+        for line in spare_lines(content, spares, shares):
+            print(line)
+
+
+def _planned(content: DayPlanFile, console: TerminalConsole, asked: DayAsked, objective: Objective) -> DayPlanFile:
+    console.say(
+        Level.INFO,
+        f"planning {len(content.segments)} segments for {len(content.vehicles)} vehicles from {len(content.bases)} "
+        f"bases on {len(content.days)} days at most ({asked.objective}, {asked.seconds:g} s)",
+    )
+
+    def progressed(progress: Progress) -> None:
+        value = progress.value if objective is Objective.SWAPS else progress.value / 3600
+        console.progress(
+            f"{progress.iterations} iterations, {asked.objective} {value:.2f}, {progress.uncovered} left out"
+        )
+
+    wanted = DayWanted(objective, Seconds(asked.seconds), asked.seed, asked.starts or os.cpu_count() or 1)
+    content = planned_day(content, wanted, progressed)
+    for line in check_day_plan(content):
+        raise SiteError(f"the plan of the days does not hold: {line}")
+    return with_windows(content, console, asked.seed)
+
+
+def with_windows(content: DayPlanFile, console: TerminalConsole, seed: int) -> DayPlanFile:
+    """Return a day plan with the time from which on each vehicle may be lost, where everything is inspected."""
+    if content.plan.uncovered or not content.evaluation.count:
+        return content
+
+    def told(done: int, of: int) -> None:
+        console.progress(f"losses looked at: {done} of {of}")
+
+    return replace(content, windows=sortie_window(content.instance(), content.plan, seed=seed, told=told))
+
+
+def _spares(
+    content: DayPlanFile, console: TerminalConsole, asked: DayAsked, mtbf_h: float, share: float
+) -> list[Spares]:
+    """Return what each number of spares comes to, up to the first that is enough."""
+    instance, found = content.instance(), list[Spares]()
+    busy_s = [sum(own) for own in content.evaluation.lasts_s]
+    order = sorted(range(len(busy_s)), key=lambda row: -busy_s[row])
+    for count in range(MOST_SPARES + 1):
+
+        def told(done: int, of: int, count: int = count) -> None:
+            console.progress(f"{count} spares: {done} of {of} times flown")
+
+        chosen = tuple(order[number % len(order)] for number in range(count))
+        lives = fly_lives(
+            with_spares(instance, chosen), content.plan, mtbf_h, asked.samples, seed=asked.seed, told=told
+        )
+        found.append(Spares(chosen, lives))
+        if lives.finished.estimate >= share:
+            break
+    return found
+
+
+def day_document(
+    content: DayPlanFile, spares: list[Spares], shares: list[float], mtbf_h: float | None
+) -> dict[str, object]:
+    """Return what `--json` says beside the day plan itself."""
+    document: dict[str, object] = {"needs": [asdict(one) for one in needs(content)]}
+    if mtbf_h is None:
+        return document
+    fleet = sum(1 for own in content.plan.sorties if own)
+    document["mtbf_h"] = mtbf_h
+    document["rule_packs"] = {place.name: rule_packs(content, number) for number, place in enumerate(content.places)}
+    document["fleets"] = [
+        {
+            "vehicles": fleet + len(one.spares), "spares": [content.vehicles[row].name for row in one.spares],
+            "probability": one.lives.finished.estimate, "low_95": one.lives.finished.low,
+            "high_95": one.lives.finished.high, "expected_losses": one.lives.losses, "samples": one.lives.samples,
+        }
+        for one in spares
+    ]  # fmt: skip
+    enough = [(share, enough_for(spares, share)) for share in shares]
+    document["needed"] = [
+        {
+            "probability": share,
+            "vehicles": None if lives is None else next(
+                fleet + len(one.spares) for one in spares if one.lives is lives
+            ),
+            "packs": None if lives is None else dict(
+                zip((place.name for place in content.places), lives.packs_for(share), strict=True)
+            ),
+        }
+        for share, lives in enough
+    ]  # fmt: skip
+    return document

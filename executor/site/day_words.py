@@ -1,0 +1,174 @@
+"""A plan of many sorties in words: who flies when, what each base needs, when it is done, whose loss it survives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from missions import DayPlanFile
+from planner.sorties import Lives, Spares
+
+DAY_S = 86_400.0
+NAMED = 50
+"""Segments that a line names."""
+FULL = 1e-9
+
+
+def when(seconds: float) -> str:
+    """Return a time of the days.
+
+    >>> when(86_400 + 30_630.0)
+    'day 2 at 08:30'
+    """
+    day, minutes = int(seconds // DAY_S) + 1, int(seconds % DAY_S // 60)
+    return f"day {day} at {minutes // 60:02d}:{minutes % 60:02d}"
+
+
+@dataclass(frozen=True, slots=True)
+class BaseNeeds:
+    """What a base needs on its hardest day."""
+
+    name: str
+    sorties: int
+    """Of all days: each takes a pack, so so many swaps there are."""
+    packs: int
+    """In the air and being charged at once."""
+    people: int
+    """A pilot, and one for each vehicle that is turned round at the same time."""
+
+
+def needs(content: DayPlanFile) -> tuple[BaseNeeds, ...]:
+    """Return what each base needs."""
+    return tuple(
+        BaseNeeds(place.name, content.swaps(number), packs, _people(content, number))
+        for number, (place, packs) in enumerate(zip(content.places, content.packs, strict=True))
+    )
+
+
+def _people(content: DayPlanFile, base: int) -> int:
+    turned = []
+    for row, own in enumerate(content.plan.sorties):
+        for number, one in enumerate(own):
+            if one.lands == base:
+                lands_s = one.start_s + content.evaluation.lasts_s[row][number]
+                turned += [(lands_s, 1), (lands_s + content.bases[base].turnaround_s, 0)]
+    at_once = most = 0
+    for _, begins in sorted(turned):
+        at_once += 1 if begins else -1
+        most = max(most, at_once)
+    return 1 + most if turned or content.swaps(base) else 0
+
+
+def day_lines(content: DayPlanFile) -> Iterator[str]:
+    """Yield a line for each sortie, by day and take-off."""
+    rows = [
+        (one.start_s, own.name, one, lasts_s, pct)
+        for own, sorties, all_lasts_s, energies in zip(
+            content.vehicles, content.plan.sorties, content.evaluation.lasts_s, content.evaluation.energies_pct,
+            strict=True,
+        )
+        for one, lasts_s, pct in zip(sorties, all_lasts_s, energies, strict=True)
+    ]  # fmt: skip
+    rows.sort(key=lambda row: row[:2])
+    for day, (begin, end) in enumerate(content.days, 1):
+        mine = [row for row in rows if begin <= row[0] < end]
+        if not mine:
+            continue
+        yield f"day {day}: {len(mine)} sorties, the last one lands at {when(max(row[0] + row[3] for row in mine))[-5:]}"
+        for start_s, name, one, lasts_s, pct in mine:
+            base, lands = content.places[one.base].name, content.places[one.lands].name
+            onto = "" if one.lands == one.base else f", lands at {lands}"
+            yield (
+                f"  {when(start_s)[-5:]}  {name:<8} {base:<8} {lasts_s / 60:6.1f} min {pct:6.1f} %  "
+                f"{len(one.visits):4d} segments{onto}"
+            )
+
+
+def need_lines(content: DayPlanFile) -> Iterator[str]:
+    """Yield what each base needs, and when everything is done."""
+    for base, own in zip(content.bases, needs(content), strict=True):
+        there = "" if base.packs is None else f" of {base.packs}"
+        yield f"base {own.name}: {own.sorties} sorties and swaps, {own.packs}{there} packs, {own.people} people"
+    found = content.evaluation
+    if not found.count:
+        yield "nobody flies"
+        return
+    yield (
+        f"finished on {when(found.finish_s)}: {found.count} sorties, {found.flight_s / 3600:.1f} h in the air, by "
+        f"{sum(1 for own in content.plan.sorties if own)} vehicles"
+    )
+
+
+def left_lines(content: DayPlanFile) -> Iterator[str]:
+    """Yield what is left over, and why."""
+    if not content.plan.uncovered:
+        return
+    instance = content.instance()
+    pct = (instance.out_pct[:, :, :, np.newaxis].min(axis=1) + instance.home_pct).min(axis=2)
+    budgets = np.array([own.budget_pct for own in content.vehicles])[:, np.newaxis]
+    within = (pct <= budgets + FULL).reshape(len(budgets), -1, 2).any(axis=(0, 2))
+    for why, wanted in (("out of reach of every base on one pack", False), ("within reach, but no time is left", True)):
+        names = [content.segments[one].called for one in content.plan.uncovered if within[one] == wanted]
+        if names:
+            more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+            yield f"left over, {why}: {len(names)}: {', '.join(names[:NAMED])}{more}"
+
+
+def window_lines(content: DayPlanFile) -> Iterator[str]:
+    """Yield until when each vehicle must not be lost for good."""
+    end = when(content.days[-1][1])
+    for one in content.windows:
+        name = content.vehicles[one.vehicle].name
+        if not content.plan.sorties[one.vehicle]:
+            continue
+        if one.breaks is None:
+            yield f"{name} may be lost at any time: the others finish by {end}"
+        else:
+            yield (
+                f"{name} may be lost from {when(one.from_s)} on; for its sortie {one.breaks + 1}, and those before it, "
+                f"no re-plan was found that finishes by {end}"
+            )
+
+
+def rule_packs(content: DayPlanFile, base: int) -> int | None:
+    """Return the packs of arXiv 2604.15890 for a base: m (ceil(R) + 1) for m vehicles that fly from it.
+
+    R is the time a pack needs to fly again over the time that it flies. None where packs are charged overnight alone.
+    """
+    recharge_s = content.bases[base].recharge_s
+    lasts_s = [
+        content.evaluation.lasts_s[row][number]
+        for row, own in enumerate(content.plan.sorties) for number, one in enumerate(own) if one.base == base
+    ]  # fmt: skip
+    flying = sum(any(one.base == base for one in own) for own in content.plan.sorties)
+    if recharge_s is None or not lasts_s:
+        return None
+    return flying * (int(np.ceil(recharge_s / float(np.mean(lasts_s)))) + 1)
+
+
+def spare_lines(content: DayPlanFile, found: list[Spares], shares: list[float]) -> Iterator[str]:
+    """Yield the chance for each number of vehicles, and how many are enough."""
+    fleet = sum(1 for own in content.plan.sorties if own)
+    for one in found:
+        lives, chance = one.lives, one.lives.finished
+        yield (
+            f"{fleet + len(one.spares):3d} vehicles finish in {100 * chance.estimate:.1f} % of {lives.samples} times "
+            f"(95 %: {100 * chance.low:.1f} to {100 * chance.high:.1f} %), {lives.losses:.2f} losses each"
+        )
+    for share in shares:
+        enough = enough_for(found, share)
+        if enough is None:
+            yield f"{100 * share:g} %: not with {fleet + len(found[-1].spares)} vehicles"
+            continue
+        packs = ", ".join(
+            f"{count} at {place.name}" for count, place in zip(enough.packs_for(share), content.places, strict=True)
+        )
+        spares = next(len(one.spares) for one in found if one.lives is enough)
+        yield f"{100 * share:g} %: {fleet + spares} vehicles, {spares} of them spare; packs: {packs}"
+
+
+def enough_for(found: list[Spares], share: float) -> Lives | None:
+    """Return what the fewest spares came to with which such a share was finished."""
+    return next((one.lives for one in found if one.lives.finished.estimate >= share), None)

@@ -1,0 +1,198 @@
+"""Days of many sorties from a site file: its bases, hours and packs as a planning problem, and the plan made for it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from executor.errors import SiteError
+from executor.site.assembly import Ground, consumption_of, pricing_of
+from executor.site.config import Site
+from executor.site.tables.day import BaseTable, DayTable, clock_s
+from missions import Base, BasePlace, DayPlanFile, Solved, plan_segment
+from missions.geo import FloatArray
+from missions.setup import LOWEST_FLIGHT_M
+from planner import Progress, StopRule, steady_wind, top_speed_m_s
+from planner.day import streets
+from planner.sorties import (
+    Objective,
+    SortieBase,
+    SortieEvaluation,
+    SortiePlan,
+    SortieVehicle,
+    parted_windows,
+    solve_sorties,
+)
+
+DAY_S = 86_400.0
+DEPOT = "depot"
+"""The only base of a site that names none."""
+
+
+@dataclass(frozen=True, slots=True)
+class DayWanted:
+    """What a day's plan is to be."""
+
+    objective: Objective
+    stop: StopRule
+    seed: int
+    starts: int
+
+
+def site_day(ground: Ground) -> DayPlanFile:
+    """Return the days of a site without a plan: nobody flies, every segment is uncovered.
+
+    Raises:
+        SiteError: a base, a speed or a name cannot be used.
+    """
+    site, table = ground.site, ground.site.day or DayTable()
+    tables = site.base or (_depot(ground),)
+    places = tuple(_place(ground, base) for base in tables)
+    at_m = [ground.network.frame.to_local_m(place.lat_deg, place.lon_deg) for place in places]
+    days = tuple((DAY_S * day + clock_s(table.begin), DAY_S * day + clock_s(table.end)) for day in range(table.days))
+    names = [place.name for place in places]
+    pricing = pricing_of(ground)
+    pads = tuple(
+        tuple(_pad(ground, vehicle, place, at) for place, at in zip(places, at_m, strict=True))
+        for vehicle in ground.names
+    )
+    vehicles = []
+    for one in site.vehicle:
+        home = next(number for number, base in enumerate(tables) if one.name in base.vehicles)
+        lands = tuple(range(len(tables))) if table.lands == "any" else (home,)
+        quiet = [
+            (DAY_S * day + clock_s(own.begin), DAY_S * day + clock_s(own.end))
+            for own in table.quiet if not own.vehicles or one.name in own.vehicles for day in range(table.days)
+        ]  # fmt: skip
+        windows = parted_windows(days, quiet)
+        vehicles.append(
+            SortieVehicle(
+                one.name, home, one.budget_pct, windows, lands, 0, consumption_of(ground, one.name), days[0][0]
+            )
+        )
+    models = dict(pricing.models)
+    fastest_m_s = max(site.inspection.speed_m_s, site.inspection.transit_speed_m_s, *_speeds(site, ground))
+    power = steady_wind(ground.drone, fastest_m_s, site.inspection.wind_m_s)
+    for other in table.vehicle:
+        model = models[other.name]
+        models[other.name] = replace(
+            model,
+            inspection_speed_m_s=other.speed_m_s or model.inspection_speed_m_s,
+            transit_speed_m_s=other.transit_speed_m_s or model.transit_speed_m_s,
+        )
+    models = {name: replace(model, power=power) for name, model in models.items()}
+    nothing = SortiePlan(((),) * len(vehicles), tuple(range(len(ground.network.segments))))
+    return DayPlanFile(
+        frame=ground.network.frame,
+        segments=tuple(plan_segment(ground.network, number) for number in range(len(ground.network.segments))),
+        pricing=replace(
+            pricing, models=models, pads_m=(), column_m=0.0,
+            bases={own.name: pads[row][own.base] for row, own in enumerate(vehicles)},
+        ),
+        places=places,
+        bases=tuple(SortieBase(base.name, base.turnaround_s, base.packs, base.recharge_s) for base in tables),
+        vehicles=tuple(vehicles),
+        pads=pads,
+        days=days,
+        transfer_s=_transfers(table, names, at_m),
+        stagger_s=table.stagger_s,
+        able=_able(ground, table),
+        plan=nothing,
+        evaluation=SortieEvaluation(0.0, 0.0, 0, ((),) * len(vehicles), ((),) * len(vehicles), ()),
+        objective=Objective.FINISH,
+        solved=Solved("search", 0, 0.0),
+    )  # fmt: skip
+
+
+def planned_day(
+    content: DayPlanFile, wanted: DayWanted, on_progress: Callable[[Progress], None] | None = None
+) -> DayPlanFile:
+    """Return days with a plan."""
+    found = solve_sorties(
+        content.instance(), stop=wanted.stop, objective=wanted.objective, seed=wanted.seed, starts=wanted.starts,
+        on_progress=on_progress,
+    )  # fmt: skip
+    return replace(
+        content, plan=found.plan, evaluation=found.evaluation, objective=wanted.objective,
+        solved=Solved("search", wanted.seed, found.seconds),
+    )  # fmt: skip
+
+
+def _depot(ground: Ground) -> BaseTable:
+    frame = ground.network.frame
+    return BaseTable(name=DEPOT, lat_deg=frame.lat_deg, lon_deg=frame.lon_deg, alt_m=frame.alt_m, vehicles=ground.names)
+
+
+def _place(ground: Ground, base: BaseTable) -> BasePlace:
+    alt_m = base.alt_m
+    if alt_m is None:
+        at_m = np.array(ground.network.frame.to_local_m(base.lat_deg, base.lon_deg))
+        ends_m = ground.network.ends_m.reshape(-1, 2)
+        nearest = int(np.hypot(*(ends_m - at_m).T).argmin())
+        segment = ground.network.segments[nearest // 2]
+        elevation_m = ground.network.pylons[segment.b if nearest % 2 else segment.a].elevation_m
+        alt_m = ground.network.frame.alt_m if elevation_m is None else elevation_m
+    return BasePlace(base.name, base.lat_deg, base.lon_deg, alt_m)
+
+
+def _pad(ground: Ground, vehicle: str, place: BasePlace, at_m: tuple[float, float]) -> Base:
+    layers = ground.setup.layers
+    up_m = layers.surface.height_m(*at_m)
+    climb_m = up_m + layers.offset_m(vehicle) - ground.network.frame.up_m(place.alt_m)
+    if climb_m < LOWEST_FLIGHT_M:
+        raise SiteError(
+            f"base {place.name}: expected flights {LOWEST_FLIGHT_M:g} m or more over it, got {climb_m:.1f} m: "
+            f"its alt_m {place.alt_m:.0f} or the site's heights are wrong"
+        )
+    return Base((*at_m, up_m), climb_m)
+
+
+def _speeds(site: Site, ground: Ground) -> list[float]:
+    most_m_s = top_speed_m_s(ground.drone) - math.hypot(*site.inspection.wind_m_s)
+    speeds = []
+    for index, other in enumerate(site.day.vehicle if site.day is not None else ()):
+        for key in ("speed_m_s", "transit_speed_m_s"):
+            asked_m_s = getattr(other, key)
+            if asked_m_s is not None:
+                if asked_m_s > most_m_s:
+                    raise SiteError(
+                        f"day.vehicle[{index}].{key}: expected at most {most_m_s:.1f} m/s, what the battery of a "
+                        f"{ground.drone.name} can give, got {asked_m_s:g}"
+                    )
+                speeds.append(asked_m_s)
+    return speeds or [0.0]
+
+
+def _transfers(table: DayTable, names: list[str], at_m: list[tuple[float, float]]) -> FloatArray:
+    """Return seconds from base to base: roads that are named, straight distances for the others, the shortest way."""
+    number = {name: place for place, name in enumerate(names)}
+    roads: dict[tuple[int, int], float] = {}
+    if table.road_m_s is not None:
+        roads = {pair: math.dist(at_m[pair[0]], at_m[pair[1]]) / table.road_m_s
+                 for pair in combinations(range(len(names)), 2)}  # fmt: skip
+    for road in table.road:
+        one, other = sorted(number[name] for name in road.between)
+        roads[one, other] = 60.0 * road.minutes
+    edges = [(one, other, seconds) for (one, other), seconds in roads.items() if one != other]
+    return streets(len(names), edges).times_s
+
+
+def _able(ground: Ground, table: DayTable) -> npt.NDArray[np.bool_]:
+    names = [ground.network.segment_name(number) for number in range(len(ground.network.segments))]
+    able = np.ones((len(ground.names), len(names)), dtype=np.bool_)
+    for index, other in enumerate(table.vehicle):
+        if not other.segments:
+            continue
+        for name in other.segments:
+            if name not in names:
+                raise SiteError(
+                    f"day.vehicle[{index}].segments: expected names of the network's segments, such as '{names[0]}', "
+                    f"got '{name}'"
+                )
+        able[ground.names.index(other.name)] = [name in other.segments for name in names]
+    return able

@@ -1,0 +1,343 @@
+"""Days of sorties: their arrays, when sorties begin, and the best bases for a vehicle's sorties.
+
+The search only says which visits a sortie has, whose it is and in which order a vehicle flies its own. When each one
+begins follows: at every moment the sortie that can take off soonest does (``schedule``). Where each one begins and
+lands is a shortest path over the bases between them (``settle``).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba as nb
+
+from planner.kernels.arrays import CUBE, FLOATS, INT_TABLE, INTS, TABLE, FloatArray, IntArray
+from planner.kernels.compiled import inner, kernel
+
+NEVER = 1e18
+"""Seconds of a way that there is not, a time that never comes."""
+TOLERANCE = 1e-9
+"""By which a sortie may use more than its budget: sums depend on their order."""
+
+
+class SortieProblem(NamedTuple):
+    """An instance for the kernels: ``n`` segments, ``k`` vehicles, ``d`` bases, ``p`` profiles, ``t`` days."""
+
+    move: FloatArray
+    """(p, 2n, 2n, 2): seconds and percent from the end of visit i to the end of visit j."""
+    out: FloatArray
+    """(k, d, 2n, 2)"""
+    home: FloatArray
+    """(k, 2n, d, 2)"""
+    profile: IntArray
+    """(k,)"""
+    consumption: FloatArray
+    """(k,): factor on the percent of ``move``."""
+    budget: FloatArray
+    """(k,)"""
+    able: IntArray
+    """(k, n): 0 or 1."""
+    lands: IntArray
+    """(k, d): 0 or 1."""
+    transfer: FloatArray
+    """(d, d)"""
+    turnaround: FloatArray
+    """(d,)"""
+    recharge: FloatArray
+    """(d,): NEVER where packs are charged overnight alone."""
+    packs: IntArray
+    """(d,): -1 where there are always enough."""
+    days: FloatArray
+    """(t, 3): begin, end, seconds of the days before."""
+    windows: FloatArray
+    """(k, t, w, 2): when a vehicle may fly on a day; empty ones end before they begin."""
+    near: IntArray
+    """(n, m): the segments nearest to a segment, without itself."""
+    place: IntArray
+    """(k,): the base where a vehicle stands."""
+    ready: FloatArray
+    """(k,)"""
+    stock: IntArray
+    """(d,): packs of the first day."""
+    charged: FloatArray
+    """(d, s): when they are charged."""
+    taken_off: FloatArray
+    """(d,): when a vehicle took off last."""
+    stagger: float
+    finish: float
+    """What a second of the last landing weighs in the search, in the seconds of days alone."""
+    flight: float
+    """The same of a second of somebody's flight."""
+    swap: float
+    """The same of a sortie."""
+    objective: int
+    """Which figure comes first: 0 the last landing, 1 the flight, 2 the sorties."""
+
+
+class SortieState(NamedTuple):
+    """Sorties under work. At most ``r`` of at most ``c`` visits."""
+
+    visits: IntArray
+    """(r, c)"""
+    size: IntArray
+    """(r,): 0 for a row that is free."""
+    owner: IntArray
+    """(r,)"""
+    base: IntArray
+    """(r,)"""
+    land: IntArray
+    """(r,)"""
+    between: FloatArray
+    """(r, 2): seconds and percent from the end of the first visit to the end of the last."""
+    whole: FloatArray
+    """(r, 2): of the whole sortie."""
+    start: FloatArray
+    """(r,): when it begins; NEVER where the days are over before."""
+    order: IntArray
+    """(k, r): each vehicle's rows in the order of flight."""
+    counts: IntArray
+    """(k,)"""
+    where: IntArray
+    """(n,): the row of a segment; -1 if it has none."""
+    bias: FloatArray
+    """(k, d): seconds by which a vehicle shuns a base."""
+    ends: FloatArray
+    """(k,): when a vehicle's last sortie lands, in the seconds of days alone."""
+    sums: FloatArray
+    """(5,): seconds that find no day, the last landing, the flight, the sorties, and the guide of the search."""
+
+
+class SortieMemory(NamedTuple):
+    """Work space."""
+
+    touched: IntArray
+    """(k,): zeros."""
+    removed: IntArray
+    """(n,)"""
+    keys: FloatArray
+    """(n,)"""
+    pool: FloatArray
+    """(d, s): when the packs of a base are charged."""
+    pooled: IntArray
+    """(d,)"""
+    last: FloatArray
+    """(d,): the last take-off."""
+    next: IntArray
+    """(k,): which sortie comes next."""
+    at: IntArray
+    """(k,)"""
+    ready: FloatArray
+    """(k,)"""
+    cost: FloatArray
+    """(r + 1, d): of a vehicle's sorties up to one that lands at a base."""
+    begun: IntArray
+    """(r + 1, d): where that one begins."""
+    came: IntArray
+    """(r + 1, d): where the one before landed."""
+
+
+QUAD = nb.types.Array(nb.float64, 4, "C")
+SORTIE_PROBLEM = nb.types.NamedTuple(
+    (QUAD, QUAD, QUAD, INTS, FLOATS, FLOATS, INT_TABLE, INT_TABLE, TABLE, FLOATS, FLOATS, INTS, TABLE, QUAD, INT_TABLE,
+     INTS, FLOATS, INTS, TABLE, FLOATS) + (nb.float64,) * 4 + (nb.int64,),
+    SortieProblem,
+)  # fmt: skip
+SORTIE_STATE = nb.types.NamedTuple(
+    (INT_TABLE, INTS, INTS, INTS, INTS, TABLE, TABLE, FLOATS, INT_TABLE, INTS, INTS, TABLE, FLOATS, FLOATS), SortieState
+)
+SORTIE_MEMORY = nb.types.NamedTuple(
+    (INTS, INTS, FLOATS, TABLE, INTS, FLOATS, INTS, INTS, FLOATS, TABLE, INT_TABLE, INT_TABLE), SortieMemory
+)
+PAIR = nb.types.UniTuple(nb.float64, 2)
+__all__ = ["CUBE", "NEVER", "SORTIE_MEMORY", "SORTIE_PROBLEM", "SORTIE_STATE", "SortieMemory", "SortieProblem",
+           "SortieState", "measure_row", "schedule", "settle", "settle_row"]  # fmt: skip
+
+
+@inner(nb.void(SORTIE_PROBLEM, SORTIE_STATE, nb.int64))
+def measure_row(problem: SortieProblem, state: SortieState, row: int) -> None:
+    """Set what lies between a sortie's first and last visit."""
+    vehicle = state.owner[row]
+    move = problem.move[problem.profile[vehicle]]
+    seconds = pct = 0.0
+    for position in range(1, state.size[row]):
+        before, after = state.visits[row, position - 1], state.visits[row, position]
+        seconds += move[before, after, 0]
+        pct += move[before, after, 1]
+    state.between[row, 0] = seconds
+    state.between[row, 1] = problem.consumption[vehicle] * pct
+
+
+@inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, nb.int64))
+def settle_row(problem: SortieProblem, state: SortieState, row: int) -> bool:
+    """Set a whole sortie's figures; return whether it is within the budget."""
+    vehicle = state.owner[row]
+    first, last = state.visits[row, 0], state.visits[row, state.size[row] - 1]
+    base, land = state.base[row], state.land[row]
+    for figure in range(2):
+        state.whole[row, figure] = (
+            problem.out[vehicle, base, first, figure] + state.between[row, figure]
+            + problem.home[vehicle, last, land, figure]
+        )  # fmt: skip
+    return bool(state.whole[row, 1] <= problem.budget[vehicle] + TOLERANCE)
+
+
+@inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64))
+def settle(problem: SortieProblem, state: SortieState, memory: SortieMemory, vehicle: int) -> bool:
+    """Choose where a vehicle's sorties begin and land: least time, and least shunned; return whether any way does."""
+    count, bases = state.counts[vehicle], len(problem.turnaround)
+    budget = problem.budget[vehicle] + TOLERANCE
+    for base in range(bases):
+        memory.cost[0, base] = NEVER
+    memory.cost[0, problem.place[vehicle]] = 0.0
+    for number in range(count):
+        row = state.order[vehicle, number]
+        first, last = state.visits[row, 0], state.visits[row, state.size[row] - 1]
+        for land in range(bases):
+            memory.cost[number + 1, land] = NEVER
+        for base in range(bases):
+            if problem.lands[vehicle, base] == 0:
+                continue
+            reached, came = NEVER, -1
+            for before in range(bases):
+                then = memory.cost[number, before] + problem.transfer[before, base]
+                if then < reached:
+                    reached, came = then, before
+            if came < 0:
+                continue
+            reached += problem.out[vehicle, base, first, 0] + state.bias[vehicle, base]
+            pct = problem.out[vehicle, base, first, 1] + state.between[row, 1]
+            for land in range(bases):
+                if problem.lands[vehicle, land] == 0 or pct + problem.home[vehicle, last, land, 1] > budget:
+                    continue
+                # The last turnaround keeps nobody waiting.
+                after = problem.turnaround[land] if number < count - 1 else 0.0
+                then = reached + problem.home[vehicle, last, land, 0] + after
+                if then < memory.cost[number + 1, land]:
+                    memory.cost[number + 1, land] = then
+                    memory.begun[number + 1, land] = base
+                    memory.came[number + 1, land] = came
+    least, land = NEVER, -1
+    for base in range(bases):
+        if memory.cost[count, base] < least:
+            least, land = memory.cost[count, base], base
+    if land < 0:
+        return False
+    for number in range(count, 0, -1):
+        row = state.order[vehicle, number - 1]
+        state.base[row] = memory.begun[number, land]
+        state.land[row] = land
+        land = memory.came[number, land]
+        settle_row(problem, state, row)
+    return True
+
+
+@inner(nb.void(SORTIE_PROBLEM, SORTIE_MEMORY, nb.int64))
+def open_day(problem: SortieProblem, memory: SortieMemory, day: int) -> None:
+    """Put a day's packs out."""
+    for base in range(len(problem.turnaround)):
+        if day == 0:
+            memory.pooled[base] = problem.stock[base]
+            for pack in range(problem.stock[base]):
+                memory.pool[base, pack] = problem.charged[base, pack]
+        else:
+            memory.pooled[base] = max(0, problem.packs[base])
+            for pack in range(problem.packs[base]):
+                memory.pool[base, pack] = problem.days[day, 0]
+
+
+@inner(nb.int64(SORTIE_MEMORY, nb.int64))
+def soonest_pack(memory: SortieMemory, base: int) -> int:
+    """Return the number of the pack that is charged first; -1 if there is none."""
+    best, least = -1, NEVER
+    for pack in range(memory.pooled[base]):
+        if memory.pool[base, pack] < least:
+            best, least = pack, memory.pool[base, pack]
+    return best
+
+
+@inner(nb.float64(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.int64))
+def soonest_start(problem: SortieProblem, state: SortieState, memory: SortieMemory, vehicle: int, day: int) -> float:
+    """Return when a vehicle's next sortie can begin on a day; NEVER if it cannot."""
+    row = state.order[vehicle, memory.next[vehicle]]
+    base = state.base[row]
+    begin = max(memory.ready[vehicle] + problem.transfer[memory.at[vehicle], base], problem.days[day, 0])
+    begin = max(begin, memory.last[base] + problem.stagger)
+    if problem.packs[base] >= 0:
+        pack = soonest_pack(memory, base)
+        if pack < 0:
+            return NEVER
+        begin = max(begin, memory.pool[base, pack])
+    for window in range(problem.windows.shape[2]):
+        then = max(begin, problem.windows[vehicle, day, window, 0])
+        if then + state.whole[row, 0] <= problem.windows[vehicle, day, window, 1]:
+            return float(then)
+    return NEVER
+
+
+@inner(nb.void(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.float64, nb.int64))
+def take_off(
+    problem: SortieProblem, state: SortieState, memory: SortieMemory, vehicle: int, begin: float, day: int
+) -> None:
+    """Let a vehicle's next sortie begin."""
+    row = state.order[vehicle, memory.next[vehicle]]
+    base, land = state.base[row], state.land[row]
+    state.start[row] = begin
+    memory.last[base] = begin
+    if problem.packs[base] >= 0:
+        pack = soonest_pack(memory, base)
+        memory.pooled[base] -= 1
+        memory.pool[base, pack] = memory.pool[base, memory.pooled[base]]
+    end = begin + state.whole[row, 0]
+    if problem.packs[land] >= 0 and problem.recharge[land] < NEVER:
+        memory.pool[land, memory.pooled[land]] = end + problem.recharge[land]
+        memory.pooled[land] += 1
+    memory.at[vehicle] = land
+    memory.ready[vehicle] = end + problem.turnaround[land]
+    memory.next[vehicle] += 1
+    state.ends[vehicle] = problem.days[day, 2] + end - problem.days[day, 0]
+
+
+@kernel(nb.void(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY))
+def schedule(problem: SortieProblem, state: SortieState, memory: SortieMemory) -> None:
+    """Let all sorties begin as soon as they can, the soonest first; set the figures."""
+    fleet = len(state.counts)
+    sums = state.sums
+    sums[:] = 0.0
+    waiting = 0
+    for vehicle in range(fleet):
+        memory.next[vehicle] = 0
+        memory.at[vehicle] = problem.place[vehicle]
+        memory.ready[vehicle] = problem.ready[vehicle]
+        state.ends[vehicle] = 0.0
+        waiting += state.counts[vehicle]
+    for base in range(len(problem.turnaround)):
+        memory.last[base] = problem.taken_off[base]
+    sums[3] = waiting
+    for day in range(len(problem.days)):
+        if waiting == 0:
+            break
+        open_day(problem, memory, day)
+        while waiting > 0:
+            soonest, chosen = NEVER, -1
+            for vehicle in range(fleet):
+                if memory.next[vehicle] < state.counts[vehicle]:
+                    begin = soonest_start(problem, state, memory, vehicle, day)
+                    if begin < soonest:
+                        soonest, chosen = begin, vehicle
+            if chosen < 0:
+                break
+            take_off(problem, state, memory, chosen, soonest, day)
+            waiting -= 1
+    for vehicle in range(fleet):
+        sums[1] = max(sums[1], state.ends[vehicle])
+        for number in range(state.counts[vehicle]):
+            row = state.order[vehicle, number]
+            sums[2] += state.whole[row, 0]
+            if number >= memory.next[vehicle]:
+                state.start[row] = NEVER
+                sums[0] += state.whole[row, 0] + problem.turnaround[state.land[row]]
+    busy = sums[2]
+    for vehicle in range(fleet):
+        for number in range(state.counts[vehicle]):
+            busy += problem.turnaround[state.land[state.order[vehicle, number]]]
+    sums[4] = problem.finish * sums[1] + problem.flight * busy + problem.swap * sums[3] + 3.0 * sums[0]

@@ -1,0 +1,187 @@
+"""The search for days of sorties: cycles of annealing around the kernel, starts side by side, the stop rule.
+
+As in ``planner.day`` cycles grow, each from the best plan so far, and starts wait for each other at the end of each
+round: the seed, the number of starts and of iterations decide the plan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import nullcontext
+
+import numpy as np
+
+from planner.construct import random_state
+from planner.kernels.arrays import RandomState
+from planner.kernels.sortieinsertion import measure_given, put_all, settle_touched
+from planner.kernels.sorties import SortieProblem, SortieState, schedule
+from planner.kernels.sortiesearch import anneal_sorties, better_sums, copy_sorties
+from planner.sorties.construct import (
+    MoveTable,
+    begin_with,
+    move_table,
+    sortie_memory,
+    sortie_plan,
+    sortie_problem,
+    sortie_state,
+)
+from planner.sorties.evaluate import evaluate_sorties
+from planner.sorties.model import Objective, Sortie, SortieInstance
+from planner.sorties.result import SortieResult
+from planner.stop import Progress, StopRule, Stopwatch
+
+BATCH = 200
+"""Iterations of a start between two questions to the stop rule."""
+FIRST_CYCLE = 2_000
+"""Iterations of the first cycle for a few segments; each further one is half as long again."""
+PER_SEGMENT = 15
+"""More iterations of the first cycle for each segment."""
+GROWTH = 1.5
+HOT = 0.02
+"""The temperature at the begin of a cycle, as a share of the mean sortie's time."""
+COLD = 0.0003
+"""The same at its end."""
+FEW = 60
+"""Segments up to which a plan is so short that it is shaken harder."""
+
+
+class _Start:
+    """One walk; walks share nothing that changes."""
+
+    def __init__(self, problem: SortieProblem, table: MoveTable, first: SortieState, rng: RandomState) -> None:
+        self._problem = problem
+        self._current, self._trial = (sortie_state(problem, table) for _ in range(2))
+        self.best = sortie_state(problem, table)
+        self._memory = sortie_memory(problem)
+        self._temperature = np.zeros(1)
+        self._rng = rng
+        copy_sorties(first, self.best)
+
+    def begin(self, leader: SortieState, temperature: float) -> None:
+        """Begin a cycle from the best plan of all."""
+        for state in (self._current, self._trial, self.best):
+            if state is not leader:
+                copy_sorties(leader, state)
+        self._temperature[0] = temperature
+
+    def run(self, cooling: float, most: float, iterations: int) -> int:
+        """Run iterations of the cycle; return the last that found a new best, counted from 1, or 0."""
+        improved: int = anneal_sorties(
+            self._problem, self._current, self._trial, self.best, self._temperature, cooling, most, iterations,
+            self._rng, self._memory,
+        )  # fmt: skip
+        return improved
+
+
+class SortieSearch:
+    """One search; ``run`` is all that there is to call."""
+
+    def __init__(
+        self,
+        instance: SortieInstance,
+        *,
+        objective: Objective,
+        seed: int,
+        starts: int,
+        initial: Sequence[Sequence[Sortie]] = (),
+        table: MoveTable | None = None,
+    ) -> None:
+        self._watch = Stopwatch()
+        self._instance = instance
+        self._table = move_table(instance) if table is None else table
+        self._problem = sortie_problem(instance, self._table, objective)
+        able = self._problem.able.any(axis=0)
+        self._impossible = bool((instance.wanted & ~able).any())
+        self._idle = not able.any()
+        first = self._first(initial, seed)
+        self._starts = [
+            _Start(self._problem, self._table, first, random_state(seed + number)) for number in range(starts)
+        ]
+        self._leader = self._starts[0]
+        self._iterations = self._improved_at = 0
+        self._length = FIRST_CYCLE + PER_SEGMENT * instance.segments
+        self._begin()
+
+    def _first(self, initial: Sequence[Sequence[Sortie]], seed: int) -> SortieState:
+        """Return the given sorties with all open segments put in where they cost least, those far off first."""
+        state, memory = sortie_state(self._problem, self._table), sortie_memory(self._problem)
+        if initial:
+            begin_with(state, initial)
+            if not measure_given(self._problem, state, memory):
+                state = sortie_state(self._problem, self._table)
+        nearest_s = self._problem.out[:, :, ::2, 0].min(axis=(0, 1))
+        able = self._problem.able.any(axis=0) & (state.where < 0)
+        waiting = np.array(sorted(np.flatnonzero(able), key=lambda one: -nearest_s[one]), dtype=np.int64)
+        put_all(self._problem, state, memory, waiting, len(waiting), random_state(seed))
+        memory.touched[:] = 1
+        settle_touched(self._problem, state, memory)
+        memory.touched[:] = 0
+        schedule(self._problem, state, memory)
+        return state
+
+    @property
+    def complete(self) -> bool:
+        """Whether the best plan so far inspects everything in its days."""
+        best = self._leader.best
+        return not self._impossible and best.sums[0] <= 0 and bool((best.where[self._instance.wanted] >= 0).all())
+
+    def run(self, stop: StopRule) -> SortieResult:
+        """Improve until ``stop`` says so."""
+        reason = "nothing to do"
+        with ThreadPoolExecutor(len(self._starts)) if len(self._starts) > 1 else nullcontext() as threads:
+            while not self._idle:
+                verdict = stop(self._progress())
+                reason = verdict.reason
+                if verdict.allowed <= 0:
+                    break
+                self._advance(verdict.allowed, threads)
+        plan = sortie_plan(self._instance, self._leader.best)
+        return SortieResult(plan, evaluate_sorties(self._instance, plan), self._iterations, self._watch.seconds, reason)
+
+    def _begin(self) -> None:
+        self._done = 0
+        best = self._leader.best
+        self._most = float(best.whole[:, 0].max(initial=1.0))
+        mean_s = best.sums[2] / max(1.0, best.sums[3])
+        few = 15.0 if self._instance.segments <= FEW else 1.0
+        hot, cold = (few * share * max(mean_s, 1.0) for share in (HOT, COLD))
+        self._cooling = (cold / hot) ** (1 / self._length)
+        leader = sortie_state(self._problem, self._table)
+        copy_sorties(best, leader)
+        for start in self._starts:
+            start.begin(leader, hot)
+
+    def _advance(self, allowed: int, threads: Executor | None) -> None:
+        """Run a batch of every start, or what is allowed of it."""
+        fair = max(1, allowed // len(self._starts))
+        share = min(BATCH, fair, self._length - self._done)
+        starts = self._starts[: min(len(self._starts), allowed)]
+        if threads is None:
+            found = [start.run(self._cooling, self._most, share) for start in starts]
+        else:
+            found = list(threads.map(lambda start: start.run(self._cooling, self._most, share), starts))
+        for start in starts:
+            if better_sums(self._problem, start.best.sums, self._leader.best.sums):
+                self._leader = start
+        if max(found) > 0:
+            self._improved_at = self._iterations + max(found) * len(starts)
+        self._iterations += share * len(starts)
+        self._done += share
+        if self._done == self._length:
+            self._length = int(GROWTH * self._length)
+            self._begin()
+
+    def _progress(self) -> Progress:
+        best = self._leader.best
+        late = best.start >= 1e17
+        uncovered = int(self._instance.wanted.sum()) - int(best.size[~late].sum())
+        return Progress(
+            iterations=self._iterations,
+            since_improvement=max(0, self._iterations - self._improved_at),
+            seconds=self._watch.seconds,
+            value=float(best.sums[1 + self._problem.objective]),
+            uncovered=uncovered,
+            feasible=uncovered == 0,
+            impossible=self._impossible,
+        )

@@ -1,0 +1,197 @@
+"""`plan --day`: days planned, told, drawn, kept and checked; what cannot be used is refused in one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from executor.cli.main import main
+
+VEHICLES = "".join(
+    f'[[vehicle]]\nname = "uav{number}"\nconnection = "udpin://127.0.0.1:{14550 + number}"\nsysid = {number}\n'
+    f'autopilot = "{autopilot}"\n'
+    for number, autopilot in ((1, "px4"), (2, "ardupilot"))
+)
+NORTH = '[[base]]\nname = "north"\nlat_deg = 49.6120\nlon_deg = 15.6344\nvehicles = ["uav1"]\npacks = 9\n'
+SOUTH = (
+    '[[base]]\nname = "south"\nlat_deg = 49.5895\nlon_deg = 15.5930\nvehicles = ["uav2"]\npacks = 8\n'
+    "recharge_s = 1800\n"
+)
+DAY = '[day]\nbegin = "08:00"\nend = "11:00"\nlands = "any"\nroad_m_s = 8\n'
+NETWORK = '[network]\nfile = "default"\nradius_m = 1200\n'
+FAST = ("--seconds", "0.5", "--starts", "1")
+
+
+class Place:
+    """A folder with a site, and the command line in it."""
+
+    def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.folder = folder
+        self._capsys = capsys
+
+    def write(self, *parts: str) -> None:
+        (self.folder / "site.toml").write_text("".join(parts), encoding="utf-8")
+
+    def plan(self, *arguments: object) -> tuple[int, str, str]:
+        return self.call("plan", "site.toml", "--day", *FAST, *arguments)
+
+    def call(self, *arguments: object) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as ended:
+            main([str(one) for one in arguments])
+        said = self._capsys.readouterr()
+        assert isinstance(ended.value.code, int)
+        return ended.value.code, said.out, said.err
+
+
+@pytest.fixture
+def place(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Place:
+    """Return a folder whose site has two bases."""
+    monkeypatch.chdir(tmp_path)
+    made = Place(tmp_path, capsys)
+    made.write(NETWORK, DAY, NORTH, SOUTH, VEHICLES)
+    return made
+
+
+def test_a_day_is_planned_told_drawn_kept_and_checked(place: Place) -> None:
+    code, out, _ = place.plan("-o", "day.json", "--picture", "day.png")
+    assert code == 0
+    assert "finished on day 1 at" in out
+    assert "base north:" in out
+    assert "of 9 packs" in out
+    assert "may be lost" in out
+    assert (place.folder / "day.png").read_bytes().startswith(b"\x89PNG")
+    assert place.call("check", "day.json")[:2] == (0, "every figure is right\n")
+
+
+def test_a_day_as_json_is_the_file_with_what_it_needs(place: Place) -> None:
+    code, out, _ = place.plan("--json", "-o", "day.json")
+    told, kept = json.loads(out), json.loads((place.folder / "day.json").read_text())
+    assert code == 0
+    assert {key: told[key] for key in kept} == kept
+    assert [one["name"] for one in told["needs"]] == ["north", "south"]
+    assert sum(one["sorties"] for one in told["needs"]) == len(kept["sorties"])
+    visited = [visit["segment"] for one in kept["sorties"] for visit in one["visits"]]
+    assert sorted(visited) == sorted(one["id"] for one in kept["segments"])
+
+
+def spoilt(document: dict[str, Any], key: str, value: object) -> str:
+    document["sorties"][0][key] = value
+    return json.dumps(document)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "code", "expected"),
+    [
+        ("duration_s", 1.0, 1, "sortie 1 of uav1: duration_s is 1"),
+        ("energy_pct", 1.0, 1, "energy_pct is 1"),
+        ("start_s", 0.0, 1, "flies outside of its hours"),
+        ("base", "south", 1, "duration_s"),
+        ("base", "east", 2, "sorties[0]: expected one of north, south, got east"),
+        ("vehicle", "uav9", 2, "sorties[0].vehicle: expected one of uav1, uav2, got uav9"),
+        ("visits", [], 2, "sorties[0].visits"),
+        ("visits", [{"segment": 5000, "reversed": False}], 2, "unknown 5000"),
+    ],
+)
+def test_a_day_plan_that_does_not_hold(place: Place, key: str, value: object, code: int, expected: str) -> None:
+    place.plan("-o", "day.json")
+    path = place.folder / "day.json"
+    path.write_text(spoilt(json.loads(path.read_text()), key, value))
+    answered, out, err = place.call("check", "day.json")
+    assert answered == code
+    assert expected in out + err
+    assert code == 1 or err.count("\n") == 1
+
+
+def test_without_bases_the_depot_is_the_only_one(place: Place) -> None:
+    place.write(NETWORK, VEHICLES)
+    code, out, _ = place.plan()
+    assert code == 0
+    assert "base depot:" in out
+
+
+def test_what_finds_no_day_is_named_and_a_no(place: Place) -> None:
+    place.write(NETWORK, DAY.replace("11:00", "08:30"), NORTH.replace("packs = 9", "packs = 1"), SOUTH, VEHICLES)
+    code, out, _ = place.plan()
+    assert code == 1
+    assert "left over, within reach, but no time is left:" in out
+
+
+def test_quiet_hours_roads_and_cameras_hold(place: Place) -> None:
+    more = (
+        '[[day.quiet]]\nbegin = "08:10"\nend = "09:30"\nvehicles = ["uav2"]\n'
+        '[[day.road]]\nbetween = ["north", "south"]\nminutes = 30\n'
+        '[[day.vehicle]]\nname = "uav1"\nspeed_m_s = 4\n'
+    )
+    place.write(NETWORK, DAY, more, NORTH, SOUTH, VEHICLES)
+    code, out, _ = place.plan("--json", "--objective", "swaps")
+    told = json.loads(out)
+    assert code == 0
+    assert told["transfers_s"][0][1] == 1800.0
+    assert [one["speed_m_s"] for one in told["vehicles"]] == [4.0, 3.0]
+    for one in told["sorties"]:
+        if one["vehicle"] == "uav2":
+            assert one["start_s"] + one["duration_s"] <= 8 * 3600 + 600 or one["start_s"] >= 9.5 * 3600
+
+
+def test_how_many_vehicles_and_packs_are_needed(place: Place) -> None:
+    code, out, _ = place.plan("--mtbf-hours", "1000000", "--samples", "10", "--json")
+    told = json.loads(out)
+    assert code == 0
+    assert told["fleets"][0]["probability"] == 1.0
+    assert [one["vehicles"] for one in told["needed"]] == [told["fleets"][0]["vehicles"]] * 2
+    assert told["rule_packs"]["north"] is None
+    code, out, _ = place.plan("--mtbf-hours", "0.3", "--samples", "6", "--probability", "99")
+    assert code == 0
+    assert "vehicles finish in" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("--front",), "--front: expected none beside --day"),
+        (("--cost", "minmax"), "--cost: expected none beside --day"),
+        (("--objective", "speed"), "--objective: expected one of finish, flight, swaps, got 'speed'"),
+        (("--probability", "95,x"), "--probability: expected percentages"),
+        (("-o", "nowhere/day.json"), "there is no directory"),
+    ],
+)
+def test_options_that_do_not_fit(place: Place, arguments: tuple[str, ...], expected: str) -> None:
+    code, _, err = place.plan(*arguments)
+    assert code == 2
+    assert expected in err
+    assert err.count("\n") == 1
+
+
+def test_options_of_days_need_a_day(place: Place) -> None:
+    code, _, err = place.call("plan", "site.toml", "--mtbf-hours", "5")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "--mtbf-hours: expected --day beside it" in err
+
+
+@pytest.mark.parametrize(
+    ("parts", "expected"),
+    [
+        ((DAY.replace("08:00", "8 o'clock"), NORTH, SOUTH), "day.begin"),
+        ((DAY.replace("11:00", "07:00"), NORTH, SOUTH), "end: expected a time after begin, 08:00, got '07:00'"),
+        ((DAY.replace('"any"', '"own"'), NORTH, SOUTH), "lands: expected 'any' beside roads"),
+        ((DAY, NORTH), "base: expected every vehicle at one, got none for 'uav2'"),
+        ((DAY, NORTH, SOUTH.replace("uav2", "uav7")), "base[1].vehicles: expected one of uav1, uav2, got 'uav7'"),
+        ((DAY, NORTH, SOUTH.replace("uav2", "uav1")), "base[1].vehicles: expected each vehicle at one base"),
+        ((DAY, NORTH, SOUTH.replace("south", "north")), "base[1].name: expected a name of its own"),
+        ((DAY, NORTH.replace("packs = 9", "packs = -1"), SOUTH), "base[0].packs"),
+        ((DAY, '[[day.road]]\nbetween = ["north", "x"]\nminutes = 1\n', NORTH, SOUTH), "day.road[0].between"),
+        ((DAY, '[[day.quiet]]\nbegin = "09:00"\nend = "08:00"\n', NORTH, SOUTH), "expected a time after begin, 09:00"),
+        ((DAY, '[[day.vehicle]]\nname = "uav1"\nspeed_m_s = 90\n', NORTH, SOUTH), "day.vehicle[0].speed_m_s"),
+        ((DAY, '[[day.vehicle]]\nname = "uav1"\nsegments = ["no"]\n', NORTH, SOUTH), "day.vehicle[0].segments"),
+        ((DAY, NORTH + "alt_m = 800\n", SOUTH), "base north: expected flights 5 m or more over it"),
+    ],
+)
+def test_days_that_cannot_be_used(place: Place, parts: tuple[str, ...], expected: str) -> None:
+    place.write(NETWORK, *parts, VEHICLES)
+    code, _, err = place.plan()
+    assert code == 2
+    assert expected in err
+    assert err.count("\n") == 1
