@@ -24,7 +24,7 @@ from missions.geometry import nearest_on
 from missions.network import Network
 from missions.safety import legs_m
 from missions.setup import LOWEST_FLIGHT_M, FlightSetup
-from missions.terrain import place_words
+from missions.terrain import ground_place_words
 from missions.waypoints import FlightPath, Phase
 
 BESIDE_M = 10.0
@@ -274,13 +274,13 @@ def over_terrain(setup: FlightSetup, points: FloatArray) -> Low | None:
     over_m = points[:, 2] + setup.frame.alt_m - elevation.highest_m(points[:, :2])
     unknown = np.isnan(over_m)
     if unknown.any():
-        where = place_words(points[int(unknown.argmax()), :2], setup.frame, setup.network)
+        where = ground_place_words(points[int(unknown.argmax()), :2], setup.frame, setup.network)
         return Low(math.inf, f"over ground that {elevation.source} does not know, {where}")
     worst = int(over_m.argmin())
     short_m = kept_m - float(over_m[worst])
     if short_m <= ROUNDING_M:
         return None
-    where = place_words(points[worst, :2], setup.frame, setup.network)
+    where = ground_place_words(points[worst, :2], setup.frame, setup.network)
     least_m = float(over_m[worst])
     words = f"within {least_m:.1f} m of the ground" if least_m >= 0 else f"{-least_m:.1f} m below the ground"
     return Low(short_m, f"{words} {where}, {kept_m:.0f} m over it expected")

@@ -179,6 +179,6 @@ def _first(known: FloatArray, other: FloatArray) -> FloatArray:
     return np.where(np.isnan(known), other, known)
 
 
-def ordered(tiles: Sequence[Tile]) -> tuple[Tile, ...]:
+def tiles_in_order(tiles: Sequence[Tile]) -> tuple[Tile, ...]:
     """Return tiles as an elevation has them."""
     return tuple(sorted(tiles, key=lambda tile: tile.cell_m))

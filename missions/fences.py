@@ -44,7 +44,7 @@ class Fence:
         return min(_distance_m(place_m, one, other) for one, other in _edges(self.corners_m))
 
     def covers(self, other: Fence) -> bool:
-        """Return whether whoever keeps inside the other one keeps inside this one."""
+        """Return whether everything inside the other one is inside this one."""
         inside = all(_inside(self.corners_m, corner, COVERED_M) for corner in other.corners_m)
         return inside and other.top_m <= self.top_m + COVERED_M
 

@@ -51,7 +51,7 @@ class Grid:
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
-def over(grid: Grid, slope: float) -> Grid:
+def raised_over(grid: Grid, slope: float) -> Grid:
     """Return the lowest grid that is nowhere below another, and rises and falls by no more than a slope."""
     return _coned(grid, slope, np.maximum)
 

@@ -15,8 +15,8 @@ import numpy.typing as npt
 from missions.geo import FloatArray
 from missions.grids import Grid
 from missions.network import Network
-from missions.surface import CHECK_OVER_M, CHECK_STEP_M, MAX_CHECKS, Fit, along, candidates
-from missions.terrain import Known
+from missions.surface import CHECK_OVER_M, CHECK_STEP_M, MAX_CHECKS, Fit, along_tracks, candidates
+from missions.terrain import KnownGround
 
 Indices = npt.NDArray[np.intp]
 
@@ -53,7 +53,9 @@ class Overland:
     """Legs off the lines keep this near to the surface."""
 
 
-def fit_over(known: Known, wishes: Wishes, network: Network, tracks_m: FloatArray, pylon_m: FloatArray) -> Overland:
+def fit_over(
+    known: KnownGround, wishes: Wishes, network: Network, tracks_m: FloatArray, pylon_m: FloatArray
+) -> Overland:
     """Return the surface over lines and ground.
 
     Args:
@@ -79,7 +81,7 @@ def fit_over(known: Known, wishes: Wishes, network: Network, tracks_m: FloatArra
 
 
 def _settled(
-    known: Known, wishes: Wishes, tracks_m: FloatArray, asked_m: FloatArray, ends: Indices, slope: float,
+    known: KnownGround, wishes: Wishes, tracks_m: FloatArray, asked_m: FloatArray, ends: Indices, slope: float,
     error_m: float,
 ) -> Overland:  # fmt: skip
     """Return the surface of a slope; lifted lines may fit it worse than they did, which the floor must know."""
@@ -92,7 +94,7 @@ def _settled(
         stack_m = (wishes.vehicles - 1) * _spacing_m(wishes.layer_m, STEEPER * slope, off_m)
         roof = known.roof(max(wishes.kept_m + off_m, wishes.ceiling_m - stack_m - off_m - SLACK_M), slope)
         surface = replace(next(candidates(tracks_m, pylon_m[ends], (slope,)))[0], floor=floor, roof=roof)
-        places = along(tracks_m, pylon_m[ends], step_m)
+        places = along_tracks(tracks_m, pylon_m[ends], step_m)
         fitted_m = float(np.abs(surface.at_m(places[:, :2]) - places[:, 2]).max())
         if fitted_m <= max(error_m, FOLLOW_OVER_M):
             break

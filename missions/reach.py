@@ -1,6 +1,6 @@
 """What the areas of a site mean for a fleet: who keeps out of which, and which segments nobody can reach.
 
-A segment goes to whoever is best, and to any survivor in a re-plan. One that not every vehicle may fly is therefore
+A segment goes to the best vehicle, and to any survivor in a re-plan. One that not every vehicle may fly is therefore
 left out for all of them, and so is one in an area with a height limit that some vehicle's layer is above.
 """
 

@@ -16,7 +16,7 @@ from missions.network import Network
 from missions.overland import Wishes, fit_over
 from missions.relief import Relief, relief_of
 from missions.surface import FOLLOW_M, Fit, Surface, fit, flat
-from missions.terrain import Known, Terrain, known_ground
+from missions.terrain import KnownGround, Terrain, known_ground
 from missions.waypoints import FlightPath
 
 FLAT_M = 1.0
@@ -68,7 +68,7 @@ class Layers:
     """(n, 2) float64: heights of the lowest layer at each segment's a and b."""
     relief: Relief | None = None
     """The surface as flights are priced by it, where a raster knows the ground."""
-    known: Known | None = None
+    known: KnownGround | None = None
     """The ground between the lines and the pads, where a raster knows it."""
     raised_m: FloatArray = field(default_factory=lambda: np.zeros(0))
     """(p,) float64: how much higher than asked pylons are passed, for the ground beside them; of none without one."""

@@ -122,8 +122,8 @@ def candidates(
 ) -> Iterator[tuple[Surface, float]]:
     """Yield a surface and its largest error for each slope; distances, the costly part, are taken once."""
     length_m = float(np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T).sum())
-    data = along(tracks_m, heights_m, max(DATA_STEP_M, length_m / MAX_DATA))
-    checks = along(tracks_m, heights_m, max(CHECK_STEP_M, length_m / MAX_CHECKS))
+    data = along_tracks(tracks_m, heights_m, max(DATA_STEP_M, length_m / MAX_DATA))
+    checks = along_tracks(tracks_m, heights_m, max(CHECK_STEP_M, length_m / MAX_CHECKS))
     surfaces = [Surface(data[:, :2], data[:, 2], slope) for slope in slopes]
     errors_m = np.zeros(len(slopes))
     done = 0
@@ -150,7 +150,7 @@ def _extensions_m(distances_m: FloatArray, heights_m: FloatArray, slope: float) 
     return (heights_m - rise_m).max(axis=1), (heights_m + rise_m).min(axis=1)
 
 
-def along(tracks_m: FloatArray, heights_m: FloatArray, step_m: float) -> FloatArray:
+def along_tracks(tracks_m: FloatArray, heights_m: FloatArray, step_m: float) -> FloatArray:
     """Return (m, 3) places on the tracks, ends included, at most ``step_m`` apart."""
     ends = np.concatenate((tracks_m, heights_m[..., np.newaxis]), axis=2)
     pieces = []

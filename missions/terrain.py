@@ -58,7 +58,7 @@ class Spot:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Known:
+class KnownGround:
     """The ground of the area that flights may be over, in heights over the depot's."""
 
     corners_m: FloatArray
@@ -73,7 +73,7 @@ class Known:
     def floor(self, over_m: float, slope: float) -> Grid:
         """Return the lowest heights that are so far over the ground, and no steeper than a slope."""
         raised = Grid(self.highest.low_m, self.highest.step_m, self.highest.heights_m + over_m)
-        return grids.over(raised, slope)
+        return grids.raised_over(raised, slope)
 
     def roof(self, over_m: float, slope: float) -> Grid:
         """Return the highest heights that are no farther over the ground, and no steeper than a slope."""
@@ -99,7 +99,7 @@ def _node_step_m(corners_m: FloatArray) -> float:
     return max(NODES_M, math.sqrt(float(sides_m.prod()) / MOST_NODES))
 
 
-def known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame, network: Network) -> Known:
+def known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame, network: Network) -> KnownGround:
     """Return the ground that flights between places may be over.
 
     Args:
@@ -139,7 +139,7 @@ def known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame, netw
     start = (float(low_m[0]), float(low_m[1]))
     highest = Grid(start, step_m, _nodes(cells_high, np.maximum, UNKNOWN_M))
     lowest = Grid(start, step_m, _nodes(cells_low, np.minimum, -UNKNOWN_M))
-    return Known(
+    return KnownGround(
         corners,
         highest,
         lowest,
@@ -152,11 +152,11 @@ def unknown_ground(elevation: Elevation, place_m: FloatArray, frame: LocalFrame,
     """Return the error that says where nobody knows the ground."""
     return ElevationError(
         f"{elevation.source}: no-data: expected the ground's height everywhere between the lines and the pads, none "
-        f"{place_words(place_m, frame, network)}"
+        f"{ground_place_words(place_m, frame, network)}"
     )
 
 
-def place_words(place_m: FloatArray, frame: LocalFrame, network: Network) -> str:
+def ground_place_words(place_m: FloatArray, frame: LocalFrame, network: Network) -> str:
     """Return where a place is: "at 46.60123, 10.40021, 120 m from pylon 'P17'"."""
     lat_deg, lon_deg = frame.to_wgs84_deg(float(place_m[0]), float(place_m[1]))
     away_m = np.hypot(*(network.positions_m - place_m).T)

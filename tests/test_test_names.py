@@ -23,6 +23,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/site/areas.py",
         "executor/site/tables/areas.py",
         "missions/outlines.py",
+        "missions/plansetup.py",
         "missions/reach.py",
     ),
     "tests/properties/test_missions_areas.py": ("missions/areas.py", "missions/ways.py"),

@@ -40,7 +40,7 @@ SITE, RASTER, NETWORK = "site.toml", "Copernicus_DSM_COG_10_bench.tif", "lines.g
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class MeasuredStep:
     """One step in a process of its own."""
 
     name: str
@@ -80,7 +80,7 @@ def make_terrain(out: Path | None, *, spans: int, megacells: float, seconds: flo
         "raster_mb": round(megabytes),
         "steps": [asdict(step) for step in steps],
     }
-    text = page(content, steps)
+    text = terrain_page(content, steps)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         (out / "terrain.md").write_text(text, encoding="utf-8")
@@ -88,7 +88,7 @@ def make_terrain(out: Path | None, *, spans: int, megacells: float, seconds: flo
     return content, text
 
 
-def page(content: dict[str, object], steps: list[Step]) -> str:
+def terrain_page(content: dict[str, object], steps: list[MeasuredStep]) -> str:
     """Return the page of the results."""
     made = content["machine"]
     rows = [
@@ -152,17 +152,17 @@ def _feature(kind: str, coordinates: object, properties: dict[str, str]) -> dict
     return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}
 
 
-def _step(folder: Path, kind: str, seconds: float) -> Step:
-    code = "import sys; from executor.bench.terrain import measured; measured(*sys.argv[1:])"
+def _step(folder: Path, kind: str, seconds: float) -> MeasuredStep:
+    code = "import sys; from executor.bench.terrain import measured_steps; measured_steps(*sys.argv[1:])"
     done = subprocess.run(
         [sys.executable, "-c", code, str(folder), kind, str(seconds)], capture_output=True, text=True, check=False
     )
     if done.returncode:
         raise BenchError(f"bench terrain: {kind}: {done.stderr.strip().splitlines()[-1]}")
-    return Step(**json.loads(done.stdout.splitlines()[-1]))
+    return MeasuredStep(**json.loads(done.stdout.splitlines()[-1]))
 
 
-def measured(folder: str, kind: str, seconds: str) -> None:
+def measured_steps(folder: str, kind: str, seconds: str) -> None:
     """Do one step in this process, and print it."""
     base, begun_s = Path(folder), time.perf_counter()
     site = check_site(_site(), SITE)
@@ -183,7 +183,7 @@ def measured(folder: str, kind: str, seconds: str) -> None:
             covered = len(plan.segments) - len(plan.plan.uncovered)
             step, found = f"the same, and a plan ({seconds} s of search)", f"{covered} spans planned"
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    done = Step(step, time.perf_counter() - begun_s, time.process_time(), peak_mb, found)
+    done = MeasuredStep(step, time.perf_counter() - begun_s, time.process_time(), peak_mb, found)
     print(json.dumps(asdict(done)))
 
 

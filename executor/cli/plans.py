@@ -55,7 +55,7 @@ from executor.errors import SiteError
 from executor.flight import next_sortie
 from executor.site import assembly, planning
 from executor.site.config import read_site
-from executor.site.ground_view import view_for
+from executor.site.ground_view import GroundView, view_for
 from executor.site.heights import PlannedHeights, planned_heights
 from executor.site.plan_words import left_over_words, left_words, route_words, summary, window_words
 from executor.site.planning import DEFAULT, Wanted
@@ -135,38 +135,54 @@ def plan(
         wanted = replace(wanted, params=SearchParams.load(search))
     can_be_written(None if front else output)
     can_be_drawn("--picture", picture)
-    can_be_drawn("--profile", profile)
     console = TerminalConsole(quiet=as_json, yes=True)
     ground = ground_with(read_site(site), site.parent, learned, console)
+    _can_be_profiled(profile, site, front=front, over_raster=ground.terrain is not None)
     if day:
         seconds = seconds if _is_given(asked, "seconds") else DAY_SECONDS
         wishes = DayAsked(objective, seconds, seed, starts, mtbf_hours, probability, samples)
         plan_day(ground, console, wishes, output, picture, as_json=as_json)
         return
-    if profile is not None and (front or ground.terrain is None):
-        raise SiteError(f"--profile: expected one plan, without --front, of a site with [terrain], got {site}")
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
-    below = None if picture is None else view_for(ground, site.parent)  # what cannot be drawn is said before the work
-    content = plan_and_tell(
-        ground, console, wanted, next_sortie.segments_left(after, ground) if after is not None else None
-    )
+    below = None if picture is None else view_for(ground, site.parent)
+    left = None if after is None else next_sortie.segments_left(after, ground)
+    content = plan_and_tell(ground, console, wanted, left)
     heights = planned_heights(ground, content)
     if output is not None:
         writable(output, lambda: write_plan(output, content))
+    _draw(ground, content, (picture, below), profile)
+    _print_plan(content, as_json=as_json, heights=heights)
+    if not as_json:
+        _print_how_to_fly(site, output, learned)
+    if content.plan.uncovered or content.unreachable:
+        raise typer.Exit(1)
+
+
+def _print_how_to_fly(site: Path, plan: Path | None, learned: Path | None) -> None:
+    if plan is None:
+        return
+    known = "" if learned is None else f" --learned {learned}"
+    print(f"flown as it is by: faultline fly {site} --plan {plan}{known}")
+
+
+def _can_be_profiled(profile: Path | None, site: Path, *, front: bool, over_raster: bool) -> None:
+    can_be_drawn("--profile", profile)
+    if profile is not None and (front or not over_raster):
+        raise SiteError(f"--profile: expected one plan, without --front, of a site with [terrain], got {site}")
+
+
+def _draw(
+    ground: assembly.Ground, content: PlanFile, chart: tuple[Path | None, GroundView | None], profile: Path | None
+) -> None:
+    picture, below = chart
     if picture is not None:
         from executor.analysis.pictures import draw_plan
 
         writable(picture, lambda: draw_plan(content, picture, below))
     if profile is not None:
         _draw_profile(ground, content, profile)
-    _print_plan(content, as_json=as_json, heights=heights)
-    if output is not None and not as_json:
-        known = "" if learned is None else f" --learned {learned}"
-        print(f"flown as it is by: faultline fly {site} --plan {output}{known}")
-    if content.plan.uncovered or content.unreachable:
-        raise typer.Exit(1)
 
 
 def _draw_profile(ground: assembly.Ground, content: PlanFile, path: Path) -> None:

@@ -15,7 +15,7 @@ from executor.core.commands import Level
 from executor.core.preflight.parameters import Kept
 from executor.core.words import count_of
 from executor.flight.changed_parameters import parameters_report, read_kept
-from executor.flight.kept_lists import KeptList, read_lists
+from executor.flight.kept_lists import KeptList, read_kept_lists
 from executor.runtime import turns
 
 
@@ -30,7 +30,7 @@ def restore(
 
     _, waiting, lists = restoring.read_open(directory)
     if not waiting and not lists:
-        _finish(directory, read_kept(directory) or (), read_lists(directory), as_json=as_json, quiet=quiet)
+        _finish(directory, read_kept(directory) or (), read_kept_lists(directory), as_json=as_json, quiet=quiet)
         return
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     for words in (*(one.words for one in waiting), *(one.words for one in lists)):

@@ -1,6 +1,6 @@
 """The fences that go on board: who is given which, and which a new mission needs.
 
-A vehicle's fence holds the way of its mission and of its own return. A mission that would leave it goes on board only
+A vehicle's fence holds the way of its mission and of its own RTL. A mission that would leave it goes on board only
 after a fence that covers the old and the new way, so that what is on board fits whatever comes between the two.
 """
 

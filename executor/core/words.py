@@ -30,10 +30,10 @@ def not_reachable(named: Iterable[tuple[str, str]], most: int) -> list[str]:
     reasons: dict[str, list[str]] = {}
     for name, why in named:
         reasons.setdefault(why, []).append(name)
-    return [f"not reachable, {why}: {listed(names, most)}" for why, names in reasons.items()]
+    return [f"not reachable, {why}: {first_of(names, most)}" for why, names in reasons.items()]
 
 
-def listed(names: Sequence[str], most: int) -> str:
+def first_of(names: Sequence[str], most: int) -> str:
     """Return names in a row; of many the first, and how many more there are."""
     shown_names = names if len(names) <= most else [*names[:most], f"and {len(names) - most} more"]
     return ", ".join(shown_names)

@@ -41,7 +41,7 @@ def checklist(
     found = heights.checks(context.setup, list(paths.values()), worth_a_look)
     pads_m = {pad.vehicle: (pad.east_m, pad.north_m) for pad in places_of(site, context.frame)[0]}
     visits = {name: board.visits for name, board in boards.items() if board is not None}
-    found += areas.checks(context.setup, list(paths.values()), visits, pads_m)
+    found += areas.area_checks(context.setup, list(paths.values()), visits, pads_m)
     links = {table.name: table.link for table in site.vehicle}
     found.append(checks.talkers(links, signed=site.signing is not None))
     found.append(checks.disk(free_bytes, paths, context))

@@ -47,7 +47,7 @@ async def _examined(order: Order, console: Console, clock: SystemClock) -> list[
         found = [answer for answer in answers if isinstance(answer, Check)]
         if not found:
             context, boards, found_of = preparing.examined(order, facts)
-            found_of += fencing.checks(context, facts, boards, await fencing.read_all(context, links, clock))
+            found_of += fencing.fences_checked(context, facts, boards, await fencing.read_all(context, links, clock))
             return [*found_of, *(await read_changes(context, links, clock)).checks]
     found += plan_checks(order.plan, len(order.ground.network.segments))
     # Without everybody's place there are no pads, and no paths to look at.

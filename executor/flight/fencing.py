@@ -18,7 +18,7 @@ from executor.core.preflight.checks import Check, Facts
 from executor.core.preflight.fences import Lists
 from executor.errors import LogError, PreflightFailed
 from executor.flight.flight_order import Console
-from executor.flight.kept_lists import KeptList, ListStage, planned, read_lists, write_lists
+from executor.flight.kept_lists import KeptList, ListStage, planned_lists, read_kept_lists, write_lists
 from executor.flight.parameter_changes import AT_ONCE, Links
 from executor.runtime import parameters, preflight
 from executor.runtime.parameters import HEARD_S
@@ -40,7 +40,7 @@ async def read_all(context: Context, links: Links, clock: Clock) -> dict[str, Li
     return dict(zip(context.vehicles, found, strict=True))
 
 
-def checks(
+def fences_checked(
     context: Context,
     facts: Mapping[str, Facts],
     boards: Mapping[str, OnBoard | None],
@@ -59,7 +59,7 @@ def checks(
     Raises:
         LogError: that record cannot be read.
     """
-    kept = [] if run is None else [one for one in read_lists(run) if one.open]
+    kept = [] if run is None else [one for one in read_kept_lists(run) if one.open]
 
     def ours(name: str, kind: MissionKind, items: fences.Items | None) -> fences.Items | None:
         known = next((one for one in kept if one.vehicle == name and one.kind is kind), None)
@@ -73,15 +73,15 @@ def checks(
     return told
 
 
-def wanted(context: Context, first: Mapping[str, Fence]) -> dict[str, Lists]:
+def fences_wanted(context: Context, first: Mapping[str, Fence]) -> dict[str, Lists]:
     """Return what is put on board, by vehicle; nothing where the site wants none."""
     return {name: Lists(fence_list(context, fence), rally_list(context, name)) for name, fence in first.items()}
 
 
-def lines(context: Context, first: Mapping[str, Fence], found: Mapping[str, Lists]) -> list[str]:
+def fence_lines(context: Context, first: Mapping[str, Fence], found: Mapping[str, Lists]) -> list[str]:
     """Return what is replaced on board, for the crew to confirm."""
     told = []
-    for name, lists in wanted(context, first).items():
+    for name, lists in fences_wanted(context, first).items():
         had = found.get(name, Lists())
         fence = f"fence of {len(lists.fence or ())} corners (had {len(had.fence or ()) or 'none'})"
         rally = "" if lists.rally is None else f", its pad as rally point (had {len(had.rally or ()) or 'none'})"
@@ -89,7 +89,7 @@ def lines(context: Context, first: Mapping[str, Fence], found: Mapping[str, List
     return told
 
 
-async def put_all(
+async def put_lists(
     run: Path,
     context: Context,
     links: Links,
@@ -105,14 +105,14 @@ async def put_all(
         VehicleRefused: a vehicle did not take them.
         LogError: there is a record of an earlier attempt, and it cannot be read.
     """
-    lists = wanted(context, first)
+    lists = fences_wanted(context, first)
     if not lists:
         return
-    before = read_lists(run)
+    before = read_kept_lists(run)
     made = [
         one
         for name, new in lists.items()
-        for one in planned(before, name, (context.vehicles[name].sysid, context.vehicles[name].dialect.name),
+        for one in planned_lists(before, name, (context.vehicles[name].sysid, context.vehicles[name].dialect.name),
                            found[name], new)
     ]  # fmt: skip
     keys = {(one.vehicle, one.kind) for one in made}
@@ -142,7 +142,7 @@ async def put_all(
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-def noted(run: Path, context: Context, command: Upload) -> None:
+def lists_noted(run: Path, context: Context, command: Upload) -> None:
     """Put a wider fence on record that is about to go on board in flight.
 
     Raises:
@@ -156,12 +156,12 @@ def noted(run: Path, context: Context, command: Upload) -> None:
         replace(one, new=(*one.new, items), stage=ListStage.PLANNED)
         if one.vehicle == command.vehicle and one.kind is MissionKind.FENCE and items not in one.new
         else one
-        for one in read_lists(run)
+        for one in read_kept_lists(run)
     ]
     write_lists(run, kept)
 
 
-async def give_back(
+async def give_lists_back(
     run: Path, links: Links, clock: Clock, console: Console, heard_s: float = HEARD_S
 ) -> tuple[KeptList, ...]:
     """Give back what was replaced to every vehicle that answers and is not armed; say of each what became of it.
@@ -177,7 +177,7 @@ async def give_back(
         The whole record as it is now; empty if nothing was ever replaced, or the record cannot be read.
     """
     try:
-        record = _Record(run, console, list(read_lists(run)))
+        record = _Record(run, console, list(read_kept_lists(run)))
     except LogError as error:
         console.say(Level.WARNING, str(error))
         return ()
@@ -219,7 +219,7 @@ async def _given_back(
 ) -> dict[MissionKind, str]:
     """Give one vehicle its lists back; returns why it does not have one of them."""
     problems: dict[MissionKind, str] = {}
-    async with parameters.at_rest(link, clock, kept[0].autopilot, heard_s) as rest:
+    async with parameters.resting(link, clock, kept[0].autopilot, heard_s) as rest:
         for one in kept:
             problem = rest.problem or ("" if rest.rests() else "was armed meanwhile")
             stage = None

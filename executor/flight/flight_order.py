@@ -23,7 +23,7 @@ from executor.site.config import Site
 from executor.site.ground_files import keep_ground
 from executor.site.ground_view import GroundView, view_for
 from missions import PlanFile, write_plan
-from missions.readers.kept_elevation import write_kept
+from missions.readers.kept_elevation import write_kept_ground
 
 
 class Teller(Protocol):
@@ -111,7 +111,7 @@ def keep(order: Order) -> None:
     if order.ground.terrain is not None:
         # What was read, not the rasters: those may be gigabytes, and the next reading of them another.
         kept = RunDirectory(order.run).terrain
-        write_kept(kept, order.ground.terrain.elevation)
+        write_kept_ground(kept, order.ground.terrain.elevation)
         content["terrain"] = {**content["terrain"], "files": kept.name}
     keep_site(order.run, content, files)
     if order.ground.learned:

@@ -103,7 +103,7 @@ async def _fly(
     facts = await interviews(order, links, clock, console)
     context, boards, found = examined(order, facts)
     lists = await fencing.read_all(context, links, clock)
-    found += fencing.checks(context, facts, boards, lists, run)
+    found += fencing.fences_checked(context, facts, boards, lists, run)
     console.checks(found)
     try:
         _must_not_stop(found)
@@ -139,7 +139,7 @@ async def _given_back(
     run: Path, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
 ) -> tuple[Kept, ...]:
     """Give back what is on record, fences before the parameters that say how they are kept to."""
-    await fencing.give_back(run, links, clock, console)
+    await fencing.give_lists_back(run, links, clock, console)
     return await parameter_changes.give_back(run, links, clock, console)
 
 
@@ -170,7 +170,7 @@ async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, 
         PreflightFailed: the operator did not say yes, or something cannot be put on board.
     """
     context, links, clock, proposal = seat.context, seat.links, seat.clock, beginning.proposal
-    fence_lines = fencing.lines(context, beginning.fences, beginning.lists)
+    fence_lines = fencing.fence_lines(context, beginning.fences, beginning.lists)
     if proposal.changes or fence_lines:
         text = parameter_changes.changes_question(proposal, fences=len(fence_lines))
         told = [*fence_lines, *parameter_changes.lines(proposal)]
@@ -178,7 +178,7 @@ async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, 
             raise PreflightFailed("not confirmed; nothing was changed on board")
     beginning.found.extend(await parameter_changes.apply_changes(order.run, proposal, context, links, clock, console))
     # Before the missions: PX4 holds a mission against the fence that is on board.
-    await fencing.put_all(order.run, context, links, clock, beginning.fences, beginning.lists, console)
+    await fencing.put_lists(order.run, context, links, clock, beginning.fences, beginning.lists, console)
     await load_all(context, links, clock, beginning.boards, console)
     vehicles_of(context, seat.said).write(RunDirectory(order.run).vehicles)
     text = f"All missions are on board, verified by read-back: {summary(order.plan)}. Take off?"

@@ -69,7 +69,7 @@ class KeptList:
         return any(not place_differences(one, items) for one in self.new)
 
 
-def planned(
+def planned_lists(
     before: Sequence[KeptList], name: str, about: tuple[int, str], found: Lists, wanted: Lists
 ) -> list[KeptList]:
     """Return what is on record of one vehicle before anything is sent.
@@ -125,7 +125,7 @@ _NAMES = {MissionKind.FENCE: "fence", MissionKind.RALLY: "rally"}
 _KINDS = {name: kind for kind, name in _NAMES.items()}
 
 
-def read_lists(run: Path) -> tuple[KeptList, ...]:
+def read_kept_lists(run: Path) -> tuple[KeptList, ...]:
     """Return what is on record of a flight; nothing if it never changed a fence or rally points.
 
     Raises:

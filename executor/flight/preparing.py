@@ -76,7 +76,7 @@ async def interview_at_link(
         console.say(Level.INFO, f"{name}: not ready yet: {missing}")
 
     dialect = dialect_for(table.autopilot)
-    more = () if site.terrain is None else terrain.names(dialect)
+    more = () if site.terrain is None else terrain.named_parameters(dialect)
     facts = await asking.interview(name, link, clock, dialect, site.flight.ready_timeout_s, waits, more)
     console.say(Level.INFO, f"{name}: ready, {facts.words}, battery {facts.remaining_pct:.0f} %")
     return facts

@@ -98,7 +98,7 @@ class Keeper:
             self._log.note(now_s, command=to_plain(command))
         if isinstance(command, Upload):
             try:
-                fencing.noted(self._order.run, self._context, command)
+                fencing.lists_noted(self._order.run, self._context, command)
             except (OSError, LogError) as error:
                 self._warn(f"the new fence of {command.vehicle} is not on record: {error}")
 

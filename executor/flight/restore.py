@@ -13,7 +13,7 @@ from executor.errors import LogError
 from executor.flight import fencing
 from executor.flight.changed_parameters import read_kept
 from executor.flight.flight_order import Console
-from executor.flight.kept_lists import KeptList, read_lists
+from executor.flight.kept_lists import KeptList, read_kept_lists
 from executor.flight.parameter_changes import give_back
 from executor.flight.together import time_of
 from executor.site.config import Site, read_site, signing_key
@@ -26,7 +26,7 @@ def read_open(run: Path) -> tuple[Site, list[Kept], list[KeptList]]:
         LogError: the directory holds no record, or one that cannot be read.
         SiteError: site.toml cannot be used.
     """
-    kept, lists = read_kept(run), read_lists(run)
+    kept, lists = read_kept(run), read_kept_lists(run)
     if kept is None and not lists:
         raise LogError(f"{run}: expected a run directory with parameters.json; no parameter was changed from here")
     still = [one for one in kept or () if one.open]
@@ -54,5 +54,5 @@ async def restore(run: Path, console: Console) -> tuple[tuple[Kept, ...], tuple[
             wanted = {table.name: LinkOrder(table.link, table.sysid) for table in site.vehicle if table.name in names}
             async with endpoints.open_mavlink_links(wanted, keyring) as links:
                 heard_s = site.flight.connect_timeout_s * clock.speedup
-                fences = await fencing.give_back(run, links, clock, console, heard_s)
+                fences = await fencing.give_lists_back(run, links, clock, console, heard_s)
                 return await give_back(run, links, clock, console, heard_s), fences

@@ -96,7 +96,7 @@ class _Watch:
 
 
 @dataclass(frozen=True, slots=True)
-class Rest:
+class Resting:
     """A vehicle that was waited for until it answers and is not armed."""
 
     problem: str
@@ -106,7 +106,7 @@ class Rest:
 
 
 @asynccontextmanager
-async def at_rest(link: Link, clock: Clock, autopilot: str, heard_s: float = HEARD_S) -> AsyncIterator[Rest]:
+async def resting(link: Link, clock: Clock, autopilot: str, heard_s: float = HEARD_S) -> AsyncIterator[Resting]:
     """Wait for a vehicle at rest, to give something back to it; it is listened to until the block ends.
 
     Args:
@@ -119,7 +119,7 @@ async def at_rest(link: Link, clock: Clock, autopilot: str, heard_s: float = HEA
     stop_listening = link.listen(watch.take)
     try:
         calls = first_names(dialect_for(autopilot))[0]
-        yield Rest(await _not_ready(link, clock, calls, autopilot, watch, heard_s), lambda: watch.rests)
+        yield Resting(await _not_ready(link, clock, calls, autopilot, watch, heard_s), lambda: watch.rests)
     finally:
         stop_listening()
 

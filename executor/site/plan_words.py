@@ -9,7 +9,7 @@ import numpy as np
 
 from executor.core.check_codes import CheckCode
 from executor.core.preflight.checks import Check, Severity
-from executor.core.words import listed, not_reachable
+from executor.core.words import first_of, not_reachable
 from missions import PlanFile
 
 NAMED = 50
@@ -97,7 +97,7 @@ def left_words(plan: PlanFile, most: int = NAMED) -> list[str]:
         figure = f" ({one.alone_pct:.2f} % of {one.budget_pct:g} %)" if one.why == OUT_OF_REACH else ""
         reasons.setdefault(one.why, []).append(one.name + figure)
     never = zip(plan.unreachable_names, (one.why for one in plan.unreachable), strict=True)
-    lines = [f"left over, {why}: {listed(names, most)}" for why, names in reasons.items()]
+    lines = [f"left over, {why}: {first_of(names, most)}" for why, names in reasons.items()]
     return [*lines, *not_reachable(never, most)]
 
 

@@ -17,12 +17,12 @@ import numpy as np
 import pyproj
 from pyproj.exceptions import CRSError, ProjError
 
-from missions.elevation import Elevation, Heights, Tile, ordered
+from missions.elevation import Elevation, Heights, Tile, tiles_in_order
 from missions.errors import ElevationError
 from missions.files import printable
 from missions.geo import FloatArray, LocalFrame
 from missions.readers.geoids import above_sea_m
-from missions.readers.kept_elevation import KEPT_SUFFIX, read_kept
+from missions.readers.kept_elevation import KEPT_SUFFIX, read_kept_ground
 
 if TYPE_CHECKING:
     import rasterio
@@ -111,7 +111,7 @@ def read_elevation(paths: Sequence[Path], reading: Reading) -> Elevation:
     """
     files = _files(paths)
     if len(files) == 1 and files[0].suffix == KEPT_SUFFIX:
-        return read_kept(files[0], reading.frame)
+        return read_kept_ground(files[0], reading.frame)
     found = [_read(path, reading) for path in files]
     inside = [one for one in found if one.tile is not None]
     names = files[0].name if len(files) == 1 else f"{len(files)} rasters"
@@ -124,7 +124,7 @@ def read_elevation(paths: Sequence[Path], reading: Reading) -> Elevation:
         )
     return Elevation(
         frame=LocalFrame(reading.frame.lat_deg, reading.frame.lon_deg),
-        tiles=ordered([one.tile for one in inside if one.tile is not None]),
+        tiles=tiles_in_order([one.tile for one in inside if one.tile is not None]),
         source=names,
         vertical=", ".join(dict.fromkeys(one.vertical for one in inside)),
         uncertainty_m=max(one.uncertainty_m for one in inside),

@@ -22,7 +22,7 @@ SAME_DEG = 1e-9
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError)
 
 
-def write_kept(path: Path, elevation: Elevation) -> None:
+def write_kept_ground(path: Path, elevation: Elevation) -> None:
     """Write what was read, so that the same ground is read again without the rasters.
 
     Raises:
@@ -57,7 +57,7 @@ def write_kept(path: Path, elevation: Elevation) -> None:
     write_whole(path, content.getvalue())
 
 
-def read_kept(path: Path, frame: LocalFrame) -> Elevation:
+def read_kept_ground(path: Path, frame: LocalFrame) -> Elevation:
     """Read what a run has kept.
 
     Args:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from missions import FlightModel, Pricing, column_radius_m, dialect_for, estimate, flight_path
-from missions.grids import Grid, hull_m, inside, over, under
+from missions.grids import Grid, hull_m, inside, raised_over, under
 from missions.pricing import flown_instance
 from planner import PRESETS, Cost, Plan, Route, Vehicle, evaluate, segment_of, steady_wind
 from tests.terrain_judge import Case, case_of
@@ -72,7 +72,7 @@ def hills(seed: int = 3) -> Grid:
 @pytest.mark.parametrize("slope", [0.2, 0.7])
 def test_cones_are_over_or_under_every_height_and_no_steeper(slope: float) -> None:
     grid = hills()
-    high, low = over(grid, slope), under(grid, slope)
+    high, low = raised_over(grid, slope), under(grid, slope)
     assert (high.heights_m >= grid.heights_m).all()
     assert (low.heights_m <= grid.heights_m).all()
     places = grid.places_m.reshape(-1, 2)

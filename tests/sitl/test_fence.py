@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import common as mav
 
 from executor.core.state import FleetState
 from executor.core.vehicle import VehicleState
-from executor.flight.kept_lists import ListStage, read_lists
+from executor.flight.kept_lists import ListStage, read_kept_lists
 from missions.fences import place_differences
 from missions.items import MissionItem, MissionKind, Place
 from tests.sitl.flights import VICTIM, Story, flown
@@ -77,7 +77,7 @@ def test_who_leaves_its_fence_comes_home_and_is_declared(autopilot: Autopilot, t
     look = Look(autopilot)
     flight = flown(autopilot, Story(look.strike, fence=FENCE), tmp_path)
     print(flight.said)
-    kept = {(one.vehicle, one.kind): one for one in read_lists(flight.run)}
+    kept = {(one.vehicle, one.kind): one for one in read_kept_lists(flight.run)}
     # What was on board in flight is what was put there.
     assert place_differences(kept[VICTIM, MissionKind.FENCE].new[-1], look.fence) == ()
     assert place_differences(kept[VICTIM, MissionKind.RALLY].new[-1], look.rally) == ()
@@ -107,6 +107,6 @@ def test_a_replan_that_leads_out_of_a_fence_widens_it_first(autopilot: Autopilot
     assert "and a wider fence before it" in flight.said
     assert "fence breached" not in flight.said
     assert flight.report["finished"]
-    widened = [one for one in read_lists(flight.run) if one.kind is MissionKind.FENCE and len(one.new) > 1]
+    widened = [one for one in read_kept_lists(flight.run) if one.kind is MissionKind.FENCE and len(one.new) > 1]
     assert widened
     assert all(one.stage is ListStage.RESTORED for one in widened if one.vehicle != "uav3")

@@ -31,7 +31,7 @@ from executor.core.parts import OnBoard
 from executor.core.ports import EventSink, OpenLink
 from executor.core.preflight.checks import Check, Severity
 from executor.core.state import FleetState
-from executor.flight.fencing import wanted
+from executor.flight.fencing import fences_wanted
 from executor.flight.flight_order import Order
 from executor.flight.parameter_changes import read_changes
 from executor.flight.preparing import examined, interviews, load_all
@@ -207,7 +207,7 @@ class _Sky:
         if not first:
             return
         changes = await read_changes(context, links, clock)
-        for name, lists in wanted(context, first).items():
+        for name, lists in fences_wanted(context, first).items():
             await set_changes(links[name], clock, changes.of(name))
             await load_lists(name, links[name], clock, context.vehicles[name].dialect, lists)
 

@@ -20,7 +20,7 @@ from executor.core.parts import Cause, Errand
 from executor.core.places import kill_switch_on
 from executor.core.state import FleetState
 from executor.core.vehicle import IN_THE_AIR, Stage, VehicleState
-from executor.core.words import listed
+from executor.core.words import first_of
 from missions import Phase
 from missions.areacheck import areas_on_the_way_home
 from missions.autopilots.modes import is_home_mode, is_mission_mode
@@ -196,7 +196,7 @@ def _through_areas(context: Context, vehicle: VehicleState) -> tuple[Command, ..
     names = areas_on_the_way_home(context.setup, vehicle.name, fix.place_m)
     if not names:
         return ()
-    text = f"{vehicle.name}: its RTL is straight, through area {listed([repr(name) for name in names], MOST_NAMED)}"
+    text = f"{vehicle.name}: its RTL is straight, through area {first_of([repr(name) for name in names], MOST_NAMED)}"
     return (Say(Level.WARNING, text),)
 
 

@@ -16,7 +16,7 @@ OFF_PAD_M = 20.0
 """A vehicle that stands farther from the pad that the site states for it stands somewhere else."""
 
 
-def checks(
+def area_checks(
     setup: FlightSetup,
     paths: Sequence[FlightPath],
     routes: Mapping[str, Sequence[int]],

@@ -43,7 +43,7 @@ def parameter_names(context: Context, name: str) -> tuple[str, ...]:
 
 def with_fences(context: Context, proposal: Proposal) -> Proposal:
     """Return what a flight changes on board with what its fences need."""
-    made = {name: changes(context, name, said) for name, said in proposal.present.items()}
+    made = {name: fence_changes(context, name, said) for name, said in proposal.present.items()}
     checks = [check for name, said in proposal.present.items() for check in _told(context, name, said, made[name])]
     return replace(
         proposal,
@@ -60,7 +60,7 @@ def _told(context: Context, name: str, said: Present, made: Sequence[Change]) ->
     return [*fence_checks(context, name, said, made), *setting]
 
 
-def changes(context: Context, name: str, said: Present) -> list[Change]:
+def fence_changes(context: Context, name: str, said: Present) -> list[Change]:
     """Return which parameters are set so that a vehicle keeps to the fence that it is given.
 
     The limits of its owner stay where the flight fits into them.

@@ -15,7 +15,7 @@ GPS_M = 5.0
 """What a good GPS is off in height beside the raster."""
 
 
-def names(dialect: Dialect) -> tuple[str, ...]:
+def named_parameters(dialect: Dialect) -> tuple[str, ...]:
     """Return the parameters that say so."""
     return tuple(rule.parameter for rule in dialect.terrain)
 

@@ -19,6 +19,7 @@ from executor.site import assembly, planning
 from executor.site.config import read_site
 from missions import PlanFileError, read_plan, write_plan
 from missions.geo import LocalFrame
+from missions.plansetup import setup_of_plan
 from missions.readers import read_network
 from tests.executor.cli.test_main import DEPOT, Place, place
 from tests.executor.flights import short_report
@@ -97,6 +98,11 @@ def test_a_plan_of_other_areas_is_not_flown(place: Place) -> None:
 
 def test_an_export_leads_around_as_well(place: Place) -> None:
     plan = place.planned(extra=area(name="yard", polygon=box(25, -14, 50, 14), margin_m=2))
+    content = read_plan(plan)
+    assert content.inspection is not None
+    setup = setup_of_plan(content, content.inspection)
+    assert [one.area.name for one in setup.kept_out] == ["yard"]
+    assert setup.areas == content.areas
     place.run("export", plan, "-o", place.path("around"))
     plain = place.planned(extra="")
     place.run("export", plain, "-o", place.path("straight"))

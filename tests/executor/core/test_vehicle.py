@@ -14,6 +14,7 @@ from executor.core.battery.voltage import VoltageState
 from executor.core.carried import Carried
 from executor.core.link_quality import LinkQuality
 from executor.core.parts import Cause, TextFlow
+from executor.core.payload.pictures import PayloadState
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import flat
 from tests.executor.core.steps import rounded
@@ -57,6 +58,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "watches": (),
             "stale": False,
             "fault": None,
+            "fence": None,
+            "payload": PayloadState(),
             "pending": None,
             "stubborn": False,
             "failures": 0,

@@ -14,7 +14,7 @@ from executor.core.fencing import fence_list, first_fences
 from executor.core.messages import SendMissionCount
 from executor.errors import LogError, PreflightFailed, VehicleRefused
 from executor.flight import fencing
-from executor.flight.kept_lists import KeptList, ListStage, read_lists
+from executor.flight.kept_lists import KeptList, ListStage, read_kept_lists
 from missions import MissionItem, MissionKind, dialect_for
 from missions.fences import Fence, place_differences
 from missions.items import Place
@@ -55,10 +55,10 @@ class Pads:
 
     async def put(self) -> None:
         found = await fencing.read_all(self.context, self.links, self.clock)
-        await fencing.put_all(self.run, self.context, self.links, self.clock, self.first, found, self.console)
+        await fencing.put_lists(self.run, self.context, self.links, self.clock, self.first, found, self.console)
 
     async def give_back(self) -> tuple[KeptList, ...]:
-        return await fencing.give_back(self.run, self.links, self.clock, self.console)
+        return await fencing.give_lists_back(self.run, self.links, self.clock, self.console)
 
     def close(self) -> None:
         for link in self.links.values():
@@ -80,11 +80,11 @@ async def test_everybody_is_given_a_fence_and_gets_its_own_back(autopilot: str, 
     for name, fence in pads.first.items():
         assert place_differences(fence_list(pads.context, fence), pads.fence_of(name)) == ()
         assert len(pads.vehicles[name].beside[RALLY].items) == 1
-    assert {one.stage for one in read_lists(tmp_path)} == {ListStage.SET}
+    assert {one.stage for one in read_kept_lists(tmp_path)} == {ListStage.SET}
     assert {one.stage for one in await pads.give_back()} == {ListStage.RESTORED}
     assert pads.as_before
     assert "info uav1: fence and rally points restored" in pads.console.lines
-    assert await pads.give_back() == read_lists(tmp_path), "what is back is not asked for again"
+    assert await pads.give_back() == read_kept_lists(tmp_path), "what is back is not asked for again"
     pads.close()
 
 
@@ -163,8 +163,8 @@ async def test_a_fence_that_was_widened_in_flight_is_ours(tmp_path: Path) -> Non
     board = pads.boards["uav1"]
     assert board is not None
     wider = pads.first["uav1"].with_(Fence(((0.0, 0.0), (900.0, 0.0), (0.0, 900.0)), 60.0))
-    fencing.noted(tmp_path, pads.context, Upload("uav1", 1, board.path, True, wider))
-    fencing.noted(tmp_path, pads.context, Upload("uav2", 1, board.path, True))
+    fencing.lists_noted(tmp_path, pads.context, Upload("uav1", 1, board.path, True, wider))
+    fencing.lists_noted(tmp_path, pads.context, Upload("uav2", 1, board.path, True))
     pads.vehicles["uav1"].beside[FENCE].items = list(fence_list(pads.context, wider))
     await pads.give_back()
     assert pads.as_before
@@ -174,7 +174,7 @@ async def test_a_fence_that_was_widened_in_flight_is_ours(tmp_path: Path) -> Non
 async def test_a_record_that_cannot_be_read_is_said(tmp_path: Path) -> None:
     (tmp_path / "fences.json").write_text('{"format": "faultline-fences/1", "lists": [{"vehicle": 3}]}')
     with pytest.raises(LogError, match=r"fences.json: lists\[0\]"):
-        read_lists(tmp_path)
+        read_kept_lists(tmp_path)
 
 
 async def test_nothing_is_read_where_the_site_says_nothing_of_fences(tmp_path: Path) -> None:

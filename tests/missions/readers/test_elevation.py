@@ -17,7 +17,7 @@ from missions.errors import ElevationError
 from missions.geo import FloatArray, LocalFrame
 from missions.readers import elevation as reader
 from missions.readers.elevation import Reading, read_elevation
-from missions.readers.kept_elevation import read_kept, write_kept
+from missions.readers.kept_elevation import read_kept_ground, write_kept_ground
 from tests.mountains import LAT_DEG, LON_DEG, Mountain, write_raster
 
 FRAME = LocalFrame(LAT_DEG, LON_DEG, 900.0)
@@ -189,7 +189,7 @@ def test_what_a_run_keeps_is_the_same_ground_without_the_raster(tmp_path: Path) 
     write_raster(tmp_path / "a.tif", SMOOTH, crs="EPSG:32632", cell=2.0, holes_m=((300.0, -200.0, 120.0),))
     write_raster(tmp_path / "b.tif", SMOOTH)
     found = read_elevation([tmp_path / "a.tif", tmp_path / "b.tif"], reading())
-    write_kept(tmp_path / "terrain.npz", found)
+    write_kept_ground(tmp_path / "terrain.npz", found)
     again = read_elevation([tmp_path / "terrain.npz"], reading("file", None))
     assert again.digest == found.digest
     assert (again.source, again.vertical, again.uncertainty_m) == (found.source, found.vertical, found.uncertainty_m)
@@ -197,7 +197,7 @@ def test_what_a_run_keeps_is_the_same_ground_without_the_raster(tmp_path: Path) 
     for ask in ("at_m", "highest_m", "lowest_m"):
         np.testing.assert_array_equal(getattr(again, ask)(places), getattr(found, ask)(places))
     with pytest.raises(ElevationError, match="depot: expected the ground around 47"):
-        read_kept(tmp_path / "terrain.npz", LocalFrame(47.0, LON_DEG))
+        read_kept_ground(tmp_path / "terrain.npz", LocalFrame(47.0, LON_DEG))
 
 
 def test_another_ground_has_another_digest(tmp_path: Path) -> None:
@@ -305,7 +305,7 @@ KEPT: dict[str, Callable[[Path], object]] = {
 @pytest.mark.parametrize("kind", KEPT)
 def test_what_a_run_kept_and_was_damaged_is_one_line(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "terrain.npz"
-    write_kept(path, read_elevation([write_raster(tmp_path / "a.tif", SMOOTH)], reading()))
+    write_kept_ground(path, read_elevation([write_raster(tmp_path / "a.tif", SMOOTH)], reading()))
     KEPT[kind](path)
     with pytest.raises(ElevationError, match=r"terrain\.npz: content: expected the ground that a run has kept"):
         read_elevation([path], reading())

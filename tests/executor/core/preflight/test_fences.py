@@ -37,14 +37,14 @@ def present(**values: float) -> dict[str, ParamValue]:
 
 def made(context: Context, **values: float) -> dict[str, float]:
     ends_m = top_m(context, "uav1")
-    found = {one.name: one.new for one in fences.changes(context, "uav1", present(**values))}
+    found = {one.name: one.new for one in fences.fence_changes(context, "uav1", present(**values))}
     return {name: TOP_M if abs(value - ends_m) < 0.11 else value for name, value in found.items()}
 
 
 def test_nothing_is_read_or_set_without_the_sites_word() -> None:
     for context in (SHIPS["px4"].context, context_of("px4", enabled=False)):
         assert fences.parameter_names(context, "uav1") == ()
-        assert fences.changes(context, "uav1", present(**PIXHAWK)) == []
+        assert fences.fence_changes(context, "uav1", present(**PIXHAWK)) == []
         before = propose(context, {"uav1": {}, "uav2": {}})
         assert fences.with_fences(context, before) == before
 
@@ -83,7 +83,7 @@ def test_limits_of_its_owner_that_the_flight_breaks_stop_it() -> None:
 
 def told(context: Context, **values: float) -> list[tuple[Severity, str]]:
     there = present(**values)
-    own = fences.changes(context, "uav1", there)
+    own = fences.fence_changes(context, "uav1", there)
     return [(one.severity, one.text) for one in fences.fence_checks(context, "uav1", there, own)]
 
 
