@@ -61,6 +61,7 @@ from executor.core.messages import (
 )
 from executor.core.recording import MODE_COMMANDS
 from missions import MissionItem, MissionKind
+from missions.cameras import FIRST_COMPONENT
 
 _KINDS = {int(kind): kind for kind in MissionKind}
 """MAV_MISSION_TYPE of the lists that are followed here."""
@@ -285,10 +286,9 @@ def _percent(value: float) -> float | None:
 def _heartbeat(frame: Any) -> Heartbeat | StationHeard | CameraHeard | None:  # noqa: ANN401
     if frame.type == mav.MAV_TYPE_GCS:
         return StationHeard(frame.get_srcSystem(), frame.get_srcComponent())
-    if frame.type == mav.MAV_TYPE_CAMERA:
-        return CameraHeard(frame.get_srcComponent())
     if frame.autopilot == mav.MAV_AUTOPILOT_INVALID:
-        return None
+        component = frame.get_srcComponent()
+        return CameraHeard(component) if frame.type == mav.MAV_TYPE_CAMERA and component >= FIRST_COMPONENT else None
     armed = bool(frame.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
     return Heartbeat(frame.autopilot, frame.custom_mode, armed, frame.system_status, frame.type)
 
