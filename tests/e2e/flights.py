@@ -33,14 +33,16 @@ class Flown:
         return next(one for one in self.report["vehicles"] if one["name"] == name)
 
 
-async def demo(run: Path, *faults: str, autopilot: str = "ardupilot", speedup: float = 30.0) -> Flown:
+async def demo(
+    run: Path, *faults: str, autopilot: str = "ardupilot", speedup: float = 30.0, patience_s: float = PATIENCE_S
+) -> Flown:
     """Fly the demo over the nearest segments of the default network, and return what it left."""
     arguments = ["demo", "--json", "--radius", "400", "--speedup", f"{speedup:g}", "--run", str(run)]
     arguments += ["--autopilot", autopilot]
     for fault in faults:
         arguments += ["--fault", fault]
     async with called(*arguments) as process:
-        out, err = await ended(process)
+        out, err = await ended(process, patience_s)
     assert process.returncode in {0, 1}, err
     return Flown(run, process.returncode, json.loads(out), [note["said"] for note in notes(run)])
 
@@ -60,10 +62,10 @@ async def called(*arguments: str) -> AsyncIterator[asyncio.subprocess.Process]:
             await ended(process)
 
 
-async def ended(process: asyncio.subprocess.Process) -> tuple[str, str]:
+async def ended(process: asyncio.subprocess.Process, patience_s: float = PATIENCE_S) -> tuple[str, str]:
     """Wait for the end; returns what was written to standard output and standard error since they were last read."""
     try:
-        async with asyncio.timeout(PATIENCE_S):
+        async with asyncio.timeout(patience_s):
             out, err = await process.communicate()
     except TimeoutError:
         process.kill()

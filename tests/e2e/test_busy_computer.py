@@ -30,7 +30,7 @@ def busy() -> Iterator[None]:
 
 async def test_nobody_is_given_up_because_the_computer_is_busy(tmp_path: Path) -> None:
     with busy():
-        flown = await demo(tmp_path / "run", "uav2:silent@40%", speedup=SPEEDUP)
+        flown = await demo(tmp_path / "run", "uav2:silent@40%", speedup=SPEEDUP, patience_s=280.0)
     report = flown.report
     assert flown.code == 0, flown.said
     assert report["segments_inspected"] == report["segments_total"] > 0
