@@ -27,7 +27,7 @@ TOLD = {
     "no position": (Happening("no position", "uav2", AT_S, 90.0), "uav2: interruption, no position for 20 s"),
     "no heartbeat": (Happening("no heartbeat", "uav2", AT_S, 90.0), "uav2: interruption, no HEARTBEAT for 20 s"),
     "a foreign mission": (Happening("foreign mission", "uav2", AT_S), "uav2: carries another mission than ours ("),
-    "a fence": (Happening("fence", "uav2", AT_S), "uav2: interruption, RTL by its own failsafe; it says: "),
+    "a fence": (Happening("fence", "uav2", AT_S), "uav2: fence, its fence is breached; it says: "),
 }
 
 
