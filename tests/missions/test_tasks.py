@@ -125,3 +125,21 @@ def test_nothing_open_is_a_problem_without_segments() -> None:
 def test_an_unknown_segment_is_refused(segment: int) -> None:
     with pytest.raises(IndexError, match="expected below 3"):
         open_task(pricing(), [1, segment], [depot_vehicle("uav1", 80.0)])
+
+
+@pytest.mark.parametrize("tables_up_to", [100, 0])
+def test_what_a_visit_takes_besides_its_track_is_in_every_way_to_it(tables_up_to: int) -> None:
+    """A pylon that is hovered at from its viewpoints: as a first visit, after another, and from the pad again."""
+    plain, vehicles = pricing(), [depot_vehicle("uav1", 90.0)]
+    longer = replace(plain, besides_s={1: 20.0})
+    before, after = (flown_instance(one, vehicles, tables_up_to=tables_up_to) for one in (plain, longer))
+    slower = np.array([0.0, 0.0, 20.0, 20.0, 0.0, 0.0])
+    assert after.start_s[0] - before.start_s[0] == pytest.approx(slower)
+    assert after.depot_s[0] - before.depot_s[0] == pytest.approx(slower)
+    every = np.arange(6)
+    moved = after.moves.seconds(0, np.zeros(6, dtype=np.int64), every) - before.moves.seconds(
+        0, np.zeros(6, dtype=np.int64), every
+    )
+    assert moved == pytest.approx(slower)
+    hover_pct = 20.0 * plain.models["uav1"].hover_pct_per_s
+    assert after.start_pct[0] - before.start_pct[0] == pytest.approx(slower / 20.0 * hover_pct)
