@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import errno
-import json
 import math
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -15,7 +12,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from missions.dayplan import BasePlace, DayPlanFile
 from missions.errors import PlanFileError
-from missions.files import printable, read_text, write_whole
+from missions.files import printable, read_text, write_document
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
@@ -214,9 +211,7 @@ def write_day_plan(path: Path | str, content: DayPlanFile) -> None:
     """
     path = Path(path)
     document = day_plan_document(replace(content, source=str(path)))
-    if path.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    write_whole(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+    write_document(path, document)
 
 
 def read_day_plan(path: Path | str) -> DayPlanFile:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeGuard
 
@@ -79,3 +81,15 @@ def is_figure(value: object) -> TypeGuard[int | float]:
 def printable(text: str) -> str:
     """Return a name for people: on one line, without what a terminal would not show."""
     return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
+
+
+def write_document(path: Path, document: Mapping[str, object]) -> None:
+    """Write a JSON document, as a whole or not at all.
+
+    Raises:
+        OSError: it cannot be written.
+        ValueError: a figure is NaN or infinite.
+    """
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    write_whole(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())

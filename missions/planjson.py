@@ -5,9 +5,6 @@ Figures are written as Python prints a float, so reading a file gives back exact
 
 from __future__ import annotations
 
-import errno
-import json
-import os
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -18,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from missions.areas import Area, AreaKind, KeptOut, Unreachable
 from missions.errors import PlanFileError, SafetyError
-from missions.files import printable, read_text, write_whole
+from missions.files import printable, read_text, write_document
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.grids import Grid
 from missions.pace import AS_MODELLED, Pace
@@ -333,9 +330,7 @@ def write_plan(path: Path | str, plan_file: PlanFile) -> None:
     """
     path = Path(path)
     document = plan_document(replace(plan_file, source=str(path)))
-    if path.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    write_whole(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+    write_document(path, document)
 
 
 def read_plan(path: Path | str) -> PlanFile:
