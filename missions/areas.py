@@ -24,6 +24,10 @@ END_CORNERS = 6
 MOST_LIMIT_M = 10_000.0
 
 
+UNKNOWN_GROUND = "beyond the ground that the rasters know"
+"""The name of what is closed for that alone, around everything."""
+
+
 class AreaKind(Enum):
     """What an area forbids; the value is what site files and plan files call it."""
 

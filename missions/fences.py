@@ -19,7 +19,6 @@ Corner = tuple[float, float]
 
 MOST_CORNERS = 24
 """ArduPilot took 70 items in all (measured), and smaller boards less."""
-MOST_ITEMS = 70
 ROUND = 8
 """Corners by which the margin about a point is drawn: around the circle, never inside it."""
 COVERED_M = 0.05

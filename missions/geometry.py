@@ -9,8 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from missions.geo import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
 
 SHORTEST_M2 = 1e-12
 """The square of a length that counts as one."""
@@ -62,6 +65,43 @@ def leg_distances_m(legs_a: FloatArray, legs_b: FloatArray) -> FloatArray:
     apart = offset + share_a[..., np.newaxis] * along_a - share_b[..., np.newaxis] * along_b
     candidates.append(np.where(inside, np.sqrt((apart**2).sum(axis=2)), math.inf))
     return np.asarray(np.min(candidates, axis=0), dtype=np.float64)
+
+
+def wall_distances_m(bottoms_m: FloatArray, heights_m: FloatArray, legs_m: FloatArray) -> FloatArray:
+    """Return (m, n) float64: least distances between m walls and (n, 2, 3) legs.
+
+    The least is at an edge of the wall, at an end of the leg beside the wall's face, or the leg goes through that.
+
+    Args:
+        bottoms_m: (m, 2, 3), on what the walls stand.
+        heights_m: (m,), how high they reach over that; one without height or length is a leg.
+        legs_m: (n, 2, 3).
+    """
+    tops_m = bottoms_m + np.array([0.0, 0.0, 1.0]) * heights_m[:, np.newaxis, np.newaxis]
+    sides_m = [np.stack((bottoms_m[:, end], tops_m[:, end]), axis=1) for end in (0, 1)]
+    least_m = np.min([leg_distances_m(edges_m, legs_m) for edges_m in (bottoms_m, tops_m, *sides_m)], axis=0)
+    along_m = bottoms_m[:, 1, :2] - bottoms_m[:, 0, :2]
+    squares = np.maximum((along_m**2).sum(axis=1), SHORTEST_M2)[:, np.newaxis]
+    lengths_m = np.sqrt(squares)
+    rise_m = (bottoms_m[:, 1, 2] - bottoms_m[:, 0, 2])[:, np.newaxis]
+
+    def beside(places_m: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return (m, n) how far (m, n, 3) places are to the left of the walls' faces, and whether they are beside."""
+        off_m = places_m - bottoms_m[:, np.newaxis, 0]
+        share = (off_m[..., :2] * along_m[:, np.newaxis]).sum(axis=2) / squares
+        left_m = (off_m[..., 1] * along_m[:, :1] - off_m[..., 0] * along_m[:, 1:]) / lengths_m
+        over_m = off_m[..., 2] - share * rise_m
+        within = (share >= 0) & (share <= 1) & (over_m >= 0) & (over_m <= heights_m[:, np.newaxis])
+        return left_m, within & (squares > SHORTEST_M2)
+
+    ends_m = [np.broadcast_to(legs_m[:, end], (len(bottoms_m), len(legs_m), 3)) for end in (0, 1)]
+    (begin_m, begins), (end_m, ends) = (beside(places_m) for places_m in ends_m)
+    for left_m, within in ((begin_m, begins), (end_m, ends)):
+        least_m = np.where(within, np.minimum(least_m, np.abs(left_m)), least_m)
+    through = begin_m * end_m < 0
+    share = begin_m / np.where(through, begin_m - end_m, 1.0)
+    _, pierced = beside(ends_m[0] + share[..., np.newaxis] * (ends_m[1] - ends_m[0]))
+    return np.asarray(np.where(through & pierced, 0.0, least_m), dtype=np.float64)
 
 
 def locate(

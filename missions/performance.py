@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Annotated, Any
 
 import numpy as np
@@ -179,11 +180,21 @@ class Performance:
             rise_m: Up to the height of the return.
             drop_m: From there onto the pad.
         """
-        level_s, wait_s = 0.0, 0.0
+        level_s = wait_s = 0.0
         if length_m > SHORT_M:
-            level_s = float(self.level.rest_s(np.array(length_m), np.array(self.home_m_s)))
-            wait_s = self.home_wait_s
-        return rise_m / self.climb_m_s, level_s, wait_s + float(self.landing_s(np.array(drop_m)))
+            level_s, wait_s = _level_s(self.level, length_m, self.home_m_s), self.home_wait_s
+        return rise_m / self.climb_m_s, level_s, wait_s + _landing_s(self, drop_m)
+
+
+@lru_cache(maxsize=512)
+def _level_s(level: Ramp, length_m: float, speed_m_s: float) -> float:
+    """Return the time of one length from rest to rest; between two positions it is asked for several times."""
+    return float(level.rest_s(np.array(length_m), np.array(speed_m_s)))
+
+
+@lru_cache(maxsize=512)
+def _landing_s(performance: Performance, drop_m: float) -> float:
+    return float(performance.landing_s(np.array(drop_m)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from missions.areas import Area, Unreachable
+from missions.areas import UNKNOWN_GROUND, Area, Unreachable
 from missions.errors import PlanFileError
 from missions.geo import FloatArray, LocalFrame
 from missions.network import Network, Pylon, Segment
@@ -150,6 +150,8 @@ class PlanFile:
     """What their network's file calls them."""
     terrain: PlanTerrain | None = None
     """The ground, where a raster knows it."""
+    says_distances: bool = True
+    """Whether it is known at which distance its segments are inspected: of a re-plan the missions alone say so."""
     source: str = field(default="plan", compare=False)
     """Where it was read, for messages."""
 
@@ -161,13 +163,23 @@ class PlanFile:
     @property
     def areas(self) -> tuple[Area, ...]:
         """Areas that its ways lead around."""
-        return () if self.pricing is None else tuple(one.area for one in self.pricing.kept_out)
+        kept_out = () if self.pricing is None else self.pricing.kept_out
+        return tuple(one.area for one in kept_out if one.area.name != UNKNOWN_GROUND)
 
     @property
     def ends_m(self) -> FloatArray:
         """(n, 2, 2) float64: east and north of every segment's a and b."""
         ends = [(segment.a_enu_m[:2], segment.b_enu_m[:2]) for segment in self.segments]
         return np.array(ends, dtype=np.float64).reshape(-1, 2, 2)
+
+    def inspected_at_m(self, vehicle: str, position: int) -> float | None:
+        """Return how high a vehicle inspects the segment at a position; None where everybody has its layer anyway."""
+        if self.inspection is None or self.pricing is None:
+            return None
+        if not (self.says_distances and self.inspection.same_distance):
+            return None
+        layered = position in self.pricing.layered.get(vehicle, ())
+        return self.inspection.height_m + (self.pricing.steps_m.get(vehicle, 0.0) if layered else 0.0)
 
     def task(self) -> Task:
         """Return the planning problem that the file is about.

@@ -48,6 +48,10 @@ def _is_zero(value: float) -> bool:
     return value == 0
 
 
+def _is_false(value: bool) -> bool:
+    return not value
+
+
 def _is_nowhere(along_m: Pair) -> bool:
     return along_m == (0, 0)
 
@@ -132,6 +136,8 @@ class VisitPart(_Part):
     """Its id."""
     reversed: Flag
     """Whether it is flown from b to a."""
+    inspected_at_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
+    """How high over the pylon tops, or over the depot's ground, where vehicles inspect as asked if they can."""
 
 
 class RoutePart(_Part):
@@ -163,6 +169,8 @@ class InspectionPart(_Part):
     layer_m: Size
     ceiling_m: Size | None = None
     return_ceiling_m: Size | None = None
+    same_distance: Annotated[bool, Field(strict=True, exclude_if=_is_false)] = False
+    """Whether vehicles inspect at `height_m`, and not in their layers, wherever no other can meet them there."""
     heights: Literal["flat", "known"] = "known"
     """`flat`: the ground is claimed to be as high as the depot's everywhere."""
 
@@ -180,6 +188,12 @@ class VehicleModelPart(_Part):
     """What was learned of it in flight: factors on the times and energies of its legs."""
     barred: Annotated[tuple[Id, ...], Field(exclude_if=_is_empty)] = ()
     """Positions in `segments` of those that it cannot be given, for it lacks a camera that they ask for."""
+    step_m: Annotated[Figure, Field(ge=0, exclude_if=_is_zero)] = 0.0
+    """How far it comes down from its layer to a line; without it it inspects in its layer."""
+    layered: Annotated[tuple[Id, ...], Field(exclude_if=_is_empty)] = ()
+    """Positions in `segments` of those that it inspects in its layer all the same, for another could meet it there."""
+    low_start: Annotated[bool, Field(strict=True, exclude_if=_is_false)] = False
+    """In the air: whether it starts below its layer."""
 
 
 class AreaPart(_Part):
@@ -372,7 +386,14 @@ def plan_document(content: PlanFile) -> dict[str, object]:
             {
                 "vehicle": content.vehicles[route.vehicle].name,
                 "visits": [
-                    {"segment": ids[segment_of(visit)], "reversed": is_reversed(visit)} for visit in route.visits
+                    {
+                        "segment": ids[segment_of(visit)],
+                        "reversed": is_reversed(visit),
+                        "inspected_at_m": content.inspected_at_m(
+                            content.vehicles[route.vehicle].name, segment_of(visit)
+                        ),
+                    }
+                    for visit in route.visits
                 ],
                 "duration_s": duration_s,
                 "energy_pct": energy_pct,
@@ -443,6 +464,9 @@ def _content(document: PlanDocument, source: str) -> PlanFile:
         unreachable=tuple(Unreachable(one.segment, printable(one.why)) for one in document.unreachable),
         unreachable_names=tuple(printable(one.name) for one in document.unreachable),
         terrain=document.terrain,
+        says_distances=all(visit.inspected_at_m is not None for route in document.routes for visit in route.visits)
+        or inspection is None
+        or not inspection.same_distance,
         source=source,
     )  # fmt: skip
 
@@ -458,6 +482,9 @@ def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
                 "performance": model.performance,
                 "pace": model.pace,
                 "barred": sorted(pricing.barred.get(vehicle.name, ())),
+                "step_m": pricing.steps_m.get(vehicle.name, 0.0),
+                "layered": sorted(pricing.layered.get(vehicle.name, ())),
+                "low_start": vehicle.name in pricing.low_starts,
             }
             for vehicle, model in zip(vehicles, models, strict=True)
         ],
@@ -507,6 +534,9 @@ def _pricing(document: PlanDocument) -> Pricing | None:
         else Relief(Grid((relief.east_m, relief.north_m), relief.step_m, np.array(relief.heights_m))),
         barred={name: frozenset(own.barred) for name, own in named.items() if own.barred},
         besides_s=dict(model.besides_s),
+        steps_m={name: own.step_m for name, own in named.items() if own.step_m},
+        layered={name: frozenset(own.layered) for name, own in named.items() if own.layered},
+        low_starts=frozenset(name for name, own in named.items() if own.low_start),
     )
 
 

@@ -9,6 +9,9 @@ Places are east, north and up in metres, the height as it would be in the lowest
 what a move takes is the same in each. A transit is priced as it leads around others' pads and around areas, and where a
 raster knows the ground as it rises and falls with it, else as one straight leg; where only the lines' heights are known
 the flight is a little longer, which `estimate` of the path knows.
+
+Who inspects below its own layer comes down to the line straight, and goes up from it: between two segments that do not
+meet, on the way there and on the way home. A vehicle is priced as if it did so everywhere but where it is known not to.
 """
 
 from __future__ import annotations
@@ -27,8 +30,9 @@ from missions.geo import FloatArray
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
 from missions.relief import FEW_PIECES, Relief, followed_where_uneven
+from missions.rises import NEVER, BoolArray, Rises
 from missions.validation import Figure, Place
-from missions.ways import obstacle_of
+from missions.ways import Obstacle, obstacle_of
 from planner import CLIMB_SHARE_PER_M_S, Instance, Moves, MoveTables, SteadyWind, Vehicle, Visits
 
 SAME_PLACE_M = 0.5
@@ -94,8 +98,9 @@ class FlightModel:
         return seconds, np.asarray(seconds * self.hover_pct_per_s)
 
     def moves(
-        self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+        self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray,
+        down: BoolArray = NEVER,
+    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
         """Return seconds and energies of moves from rest; the four arrays (..., 3) broadcast against each other.
 
         Args:
@@ -103,23 +108,26 @@ class FlightModel:
             facing_m: Along which the vehicle arrived there; of no length where nobody knows.
             first_m: Where the visits begin.
             last_m: Where they end.
+            down: Which visits it comes down to, straight, when it is there.
         """
         there_m, along_m = first_m - from_m, last_m - first_m
         away = np.hypot(there_m[..., 0], there_m[..., 1]) > SAME_PLACE_M
         hold_s = self.performance.hold_s
         transit_s, transit_pct = self._transit(facing_m, there_m, hold_s)
         before_m = np.where(away[..., np.newaxis], there_m, facing_m)
+        before_m = _nowhere_where(down, before_m)
         inspect_s, inspect_pct = self._stopping(before_m, along_m, self.inspection_speed_m_s, hold_s, self.pace.inspect)
         seconds = np.where(away, transit_s, 0.0) + inspect_s
         return np.asarray(seconds), np.asarray(np.where(away, transit_pct, 0.0) + inspect_pct)
 
     def moves_along(
-        self, facing_m: FloatArray, ways_m: FloatArray, last_m: FloatArray
+        self, facing_m: FloatArray, ways_m: FloatArray, last_m: FloatArray, down: BoolArray = NEVER
     ) -> tuple[FloatArray, FloatArray]:
         """Return (k,) seconds and energies of moves whose transits lead through (k, w, 3) places."""
         hold_s = self.performance.hold_s
         transit_s, transit_pct = self._transit_along(facing_m, ways_m, hold_s)
         before_m, along_m = ways_m[:, -1] - ways_m[:, -2], last_m - ways_m[:, -1]
+        before_m = _nowhere_where(down, before_m)
         inspect_s, inspect_pct = self._stopping(before_m, along_m, self.inspection_speed_m_s, hold_s, self.pace.inspect)
         return transit_s + inspect_s, transit_pct + inspect_pct
 
@@ -135,6 +143,11 @@ class FlightModel:
         level_s, level_pct = self._transit_along(facing_m, ways_m, 0.0)
         land_s, land_pct = self.landing(np.array(base.climb_m))
         return level_s + land_s, level_pct + land_pct
+
+    def upright(self, rise_m: float) -> tuple[float, float]:
+        """Return seconds and energy of a way straight up, or below zero down, with the stop at its end."""
+        seconds, pct = self._transit(UNKNOWN, np.array([0.0, 0.0, rise_m]), self.performance.hold_s)
+        return float(seconds), float(pct)
 
     def _transit_along(self, before_m: FloatArray, ways_m: FloatArray, hold_s: float) -> tuple[FloatArray, FloatArray]:
         """Return (k,) seconds and energies from stop to stop through (k, w, 3) places; those between are passed."""
@@ -187,6 +200,16 @@ class Flier:
 
     besides_s: tuple[tuple[int, float], ...] = ()
     """Segments that take longer than their tracks, and by how much."""
+    step_m: float = 0.0
+    """How far it comes down from its layer to a line; 0 where it inspects in its layer."""
+    layered: frozenset[int] = frozenset()
+    """Segments that it inspects in its layer all the same."""
+
+    def low(self, visits: Visits) -> BoolArray:
+        """Return which visits it comes down to."""
+        if not self.step_m:
+            return NEVER
+        return np.asarray(~np.isin(np.asarray(visits) >> 1, list(self.layered)))
 
     def besides(self, visits: int) -> FloatArray:
         """Return (2, visits) float64: seconds and energy that visits take besides.
@@ -201,28 +224,51 @@ class Flier:
         return more
 
     def moves(
-        self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return seconds and energies of moves from rest, as `FlightModel.moves` takes them."""
-        straight = self.model.moves(from_m, facing_m, first_m, last_m)
+        self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray,
+        low: tuple[BoolArray, BoolArray] = (NEVER, NEVER),
+    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+        """Return seconds and energies of moves from rest, as `FlightModel.moves` takes them.
+
+        Args:
+            from_m: Where they begin.
+            facing_m: Along which the vehicle arrived there.
+            first_m: Where the visits begin.
+            last_m: Where they end.
+            low: Which moves begin, and which of their visits are, below the layer.
+        """
+        rises = Rises.between(from_m, first_m, *low, SAME_PLACE_M)
+        facing_m = _nowhere_where(rises.up, facing_m)
+        straight = self.model.moves(from_m, facing_m, first_m, last_m, rises.down)
 
         def along(which: IntArray, ways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
             facing, last = (
                 np.broadcast_to(places, (*straight[0].shape, 3)).reshape(-1, 3)[which] for places in (facing_m, last_m)
             )
-            return self.model.moves_along(facing, ways_m, last)
+            down = np.broadcast_to(rises.down, straight[0].shape).reshape(-1)[which]
+            return self.model.moves_along(facing, ways_m, last, down)
 
-        return self._led(from_m, first_m, straight, along)
+        return self._and_upright(self._led(from_m, first_m, straight, along), rises)
 
-    def ways_home(self, from_m: FloatArray, facing_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
-        """Return seconds and energies of the ways from rest (..., 3) onto a pad."""
+    def _and_upright(self, led: tuple[FloatArray, FloatArray], rises: Rises) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies of ways with what leads up to their layer, and down from it."""
+        if not self.step_m:
+            return led
+        ups, downs = (self.model.upright(rise_m) for rise_m in (self.step_m, -self.step_m))
+        seconds, pct = (led[of] + rises.up * ups[of] + rises.down * downs[of] for of in (0, 1))
+        return np.asarray(seconds), np.asarray(pct)
+
+    def ways_home(
+        self, from_m: FloatArray, facing_m: FloatArray, base: Base, low: BoolArray = NEVER
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies of the ways from rest (..., 3) onto a pad; some begin below the layer."""
+        facing_m = _nowhere_where(low, facing_m)
         straight = self.model.ways_home(from_m, facing_m, base)
 
         def along(which: IntArray, ways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
             facing = np.broadcast_to(facing_m, (*straight[0].shape, 3)).reshape(-1, 3)[which]
             return self.model.ways_home_along(facing, ways_m, base)
 
-        return self._led(from_m, np.array(base.place_m), straight, along)
+        return self._and_upright(self._led(from_m, np.array(base.place_m), straight, along), Rises(low, NEVER))
 
     def _led(
         self, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
@@ -263,6 +309,14 @@ class Pricing:
     """By the vehicle's name: segments that it cannot be given, for it lacks what they ask for."""
     besides_s: Mapping[int, float] = field(default_factory=dict)
     """Segments that take longer than their tracks, and by how much: pylons with viewpoints."""
+    steps_m: Mapping[str, float] = field(default_factory=dict)
+    """By the vehicle's name: how far it comes down from its layer to inspect as asked; without one it does not."""
+    layered: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    """By the vehicle's name: segments that it inspects in its layer, where others could meet it."""
+    low_starts: frozenset[str] = frozenset()
+    """Vehicles in the air whose start is below their layer."""
+    closed: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
+    """By the vehicle's name: others' parts of the line, which its ways lead around."""
 
     def fliers(self, vehicles: Iterable[str], *, around: bool) -> list[Flier]:
         """Return how vehicles move.
@@ -279,12 +333,15 @@ class Pricing:
                 self.relief,
                 self.barred.get(name, frozenset()),
                 longer,
+                self.steps_m.get(name, 0.0),
+                self.layered.get(name, frozenset()),
             )
             for name in vehicles
         ]
 
     def _columns(self, vehicle: str, *, around: bool) -> Columns:
         areas = tuple(obstacle_of(one.area) for one in self.kept_out if vehicle in one.vehicles)
+        areas += self.closed.get(vehicle, ())
         if not (around and self.column_m):
             return Columns(areas=areas)
         own_m = self.bases[vehicle].place_m[:2]
@@ -304,6 +361,12 @@ class Pricing:
                 for name in names
                 if name in self.barred
             },
+            layered={
+                name: frozenset(numbers[segment] for segment in self.layered[name] if segment in numbers)
+                for name in names
+                if name in self.layered
+            },
+            steps_m={name: self.steps_m[name] for name in names if name in self.steps_m},
             bases={name: self.bases[name] for name in names},
             models={name: self.models[name] for name in names},
         )
@@ -355,13 +418,19 @@ class FlownMoves:
         return MoveTables(seconds, pct)
 
     def _between(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
-        facing_m = self.last_m[before] - self.first_m[before]
-        seconds, pct = self.fliers[profile].moves(
-            self.last_m[before], facing_m, self.first_m[after], self.last_m[after]
-        )
+        facing_m, flier = self.last_m[before] - self.first_m[before], self.fliers[profile]
+        seconds, pct = flier.moves(
+            self.last_m[before], facing_m, self.first_m[after], self.last_m[after],
+            (flier.low(before), flier.low(after)),
+        )  # fmt: skip
         if self.besides is None:
             return seconds, pct
         return seconds + self.besides[0, profile][after], pct + self.besides[1, profile][after]
+
+
+def _nowhere_where(upright: BoolArray, along_m: FloatArray) -> FloatArray:
+    """Return along what vehicles arrive: nobody who comes straight up or down arrives along anything."""
+    return np.where(upright[..., np.newaxis], UNKNOWN, along_m) if upright.any() else along_m
 
 
 def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_to: int = TABLES_UP_TO) -> Instance:
@@ -386,20 +455,25 @@ def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_t
     more = any(flier.barred or flier.besides_s for flier in fliers)
     besides = np.stack([flier.besides(len(first_m)) for flier in profiles], axis=1) if more else None
     flown = FlownMoves(first_m, last_m, profiles, besides)
-    moves: Moves = flown.tables() if profiles and len(tracks_m) <= tables_up_to else flown
+    # Who comes down from a layer of its own has moves of its own.
+    tables = len(profiles) if pricing.steps_m else 1
+    moves: Moves = flown.tables() if profiles and tables * len(tracks_m) ** 2 <= tables_up_to**2 else flown
     start, again, home = (np.zeros((2, len(vehicles), len(first_m))) for _ in range(3))
     idle = np.zeros((2, len(vehicles)))
     for row, vehicle in enumerate(vehicles):
         flier, base = fliers[row], pricing.bases[vehicle.name]
         climb = np.array(flier.model.take_off(np.array(base.climb_m)))
-        again[:, row] = np.array(flier.moves(np.array(base.place_m), UNKNOWN, first_m, last_m)) + climb[:, np.newaxis]
-        home[:, row] = flier.ways_home(last_m, last_m - first_m, base)
+        low = flier.low(np.arange(len(first_m)))
+        out = flier.moves(np.array(base.place_m), UNKNOWN, first_m, last_m, (NEVER, low))
+        again[:, row] = np.array(out) + climb[:, np.newaxis]
+        home[:, row] = flier.ways_home(last_m, last_m - first_m, base, low)
         start[:, row] = again[:, row]
         if vehicle.airborne:
             here_m = np.array([*vehicle.start_m, vehicle.start_up_m])
             facing_m = np.array([*vehicle.facing_m, 0.0])
-            start[:, row] = flier.moves(here_m, facing_m, first_m, last_m)
-            idle[:, row] = flier.ways_home(here_m, facing_m, base)
+            here_low = np.array(vehicle.name in pricing.low_starts)
+            start[:, row] = flier.moves(here_m, facing_m, first_m, last_m, (here_low, low))
+            idle[:, row] = flier.ways_home(here_m, facing_m, base, here_low)
     if more:
         own = np.stack([flier.besides(len(first_m)) for flier in fliers], axis=1)
         start += own

@@ -11,10 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from missions.areas import Area, AreaKind, KeptOut, NamedPlace, Unreachable
+from missions.areas import UNKNOWN_GROUND, Area, AreaKind, KeptOut, NamedPlace, Unreachable
 from missions.clearance import heights_over_ground_m
 from missions.errors import SafetyError
 from missions.geo import FloatArray
+from missions.grids import inside
 from missions.setup import FlightSetup
 from missions.ways import Graph, graph_of, obstacle_of
 
@@ -23,6 +24,10 @@ BEYOND_M = 500.0
 LOOKS = 40
 """Places along each side of an area at which they are."""
 ROUNDING_M = 0.05
+OUTSIDE_M = 10_000.0
+"""So far around what is known all is closed: no way leads so far to get around it."""
+EDGE_M = 1.0
+"""What ways keep from its edge."""
 
 
 def within_areas(
@@ -35,6 +40,7 @@ def within_areas(
     """
     kept_out = tuple(_kept_out(setup, areas))
     _check_depot(kept_out)
+    kept_out = (*kept_out, *_unknown(setup, kept_out))
     found = replace(setup, areas=tuple(areas), kept_out=kept_out, alternates=tuple(alternates))
     return replace(found, unreachable=tuple(_unreachable(found)))
 
@@ -52,6 +58,27 @@ def _kept_out(setup: FlightSetup, areas: Sequence[Area]) -> Iterator[KeptOut]:
         if above:
             limit_m = area.max_agl_m if area.max_agl_m is not None else area.max_amsl_m
             yield KeptOut(area, above, (limit_m or 0.0) + over_m + setup.layers.offset_m(above[-1]))
+
+
+def _unknown(setup: FlightSetup, kept_out: Sequence[KeptOut]) -> Iterator[KeptOut]:
+    """Yield what lies beyond the ground that is known, if a way around an area would lead there.
+
+    All ways are straight between the lines, the pads and the nodes around areas. As long as these lie where the ground
+    is known, which is convex, so does everything that is flown.
+    """
+    if setup.layers.known is None:
+        return
+    corners_m = setup.layers.known.corners_m
+    nodes_m = graph_of(tuple(obstacle_of(one.area) for one in kept_out)).nodes_m
+    if inside(corners_m, nodes_m).all():
+        return
+    (east, north), (far_east, far_north) = corners_m.min(axis=0) - OUTSIDE_M, corners_m.max(axis=0) + OUTSIDE_M
+    box = tuple((float(one), float(other)) for one, other in (
+        (east, north), (far_east, north), (far_east, far_north), (east, far_north)
+    ))  # fmt: skip
+    hull = tuple((float(one), float(other)) for one, other in corners_m)
+    area = Area(UNKNOWN_GROUND, AreaKind.NO_FLY, (box, hull), EDGE_M)
+    yield KeptOut(area, setup.layers.vehicles)
 
 
 def _over_limit_m(setup: FlightSetup, area: Area) -> float | None:
@@ -118,7 +145,9 @@ def _unreachable(setup: FlightSetup) -> Iterator[Unreachable]:
     others = [number for number in range(len(begins)) if number not in reasons]
     for number, away in zip(others, _cut_off(setup, areas, begins[others]), strict=True):
         if away:
-            reasons[number] = "no way leads to it around the areas"
+            known = any(one.area.name == UNKNOWN_GROUND for one in setup.kept_out)
+            where = ", over ground that is known" if known else ""
+            reasons[number] = f"no way leads to it around the areas{where}"
     for number in sorted(reasons):
         yield Unreachable(number, reasons[number])
 

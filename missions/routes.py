@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +25,9 @@ CLIMB_M_S, DESCENT_M_S = 2.5, 1.0
 """Of take-offs and landings, nominal: their speed is the autopilot's own, no item asks for it."""
 
 
-def flight_path(setup: FlightSetup, vehicle: str, visits: Sequence[int]) -> FlightPath:
+def flight_path(
+    setup: FlightSetup, vehicle: str, visits: Sequence[int], low: Collection[int] = frozenset()
+) -> FlightPath:
     """Return a whole flight from the vehicle's pad over its visits and back.
 
     Args:
@@ -33,6 +35,7 @@ def flight_path(setup: FlightSetup, vehicle: str, visits: Sequence[int]) -> Flig
         vehicle: Its name.
         visits: Planner visits over the setup's network, ``2 * segment + reversed``; none means that it stays on the
             ground, a path without waypoints.
+        low: Segments that it inspects as asked, below its own layer; as `asked.lowered` finds them.
 
     Raises:
         SafetyError: the fleet has no such vehicle.
@@ -40,20 +43,24 @@ def flight_path(setup: FlightSetup, vehicle: str, visits: Sequence[int]) -> Flig
     """
     if not visits:
         return FlightPath(vehicle, ())
-    return FlightPath(vehicle, tuple(_Flight.at_pad(setup, vehicle).complete(visits, first_visit=0)))
+    return FlightPath(vehicle, tuple(_Flight.at_pad(setup, vehicle, low).complete(visits, first_visit=0)))
 
 
-def continue_path(setup: FlightSetup, path: FlightPath, keep: int, visits: Sequence[int]) -> FlightPath:
+def continue_path(
+    setup: FlightSetup, path: FlightPath, keep: int, visits: Sequence[int], low: Collection[int] = frozenset()
+) -> FlightPath:
     """Return a path that begins with the first ``keep`` waypoints of another and goes on with other visits.
 
     The kept waypoints stay exactly as they are. Visits are counted on from the kept inspections; without new visits
-    the vehicle goes home from the last kept waypoint.
+    the vehicle goes home from the last kept waypoint. In the place of a way home, which may be flown by now, stands a
+    transit first, if only to where the vehicle comes from: its items have the same numbers.
 
     Args:
         setup: The network, heights and pads, as for the path itself.
         path: What the vehicle is flying.
         keep: How many of its waypoints stay; normally to the end of the inspection under way.
         visits: Planner visits over the setup's network.
+        low: As `flight_path` has it, of those visits.
 
     Raises:
         ValueError: nothing would be kept, more than there is, or a landing: that is a new flight.
@@ -64,7 +71,8 @@ def continue_path(setup: FlightSetup, path: FlightPath, keep: int, visits: Seque
     if not 1 <= keep <= len(path.waypoints) or kept[-1].phase is Phase.LAND:
         raise ValueError(f"keep is {keep}: expected 1 to {len(path.waypoints)} waypoints without the landing")
     done = sum(point.phase is Phase.INSPECT for point in kept)
-    flight = _Flight.after(setup, path.vehicle, kept[-1])
+    flight = _Flight.after(setup, path.vehicle, kept[-1], low)
+    flight.turns_back = keep < len(path.waypoints) and path.waypoints[keep].phase is Phase.RETURN
     return FlightPath(path.vehicle, (*kept, *flight.complete(visits, first_visit=done)))
 
 
@@ -78,17 +86,24 @@ class _Flight:
     """(3,) float64: east, north and up over the depot's ground."""
     on_ground: bool
     """Whether it stands on its pad; in the air it may be lower than that, over a valley."""
+    low: Collection[int]
+    """Segments that it inspects below its layer."""
+    below_m: float = 0.0
+    """How far below its layer it is."""
+    turns_back: bool = False
+    """Whether it may be on its way home already."""
 
     @classmethod
-    def at_pad(cls, setup: FlightSetup, vehicle: str) -> _Flight:
+    def at_pad(cls, setup: FlightSetup, vehicle: str, low: Collection[int]) -> _Flight:
         pad = setup.pad_of(vehicle)
-        return cls(setup, vehicle, np.array([pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)]), on_ground=True)
+        here_m = np.array([pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)])
+        return cls(setup, vehicle, here_m, on_ground=True, low=low)
 
     @classmethod
-    def after(cls, setup: FlightSetup, vehicle: str, last: Waypoint) -> _Flight:
+    def after(cls, setup: FlightSetup, vehicle: str, last: Waypoint, low: Collection[int]) -> _Flight:
         east, north = setup.frame.to_local_m(last.lat_deg, last.lon_deg)
         up = last.alt_rel_m + setup.frame.up_m(setup.pad_of(vehicle).alt_m)
-        return cls(setup, vehicle, np.array([east, north, up]), on_ground=False)
+        return cls(setup, vehicle, np.array([east, north, up]), on_ground=False, low=low, below_m=last.below_m)
 
     def complete(self, visits: Iterable[int], *, first_visit: int) -> Iterator[Waypoint]:
         """Yield the waypoints of all visits and of the way home; those of the climb first if still on the ground."""
@@ -101,17 +116,25 @@ class _Flight:
             yield self._to(above_pad, Phase.TAKEOFF, CLIMB_M_S)
         for number, visit in enumerate(visits, start=first_visit):
             yield from self._visit(number, visit)
+        yield from self._to_level(0.0, Phase.RETURN, visit=None)
         yield from self._transit(above_pad, Phase.RETURN, visit=None, hold=False)
         yield self._to(np.array([pad.east_m, pad.north_m, ground_m]), Phase.LAND, DESCENT_M_S)
 
     def _visit(self, number: int, visit: int) -> Iterator[Waypoint]:
         start, end = self._inspection_m(visit)
+        turns_back, self.turns_back = self.turns_back, False
         pylon = self.setup.looks.pylons.get(segment_of(visit))
         if pylon is not None:
+            if turns_back:
+                yield from self._to_level(0.0, Phase.TRANSIT, visit=number)
+                yield from self._transit(start, Phase.TRANSIT, visit=number, hold=False)
             yield from self._around(number, visit, pylon, start)
             return
-        if math.hypot(*(start[:2] - self.here_m[:2])) > SAME_PLACE_M:
-            yield from self._transit(start, Phase.TRANSIT, visit=number, hold=True)
+        below_m = self.setup.layers.offset_m(self.vehicle) if segment_of(visit) in self.low else 0.0
+        if turns_back or math.hypot(*(start[:2] - self.here_m[:2])) > SAME_PLACE_M:
+            yield from self._to_level(0.0, Phase.TRANSIT, visit=number)
+            yield from self._transit(start + _up(below_m), Phase.TRANSIT, visit=number, hold=True)
+        yield from self._to_level(below_m, Phase.TRANSIT, visit=number)
         inspected = self._to(end, Phase.INSPECT, self.setup.inspection.speed_m_s, hold=True, visit=number)
         yield replace(inspected, captures=self._captures(visit)) if self.setup.looks else inspected
 
@@ -119,6 +142,7 @@ class _Flight:
         """Yield the viewpoints of a pylon: a stop at each, the last of them ends its inspection."""
         points = look.points[::-1] if is_reversed(visit) else look.points
         layers = self.setup.layers
+        yield from self._to_level(0.0, Phase.TRANSIT, visit=number)
         for index, point in enumerate(points):
             captures = (self.setup.looks.capture_at(look, point),)
             if index == 0:
@@ -134,20 +158,31 @@ class _Flight:
         inspection = self.setup.inspection
         return self.setup.looks.captures(
             segment_of(visit),
-            height_m=inspection.height_m + self.setup.layers.offset_m(self.vehicle),
+            height_m=inspection.height_m + self._offset_m(segment_of(visit)),
             standoff_m=inspection.standoff_m,
             reverse=is_reversed(visit),
         )
 
     def _inspection_m(self, visit: int) -> tuple[FloatArray, FloatArray]:
-        """Return (3,) start and end of a visit's inspection leg in this vehicle's layer."""
+        """Return (3,) start and end of a visit's inspection leg."""
         segment = segment_of(visit)
         if not 0 <= segment < len(self.setup.network.segments):
             raise IndexError(f"visit {visit}: expected a segment below {len(self.setup.network.segments)}")
-        offset_m = self.setup.layers.offset_m(self.vehicle)
-        heights_m = self.setup.layers.track_heights_m[segment] + offset_m
+        heights_m = self.setup.layers.track_heights_m[segment] + self._offset_m(segment)
         a, b = np.column_stack((self.setup.tracks_m[segment], heights_m))
         return (b, a) if is_reversed(visit) else (a, b)
+
+    def _offset_m(self, segment: int) -> float:
+        """Return how far above the asked height it inspects a segment."""
+        return 0.0 if segment in self.low else self.setup.layers.offset_m(self.vehicle)
+
+    def _to_level(self, below_m: float, phase: Phase, *, visit: int | None) -> Iterator[Waypoint]:
+        """Yield the way straight up or down, if there is one, between the layer and the line."""
+        if below_m == self.below_m:
+            return
+        place_m = self.here_m + _up(self.below_m - below_m)
+        self.below_m = below_m
+        yield self._to(place_m, phase, self.setup.inspection.transit_speed_m_s, hold=True, visit=visit)
 
     def _transit(self, goal_m: FloatArray, phase: Phase, *, visit: int | None, hold: bool) -> Iterator[Waypoint]:
         """Yield the way to a place: around the columns above others' pads and areas, up and down with the surface."""
@@ -176,4 +211,9 @@ class _Flight:
             speed_m_s=speed_m_s,
             hold=hold,
             visit=visit,
+            below_m=self.below_m,
         )
+
+
+def _up(height_m: float) -> FloatArray:
+    return np.array([0.0, 0.0, height_m])

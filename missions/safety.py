@@ -87,6 +87,12 @@ class Layers:
         """Return a vehicle's flight height over a place, counted from the depot's ground."""
         return self.surface.height_m(east_m, north_m) + self.offset_m(vehicle)
 
+    @property
+    def returns_in_layers(self) -> bool:
+        """Whether vehicles come home by themselves in their own layers, and not above all of them."""
+        relief_m = float(self.track_heights_m.max()) - float(self.track_heights_m.min())
+        return self.surface.floor is None and relief_m <= FLAT_M
+
     def return_up_m(self, vehicle: str) -> float:
         """Return the height over the depot's ground at which a vehicle comes home by itself, straight and level.
 
@@ -102,7 +108,7 @@ class Layers:
         if self.surface.floor is not None:
             # Over every ridge between the lines and the pads, as all other flights are.
             highest_m = max(highest_m, float(self.surface.floor.heights_m.max()))
-        elif highest_m - float(self.track_heights_m.min()) <= FLAT_M:
+        elif self.returns_in_layers:
             return highest_m + offset_m
         above = len(self.vehicles) - 1 - self.vehicles.index(vehicle)
         step_m = self.layer_m + HEIGHT_KEEPING_M + WHOLE_METRE_M

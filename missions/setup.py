@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from missions.pads import Pad, column_radius_m, place_pads
 from missions.pricing import Base
 from missions.safety import Layers, Over, plan_layers, tracks_m
 from missions.terrain import DETOUR_M, Terrain
-from missions.ways import graph_of, obstacle_of
+from missions.ways import Obstacle, graph_of, obstacle_of
 
 FIGURES = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m", "return_ceiling_m")
 MOST = 1000.0
@@ -45,6 +45,8 @@ class Inspection:
     """No mission goes higher than this over the ground."""
     return_ceiling_m: float | None = None
     """The same for the vehicles' own returns, which are level: over hills they are higher than missions."""
+    same_distance: bool = False
+    """Whether every vehicle inspects at ``height_m``, and not in its layer, wherever no other can meet it there."""
 
     def __post_init__(self) -> None:
         """Check all figures.
@@ -81,6 +83,8 @@ class FlightSetup:
     """Where a vehicle may come down that does not come home."""
     terrain: Terrain | None = None
     """The ground, where a raster knows it."""
+    closed: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
+    """By the vehicle's name: others' parts of the line, which its ways lead around for now."""
     looks: Looks = NO_LOOKS
     """What is to be seen, and who has the cameras for it."""
 
@@ -151,7 +155,22 @@ class FlightSetup:
         Raises:
             SafetyError: the fleet has no vehicle of this name.
         """
-        return alt_rel_m + self.frame.up_m(self.pad_of(vehicle).alt_m) - self.layers.offset_m(vehicle)
+        return self.up_m(vehicle, alt_rel_m) - self.layers.offset_m(vehicle)
+
+    def up_m(self, vehicle: str, alt_rel_m: float) -> float:
+        """Return a vehicle's height over the depot's ground.
+
+        Raises:
+            SafetyError: the fleet has no vehicle of this name.
+        """
+        return alt_rel_m + self.frame.up_m(self.pad_of(vehicle).alt_m)
+
+    @property
+    def steps_m(self) -> dict[str, float]:
+        """How far each vehicle comes down from its layer to inspect as asked, by name; of none if none does."""
+        if not self.inspection.same_distance:
+            return {}
+        return {name: self.layers.offset_m(name) for name in self.layers.vehicles}
 
     def return_height_m(self, vehicle: str) -> float:
         """Return the height over its own home at which a vehicle comes home by itself, straight and level.
@@ -169,6 +188,7 @@ class FlightSetup:
         """
         others = tuple((pad.east_m, pad.north_m) for pad in self.pads if pad.vehicle != vehicle)
         areas = tuple(obstacle_of(one.area) for one in self.kept_out if vehicle in one.vehicles)
+        areas += self.closed.get(vehicle, ())
         return Columns(others, column_radius_m(self.layers.layer_m), areas)
 
     def areas_at(self, vehicle: str, place_m: tuple[float, float]) -> list[Area]:
@@ -234,10 +254,9 @@ def flight_setup(
 
 
 def _turned_at_m(pads: Sequence[Pad], areas: Sequence[Area], tracks_m: FloatArray) -> FloatArray:
-    """Return (m, 2) where ways begin, end or turn beside the lines; corners of areas that are far away are none."""
+    """Return (m, 2) where ways begin, end or turn beside the lines; what is around areas that are far away is none."""
     low_m, high_m = tracks_m.min(axis=(0, 1)) - DETOUR_M, tracks_m.max(axis=(0, 1)) + DETOUR_M
-    corners_m = np.array([corner for area in areas for ring in area.rings_m for corner in ring], dtype=np.float64)
-    corners_m = corners_m.reshape(-1, 2)
+    corners_m = graph_of(tuple(map(obstacle_of, areas))).nodes_m
     near_m = corners_m[((corners_m >= low_m) & (corners_m <= high_m)).all(axis=1)]
     stands_m = np.array([(pad.east_m, pad.north_m) for pad in pads], dtype=np.float64).reshape(-1, 2)
     return np.concatenate((stands_m, near_m))

@@ -37,6 +37,8 @@ class Waypoint:
     """Position in the route of the visit that this leg belongs to (transit and inspection); None for the rest."""
     captures: tuple[Capture, ...] = ()
     """What cameras do along the leg that ends here."""
+    below_m: float = 0.0
+    """How far below its own layer the vehicle is here: above nothing on the line, where it inspects as asked."""
     hover_s: float = 0.0
     """How long it stays here, where that is longer than the hold that every stop takes."""
 

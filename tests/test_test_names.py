@@ -66,6 +66,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/adapters/mavlink/texts.py",
     ),
     "tests/executor/adapters/mavlink/test_tlog_reader.py": (
+        "executor/adapters/mavlink/checksum.py",
         "executor/adapters/pieces.py",
         "executor/adapters/mavlink/tlog_kinds.py",
     ),
@@ -88,7 +89,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/analysis/pictures/style.py",
         "executor/analysis/pictures/window.py",
     ),
-    "tests/executor/analysis/test_report.py": ("executor/analysis/documents.py",),
+    "tests/executor/analysis/test_report.py": ("executor/adapters/document.py", "executor/analysis/documents.py"),
     "tests/executor/bench/virtual/test_learned.py": ("executor/analysis/learned.py",),
     "tests/executor/bench/table/test_cells.py": (
         "executor/bench/machine.py",
@@ -229,6 +230,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/core/test_fleet_disarmed.py": ("executor/core/homing/landing.py",),
     "tests/executor/core/test_fleet_heard.py": ("executor/core/separation.py",),
+    "tests/executor/core/test_fleet_uploads.py": ("executor/core/uploaded.py",),
+    "tests/executor/core/operator/test_handling_back_in_the_plan.py": ("executor/core/roster/service.py",),
     "tests/executor/core/test_parts.py": (
         "executor/core/ports.py",
         "executor/core/recording.py",
@@ -254,6 +257,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/replay/open_log.py",
     ),
     "tests/executor/replay/test_packs.py": ("executor/replay/packs_file.py",),
+    "tests/executor/runtime/test_turnaround.py": (
+        "executor/core/roster/turnaround.py",
+        "executor/core/sorties.py",
+        "executor/runtime/examination.py",
+    ),
     "tests/executor/bench/test_prediction.py": ("executor/bench/predictionpage.py",),
     "tests/executor/bench/test_failures.py": (
         "executor/bench/failurespage.py",

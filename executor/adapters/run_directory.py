@@ -100,6 +100,16 @@ class RunDirectory:
         return self.path / "next-sortie.json"
 
     @property
+    def day_plan(self) -> Path:
+        """Return the day plan that it was flown by; not there for a single flight."""
+        return self.path / "day-plan.json"
+
+    @property
+    def packs(self) -> Path:
+        """Return what its packs gave; not there if none was changed."""
+        return self.path / "packs.json"
+
+    @property
     def truths(self) -> Path:
         """Return what a simulated fleet notes: what really happened, and when."""
         return self.path / "truth.jsonl"

@@ -186,7 +186,9 @@ def paced(pricing: Pricing, problem: Solve) -> Pricing:
         for name, model in pricing.models.items()
     }
     barred = {offer.vehicle: frozenset(offer.barred) for offer in problem.survivors if offer.barred}
-    return replace(pricing, models=models, barred=barred)
+    closed = {offer.vehicle: offer.closed for offer in problem.survivors if offer.closed}
+    low = frozenset(offer.vehicle for offer in problem.survivors if offer.low)
+    return replace(pricing, models=models, barred=barred, closed=closed, low_starts=low)
 
 
 def _gain(instance: Instance, carried: CarriedPlan, best: Plan, spare: set[int], names: Sequence[str]) -> Gain:

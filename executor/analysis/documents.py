@@ -6,57 +6,16 @@ All times are seconds since the order to take off.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
-from executor.adapters.run_directory import RunDirectory, write_json
+from executor.adapters.document import Document, Number, Whole, YesNo
+from executor.adapters.run_directory import RunDirectory
 from executor.core.check_codes import CheckCode
 from executor.core.preflight.checks import Severity
 from executor.core.vehicle import FaultCode, FaultKind
-from executor.errors import LogError
-from missions import first_reason
-from missions.validation import is_none
-
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Whole = Annotated[int, Field(strict=True)]
-YesNo = Annotated[bool, Field(strict=True)]
-
-
-class Document(BaseModel):
-    """A JSON object; keys that it does not know, of a later version, are passed over."""
-
-    model_config = ConfigDict(frozen=True)
-
-    def plain(self) -> dict[str, object]:
-        """Return it as JSON has it."""
-        return self.model_dump(mode="json")
-
-    def write(self, path: Path) -> None:
-        """Write it, whole or not at all.
-
-        Raises:
-            OSError: it cannot be written.
-        """
-        write_json(path, self.plain())
-
-    @classmethod
-    def read(cls, path: Path, expected: str) -> Self:
-        """Read it.
-
-        Args:
-            path: Its file.
-            expected: What it is, in words.
-
-        Raises:
-            LogError: one line that names the file, the key and what was expected.
-        """
-        try:
-            return cls.model_validate_json(path.read_bytes())
-        except OSError as error:
-            raise LogError(f"{path}: cannot be read: {error.strerror}; expected {expected}") from error
-        except ValidationError as error:
-            raise LogError(f"{path}: {first_reason(error)}") from error
+from missions.validation import is_empty, is_none
 
 
 class FaultRow(Document):
@@ -210,6 +169,8 @@ class InspectionRow(Document):
     segment: Whole
     name: str = ""
     vehicle: str
+    inspected_at_m: Annotated[Number | None, Field(exclude_if=is_none)] = None
+    """How high over the pylon tops, or the depot's ground, by its mission, where vehicles leave their layers."""
     speed_mean_m_s: Number
     speed_max_m_s: Number | None
     deviation_mean_m: Number
@@ -283,6 +244,26 @@ class RouteRow(Document):
     legs: tuple[LegRow, ...]
 
 
+class SortieRow(Document):
+    """A flight of a vehicle from its take-off to its landing, where there were several."""
+
+    vehicle: str
+    number: Whole
+    """Of this vehicle's, from 1."""
+    pack: str
+    """The id of its pack, as the crew said; empty if nobody did."""
+    began_s: Number
+    ended_s: Number | None
+    """None where it did not land."""
+    began_pct: Number | None
+    """By its own report."""
+    ended_pct: Number | None
+    rest_v: Number | None
+    """Of the pack at rest, before it."""
+    segments: tuple[Whole, ...]
+    """Ids of what it inspected."""
+
+
 class UnreachableRow(Document):
     """A segment that no flight could inspect."""
 
@@ -306,7 +287,7 @@ class FlightReport(Document):
     """Ids of those of them that the first plan left for the next sortie."""
     unreachable: tuple[UnreachableRow, ...] = ()
     """Those of them that lie in an area or behind one."""
-    segment_names: dict[str, str] = {}
+    segment_names: dict[str, str] = Field(default={})
     """Every segment's name by its id."""
     finished: YesNo
     """Whether everything was inspected."""
@@ -333,6 +314,8 @@ class FlightReport(Document):
     not_counted: tuple[NotCountedRow, ...] = ()
     routes: tuple[RouteRow, ...] = ()
     """Planned beside flown, for each mission and each of its legs."""
+    sorties: Annotated[tuple[SortieRow, ...], Field(exclude_if=is_empty)] = ()
+    """In the order of their take-offs, where packs were changed, or a day of several was flown."""
 
 
 class PadPart(Document):
@@ -357,7 +340,7 @@ class AskedVehicle(Document):
     """How long it may be silent before it is declared lost."""
     pad: PadPart | None = None
     """None in an older directory: the pads are those that the site gives."""
-    parameters: dict[str, Number] = {}
+    parameters: dict[str, Number] = Field(default={})
     stations: tuple[tuple[Whole, Whole], ...] = ()
     """System and component of the ground stations that were heard on its connection."""
 

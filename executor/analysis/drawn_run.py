@@ -28,6 +28,7 @@ from missions import (
     flight_path,
     read_plan,
 )
+from missions.asked import first_paths
 from missions.exports import (
     Drawn,
     DrawnKind,
@@ -89,11 +90,10 @@ def _time(record: FlightRecord, t_s: float) -> str:
 
 
 def _planned(record: FlightRecord, setup: FlightSetup, first: PlanFile) -> Iterator[DrawnWay]:
-    for route in first.plan.routes:
-        name = first.vehicles[route.vehicle].name
-        path = flight_path(setup, name, route.visits)
+    routes = {first.vehicles[route.vehicle].name: route.visits for route in first.plan.routes}
+    for name, path in first_paths(setup, routes).items():
         if path.waypoints:
-            facts: dict[str, Fact] = {"revision": 0, "begin": _time(record, 0.0), "segments": len(route.visits)}
+            facts: dict[str, Fact] = {"revision": 0, "begin": _time(record, 0.0), "segments": len(routes[name])}
             yield drawn_route(setup, path, f"{name} planned", facts, reference=Reference.SEA)
 
 

@@ -9,8 +9,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from executor.adapters.document import Document, Whole
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.documents import Document, Whole
 from executor.core import learning
 from executor.core.battery.kalman import Prior
 from executor.core.context import Context

@@ -28,12 +28,15 @@ from executor.analysis.flight_record import (
     uncovered_ids,
     used_at_pct,
 )
+from executor.core.battery.history import PackHistory
 from executor.core.commands import Level
 from executor.core.coverage import Sample, Track
 from executor.core.events import Event, Heard, LaunchOrdered, SolveEnded, UploadEnded
 from executor.core.messages import Battery, Position, SystemStatus
 from executor.errors import LogError
+from executor.site import assembly
 from executor.site.config import Site, read_site
+from executor.site.packs import packs_of_site
 from missions import Inspection, LocalFrame, PlanFile, read_plan, tracks_m
 
 
@@ -87,7 +90,7 @@ def read_run(run: Path) -> FlightRecord:
     site = read_site(RunDirectory(run).site)
     first = read_plan(RunDirectory(run).plan(0))
     log = _read_log(RunDirectory(run).events, first.frame, site)
-    vehicles = _vehicles(site, report, log)
+    vehicles = _vehicles(site, packs_of_site(site, run).fitted, report, log)
     by_name = {vehicle.name: vehicle for vehicle in vehicles}
     revisions = [plan_at_launch(first)]
     for row in report.replans:
@@ -145,7 +148,10 @@ def _read_decisions(path: Path, launched_s: float) -> Iterator[Decision]:
                 yield Decision(said.t_s - launched_s, said.level, said.said)
 
 
-def _vehicles(site: Site, report: FlightReport, log: _Log) -> tuple[VehicleRecord, ...]:
+def _vehicles(
+    site: Site, packs: Mapping[str, PackHistory], report: FlightReport, log: _Log
+) -> tuple[VehicleRecord, ...]:
+    drone = assembly.drone_of(site)
     faults = {row.vehicle: FaultRecord(row.kind, row.reason, row.detected_s, row.happened_s) for row in report.faults}
     vehicles = []
     for layer, table in enumerate(site.vehicle):
@@ -156,8 +162,8 @@ def _vehicles(site: Site, report: FlightReport, log: _Log) -> tuple[VehicleRecor
                 layer=layer,
                 # It stands there until it takes off; whoever was never heard is shown at the depot.
                 pad_m=heard.samples[0][1].place_m if heard.samples else (0.0, 0.0),
-                budget_pct=table.budget_pct,
-                reserve_pct=table.reserve_pct,
+                budget_pct=assembly.budget_of(packs.get(table.name), drone, table),
+                reserve_pct=table.reserve_pct + assembly.empty_of(packs.get(table.name), drone, table),
                 track=np.array(heard.positions, dtype=np.float64).reshape(-1, 4),
                 # As in flight: SYS_STATUS counts only where there is no BATTERY_STATUS.
                 battery=np.array(heard.battery or heard.status, dtype=np.float64).reshape(-1, 2),

@@ -22,6 +22,7 @@ from executor.analysis.documents import (
     ParameterRow,
     ReplanRow,
     SeenRow,
+    SortieRow,
     UnreachableRow,
     VehicleRow,
 )
@@ -32,7 +33,7 @@ from executor.core.hearing import firmware
 from executor.core.ports import LinkCounts
 from executor.core.preflight import heights
 from executor.core.preflight.checks import Check, Facts
-from executor.core.state import FleetState, ReplanRecord
+from executor.core.state import Absence, FleetState, ReplanRecord
 from executor.core.vehicle import Fault, Stage, VehicleState
 from executor.core.view import state_word
 from executor.images.rows import AssetRow, asset_rows
@@ -157,7 +158,7 @@ def report_of(
         faults=tuple(
             _fault(name, fault, began_s, truths) for name, fault in (*state.replanning.mended, *_at_fault(state))
         ),
-        replans=tuple(map(_replan, state.replanning.records)),
+        replans=tuple(_replan(record) for record in state.replanning.records if not record.sortie),
         vehicles=tuple(
             _vehicle(context, state, vehicle, frames.get(vehicle.name), said.firmware(vehicle.name), began_s)
             for vehicle in state.vehicles.values()
@@ -165,14 +166,7 @@ def report_of(
         checks=said.check_rows(),
         parameters=tuple(parameters),
         heights=_heights(context, state),
-        absences=tuple(
-            AbsenceRow(
-                until_s=round(absence.until_s - began_s, 1),
-                pause_s=round(absence.pause_s, 1),
-                restarted=absence.restarted,
-            )
-            for absence in state.listening.absences
-        ),
+        absences=tuple(_absence(absence, began_s) for absence in state.listening.absences),
         seen=tuple(map(_seen, asset_rows(context, state))),
         inferred=tuple(sorted(state.coverage.unproven())),
         min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
@@ -186,8 +180,43 @@ def report_of(
             for vehicle in state.vehicles.values()
             for segment, reason in vehicle.assignment.runs_broken
         ),
+        sorties=sortie_rows(context, state, began_s),
         routes=flown_routes(state, {name: setup.prior.factor for name, setup in context.vehicles.items()}),
     )
+
+
+def _absence(absence: Absence, began_s: float) -> AbsenceRow:
+    return AbsenceRow(
+        until_s=round(absence.until_s - began_s, 1),
+        pause_s=round(absence.pause_s, 1),
+        restarted=absence.restarted,
+    )
+
+
+def sortie_rows(context: Context, state: FleetState, began_s: float) -> tuple[SortieRow, ...]:
+    """Return every sortie, in the order of their take-offs; none of a flight of one each."""
+    turns = {name: vehicle.turn for name, vehicle in state.vehicles.items()}
+    if context.day is None and not any(turn.swaps for turn in turns.values()):
+        return ()
+    rows = []
+    for name, turn in turns.items():
+        own = {segment for segment, by in state.coverage.inspected.items() if by == name}
+        for number, one in enumerate(turn.sorties):
+            then = set(turn.sorties[number + 1].before) if number + 1 < len(turn.sorties) else own
+            rows.append(
+                SortieRow(
+                    vehicle=name,
+                    number=one.number,
+                    pack=one.pack,
+                    began_s=round(one.began_s - began_s, 1),
+                    ended_s=None if one.ended_s is None else round(one.ended_s - began_s, 1),
+                    began_pct=one.began_pct,
+                    ended_pct=one.ended_pct,
+                    rest_v=one.rest_v,
+                    segments=tuple(sorted((then & own) - set(one.before))),
+                )
+            )
+    return tuple(sorted(rows, key=lambda row: row.began_s))
 
 
 def _seen(row: AssetRow) -> SeenRow:
@@ -242,6 +271,7 @@ def _inspection(context: Context, state: FleetState, segment: int) -> Inspection
         segment=segment,
         name=context.segment_name(segment),
         vehicle=state.coverage.inspected[segment],
+        inspected_at_m=state.coverage.inspected_at_m.get(segment),
         speed_mean_m_s=round(flown.mean_m_s, 2),
         speed_max_m_s=None if flown.max_m_s is None else round(flown.max_m_s, 2),
         deviation_mean_m=round(flown.deviation_mean_m, 2),

@@ -12,7 +12,8 @@ from enum import Enum
 from html import escape
 from pathlib import Path
 
-from executor.analysis.documents import Document, FlightReport
+from executor.adapters.document import Document
+from executor.analysis.documents import FlightReport
 from executor.analysis.flight_record import FlightRecord, given_away
 from executor.core import words
 from executor.core.commands import Level
@@ -52,6 +53,7 @@ VEHICLES = {
 }
 AWAY = ("vehicle", "state", "last heard at", "height (m)", "when")
 CHECKS = {"subject": "about", "severity": "finding", "text": "what"}
+DISTANCE = {"inspected_at_m": "at a distance of (m)"}
 INSPECTIONS = {
     "segment": "segment",
     "vehicle": "by",
@@ -73,6 +75,17 @@ SEEN = {
     "vehicle": "by",
     "pictures": "pictures",
     "missing": "missing",
+}
+SORTIES = {
+    "vehicle": "vehicle",
+    "number": "sortie",
+    "pack": "pack",
+    "began_s": "took off (s)",
+    "ended_s": "landed (s)",
+    "began_pct": "battery at take-off (%)",
+    "ended_pct": "at landing (%)",
+    "rest_v": "at rest before (V)",
+    "segments": "inspected",
 }
 NOT_COUNTED = {"vehicle": "vehicle", "segment": "segment", "reason": "reason"}
 
@@ -130,6 +143,7 @@ def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, byte
         pictures: PNG files by what they show.
     """
     sentence = outcome(record)
+    flown = INSPECTIONS | (DISTANCE if any(row.inspected_at_m is not None for row in report.inspections) else {})
     parts = [
         f'<h1 class="{"bad" if record.uncovered or record.never else "good"}">{escape(sentence)}</h1>',
         f'<p class="facts">{escape(_facts(record, report))}</p>',
@@ -137,9 +151,10 @@ def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, byte
         _section("Faults", FAULTS, _faults(record)),
         _section("Re-plans", REPLANS.values(), _rows(report, report.replans, REPLANS)),
         _section("Vehicles", VEHICLES.values(), _rows(report, report.vehicles, VEHICLES)),
+        _section("Sorties", SORTIES.values(), _rows(report, report.sorties, SORTIES)),
         _section("Not at home: where to look", AWAY, _away(report)),
         _section("Before the flight", CHECKS.values(), _rows(report, report.checks, CHECKS), _severities(report)),
-        _section("How the segments were flown", INSPECTIONS.values(), _rows(report, report.inspections, INSPECTIONS)),
+        _section("How the segments were flown", flown.values(), _rows(report, report.inspections, flown)),
         _section("What was seen", SEEN.values(), _rows(report, report.seen, SEEN), _unseen(report)),
         _section("Flown, but not counted", NOT_COUNTED.values(), _rows(report, report.not_counted, NOT_COUNTED)),
         _section("Planned and flown", ROUTES, _routes(report)) + "".join(_legs(report)),

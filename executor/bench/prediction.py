@@ -217,6 +217,7 @@ def plan_with(ground: Ground, routes: Mapping[str, tuple[int, ...]]) -> PlanFile
     task = assembly.task_of(ground, sorted(visit >> 1 for visits in routes.values() for visit in visits))
     plan = Plan(tuple(Route(number, task.from_network(routes[name])) for number, name in enumerate(ground.names)), ())
     solved = Solved(solver="search", seed=1, seconds=0.0)
+    task = assembly.asked_task(ground, task, plan)
     made = make_plan_file(ground.network, task, ground.travel, plan, Cost.MINMAX, solved, inspection=ground.inspection)
     return replace(made, terrain=assembly.plan_terrain(ground))
 

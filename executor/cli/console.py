@@ -268,6 +268,8 @@ def _notes(view: FleetView) -> Iterator[str]:
     for vehicle in view.vehicles:
         if vehicle.state in FOUND_BY_PLACE:
             yield f"{vehicle.name} {words.state(vehicle.state)}: {_last_place(vehicle)}"
+        if vehicle.turn is not None and vehicle.turn.text:
+            yield f"{'?' if vehicle.turn.awaited else ' '} {vehicle.name}: {words.shown(vehicle.turn.text)}"
         if vehicle.taken is not None:
             yield f"{vehicle.name}: {in_other_hands_words(vehicle)}"
     if view.offer is not None:

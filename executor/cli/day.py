@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -99,6 +100,7 @@ def plan_day(
     asked: DayAsked,
     output: Path | None,
     picture: Path | None,
+    left: Sequence[int] | None,
     *,
     as_json: bool,
 ) -> None:
@@ -108,7 +110,7 @@ def plan_day(
         SiteError: the site or an option cannot be used.
     """
     objective, shares = objective_of(asked.objective), shares_of(asked.probability)
-    content = _planned(site_day(ground), console, asked, objective)
+    content = _planned(site_day(ground, left), console, asked, objective)
     spares = [] if asked.mtbf_h is None else _spares(content, console, asked, asked.mtbf_h, max(shares))
     console.progress("")
     if output is not None:

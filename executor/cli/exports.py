@@ -21,7 +21,6 @@ from missions import (
     PlanFile,
     dialect_for,
     encode,
-    flight_path,
     qgc_plan,
     qgc_waypoints,
     read_plan,
@@ -95,11 +94,9 @@ def _export_missions(
     dialect = dialect_for(autopilot.value)
     write, suffix = (qgc_plan, "plan") if to is FormatName.QGC else (qgc_waypoints, "waypoints")
     writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
-    for route in content.plan.routes:
-        name = content.vehicles[route.vehicle].name
-        if not route.visits:
-            continue
-        items = encode(flight_path(setup, name, route.visits), dialect).items
+    routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
+    for name, path in assembly.paths_of(setup, routes).items():
+        items = encode(path, dialect).items
         pad = setup.pad_of(name)
         home = (*setup.frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m)
         _write(output, f"{name}.{suffix}", write(items, dialect, home))

@@ -41,11 +41,19 @@ from executor.cli.options import (
     StretchOption,
     finite,
 )
-from executor.cli.planning import can_be_written, ground_with, plan_and_tell, routes_wanted, wanted_for, wanted_of
+from executor.cli.planning import (
+    can_be_written,
+    day_wanted,
+    ground_with,
+    plan_and_tell,
+    routes_wanted,
+    wanted_for,
+    wanted_of,
+)
 from executor.core.commands import Level
 from executor.core.preflight.checks import Severity
 from executor.core.preflight.parameters import number
-from executor.errors import LogError, PreflightFailed
+from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import fly as flying
 from executor.flight.broker import settings_of
 from executor.flight.flight_order import Order, keep
@@ -64,12 +72,12 @@ from executor.simulated.demo_site import (
     simulated_fleet,
 )
 from executor.simulated.injected import happenings
-from executor.site import assembly
+from executor.site import assembly, dayflight
 from executor.site.config import check_site, read_site, signing_key
 from executor.site.ground_files import read_ground
 from executor.site.ground_view import GroundView, view_for
-from executor.site.planning import DEFAULT
-from missions import write_plan
+from executor.site.planning import DEFAULT, Wanted
+from missions import DayPlanFile, PlanFile, is_day_plan, write_plan
 
 DEMO_PLAN_S = 3.0
 DEMO_ITERATIONS = 300_000
@@ -180,7 +188,10 @@ def simulate(
 
 def fly(
     asked: typer.Context,
-    site: SiteArgument,
+    site: Annotated[Path, typer.Argument(metavar="SITE", help="The site file (TOML), or a day plan beside --site.")],
+    of: Annotated[
+        Path | None, typer.Option("--site", metavar="SITE", help="The site file, where a day plan is named first.")
+    ] = None,
     plan: FlownPlanOption = None,
     after: AfterOption = None,
     learned: LearnedOption = None,
@@ -198,8 +209,11 @@ def fly(
 ) -> None:
     """Connect, check, upload, fly and supervise; re-plan when a vehicle is lost.
 
-    Without --plan it plans as `plan` does with the same options; the checklist shows the options in force.
+    Without --plan it plans as `plan` does with the same options; the checklist shows the options in force. A day plan,
+    as `plan --day` writes it, is flown sortie by sortie: each after the first by the crew's word, when its pack is
+    changed.
     """
+    site, plan = _site_and_plan(site, of, plan)
     wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
     content = read_site(site)
     check_backends(content)
@@ -207,12 +221,44 @@ def fly(
     ground = ground_with(content, site.parent, learned, console)
     mqtt = settings_of(content.mqtt, site.parent, str(site))
     below = view_for(ground, site.parent)  # a picture that cannot be used is said before anything is planned
-    routes = routes_wanted(ground, console, asked, wanted, plan=plan, after=after)
-    order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt, below)
+    day, routes = _flown(ground, console, asked, wanted, plan, after)
+    order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt, below, day)
     check_run(order.run, content)
     keep(order)
     flown = turns.run(flying.fly(order, console))
     _finish_flight(order, flown, as_json=as_json)
+
+
+def _site_and_plan(first: Path, of: Path | None, plan: Path | None) -> tuple[Path, Path | None]:
+    """Return the site file and the plan, whichever of them is named first.
+
+    Raises:
+        SiteError: a day plan without its site, or two plans.
+    """
+    if of is None:
+        if is_day_plan(first):
+            raise SiteError(f"{first}: --site: expected the site file of this day plan")
+        return first, plan
+    if plan is not None or not is_day_plan(first):
+        raise SiteError(f"{first}: expected a day plan, and no --plan, beside --site {of}")
+    return of, first
+
+
+def _flown(
+    ground: assembly.Ground,
+    console: TerminalConsole,
+    asked: typer.Context,
+    wanted: Wanted,
+    plan: Path | None,
+    after: Path | None,
+) -> tuple[DayPlanFile | None, PlanFile]:
+    """Return what is flown: the day, where it is one, and the first plan."""
+    day = day_wanted(asked, plan)
+    if day is None:
+        return None, routes_wanted(ground, console, asked, wanted, plan=plan, after=after)
+    routes = dayflight.first_sorties(day, ground)
+    console.say(Level.INFO, f"the day is that of {plan}")
+    return day, routes
 
 
 def preflight(
@@ -239,8 +285,8 @@ def preflight(
     check_backends(content)
     console = TerminalConsole(quiet=as_json or quiet, yes=True)
     ground = ground_with(content, site.parent, learned, console)
-    routes = routes_wanted(ground, console, asked, wanted, plan=plan, after=after)
-    order = Order(content, site.parent, ground, routes, Path(), lambda _: ())
+    day, routes = _flown(ground, console, asked, wanted, plan, after)
+    order = Order(content, site.parent, ground, routes, Path(), lambda _: (), day=day)
     found = turns.run(examine(order, console))
     console.checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]

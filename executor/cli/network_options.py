@@ -18,14 +18,21 @@ LayersOption = Annotated[
 ]
 WhereOption = Annotated[
     str | None,
-    typer.Option(metavar="FILTER", help='Only lines of which this holds, such as "voltage >= 110000".'),
+    typer.Option(metavar="FILTER", help='Read only lines that match, such as "voltage >= 110000".'),
 ]
 CrsOption = Annotated[
     str | None, typer.Option(metavar="CRS", help="The reference system of a file that does not say its own.")
 ]
 SnapOption = Annotated[
     float,
-    typer.Option("--snap", min=0.01, max=50, callback=finite, metavar="M", help="What is nearer than M metres meets."),
+    typer.Option(
+        "--snap",
+        min=0.01,
+        max=50,
+        callback=finite,
+        metavar="M",
+        help="Join ends of lines that are nearer than M metres.",
+    ),
 ]
 MaxSpanOption = Annotated[
     float | None,

@@ -20,7 +20,7 @@ from executor.flight.next_sortie import segments_left
 from executor.site import assembly, planning
 from executor.site.config import Site
 from executor.site.planning import DEFAULT, PlanSolver, Wanted
-from missions import PlanFile, check_plan, read_plan
+from missions import DayPlanFile, PlanFile, check_plan, is_day_plan, read_day_plan, read_plan
 from planner import Cost, Progress
 
 
@@ -114,14 +114,31 @@ def routes_wanted(
     """
     if plan is None:
         return plan_and_tell(ground, console, wanted, None if after is None else segments_left(after, ground))
-    for name in PLANNING:
-        source = asked.get_parameter_source(name)
-        if source is not None and source.name != "DEFAULT":
-            raise SiteError(f"--{name.replace('_', '-')}: expected none beside --plan, which is flown as it is")
+    _as_it_is(asked)
     content = read_plan(plan)
     planning.fits(content, ground, str(plan))
     console.say(Level.INFO, f"the plan is that of {plan}")
     return content
+
+
+def day_wanted(asked: typer.Context, plan: Path | None) -> DayPlanFile | None:
+    """Return the day plan that is to be flown; None where another plan is, or none.
+
+    Raises:
+        PlanFileError: it cannot be read.
+        SiteError: options of a new plan beside it.
+    """
+    if plan is None or not is_day_plan(plan):
+        return None
+    _as_it_is(asked)
+    return read_day_plan(plan)
+
+
+def _as_it_is(asked: typer.Context) -> None:
+    for name in PLANNING:
+        source = asked.get_parameter_source(name)
+        if source is not None and source.name != "DEFAULT":
+            raise SiteError(f"--{name.replace('_', '-')}: expected none beside --plan, which is flown as it is")
 
 
 def plan_and_tell(

@@ -57,7 +57,7 @@ from executor.site import assembly, planning
 from executor.site.config import read_site
 from executor.site.ground_view import GroundView, view_for
 from executor.site.heights import PlannedHeights, planned_heights
-from executor.site.plan_words import left_over_words, left_words, route_words, summary, window_words
+from executor.site.plan_words import distance_words, left_over_words, left_words, route_words, summary, window_words
 from executor.site.planning import DEFAULT, Wanted
 from missions import (
     PlanFile,
@@ -77,7 +77,7 @@ if TYPE_CHECKING:
 SearchOption = Annotated[
     Path | None,
     typer.Option(
-        "--search", metavar="FILE", help="What the search is tuned by (TOML); what it does not set is as by default."
+        "--search", metavar="FILE", help="Parameters of the search (TOML); what it leaves out keeps its default."
     ),
 ]
 PlanPictureOption = Annotated[
@@ -141,7 +141,8 @@ def plan(
     if day:
         seconds = seconds if _is_given(asked, "seconds") else DAY_SECONDS
         wishes = DayAsked(objective, seconds, seed, starts, mtbf_hours, probability, samples)
-        plan_day(ground, console, wishes, output, picture, as_json=as_json)
+        left = None if after is None else next_sortie.segments_left(after, ground)
+        plan_day(ground, console, wishes, output, picture, left, as_json=as_json)
         return
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
@@ -195,7 +196,7 @@ def _draw_profile(ground: assembly.Ground, content: PlanFile, path: Path) -> Non
     writable(path, lambda: draw_profile(flown, path))
 
 
-NOT_BY_DAY = ("cost", "solver", "stretch", "all_vehicles", "search", "front", "after", "profile")
+NOT_BY_DAY = ("cost", "solver", "stretch", "all_vehicles", "search", "front", "profile")
 ONLY_BY_DAY = ("objective", "mtbf_hours", "probability", "samples")
 
 
@@ -375,7 +376,7 @@ def _print_plan(content: PlanFile, *, as_json: bool, heights: PlannedHeights | N
     for line in (*route_words(content), summary(content)):
         print(line)
     print(f"{content.cost_name} {content.cost_value:.3f}, found in {content.solved.seconds:.1f} s")
-    for line in window_words(content):
+    for line in (*window_words(content), *distance_words(content)):
         print(line)
     if heights is not None:
         print(f"heights: {heights.words}")

@@ -21,11 +21,12 @@ from executor.errors import LogError, SiteError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import ReplayRules, replay, rules_of
 from executor.replay.open_log import is_log_by_content, open_log
-from executor.replay.packs_file import PacksDocument, pack_lines, packs_of, read_packs
+from executor.replay.packs_file import pack_lines, packs_of
 from executor.replay.result import LogReplay, RecordedTruth, VehicleReplay
 from executor.replay.run import Comparison, rerun
 from executor.site.assembly import drone_of
 from executor.site.config import Site, read_site
+from executor.site.packs import PacksDocument, read_packs
 from planner import PRESETS
 
 LogsArgument = Annotated[
@@ -95,7 +96,7 @@ def replay_logs(
     done = [_replayed(path, rules) if len(paths) == 1 else _replayed_or_named(path, rules) for path in paths]
     if output is not None:
         _write(done, output)
-    history = None if packs is None else _packs(done, packs)
+    history = None if packs is None else _packs(done, packs, known)
     if as_json:
         print(json.dumps(replay_document(done)))
     else:
@@ -108,9 +109,15 @@ def replay_logs(
         raise typer.Exit(1)
 
 
-def _packs(done: Sequence[_Done], path: Path) -> PacksDocument:
+def _packs(done: Sequence[_Done], path: Path, site: Site | None) -> PacksDocument:
     """Add what the flights say of their packs to a file, and return all that stands in it."""
-    known = packs_of((one.replay for one in done), read_packs(path) if path.exists() else None)
+    known = packs_of((), read_packs(path) if path.exists() else None)
+    for one in done:
+        run = RunDirectory(one.replay.path)
+        own = read_site(run.site) if site is None and run.site.exists() else site
+        tables = () if own is None else own.vehicle
+        labels = {table.sysid: table.pack for table in tables if table.pack is not None}
+        known = packs_of([one.replay], known, labels)
     try:
         known.write(path)
     except OSError as error:

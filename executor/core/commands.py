@@ -8,6 +8,7 @@ from enum import Enum
 from missions.fences import Fence
 from missions.pace import AS_MODELLED, Pace
 from missions.waypoints import FlightPath
+from missions.ways import Obstacle
 
 
 class Level(Enum):
@@ -85,6 +86,13 @@ class Disarm:
 
 
 @dataclass(frozen=True, slots=True)
+class Examine:
+    """Look at a vehicle on its base whose pack was changed: whether it is ready, its battery, its parameters."""
+
+    vehicle: str
+
+
+@dataclass(frozen=True, slots=True)
 class AskStreams:
     """Ask the vehicle to send again what it should send: some of it does not come."""
 
@@ -140,7 +148,11 @@ class Survivor:
     facing_m: tuple[float, float] = (0.0, 0.0)
     """East and north along the leg on which it comes there; of no length where nobody knows."""
     barred: tuple[int, ...] = ()
-    """Segments that it cannot be given, for it has no camera that does what they ask for."""
+    """Segments that it cannot be given, for it has no camera that does what they ask for, or another may be there."""
+    low: bool = False
+    """Whether it is below its layer where it becomes free."""
+    closed: tuple[Obstacle, ...] = ()
+    """Others' parts of the line, which its ways lead around."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +165,10 @@ class Solve:
     trigger: str
     left_over: tuple[int, ...] = ()
     """What the first plan left for the next sortie: only for budgets to spare, after all of the open segments."""
+    sortie: str = ""
+    """The vehicle on its base whose next sortie it is; empty for a re-plan."""
+    given: tuple[int, ...] = ()
+    """The visits of a sortie that was planned before, and is flown as it is: nothing is to be searched then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +202,7 @@ Command = (
     | LandNow
     | Disarm
     | HandsOff
+    | Examine
     | AskStreams
     | AskPicture
     | ReadMission

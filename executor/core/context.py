@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cache
 
 from executor.core.battery.account import NO_PRIOR
+from executor.core.battery.history import PackHistory
 from executor.core.battery.kalman import Prior
 from executor.core.battery.resting import NO_FACTS, PackFacts
 from executor.core.learning import UNKNOWN, Learned
@@ -59,14 +60,26 @@ class VehicleSetup:
     """Where it starts and lands, local east and north."""
     failsafe_s: float | None = None
     """Silence of ours after which it ends its mission by itself; None if it does not, or did not say so."""
+    returns: bool = False
+    """Whether it then climbs to the height of its return, and comes home: nothing else leaves the line."""
     planned: bool = True
     """Whether its plan is known: without one neither where it lands nor how long it stays somewhere says anything."""
     prior: Prior = NO_PRIOR
     """What is believed of its consumption, relative to the energy model, before it has used anything."""
     pack: PackFacts = NO_FACTS
-    """What the site file says of its pack."""
+    """What the site file, and its earlier flights, say of its pack."""
+    history: PackHistory | None = None
+    """The pack, where the site names it."""
+    empty_pct: float = 0.0
+    """What its autopilot reports when its pack is empty, by its earlier flights; a part of `reserve_pct`."""
     start: Learned = UNKNOWN
     """What is known of its pace, relative to its model, before it has flown anything."""
+    packs: Mapping[str, VehicleSetup] = field(default_factory=dict)
+    """The same vehicle with another pack that the site knows, by its label; by "" with one that nobody knows."""
+
+    def with_pack(self, label: str) -> VehicleSetup:
+        """Return the setup for the pack that the crew has put in."""
+        return self.packs.get(label, self.packs.get("", self))
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +122,23 @@ def draws_pct_s(drone: Drone) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True, slots=True)
+class DayRules:
+    """What a day's plan says beside its sorties; all times count from the launch."""
+
+    stagger_s: float
+    """The least time between two take-offs from a base."""
+    bases: Mapping[str, str]
+    """Of each vehicle."""
+    windows_s: Mapping[str, tuple[tuple[float, float], ...]]
+    """When each vehicle may fly."""
+
+    @property
+    def ends_s(self) -> float:
+        """When nobody may fly any more."""
+        return max((window[1] for own in self.windows_s.values() for window in own), default=0.0)
+
+
+@dataclass(frozen=True, slots=True)
 class Context(Scene):
     """Everything that `fleet.step` may look at besides the state and the event."""
 
@@ -134,6 +164,8 @@ class Context(Scene):
     """None where the site says nothing of fences."""
     camera_home: bool = True
     """Whether a vehicle whose camera or gimbal fails comes home; else it goes on with what it can see."""
+    day: DayRules | None = None
+    """Of a day of several sorties; None of a single flight."""
 
     @property
     def segments(self) -> int:

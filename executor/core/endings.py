@@ -20,6 +20,8 @@ class Ending(StrEnum):
     """Somebody else changed its mode meanwhile."""
     LEFT_MISSION = "left_mission"
     """The vehicle left its mission, so that nothing is uploaded any more."""
+    STOOD_STILL = "stood_still"
+    """This computer stood still while a vehicle was started: the crew's word for it is too old."""
     BROKEN_OFF = "broken_off"
     """Given up from here: something more important was to be said."""
     TEMPORARILY_REJECTED = "temporarily_rejected"

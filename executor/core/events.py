@@ -209,6 +209,26 @@ class OrderEnded:
 
 
 @dataclass(frozen=True, slots=True)
+class Examined:
+    """A vehicle on its base was looked at before its next sortie."""
+
+    vehicle: str
+    ready: bool
+    reason: str
+    """Why it is not."""
+    remaining_pct: float | None = None
+    """By its own report, after the change of its pack was confirmed."""
+    voltage_v: float | None = None
+    """Of its pack at rest."""
+    cells: int | None = None
+    """How many cells it tells apart."""
+    parameters: tuple[tuple[str, float], ...] = ()
+    """What it answered, by name."""
+    changed: tuple[str, ...] = ()
+    """What is not as the flight had set it, in words."""
+
+
+@dataclass(frozen=True, slots=True)
 class Asked:
     """The crew is asked something before the flight."""
 
@@ -245,5 +265,6 @@ Event = (
     | IntentReceived
     | OrderEnded
     | LossJudged
+    | Examined
     | Asked
 )

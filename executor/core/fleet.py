@@ -18,6 +18,7 @@ from executor.core.custody import causes, reading
 from executor.core.events import (
     Asked,
     Event,
+    Examined,
     Heard,
     IntentReceived,
     LaunchOrdered,
@@ -45,7 +46,7 @@ from executor.core.homing.homeward import comes_home, on_mission
 from executor.core.homing.landing import has_landed, touched_down
 from executor.core.messages import ComponentText, Heartbeat, LandedState, MissionCurrent, PayloadMessage, Position
 from executor.core.operator import handling
-from executor.core.parts import Assignment, Cause, OnBoard
+from executor.core.parts import Assignment, Cause, OnBoard, SortieAhead, Turnaround
 from executor.core.places import (
     at_rest,
     last_heard,
@@ -53,15 +54,17 @@ from executor.core.places import (
     place_words,
     seen_at_rest,
 )
-from executor.core.replan import offering, replanning
+from executor.core.replan import new_missions, offering, replanning, survivors
 from executor.core.resume import blackout, resuming
-from executor.core.roster import killswitch, offers, takeover
+from executor.core.roster import killswitch, offers, takeover, turnaround
 from executor.core.roster.withdraw import declare
 from executor.core.seeing import faults as faults_of_cameras
 from executor.core.seeing import proof
 from executor.core.separation import separated
+from executor.core.setups import setup_now
 from executor.core.state import Briefing, CheckLine, Crew, FleetState, Outlook, Question, SaidLine, Told
-from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, aboard, carrying, moved_to
+from executor.core.uploaded import uploaded
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
 from executor.core.words import count_of
 from missions.fences import Fence
 
@@ -72,11 +75,23 @@ def initial(
     boards: Mapping[str, OnBoard | None],
     checks: tuple[CheckLine, ...] = (),
     fences: Mapping[str, Fence] = MappingProxyType({}),
+    ahead: Mapping[str, tuple[SortieAhead, ...]] = MappingProxyType({}),
 ) -> FleetState:
-    """Return the state before the launch, with the missions and fences that are, or are to be, on board."""
+    """Return the state before the launch.
+
+    Args:
+        boards: The missions that are, or are to be, on board.
+        checks: The checklist.
+        fences: The fences that are, or are to be, on board.
+        ahead: Of a day, the sorties of each vehicle in their order, the one on board first.
+    """
     vehicles = MappingProxyType(
         {
-            name: VehicleState(name, assignment=Assignment(board=board, fence=fences.get(name)))
+            name: VehicleState(
+                name,
+                assignment=Assignment(board=board, fence=fences.get(name)),
+                turn=Turnaround(ahead=ahead.get(name, ())),
+            )
             for name, board in boards.items()
         }
     )
@@ -105,11 +120,11 @@ def _step(  # noqa: C901, PLR0911 - one return for each kind of event
         case StartEnded():
             return launching.started(context, state, event, now_s)
         case UploadEnded():
-            return _uploaded(context, state, event, now_s)
-        case SolveEnded():
-            return replanning.solved(context, state, event, now_s)
+            return uploaded(context, state, event, now_s)
+        case SolveEnded() | Examined():
+            return turnaround.turnaround_answered(context, state, event, now_s)
         case MissionsWanted():
-            return replanning.composed(context, state, event, now_s)
+            return new_missions.composed(context, state, event, now_s)
         case LossJudged():
             return _judged(state, event, now_s), ()
         case ReturnEnded() | OrderEnded() | IntentReceived() | ReturnAllOrdered():
@@ -250,12 +265,14 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands.extend(more)
     state, more = replanning.begin(context, state, now_s)
     commands.extend(more)
+    state, more = turnaround.turnarounds_pursued(context, state, now_s)
+    commands.extend(more)
     state, more = texts.tell_passed_over(state, now_s)
     commands.extend(more)
     state, more = offers.looked_at(context, state, now_s)
     commands.extend(more)
     state = handling.settle_intents(context, state, now_s)
-    state, more = _finish(context, state)
+    state, more = _finish(context, state, now_s)
     return state, (*commands, *more)
 
 
@@ -276,7 +293,8 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> St
         state, more = taken_up
         commands.extend(more)
     vehicle = causes.looked_at_again(context, state.listening.absences, state.vehicles[name], now_s)
-    view = View(context, context.vehicles[name], vehicle, False, now_s)
+    setup = setup_now(context, vehicle)
+    view = View(context, setup, vehicle, False, now_s)
     told, lines = warnings.new_warnings(view, state.crew.told.get(name, Told()))
     if told is not state.crew.told.get(name):
         state = replace(state, crew=replace(state.crew, told=MappingProxyType({**state.crew.told, name: told})))
@@ -289,7 +307,7 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> St
             vehicle, assignment=replace(vehicle.assignment, carried=replace(vehicle.assignment.carried, asked_s=now_s))
         )
         commands.append(ReadMission(name))
-    judgement = watchpoints.judge(context, context.vehicles[name], vehicle, now_s)
+    judgement = watchpoints.judge(context, setup, vehicle, now_s)
     vehicle = watchpoints.remembered(vehicle, judgement)
     state = state.put(vehicle)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
@@ -327,10 +345,18 @@ def _decided(
     if vehicle.stage is Stage.PILOT:
         return takeover.attended(context, state, vehicle, now_s)
     if has_landed(vehicle):
-        spare = replanning.from_its_pad(context, vehicle).budget_pct > 0.0
-        at_rest_now = seen_at_rest(vehicle, now_s)
-        return touched_down(context, state, vehicle, now_s, spare=spare) if at_rest_now else (state, ())
+        return _landed(context, state, vehicle, now_s)
     return homeward.pursued(context, state, name, now_s)
+
+
+def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Take a vehicle that has disarmed to be on the ground as soon as it is seen to rest there."""
+    if not seen_at_rest(vehicle, now_s):
+        return state, ()
+    spare = survivors.from_its_pad(context, vehicle).budget_pct > 0.0
+    state, commands = touched_down(context, state, vehicle, now_s, spare=spare)
+    waits = turnaround.ahead_words(context, state, state.vehicles[vehicle.name])
+    return state, (*commands, Say(Level.INFO, f"{vehicle.name}: {waits}")) if waits else commands
 
 
 def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -431,73 +457,13 @@ def _lies(context: Context, vehicle: VehicleState) -> bool:
     return down and not vehicle.orders.lands and not over_its_pad(context, vehicle)
 
 
-def _uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: float) -> Stepped:
-    vehicle = state.vehicles[event.vehicle]
-    plan = state.replanning.replan
-    if plan is None or event.revision != plan.solve.revision or event.vehicle not in plan.pending:
-        return state, ()
-    mission = plan.missions[event.vehicle]
-    vehicle = replace(vehicle, assignment=replace(vehicle.assignment, pending=None))
-    if event.fenced and mission.fence is not None:
-        vehicle = replace(vehicle, assignment=replace(vehicle.assignment, fence=mission.fence))
-    commands: list[Command] = []
-    plan = replace(plan, pending=plan.pending - {event.vehicle})
-    if event.accepted:
-        board = aboard(context, vehicle.name, event.revision, mission.path, mission.visits)
-        if mission.fresh:
-            vehicle = replace(vehicle, assignment=replace(vehicle.assignment, waypoint=0))
-        state = state.put(carrying(vehicle, board, now_s))
-        to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
-        what = f"{count_of(to_go, 'segment')} to go" if to_go else "it has no segment left and comes home"
-        what += ", and a wider fence before it" if mission.fence is not None else ""
-        commands.append(Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"))
-    elif _left_meanwhile(context, vehicle) or (state.listening.silent_since_s is not None and not event.mixed):
-        # Nobody hears us, or it has left its mission meanwhile: that is not its refusal.
-        plan = replace(plan, failed=(*plan.failed, vehicle.name))
-        state = state.put(vehicle)
-        state = replace(
-            state, replanning=replace(state.replanning, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
-        )
-    else:
-        plan = replace(plan, failed=(*plan.failed, vehicle.name))
-        refused, how_long = offering.declined(context, vehicle, mission, event, now_s)
-        state = state.put(refused)
-        text = f"{vehicle.name}: upload of its new mission failed ({event.reason}); planning around it{how_long}"
-        commands.append(Say(Level.WARNING, text))
-        state = replace(
-            state,
-            replanning=replace(
-                state.replanning, urgent=True, trigger=f"{vehicle.name}: {event.reason}", trigger_s=now_s
-            ),
-        )
-    if mission.fresh and event.accepted and offers.may_take_off(context, vehicle, now_s):
-        state, start = launching.ordered(context, state, state.vehicles[vehicle.name], now_s)
-        commands.append(start)
-    elif mission.fresh and event.accepted:
-        commands.append(Say(Level.WARNING, f"{vehicle.name}: stays on the ground, the crew's clearance is too old"))
-    elif vehicle.stage is Stage.STARTING and not event.mixed:
-        state, more = launching.started_again(context, state, state.vehicles[vehicle.name], now_s)
-        commands.extend(more)
-    state = replace(state, replanning=replace(state.replanning, replan=plan))
-    if event.mixed and not event.accepted and not mission.fresh and not _left_meanwhile(context, vehicle):
-        why = "its mission on board is a mix of two"
-        fault = Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.MISSION_MIXED)
-        state, more = declare(context, state, state.vehicles[vehicle.name], fault)
-        commands.extend(more)
-    state, more = replanning.ended_if_done(state, now_s)
-    return state, (*commands, *more)
-
-
-def _left_meanwhile(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle does not fly what is on board any more: a mix of two missions does no harm then."""
-    return vehicle.stage is Stage.RETURNING or homeward.comes_down(context, vehicle)
-
-
-def _finish(context: Context, state: FleetState) -> Stepped:
+def _finish(context: Context, state: FleetState, now_s: float) -> Stepped:
     waiting = {Stage.STARTING, Stage.FLYING, Stage.RETURNING, Stage.PILOT}
     if state.progress.finished or state.progress.launched_s is None or state.replanning.replan is not None:
         return state, ()
     if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or offers.awaits_answer(state):
+        return state, ()
+    if turnaround.awaited(context, state, now_s):
         return state, ()
     if not state.progress.recalled and replanning.orphans(context, state):
         return state, ()

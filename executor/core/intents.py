@@ -27,6 +27,8 @@ class Action(Enum):
     INCLUDE = "include"
     """Take a vehicle back into the plan: one on the ground takes off from its pad for that, one that its pilot has
     returned to its mission goes on."""
+    SWAP = "swap"
+    """Its pack is changed: look at it, and send it out on its next sortie when its checks pass."""
     DISARM = "disarm"
     """Stop the motors of a vehicle that is down."""
     PREPARE = "prepare"
@@ -42,6 +44,8 @@ class Action(Enum):
     """Everybody returns."""
 
 
+PACK = r"^[A-Za-z0-9._:#/-]{0,32}$"
+"""What the id of a pack is made of."""
 FOR_ALL = frozenset({Action.REPLAN, Action.PROVE, Action.ABORT, Action.PREPARE, Action.TAKE_OFF})
 """Actions that name no vehicle."""
 BEFORE = frozenset({Action.PREPARE, Action.TAKE_OFF})
@@ -131,6 +135,14 @@ class IntentReason(StrEnum):
     """It is not on its pad."""
     BATTERY_LOW = "battery_low"
     """Its battery is not above its reserve."""
+    SWAPPING = "swapping"
+    """It is looked at before its next sortie already."""
+    NOT_READY = "not_ready"
+    """Its checks before its next sortie did not pass."""
+    PACK_POOR = "pack_poor"
+    """Its pack holds too little for a sortie."""
+    OUT_OF_HOURS = "out_of_hours"
+    """Its next sortie would not end within its hours."""
     REPLANNING = "replanning"
     """A re-plan is under way."""
     NO_VEHICLE = "no_vehicle"
@@ -156,6 +168,8 @@ class Intent:
     """Who asks: page, mqtt, terminal."""
     confirmed: bool = False
     """Whether who asks has answered the second question, where there is one."""
+    pack: str = ""
+    """The id of the pack that is put in, for a swap; empty if nobody says."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from executor.core import sorties
 from executor.core.carried import Carried
 from executor.core.commands import Command, Level, Say, Start
 from executor.core.context import Context, FlyAgain
@@ -14,7 +15,7 @@ from executor.core.homing.homeward import comes_home
 from executor.core.parts import Cause
 from executor.core.places import kill_switch_on
 from executor.core.replan.wording import listed
-from executor.core.roster import killswitch
+from executor.core.roster import killswitch, turnaround
 from executor.core.roster.withdraw import declare
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
@@ -44,12 +45,16 @@ def launch(context: Context, state: FleetState, now_s: float) -> Stepped:
             continue
         own = {segment_of(visit) for visit in vehicle.assignment.board.visits}
         planned |= own
+        if context.day is not None:
+            continue  # one after the other, each when its base has a slot for it
         if vehicle.armed:
             continue  # somebody else has armed it since it was looked at
         begun |= own
         state, order = ordered(context, state, vehicle, now_s)
         commands.append(order)
-    left = context.wanted - planned
+    if context.day is not None:
+        state, begun = turnaround.lined_up(context, state, now_s), planned
+    left = context.wanted - planned - state.ahead()
     if left:
         commands.append(Say(Level.INFO, f"left for the next sortie by the plan: {listed(context, left)}"))
     given_up = state.coverage.given_up | (planned - begun)
@@ -67,7 +72,7 @@ def ordered(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
     modes_on_the_way = {dialect.modes.mission.custom_mode}
     if StartStep.GUIDED in dialect.start:
         modes_on_the_way.add(dialect.modes.guided.custom_mode)
-    vehicle = moved_to(vehicle, Stage.STARTING)
+    vehicle = moved_to(sorties.begun(state, vehicle, now_s), Stage.STARTING)
     vehicle = replace(
         vehicle,
         orders=replace(vehicle.orders, ordered_mode_s=now_s, errand=None, ordered_modes=frozenset(modes_on_the_way)),
@@ -99,7 +104,7 @@ def started(context: Context, state: FleetState, event: StartEnded, now_s: float
     asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
     stopped = (vehicle.sortie.armed_once or event.armed) and not vehicle.armed
     may = context.fly_again is FlyAgain.AUTO or (now_s - asked_s < START_WINDOW_S and not stopped)
-    may = may and event.code is not Ending.MODE_CHANGED
+    may = may and event.code not in {Ending.MODE_CHANGED, Ending.STOOD_STILL}
     if vehicle.assignment.failures + 1 < RETRIES and may and _waits_on_its_pad(context, vehicle, event, now_s):
         vehicle = replace(
             vehicle,

@@ -231,9 +231,9 @@ class Radio:
 
 @dataclass(frozen=True, slots=True)
 class OrderSeen:
-    """A ground station told the vehicle what to do, in a log that holds both directions; or the vehicle accepted it.
+    """A ground station told the vehicle what to do, or the vehicle accepted that.
 
-    COMMAND_ACK is an order's shadow: a log that holds only what the vehicle sends shows nothing else of it.
+    COMMAND_ACK is an order's shadow: who hears only what the vehicle sends sees nothing else of it.
     """
 
     command: int
@@ -241,7 +241,7 @@ class OrderSeen:
     custom_mode: int | None = None
     """The mode that it orders, if it names one."""
     by: int | None = None
-    """The system that orders; None where only the vehicle's acceptance was seen."""
+    """The system that orders; None where nothing tells it from us: it has our number, or an answer names nobody."""
     to: int = 0
     """The system that is ordered, where a connection carries more than one; 0 for everybody on it."""
 
@@ -260,9 +260,10 @@ class Actor(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ModeChange:
-    """The autopilot's own record of a change of mode: MODE of DataFlash with its reason, vehicle_status of PX4."""
+    """The autopilot's own record of a change of mode: MODE of DataFlash with its reason, or what PX4 says."""
 
-    custom_mode: int
+    custom_mode: int | None
+    """None for one that is not named: the one that its HEARTBEAT shows then."""
     by: Actor
 
 

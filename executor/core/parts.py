@@ -309,6 +309,10 @@ class Assignment:
     """What they say of the vehicle; None as long as they say nothing."""
 
 
+FOLLOWED_LATE_S = 120.0
+"""An order may be followed, or answered, this late: a radio keeps it, or only the answers were lost."""
+
+
 @dataclass(frozen=True, slots=True)
 class Orders:
     """What it was ordered, and what the crew wants of it."""
@@ -351,6 +355,63 @@ class Sortie:
     """When it left its mission to come home."""
     place_told: bool = False
     """Whether it was said where it is down."""
+
+
+@dataclass(frozen=True, slots=True)
+class SortieAhead:
+    """A sortie that the day's plan has for a vehicle."""
+
+    visits: tuple[int, ...]
+    """Visits of the network in their order."""
+    start_s: float
+    """Its planned take-off, counted from the first one of the day."""
+
+
+@dataclass(frozen=True, slots=True)
+class SortieFlown:
+    """A flight from a take-off to the landing."""
+
+    number: int
+    """Of this vehicle's, from 1."""
+    pack: str
+    """The id of the pack, as the crew said; empty if nobody did."""
+    began_s: float
+    began_pct: float | None
+    """By its own report."""
+    rest_v: float | None
+    """Of the pack at rest, before it."""
+    before: tuple[int, ...] = ()
+    """The segments that the vehicle had inspected before it."""
+    ended_s: float | None = None
+    """None for the one under way."""
+    ended_pct: float | None = None
+    end_v: float | None = None
+    """Of the pack at its end, as it would rest where that is known."""
+    cells: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Turnaround:
+    """A vehicle's turnarounds on its base, and its sorties."""
+
+    label: str = ""
+    """What stands on the pack in it, as the crew said."""
+    swaps: int = 0
+    """How often the crew has said that its pack is changed."""
+    overstated_pct: float = 0.0
+    """By so much its percentage says more than its pack holds, as far as the resting voltage tells."""
+    asked_s: float | None = None
+    """Since when it is being turned around by the crew's word; None while it is not."""
+    intent: str = ""
+    """That word's id."""
+    ready_s: float | None = None
+    """Since when its checks have passed and it waits for its sortie."""
+    ahead: tuple[SortieAhead, ...] = ()
+    """What it is planned to fly after what it carries."""
+    beyond: frozenset[int] = frozenset()
+    """Open segments of which it could fly none with a good pack."""
+    sorties: tuple[SortieFlown, ...] = ()
+    """Its sorties, the one under way last."""
 
 
 LONG_AGO_S = float("-inf")

@@ -15,6 +15,7 @@ from executor.core.payload.pictures import NotSeen, Unseen
 from executor.core.vehicle import Fault, Stage, VehicleState
 from missions import FlightPath
 from missions.fences import Fence
+from planner import segment_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +43,8 @@ class Replan:
     solved_s: float = 0.0
     uncovered: tuple[int, ...] = ()
     gain: Gain | None = None
+    low: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """Segments that vehicles inspect below their layers by their new missions, by name."""
     unmade: tuple[NewRoute, ...] = ()
     """Routes whose missions are still to be made: of a large fleet that takes longer than anybody should wait."""
     missions: Mapping[str, NewMission] = field(default_factory=lambda: MappingProxyType({}))
@@ -80,6 +83,8 @@ class ReplanRecord:
     upload_s: float
     gain: Gain | None = None
     """Against what everybody carried; None where the solver did not say."""
+    sortie: str = ""
+    """The vehicle whose next sortie it was; empty for a re-plan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,6 +193,8 @@ class Coverage:
     """Segment to the vehicle that inspected it."""
     flown: Mapping[int, SegmentPass] = field(default_factory=lambda: MappingProxyType({}))
     """Segment to how it was flown then."""
+    inspected_at_m: Mapping[int, float] = field(default_factory=lambda: MappingProxyType({}))
+    """Segment to the distance at which its mission did so, where vehicles leave their layers for it."""
     given_up: frozenset[int] = frozenset()
     """Segments that no survivor can inspect."""
     left_over: frozenset[int] = frozenset()
@@ -287,6 +294,15 @@ class FleetState:
     def telling(self, lines: tuple[SaidLine, ...]) -> FleetState:
         """Return the state with lines for the operator added."""
         return replace(self, crew=replace(self.crew, said=(*self.crew.said, *lines)[-KEPT_LINES:]))
+
+    def ahead(self) -> frozenset[int]:
+        """Return the segments of the sorties that are planned for later."""
+        return frozenset(
+            segment_of(visit)
+            for vehicle in self.vehicles.values()
+            for sortie in vehicle.turn.ahead
+            for visit in sortie.visits
+        )
 
     def flying(self) -> list[VehicleState]:
         """Vehicles that are out there as far as we know."""

@@ -22,6 +22,7 @@ from executor.core.parts import (
     Sensors,
     Sortie,
     Telemetry,
+    Turnaround,
     Watch,
 )
 from executor.core.payload.pictures import NO_PAYLOAD, PayloadState
@@ -188,6 +189,7 @@ class VehicleState:
     custody: Custody = field(default_factory=Custody)
     evidence: Evidence = field(default_factory=Evidence)
     payload: PayloadState = NO_PAYLOAD
+    turn: Turnaround = field(default_factory=Turnaround)
 
     @property
     def airborne(self) -> bool:
@@ -214,7 +216,7 @@ class VehicleState:
         return VehicleState(
             self.name, self.stage, self.fault, self.watches, link, telemetry or self.telemetry, sensors or self.sensors,
             motion or self.motion, power or self.power, assignment or self.assignment, self.orders,
-            sortie or self.sortie, custody or self.custody, self.evidence, self.payload,
+            sortie or self.sortie, custody or self.custody, self.evidence, self.payload, self.turn,
         )  # fmt: skip
 
     def remaining_visits(self) -> tuple[int, ...]:

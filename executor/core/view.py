@@ -14,8 +14,10 @@ from executor.core.battery.kalman import BAND_SD
 from executor.core.context import Context
 from executor.core.coverage import Track
 from executor.core.replan.replanning import left_over
+from executor.core.roster import turnaround
 from executor.core.roster.offers import offer_words
 from executor.core.seeing import proof
+from executor.core.setups import setup_now
 from executor.core.state import CheckLine, FleetState, Question
 from executor.core.vehicle import FaultCode, Stage, VehicleState
 from missions import Phase
@@ -110,6 +112,20 @@ class TakenView:
 
 
 @dataclass(frozen=True, slots=True)
+class TurnView:
+    """A vehicle on its base between two sorties, or on a later one."""
+
+    pack: str
+    """The id of the pack in it, as the crew said; empty if nobody did."""
+    sortie: int
+    """The one under way, or the next, from 1."""
+    awaited: bool
+    """Whether it waits for the crew's word that its pack is changed."""
+    text: str
+    """What it waits for, in words; empty if for nothing."""
+
+
+@dataclass(frozen=True, slots=True)
 class VehicleView:
     """One vehicle."""
 
@@ -148,6 +164,8 @@ class VehicleView:
     """Who has it, if it is not flown from here."""
     offered: bool
     """Whether it could take over work, and waits for the crew's word."""
+    turn: TurnView | None
+    """None in a flight of one sortie."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,7 +284,7 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
 
 
 def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float, inspected: int) -> VehicleView:
-    setup, layers = context.vehicles[vehicle.name], context.setup.layers
+    setup, layers = setup_now(context, vehicle), context.setup.layers
     outlook = state.replanning.outlook.get(vehicle.name)
     known = outlook is not None and vehicle.fault is None and vehicle.stage in {Stage.STARTING, Stage.FLYING}
     lost = vehicle.link.quality.lost
@@ -302,7 +320,22 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
         else WindView(vehicle.sensors.wind.speed_m_s, vehicle.sensors.wind.from_deg),
         taken=_taken(context, vehicle, now_s),
         offered=state.crew.offer is not None and vehicle.name in state.crew.offer.vehicles,
+        turn=_turn(context, state, vehicle),
     )
+
+
+def _turn(context: Context, state: FleetState, vehicle: VehicleState) -> TurnView | None:
+    turn = vehicle.turn
+    if context.day is None and not turn.swaps and turn.asked_s is None:
+        return None
+    on_base = vehicle.stage in {Stage.GROUND, Stage.LANDED}
+    under_way = bool(turn.sorties) and turn.sorties[-1].ended_s is None and not on_base
+    sortie = len(turn.sorties) + (not under_way)
+    if turn.asked_s is not None:
+        text = "is looked at" if turn.ready_s is None else "waits for its sortie"
+        return TurnView(turn.label, sortie, awaited=False, text=text)
+    text = turnaround.ahead_words(context, state, vehicle)
+    return TurnView(turn.label, sortie, awaited=bool(text), text=text)
 
 
 def _lands_in_s(vehicle: VehicleState) -> float | None:
@@ -351,7 +384,7 @@ def _position(context: Context, vehicle: VehicleState, now_s: float) -> Position
 
 
 def _battery(context: Context, vehicle: VehicleState) -> BatteryView:
-    setup = context.vehicles[vehicle.name]
+    setup = setup_now(context, vehicle)
     ahead = projection.at_landing(context, vehicle, setup) if vehicle.airborne else None
     predicted_pct = band_pct = None
     # Before the launch nobody listens to batteries here: the first report is from its first seconds then.

@@ -9,8 +9,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from executor.adapters.document import Document, Number
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.documents import Document, Number, ParameterRow
+from executor.analysis.documents import ParameterRow
 from executor.core.preflight.parameters import ChangeStage, Kept
 from executor.site.tables.aircraft import AutopilotKey
 

@@ -22,7 +22,7 @@ from executor.site.assembly import Ground
 from executor.site.config import Site
 from executor.site.ground_files import keep_ground
 from executor.site.ground_view import GroundView, view_for
-from missions import PlanFile, write_plan
+from missions import DayPlanFile, PlanFile, write_day_plan, write_plan
 from missions.readers.kept_elevation import write_kept_ground
 
 
@@ -75,6 +75,8 @@ class Order:
     """Where it is published."""
     below: GroundView | None = None
     """The ground around the line, where it is read already."""
+    day: DayPlanFile | None = None
+    """The day whose first sorties `plan` is; None for a single flight."""
 
 
 def keep_learned(run: Path, context: Context, state: FleetState, before: Mapping[str, Known]) -> None:
@@ -97,6 +99,8 @@ def keep(order: Order) -> None:
     files = {}
     if order.site.network.file != assembly.DEFAULT_NETWORK:
         files["network", "file"] = order.base / order.site.network.file
+    if order.site.energy.packs is not None:
+        files["energy", "packs"] = order.base / order.site.energy.packs
     for index, table in enumerate(order.site.area):
         if table.file is not None:
             files[f"area.{index}", "file"] = order.base / table.file
@@ -117,3 +121,5 @@ def keep(order: Order) -> None:
     if order.ground.learned:
         document_of(order.ground.learned, today()).write(RunDirectory(order.run).learned_before)
     write_plan(RunDirectory(order.run).plan(0), order.plan)
+    if order.day is not None:
+        write_day_plan(RunDirectory(order.run).day_plan, order.day)

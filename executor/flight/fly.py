@@ -17,6 +17,7 @@ from executor.adapters.eventlog import EventLog
 from executor.adapters.run_directory import RunDirectory, locked
 from executor.adapters.solver import SolverProcess, SolverSetup
 from executor.analysis.documents import FlightReport
+from executor.analysis.packs import flown_packs
 from executor.analysis.report import Said, report_of, vehicles_of
 from executor.core import fleet
 from executor.core.commands import Level, Say
@@ -43,6 +44,7 @@ from executor.flight.together import time_of
 from executor.images.store import index_of, write_index
 from executor.runtime.flight import Flight
 from executor.runtime.outlook import keep_judging
+from executor.site import dayflight
 from executor.site.plan_words import route_words, summary
 from missions.fences import Fence
 
@@ -116,7 +118,10 @@ async def _fly(
     found += proposal.checks
     fences = first_fences(context, boards)
     state = fleet.initial(
-        boards, tuple(CheckLine(one.severity.value, one.subject, one.text, one.code) for one in found), fences
+        boards,
+        tuple(CheckLine(one.severity.value, one.subject, one.text, one.code) for one in found),
+        fences,
+        {} if order.day is None else dayflight.ahead_of(order.day),
     )
     log = EventLog(
         RunDirectory(run).events, began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console)
@@ -181,8 +186,9 @@ async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, 
     await fencing.put_lists(order.run, context, links, clock, beginning.fences, beginning.lists, console)
     await load_all(context, links, clock, beginning.boards, console)
     vehicles_of(context, seat.said).write(RunDirectory(order.run).vehicles)
+    later = [] if order.day is None else dayflight.sortie_lines(order.day)
     text = f"All missions are on board, verified by read-back: {summary(order.plan)}. Take off?"
-    if not await _asked(flight, console, Action.TAKE_OFF, text, tuple(route_words(order.plan))):
+    if not await _asked(flight, console, Action.TAKE_OFF, text, (*route_words(order.plan), *later)):
         raise PreflightFailed("not confirmed; nothing has moved")
 
 
@@ -257,6 +263,15 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
         **(
             {"images": partial(write_index, order.run, index_of(context, flight.state, clock.began_unix_s))}
             if context.setup.looks
+            else {}
+        ),
+        **(
+            {
+                "packs.json": partial(
+                    flown_packs(flight.state, order.run.name, clock.began_unix_s).write, RunDirectory(order.run).packs
+                )
+            }
+            if report.sorties
             else {}
         ),
         "learned.json": partial(keep_learned, order.run, context, flight.state, order.ground.learned),

@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from executor.adapters.document import Document, Number, Whole, YesNo
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.documents import Document, Number, Whole, YesNo
 from executor.core.preflight.fences import Lists
 from executor.site.tables.aircraft import AutopilotKey
 from missions import MissionItem, MissionKind

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import shutil
 from collections.abc import Coroutine, Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
@@ -20,7 +21,7 @@ from executor.core.vehicle import aboard
 from executor.flight.checklist import checklist
 from executor.flight.flight_order import Console, Order
 from executor.runtime import preflight as asking
-from executor.site import assembly
+from executor.site import assembly, dayflight
 from executor.site.assembly import Ground
 from executor.site.config import Site
 from executor.site.tables.aircraft import VehicleTable
@@ -93,13 +94,13 @@ def examined(order: Order, facts: Mapping[str, Facts]) -> tuple[Context, Mapping
         name: tuned(dialects[name].performance, dialects[name].tunings, fact.parameters) for name, fact in facts.items()
     }
     context = assembly.context_of(ground, setup, task, own, performances)
+    if order.day is not None:
+        context = replace(context, day=dayflight.day_rules(order.day))
     boards = _boards(context, assembly.routes_of(ground, task, plan))
     return (
         context,
         boards,
-        checklist(
-            order.site, order.plan, context, facts, own, boards, shutil.disk_usage(order.run).free, ground.worth_a_look
-        ),
+        checklist(order, context, facts, own, boards, shutil.disk_usage(order.run).free),
     )
 
 
@@ -114,7 +115,7 @@ def _setup(ground: Ground, facts: Mapping[str, Facts]) -> FlightSetup:
 
 
 def _boards(context: Context, routes: Mapping[str, tuple[int, ...]]) -> dict[str, OnBoard | None]:
-    paths = assembly.paths_of(context.setup, routes)
+    paths = assembly.paths_of(context.setup, routes, context.vehicles)
     return {
         name: aboard(context, name, 0, paths[name], routes[name]) if name in paths else None
         for name in context.vehicles

@@ -212,7 +212,10 @@ def _plan_file(order: Order, pricing: Pricing, planned: Planned) -> PlanFile:
     content = make_plan_file(
         ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection,
     )  # fmt: skip
-    content = replace(content, fly_again=order.plan.fly_again, terrain=order.plan.terrain)
+    content = replace(
+        content, fly_again=order.plan.fly_again, terrain=order.plan.terrain,
+        says_distances=not ground.inspection.same_distance,
+    )  # fmt: skip
     with suppress(OSError):
         write_plan(plan_path(order.run, planned), content)
     return content

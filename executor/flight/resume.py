@@ -32,7 +32,7 @@ from executor.flight.flight_order import Console, Order, keep_learned
 from executor.flight.fly import Cockpit, FlightResult
 from executor.flight.linking import open_links
 from executor.flight.recorder import Legacy, plan_path
-from executor.flight.run_start import Beginning, beginning
+from executor.flight.run_start import Beginning, beginning, day_rules_of
 from executor.flight.together import time_of
 from executor.images.store import index_of, write_index
 from executor.simulated.injected import happenings
@@ -233,7 +233,7 @@ def order_of(run: Path, ground: Ground, plan: PlanFile) -> Order:
 
 
 def _unpublished(run: Path, ground: Ground, plan: PlanFile) -> Order:
-    return Order(ground.site, run, ground, plan, run, lambda clock: happenings(run, clock))
+    return Order(ground.site, run, ground, plan, run, lambda clock: happenings(run, clock), day=day_rules_of(run))
 
 
 def _broker(run: Path, ground: Ground) -> Settings | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -16,11 +16,11 @@ from executor.core.fencing import first_fences
 from executor.core.preflight.failsafes import LinkFailsafe, link_failsafe
 from executor.core.state import FleetState
 from executor.core.vehicle import aboard
-from executor.site import assembly
+from executor.site import assembly, dayflight
 from executor.site.assembly import Ground
 from executor.site.config import read_site
 from executor.site.planning import belongs
-from missions import Pad, PlanFile, dialect_for, read_plan, tuned
+from missions import DayPlanFile, Pad, PlanFile, dialect_for, read_day_plan, read_plan, tuned
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +59,27 @@ def beginning(run: Path) -> Beginning:
         if name in dialects
     }
     context = assembly.context_of(ground, setup, task, own, performances)
+    day = day_rules_of(run)
+    if day is not None:
+        context = replace(context, day=dayflight.day_rules(day))
     routes = assembly.routes_of(ground, task, plan.plan)
-    paths = assembly.paths_of(setup, routes)
+    paths = assembly.paths_of(setup, routes, context.vehicles)
     boards = {
         name: aboard(context, name, 0, paths[name], routes[name]) if name in paths else None
         for name in context.vehicles
     }
-    return Beginning(ground, plan, context, fleet.initial(boards, fences=first_fences(context, boards)))
+    ahead = {} if day is None else dayflight.ahead_of(day)
+    return Beginning(ground, plan, context, fleet.initial(boards, fences=first_fences(context, boards), ahead=ahead))
+
+
+def day_rules_of(run: Path) -> DayPlanFile | None:
+    """Return the day plan that a run directory was flown by; None for a single flight.
+
+    Raises:
+        MissionsError: it cannot be used.
+    """
+    path = RunDirectory(run).day_plan
+    return read_day_plan(path) if path.exists() else None
 
 
 def _pads(rows: Mapping[str, AskedVehicle], names: tuple[str, ...]) -> list[Pad] | None:

@@ -2,73 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from pathlib import Path
-from typing import Annotated, Literal
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 
-from pydantic import Field
-
-from executor.analysis.documents import Document, Number, Whole
 from executor.replay.packs import PackFlight
 from executor.replay.result import LogReplay
-
-FORMAT = "faultline-packs/1"
-
-
-class PackEntry(Document):
-    """One flight of one pack; None where the log does not say."""
-
-    log: str
-    """Its file's name."""
-    vehicle: str
-    pack: Annotated[Whole, Field(ge=1)]
-    """Which of the vehicle's packs in this log, from 1."""
-    began_usec: Whole
-    """By the log's clock."""
-    minutes: Number
-    cells: Annotated[Whole, Field(ge=1)]
-    rest_cell_v: Number | None
-    """Before the flight."""
-    end_cell_v: Number
-    """At its end, as it would rest."""
-    began_pct: Number
-    ended_pct: Number
-    """By its own report."""
-    sag_cell_v: Number | None
-    ohm: Number | None
-    ohm_sd: Number | None
-    counted_ah: Number | None
-    set_ah: Number | None
-    """What its autopilot counts by."""
-    least_ah: Number | None
-    most_ah: Number | None
-    """Its capacity by its voltage, within what the chemistry and the curves leave open."""
+from executor.site.packs import FORMAT, PackEntry, PacksDocument
 
 
-class PacksDocument(Document):
-    """What is known of packs."""
+def packs_of(
+    replays: Iterable[LogReplay],
+    before: PacksDocument | None = None,
+    labels: Mapping[int, str] = MappingProxyType({}),
+) -> PacksDocument:
+    """Return what is known after further logs; a flight that was known is told anew.
 
-    format: Literal["faultline-packs/1"]
-    flights: tuple[PackEntry, ...]
-
-
-def read_packs(path: Path) -> PacksDocument:
-    """Read packs.json.
-
-    Raises:
-        LogError: one line that names the file, the key and what was expected.
+    Args:
+        replays: The logs.
+        before: What was known.
+        labels: What stands on the pack of each system; a log in which one changes its pack says it of none.
     """
-    return PacksDocument.read(path, "what flights taught about packs")
-
-
-def packs_of(replays: Iterable[LogReplay], before: PacksDocument | None = None) -> PacksDocument:
-    """Return what is known after further logs; a flight that was known is told anew."""
     known = {} if before is None else {_key(one): one for one in before.flights}
     for replayed in replays:
         for vehicle in replayed.vehicles:
+            label = labels.get(vehicle.sysid) if all(flight.number == 1 for flight in vehicle.packs) else None
             for flight in vehicle.packs:
                 entry = _entry(replayed, vehicle.name, flight)
-                known[_key(entry)] = entry
+                was = known.get(_key(entry))
+                told = label if label is not None or was is None else was.label
+                known[_key(entry)] = entry.model_copy(update={"label": told})
     return PacksDocument(format=FORMAT, flights=tuple(known[key] for key in sorted(known)))
 
 
@@ -106,7 +68,7 @@ def _short(value: float | None, digits: int = 3) -> float | None:
 def pack_lines(document: PacksDocument) -> Iterable[str]:
     """Yield a table of flights by vehicle and pack, for people."""
     yield (
-        f"{'vehicle':<10} {'pack':>4} {'log':<28} {'min':>5} {'cells':>5} {'rest V':>6} {'end V':>6} "
+        f"{'vehicle':<10} {'pack':>6} {'log':<28} {'min':>5} {'cells':>5} {'rest V':>6} {'end V':>6} "
         f"{'reported %':>11} "
         f"{'sag V':>6} {'mOhm':>11} {'used Ah':>7} {'set Ah':>6} {'by voltage Ah':>13}"
     )
@@ -115,7 +77,7 @@ def pack_lines(document: PacksDocument) -> Iterable[str]:
         ohm = "-" if one.ohm is None else f"{1000 * one.ohm:.0f} +- {1000 * (one.ohm_sd or 0.0):.0f}"
         capacity = "-" if one.least_ah is None else f"{one.least_ah:.1f} to {one.most_ah:.1f}"
         yield (
-            f"{one.vehicle:<10} {one.pack:>4} {one.log[-28:]:<28} {one.minutes:>5.1f} {one.cells:>5} "
+            f"{one.vehicle:<10} {one.label or one.pack:>6} {one.log[-28:]:<28} {one.minutes:>5.1f} {one.cells:>5} "
             f"{_figure(one.rest_cell_v, 2):>6} {one.end_cell_v:>6.2f} {reported:>11} "
             f"{_figure(one.sag_cell_v, 2):>6} {ohm:>11} {_figure(one.counted_ah, 2):>7} {_figure(one.set_ah, 1):>6} "
             f"{capacity:>13}"

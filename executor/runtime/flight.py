@@ -18,11 +18,12 @@ from executor.core.events import Event
 from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.ports import Clock, EventSink, Link, Solver
-from executor.core.replan import replanning
+from executor.core.replan import new_missions
 from executor.core.resume.resuming import found_on
+from executor.core.roster import turnaround
 from executor.core.state import FleetState
 from executor.protocols import orders
-from executor.runtime import procedures, reunion, streams
+from executor.runtime import examination, procedures, reunion, streams
 from missions import EncodeError, encode, flag_current
 
 TICK_S = 0.2
@@ -218,9 +219,16 @@ class Flight:
             case commands.AskStreams(vehicle) | commands.ReadMission(vehicle):
                 asks = self._ask_streams if isinstance(command, commands.AskStreams) else self._read
                 self._aside(vehicle, asks(vehicle))
+            case commands.Examine(vehicle):
+                failed = partial(events.Examined, vehicle, False)
+                self._job(vehicle, partial(self._examine, vehicle), failed)
             case commands.AskPicture(vehicle, component, sequence):
                 # Its answer is heard like any other picture, and asked for again where none comes.
                 self._links[vehicle].send(orders.picture(component, sequence))
+            case commands.Solve(given=visits) if visits:
+                routes = (events.NewRoute(command.sortie, visits),)
+                planned = events.SolveEnded(command.revision, routes, (), 0.0, "planned before")
+                asyncio.get_running_loop().call_soon(self.apply, planned)
             case commands.Solve():
                 nothing = partial(events.SolveEnded, command.revision, None, (), 0.0)
                 self._spawn(
@@ -325,7 +333,7 @@ class Flight:
         supervised.safely("what tells the crew", self._observer.told, line, self._clock.now_s())
 
     def _may_be_given(self, vehicle: str, mixed: bool) -> bool:
-        return replanning.may_be_given(self.context, self.state.vehicles[vehicle], mixed=mixed)
+        return new_missions.may_be_given(self.context, self.state.vehicles[vehicle], mixed=mixed)
 
     def _may_be_fenced(self, vehicle: str, mixed: bool) -> bool:
         """Return whether a fence may be changed: never while a person has the vehicle, or may have."""
@@ -334,6 +342,10 @@ class Flight:
     async def _start(self, vehicle: str) -> Event:
         done = await procedures.start(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
         return events.StartEnded(vehicle, done.accepted, done.reason, done.armed, done.code)
+
+    async def _examine(self, vehicle: str) -> Event:
+        link, before_s = self._links[vehicle], turnaround.READY_S
+        return await examination.vehicle_examined(self.context, vehicle, link, self._clock, before_s)
 
     async def _send_home(self, vehicle: str) -> Event:
         done = await procedures.send_home(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)

@@ -49,6 +49,8 @@ DROPPED_S = 1.5
 """It came half a second after the acknowledgement (measured)."""
 ARM_PATIENCE_S = 30.0
 ARM_AGAIN_S = 2.0
+STANDS_STILL_S = 5.0
+"""Of this computer: so long after the crew's yes, and nobody looked meanwhile, somebody may be at the pad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,36 +260,66 @@ async def order(link: Link, clock: Clock, command: CommandDialogue) -> Done:
     )
 
 
+class _Watch:
+    """Notices that this computer stood still: a laptop that was closed goes on where it was."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock, self._looked_s, self._still = clock, clock.now_s(), False
+
+    def stood_still(self) -> bool:
+        """Return whether it did since the watch began."""
+        now_s = self._clock.now_s()
+        self._still |= now_s - self._looked_s > STANDS_STILL_S * max(1.0, self._clock.speedup)
+        self._looked_s = now_s
+        return self._still
+
+    async def look(self) -> None:
+        """Look every second, until it is cancelled."""
+        while True:
+            await asyncio.sleep(1.0)
+            self.stood_still()
+
+
 async def start(link: Link, clock: Clock, dialect: Dialect) -> Done:
-    """Arm and start the mission on board, in the way that the autopilot wants it."""
+    """Arm and start the mission on board, in the way that the autopilot wants it.
+
+    The crew's word is for now: if this computer stands still meanwhile, nothing more is ordered.
+    """
     said: list[str] = []
     armed = False
+    watch = _Watch(clock)
 
     def note(message: Message) -> None:
         if isinstance(message, StatusText) and message.severity <= 4:
             said.append(message.text)
 
-    stop_listening = link.listen(note)
+    stop_listening, looking = link.listen(note), asyncio.ensure_future(watch.look())
     try:
         for step in dialect.start:
-            done = await _start_step(link, clock, dialect, step)
+            if watch.stood_still():
+                return Done(accepted=False, reason=SLEPT, armed=armed, code=Ending.STOOD_STILL)
+            done = await _start_step(link, clock, dialect, step, watch)
             armed = armed or done.armed
             if not done.accepted:
                 why = f"{done.reason}; it says: {said[-1]}" if said else done.reason
                 return Done(accepted=False, reason=why, armed=armed, code=done.code)
     finally:
+        looking.cancel()
         stop_listening()
     return Done(accepted=True)
 
 
-async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartStep) -> Done:
+SLEPT = "this ground station stood still meanwhile"
+
+
+async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartStep, watch: _Watch) -> Done:
     match step:
         case StartStep.GUIDED:
             return await switch_mode(
                 link, clock, orders.set_mode(dialect.modes.guided), {dialect.modes.guided.custom_mode}
             )
         case StartStep.ARM:
-            done = await _arm(link, clock)
+            done = await _arm(link, clock, watch)
             if not done.accepted:
                 return done
             seen = await _confirmed(link, clock, lambda heard: heard.armed, "does not report that it is armed")
@@ -306,7 +338,7 @@ async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartSte
             return await switch_mode(link, clock, orders.set_mode(dialect.modes.mission), {mode})
 
 
-async def _arm(link: Link, clock: Clock) -> Done:
+async def _arm(link: Link, clock: Clock, watch: _Watch) -> Done:
     """Arm, with patience: a check that fails may pass a few seconds later, while the estimator settles.
 
     Who changes its mode meanwhile wants something else of it.
@@ -322,6 +354,8 @@ async def _arm(link: Link, clock: Clock) -> Done:
             if len(modes) < 2 and (done.accepted or clock.now_s() >= until_s):
                 return done
             await asyncio.sleep(ARM_AGAIN_S / clock.speedup)
+            if watch.stood_still():
+                return Done(accepted=False, reason=SLEPT, code=Ending.STOOD_STILL)
         return Done(
             accepted=False, reason="somebody else changed its mode", armed=done.accepted, code=Ending.MODE_CHANGED
         )

@@ -274,8 +274,8 @@ class ArduPilot(Autopilot):
             self._shapes = shapes_of(self.store.fence, self.home)
         if step.truncated:
             self.mission.truncated()
-        if step.stored is not None:
-            self.mission.stored(step.stored)
+        if step.stored:
+            self.mission.stored()
         if step.cleared and not self._mission_locked():
             self.mission.cleared()
 

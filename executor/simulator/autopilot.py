@@ -47,6 +47,11 @@ STEP_S = 0.05
 """Physics and decisions, simulated."""
 BOOT_S = 5.0
 """Silence of a restart."""
+FULL_PCT = 100.0
+WALK_S = 15.0
+"""Until somebody is beside a vehicle that has landed."""
+PACK_S = 20.0
+"""Without power, and until it has booted."""
 BOOT_ANEW_S = 8.0
 """Measured: PX4's simulator, killed and restarted, answers again from its pad."""
 DRIFT_M, DRIFT_M_S = 4.0, 0.5
@@ -95,7 +100,11 @@ class Autopilot(ABC):
         self._mission_length_m = 0.0
         self._odometer_m = 0.0
         self._rebooting_until_s: float | None = None
-        self._was_armed = False
+        self._was_armed = self._was_up = False
+        self.landings = 0
+        """How often it has come to rest after a flight, and somebody is beside it."""
+        self._rests_s: float | None = None
+        """Since when nobody has come to it after its last landing."""
         self.told_to_disarm = False
         """Whether a command stopped the motors last."""
         self.payload = Payload(vehicle, home, self.frame.body) if vehicle.cameras else None
@@ -172,9 +181,8 @@ class Autopilot(ABC):
                 self.killed = True
                 self._on_kill()
                 self.frame.kill()
-            case InjectionKind.DISARM if self.frame.body.on_ground:
-                self.frame.happened("pilot DISARM")
-                self.frame.disarm()
+            case InjectionKind.DISARM | InjectionKind.PACK if self.frame.body.on_ground:
+                self._handled(kind, value)
             case InjectionKind.WRECK:
                 self.frame.wreck()
             case InjectionKind.FENCE:
@@ -185,6 +193,15 @@ class Autopilot(ABC):
             case InjectionKind.EKF:
                 self.frame.happened("failsafe ekf")
                 self._on_lost_estimate()
+
+    def _handled(self, kind: InjectionKind, value: float) -> None:
+        """Have somebody beside it, who disarms it, or gives it another pack while its motors stand still."""
+        if kind is InjectionKind.DISARM:
+            self.frame.happened("pilot DISARM")
+            self.frame.disarm()
+        elif not self.frame.armed:
+            self.frame.battery.change(value or FULL_PCT)
+            self._rebooting_until_s = self.now_s + PACK_S
 
     # What others may ask.
 
@@ -357,10 +374,15 @@ class Autopilot(ABC):
         self.frame.step(self.now_s, STEP_S)
         if self.payload is not None:
             self.payload.step(self.now_s, self.boot_s, STEP_S)
+        self._was_up = self._was_up or not self.frame.body.on_ground
         if self._was_armed and not self.frame.armed:
-            self._was_armed = False
+            self._rests_s = self.now_s if self._was_up else None
+            self._was_armed = self._was_up = False
             self._on_disarmed()
             self.told_to_disarm = False
+        if self._rests_s is not None and self.now_s - self._rests_s >= WALK_S:
+            self._rests_s = None
+            self.landings += 1
         if self._rebooting_until_s is not None:
             if self.now_s >= self._rebooting_until_s:
                 self._boot()

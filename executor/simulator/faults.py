@@ -11,6 +11,7 @@ from executor.simulator.errors import FaultSpecError
 
 ALL_VEHICLES = "all"
 DOWN = "-down"
+LANDED = "landed"
 
 
 class InjectionKind(Enum):
@@ -67,6 +68,9 @@ class InjectionKind(Enum):
     """Its cameras have no room for pictures any more."""
     GIMBAL_STUCK = "gimbal-stuck"
     """Its gimbal stays as it is."""
+    PACK = "pack"
+    """A person changes the pack of a vehicle whose motors stand still: it is without power for a while, and starts
+    anew with one that holds VALUE percent, or a full one."""
 
 
 PAYLOAD_FAULTS = frozenset({
@@ -129,6 +133,7 @@ _RULES: dict[InjectionKind, _Rule | None] = {
     InjectionKind.CAMERA_LOSS: _SHARE,
     InjectionKind.CARD_FULL: None,
     InjectionKind.GIMBAL_STUCK: None,
+    InjectionKind.PACK: _Rule("percent that it holds, above 0 to 100, or nothing", 1.0, 100.0, required=False),
 }
 
 
@@ -148,6 +153,8 @@ class Injection:
     """Over its pad, on its way up or down."""
     down: bool = False
     """Whether the height counts on the way down."""
+    landings: int | None = None
+    """So many times it has landed."""
     word: str = ""
     """What stands behind the equals sign of a kind that takes a word."""
 
@@ -164,18 +171,23 @@ class Injection:
             return f"{self.after_s:g}s"
         if self.height_m is not None:
             return f"{self.height_m:g}m{DOWN if self.down else ''}"
+        if self.landings is not None:
+            return f"{LANDED}{self.landings if self.landings > 1 else ''}"
         return f"{100 * (self.share or 0.0):g}%"
 
 
 def parse_fault(text: str) -> Injection:
-    """Read ``VEHICLE:KIND[=VALUE]@WHEN``, WHEN being ``300s``, ``40%``, ``2.5m`` on its way up or ``20m-down``.
+    """Read ``VEHICLE:KIND[=VALUE]@WHEN``.
+
+    WHEN is ``300s``, ``40%``, ``2.5m`` on its way up, ``20m-down``, or ``landed``, and ``landed2`` after its second
+    landing.
 
     Raises:
         FaultSpecError: one line that quotes the text and says what was expected.
 
     >>> parse_fault("uav2:silent=20s@300s")
     Fault(vehicle='uav2', kind=<FaultKind.SILENT: 'silent'>, value=20.0, after_s=300.0, share=None, height_m=None, \
-down=False, word='')
+down=False, landings=None, word='')
     """
     head, at, when = text.strip().rpartition("@")
     vehicle, colon, what = head.partition(":")
@@ -212,6 +224,9 @@ def _parse_value(text: str, kind: InjectionKind, raw: str | None) -> float | str
 
 def _parse_when(text: str, when: str, fault: Injection) -> Injection:
     """Return the fault at seconds after the mission's start, a share of the route, or a height."""
+    count = when.removeprefix(LANDED) or "1"
+    if when.startswith(LANDED) and count.isdecimal() and int(count) > 0:
+        return replace(fault, landings=int(count))
     value = _number(when.removesuffix(DOWN)[:-1])
     if value is not None and value >= 0:
         if when.endswith("s"):
@@ -222,7 +237,7 @@ def _parse_when(text: str, when: str, fault: Injection) -> Injection:
             return replace(fault, height_m=value, down=when.endswith(DOWN))
     raise FaultSpecError(
         f"fault {text!r}: WHEN is {when!r}, expected seconds such as 300s or a share such as 40%, a height on the way "
-        f"up such as 2.5m or on the way down such as 20m{DOWN}"
+        f"up such as 2.5m or on the way down such as 20m{DOWN}, or {LANDED}"
     )
 
 
@@ -254,7 +269,12 @@ def faults_of(faults: Iterable[Injection], vehicle: str) -> tuple[Injection, ...
 
 
 def is_due(
-    fault: Injection, mission_s: float | None, flown_share: float | None, up_m: float = 0.0, highest_m: float = 0.0
+    fault: Injection,
+    mission_s: float | None,
+    flown_share: float | None,
+    up_m: float = 0.0,
+    highest_m: float = 0.0,
+    landings: int = 0,
 ) -> bool:
     """Return whether the fault's time has come.
 
@@ -264,7 +284,10 @@ def is_due(
         flown_share: distance flown since then over the length of that mission; None before.
         up_m: how high it is over its pad.
         highest_m: how high it has been.
+        landings: how often it has landed.
     """
+    if fault.landings is not None:
+        return landings >= fault.landings
     if fault.height_m is not None:
         return highest_m >= fault.height_m and (up_m <= fault.height_m or not fault.down)
     if fault.after_s == 0:

@@ -188,20 +188,18 @@ class ArduPilotMission:
             self._nothing_left = True
             self._voice.say(Severity.CRITICAL, "Auto mission changed but failed to restart command")
 
-    def stored(self, seq: int) -> None:
-        """React to an item that was replaced under way: every one of them restarts the leg, if there is one to fly."""
+    def stored(self) -> None:
+        """React to an item that was replaced under way: every one of them restarts the leg, if there is one to fly.
+
+        Measured: a speed item that is put in the place of the one flown to moves the index on to what follows it in the
+        list as it is then, old or new; so it runs ahead of an upload item by item (``AP_Mission::set_current_cmd``).
+        """
         if not self.running or self.nav is None or self.nav.command != Command.NAV_WAYPOINT:
             return
-        due = self._nav_seq(self.index)
-        if due is None:
+        if self._nav_seq(self.index) is None:
             return
-        self._paused = self._nothing_left = False
         self._origin = self._passed_m_s = self._turning = None
-        if seq == due:
-            self._start(self.index, restarted=True)
-        else:
-            self._voice.say(Severity.INFO, f"Mission: {self.index} WP")
-            self._frame.pilot.fly(self._waypoint(self.nav, self.index, restarted=True))
+        self._start(self.index, restarted=True)
         self._voice.say(Severity.CRITICAL, "Auto mission changed, restarted command")
 
     def _resume_seq(self) -> int:

@@ -55,6 +55,8 @@ class Px4Mission:
         """Whether items are being flown."""
         self._nav: MissionItem | None = None
         self._finished = False
+        self._stood_disarmed = False
+        """Whether the motors have stopped since it was last flown."""
         self._state = MissionState.NO_MISSION
         self._progressed = False
         """Whether an item was reached since the mission was entered or changed."""
@@ -110,14 +112,26 @@ class Px4Mission:
         self.asked_m_s = self._params["MPC_XY_CRUISE"]
         if not self.feasible:
             return self.give_up()
-        if self._finished:
+        if self._finished and not self._begins_anew():
             return self.give_up()
         self.running = True
+        self._stood_disarmed = False
         self.ended_at = None
         self._progressed = False
         self._voice.say(Severity.INFO, "Executing Mission")
         self._origin = self._arrived = self._bound_for = None
         return self._start(self.index)
+
+    def _begins_anew(self) -> bool:
+        """Go to the first item after a mission that was flown to its end, if the motors have stopped since.
+
+        ``MissionBase::checkMissionRestart`` of PX4 1.17.
+        """
+        if not self._stood_disarmed or self.index + 1 != len(self._store.items):
+            return False
+        self._finished = False
+        self.index = 0
+        return True
 
     def leave(self) -> None:
         """Stop flying items; the index is kept."""
@@ -145,7 +159,8 @@ class Px4Mission:
         return end
 
     def landed(self, now_s: float) -> None:
-        """End the mission after its landing; any other only interrupts it."""
+        """End the mission as the motors stop after its landing; any other only interrupts it."""
+        self._stood_disarmed = True
         if not self.running or self._nav is None or self._nav.command != Command.NAV_LAND:
             self.running = False
             return

@@ -36,8 +36,8 @@ class StoreStep:
     send: tuple[Outbound, ...] = ()
     texts: tuple[tuple[int, str], ...] = ()
     """(severity, text)."""
-    stored: int | None = None
-    """ArduPilot: this item has just been replaced, in place."""
+    stored: bool = False
+    """ArduPilot: an item has just been replaced, in place."""
     cleared: bool = False
     """The mission is empty now because somebody said so."""
     truncated: bool = False

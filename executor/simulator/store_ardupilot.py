@@ -185,7 +185,7 @@ class ArduPilotStore:
         self._count = max(self._count, message.seq + 1)
         upload.next += 1
         upload.heard_s = now_s
-        stored = message.seq or None
+        stored = message.seq > 0
         advice = () if message.integer else self._advise(ITEM_ADVICE)
         if upload.next == upload.count:
             self._upload = None

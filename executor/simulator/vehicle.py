@@ -134,7 +134,8 @@ class SimulatedVehicle:
             return
         mission_s, share, frame = self.autopilot.mission_s, self.autopilot.flown_share, self.autopilot.frame
         up_m, highest_m = frame.body.up_m, frame.highest_m
-        due = [fault for fault in self._pending if is_due(fault, mission_s, share, up_m, highest_m)]
+        landings = self.autopilot.landings
+        due = [fault for fault in self._pending if is_due(fault, mission_s, share, up_m, highest_m, landings)]
         if due:
             self._pending = [fault for fault in self._pending if fault not in due]
             for fault in due:

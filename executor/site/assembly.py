@@ -9,15 +9,19 @@ from pathlib import Path
 from types import MappingProxyType
 
 from executor.core.battery.account import NO_PRIOR
+from executor.core.battery.history import PackHistory
 from executor.core.battery.resting import PackFacts
 from executor.core.context import Context, Fencing, FlyAgain, VehicleSetup, draws_pct_s
 from executor.core.learning import UNKNOWN, Known
 from executor.core.limits import Limits
 from executor.core.preflight.failsafes import LinkFailsafe, declared_lost_after_s
+from executor.core.replan.apart import clears_s, stays_in_layer
 from executor.errors import SiteError
 from executor.site.areas import areas_of, places_of
 from executor.site.config import Site
 from executor.site.looks import looks_of, pylon_wishes
+from executor.site.packs import SitePacks, packs_of_site
+from executor.site.tables.aircraft import VehicleTable
 from missions import (
     Dialect,
     FlightModel,
@@ -34,14 +38,15 @@ from missions import (
     Task,
     default_network_path,
     dialect_for,
-    flight_path,
     flight_setup,
+    flown_instance,
     implausible,
     open_task,
     parse_where,
     understand,
     with_heights,
 )
+from missions.asked import first_paths, low_segments
 from missions.pace import AS_MODELLED
 from missions.pads import column_radius_m
 from missions.planfile import PlanTerrain
@@ -50,7 +55,7 @@ from missions.reach import within_areas
 from missions.readers.elevation import Reading, read_elevation
 from missions.terrain import DETOUR_M, Terrain, reading_box_m
 from missions.viewpoints import besides_s, with_viewpoints
-from planner import PRESETS, Drone, Plan, Travel, Vehicle, steady_wind, top_speed_m_s, travel_for
+from planner import PRESETS, Drone, Plan, Travel, Vehicle, segment_of, steady_wind, top_speed_m_s, travel_for
 
 STALL_REAL_S = 2.0
 """A busy computer may keep a process waiting (1.0 s was seen); faster than real time that is a long flight."""
@@ -81,6 +86,8 @@ class Ground:
     """What was mended or found of the network's file and its heights, in words."""
     learned: Mapping[str, Known] = field(default_factory=dict)
     """What is known of vehicles from flights before, by their name."""
+    packs: SitePacks = field(default_factory=SitePacks)
+    """What earlier flights said of packs."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -113,7 +120,7 @@ def ground_of(site: Site, base: Path, learned: Mapping[str, Known] = MappingProx
     network = with_heights(network, flat=site.inspection.heights == "flat")
     worth_a_look = (*remark_lines(understood.found), *found, *implausible(network, tallest_m=site.network.tallest_m))
     ground = ground_over(site, network, worth_a_look, base, terrain)
-    return replace(ground, learned=dict(learned))
+    return replace(ground, learned=dict(learned), packs=packs_of_site(site, base))
 
 
 def terrain_of(site: Site, base: Path, network: Network) -> Terrain | None:
@@ -212,18 +219,47 @@ def inspection_of(site: Site, network: Network) -> Inspection:
         flat=network.flat,
         ceiling_m=table.ceiling_m,
         return_ceiling_m=table.return_ceiling_m,
+        same_distance=table.same_distance,
     )
 
 
 def drone_of(site: Site) -> Drone:
     """Return the multicopter: the preset with what the site file changes."""
-    changes = site.energy.model_dump(exclude={"drone", "chemistry"}, exclude_none=True)
+    changes = site.energy.model_dump(exclude={"drone", "chemistry", "packs"}, exclude_none=True)
     return replace(PRESETS[site.energy.drone], **changes)
 
 
 def pack_of(site: Site) -> PackFacts:
     """Return what the site file says of the packs: the cells of a preset are not said, they are a guess."""
     return PackFacts(cells=site.energy.cells, chemistry=site.energy.chemistry)
+
+
+def budget_of(known: PackHistory | None, drone: Drone, vehicle: VehicleTable) -> float:
+    """Return what a route of a vehicle may use: what the site asks for, or what its pack has."""
+    if known is None:
+        return vehicle.budget_pct
+    return known.budget_pct(vehicle.budget_pct, vehicle.reserve_pct, drone.capacity_ah)
+
+
+def empty_of(known: PackHistory | None, drone: Drone, vehicle: VehicleTable) -> float:
+    """Return what a vehicle's autopilot reports when its pack is empty."""
+    counts = not dialect_for(vehicle.autopilot).rounds_twice  # PX4 without a capacity reads it off the voltage
+    return 0.0 if known is None else known.never_there_pct(drone.capacity_ah, counts=counts)
+
+
+def _with_pack(setup: VehicleSetup, known: PackHistory | None, drone: Drone, table: VehicleTable) -> VehicleSetup:
+    """Return a vehicle's setup with a pack of which this is known."""
+    if known is None:
+        return setup
+    empty_pct = empty_of(known, drone, table)
+    return replace(
+        setup,
+        budget_pct=budget_of(known, drone, table),
+        reserve_pct=table.reserve_pct + empty_pct,
+        pack=replace(setup.pack, share=1.0 - empty_pct / 100.0, ohm=known.ohm),
+        history=known,
+        empty_pct=empty_pct,
+    )
 
 
 def task_of(ground: Ground, segments: Iterable[int] | None = None, without: Collection[str] = ()) -> Task:
@@ -238,10 +274,13 @@ def task_of(ground: Ground, segments: Iterable[int] | None = None, without: Coll
         SiteError: none of these segments can be reached.
     """
     vehicles = [
-        Vehicle(vehicle.name, (0.0, 0.0), vehicle.budget_pct, consumption_of(ground, vehicle.name))
+        Vehicle(
+            vehicle.name, (0.0, 0.0), budget_of(ground.packs.fitted.get(vehicle.name), ground.drone, vehicle),
+            consumption_of(ground, vehicle.name),
+        )
         for vehicle in ground.site.vehicle
         if vehicle.name not in without
-    ]
+    ]  # fmt: skip
     wanted = set(range(len(ground.network.segments)) if segments is None else segments)
     never = tuple(one for one in ground.setup.unreachable if one.segment in wanted)
     if never and len(never) == len(wanted):
@@ -300,11 +339,14 @@ def pricing_of(
         models,
         pads_m,
         column_radius_m(setup.layers.layer_m),
-        answer_s(ground.site),
+        answer_s(ground.site) + max((clears_s(setup, models[name], name) for name in setup.steps_m), default=0.0),
         kept_out=setup.kept_out,
         relief=setup.layers.relief,
         barred=barred,
         besides_s=longer,
+        steps_m=setup.steps_m,
+        # Pylons with viewpoints are looked at from the own layer.
+        layered={name: frozenset(setup.looks.pylons) for name in setup.steps_m if setup.looks.pylons},
     )
 
 
@@ -346,9 +388,35 @@ def routes_of(ground: Ground, task: Task, plan: Plan) -> Mapping[str, tuple[int,
     return {ground.names[route.vehicle]: route.visits for route in routes}
 
 
-def paths_of(setup: FlightSetup, routes: Mapping[str, tuple[int, ...]]) -> Mapping[str, FlightPath]:
-    """Return the flight path of every vehicle that has something to do."""
-    return {name: flight_path(setup, name, visits) for name, visits in routes.items() if visits}
+def paths_of(
+    setup: FlightSetup,
+    routes: Mapping[str, tuple[int, ...]],
+    vehicles: Mapping[str, VehicleSetup] = MappingProxyType({}),
+) -> Mapping[str, FlightPath]:
+    """Return the flight path of every vehicle that has something to do.
+
+    Args:
+        setup: Heights and pads.
+        routes: Visits of the network, by the vehicle's name.
+        vehicles: As they answered. Who did not say that it returns in silence inspects in its own layer.
+    """
+    return first_paths(setup, routes, stays_in_layer(vehicles))
+
+
+def asked_task(ground: Ground, task: Task, plan: Plan) -> Task:
+    """Return the task as its plan is flown: with the segments that vehicles inspect in their layers after all.
+
+    A plan is made as if everybody came down to every line, which takes the longest.
+    """
+    if task.pricing is None or not ground.inspection.same_distance:
+        return task
+    routes, numbers = routes_of(ground, task, plan), {one: number for number, one in enumerate(task.segment_ids)}
+    layered = dict(task.pricing.layered)
+    for name, path in paths_of(ground.setup, routes).items():
+        high = {segment_of(visit) for visit in routes[name]} - low_segments(path, routes[name])
+        layered[name] = layered.get(name, frozenset()) | {numbers[segment] for segment in high}
+    pricing = replace(task.pricing, layered=layered)
+    return replace(task, instance=flown_instance(pricing, task.instance.vehicles), pricing=pricing)
 
 
 def fencing_of(site: Site) -> Fencing | None:
@@ -380,7 +448,7 @@ def context_of(
     for table in site.vehicle:
         dialect, pad = dialect_for(table.autopilot), setup.pad_of(table.name)
         failsafe, known = own.get(table.name), ground.learned.get(table.name)
-        vehicles[table.name] = VehicleSetup(
+        one = VehicleSetup(
             name=table.name,
             sysid=table.sysid,
             dialect=dialect,
@@ -389,10 +457,14 @@ def context_of(
             link_timeout_s=link_timeout_s(site, dialect, failsafe),
             pad_m=(pad.east_m, pad.north_m),
             failsafe_s=failsafe.after_s if failsafe is not None and failsafe.acts else None,
+            returns=failsafe is not None and failsafe.returns,
             prior=NO_PRIOR if known is None else known.prior,
             start=UNKNOWN if known is None else known.start,
             pack=pack_of(site),
         )
+        others = {label: _with_pack(one, known, ground.drone, table) for label, known in ground.packs.labelled.items()}
+        first = _with_pack(one, ground.packs.fitted.get(table.name), ground.drone, table)
+        vehicles[table.name] = replace(first, packs={"": one, **others})
     return Context(
         frame=setup.frame,
         setup=setup,

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from executor.core.check_codes import CheckCode
+from executor.core.preflight import distances
 from executor.core.preflight.checks import Check, Severity
-from executor.core.words import first_of, not_reachable
+from executor.core.words import count_of, first_of, not_reachable
 from missions import PlanFile
+from planner import segment_of
 
 NAMED = 50
 """Segments that a line names; of more it says how many, and `--json` names all."""
@@ -33,9 +35,10 @@ class LeftOver:
     why: str
 
 
-def left_over_words(plan: PlanFile) -> tuple[LeftOver, ...]:
-    """Return what a plan does not inspect, and why."""
-    if not plan.plan.uncovered:
+def left_over_words(plan: PlanFile, later: Collection[int] = ()) -> tuple[LeftOver, ...]:
+    """Return what a plan does not inspect, and why; without those that later sorties have."""
+    left = [number for number in plan.plan.uncovered if plan.segments[number].id not in later]
+    if not left:
         return ()
     instance = plan.instance()
     budgets = np.array([vehicle.budget_pct for vehicle in plan.vehicles])
@@ -43,7 +46,7 @@ def left_over_words(plan: PlanFile) -> tuple[LeftOver, ...]:
     alone_pct = (instance.start_pct + instance.home_pct).reshape(len(budgets), -1, 2).min(axis=2)
     nearest = np.argmin(alone_pct - budgets[:, np.newaxis], axis=0)
     found = []
-    for number in plan.plan.uncovered:
+    for number in left:
         needed, budget = float(alone_pct[nearest[number], number]), float(budgets[nearest[number]])
         why = OUT_OF_REACH if needed > budget else USED_UP
         segment = plan.segments[number]
@@ -90,10 +93,30 @@ def window_words(plan: PlanFile) -> list[str]:
     return [f"{share}: from {window.earliest_s:.0f} s on any one vehicle may be lost{before}"]
 
 
-def left_words(plan: PlanFile, most: int = NAMED) -> list[str]:
-    """Return what is left over, a line for each reason, each with the names of `most` segments at most."""
+def distance_words(plan: PlanFile) -> list[str]:
+    """Return in a line at which distance segments are inspected; none where everybody inspects in its layer."""
+    if plan.inspection is None or not plan.inspection.same_distance:
+        return []
+    rows = []
+    for route in plan.plan.routes:
+        name = plan.vehicles[route.vehicle].name
+        for visit in route.visits:
+            at_m = plan.inspected_at_m(name, segment_of(visit))
+            if at_m is not None:
+                rows.append((plan.segments[segment_of(visit)].called, name, at_m))
+    return [distances.distances_in_words(plan.inspection.height_m, rows)] if rows else []
+
+
+def left_words(plan: PlanFile, most: int = NAMED, later: Collection[int] = ()) -> list[str]:
+    """Return what is left over, a line for each reason, each with the names of `most` segments at most.
+
+    Args:
+        plan: The plan.
+        most: So many are named.
+        later: Ids of the segments that later sorties of a day have.
+    """
     reasons: dict[str, list[str]] = {}
-    for one in left_over_words(plan):
+    for one in left_over_words(plan, later):
         figure = f" ({one.alone_pct:.2f} % of {one.budget_pct:g} %)" if one.why == OUT_OF_REACH else ""
         reasons.setdefault(one.why, []).append(one.name + figure)
     never = zip(plan.unreachable_names, (one.why for one in plan.unreachable), strict=True)
@@ -101,18 +124,23 @@ def left_words(plan: PlanFile, most: int = NAMED) -> list[str]:
     return [*lines, *not_reachable(never, most)]
 
 
-def plan_checks(plan: PlanFile, segments: int) -> list[Check]:
+def plan_checks(plan: PlanFile, segments: int, later: Collection[int] = ()) -> list[Check]:
     """Return a plan as lines of the checklist, so that it is looked at before the question.
 
     Args:
         plan: What is to be flown.
         segments: Of the whole site.
+        later: Ids of the segments that later sorties of a day have.
     """
     lines = (*route_words(plan), summary(plan), *window_words(plan))
     found = [Check(Severity.OK, "plan", line, CheckCode.PLAN) for line in lines]
     found += [
-        Check(Severity.WARNING, "plan", line, CheckCode.LEFT_OVER) for line in left_words(plan, NAMED_IN_CHECKLIST)
+        Check(Severity.WARNING, "plan", line, CheckCode.LEFT_OVER)
+        for line in left_words(plan, NAMED_IN_CHECKLIST, later)
     ]
+    if later:
+        text = f"{count_of(len(later), 'segment')} of {len(plan.segments)} in later sorties of the day"
+        found.append(Check(Severity.OK, "plan", text, CheckCode.PLAN))
     about = len(plan.segments) + len(plan.unreachable)
     if about < segments:
         text = f"it is about {about} of the site's {segments} segments; the others are not flown"

@@ -14,8 +14,10 @@ from executor.site import assembly
 from executor.site.assembly import Ground
 from missions import (
     BreakingLoss,
+    DayPlanFile,
     PlanFile,
     PlanFileError,
+    Pricing,
     Solved,
     Task,
     Window,
@@ -27,6 +29,7 @@ from missions.areas import Area, AreaKind
 from planner import (
     DEFAULT_PARAMS,
     Cost,
+    FrontPlan,
     Instance,
     Iterations,
     NoImprovement,
@@ -45,6 +48,7 @@ from planner import (
     remaining,
     replan,
     replan_window,
+    segment_of,
     solve,
     solve_exact,
     solve_window,
@@ -151,6 +155,10 @@ def first_plan(
     else:
         result = _solved(task.instance, wanted, wanted.cost, on_progress)
         plan, seconds, window = result.plan, result.seconds, None
+    if ground.inspection.same_distance:
+        task = assembly.asked_task(ground, task, plan)
+        if window is not None:
+            window = window_in(replan_window(task.instance, plan, fly_again=landed_fly_again(ground)), task.instance)
     solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
     content = make_plan_file(
         ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection,
@@ -177,16 +185,20 @@ def front_plans(
         starts=wanted.threads, params=wanted.params, on_progress=on_progress, fly_again=landed_fly_again(ground),
     )  # fmt: skip
     solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=wanted.seconds)
-    contents = (
-        make_plan_file(
-            ground.network, task, ground.travel, entry.plan, None, solved,
-            window=window_in(entry.window, task.instance),
-            inspection=ground.inspection,
-        )
-        for entry in found
-    )  # fmt: skip
+    contents = [_of_the_front(ground, task, entry, solved) for entry in found]
     terrain = assembly.plan_terrain(ground)
     return tuple(replace(content, fly_again=landed_fly_again(ground), terrain=terrain) for content in contents)
+
+
+def _of_the_front(ground: Ground, task: Task, entry: FrontPlan, solved: Solved) -> PlanFile:
+    window = entry.window
+    if ground.inspection.same_distance:
+        task = assembly.asked_task(ground, task, entry.plan)
+        window = replan_window(task.instance, entry.plan, fly_again=landed_fly_again(ground))
+    return make_plan_file(
+        ground.network, task, ground.travel, entry.plan, None, solved,
+        window=window_in(window, task.instance), inspection=ground.inspection,
+    )  # fmt: skip
 
 
 def reference_plans(ground: Ground, wanted: Wanted) -> Mapping[str, PlanFile]:
@@ -302,6 +314,20 @@ def _outlined(area: Area) -> dict[str, object]:
     return {"name": area.name, "margin_m": area.margin_m, "width_m": area.width_m, "corners": rings}
 
 
+def _low_starts(pricing: Pricing, left: Remainder) -> Iterator[str]:
+    """Yield who is below its layer when it becomes free: it has inspected there last."""
+    for vehicle, free in zip(left.instance.vehicles, left.survivors, strict=True):
+        last = next(iter(free.completed[::-1]), None) if free.finishing is None else free.finishing
+        layered = pricing.layered.get(vehicle.name, frozenset())
+        if (
+            vehicle.airborne
+            and last is not None
+            and pricing.steps_m.get(vehicle.name)
+            and segment_of(last) not in layered
+        ):
+            yield vehicle.name
+
+
 def _differing(before: object, now: object, place: str = "") -> Iterator[str]:
     if isinstance(before, Mapping) and isinstance(now, Mapping):
         for key in {**before, **now}:
@@ -335,7 +361,7 @@ def belongs(plan: PlanFile, ground: Ground, source: str) -> None:
     same_segments(plan, ground, source)
 
 
-def same_segments(plan: PlanFile, ground: Ground, source: str) -> None:
+def same_segments(plan: PlanFile | DayPlanFile, ground: Ground, source: str) -> None:
     """Check that a plan's segments, all of a site's or some of them, are where the site's are.
 
     Raises:
@@ -377,6 +403,8 @@ def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: f
     left = remaining(task.instance, plan.plan, names.index(lost), at_s, fly_again=plan.fly_again)
     result = replan(left.instance, warm=left.warm, cost=cost, stop=_settled(seconds), seed=seed)
     pricing = plan.pricing and plan.pricing.part(left.open_segments, (one.name for one in left.instance.vehicles))
+    if pricing is not None and plan.pricing is not None:
+        pricing = replace(pricing, low_starts=frozenset(_low_starts(plan.pricing, left)))
     reduced = Task(left.instance, left.open_segments, pricing)
     solved = Solved(solver=PlanSolver.SEARCH.value, seed=seed, seconds=result.seconds)
     content = make_plan_file(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from executor.errors import SiteError
-from executor.site.assembly import Ground, consumption_of, pricing_of
+from executor.site.assembly import Ground, budget_of, consumption_of, pricing_of
 from executor.site.config import Site
 from executor.site.tables.day import BaseTable, DayTable, clock_s
 from missions import Base, BasePlace, DayPlanFile, Solved, plan_segment
@@ -44,8 +44,12 @@ class DayWanted:
     starts: int
 
 
-def site_day(ground: Ground) -> DayPlanFile:
+def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFile:
     """Return the days of a site without a plan: nobody flies, every segment is uncovered.
+
+    Args:
+        ground: The site.
+        segments: What is to be inspected; everything if not given.
 
     Raises:
         SiteError: a base, a speed or a name cannot be used.
@@ -56,7 +60,8 @@ def site_day(ground: Ground) -> DayPlanFile:
     at_m = [ground.network.frame.to_local_m(place.lat_deg, place.lon_deg) for place in places]
     days = tuple((DAY_S * day + clock_s(table.begin), DAY_S * day + clock_s(table.end)) for day in range(table.days))
     names = [place.name for place in places]
-    pricing = pricing_of(ground)
+    wanted = tuple(range(len(ground.network.segments)) if segments is None else sorted(segments))
+    pricing = pricing_of(ground).part(wanted, ground.names)
     pads = tuple(
         tuple(_pad(ground, vehicle, place, at) for place, at in zip(places, at_m, strict=True))
         for vehicle in ground.names
@@ -70,10 +75,9 @@ def site_day(ground: Ground) -> DayPlanFile:
             for own in table.quiet if not own.vehicles or one.name in own.vehicles for day in range(table.days)
         ]  # fmt: skip
         windows = parted_windows(days, quiet)
+        budget_pct = budget_of(ground.packs.fitted.get(one.name), ground.drone, one)
         vehicles.append(
-            SortieVehicle(
-                one.name, home, one.budget_pct, windows, lands, 0, consumption_of(ground, one.name), days[0][0]
-            )
+            SortieVehicle(one.name, home, budget_pct, windows, lands, 0, consumption_of(ground, one.name), days[0][0])
         )
     models = dict(pricing.models)
     fastest_m_s = max(site.inspection.speed_m_s, site.inspection.transit_speed_m_s, *_speeds(site, ground))
@@ -86,10 +90,10 @@ def site_day(ground: Ground) -> DayPlanFile:
             transit_speed_m_s=other.transit_speed_m_s or model.transit_speed_m_s,
         )
     models = {name: replace(model, power=power) for name, model in models.items()}
-    nothing = SortiePlan(((),) * len(vehicles), tuple(range(len(ground.network.segments))))
+    nothing = SortiePlan(((),) * len(vehicles), tuple(range(len(wanted))))
     return DayPlanFile(
         frame=ground.network.frame,
-        segments=tuple(plan_segment(ground.network, number) for number in range(len(ground.network.segments))),
+        segments=tuple(plan_segment(ground.network, number) for number in wanted),
         pricing=replace(
             pricing, models=models, pads_m=(), column_m=0.0,
             bases={own.name: pads[row][own.base] for row, own in enumerate(vehicles)},
@@ -101,7 +105,7 @@ def site_day(ground: Ground) -> DayPlanFile:
         days=days,
         transfer_s=_transfers(table, names, at_m),
         stagger_s=table.stagger_s,
-        able=_able(ground, table),
+        able=_able(ground, table)[:, list(wanted)],
         plan=nothing,
         evaluation=SortieEvaluation(0.0, 0.0, 0, ((),) * len(vehicles), ((),) * len(vehicles), ()),
         objective=Objective.FINISH,

@@ -1,17 +1,17 @@
 """A plan as lines and places: every vehicle's whole path with its heights, the line with the names of its assets, pads.
 
-Paths are those that missions are made of (`routes.flight_path`): ways around pads, climbs and all.
+Paths are those that missions are made of (`asked.first_paths`): ways around pads, climbs and all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from missions.asked import first_paths
 from missions.exports.drawn import NO_FACTS, Drawn, DrawnKind, DrawnPlace, DrawnWay, Fact, Piece, Position, Reference
 from missions.network import Pylon
 from missions.pads import Pad
 from missions.planfile import PlanFile
-from missions.routes import flight_path
 from missions.setup import FlightSetup
 from missions.waypoints import FlightPath, Phase
 
@@ -26,12 +26,13 @@ def drawn_plan(content: PlanFile, setup: FlightSetup, title: str) -> Drawn:
     """
     names = tuple(vehicle.name for vehicle in content.vehicles)
     ways = list(drawn_line(setup, {}))
+    paths = first_paths(setup, {names[route.vehicle]: route.visits for route in content.plan.routes})
     for route, duration_s, energy_pct in zip(
         content.plan.routes, content.durations_s, content.energies_pct, strict=True
     ):
         name = names[route.vehicle]
-        path = flight_path(setup, name, route.visits)
-        if path.waypoints:
+        path = paths.get(name)
+        if path is not None:
             facts = {
                 "segments": len(route.visits),
                 "duration_s": round(duration_s, 1),

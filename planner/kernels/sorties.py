@@ -148,7 +148,6 @@ SORTIE_STATE = nb.types.NamedTuple(
 SORTIE_MEMORY = nb.types.NamedTuple(
     (INTS, INTS, FLOATS, TABLE, INTS, FLOATS, INTS, INTS, FLOATS, TABLE, INT_TABLE, INT_TABLE), SortieMemory
 )
-PAIR = nb.types.UniTuple(nb.float64, 2)
 __all__ = ["CUBE", "NEVER", "SORTIE_MEMORY", "SORTIE_PROBLEM", "SORTIE_STATE", "SortieMemory", "SortieProblem",
            "SortieState", "measure_row", "schedule", "settle", "settle_row"]  # fmt: skip
 

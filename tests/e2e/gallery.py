@@ -262,7 +262,14 @@ def down(ready: Fleet) -> Scene:
         progress = replace(vehicle.progress, phase=None, segment=None, segment_name=None, segment_share=None)
         battery = replace(vehicle.battery, landing_pct=None, landing_band_pct=None)
         return replace(
-            vehicle, state="down", fault=reason, fault_kind="down", loss=None, progress=progress, battery=battery
+            vehicle,
+            state="down",
+            fault=reason,
+            fault_kind="down",
+            loss=None,
+            lands_in_s=None,
+            progress=progress,
+            battery=battery,
         )
 
     words = {

@@ -54,13 +54,13 @@ async def test_the_layers_below_the_map_are_told_apart_and_said_whom_they_are_by
             layer, by = page.locator("#layer"), page.locator("#attribution")
             await expect(layer).to_have_text("Photo")
             await expect(by).to_have_text("contours every 10 m · © Land survey 2026")
-            await page.wait_for_function("document.getElementById('map').dataset.ground === 'photo'")
+            await expect(page.locator("#map")).to_have_attribute("data-ground", "photo")
             pictures = {"Photo": await page.locator("#map").screenshot()}
             for word, said in (("Relief", "contours every 10 m"), ("Plain", ""), ("Photo", re.compile("Land survey"))):
                 await page.keyboard.press("m")
                 await expect(layer).to_have_text(word)
                 await expect(by).to_have_text(said)
-                await page.wait_for_timeout(150.0)
+                await expect(page.locator("#map")).to_have_attribute("data-ground", word.lower())
                 pictures.setdefault(word, await page.locator("#map").screenshot())
             assert len(set(pictures.values())) == 3
 

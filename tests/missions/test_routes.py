@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from missions import (
+    ARDUPILOT,
     FlightPath,
     FlightSetup,
     Inspection,
@@ -19,6 +20,7 @@ from missions import (
     check_separation,
     column_radius_m,
     continue_path,
+    encode,
     flight_path,
     flight_setup,
 )
@@ -174,6 +176,16 @@ def test_a_vehicle_on_its_way_home_can_be_sent_out_again() -> None:
     replanned = continue_path(setup, path, len(path.waypoints) - 1, [2])
     assert [point.phase for point in replanned.waypoints[3:6]] == [Phase.RETURN, Phase.TRANSIT, Phase.INSPECT]
     assert [point.visit for point in replanned.waypoints[4:6]] == [1, 1]
+
+
+def test_in_the_place_of_a_way_home_stands_a_transit_even_to_where_it_begins() -> None:
+    """Who flies home already goes on at the same number: with an inspection there it would not fly to its begin."""
+    setup = simple_setup()
+    path = flight_path(setup, "uav1", [0, 2])
+    keep = [point.phase for point in path.waypoints].index(Phase.RETURN)
+    back = continue_path(setup, path, keep, [3])
+    assert [point.phase for point in back.waypoints[keep : keep + 2]] == [Phase.TRANSIT, Phase.INSPECT]
+    assert encode(back, ARDUPILOT).waypoint_of.index(keep) == encode(path, ARDUPILOT).waypoint_of.index(keep)
 
 
 @pytest.mark.parametrize("keep", [0, -1, 6, 7])

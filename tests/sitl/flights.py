@@ -16,12 +16,14 @@ from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.preflight.checks import Check
 from executor.core.state import FleetState
-from executor.core.vehicle import VehicleState
+from executor.core.vehicle import Stage, VehicleState
 from executor.flight import fly
 from executor.flight.flight_order import Order, keep
 from executor.runtime import turns
 from executor.site import assembly, planning
+from executor.site.assembly import Ground
 from executor.site.config import Site, check_site
+from missions import PlanFile
 from planner import Cost
 from tests.e2e.flights import began_unix_s, log_lines
 from tests.e2e.tlog import messages
@@ -37,6 +39,16 @@ SPEEDUP = float(os.environ.get("FAULTLINE_SITL_SPEEDUP", "4"))
 def in_its_second_segment(vehicle: VehicleState, state: FleetState) -> bool:
     """Whether uav2 inspects its second segment."""
     return vehicle.name in state.coverage.inspected.values() and vehicle.assignment.run is not None
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What is flown, where the site alone does not say it."""
+
+    ground: Ground
+    plan: PlanFile
+    at_s: float
+    """When it happens, since uav2 began its mission."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +91,8 @@ class Story:
     """Who falls silent for good."""
     loses_at: Callable[[VehicleState, FleetState], bool] = in_its_second_segment
     """When that is, by uav2."""
+    prepared: Callable[[Ground], Prepared] | None = None
+    """Chooses the batteries, the plan, and when it happens; by default it happens `at`."""
 
 
 class WatchfulConsole:
@@ -92,6 +106,9 @@ class WatchfulConsole:
         """What uav2 was taken to do, whenever that changed, by the flight's clock."""
         self.struck_s: float | None = None
         self.lifted_s: float | None = None
+        self.at_s: float | None = None
+        """When it happens, since uav2 began its mission; None: when the story says so."""
+        self._began_s: float | None = None
         self._story = story
         self._lost = False
 
@@ -115,7 +132,7 @@ class WatchfulConsole:
             self._lost = True
             self.running[story.loses].suspend()
         if self.struck_s is None:
-            if story.strike is not None and story.at(vehicle, state):
+            if story.strike is not None and self._due(vehicle, state, now_s):
                 self.struck_s = now_s
                 for name in story.struck:
                     story.strike(self.running[name])
@@ -123,6 +140,13 @@ class WatchfulConsole:
             self.lifted_s = now_s
             for name in story.struck:
                 story.lift(self.running[name])
+
+    def _due(self, vehicle: VehicleState, state: FleetState, now_s: float) -> bool:
+        if self.at_s is None:
+            return self._story.at(vehicle, state)
+        if self._began_s is None and vehicle.stage is Stage.FLYING:
+            self._began_s = now_s
+        return self._began_s is not None and now_s - self._began_s >= self.at_s
 
     def done(self) -> None:
         self.lines.append("done")
@@ -142,6 +166,8 @@ class Flown:
     """What uav2 was taken to do, whenever that changed, by the flight's clock."""
     unseen_modes: tuple[tuple[float, int], ...]
     """Modes of uav2's heartbeats that nobody heard, each with its time by the flight's clock."""
+    budget_pct: float
+    """Of every vehicle."""
 
     @property
     def launched_s(self) -> float:
@@ -174,13 +200,17 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
         pytest.skip(f"{autopilot.variable} does not name a simulator of {autopilot.name}")
     site = site_of(autopilot, story)
     ground = assembly.ground_of(site, folder)
-    plan = planning.first_plan(ground, planning.Wanted(Cost.MINMAX, 3.0, 1, all_vehicles=True))
-    order = Order(site, folder, ground, plan, folder / "run", lambda _: ())
+    console = WatchfulConsole(story)
+    if story.prepared is None:
+        plan = planning.first_plan(ground, planning.Wanted(Cost.MINMAX, 3.0, 1, all_vehicles=True))
+    else:
+        prepared = story.prepared(ground)
+        ground, plan, console.at_s = prepared.ground, prepared.plan, prepared.at_s
+    order = Order(ground.site, folder, ground, plan, folder / "run", lambda _: ())
     order.run.mkdir()
     keep(order)
     pads = {pad.vehicle: pad for pad in assembly.setup_of(ground).pads}
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset(story.relayed), story.pack_ah)
-    console = WatchfulConsole(story)
     with running(autopilot, Path(binary), folder / "sim", wanted) as console.running:
         if story.signed:
             (folder / KEY_FILE).write_text(KEY.hex())
@@ -199,6 +229,7 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
         console.lifted_s,
         tuple(console.shown),
         tuple(modes),
+        ground.site.vehicle[0].budget_pct,
     )
 
 

@@ -23,6 +23,8 @@ from tests.stories.world import Flown
 
 OURS = 255
 KNOWS_S = 1.5
+BEGUN_AGAIN_S = 13.0
+"""A broken-off upload is begun again within this: ArduPilot frees the transfer after 8 s."""
 """Until a change on board is known on the ground, and what was on its way has arrived."""
 ON_ITS_WAY_S = 0.3
 """A command that was sent before it happened arrives within this."""
@@ -257,8 +259,19 @@ class Judge:
                 for order in self.orders(name):
                     # An upload may be on its way; nobody orders a mode within the same moment by chance.
                     known_s = from_s + (ON_ITS_WAY_S if order.what.startswith("order command") else KNOWS_S)
-                    if known_s <= order.t_s < span.to_s and not self._wished(name, order.t_s):
+                    allowed = self._wished(name, order.t_s) or self._made_whole(name, order, known_s)
+                    if known_s <= order.t_s < span.to_s and not allowed:
                         yield Finding("hands", order.t_s, f"{name}: {order.what!r} though it was taken ({span.what})")
+
+    def _made_whole(self, name: str, order: Truth, taken_s: float) -> bool:
+        """Return whether an upload goes on that broke off half: a mixture of two missions would be on board."""
+        if self.flown.autopilot != "ardupilot" or not order.what.startswith("order mission"):
+            return False
+        begun_s = order.t_s
+        for one in reversed(self.orders(name)):
+            if one.what == order.what and 0.0 <= begun_s - one.t_s <= BEGUN_AGAIN_S:
+                begun_s = one.t_s
+        return begun_s < taken_s
 
     def _own_emergencies(self) -> Iterator[Finding]:
         for name in self.names:
@@ -381,7 +394,11 @@ class Judge:
 
     def _is_heard(self, found: re.Match[str], at_s: float, line: Say) -> str:
         # How long a restart takes is the simulator's: at most as long as the span says.
-        spans = [span for span in self.silences(found["name"]) if span.from_s + last_words_s(span) < at_s < span.to_s]
+        spans = [
+            span
+            for span in self.silences(found["name"])
+            if span.from_s + last_words_s(span) < at_s < span.to_s - STEP_S
+        ]
         return "it cannot be heard" if any(span.what != "reboot" for span in spans) else ""
 
     def _by_itself(self, found: re.Match[str], at_s: float, line: Say) -> str:

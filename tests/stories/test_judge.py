@@ -75,6 +75,14 @@ def test_a_vehicle_is_its_pilots_until_it_is_returned_and_included() -> None:
     assert rules(asked(flown(*happened), 95.0, Action.INCLUDE)) == []
 
 
+def test_an_upload_that_broke_off_is_made_whole_with_its_pilot_and_no_other_is_begun() -> None:
+    half, again = (45.0, "order mission 9"), (57.0, "order mission 9")
+    assert rules(flown(*BEGUN, half, *LOITERS, again, *ENDED)) == []
+    assert rules(flown(*BEGUN, half, *LOITERS, (57.0, "order mission 8"), *ENDED)) == ["hands"]
+    assert rules(flown(*BEGUN, half, *LOITERS, (75.0, "order mission 9"), *ENDED)) == ["hands"]
+    assert rules(flown(*BEGUN, *LOITERS, again, *ENDED)) == ["hands"]
+
+
 def test_an_order_in_a_landing_or_a_failsafe() -> None:
     assert rules(flown(*BEGUN, (300.0, "descends"), (310.0, "order command 176 1 6"), *ENDED[1:])) == ["emergency"]
     acting = (*BEGUN, (250.0, "failsafe battery"), (253.0, "order command 176 1 6"), *ENDED)

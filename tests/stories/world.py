@@ -106,6 +106,8 @@ class Sky(World):
     patience_s = PATIENCE_S
     return_m = 40.0
     """How high they return by themselves."""
+    as_prepared = False
+    """Whether all else of their return is as a flight sets it."""
 
     def __init__(self, story: Story, autopilot: str) -> None:
         self.story, self.autopilot = story, autopilot
@@ -135,6 +137,8 @@ class Sky(World):
         rule, height = dialect.ground_station_failsafe, dialect.return_parameters
         parameters = {rule.action: float(rule.action_return), rule.timeout: rule.timeout_s}
         parameters[height.height] = self.return_m / height.unit_m
+        if self.as_prepared:
+            parameters[height.cone] = height.cone_off
         config = SimVehicle(
             name, sysid, AutopilotKind(self.autopilot), "udpin://127.0.0.1:14550", lat_deg, lon_deg, pad.alt_m,
             drone=PRESETS["mavic3"], charge_pct=self.story.charge_pct, parameters=parameters, seed=sysid,
@@ -202,7 +206,7 @@ class Sky(World):
                     await preflight.load_mission(name, links[name], self.clock, context.vehicles[name].dialect, mission)
             began_s = self.now_s
             self.flight = Flight(
-                context, fleet.initial(boards), links, self.clock, self.sink, self.solver,
+                context, self._initial(boards), links, self.clock, self.sink, self.solver,
                 Observer(lambda line, at_s: self.said.append((at_s, line)), lambda *_: None),
             )  # fmt: skip
             ended_s = await self._run(self.flight, began_s + self.story.limit_s)
@@ -213,6 +217,9 @@ class Sky(World):
                 if isinstance(result, Exception):
                     raise result
         return self._flown(context, began_s, ended_s)
+
+    def _initial(self, boards: Mapping[str, OnBoard | None]) -> FleetState:
+        return fleet.initial(boards)
 
     async def _run(self, flight: Flight, until_s: float) -> float | None:
         flying = asyncio.create_task(flight.run())

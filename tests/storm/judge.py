@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from executor.core.commands import Say
 from executor.core.intents import Action
+from executor.simulator.autopilot import STEP_S
 from executor.simulator.truth import Truth
 from tests.stories.judge import FALLS_FROM_M, KNOWS_S, Finding, Judge, Span, distance_m, last_words_s, place
 from tests.stories.story import MISSION
@@ -131,7 +132,7 @@ class StormJudge(Judge):
         low = self.happened(name, "low battery")
         if one.what.endswith((" RTL", " LAND")) and any(0.0 <= one.t_s - at.t_s <= EXPLAINS_S for at in low):
             return True  # its own failsafe has just said that it acts
-        heard_s = self._unheard_until_s(name, one.t_s)
+        heard_s = max(self._unheard_until_s(name, one.t_s), one.t_s + BEAT_S + 0.1)
         mission = MISSION[self.flown.autopilot]["mission"]
         modes = [mode for mode in self.happened(name, "mode ") if one.t_s <= mode.t_s <= heard_s]
         return len(modes) > 1 and not one.what.endswith(f" {mission}")
@@ -154,9 +155,9 @@ class StormJudge(Judge):
         return one.what.endswith(" RTL") and any(at_s <= one.t_s <= at_s + of.for_s for at_s, of in unheard)
 
     def _unheard_until_s(self, name: str, at_s: float) -> float:
-        """Return when a vehicle is heard that is silent now; its time itself if it is not."""
+        """Return when a vehicle is heard that is silent now, or before its next HEARTBEAT; else the time itself."""
         for span in sorted(self.silences(name), key=lambda span: span.from_s):
-            if span.from_s <= at_s < span.to_s:
+            if span.from_s - BEAT_S <= at_s < span.to_s:
                 at_s = span.to_s
         return at_s
 
@@ -228,7 +229,9 @@ class StormJudge(Judge):
     def _is_heard(self, found: re.Match[str], at_s: float, line: Say) -> str:
         name = found["name"]
         spans = [
-            span for span in super().silences(name) if span.from_s + max(1.0, last_words_s(span)) < at_s < span.to_s
+            span
+            for span in super().silences(name)
+            if span.from_s + max(1.0, last_words_s(span)) < at_s < span.to_s - STEP_S
         ]
         late = [began_s + one.for_s for began_s, one in self._began(name, frozenset({"held up"}))]
         if any(0.0 <= at_s - came_s < 2.0 for came_s in late):

@@ -38,6 +38,7 @@ from executor.core.messages import (
     RcChannels,
     StatusText,
 )
+from executor.core.own_events import ARGUMENT_BYTES, event_said
 from executor.core.recording import MODE_COMMANDS, RcWatch, TiltWatch
 from missions import PX4
 
@@ -184,6 +185,16 @@ def _requested(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
     return None
 
 
+def _said(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
+    """Read an event: what has failed, or who asks for a mode."""
+    size = sum(f"arguments[{one}]" in row for one in range(ARGUMENT_BYTES))
+    said = event_said(int(row["id"]), bytes(int(row[f"arguments[{one}]"]) for one in range(size)))
+    if isinstance(said, ModeChange):
+        vehicle.asked = (t_usec, said.by)
+        return None
+    return said
+
+
 def _switched(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
     """Note that the pilot moved a switch of modes: before 1.13 nothing else tells."""
     switches = tuple(int(row[name]) for name in MODE_SWITCHES if name in row)
@@ -308,6 +319,7 @@ TOPICS: Mapping[str, Topic] = {
     "vehicle_status_flags": Topic(_flagged),
     "vehicle_command": Topic(_commanded),
     "action_request": Topic(_requested),
+    "event": Topic(_said),
     "manual_control_switches": Topic(_switched, 0, MODE_SWITCHES),
     "manual_control_setpoint": Topic(_switched, 0, MODE_SWITCHES),
     "input_rc": Topic(_transmitted, 190_000),

@@ -14,7 +14,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.adapters.mavlink import cameras, integers
+from executor.adapters.mavlink import cameras, integers, px4_events
 from executor.adapters.mavlink.cutter import Cutter
 from executor.adapters.mavlink.signing import Distrust, Signing
 from executor.adapters.mavlink.texts import Texts
@@ -39,8 +39,10 @@ from executor.core.messages import (
     MissionItemReceived,
     MissionReached,
     MissionRequest,
+    ModeChange,
     OrderSeen,
     Outgoing,
+    OwnFailsafe,
     ParamValue,
     Position,
     Radio,
@@ -122,6 +124,7 @@ class Codec:
         self._sent: dict[int, int] = {}
         """How many frames went to each system: each is numbered as a stream of its own."""
         self._speakers: dict[int, Speaker] = {}
+        self._events: dict[int, px4_events.Events] = {}
         self.autopilots: dict[int, int] = {}
         """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
         self.garbage = 0
@@ -148,6 +151,10 @@ class Codec:
             message = self._message(frame)
             if isinstance(message, Heartbeat):
                 self._follow(source, message)
+            if frame.get_type() == "COMMAND_ACK":
+                more += self._answered(frame)
+            elif isinstance(frame, mav.MAVLink_unknown):
+                more += self._event(frame)
             if frame.get_type() == "STATUSTEXT":
                 # The raw field: pymavlink's own reading loses every byte that is not ASCII.
                 raw = frame._text_raw  # noqa: SLF001
@@ -192,6 +199,8 @@ class Codec:
             compid: its component.
             fields: by MAVLink's names; None stands for a float that is not finite.
         """
+        if name == px4_events.NAME:
+            return self._read_event(sysid, compid, fields)
         kind = _BY_NAME.get(name)
         if kind is None:
             return None
@@ -204,6 +213,15 @@ class Codec:
         [received] = self.read([frame])
         said = received.more if lost else (received.message, *received.more)
         return packed, tuple(message for message in said if message is not None)
+
+    def _read_event(
+        self, sysid: int, compid: int, fields: Mapping[str, object]
+    ) -> tuple[bytes, tuple[Message, ...]] | None:
+        packed = px4_events.packed(fields, sysid, compid)
+        if packed is None:
+            return None
+        [received] = self.read(Cutter(in_datagrams=True).feed(packed))
+        return packed, tuple(one for one in (received.message, *received.more) if one is not None)
 
     def write_fields(
         self, message: Outgoing, sysid: int, compid: int
@@ -235,17 +253,35 @@ class Codec:
 
     def _order(self, frame: Any) -> OrderSeen | None:  # noqa: ANN401
         """Return what another station orders, if that changes a mode."""
-        if (frame.get_srcSystem(), frame.get_srcComponent()) == GROUND_STATION:
-            return None  # a router's echo of our own
-        target, mode = frame.target_system, None
+        # Under our own number it may be a router's echo of ours.
+        source = (frame.get_srcSystem(), frame.get_srcComponent())
+        by, target, mode = None if source == GROUND_STATION else source[0], frame.target_system, None
         if frame.get_type() == "SET_MODE":
-            return OrderSeen(mav.MAV_CMD_DO_SET_MODE, frame.custom_mode, frame.get_srcSystem(), target)
+            return OrderSeen(mav.MAV_CMD_DO_SET_MODE, frame.custom_mode, by, target)
         main, sub = frame.param2, frame.param3
         if frame.command == mav.MAV_CMD_DO_SET_MODE and all(0 <= one < MOST_MODES for one in (main, sub)):
             px4 = self.autopilots.get(target) == mav.MAV_AUTOPILOT_PX4
             mode = int(main) << 16 | int(sub) << 24 if px4 else int(main)
-        found = OrderSeen(frame.command, mode, frame.get_srcSystem(), target)
-        return found if frame.command in MODE_COMMANDS else None
+        return OrderSeen(frame.command, mode, by, target) if frame.command in MODE_COMMANDS else None
+
+    def _answered(self, ack: Any) -> Iterator[OrderSeen]:  # noqa: ANN401
+        """Yield the order that an autopilot says it follows, if that changes a mode."""
+        system, to = ack.get_srcSystem(), ack.target_system
+        command = mav.MAV_CMD_DO_SET_MODE if ack.command == mav.MAVLINK_MSG_ID_SET_MODE else ack.command
+        if ack.get_srcComponent() != self._speakers.get(system, Speaker()).component or to == system:
+            return  # of a gimbal, or to a computer on board
+        if command in MODE_COMMANDS and ack.result in ACCEPTED:
+            yield OrderSeen(command, None, None if _for_us(ack) else to, system)
+
+    def _event(self, unknown: Any) -> Iterator[OwnFailsafe | ModeChange]:  # noqa: ANN401
+        """Yield what an event of PX4 is evidence of."""
+        raw, system = bytes(unknown.get_msgbuf()), unknown.get_srcSystem()
+        if not px4_events.is_event(raw) or self.autopilots.get(system) != mav.MAV_AUTOPILOT_PX4:
+            return
+        number, boot_ms, sequence, *_, arguments = px4_events.LAYOUT.unpack(px4_events.payload_of(raw))
+        said = self._events.setdefault(system, px4_events.Events()).take(number, boot_ms, sequence, arguments)
+        if said is not None:
+            yield said
 
     def _takes(self, radio: Any) -> bool:  # noqa: ANN401
         named = self._radios is None or (radio.get_srcSystem(), radio.get_srcComponent()) in self._radios
@@ -253,6 +289,7 @@ class Codec:
 
 
 _ORDERS = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
+ACCEPTED = frozenset({mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_IN_PROGRESS})
 MOST_MODES = 128
 _BY_NAME = {kind.msgname: kind for kind in mav.mavlink_map.values()}
 

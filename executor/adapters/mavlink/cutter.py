@@ -10,6 +10,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from executor.adapters.mavlink import px4_events
+
 V1, V2 = 0xFE, 0xFD
 HEAD_V1, HEAD_V2, CHECKSUM, SIGNATURE, SIGNED = 6, 10, 2, 13, 1
 """Lengths of a frame's parts in bytes, and the one flag that a receiver may not know (mavlink.io, Serialization)."""
@@ -91,7 +93,8 @@ class Cutter:
         if head == HEAD_V2:
             flags, number = buffer[at + 2], int.from_bytes(buffer[at + 7 : at + 10], "little")
             end += SIGNATURE * (flags & SIGNED)
-        if flags & ~SIGNED or not (number in mav.mavlink_map or self._is_followed(end)):
+        known = number in mav.mavlink_map or number == px4_events.EVENT
+        if flags & ~SIGNED or not (known or self._is_followed(end)):
             return at
         return end
 
@@ -104,6 +107,8 @@ class Cutter:
         if end == at:
             return None
         data = self._buffer[at:end]
+        if px4_events.is_event(data) and not px4_events.is_whole(data):
+            return None
         try:
             frame = _unread(data) if self._is_strange(data) else self._mav.decode(data)
         except (mav.MAVError, struct.error, UnicodeDecodeError):

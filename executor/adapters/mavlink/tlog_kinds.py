@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 import struct
-from binascii import crc_hqx
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from executor.adapters.mavlink import px4_events
 from executor.core.messages import (
     Attitude,
     Battery,
@@ -38,17 +38,6 @@ RC_USEC = 190_000
 """A switch is seen at once."""
 GCS_TYPE, NO_AUTOPILOT = 6, 8
 PREARM_CHECK = 0x10000000
-_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
-
-
-def checksum(data: bytes) -> int:
-    """Return MAVLink's checksum (CRC-16/MCRF4XX): the standard library's runs the other way round.
-
-    >>> checksum(b"123456789") == 0x6F91
-    True
-    """
-    turned = crc_hqx(data.translate(_REVERSED), 0xFFFF)
-    return _REVERSED[turned >> 8] | _REVERSED[turned & 255] << 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,10 +166,11 @@ KINDS: dict[int, MessageKind] = {
     COMMAND_INT: MessageKind(158, struct.Struct("<4fiifHBB"), _never, special=True),
     SET_MODE: MessageKind(89, struct.Struct("<IBB"), _never, special=True),
     COMMAND_ACK: MessageKind(143, struct.Struct("<HB"), _never, special=True),
+    px4_events.EVENT: MessageKind(px4_events.EXTRA, px4_events.LAYOUT, _never, special=True),
     PARAM_VALUE: MessageKind(220, struct.Struct("<fHH16sB"), _never, special=True),
     RC_CHANNELS_RAW: MessageKind(244, struct.Struct("<I8HBB"), _channels_raw, RC_USEC, special=True),
     RC_CHANNELS: MessageKind(118, struct.Struct("<I18HBB"), _channels, RC_USEC, special=True),
 }
 """By message id: what is read. The numbers are those of common.xml; RADIO_STATUS is also what SiK radios send."""
 ORDERS = frozenset({COMMAND_LONG, COMMAND_INT, SET_MODE})
-TOLD_BY_VEHICLES = frozenset({COMMAND_ACK, PARAM_VALUE, RC_CHANNELS_RAW, RC_CHANNELS, ATTITUDE})
+TOLD_BY_VEHICLES = frozenset({px4_events.EVENT, COMMAND_ACK, PARAM_VALUE, RC_CHANNELS_RAW, RC_CHANNELS, ATTITUDE})

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from executor.adapters.mavlink import integers
+from executor.adapters.mavlink import integers, px4_events
+from executor.adapters.mavlink.checksum import checksum
 from executor.adapters.mavlink.texts import Texts
 from executor.adapters.mavlink.tlog_kinds import (
     BATTERY,
@@ -32,7 +33,6 @@ from executor.adapters.mavlink.tlog_kinds import (
     SYSTEM,
     TOLD_BY_VEHICLES,
     MessageKind,
-    checksum,
 )
 from executor.adapters.pieces import in_pieces
 from executor.core import words
@@ -127,6 +127,7 @@ class TelemetryFile:
     _rc: dict[int, RcWatch] = field(default_factory=dict)
     _tilts: dict[int, TiltWatch] = field(default_factory=dict)
     _autopilots: dict[int, int] = field(default_factory=dict)
+    _events: dict[int, px4_events.Events] = field(default_factory=dict)
 
     def records(self) -> Iterator[Record]:
         """Yield (t_usec, system, message) in the order of the file; a message of None is time passing.
@@ -289,6 +290,11 @@ class TelemetryFile:
         if number == COMMAND_ACK:
             command = DO_SET_MODE if fields[0] == SET_MODE else fields[0]  # ArduPilot 3 names the message
             return OrderSeen(command) if command in MODE_COMMANDS and fields[1] in ACCEPTED else None
+        if number == px4_events.EVENT:
+            event, boot_ms, sequence, *_, arguments = fields
+            px4s = self._autopilots.get(system) == PX4
+            told = self._events.setdefault(system, px4_events.Events())
+            return told.take(event, boot_ms, sequence, arguments) if px4s else None
         if number == PARAM_VALUE:
             name = words.shown(fields[3].split(b"\0", 1)[0].decode(errors="replace"))
             value = integers.from_wire(fields[0], fields[4], self._autopilots.get(system))

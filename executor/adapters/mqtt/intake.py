@@ -16,7 +16,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 from executor.adapters.mqtt.broker import IntakeRules
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.commands import Level
-from executor.core.intents import FOR_ALL, Action, Intent
+from executor.core.intents import FOR_ALL, PACK, Action, Intent
 from missions import first_reason
 
 MOST_BYTES = 4096
@@ -52,6 +52,7 @@ class IntentMessage(BaseModel):
         "land",
         "exclude",
         "include",
+        "swap",
         "disarm",
         "replan",
         "prove",
@@ -64,6 +65,8 @@ class IntentMessage(BaseModel):
     """Whose; left out for `replan`, `prove`, `abort`, `prepare` and `take-off`."""
     confirmed: bool = False
     """Whether the second question was answered with yes, which an acknowledgement asked."""
+    pack: Annotated[str, Field(pattern=PACK)] = ""
+    """The id of the pack that was put in, for `swap`; left out where packs have none."""
     token: Annotated[str, Field(max_length=256)] | None = None
     """Needed where the site names one."""
 
@@ -72,6 +75,8 @@ class IntentMessage(BaseModel):
         everybody = Action(self.action) in FOR_ALL
         if everybody and self.vehicle is not None:
             raise ValueError(f"vehicle: expected none, as {self.action} is for all of them")
+        if self.pack and self.action != "swap":
+            raise ValueError(f"pack: expected none, as {self.action} changes none")
         if not everybody and self.vehicle is None:
             raise ValueError(f"vehicle: expected a name, as {self.action} is for one of them")
         return self
@@ -113,7 +118,7 @@ def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retain
     if objection is not None:
         code, why = objection
         return RefusedMessage(message.id, why, code)
-    return Intent(message.id, Action(message.action), message.vehicle, SOURCE, message.confirmed)
+    return Intent(message.id, Action(message.action), message.vehicle, SOURCE, message.confirmed, message.pack)
 
 
 def _objection(

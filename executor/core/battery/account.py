@@ -286,7 +286,7 @@ def begun_anew(
 
     The pack is the same, and so are its counter and what was learned of the vehicle.
     """
-    anew = swapped(state, remaining_pct, charge_state, now_s, _learned(state, prior), middle_pct)
+    anew = swapped(state, remaining_pct, charge_state, now_s, learned_prior(state, prior), middle_pct)
     charge = replace(state.charge, capacity_ah=state.charge.capacity_ah, drift=Drift())
     if charge.consumed_ah is not None:
         charge = counted_from(charge, charge.consumed_ah, remaining_pct, 0.0, now_s)
@@ -298,7 +298,7 @@ def with_setting(state: BatteryState, capacity_ah: float | None) -> BatteryState
     return replace(state, charge=replace(state.charge, set_ah=capacity_ah))
 
 
-def _learned(state: BatteryState, prior: Prior) -> Prior:
+def learned_prior(state: BatteryState, prior: Prior) -> Prior:
     """Return what is believed of the vehicle: what it was seen to use, where its percentage can be trusted."""
     known = state.estimate
     if known is None or state.began_s is None or is_blind(state) or not known.factor_sd < prior.sd:

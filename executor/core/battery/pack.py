@@ -91,10 +91,27 @@ class Standing:
 
 
 def with_voltage(
-    known: Pack, voltage_v: float, current_a: float | None, claimed_pct: float | None, now_s: float, *, idle: bool
+    known: Pack,
+    voltage_v: float,
+    current_a: float | None,
+    claimed_pct: float | None,
+    now_s: float,
+    *,
+    idle: bool,
+    ohm: tuple[float, float] | None = None,
 ) -> Pack:
-    """Take a voltage with what was reported beside it; `idle` is a vehicle whose motors stand still."""
-    sag = known.sag if current_a is None else with_pair(known.sag, voltage_v, current_a, now_s)
+    """Take a voltage with what was reported beside it.
+
+    Args:
+        known: What was known.
+        voltage_v: Of the whole pack.
+        current_a: What it gave then.
+        claimed_pct: What it was said to hold.
+        now_s: The time.
+        idle: Whether the vehicle's motors stand still.
+        ohm: Its resistance by earlier flights, mean and standard deviation.
+    """
+    sag = known.sag if current_a is None else with_pair(known.sag, voltage_v, current_a, now_s, ohm)
     rests = idle and (current_a is None or current_a <= AT_REST_A) and claimed_pct is not None
     if not rests or claimed_pct is None:
         loaded_s = known.loaded_s if idle and claimed_pct is None else now_s
@@ -103,35 +120,43 @@ def with_voltage(
 
 
 def standing(
-    known: Pack, cells: int, chemistry: Chemistry | None, claimed_pct: float | None, now_s: float
-) -> Standing | None:
-    """Return how a pack stands; None where its resting voltage, or its percentage, is not known."""
+    known: Pack, cells: int, facts: PackFacts, claimed_pct: float | None, now_s: float
+) -> Standing | None:  # fmt: skip
+    """Return how a pack stands; None where its resting voltage, or its percentage, is not known.
+
+    A pack that is known to hold less than is counted is held against what it has.
+    """
+    chemistry = facts.chemistry
     if claimed_pct is None:
         return None
     if known.resting and known.rest is not None:
         if known.rest.at_s - known.loaded_s < RECOVERS_S:
             return None
-        return _stood(known.rest.voltage_v / cells, claimed_pct, chemistry, 0.0)
+        rest_cell_v = known.rest.voltage_v / cells
+        return Standing(rest_cell_v, claimed_pct, *_stands(rest_cell_v, claimed_pct, chemistry, 0.0))
     sag = known.sag
     if sag is None or sag.rest_sd_v > SURE_SD_V * cells or now_s < sag.at_s:
         return None
     cell_v, sure_v = sag.recovered_v / cells, 2.0 * sag.rest_sd_v / cells
-    found = _stood(cell_v, claimed_pct, chemistry, sure_v)
-    times = None if known.rest is None else _times(known.rest, cell_v + sure_v / 2, cells, claimed_pct, chemistry)
-    return replace(found, times=times, in_flight=True)
+    honest_pct, rest, times = facts.honest_pct(claimed_pct), known.rest, None
+    if rest is not None:
+        counted_pct = facts.honest_pct(rest.claimed_pct) - honest_pct
+        times = _times(rest.voltage_v / cells, cell_v + sure_v / 2, counted_pct, chemistry)
+    held_pct, short_v = _stands(cell_v, honest_pct, chemistry, sure_v)
+    return Standing(cell_v, claimed_pct, held_pct, short_v, times, in_flight=True)
 
 
-def _stood(cell_v: float, claimed_pct: float, chemistry: Chemistry | None, sure_v: float) -> Standing:
+def _stands(cell_v: float, claimed_pct: float, chemistry: Chemistry | None, sure_v: float) -> tuple[float, float]:
+    """Return what a pack holds by its voltage, and how far a cell lies below what the percentage allows."""
     short_v = resting.rest_cell_v(claimed_pct, chemistry) - cell_v - sure_v
-    return Standing(cell_v, claimed_pct, resting.held_pct(cell_v, chemistry or Chemistry.LIPO), short_v)
+    return resting.held_pct(cell_v, chemistry or Chemistry.LIPO), short_v
 
 
-def _times(rest: Rest, cell_v: float, cells: int, claimed_pct: float, chemistry: Chemistry | None) -> float | None:
-    counted_pct = rest.claimed_pct - claimed_pct
+def _times(rest_cell_v: float, cell_v: float, counted_pct: float, chemistry: Chemistry | None) -> float | None:
     if counted_pct < COUNTED_PCT:
         return None
     used = [
-        resting.held_pct(rest.voltage_v / cells, one) - resting.held_pct(cell_v, one)
+        resting.held_pct(rest_cell_v, one) - resting.held_pct(cell_v, one)
         for one in ((chemistry,) if chemistry is not None else Chemistry)
     ]
     return min(used) / counted_pct if min(used) >= USED_PCT else None

@@ -51,12 +51,25 @@ class PackFacts:
     chemistry: Chemistry | None = None
     capacity_ah: float | None = None
     """What its autopilot divides the charge by."""
+    share: float = 1.0
+    """How much of that it has, by its earlier flights."""
+    ohm: tuple[float, float] | None = None
+    """Its resistance by them: mean and standard deviation."""
+
+    def honest_pct(self, claimed_pct: float) -> float:
+        """Return what a pack of its share holds of itself when its counter, which began full, claims a percentage.
+
+        >>> PackFacts(share=0.7).honest_pct(30.0), PackFacts(share=0.7).honest_pct(100.0)
+        (0.0, 100.0)
+        """
+        return max(0.0, 100.0 - (100.0 - claimed_pct) / self.share)
 
     def under(self, other: PackFacts) -> PackFacts:
         """Return these with those of `other`, which count more."""
         return PackFacts(
-            other.cells or self.cells, other.chemistry or self.chemistry, other.capacity_ah or self.capacity_ah
-        )
+            other.cells or self.cells, other.chemistry or self.chemistry, other.capacity_ah or self.capacity_ah,
+            min(other.share, self.share), other.ohm or self.ohm,
+        )  # fmt: skip
 
 
 NO_FACTS = PackFacts()

@@ -58,12 +58,16 @@ class Sag:
         return self.rest_v + POLARISED * max(0.0, self.ohm) * self.current_a
 
 
-def with_pair(known: Sag | None, voltage_v: float, current_a: float, now_s: float) -> Sag:
-    """Take a voltage and the current that was measured with it."""
+def with_pair(
+    known: Sag | None, voltage_v: float, current_a: float, now_s: float, ohm: tuple[float, float] | None = None
+) -> Sag:
+    """Take a voltage and the current that was measured with it; `ohm` was known of the resistance before any."""
     noise = (NOISE * voltage_v) ** 2
     if known is None or now_s - known.at_s > GAP_S or now_s < known.at_s:
         wide_ohm = FIRST_OHM_SD * voltage_v / 10.0
         first = Sag(voltage_v, FIRST_OHM, (0.2 * voltage_v) ** 2, 0.0, wide_ohm**2, now_s)
+        if known is None and ohm is not None:
+            first = replace(first, ohm=ohm[0], var_ohm=min(wide_ohm, ohm[1]) ** 2)
         if known is not None:  # the resistance is still that of the pack, unless it is another one
             first = replace(first, ohm=known.ohm, var_ohm=known.var_ohm + (WARMS * known.ohm) ** 2)
         return _corrected(first, voltage_v, current_a, noise, now_s)

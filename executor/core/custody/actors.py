@@ -80,7 +80,7 @@ def _late_s(vehicle: VehicleState) -> float:
 def _recorded(known: Evidence, at_s: float, mode: int) -> Attribution | None:
     """Return what the autopilot's own record of a change of mode says."""
     recorded, recorded_s = known.recorded
-    if recorded is None or recorded.custom_mode != mode or abs(recorded_s - at_s) > RECORDED_S:
+    if recorded is None or recorded.custom_mode not in {None, mode} or abs(recorded_s - at_s) > RECORDED_S:
         return None
     if recorded.by is Actor.FAILSAFE:
         failed = _failed(known, at_s)

@@ -16,7 +16,7 @@ from executor.core.custody.actors import changed_by
 from executor.core.fencing import off_its_fence
 from executor.core.messages import CRITICAL, Actor, Heartbeat
 from executor.core.own_words import FENCE_BREACH
-from executor.core.parts import Cause
+from executor.core.parts import FOLLOWED_LATE_S, Cause
 from executor.core.places import over_its_pad
 from executor.core.state import Absence
 from executor.core.vehicle import Stage, VehicleState
@@ -27,8 +27,6 @@ SURE_AFTER_S = 1.0
 """A failsafe's text may come after the heartbeat that shows its mode: so long a change of mode is looked at."""
 LATE_TEXT_S = 4.0
 """A text this long after a change of mode still explains it."""
-FOLLOWED_LATE_S = 120.0
-"""An order may be followed this late: a radio keeps it, or only the answers were lost."""
 OVERTAKEN_S = 3.0
 """A start that was withdrawn is seen to have been followed within two heartbeats, and some of their way."""
 _ACTS = re.compile(

@@ -166,7 +166,9 @@ def _suffices(view: View, found: Standing) -> bool:
     ahead = projection.at_landing(view.context, view.state, view.setup) if view.setup.planned else None
     if ahead is None or rest is None or found.times is None:
         return False
-    return rest.claimed_pct - found.times * (rest.claimed_pct - ahead.mean_pct) >= view.setup.reserve_pct
+    honest_pct = view.setup.pack.honest_pct
+    began_pct, reserve_pct = honest_pct(rest.claimed_pct), honest_pct(view.setup.reserve_pct)
+    return began_pct - found.times * (began_pct - honest_pct(ahead.mean_pct)) >= reserve_pct
 
 
 def pack_standing(view: View) -> Standing | None:
@@ -175,7 +177,7 @@ def pack_standing(view: View) -> Standing | None:
     if dialect.rounds_twice and account.is_blind(power.battery):
         return None  # PX4 without a counter reads its percentage off the very same voltage
     facts = facts_of(view.context, view.state)
-    return standing(power.pack, power.volts.cells, facts.chemistry, power.battery.remaining_pct, view.now_s)
+    return standing(power.pack, power.volts.cells, facts, power.battery.remaining_pct, view.now_s)
 
 
 def battery_failsafe(view: View) -> Finding:

@@ -11,6 +11,7 @@ from executor.core.battery.voltage import Report, Thresholds, measured
 from executor.core.context import Scene
 from executor.core.messages import Battery, SystemStatus, VehicleSetting
 from executor.core.parts import Power
+from executor.core.setups import setup_now
 from executor.core.vehicle import VehicleState
 
 FULL_PCT = 100.0
@@ -76,8 +77,8 @@ def setting_told(state: VehicleState, message: VehicleSetting) -> Power:
 
 def facts_of(context: Scene, state: VehicleState) -> PackFacts:
     """Return what is said of a vehicle's pack: the site file's word counts more than its parameters."""
-    setup = context.vehicles.get(state.name)
-    return state.power.pack.facts if setup is None else state.power.pack.facts.under(setup.pack)
+    facts = state.power.pack.facts
+    return facts.under(setup_now(context, state).pack) if state.name in context.vehicles else facts
 
 
 def _measured(context: Scene, state: VehicleState, power: Power, report: Report, now_s: float) -> Power:
@@ -87,10 +88,13 @@ def _measured(context: Scene, state: VehicleState, power: Power, report: Report,
     thresholds = Thresholds(step, limits.cell_low_v, limits.cell_spread_v)
     flying = state.armed and state.sortie.took_off
     volts = measured(power.volts, report, thresholds, now_s, flying=flying)
-    volts = replace(volts, set_cells=facts_of(context, state).cells)
+    facts = facts_of(context, state)
+    volts = replace(volts, set_cells=facts.cells)
     claimed_pct = power.battery.remaining_pct
     current_a = report.current_a if known or power.pack.sag is not None or not flying else None
-    seen = pack.with_voltage(power.pack, report.voltage_v, current_a, claimed_pct, now_s, idle=not flying)
+    seen = pack.with_voltage(
+        power.pack, report.voltage_v, current_a, claimed_pct, now_s, idle=not flying, ohm=facts.ohm
+    )  # fmt: skip
     return replace(power, volts=volts, pack=seen)
 
 

@@ -16,7 +16,7 @@ from executor.core.messages import (
     VehicleSetting,
 )
 from executor.core.own_words import failure_said
-from executor.core.parts import Evidence, SwitchMoved
+from executor.core.parts import FOLLOWED_LATE_S, Evidence, Orders, SwitchMoved
 
 MODE_CHANNEL_SETTINGS = frozenset({"FLTMODE_CH", "MODE_CH", "RC_MAP_FLTMODE"})
 """ArduPilot's, its rovers' and PX4's name of it."""
@@ -60,6 +60,15 @@ def evident(known: Evidence, message: Told, now_s: float) -> Evidence:
             return _set(known, name, value)
         case OwnFailsafe():
             return _failed(known, message, now_s)
+
+
+def may_be_ours(given: Orders, seen: OrderSeen, now_s: float) -> bool:
+    """Return whether an order that was seen, or its answer, may be one that was given from here.
+
+    Most ground stations have our number, and old firmware answers without one. Who has ordered nothing lately knows
+    that it is another's; who has, does not, and then it proves nothing.
+    """
+    return seen.by is None and now_s - given.ordered_mode_s <= FOLLOWED_LATE_S
 
 
 def with_text(known: Evidence, message: StatusText, now_s: float, *, low_acts: bool) -> Evidence:

@@ -241,6 +241,8 @@ def _about(
 
 def _evident(state: VehicleState, message: evidence.Told, now_s: float) -> VehicleState:
     """Take what may say who changed its mode; an order to it does not mean that it was heard."""
+    if isinstance(message, OrderSeen) and evidence.may_be_ours(state.orders, message, now_s):
+        return state
     known = replace(state, evidence=evidence.evident(state.evidence, message, now_s))
     if isinstance(message, OwnFailsafe) and message.active:
         return replace(known, telemetry=replace(known.telemetry, alarm=(message.words, now_s)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from executor.core import leg_times
+from executor.core import leg_times, sorties
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Context, FlyAgain
 from executor.core.places import UNSEEN_S, fell, last_heard, over_its_pad, place_words, sank
@@ -59,7 +59,7 @@ def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now
             sortie=replace(vehicle.sortie, place_told=False),
         )
         return state.put(lies), (Say(Level.FAULT, text),)
-    vehicle = leg_times.landed(vehicle, now_s, context.vehicles[vehicle.name].start)
+    vehicle = sorties.sortie_ended(leg_times.landed(vehicle, now_s, context.vehicles[vehicle.name].start), now_s)
     vehicle = replace(
         moved_to(vehicle, Stage.LANDED),
         assignment=replace(vehicle.assignment, run=None),

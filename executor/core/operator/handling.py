@@ -18,7 +18,8 @@ from executor.core.parts import Cause
 from executor.core.places import place_words
 from executor.core.replan import replanning
 from executor.core.replan.wording import listed
-from executor.core.roster import takeover
+from executor.core.roster import takeover, turnaround
+from executor.core.roster.service import back_in_service, cleared
 from executor.core.roster.withdraw import declare, left_plan, withdrawn
 from executor.core.seeing import proof
 from executor.core.state import FleetState
@@ -229,36 +230,9 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
     if vehicle.stage is Stage.PILOT:
         state, more = takeover.given_back(context, state, vehicle, now_s)
         return _Ordered(state, "it is back in the plan", more)
-    mended = (
-        state.replanning.mended if vehicle.fault is None else (*state.replanning.mended, (vehicle.name, vehicle.fault))
-    )
-    ready = replace(
-        moved_to(vehicle, Stage.GROUND),
-        fault=None,
-        watches=(),
-        orders=replace(vehicle.orders, excluded=False, lands=False, held_s=None, cleared_s=now_s),
-        assignment=replace(vehicle.assignment, stubborn=False, declined=None, failures=0),
-        telemetry=replace(vehicle.telemetry, alarm=("", float("-inf"))),
-        sortie=replace(vehicle.sortie, armed_once=False),
-        custody=replace(vehicle.custody, taken=None),
-    )
     left = replanning.left_over(state)
-    trigger = f"{vehicle.name}: is back with {vehicle.power.battery.remaining_pct or 0.0:.0f} % in its battery"
-    state = state.put(ready)
-    state = replace(
-        state,
-        replanning=replace(
-            state.replanning,
-            mended=mended,
-            urgent=True,
-            ordered=state.replanning.ordered or bool(left),  # what is left over is no need for a re-plan by itself
-            trigger=trigger,
-            trigger_s=now_s,
-            considered=state.replanning.considered - {vehicle.name},
-        ),
-        coverage=replace(state.coverage, given_up=frozenset()),
-        crew=replace(state.crew, offers_over=False),
-    )
+    state, ready = back_in_service(state, vehicle)
+    state = cleared(state, ready, now_s)
     if state.crew.offer is not None and len(state.crew.offer.vehicles) > 1:
         # The others may be cleared in a moment: the work is shared then.
         state = replace(
@@ -268,6 +242,11 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
     if replanning.orphans(context, state) or left:
         return _Ordered(state, "it is back in the plan; re-planning with it")
     return _Ordered(state, "it is back in the plan; no segment is left over, a re-plan would share the others")
+
+
+def _swap(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+    state, text, told = turnaround.pack_changed(state, _vehicle(state, intent), intent, now_s)
+    return _Ordered(state, text, told, open=True)
 
 
 def _disarm(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
@@ -348,6 +327,7 @@ _HANDLERS: Mapping[Action, _Handler] = {
     Action.LAND: _land,
     Action.EXCLUDE: _exclude,
     Action.INCLUDE: _include,
+    Action.SWAP: _swap,
     Action.REPLAN: _replan,
     Action.PROVE: _prove,
     Action.ABORT: _abort,

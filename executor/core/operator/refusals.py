@@ -12,9 +12,11 @@ from executor.core.custody.causes import in_other_hands
 from executor.core.homing import homeward
 from executor.core.intents import BEFORE, FOR_ALL, Action, Intent, IntentReason
 from executor.core.places import where
-from executor.core.replan import replanning
+from executor.core.replan import replanning, survivors
+from executor.core.roster import turnaround
 from executor.core.roster.offers import open_segments
 from executor.core.seeing import proof
+from executor.core.setups import setup_now
 from executor.core.state import FleetState
 from executor.core.vehicle import IN_THE_AIR, Stage, VehicleState
 from missions import Phase
@@ -69,6 +71,9 @@ def question(context: Context, state: FleetState, intent: Intent) -> str:
     if intent.action is Action.DISARM:
         where_ = where(context, vehicle)
         return f"{vehicle.name} is down at {where_}: stop its motors by force? If it flies after all, it falls"
+    if intent.action is Action.SWAP:
+        named = f"is pack {intent.pack} in it" if intent.pack else "is another pack in it, or its own charged"
+        return f"{vehicle.name} takes off as soon as its checks have passed: {named}, and its pad clear of people?"
     if intent.action is Action.INCLUDE and vehicle.stage is not Stage.PILOT:
         return f"{vehicle.name} may take off as soon as its mission is on board: is its pad clear of people?"
     if intent.action in _COMMANDING and in_other_hands(vehicle):
@@ -168,7 +173,7 @@ def _exclude(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
 def _include(  # noqa: PLR0911 - one return for each reason
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float
 ) -> Why:
-    setup, remaining = context.vehicles[vehicle.name], vehicle.power.battery.remaining_pct
+    setup, remaining = setup_now(context, vehicle), vehicle.power.battery.remaining_pct
     if vehicle.stage is Stage.PILOT:
         return _from_its_pilot(state, vehicle)
     if vehicle.stage not in _ON_GROUND or vehicle.armed:
@@ -179,7 +184,7 @@ def _include(  # noqa: PLR0911 - one return for each reason
         return silent
     if vehicle.sensors.tilted_since_s is not None:
         return IntentReason.TILTED, "it is tilted, it may have tipped over"
-    if vehicle.orders.cleared_s is not None:
+    if vehicle.orders.cleared_s is not None or vehicle.turn.asked_s is not None:
         return IntentReason.CLEARED, "it is cleared for take-off already"
     if (
         vehicle.fault is None
@@ -197,6 +202,34 @@ def _include(  # noqa: PLR0911 - one return for each reason
             f"its battery is {shown}; expected more than its reserve of {setup.reserve_pct:g} %",
         )
     return None
+
+
+def _swap(  # noqa: PLR0911 - one return for each reason
+    context: Context, state: FleetState, vehicle: VehicleState, now_s: float
+) -> Why:
+    if vehicle.stage is Stage.PILOT:
+        return IntentReason.WITH_PILOT, "it is with its pilot"
+    if vehicle.stage not in _ON_GROUND or vehicle.armed:
+        return IntentReason.NOT_AT_REST, f"it is not on the ground with its motors off, it is {vehicle.stage.value}"
+    if vehicle.link.heard_s is None:
+        return IntentReason.NEVER_HEARD, "no message was ever received from it"
+    if state.progress.recalled:
+        return IntentReason.ABORTED, "the flight was aborted"
+    if vehicle.turn.asked_s is not None:
+        return IntentReason.SWAPPING, "its turnaround is under way already"
+    if vehicle.assignment.pending is not None or vehicle.orders.cleared_s is not None:
+        return IntentReason.CLEARED, "it is cleared for take-off already"
+    if not turnaround.sortie_ahead(state, vehicle) and not _open_for(context, state, vehicle):
+        return IntentReason.NOTHING_TO_PLAN, "no segment is open for another sortie of it"
+    if why := turnaround.out_of_hours(context, state, vehicle, now_s):
+        return IntentReason.OUT_OF_HOURS, why
+    return None
+
+
+def _open_for(context: Context, state: FleetState, vehicle: VehicleState) -> frozenset[int]:
+    if context.day is not None:
+        return turnaround.unplanned(context, state) - vehicle.turn.beyond
+    return open_segments(context, state)
 
 
 def _from_its_pilot(state: FleetState, vehicle: VehicleState) -> Why:
@@ -220,7 +253,7 @@ def _replan(context: Context, state: FleetState, now_s: float) -> Why:
         return IntentReason.ABORTED, "the flight was aborted"
     if state.replanning.replan is not None or state.replanning.ordered:
         return IntentReason.REPLANNING, "a re-plan is under way"
-    offers = [offer for vehicle in state.vehicles.values() if (offer := replanning.survivor(context, vehicle, now_s))]
+    offers = [offer for vehicle in state.vehicles.values() if (offer := survivors.survivor(context, vehicle, now_s))]
     if not offers:
         return IntentReason.NO_VEHICLE, "no vehicle can take a new route now"
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}
@@ -237,9 +270,9 @@ def _prove(context: Context, state: FleetState, now_s: float) -> Why:
     return None if why is not None and why[0] is IntentReason.NOTHING_TO_PLAN else why
 
 
-def _abort(context: Context, state: FleetState, now_s: float) -> Why:  # noqa: ARG001
+def _abort(context: Context, state: FleetState, now_s: float) -> Why:
     flies = any(vehicle.stage in {Stage.STARTING, Stage.FLYING} for vehicle in state.vehicles.values())
-    if not flies and state.crew.offer is None:
+    if not flies and state.crew.offer is None and not turnaround.awaited(context, state, now_s):
         return IntentReason.NO_VEHICLE, "no vehicle is on a mission"
     return None
 
@@ -251,6 +284,7 @@ _VEHICLE: Mapping[Action, Callable[[Context, FleetState, VehicleState, float], W
     Action.LAND: _land,
     Action.EXCLUDE: _exclude,
     Action.INCLUDE: _include,
+    Action.SWAP: _swap,
     Action.DISARM: _disarm,
 }
 _FLEET: Mapping[Action, Callable[[Context, FleetState, float], Why]] = {

@@ -41,6 +41,8 @@ class LinkFailsafe:
     after_s: float
     """Silence, in its own time, until it has begun to; by its autopilot's defaults if it did not say."""
     words: str
+    returns: bool = False
+    """Whether that is a straight return, up to its height first."""
 
 
 def link_failsafe(dialect: Dialect, parameters: Parameters) -> LinkFailsafe:
@@ -62,7 +64,8 @@ def link_failsafe(dialect: Dialect, parameters: Parameters) -> LinkFailsafe:
         words = f"no GCS failsafe in a mission ({setting}, but {name}={parameters[name]:g})"
         return LinkFailsafe(False, after_s, words)
     does = dict(rule.actions).get(int(action), "unknown action")
-    return LinkFailsafe(True, after_s, f"GCS failsafe: {does} after {after_s:g} s ({setting})")
+    words = f"GCS failsafe: {does} after {after_s:g} s ({setting})"
+    return LinkFailsafe(True, after_s, words, returns=int(action) == rule.action_return)
 
 
 def declared_lost_after_s(

@@ -2,26 +2,123 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 from executor.core.battery import pack, resting
-from executor.core.battery.pack import Pack
+from executor.core.battery.history import RECENT
+from executor.core.battery.pack import Pack, Standing
 from executor.core.battery.resting import NO_FACTS, PackFacts
 from executor.core.check_codes import CheckCode
-from executor.core.context import Context
+from executor.core.context import Context, VehicleSetup
 from executor.core.preflight.checks import Check, Facts, Severity
+from executor.core.words import count_of
 
 LIKE = 1.1
 """Capacities that differ by less are one: what stands on a pack, and what somebody typed."""
 
 
-def pack_checks(context: Context, facts: Facts) -> list[Check]:
-    """Hold the capacity that it counts by against the plan's, and its voltage at rest against its percentage."""
+@dataclass(frozen=True, slots=True)
+class PackHeard:
+    """What a vehicle says of its pack at rest."""
+
+    remaining_pct: float
+    voltage_v: float | None
+    cells: int | None
+    """How many it tells apart."""
+    parameters: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Rested:
+    """How a pack stands at rest."""
+
+    standing: Standing
+    count: str
+    """Of how many cells, in words."""
+    reads_volts: bool
+    """Whether its percentage is read off that voltage, and contradicts nothing."""
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether its percentage says more than its voltage allows."""
+        return self.standing.doubtful and not self.reads_volts
+
+    @property
+    def held_pct(self) -> float:
+        """What it holds: what its voltage says where that contradicts its percentage."""
+        claimed_pct = self.standing.claimed_pct
+        return min(claimed_pct, self.standing.held_pct) if self.doubtful else claimed_pct
+
+
+def facts_said(parameters: Mapping[str, float]) -> PackFacts:
+    """Return what a vehicle's parameters say of its pack."""
     said = NO_FACTS
     for name in resting.PARAMETERS:
-        if name in facts.parameters:
-            said = resting.with_parameter(said, name, facts.parameters[name])
-    setup = context.vehicles[facts.name]
-    known = said.under(setup.pack)
-    return [*_capacity(context, facts.name, said), *_voltage(facts, known, reads_volts=_reads_volts(context, facts))]
+        if name in parameters:
+            said = resting.with_parameter(said, name, parameters[name])
+    return said
+
+
+def rested(setup: VehicleSetup, heard: PackHeard) -> Rested | None:
+    """Return how a vehicle's pack stands at rest; None where no voltage is reported."""
+    if heard.voltage_v is None:
+        return None
+    known = facts_said(heard.parameters).under(setup.pack)
+    cells = heard.cells or known.cells or resting.least_cells(heard.voltage_v)
+    at_rest = pack.with_voltage(Pack(known), heard.voltage_v, None, heard.remaining_pct, 0.0, idle=True)
+    found = pack.standing(at_rest, cells, known, heard.remaining_pct, 0.0)
+    if found is None:
+        return None
+    counted = heard.cells or known.cells
+    count = f"{cells} cells" if counted else f"at least {cells} cells, as nobody says how many"
+    reads_volts = setup.dialect.rounds_twice and heard.parameters.get("BAT1_CAPACITY", -1.0) <= 0.0
+    return Rested(found, count, reads_volts)
+
+
+def pack_checks(context: Context, facts: Facts) -> list[Check]:
+    """Hold the capacity that it counts by against the plan's, and its voltage at rest against its percentage."""
+    said = facts_said(facts.parameters)
+    heard = PackHeard(facts.remaining_pct, facts.voltage_v, facts.cells, facts.parameters)
+    found = rested(context.vehicles[facts.name], heard)
+    return [
+        *_history(context, context.vehicles[facts.name]),
+        *_capacity(context, facts.name, said),
+        *_voltage(facts, found),
+    ]
+
+
+def _history(context: Context, setup: VehicleSetup) -> list[Check]:
+    """Say what earlier flights said of its pack, and what is reckoned with for it."""
+    known, planned_ah = setup.history, context.drone.capacity_ah
+    if known is None:
+        return []
+    worn = known.share_of(planned_ah) < 1.0
+    text = f"its pack {known.label}{history_words(setup, planned_ah)}"
+    return [Check(Severity.WARNING if worn else Severity.OK, setup.name, text, CheckCode.PACK)]
+
+
+def history_words(setup: VehicleSetup, planned_ah: float) -> str:
+    """Return what earlier flights said of a pack, to be put behind its name; empty where it has no label."""
+    known = setup.history
+    if known is None:
+        return ""
+    if known.capacity_ah is None and known.ohm is None:
+        what = "no flight of it is known" if not known.flights else f"{count_of(known.flights, 'flight')} did not say"
+        return f": {what}; the plan reckons with {planned_ah:g} Ah"
+    parts = []
+    if known.capacity_ah is not None:
+        share_pct = 100.0 * known.capacity_ah[0] / planned_ah
+        parts.append(f"{known.capacity_ah[0]:.1f} Ah, {share_pct:.0f} % of the plan's {planned_ah:g} Ah")
+    if known.ohm is not None:
+        parts.append(f"{1000.0 * known.ohm[0]:.0f} mOhm")
+    text = f" has {' and '.join(parts)}, by {count_of(min(known.flights, RECENT), 'flight')}"
+    worn = known.share_of(planned_ah) < 1.0
+    if worn:
+        text += f": budget {setup.budget_pct:.0f} %"
+    if setup.empty_pct > 0:
+        text += f"{', ' if worn else ': '}empty at {setup.empty_pct:.0f} % of what it counts"
+    return text
 
 
 def _capacity(context: Context, name: str, said: PackFacts) -> list[Check]:
@@ -35,24 +132,14 @@ def _capacity(context: Context, name: str, said: PackFacts) -> list[Check]:
     return [Check(Severity.WARNING, name, text, CheckCode.PACK)]
 
 
-def _reads_volts(context: Context, facts: Facts) -> bool:
-    """Return whether its percentage is read off the voltage: PX4's, where it is not told a capacity."""
-    dialect = context.vehicles[facts.name].dialect
-    return dialect.rounds_twice and facts.parameters.get("BAT1_CAPACITY", -1.0) <= 0.0
-
-
-def _voltage(facts: Facts, known: PackFacts, *, reads_volts: bool) -> list[Check]:
+def _voltage(facts: Facts, found: Rested | None) -> list[Check]:
     if facts.voltage_v is None:
         text = "no voltage is reported: nobody can say whether its pack holds what it reports"
         return [Check(Severity.OK, facts.name, text, CheckCode.PACK)]
-    cells = facts.cells or known.cells or resting.least_cells(facts.voltage_v)
-    rests = pack.with_voltage(Pack(known), facts.voltage_v, None, facts.remaining_pct, 0.0, idle=True)
-    found = pack.standing(rests, cells, known.chemistry, facts.remaining_pct, 0.0)
     if found is None:
         return []
-    count = f"{cells} cells" if facts.cells or known.cells else f"at least {cells} cells, as nobody says how many"
-    text = f"its pack {found.words} ({count})"
-    if reads_volts:
+    text = f"its pack {found.standing.words} ({found.count})"
+    if found.reads_volts:
         return [Check(Severity.OK, facts.name, f"{text}, read off that voltage", CheckCode.PACK)]
     severity = Severity.WARNING if found.doubtful else Severity.OK
     return [Check(severity, facts.name, text, CheckCode.PACK)]

@@ -14,7 +14,7 @@ from executor.core.custody.causes import in_other_hands
 from executor.core.endings import Ending
 from executor.core.events import UploadEnded
 from executor.core.parts import Declined
-from executor.core.replan import replanning
+from executor.core.replan import survivors
 from executor.core.state import FleetState, NewMission
 from executor.core.vehicle import Stage, VehicleState, aboard
 
@@ -55,7 +55,7 @@ def offered_again(context: Context, state: FleetState, now_s: float) -> Stepped:
         if refused is None or refused.tries >= OFFERS or not _answers(vehicle, refused, now_s):
             continue
         ready = replace(vehicle, assignment=replace(vehicle.assignment, stubborn=False))
-        if replanning.survivor(context, ready, now_s) is None:
+        if survivors.survivor(context, ready, now_s) is None:
             if vehicle.stage is not Stage.FLYING:
                 state = state.put(ready)  # it waits for the crew's word, as others do
             continue

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from executor.core.commands import Solve
 from executor.core.context import Context
-from executor.core.replan import replanning
+from executor.core.replan import apart, replanning, survivors
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, supposed_lost
 from planner import segment_of
@@ -43,9 +43,10 @@ def if_lost(context: Context, state: FleetState, name: str, now_s: float) -> Sol
     if not alone:
         return ()
     free = (replace(vehicle, orders=replace(vehicle.orders, held_s=None)) for vehicle in state.vehicles.values())
-    offers = tuple(offer for vehicle in free if (offer := replanning.survivor(context, vehicle, now_s)))
+    offers = tuple(offer for vehicle in free if (offer := survivors.survivor(context, vehicle, now_s)))
     if not offers:
         return tuple(sorted(alone))
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}
     wanted = tuple(sorted((alone | freed) - set(state.coverage.inspected) - state.coverage.left_over))
+    offers = apart.kept_apart(context, state, offers, wanted, now_s)
     return Solve(state.replanning.revision, wanted, offers, f"what if {name} were lost")

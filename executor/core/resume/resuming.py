@@ -16,9 +16,10 @@ from executor.core.endings import Ending
 from executor.core.events import Event, Found, Match, Reopened, Resumed, StartEnded, UploadEnded
 from executor.core.homing.homeward import on_mission, sent_home
 from executor.core.link_quality import LinkQuality
-from executor.core.replan import replanning
+from executor.core.replan import new_missions, survivors
 from executor.core.replan.wording import listed
 from executor.core.resume.blackout import caught_up
+from executor.core.roster import turnaround
 from executor.core.roster.withdraw import left_plan, withdrawn
 from executor.core.state import Absence, FleetState, NewMission, Replan
 from executor.core.vehicle import Stage, VehicleState, aboard, before_of, moved_to
@@ -104,15 +105,27 @@ def found_on(
     return Found(name, True, seq, None if items is None else len(items), tuple(matches))
 
 
+def _waiting_let_go(state: FleetState, plan: Replan, now_s: float) -> FleetState:
+    """Plan again for those who waited for others' new missions: by now these may have flown past everything."""
+    for route in plan.unmade:
+        if route.vehicle in plan.pending:
+            state, plan, _ = new_missions.let_go(state, plan, route.vehicle, new_missions.FLEW_ON, now_s)
+    plan = replace(plan, unmade=())
+    return replace(state, replanning=replace(state.replanning, replan=plan))
+
+
 def resumed(context: Context, state: FleetState, event: Resumed, now_s: float) -> Resumption:
     """Take up every vehicle where it is."""
     state = _really_away(state, event)
     plan = state.replanning.replan
     if plan is not None and plan.solve_s is None:
-        state = replanning.wanted_again(state, plan)  # the solver died with the ground station
+        state = new_missions.wanted_again(state, plan)  # the solver died with the ground station
+    elif plan is not None and plan.unmade and plan.low:
+        state = _waiting_let_go(state, plan, now_s)
     elif plan is not None and plan.unmade:
-        state = replace(state, replanning=replace(state.replanning, replan=replanning.all_made(context, state, plan)))
-    commands: list[Command] = []
+        state = replace(state, replanning=replace(state.replanning, replan=new_missions.all_made(context, state, plan)))
+    state, said = turnaround.turnarounds_reopened(state, now_s)
+    commands: list[Command] = [*said]
     ended: list[Event] = []
     strange: list[tuple[str, str]] = []
     again: dict[str, tuple[Command, ...]] = {}
@@ -202,9 +215,9 @@ def _half_uploaded(
     if not mission.fresh and board is not None and (old is None or old.whole):
         state, said = caught_up(context, state, vehicle, board, found.seq)
         offer = next(one for one in plan.solve.survivors if one.vehicle == found.vehicle)
-        if not replanning.still_fits(state.vehicles[found.vehicle], offer):
-            state, plan, let_go = replanning.let_go(state, plan, found.vehicle, replanning.FLEW_ON, now_s)
-            state, more = replanning.ended_if_done(state, now_s)
+        if not survivors.still_fits(state.vehicles[found.vehicle], offer):
+            state, plan, let_go = new_missions.let_go(state, plan, found.vehicle, new_missions.FLEW_ON, now_s)
+            state, more = new_missions.ended_if_done(state, now_s)
             return state, _Taken((*said, let_go, *more))
     elif not mission.fresh and new is not None and _at_its_end(found, new) and on_mission(context, vehicle):
         # In any other mode its own failsafe knows better: a landing must not become a flight home.
@@ -263,8 +276,8 @@ def _sent_again(context: Context, state: FleetState, found: Found, again: tuple[
     if not flown or not (mission.fresh or (old is not None and old.whole)):
         return state, again
     why = f"others flew {listed(context, frozenset(flown))} of its new mission meanwhile"
-    state, plan, said = replanning.let_go(state, plan, name, why, now_s)
-    state, more = replanning.ended_if_done(state, now_s)
+    state, plan, said = new_missions.let_go(state, plan, name, why, now_s)
+    state, more = new_missions.ended_if_done(state, now_s)
     return state, (said, *more)
 
 

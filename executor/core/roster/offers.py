@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Context, FlyAgain
-from executor.core.replan import replanning
+from executor.core.replan import replanning, survivors
+from executor.core.setups import setup_now
 from executor.core.state import FleetState, Offer
 from executor.core.vehicle import IN_THE_AIR, FaultKind, Stage, VehicleState
 from executor.core.words import count_of
@@ -34,9 +35,9 @@ def may_take_off(context: Context, vehicle: VehicleState, now_s: float) -> bool:
 
 def idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle stands ready on its pad with nothing to do."""
-    setup, fix = context.vehicles[vehicle.name], vehicle.motion.fix
+    setup, fix = setup_now(context, vehicle), vehicle.motion.fix
     out = not _is_well(vehicle) or vehicle.assignment.stubborn or vehicle.orders.excluded or vehicle.armed
-    out = out or vehicle.sensors.tilted_since_s is not None
+    out = out or vehicle.sensors.tilted_since_s is not None or vehicle.turn.asked_s is not None
     if out or vehicle.stage not in _ON_GROUND or vehicle.assignment.pending is not None or fix is None:
         return False
     if vehicle.stage is Stage.LANDED and context.fly_again is FlyAgain.NEVER:
@@ -67,7 +68,7 @@ def open_segments(context: Context, state: FleetState) -> frozenset[int]:
 
 def within_reach(context: Context, vehicle: VehicleState, segments: frozenset[int]) -> frozenset[int]:
     """Return the segments that a vehicle could inspect alone, one at a time, from its pad and back."""
-    offer = replanning.from_its_pad(context, vehicle)
+    offer = survivors.from_its_pad(context, vehicle)
     alone = Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption)
     task = open_task(context.pricing, segments, (alone,))
     alone_pct = (task.instance.start_pct[0] + task.instance.home_pct[0]).reshape(-1, 2).min(axis=1)
@@ -79,6 +80,7 @@ def looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Offer, change or withdraw what the crew may say yes to."""
     if (
         context.fly_again is FlyAgain.AUTO
+        or context.day is not None  # who lands there waits for its pack
         or state.progress.launched_s is None
         or state.progress.recalled
         or state.progress.finished
@@ -133,7 +135,7 @@ def _without(state: FleetState) -> FleetState:
 def _others_will(context: Context, state: FleetState, now_s: float) -> bool:
     """Return whether somebody in the air, or cleared, is about to be given what is open."""
     return bool(replanning.orphans(context, state)) and any(
-        replanning.survivor(context, vehicle, now_s) is not None for vehicle in state.vehicles.values()
+        survivors.survivor(context, vehicle, now_s) is not None for vehicle in state.vehicles.values()
     )
 
 

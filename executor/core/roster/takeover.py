@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from executor.core import sorties
 from executor.core.commands import CancelSolve, Command, HandsOff, Level, Resume, Say
 from executor.core.context import Context
 from executor.core.custody.actors import changed_by
@@ -15,6 +16,7 @@ from executor.core.homing.homeward import on_mission
 from executor.core.messages import Actor
 from executor.core.parts import Cause, TakenOver
 from executor.core.places import over_its_pad, place_words
+from executor.core.replan import new_missions
 from executor.core.roster.withdraw import withdrawn
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState, moved_to
@@ -77,15 +79,7 @@ def _unsolved(state: FleetState, name: str) -> Stepped:
     plan = state.replanning.replan
     if plan is None or plan.solve_s is not None or name not in {offer.vehicle for offer in plan.solve.survivors}:
         return state, ()
-    again = replace(
-        state,
-        replanning=replace(
-            state.replanning, replan=None, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s
-        ),
-    )
-    return replace(again, replanning=replace(again.replanning, ordered=plan.ordered)), (
-        CancelSolve(plan.solve.revision),
-    )
+    return new_missions.wanted_again(state, plan), (CancelSolve(plan.solve.revision),)
 
 
 def attended(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -136,6 +130,7 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepp
     fell = fix is not None and fix.alt_rel_m > context.limits.off_pad_up_m and over_its_pad(context, vehicle)
     place = "" if over_its_pad(context, vehicle) and not fell else f", {place_words(context, vehicle)}"
     stage = Stage.DOWN if place else Stage.LANDED
+    vehicle = vehicle if place else sorties.sortie_ended(vehicle, vehicle.link.heard_s or 0.0)
     state = state.put(
         replace(
             moved_to(vehicle, stage),

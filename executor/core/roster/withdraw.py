@@ -10,7 +10,7 @@ from executor.core.custody.causes import in_other_hands
 from executor.core.homing import homeward
 from executor.core.homing.homeward import Answer
 from executor.core.places import fell, last_heard, mission_over, over_its_pad
-from executor.core.replan import replanning
+from executor.core.replan import new_missions
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState, moved_to
 from executor.core.words import count_of
@@ -104,7 +104,7 @@ def withdrawn(state: FleetState, name: str, trigger: str, now_s: float) -> Stepp
     """Plan around a vehicle at once: a re-plan that is being solved counted on it, one that is put on board goes on."""
     plan = state.replanning.replan
     solving = plan is not None and plan.solve_s is None
-    before = [plan.solve.trigger] if plan is not None and solving else []
+    before = [plan.solve.trigger] if plan is not None and solving and not plan.solve.sortie else []
     before += [state.replanning.trigger] if state.replanning.urgent and state.replanning.trigger not in before else []
     state = replace(
         state, replanning=replace(state.replanning, urgent=True, trigger="; ".join((*before, trigger)), trigger_s=now_s)
@@ -115,5 +115,5 @@ def withdrawn(state: FleetState, name: str, trigger: str, now_s: float) -> Stepp
         state = replace(
             state, replanning=replace(state.replanning, replan=replace(plan, pending=plan.pending - {name}))
         )
-        return replanning.ended_if_done(state, now_s)
+        return new_missions.ended_if_done(state, now_s)
     return state, ()

@@ -13,7 +13,7 @@ from executor.core.commands import Command, Level, Say
 from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
 from executor.core.payload.pictures import Broken, CameraMemory
-from executor.core.replan.replanning import barred
+from executor.core.replan.survivors import barred
 from executor.core.roster.withdraw import declare, withdrawn
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState

@@ -6,7 +6,7 @@ was flown but not seen, and is planned again like anything else that is open.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -18,6 +18,7 @@ from executor.core.payload.spans import most_apart_m, unseen_m
 from executor.core.state import FleetState
 from executor.core.vehicle import IN_THE_AIR, VehicleState
 from missions import Phase
+from missions.asked import inspected_at_m
 from missions.cameras import FIRST_COMPONENT
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -41,9 +42,12 @@ def was_flown(
     """Take what was flown: it is inspected, or waits for its pictures."""
     coverage = state.coverage
     inspected, passes, unseen = dict(coverage.inspected), dict(coverage.flown), dict(coverage.unseen)
+    distances_m, by_mission_m = dict(coverage.inspected_at_m), _distances_m(context, state.vehicles[vehicle])
     for segment, how in segments:
         if segment in inspected:
             continue
+        if segment in by_mission_m:
+            distances_m[segment] = by_mission_m[segment]
         if how is not None:
             passes[segment] = how
         if asks(context, segment):
@@ -54,9 +58,18 @@ def was_flown(
         coverage,
         inspected=MappingProxyType(inspected),
         flown=MappingProxyType(passes),
+        inspected_at_m=MappingProxyType(distances_m),
         unseen=MappingProxyType(unseen) if len(unseen) != len(coverage.unseen) else coverage.unseen,
     )
     return replace(state, coverage=coverage)
+
+
+def _distances_m(context: Context, vehicle: VehicleState) -> Mapping[int, float]:
+    """Return at which distances the mission on board inspects; nothing where every vehicle does so in its layer."""
+    board = vehicle.assignment.board
+    if board is None or not context.setup.inspection.same_distance:
+        return {}
+    return inspected_at_m(context.setup, board.path, board.visits)
 
 
 def passed_pylons(context: Context, state: FleetState, before: VehicleState, now_s: float) -> FleetState:

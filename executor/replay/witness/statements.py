@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -52,11 +51,6 @@ class Statement:
     """When it is stated; of a silence, when it began."""
     words: str
     until_usec: int | None = None
-
-    @property
-    def due_usec(self) -> int:
-        """When it can be known at the earliest by the text alone."""
-        return self.t_usec
 
 
 def read_testimony(path: Path) -> dict[int, Testimony]:
@@ -115,9 +109,3 @@ def _gaps(told: Testimony, link_timeout_s: float) -> list[Statement]:
 
 MARGIN_S = 0.5
 """A silence that is hardly longer than the time-out may be declared or not."""
-
-
-def said_near(texts: Sequence[tuple[int, str]], at_usec: int, before_s: float, after_s: float) -> str:
-    """Return the first text around a moment; nothing where there is none."""
-    low, high = at_usec - before_s * SECOND, at_usec + after_s * SECOND
-    return next((words for t_usec, words in texts if low <= t_usec <= high), "")

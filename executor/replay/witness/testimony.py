@@ -147,11 +147,6 @@ class Testimony:
         """Return when it was disarmed next, or the log's end."""
         return next((t_usec for t_usec, armed in self.armed if t_usec > at_usec and not armed), self.ended_usec)
 
-    def mode_at(self, at_usec: int) -> int | None:
-        """Return its mode then."""
-        before = [one for one in self.modes if one.t_usec <= at_usec]
-        return before[-1].mode if before else None
-
     def moment_at(self, at_usec: int, *, within_s: float = 4.0) -> Whereabouts | None:
         """Return where it was then, if that was said not long before."""
         index = bisect_right(self.moments, at_usec, key=_time) - 1

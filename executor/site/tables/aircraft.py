@@ -31,6 +31,8 @@ class EnergyTable(SiteTable):
     """Capacity of the battery."""
     chemistry: Chemistry | None = None
     """lipo or li-ion: what a resting voltage means. Where it is not set, what both agree about."""
+    packs: Annotated[str, Field(min_length=1)] | None = None
+    """packs.json of `faultline replay --packs`, relative to the site file: what flights said of labelled packs."""
     area_m2: Annotated[float, Field(ge=1e-4, le=100)] | None = None
     """Area of the vehicle seen from above."""
     efficiency: Annotated[float, Field(ge=0.01, le=1)] | None = None
@@ -76,6 +78,9 @@ class VehicleTable(SiteTable):
     """Most of a full battery that a route may use."""
     reserve_pct: Percent = 15.0
     """Share of a full battery that is never planned with."""
+    pack: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$")] | None = None
+    """Label of the pack that it flies with: what `[energy] packs` knows of it is reckoned with, and `replay --packs`
+    with this site file, or of a flight's run directory, writes it down by it."""
     pad: Annotated[str, Field(min_length=1, max_length=60)] | None = None
     """The `[[place]]` where it starts and lands; without it a pad is chosen around the depot."""
 

@@ -77,5 +77,9 @@ class InspectionTable(SiteTable):
     """The wind by where the air moves to: east, north. Plans count with it."""
     layer_m: Metres = 5.0
     """Least distance between any two vehicles; heights are layered by it."""
+    same_distance: bool = False
+    """`true`: everybody inspects at `height_m`, and not in its layer, wherever no other can meet it there, whatever the
+    timing. Vehicles then go down to the line and up from it, which takes its time, and a lost vehicle's segments are
+    handed on once it must have left the line."""
     corridor_m: Metres = 10.0
     """A segment counts as inspected only where the flown track is within this of the planned one."""

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.analysis.documents import FlightReport, LastPosition, LegRow, RouteRow
+from executor.analysis.documents import FlightReport, LastPosition, LegRow, RouteRow, SortieRow
 from executor.analysis.flight_record import Decision, FlightRecord, Revision
 from executor.analysis.read_run import read_run
 from executor.analysis.report_page import outcome, page, value_words, write_page
@@ -219,3 +219,16 @@ def test_values_in_words(value: object, words: str) -> None:
 def test_any_text_comes_back_from_the_page_as_it_was(text: str) -> None:
     record = FlightRecord((), (), (Revision(0, 0.0, (), ()),), (Decision(0.0, Level.INFO, f"<{text}>"),), 0.0, 0.0)
     assert f"<{text}>".split() == "".join(_read(page(record, short_report([]), {})).of("td")[2:]).split()
+
+
+def test_sorties_stand_with_their_packs_where_there_are_several(flight: tuple[FlightRecord, FlightReport]) -> None:
+    record, report = flight
+    assert "Sorties" not in page(record, report, {})
+    assert "sorties" not in report.plain()
+    row = SortieRow(
+        vehicle="uav1", number=2, pack="P<7>", began_s=610.0, ended_s=None, began_pct=99.0, ended_pct=None, rest_v=16.7,
+        segments=(0,),
+    )  # fmt: skip
+    text = page(record, report.model_copy(update={"sorties": (row,)}), {})
+    assert "<h2>Sorties</h2>" in text
+    assert "P&lt;7&gt;" in text

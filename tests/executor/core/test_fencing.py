@@ -16,7 +16,7 @@ from executor.core.faults import watchpoints
 from executor.core.faults.watching import Verdict, View
 from executor.core.messages import OwnFailsafe, StatusText
 from executor.core.parts import Cause
-from executor.core.replan import replanning
+from executor.core.replan import new_missions
 from executor.core.resume import resuming
 from executor.core.state import FleetState
 from executor.core.vehicle import FaultCode, FaultKind, Stage, VehicleState
@@ -83,7 +83,7 @@ def test_a_mission_that_leads_out_needs_one_that_covers_both() -> None:
 
 def uploads(one: VehicleState) -> list[Upload]:
     before = flight_of(one, SECOND, replan=UNMADE)
-    _, commands = replanning.composed(CONTEXT, before, MissionsWanted(4), NOW_S)
+    _, commands = new_missions.composed(CONTEXT, before, MissionsWanted(4), NOW_S)
     return [command for command in commands if isinstance(command, Upload)]
 
 

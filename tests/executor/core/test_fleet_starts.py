@@ -13,7 +13,7 @@ from executor.core.coverage import Sample
 from executor.core.endings import Ending
 from executor.core.events import Asked, LaunchOrdered, LossJudged, StartEnded
 from executor.core.messages import Heartbeat
-from executor.core.parts import Errand
+from executor.core.parts import Errand, SortieFlown
 from executor.core.state import Briefing, Outlook, Question
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import fleet_of, with_facts
@@ -56,6 +56,7 @@ ROWS = [
                 "took_off": False,
                 "excused_s": NOW_S,
                 "began_pct": 90.0,
+                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
                 "errand": None,
                 "rebooted_s": None,
@@ -68,12 +69,14 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "ordered_modes": frozenset({3, 4}),
                 "carried": Carried(ours_s=NOW_S),
+                "sorties": (SortieFlown(1, "", NOW_S, None, None),),
             },
             "uav3": {
                 "stage": Stage.STARTING,
                 "ordered_mode_s": NOW_S,
                 "ordered_modes": frozenset({3, 4}),
                 "carried": Carried(ours_s=NOW_S),
+                "sorties": (SortieFlown(1, "", NOW_S, None, None),),
             },
         },
         {"launched_s": NOW_S},
@@ -90,6 +93,7 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "excused_s": NOW_S,
                 "began_pct": 90.0,
+                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({67371008}),
                 "carried": Carried(ours_s=NOW_S),
             },
@@ -98,12 +102,14 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "ordered_modes": frozenset({67371008}),
                 "carried": Carried(ours_s=NOW_S),
+                "sorties": (SortieFlown(1, "", NOW_S, None, None),),
             },
             "uav3": {
                 "stage": Stage.STARTING,
                 "ordered_mode_s": NOW_S,
                 "ordered_modes": frozenset({67371008}),
                 "carried": Carried(ours_s=NOW_S),
+                "sorties": (SortieFlown(1, "", NOW_S, None, None),),
             },
         },
         {"launched_s": NOW_S},
@@ -121,6 +127,7 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "excused_s": NOW_S,
                 "began_pct": 90.0,
+                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
                 "carried": Carried(ours_s=NOW_S),
             },
@@ -130,6 +137,7 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "ordered_modes": frozenset({3, 4}),
                 "carried": Carried(ours_s=NOW_S),
+                "sorties": (SortieFlown(1, "", NOW_S, None, None),),
             },
         },
         {"left_over": frozenset({2, 3}), "launched_s": NOW_S},
@@ -148,6 +156,7 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "excused_s": NOW_S,
                 "began_pct": 90.0,
+                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
                 "carried": Carried(ours_s=NOW_S),
             },
@@ -167,6 +176,7 @@ ROWS = [
                 "stage": Stage.STARTING,
                 "ordered_mode_s": NOW_S,
                 "began_pct": 90.0,
+                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
                 "carried": Carried(ours_s=NOW_S),
             },
@@ -195,6 +205,7 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "excused_s": NOW_S,
                 "began_pct": 90.0,
+                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
                 "carried": Carried(ours_s=NOW_S),
             },
@@ -253,20 +264,26 @@ ROWS = [
         },
         {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
     ),
-    Row(
-        "a start that somebody else broke off is not tried again",
-        STARTS,
-        replace(ended(), code=Ending.MODE_CHANGED),
-        [Say(Level.FAULT, "uav1: interruption, did not start: arm: denied; 2 segments left without a vehicle")],
-        {
-            "uav1": {
-                "stage": Stage.LANDED,
-                "ordered_mode_s": NOW_S,
-                "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S, FaultCode.NOT_STARTED),
-                "left_s": NOW_S,
-            }
-        },
-        {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
+    *(
+        Row(
+            f"{what} is not tried again",
+            STARTS,
+            replace(ended(), code=code),
+            [Say(Level.FAULT, "uav1: interruption, did not start: arm: denied; 2 segments left without a vehicle")],
+            {
+                "uav1": {
+                    "stage": Stage.LANDED,
+                    "ordered_mode_s": NOW_S,
+                    "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S, FaultCode.NOT_STARTED),
+                    "left_s": NOW_S,
+                }
+            },
+            {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
+        )
+        for what, code in (
+            ("a start that somebody else broke off", Ending.MODE_CHANGED),
+            ("a start during which this computer stood still", Ending.STOOD_STILL),
+        )
     ),
     Row(
         "a crew's yes is fresh enough for another try",

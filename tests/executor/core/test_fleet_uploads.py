@@ -10,6 +10,7 @@ from executor.core.carried import Carried
 from executor.core.commands import Disarm, Level, Say, SendHome, Start
 from executor.core.coverage import Sample, run_joined
 from executor.core.events import UploadEnded
+from executor.core.parts import SortieFlown
 from executor.core.state import ReplanRecord
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, aboard, carrying
 from tests.executor.builders import with_facts
@@ -214,6 +215,7 @@ ROWS = [
                 "waypoint": 0,
                 "pending": None,
                 "began_pct": 90.0,
+                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
                 "carried": Carried(ours_s=NOW_S),
             }
@@ -239,6 +241,7 @@ ROWS = [
                 "waypoint": 0,
                 "pending": None,
                 "began_pct": 90.0,
+                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
                 "carried": Carried(ours_s=NOW_S),
             }
@@ -300,6 +303,7 @@ ROWS = [
                 "waypoint": 0,
                 "pending": None,
                 "began_pct": 90.0,
+                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
                 "carried": Carried(ours_s=NOW_S),
             }
@@ -320,6 +324,7 @@ ROWS = [
                 "pending": None,
                 "stubborn": True,
                 "began_pct": 90.0,
+                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
                 "carried": Carried(ours_s=NOW_S),
             }

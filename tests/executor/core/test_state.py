@@ -22,6 +22,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "flown": {},
             "given_up": frozenset(),
             "left_over": frozenset(),
+            "inspected_at_m": {},
             "attempts": {},
             "revision": 0,
             "launched_s": None,
@@ -61,6 +62,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: flat(Replan(Solve(1, (), (), ""), 5.0)),
         {
             "solve": Solve(revision=1, open_segments=(), survivors=(), trigger=""),
+            "low": {},
             "begun_s": 5.0,
             "solve_s": None,
             "solved_s": 0.0,

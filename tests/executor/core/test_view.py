@@ -16,7 +16,8 @@ from executor.core.homing.homeward import Answer, advice
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Gps, Heartbeat, Wind
 from executor.core.parts import Cause, Errand, TakenOver
-from executor.core.replan.replanning import heard_again, survivor
+from executor.core.replan.replanning import heard_again
+from executor.core.replan.survivors import survivor
 from executor.core.state import FleetState, Outlook, ReplanRecord, SaidLine
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from executor.core.view import FleetView, PositionView, TakenView, VehicleView, WindView, fleet_view
@@ -100,11 +101,11 @@ def test_the_battery_against_the_plan() -> None:
     assert view.predicted_pct == round(95.0 - spent_pct, 1)
     # As unsure as the prior is of what was spent, and as a whole percent is: nine of ten come within.
     sd_pct = math.hypot(SETUP.prior.sd * spent_pct, math.sqrt(1.0 / 12.0))
-    assert view.predicted_band_pct == round(1.645 * sd_pct, 1)
+    assert view.predicted_band_pct == round(1.5 * sd_pct, 1)
     assert view.to_finish_pct == round(projection.to_finish_pct(state), 1)
     ahead = projection.at_landing(CONTEXT, state, SETUP)
     assert isinstance(ahead, Projection)
-    assert (view.landing_pct, view.landing_band_pct) == (round(ahead.mean_pct, 1), round(1.645 * ahead.sd_pct, 1))
+    assert (view.landing_pct, view.landing_band_pct) == (round(ahead.mean_pct, 1), round(1.5 * ahead.sd_pct, 1))
     first = fleet(with_facts(state, began_pct=None)).vehicles[0].battery
     assert first.predicted_pct == round(90.0 - spent_pct, 1), "its first report stands in"
     assert shown(battery=BatteryState(), began_pct=None).battery.predicted_pct is None

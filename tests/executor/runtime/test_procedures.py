@@ -70,6 +70,37 @@ async def test_a_start_while_the_computer_is_busy(dialect: Dialect) -> None:
     assert await start == Done(accepted=True)
 
 
+class SleepyClock:
+    """The clock of a computer that was closed for a while."""
+
+    speedup = 1.0
+
+    def __init__(self) -> None:
+        self.slept_s = 0.0
+
+    def now_s(self) -> float:
+        return LoopClock().now_s() + self.slept_s
+
+
+@DIALECTS
+@pytest.mark.parametrize("answers", [[0], [4]], ids=["between two steps", "while it waits to arm again"])
+async def test_a_computer_that_slept_starts_nobody_by_an_old_word(dialect: Dialect, answers: list[int]) -> None:
+    pad, clock = Pad(dialect), SleepyClock()
+    pad.vehicle.results[orders.COMPONENT_ARM_DISARM] = answers
+    start = asyncio.ensure_future(procedures.start(pad.link, clock, dialect))
+    for _ in range(300):
+        if orders.COMPONENT_ARM_DISARM in pad.vehicle.commands:
+            break
+        await asyncio.sleep(0.01)
+    clock.slept_s = 30.0
+    done = await start
+    pad.link.close()
+    assert (done.accepted, done.reason, done.code) == (False, procedures.SLEPT, Ending.STOOD_STILL)
+    assert pad.vehicle.commands.count(orders.COMPONENT_ARM_DISARM) == 1
+    assert orders.MISSION_START not in pad.vehicle.commands
+    assert pad.vehicle.mode != dialect.modes.mission
+
+
 @DIALECTS
 async def test_arming_is_tried_with_patience(dialect: Dialect) -> None:
     pad = Pad(dialect)

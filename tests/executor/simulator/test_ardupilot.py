@@ -142,6 +142,18 @@ def test_leaving_auto_is_not_started_and_never_paused() -> None:
 # A new mission while it flies in AUTO.
 
 
+def test_a_speed_item_in_the_place_of_the_waypoint_flown_to_runs_the_index_ahead() -> None:
+    """As measured: the index moves on to the old list's next waypoint, whose place a speed item takes next."""
+    op = operator()
+    op.fly(mission(waypoint(100, 0), speed(8), waypoint(200, 0), speed(3), waypoint(300, 0), rtl()))
+    op.run_until(lambda: op.vehicle.frame.body.north_m > 20)
+    assert op.mission_current()["seq"] == 2
+    renewed = mission(speed(8), waypoint(100, 0), speed(3), waypoint(100, 50), speed(8), waypoint(100, 100), rtl())
+    assert op.upload(renewed) == 0
+    op.run(1)
+    assert op.mission_current()["seq"] == 7
+
+
 def test_each_stored_item_restarts_the_leg() -> None:
     op = cruising(speed(5), waypoint(400, 0), waypoint(400, 400))
     began_s = op.now_s

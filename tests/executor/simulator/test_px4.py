@@ -322,6 +322,18 @@ def test_mission_start_begins_at_the_item_that_it_names() -> None:
     op.run_until(lambda: op.vehicle.frame.body.north_m > 50)
 
 
+def test_a_mission_flown_to_its_end_begins_anew_when_it_is_armed_again() -> None:
+    op = operator()
+    op.fly(mission(speed(5), waypoint(60, 0), land(30, 30)))
+    op.run_until(lambda: not op.vehicle.frame.armed)
+    op.run(1)
+    assert op.arm() == 0
+    assert op.mode(PX4_MISSION) == 0
+    op.run(1)
+    op.run_until(lambda: op.vehicle.frame.body.north_m > 50)
+    assert "No valid mission available, loitering\t" not in op.texts()
+
+
 def test_set_current_acts_at_once() -> None:
     op = cruising(speed(5), waypoint(400, 0), waypoint(0, 400))
     op.send(MissionSetCurrent(3))

@@ -7,6 +7,7 @@ const WORDS = {
   land: ["Land", "It comes down right where it is. Its segments are reassigned."],
   exclude: ["Exclude", "It is taken out of the plan; RTL if it flies. Its segments are reassigned."],
   include: ["Include", "It takes off from its pad when there is work for it: the pad is clear of people, and its battery will do."],
+  swap: ["Pack changed", "It is looked at, and takes off on its next sortie as soon as its checks have passed: its pad is clear of people."],
   disarm: ["Disarm", "Its motors are stopped. Only for one that lies on the ground: in the air it would fall."],
   replan: ["Re-plan now", "All open segments are re-planned."],
   prove: ["Fly inferred again", "What counts by evidence alone is flown again, for proof by positions."],
@@ -54,9 +55,13 @@ export class Intents {
     yes.textContent = button;
     yes.classList.toggle("danger", again || DANGER.has(wish.action));
     dialog.classList.toggle("again", again);
+    const packed = wish.action === "swap" && !again;
+    byId("packed").hidden = !packed;
+    if (packed) byId("pack").value = "";
     dialog.returnValue = "no";
     dialog.onclose = () => {
-      if (dialog.returnValue === "yes") this.send(wish);
+      const pack = packed ? byId("pack").value.trim() : wish.pack;
+      if (dialog.returnValue === "yes") this.send({ ...wish, pack });
     };
     dialog.showModal();
     // A second question is read before it is answered: Enter alone means no.
@@ -64,11 +69,12 @@ export class Intents {
     return true;
   }
 
-  async send({ action, vehicle, what, confirmed }) {
+  async send({ action, vehicle, what, confirmed, pack }) {
     const id = Array.from(crypto.getRandomValues(new Uint8Array(12)), (byte) => byte.toString(16).padStart(2, "0")).join("");
     const wish = { id, action };
     if (vehicle) wish.vehicle = vehicle;
     if (confirmed) wish.confirmed = true;
+    if (pack) wish.pack = pack;
     const body = JSON.stringify(wish);
     this.tell(`${what}: asked`, "accepted");
     // The id makes it safe to send again: a wish is taken once.
@@ -79,7 +85,7 @@ export class Intents {
           this.tell(`${what}: ${await answer.text()}`, "failed");
           return;
         }
-        this.answered(await answer.json(), { action, vehicle, what, confirmed: true });
+        this.answered(await answer.json(), { action, vehicle, what, confirmed: true, pack });
         return;
       } catch {
         await new Promise((resolve) => setTimeout(resolve, 1000));

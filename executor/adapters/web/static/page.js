@@ -177,7 +177,7 @@ function watch() {
   if (found !== null) write(banner, found[0]);
 }
 
-const KEYS = { h: "hold", r: "resume", b: "return", l: "land", x: "exclude", i: "include", d: "disarm" };
+const KEYS = { h: "hold", r: "resume", b: "return", l: "land", x: "exclude", i: "include", s: "swap", d: "disarm" };
 const MOVES = { ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], ArrowDown: [0, -60] };
 
 document.addEventListener("keydown", (event) => {

@@ -10,13 +10,13 @@ const MAY = {
   pilot: ["return", "land", "exclude"],
   returning: ["land"],
   landing: [],
-  landed: ["include", "exclude"],
-  ground: ["include", "exclude"],
+  landed: ["swap", "include", "exclude"],
+  ground: ["swap", "include", "exclude"],
   down: ["disarm"],
   lost: [],
 };
-const KEYS = { hold: "H", resume: "R", return: "B", land: "L", exclude: "X", include: "I", disarm: "D" };
-const ALL = ["include", "hold", "resume", "return", "land", "exclude", "disarm"];
+const KEYS = { hold: "H", resume: "R", return: "B", land: "L", exclude: "X", include: "I", swap: "S", disarm: "D" };
+const ALL = ["swap", "include", "hold", "resume", "return", "land", "exclude", "disarm"];
 const INTENT_S = 90;
 const OLD_S = 3;
 const LOSSY = 0.01;
@@ -29,6 +29,7 @@ const TEMPLATE = `
   <p class="where"></p>
   <p class="why"></p>
   <p class="hands"></p>
+  <p class="turn"></p>
   <div class="row"><span>Battery</span><div class="gauge charge"><i class="level"></i><i class="band"></i><i class="tick"></i><i class="reserve"></i></div></div>
   <div class="row"><span class="volts"></span><span class="note figures"></span></div>
   <div class="row flown"><span>Route</span><div class="gauge steps"><i class="level"></i><i class="part"></i></div></div>
@@ -110,6 +111,7 @@ export class Strips {
     write(find(".where"), `layer ${vehicle.layer + 1} · ${height}${vehicle.mode ? ` · ${vehicle.mode}` : ""}${armed}`);
     write(find(".why"), vehicle.fault ? why(vehicle) : vehicle.excluded ? "out of the plan by the operator's word" : "");
     write(find(".hands"), hands(vehicle, state));
+    write(find(".turn"), turn(vehicle));
     this.battery(strip, vehicle);
     this.route(strip, vehicle);
     this.link(strip, vehicle);
@@ -231,6 +233,13 @@ function hands(vehicle, state) {
   if (taken.returned) return "Its pilot has put it back on its mission: include it to go on.";
   if (taken.kept_s > 0) return `${opening}Its segments are kept for it for ${clock(taken.kept_s)}.`;
   return `${opening}Nothing is kept for it.`;
+}
+
+// Between two sorties: which pack is in it, and what it waits for.
+function turn(vehicle) {
+  if (!vehicle.turn) return "";
+  const pack = vehicle.turn.pack ? `pack ${vehicle.turn.pack}` : "";
+  return [`sortie ${vehicle.turn.sortie}`, pack, vehicle.turn.text].filter(Boolean).join(" · ");
 }
 
 async function copied(place, button) {

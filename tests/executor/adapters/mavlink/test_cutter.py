@@ -61,8 +61,8 @@ def test_noise_is_counted_by_the_run() -> None:
     assert cutter.close() == 3
 
 
-UNKNOWN = b"\xfd\x03\x00\x00\x09\x07\x01\x9a\x01\x00" + b"\x01\x02\x03" + b"\xaa\xbb"
-"""Message 410, which pymavlink does not know, of system 7, with the number 9."""
+UNKNOWN = b"\xfd\x03\x00\x00\x09\x07\x01\xff\x7f\x00" + b"\x01\x02\x03" + b"\xaa\xbb"
+"""Message 32767, which pymavlink does not know, of system 7, with the number 9."""
 
 
 def test_a_message_that_is_not_known_counts_in_a_datagram() -> None:

@@ -141,6 +141,15 @@ def test_another_stations_order_is_told_to_whom_it_is_for() -> None:
     assert heard == ([], [OrderSeen(176, 6, 254, 8)])
 
 
+def test_an_answer_to_another_station_is_of_the_vehicle_that_gives_it() -> None:
+    """A vehicle on the same port that is nobody's says nothing of ours."""
+    behind, link, heard = link_of()
+    for system in (7, 8):
+        vehicle = mav.MAVLink(None, srcSystem=system, srcComponent=1)
+        behind.feed(bytes(mav.MAVLink_command_ack_message(20, 0, 0, 0, 254, 190).pack(vehicle)))
+    assert (heard, link.counts.foreign) == ([OrderSeen(20, None, 254, 7)], 1)
+
+
 def test_every_vehicle_on_a_port_hears_of_another_ground_station_there() -> None:
     behind, heard = Behind(7, 8), (list[Message](), list[Message]())
     for link, by_link in zip(behind.links, heard, strict=True):

@@ -11,7 +11,7 @@ from executor.adapters.mavlink.codec import Codec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
 from executor.adapters.mavlink.signing import EPOCH_UNIX_S, TICKS_PER_S, Distrust, Signing
-from executor.core.messages import Heartbeat, MissionCurrent, Radio, SendHeartbeat, SendMissionCount
+from executor.core.messages import Heartbeat, MissionCurrent, OrderSeen, Radio, SendHeartbeat, SendMissionCount
 from executor.simulator.config import Signing as SimSigning
 from executor.simulator.messages import MissionCount, out
 from executor.simulator.wire import Codec as SimCodec
@@ -120,6 +120,24 @@ def test_a_text_without_a_signature_is_dropped_and_counted() -> None:
     text = mav.MAVLink_statustext_message(0, b"Crash: Disarming")
     Router([link], codec).take(codec.decode(Peer(None).pack(text)), lambda _: True)
     assert (heard, link.counts.refused, link.counts.received) == ([], {"unsigned": 1}, 0)
+
+
+def test_where_frames_are_signed_an_order_or_its_answer_without_a_signature_is_counted_and_no_evidence() -> None:
+    codec = ours()
+    link, heard = VehicleLink(7, codec), list[object]()
+    link.listen(heard.append)
+    station, forger = mav.MAVLink(None, srcSystem=254, srcComponent=190), Peer(None)
+    answer = mav.MAVLink_command_ack_message(20, 0, 0, 0, 254, 190)
+    order = mav.MAVLink_command_long_message(7, 1, 20, 0, *[0.0] * 7)
+    for frame in (
+        forger.pack(answer),
+        bytes(order.pack(station)),
+        bytes(mav.MAVLink_set_mode_message(7, 1, 6).pack(station)),
+    ):
+        Router([link], codec).take(codec.decode(frame), lambda _: True)
+    assert (heard, link.counts.refused) == ([], {"unsigned": 3})
+    Router([link], codec).take(codec.decode(Peer().pack(answer)), lambda _: True)
+    assert heard == [OrderSeen(20, None, 254, 7)]
 
 
 @pytest.mark.parametrize("sender", [SIK, (7, 1), (7, 68)])

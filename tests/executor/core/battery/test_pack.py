@@ -16,7 +16,13 @@ HOVER_A = 20.0
 
 
 def flown(
-    capacity: float, chemistry: Chemistry, *, points: float, said: Chemistry | None = None, seed: int = 1
+    capacity: float,
+    chemistry: Chemistry,
+    *,
+    points: float,
+    said: Chemistry | None = None,
+    seed: int = 1,
+    share: float = 1.0,
 ) -> Standing | None:
     """Return how a pack stands after so many counted points of flight.
 
@@ -26,6 +32,7 @@ def flown(
         points: Percent by the counter.
         said: What the site file says it is.
         seed: Of the noise and the gusts.
+        share: What earlier flights say of its capacity.
     """
     chance, known, claimed, now_s = random.Random(seed), Pack(), 100.0, 0.0
     for second in range(round(points / 0.1) + 20):
@@ -36,7 +43,7 @@ def flown(
         volts = rest_v - amps * OHM + 0.01 * chance.gauss(0, 1)
         now_s = float(second)
         known = pack.with_voltage(known, volts, amps, round(claimed), now_s, idle=not flies)
-    return pack.standing(known, CELLS, said, round(claimed), now_s)
+    return pack.standing(known, CELLS, PackFacts(chemistry=said, share=share), round(claimed), now_s)
 
 
 @pytest.mark.parametrize("said", [True, False])
@@ -70,10 +77,27 @@ def test_half_a_lithium_polymer_pack_may_be_a_whole_one_of_lithium_ion() -> None
     assert not found.falls_short
 
 
+@pytest.mark.parametrize("chemistry", list(Chemistry))
+def test_a_worn_pack_that_is_known_is_not_found_again_and_one_that_is_worse_is(chemistry: Chemistry) -> None:
+    known = flown(0.7, chemistry, points=40.0, said=chemistry, share=0.7)
+    worse = flown(0.4, chemistry, points=34.0, said=chemistry, share=0.7)
+    assert known is not None
+    assert worse is not None
+    assert (known.doubtful, known.falls_short, known.claimed_pct) == (False, False, 60.0)
+    assert (worse.doubtful, worse.falls_short) == (True, True)
+
+
+def test_a_resistance_that_is_known_is_there_before_any_load_step() -> None:
+    """A first report under load: without it nobody knows what the pack would rest at."""
+    first = [sag.with_pair(None, 10.8, HOVER_A, 0.0, ohm) for ohm in (None, (0.03, 0.006))]
+    assert [one.rest_sd_v < 0.2 for one in first] == [False, True]
+    assert first[1].rest_v == pytest.approx(10.8 + HOVER_A * OHM, abs=0.1)
+
+
 def test_a_pack_that_was_put_in_half_empty_shows_before_it_arms() -> None:
     """Recorded: 3.70 V a cell at rest beside 76 %; the failsafe acted 105 s after the take-off."""
     rests = pack.with_voltage(Pack(), 11.1, 0.4, 76.0, 0.0, idle=True)
-    found = pack.standing(rests, 3, None, 76.0, 0.0)
+    found = pack.standing(rests, 3, NO_FACTS, 76.0, 0.0)
     assert found is not None
     assert found.doubtful
     assert found.words == "rests at 3.70 V a cell, about 12 %, and reports 76 %"
@@ -83,14 +107,14 @@ def test_a_pack_that_was_put_in_half_empty_shows_before_it_arms() -> None:
 def test_a_pack_that_has_just_been_flown_still_recovers() -> None:
     loaded = pack.with_voltage(Pack(), 10.2, 20.0, 70.0, 0.0, idle=False)
     young = pack.with_voltage(loaded, 10.9, 0.4, 70.0, 10.0, idle=True)
-    assert pack.standing(young, 3, None, 70.0, 10.0) is None
+    assert pack.standing(young, 3, NO_FACTS, 70.0, 10.0) is None
     old = pack.with_voltage(young, 11.1, 0.4, 70.0, 61.0, idle=True)
-    assert pack.standing(old, 3, None, 70.0, 61.0) is not None
+    assert pack.standing(old, 3, NO_FACTS, 70.0, 61.0) is not None
 
 
 def test_without_a_current_nothing_is_said_in_flight() -> None:
     flying = pack.with_voltage(Pack(), 10.2, None, 70.0, 0.0, idle=False)
-    assert pack.standing(flying, 3, None, 70.0, 0.0) is None
+    assert pack.standing(flying, 3, NO_FACTS, 70.0, 0.0) is None
 
 
 def test_a_pack_at_its_end_is_nearly_empty_whatever_it_counts() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from executor.core.custody import causes
-from executor.core.messages import Heartbeat, OrderSeen
+from executor.core.messages import Actor, Heartbeat, ModeChange, OrderSeen
 from executor.core.parts import Cause, SwitchMoved
 from executor.core.state import Absence
 from executor.core.vehicle import Stage, VehicleState
@@ -84,6 +84,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         ["failsafe", "person, for certain", "failsafe", "person, for certain", "failsafe"],
+    ),
+    (
+        "a hold that its pilot's sticks explain better than a text, by its own word of about then",
+        lambda: [
+            caused(HOLD, flying(**says("Radio Failsafe")), recorded=(ModeChange(None, by), NOW_S - age_s))
+            for by, age_s in ((Actor.PILOT, 2.0), (Actor.PILOT, 2.1), (Actor.MISSION, 0.0))
+        ],
+        ["person, for certain", "failsafe", "failsafe"],
     ),
     (
         "an order of ours is ours, whoever else gave it",

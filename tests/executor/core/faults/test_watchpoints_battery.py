@@ -238,10 +238,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            "would land with 9 % of its battery, give or take 2.7, reserve 15 %: below it by 100 % probability",
-            "would land with 11 % of its battery, give or take 2.7, reserve 15 %: below it by 97 % probability",
+            "would land with 9 % of its battery, give or take 2.5, reserve 15 %: below it by 100 % probability",
+            "would land with 11 % of its battery, give or take 2.5, reserve 15 %: below it by 97 % probability",
             "ok",
-            "would land with 12 % of its battery, give or take 2.7, reserve 15 %: below it by 83 % probability",
+            "would land with 12 % of its battery, give or take 2.5, reserve 15 %: below it by 83 % probability",
             "ok",
             "ok",
             "ok",

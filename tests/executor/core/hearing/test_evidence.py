@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.hearing.evidence import Told, beaten, evident
+from executor.core.hearing.evidence import Told, beaten, evident, may_be_ours
 from executor.core.messages import Heartbeat, OrderSeen, OwnFailsafe, RcChannels, VehicleSetting
-from executor.core.parts import Evidence, SwitchMoved
+from executor.core.parts import Evidence, Orders, SwitchMoved
 
 STICKS = (1500, 1500, 1600, 1500)
 
@@ -64,6 +64,15 @@ def test_an_order_that_is_sent_again_is_kept_once_and_not_for_long() -> None:
     times = [at_s for _, at_s in known.others_orders]
     assert len(times) <= 24
     assert min(times) > 15.0
+
+
+@pytest.mark.parametrize(
+    ("by", "ordered_s", "ours"), [(None, -119.9, True), (None, -120.1, False), (254, -1.0, False), (255, -1.0, False)]
+)
+def test_an_order_without_a_name_may_be_ours_as_long_as_ours_may_be_answered(
+    by: int | None, ordered_s: float, ours: bool
+) -> None:
+    assert may_be_ours(Orders(ordered_mode_s=ordered_s), OrderSeen(176, 4, by), 0.0) is ours
 
 
 def test_a_failure_is_over_when_it_says_so() -> None:

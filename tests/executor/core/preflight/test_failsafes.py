@@ -38,7 +38,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [
             LinkFailsafe(acts=None, after_s=5.0, words="GCS failsafe not known: no answer for FS_GCS_ENABLE"),
-            LinkFailsafe(acts=True, after_s=7.0, words="GCS failsafe: RTL after 7 s (FS_GCS_ENABLE=1)"),
+            LinkFailsafe(acts=True, after_s=7.0, words="GCS failsafe: RTL after 7 s (FS_GCS_ENABLE=1)", returns=True),
             LinkFailsafe(
                 acts=False,
                 after_s=7.0,
@@ -55,7 +55,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 after_s=7.0,
                 words="no GCS failsafe in a mission (FS_GCS_ENABLE=1, but FS_OPTIONS=2)",
             ),
-            LinkFailsafe(acts=True, after_s=7.0, words="GCS failsafe: RTL after 7 s (FS_GCS_ENABLE=1)"),
+            LinkFailsafe(acts=True, after_s=7.0, words="GCS failsafe: RTL after 7 s (FS_GCS_ENABLE=1)", returns=True),
             LinkFailsafe(
                 acts=False,
                 after_s=7.0,
@@ -77,8 +77,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [
             LinkFailsafe(acts=None, after_s=17.0, words="GCS failsafe not known: no answer for NAV_DLL_ACT"),
-            LinkFailsafe(acts=True, after_s=17.0, words="GCS failsafe: RTL after 17 s (NAV_DLL_ACT=2)"),
-            LinkFailsafe(acts=True, after_s=29.0, words="GCS failsafe: RTL after 29 s (NAV_DLL_ACT=2)"),
+            LinkFailsafe(acts=True, after_s=17.0, words="GCS failsafe: RTL after 17 s (NAV_DLL_ACT=2)", returns=True),
+            LinkFailsafe(acts=True, after_s=29.0, words="GCS failsafe: RTL after 29 s (NAV_DLL_ACT=2)", returns=True),
             LinkFailsafe(
                 acts=False,
                 after_s=17.0,

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from executor.core.battery.history import PackFlown, PackHistory, history_of
 from executor.core.battery.resting import Chemistry, PackFacts
 from executor.core.check_codes import CheckCode
 from executor.core.context import Context
@@ -81,3 +82,37 @@ def test_px4s_percentage_may_be_read_off_the_very_same_voltage() -> None:
 
 def test_a_vehicle_without_a_voltage() -> None:
     assert said(replace(FACTS, voltage_v=None))[0][0] is Severity.OK
+
+
+WORN = history_of("A7", [PackFlown(3.5, 0.024, 5.0)] * 4)
+
+
+def of_history(known: PackHistory | None, budget_pct: float, reserve_pct: float, empty_pct: float) -> list[object]:
+    setup = replace(
+        FLEET.context.vehicles["uav1"], history=known, budget_pct=budget_pct, reserve_pct=reserve_pct,
+        empty_pct=empty_pct,
+    )  # fmt: skip
+    context = replace(FLEET.context, vehicles={**FLEET.context.vehicles, "uav1": setup})
+    return [(one.severity, one.text) for one in packs.pack_checks(context, SOUND)[:-1]]
+
+
+def test_a_worn_pack_is_told_with_what_is_reckoned_with_for_it() -> None:
+    text = (
+        "its pack A7 has 3.5 Ah, 70 % of the plan's 5 Ah and 24 mOhm, by 4 flights: budget 55 %, "
+        "empty at 30 % of what it counts"
+    )
+    assert of_history(WORN, 55.0, 45.0, 30.0) == [(Severity.WARNING, text)]
+
+
+def test_a_pack_that_is_as_it_should_be_or_that_nobody_knows_is_told_without_a_warning() -> None:
+    sound = history_of("B1", [PackFlown(4.9, None, 5.0)])
+    assert of_history(sound, 75.0, 15.0, 0.0) == [
+        (Severity.OK, "its pack B1 has 4.9 Ah, 98 % of the plan's 5 Ah, by 1 flight")
+    ]
+    assert of_history(history_of("new", []), 75.0, 15.0, 0.0) == [
+        (Severity.OK, "its pack new: no flight of it is known; the plan reckons with 5 Ah")
+    ]
+    assert of_history(history_of("C2", [PackFlown(None, None, None)]), 75.0, 15.0, 0.0) == [
+        (Severity.OK, "its pack C2: 1 flight did not say; the plan reckons with 5 Ah")
+    ]
+    assert of_history(None, 75.0, 15.0, 0.0) == []

@@ -9,7 +9,7 @@ import pytest
 from executor.core.commands import CancelSolve, Compose, Finish, Level, Start
 from executor.core.events import IntentReceived, MissionsWanted, ReturnAllOrdered, SolveEnded, UploadEnded
 from executor.core.intents import Action, Intent
-from executor.core.replan import replanning
+from executor.core.replan import new_missions
 from executor.core.vehicle import FaultKind, Stage
 from missions import Phase
 from tests.executor.builders import THREE, fleet_of, with_facts
@@ -116,7 +116,7 @@ def landing_when_mixed(mixed: bool) -> Story:
     flight.crafts["uav2"].mute = True
     flight.run(lambda: flight.vehicle("uav3").assignment.pending is not None)
     flight.run(lambda: (leg := flight.vehicle("uav3").leg) is not None and leg.phase is Phase.LAND)
-    assert not replanning.may_be_given(flight.context, flight.vehicle("uav3"), mixed=mixed)
+    assert not new_missions.may_be_given(flight.context, flight.vehicle("uav3"), mixed=mixed)
     flight.happen(UploadEnded("uav3", 1, accepted=False, mixed=mixed, reason="it has left its mission"))
     return flight
 
@@ -134,11 +134,11 @@ def test_an_upload_that_its_landing_ends_is_no_fault(mixed: bool) -> None:
 def test_an_upload_is_begun_again_while_its_vehicle_flies_its_mission(mixed: bool) -> None:
     flight = under_way()
     flying = flight.vehicle("uav2")
-    assert replanning.may_be_given(flight.context, flying, mixed=mixed)
-    assert replanning.may_be_given(flight.context, replace(flying, stage=Stage.PILOT), mixed=mixed) is mixed
-    assert not replanning.may_be_given(flight.context, replace(flying, stage=Stage.RETURNING), mixed=mixed)
+    assert new_missions.may_be_given(flight.context, flying, mixed=mixed)
+    assert new_missions.may_be_given(flight.context, replace(flying, stage=Stage.PILOT), mixed=mixed) is mixed
+    assert not new_missions.may_be_given(flight.context, replace(flying, stage=Stage.RETURNING), mixed=mixed)
     excluded = with_facts(flying, stage=Stage.GROUND, excluded=True)
-    assert replanning.may_be_given(flight.context, excluded, mixed=False) is False
+    assert new_missions.may_be_given(flight.context, excluded, mixed=False) is False
 
 
 def test_what_another_flies_already_is_taken_from_who_carries_it_too() -> None:
@@ -279,7 +279,7 @@ def test_a_vehicle_landing_when_the_plan_was_made_may_fly_what_was_left() -> Non
 
 def composing(monkeypatch: pytest.MonkeyPatch) -> Story:
     """A flight of four in which uav2 is lost, and of the survivors' missions one has been made."""
-    monkeypatch.setattr(replanning, "WAYS_AT_ONCE", 1)
+    monkeypatch.setattr(new_missions, "WAYS_AT_ONCE", 1)
     flight = under_way(fleet_of({**THREE, "uav4": (12, 14)}, pylons=9))
     flight.crafts["uav2"].mute = True
     flight.run(lambda: flight.state.replanning.replan is not None and bool(flight.state.replanning.replan.unmade))

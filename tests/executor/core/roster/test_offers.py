@@ -6,7 +6,7 @@ from executor.core.commands import Level, Start
 from executor.core.events import Heard
 from executor.core.intents import Action, Outcome
 from executor.core.messages import Attitude, StatusText
-from executor.core.replan.replanning import survivor
+from executor.core.replan.survivors import survivor
 from executor.core.vehicle import Stage
 from tests.executor.builders import fleet_of
 from tests.executor.core.stories import EVERYTHING, story

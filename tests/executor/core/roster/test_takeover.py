@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-import pytest
+from typing import Any
 
+import pytest
+from pymavlink.dialects.v20 import common as mav
+
+from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.endpoints import Router
+from executor.adapters.mavlink.link import VehicleLink
 from executor.core.commands import Command, Hold, LandNow, Level, Resume, SendHome, Start, Upload
 from executor.core.events import Heard, ReturnAllOrdered, ReturnEnded
 from executor.core.intents import Action, Outcome
-from executor.core.messages import OrderSeen, RcChannels, StatusText
+from executor.core.messages import FlightMessage, Message, OrderSeen, RcChannels, StatusText
 from executor.core.vehicle import Stage
 from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.stories import EVERYTHING, under_way
@@ -15,6 +21,8 @@ from tests.fakes.flight import Story
 
 LOITER = {"ardupilot": 5, "px4": 3 << 16}
 GRACE_S = 30.0
+UAV2 = 2
+"""Its system."""
 
 
 def mission(flight: Story) -> int:
@@ -71,6 +79,74 @@ def test_who_has_taken_it_is_said_where_anything_says_so(
     assert flight.said(Level.FAULT)[0].startswith(words)
     flight.pass_s(300.0)
     assert told(flight, "uav2", at_s) == []
+
+
+def frames(number: int, *messages: Any) -> list[bytes]:
+    """Return what the system of uav2, or another one, says."""
+    sender = mav.MAVLink(None, srcSystem=number, srcComponent=1 if number == UAV2 else 190)
+    return [bytes(message.pack(sender)) for message in messages]
+
+
+ACCEPTED_RTL = frames(UAV2, mav.MAVLink_command_ack_message(20, 0, 0, 0, 254, 190))
+ACCEPTED_MODE = frames(UAV2, mav.MAVLink_command_ack_message(176, 0, 0, 0, 254, 190))
+TWINS_ANSWER = frames(UAV2, mav.MAVLink_command_ack_message(176, 0, 0, 0, 255, 190))
+ORDERED_RTL = frames(254, mav.MAVLink_command_long_message(UAV2, 1, 20, 0, *[0.0] * 7))
+
+
+def told_by(flight: Story, datagrams: list[bytes]) -> None:
+    """Take datagrams on uav2's link."""
+    codec = Codec()
+    link = VehicleLink(UAV2, codec)
+
+    def heard(message: Message) -> None:
+        if isinstance(message, FlightMessage):
+            flight.happen(Heard("uav2", message))
+
+    link.listen(heard)
+    for datagram in datagrams:
+        Router([link], codec).take(codec.decode(datagram), lambda _: True)
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize(
+    ("datagrams", "others"),
+    [
+        (ACCEPTED_RTL, True),
+        (ORDERED_RTL, True),  # its answer gets lost
+        ([*ORDERED_RTL, *ORDERED_RTL, *ACCEPTED_RTL, *ACCEPTED_RTL], True),
+        (ACCEPTED_MODE, True),
+        (TWINS_ANSWER, True),  # nothing was ordered from here for minutes
+        (frames(UAV2, mav.MAVLink_command_ack_message(20, 2, 0, 0, 254, 190)), False),  # it refuses
+        (frames(9, mav.MAVLink_command_ack_message(20, 0, 0, 0, 254, 190)), False),  # another vehicle does
+        ([], False),
+    ],
+)
+def test_a_return_that_another_station_ordered_is_not_a_failsafes(
+    autopilot: str, datagrams: list[bytes], others: bool
+) -> None:
+    flight = under_way(fleet_of(autopilot=autopilot))
+    flight.pass_s(max(0.0, flight.vehicle("uav2").orders.ordered_mode_s + 121.0 - flight.now_s))
+    home = flight.context.vehicles["uav2"].dialect.modes.return_home.custom_mode
+    told_by(flight, datagrams)
+    flight.crafts["uav2"].mode, at_s = home, flight.now_s
+    flight.run(lambda: flight.stage("uav2") is Stage.PILOT)
+    words = "another ground station has ordered it to" if others else "with its pilot, mode"
+    assert flight.said(Level.FAULT)[0].startswith(f"uav2: {words} ")
+    flight.pass_s(100.0)
+    assert told(flight, "uav2", at_s) == []
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_the_answer_to_an_order_of_ours_is_no_other_stations(autopilot: str) -> None:
+    """A return that was commanded here, answered twice and late, is nobody else's; nor is a failsafe after it."""
+    flight = under_way(fleet_of(autopilot=autopilot))
+    flight.happen(ReturnAllOrdered())
+    flight.pass_s(2.0)
+    told_by(flight, [*TWINS_ANSWER, *TWINS_ANSWER])
+    flight.pass_s(20.0)
+    told_by(flight, TWINS_ANSWER)
+    assert flight.stage("uav2") is Stage.RETURNING
+    assert flight.vehicle("uav2").evidence.others_orders == ()
 
 
 def test_its_segments_are_kept_for_a_while() -> None:

@@ -14,7 +14,7 @@ from executor.core.commands import Survivor
 from executor.core.context import Context
 from executor.core.learning import Learned, PaceEstimate
 from executor.core.parts import Fix
-from executor.core.replan import replanning, wording
+from executor.core.replan import replanning, survivors, wording
 from executor.core.vehicle import Stage, VehicleState
 from missions import Pace
 from missions.pace import AS_MODELLED
@@ -41,7 +41,7 @@ ON_ITS_WAY = flying(waypoint=1, fix=at(east_m=60.0))
 
 
 def offered(one: VehicleState, context: Context = CONTEXT) -> Survivor | None:
-    return replanning.survivor(context, one, NOW_S)
+    return survivors.survivor(context, one, NOW_S)
 
 
 def far(seconds: float) -> Fix:
@@ -159,8 +159,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "who ends its inspection before an upload is over keeps the next one",
-        lambda: offered(flying(fix=far(2.4))),
-        replace(ITS_OFFER, budget_pct=73.9009, most_pct=74.9009),
+        lambda: (one := offered(flying(fix=far(2.4)))) and (one.start_m, one.tail, one.kept),
+        ((300.0, -5.0), (), 4),
     ),
     (
         "who inspects the last one",
@@ -275,32 +275,39 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "an offer of the ground fits on the ground",
-        lambda: [stage for stage in Stage if replanning.still_fits(flying(stage=stage), offer_of(airborne=False))],
+        lambda: [stage for stage in Stage if survivors.still_fits(flying(stage=stage), offer_of(airborne=False))],
         [Stage.GROUND, Stage.LANDED],
     ),
     (
         "an offer of the air fits in the air",
-        lambda: [stage for stage in Stage if replanning.still_fits(flying(stage=stage), offer_of())],
+        lambda: [stage for stage in Stage if survivors.still_fits(flying(stage=stage), offer_of())],
         [Stage.STARTING, Stage.FLYING],
     ),
     (
         "an offer fits until it is flown past",
         lambda: [
-            waypoint for waypoint in range(6) if replanning.still_fits(flying(waypoint=waypoint), offer_of(kept=3))
+            waypoint for waypoint in range(6) if survivors.still_fits(flying(waypoint=waypoint), offer_of(kept=3))
         ],
-        [0, 1, 2, 3],
+        [0, 1, 2],
+    ),
+    (
+        "an offer of who is on its way home fits until that leg ends",
+        lambda: [
+            waypoint for waypoint in range(6) if survivors.still_fits(flying(waypoint=waypoint), offer_of(kept=4))
+        ],
+        [0, 1, 2, 3, 4],
     ),
     (
         "an offer of who is at fault does not fit",
-        lambda: replanning.still_fits(flying(fault=BATTERY_FAULT), offer_of()),
+        lambda: survivors.still_fits(flying(fault=BATTERY_FAULT), offer_of()),
         False,
     ),
     (
         "an offer of who is out of the plan does not fit",
-        lambda: replanning.still_fits(flying(excluded=True), offer_of()),
+        lambda: survivors.still_fits(flying(excluded=True), offer_of()),
         False,
     ),
-    ("an offer of who holds does not fit", lambda: replanning.still_fits(flying(held_s=NOW_S), offer_of()), False),
+    ("an offer of who holds does not fit", lambda: survivors.still_fits(flying(held_s=NOW_S), offer_of()), False),
     (
         "segments without names in words",
         lambda: [wording.listed(CONTEXT, segments) for segments in ((), (3,), (3, 1), frozenset({5, 0, 2}))],

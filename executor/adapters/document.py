@@ -1,0 +1,52 @@
+"""JSON documents as models: who writes one and who reads one go by them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from executor.adapters.run_directory import write_json
+from executor.errors import LogError
+from missions import first_reason
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Whole = Annotated[int, Field(strict=True)]
+YesNo = Annotated[bool, Field(strict=True)]
+
+
+class Document(BaseModel):
+    """A JSON object; keys that it does not know, of a later version, are passed over."""
+
+    model_config = ConfigDict(frozen=True)
+
+    def plain(self) -> dict[str, object]:
+        """Return it as JSON has it."""
+        return self.model_dump(mode="json")
+
+    def write(self, path: Path) -> None:
+        """Write it, whole or not at all.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        write_json(path, self.plain())
+
+    @classmethod
+    def read(cls, path: Path, expected: str) -> Self:
+        """Read it.
+
+        Args:
+            path: Its file.
+            expected: What it is, in words.
+
+        Raises:
+            LogError: one line that names the file, the key and what was expected.
+        """
+        try:
+            return cls.model_validate_json(path.read_bytes())
+        except OSError as error:
+            raise LogError(f"{path}: cannot be read: {error.strerror}; expected {expected}") from error
+        except ValidationError as error:
+            raise LogError(f"{path}: {first_reason(error)}") from error

@@ -1,0 +1,68 @@
+"""EVENT of MAVLink's common messages, by which PX4 says why a failsafe acts; pymavlink's dialect does not have it."""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from executor.adapters.mavlink.checksum import checksum
+from executor.core.messages import ModeChange, OwnFailsafe
+from executor.core.own_events import event_said
+
+EVENT = 410
+NAME = "EVENT"
+EXTRA = 160
+"""CRC_EXTRA: part of its checksum."""
+LAYOUT = struct.Struct("<IIHBBB40s")
+"""Number, the vehicle's clock in ms, sequence number, component and system that it is for, levels, arguments."""
+V2, HEAD, CHECKSUM = 0xFD, 10, 2
+_NUMBER = EVENT.to_bytes(3, "little")
+_NUMBERS = ("id", "event_time_boot_ms", "sequence", "destination_component", "destination_system", "log_levels")
+REMEMBERED = 64
+"""Events that are recognised when they come again: a ground station that missed one has it sent once more to all."""
+
+
+def is_event(frame: bytes | bytearray) -> bool:
+    """Return whether a frame holds an event; MAVLink 1 has no such number."""
+    return frame[7:HEAD] == _NUMBER and frame[0] == V2
+
+
+def is_whole(frame: bytes | bytearray) -> bool:
+    """Return whether an event's frame has its checksum."""
+    end = HEAD + frame[1]
+    return checksum(bytes(frame[1:end]) + bytes((EXTRA,))) == int.from_bytes(frame[end : end + CHECKSUM], "little")
+
+
+def payload_of(frame: bytes | bytearray) -> bytes:
+    """Return what an event's frame says; zeros at its end are not sent."""
+    return bytes(frame[HEAD : HEAD + min(frame[1], LAYOUT.size)]).ljust(LAYOUT.size, b"\0")
+
+
+def packed(fields: Mapping[str, object], sysid: int, compid: int) -> bytes | None:
+    """Return the frame of an event that another parser took apart; None if its fields do not fit."""
+    arguments = fields.get("arguments")
+    try:
+        payload = LAYOUT.pack(
+            *(fields[name] for name in _NUMBERS), bytes(arguments if isinstance(arguments, list) else ())
+        )
+    except (KeyError, TypeError, ValueError, struct.error):
+        return None
+    frame = bytes((V2, len(payload), 0, 0, 0, sysid, compid, *_NUMBER)) + payload
+    return frame + checksum(frame[1:] + bytes((EXTRA,))).to_bytes(CHECKSUM, "little")
+
+
+@dataclass(slots=True)
+class Events:
+    """The events of one vehicle, each told once."""
+
+    _last: deque[tuple[int, int, int]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
+
+    def take(self, number: int, boot_ms: int, sequence: int, arguments: bytes) -> OwnFailsafe | ModeChange | None:
+        """Return what an event says that is evidence, and was not said before."""
+        said = event_said(number, arguments)
+        if said is None or (number, boot_ms, sequence) in self._last:
+            return None
+        self._last.append((number, boot_ms, sequence))
+        return said

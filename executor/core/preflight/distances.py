@@ -1,0 +1,57 @@
+"""At which distance the line is inspected, in words for the checklist and the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from executor.core.check_codes import CheckCode
+from executor.core.preflight.checks import Check, Severity
+from executor.core.words import first_of
+from missions import FlightPath, FlightSetup
+from missions.asked import airway, check_asked, inspected_at_m
+
+NAMED = 12
+"""Segments that a line names; of more it says how many, and `--json` names all."""
+
+
+def distances_in_words(asked_m: float, inspected: Iterable[tuple[str, str, float]]) -> str:
+    """Return who inspects what at another distance than asked.
+
+    Args:
+        asked_m: The distance that was asked for.
+        inspected: Of each segment its name, by whom it is inspected and at what distance.
+    """
+    rows = list(inspected)
+    high = sorted((row for row in rows if row[2] > asked_m), key=lambda row: (row[2], row[1]))
+    text = f"{len(rows) - len(high)} of {len(rows)} segments are inspected at the asked {asked_m:g} m"
+    if not high:
+        return text
+    named = first_of([f"{name} at {at_m:.0f} m by {vehicle}" for name, vehicle, at_m in high], NAMED)
+    return f"{text}; from their own layers, where others could meet there: {named}"
+
+
+def distance_checks(
+    setup: FlightSetup, paths: Sequence[FlightPath], visits: Mapping[str, Sequence[int]]
+) -> list[Check]:
+    """Return at which distance is inspected, and who comes too near to the air in which another goes to the line.
+
+    Nothing where everybody inspects in its layer anyway.
+
+    Args:
+        setup: Heights and pads.
+        paths: The missions.
+        visits: Of each of them, by the vehicle's name.
+    """
+    if not setup.inspection.same_distance:
+        return []
+    rows = [
+        (setup.network.segment_name(segment), path.vehicle, at_m)
+        for path in paths
+        for segment, at_m in inspected_at_m(setup, path, visits[path.vehicle]).items()
+    ]
+    words = distances_in_words(setup.inspection.height_m, rows)
+    near = check_asked(setup, [airway(setup, path) for path in paths])
+    return [
+        Check(Severity.OK, "distance", words, CheckCode.SEPARATION),
+        *(Check(Severity.STOP, "separation", text, CheckCode.SEPARATION) for text in near),
+    ]

@@ -1,0 +1,230 @@
+"""Who may meet whom on the line where everybody inspects at the asked distance, and what a re-plan makes of it.
+
+What anybody may fly is known: what is left of the missions on board, and the new ones. A re-plan keeps its new flights
+out of the air in which another goes down to the line, and lets vehicles down to it only where nobody else may be. Until
+a lost vehicle must have left the line by its own failsafe, or one that returns is seen up in its layer, nobody is given
+anything. Where a new mission crosses what a vehicle above it has on board still, it waits until that has its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from executor.core.commands import Survivor
+from executor.core.context import Context, VehicleSetup
+from executor.core.state import FleetState, Replan
+from executor.core.vehicle import Stage, VehicleState
+from missions import FlightModel, FlightPath, FlightSetup, continue_path, flight_path
+from missions.asked import Airway, airway, check_asked, low_segments, lowered, near_ways_home, too_near, walls_around
+from missions.pads import column_radius_m
+from planner import segment_of
+
+UP_M = 2.0
+"""Who is this near to its layer is in it."""
+TURNS_S = 5.0
+"""A return by itself begins with a stop."""
+SEEN_UP_S = 60.0
+"""Who is not seen up in its layer so long after its RTL began may be anywhere on its way."""
+ROUNDING_M = 0.05
+"""New ways keep this much less from others' parts of the line than those were chosen by."""
+
+Routes = Mapping[str, tuple[int, ...]]
+_ON_ITS_WAY = frozenset({Stage.STARTING, Stage.FLYING})
+_AWAY = frozenset({Stage.GROUND, Stage.LANDED, Stage.DOWN})
+
+
+def leaves_layers(context: Context) -> bool:
+    """Return whether vehicles leave their layers to inspect as asked."""
+    return context.setup.inspection.same_distance
+
+
+def stays_in_layer(vehicles: Mapping[str, VehicleSetup]) -> frozenset[str]:
+    """Return who would not be known to have left the line when it is lost: its own failsafe is no return."""
+    return frozenset(name for name, vehicle in vehicles.items() if not vehicle.returns)
+
+
+def closing(context: Context, state: FleetState, now_s: float) -> bool:
+    """Return whether a vehicle that has left its mission may still be on the line, or on its way up from there."""
+    if not leaves_layers(context):
+        return False
+    return any(_leaves_the_line(context, vehicle, now_s) for vehicle in state.vehicles.values())
+
+
+def clears_s(setup: FlightSetup, model: FlightModel, name: str) -> float:
+    """Return how long a vehicle takes from its stop on the line up to its own layer."""
+    return TURNS_S + setup.layers.offset_m(name) / model.performance.climb_m_s
+
+
+def _leaves_the_line(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    if vehicle.stage not in {Stage.LOST, Stage.RETURNING}:
+        return False
+    since_s = vehicle.sortie.left_s or 0.0
+    if vehicle.fault is not None:
+        since_s = max(since_s, vehicle.fault.detected_s)
+    rises_s = clears_s(context.setup, context.pricing.models[vehicle.name], vehicle.name)
+    if now_s - since_s >= (rises_s if vehicle.stage is Stage.LOST else SEEN_UP_S):
+        return False
+    left = _left(context, vehicle)
+    if left is None or not left.walled.any():
+        return False
+    return vehicle.stage is Stage.LOST or not _is_up(context, vehicle)
+
+
+def _is_up(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether it is seen in its layer, or above it."""
+    fix = vehicle.motion.fix
+    if fix is None:
+        return False
+    layer_m = context.setup.layers.height_m(vehicle.name, *fix.place_m)
+    return context.setup.up_m(vehicle.name, fix.alt_rel_m) >= layer_m - UP_M
+
+
+def _left(context: Context, vehicle: VehicleState) -> Airway | None:
+    """Return what a vehicle may fly of what it has on board; None for one on the ground."""
+    board = vehicle.assignment.board
+    if board is None or vehicle.stage in _AWAY:
+        return None
+    return airway(context.setup, board.path, vehicle.assignment.waypoint)
+
+
+def taken_by_others(context: Context, state: FleetState, offers: Iterable[Survivor], now_s: float) -> list[Airway]:
+    """Return what may be flown whatever a re-plan says: by who takes no part in it, and what survivors finish first."""
+    kept = {offer.vehicle: offer for offer in offers}
+    found = []
+    for vehicle in state.vehicles.values():
+        left, board = _left(context, vehicle), vehicle.assignment.board
+        if left is None or board is None:
+            continue
+        offer = kept.get(vehicle.name)
+        if offer is not None and vehicle.fault is None and vehicle.stage in _ON_ITS_WAY:
+            if offer.airborne:
+                first = min(vehicle.assignment.waypoint, offer.kept)
+                begun = FlightPath(vehicle.name, board.path.waypoints[: offer.kept])
+                found.append(airway(context.setup, begun, first))
+        elif vehicle.stage in {Stage.LOST, Stage.RETURNING} and not _leaves_the_line(context, vehicle, now_s):
+            # It is on its way home in its layer, from wherever it was.
+            found.append(left.in_layer())
+        else:
+            found.append(left)
+    return found
+
+
+def kept_apart(
+    context: Context, state: FleetState, offers: Sequence[Survivor], segments: Iterable[int], now_s: float
+) -> tuple[Survivor, ...]:
+    """Return offers with what others close for them: segments that they cannot be given, and what they fly around."""
+    if not leaves_layers(context):
+        return tuple(offers)
+    taken = taken_by_others(context, state, offers, now_s)
+    wanted = sorted(set(segments))
+    return tuple(_around(context.setup, offer, taken, wanted) for offer in offers)
+
+
+def _around(setup: FlightSetup, offer: Survivor, taken: Sequence[Airway], segments: Sequence[int]) -> Survivor:
+    walls = walls_around(setup, offer.vehicle, taken)
+    if not walls:
+        return offer
+    lines_m = np.array([(wall.rings_m[0][0], wall.rings_m[0][-1]) for wall in walls])
+    keep_m = column_radius_m(setup.inspection.layer_m) - ROUNDING_M
+    tracks_m = setup.tracks_m[list(segments)]
+    closed = too_near(tracks_m, lines_m, keep_m)
+    if setup.layers.returns_in_layers:
+        pad = setup.pad_of(offer.vehicle)
+        pad_m = np.array([pad.east_m, pad.north_m])
+        closed |= np.array([near_ways_home(lines_m, track[np.newaxis], pad_m, keep_m).any() for track in tracks_m])
+    shut = {segment for segment, is_closed in zip(segments, closed.tolist(), strict=True) if is_closed}
+    return replace(
+        offer,
+        barred=tuple(sorted({*offer.barred, *shut})),
+        closed=tuple(replace(wall, keep_m=keep_m) for wall in walls),
+    )
+
+
+def around(context: Context, offers: Iterable[Survivor]) -> FlightSetup:
+    """Return what new missions are made by: with what is closed for each of the survivors."""
+    closed = {offer.vehicle: offer.closed for offer in offers if offer.closed}
+    return replace(context.setup, closed=closed) if closed else context.setup
+
+
+def chosen(
+    context: Context, state: FleetState, plan: Replan, routes: Routes, now_s: float
+) -> dict[str, frozenset[int]]:
+    """Return which segments of its new route each survivor inspects below its layer."""
+    setup, offers = around(context, plan.solve.survivors), plan.solve.survivors
+    taken = taken_by_others(context, state, offers, now_s)
+    begins_m: dict[str, tuple[float, float]] = {}
+    for offer in offers:
+        vehicle = state.vehicles[offer.vehicle]
+        board, path = vehicle.assignment.board, in_layer(setup, vehicle, offer, routes[offer.vehicle])
+        if board is not None and offer.airborne:
+            # Its tail may be flown until it has its new mission, which comes before those of who flies below it.
+            tail = airway(setup, board.path, max(offer.kept, vehicle.assignment.waypoint))
+            taken.append(replace(tail, for_now=True))
+            if board.path.waypoints[offer.kept - 1].below_m > 0:
+                begins_m[offer.vehicle] = board.places_m[offer.kept - 1]
+            taken.append(_from_where_it_is(setup, vehicle, airway(setup, path, offer.kept)))
+        else:
+            taken.append(airway(setup, path))
+    return lowered(setup, routes, taken, stays_in_layer(context.vehicles), begins_m)
+
+
+def in_layer(setup: FlightSetup, vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...]) -> FlightPath:
+    """Return a survivor's new path with all that is new in its own layer."""
+    board = vehicle.assignment.board
+    if not offer.airborne or board is None:
+        return flight_path(setup, vehicle.name, visits)
+    return continue_path(setup, board.path, offer.kept, visits)
+
+
+def _from_where_it_is(setup: FlightSetup, vehicle: VehicleState, new: Airway) -> Airway:
+    """Return new legs with the one on which it flies there, where a leg of its way home is cut short."""
+    fix = vehicle.motion.fix
+    if fix is None or not len(new.legs_m):
+        return new
+    here_m = np.array([*fix.place_m, setup.up_m(vehicle.name, fix.alt_rel_m)])
+    first = np.stack((here_m, new.legs_m[0, 1]))[np.newaxis]
+    level = np.zeros((1, 2))
+    return replace(new, legs_m=np.concatenate((new.legs_m, first)), below_m=np.concatenate((new.below_m, level)))
+
+
+def low_on_board(vehicle: VehicleState, offer: Survivor) -> frozenset[int]:
+    """Return which segments of its tail a survivor inspects below its layer by the mission on board."""
+    board = vehicle.assignment.board
+    if board is None or not offer.airborne:
+        return frozenset()
+    return low_segments(board.path, board.visits) & {segment_of(visit) for visit in offer.tail}
+
+
+def in_the_way(
+    context: Context, state: FleetState, plan: Replan, name: str, path: FlightPath, now_s: float
+) -> tuple[frozenset[str], list[str]]:
+    """Return for whose new mission one has to wait, and in words what keeps it from being flown at all.
+
+    Args:
+        context: Of the flight.
+        state: Of the fleet.
+        plan: The re-plan.
+        name: Whose new mission it is.
+        path: That mission.
+        now_s: The time.
+    """
+    offers = plan.solve.survivors
+    kept = next((offer.kept for offer in offers if offer.vehicle == name), 0)
+    new = airway(context.setup, path, kept)
+    waits = set()
+    for other in plan.pending - {name}:
+        left = _left(context, state.vehicles[other])
+        if left is not None and _above(context, other, name) and check_asked(context.setup, [new, left]):
+            waits.add(other)
+    others = [one for one in taken_by_others(context, state, offers, now_s) if one.vehicle != name]
+    gone = [_left(context, state.vehicles[other]) for other in (*plan.failed, *plan.let_go)]
+    others += [one for one in gone if one is not None and one.vehicle != name]
+    return frozenset(waits), [line for one in others for line in check_asked(context.setup, [new, one])]
+
+
+def _above(context: Context, one: str, other: str) -> bool:
+    order = context.setup.layers.vehicles
+    return order.index(one) > order.index(other)

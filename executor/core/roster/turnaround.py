@@ -1,0 +1,397 @@
+"""A vehicle on its base between two sorties: the crew changes its pack, it is looked at, and flies again.
+
+It waits for the crew's word, which names the pack. From then on it is looked at like before a first flight: whether it
+is ready, what its battery and its resting voltage say, whether its parameters are as the flight had set them. When that
+passes it is given its next sortie of the day, or a part of what is open where there is no plan of a day, and starts as
+soon as that is on board. What does not pass ends the crew's word, with one line; nobody starts by an older one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import MappingProxyType
+
+from executor.core.battery import account
+from executor.core.battery.pack import Pack, Rest
+from executor.core.battery.roundings import Roundings
+from executor.core.battery.voltage import VoltageState
+from executor.core.commands import Command, Examine, Level, Say, Solve
+from executor.core.context import Context
+from executor.core.custody.causes import in_other_hands
+from executor.core.events import Examined, SolveEnded
+from executor.core.intents import Intent, IntentReason, Outcome
+from executor.core.parts import Power, SortieAhead, Turnaround
+from executor.core.preflight.failsafes import link_failsafe
+from executor.core.preflight.packs import PackHeard, Rested, facts_said, history_words, rested
+from executor.core.replan import replanning, survivors
+from executor.core.roster.offers import CLEARED_S
+from executor.core.roster.service import back_in_service, cleared
+from executor.core.setups import setup_now
+from executor.core.state import FleetState, Replan
+from executor.core.vehicle import Stage, VehicleState
+from executor.core.words import count_of, minutes
+from missions import estimate, flight_path
+from planner import segment_of
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+READY_S = 90.0
+"""So long after the crew's word a vehicle may take to be ready: it boots, finds its place and settles."""
+LATE_S = 30.0
+"""An examination that has not come to its end so much later than that never will."""
+LEAST_SPARE_PCT = 5.0
+"""A pack with less than this over the reserve is not worth a sortie."""
+_ON_BASE = frozenset({Stage.GROUND, Stage.LANDED})
+
+
+def pack_changed(
+    state: FleetState, vehicle: VehicleState, intent: Intent, now_s: float
+) -> tuple[FleetState, str, tuple[Command, ...]]:
+    """Take the crew's word that a vehicle's pack is changed and its pad clear: it is to be looked at."""
+    state, ready = back_in_service(state, vehicle)
+    turn = replace(ready.turn, label=intent.pack, asked_s=now_s, intent=intent.id, ready_s=None)
+    state = state.put(replace(ready, turn=turn))
+    named = f"pack {intent.pack}" if intent.pack else "a pack without an id"
+    return state, f"{named} is in it; looking at it before its next sortie", (Examine(vehicle.name),)
+
+
+def turnaround_answered(context: Context, state: FleetState, event: Examined | SolveEnded, now_s: float) -> Stepped:
+    """Take what was found on a vehicle, or by the solver."""
+    if isinstance(event, Examined):
+        return _examined(context, state, event, now_s)
+    return _solved(context, state, event, now_s)
+
+
+def _examined(context: Context, state: FleetState, event: Examined, now_s: float) -> Stepped:
+    """Take what was found on a vehicle: it may go, with which budget, or stays."""
+    vehicle = state.vehicles[event.vehicle]
+    if vehicle.turn.asked_s is None or vehicle.turn.ready_s is not None:
+        return state, ()
+    if why := _not_ready(context, vehicle, event):
+        return _ended(state, vehicle, IntentReason.NOT_READY, why, now_s)
+    heard = PackHeard(event.remaining_pct or 0.0, event.voltage_v, event.cells, dict(event.parameters))
+    setup = context.vehicles[vehicle.name].with_pack(vehicle.turn.label)
+    found = rested(setup, heard)
+    held_pct = heard.remaining_pct if found is None else found.held_pct
+    vehicle = _with_pack(context, vehicle, heard, heard.remaining_pct - held_pct, now_s)
+    state = state.put(vehicle)
+    said = _pack_words(vehicle, heard, found)
+    if held_pct < setup.reserve_pct + LEAST_SPARE_PCT:
+        why = f"{said}: too little over its reserve of {setup.reserve_pct:g} %"
+        return _ended(state, vehicle, IntentReason.PACK_POOR, why, now_s)
+    level, budget_pct = Level.INFO, survivors.from_its_pad(context, vehicle).budget_pct
+    text = f"{vehicle.name}: its checks have passed: {said}"
+    if known := history_words(setup, context.drone.capacity_ah):
+        text = f"{text}; pack {vehicle.turn.label}{known}"
+    if budget_pct < setup.budget_pct - survivors.QUANTUM_PCT:
+        level, text = Level.WARNING, f"{text}; its budget is {budget_pct:.0f} % instead of {setup.budget_pct:g} %"
+    if context.day is not None:
+        ready = replace(vehicle, turn=replace(vehicle.turn, ready_s=now_s))
+        return state.put(ready), (Say(level, text),)
+    state = cleared(state, replace(vehicle, turn=replace(vehicle.turn, asked_s=None)), now_s)
+    state = _closed(
+        state, vehicle.turn.intent, Outcome.DONE, "its checks have passed; re-planning with it", None, now_s
+    )
+    return state, (Say(level, f"{text}; re-planning with it"),)
+
+
+def turnarounds_pursued(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Send out who may go, end what took too long, and open what a lost vehicle had ahead of it."""
+    commands: list[Command] = []
+    for name in state.vehicles:
+        state, more = _given_away(context, state, state.vehicles[name])
+        commands.extend(more)
+        vehicle = state.vehicles[name]
+        if vehicle.turn.asked_s is None:
+            continue
+        state, more = _pursued(context, state, vehicle, now_s)
+        commands.extend(more)
+    return state, tuple(commands)
+
+
+def _solved(context: Context, state: FleetState, event: SolveEnded, now_s: float) -> Stepped:
+    """Take the solver's answer; one that has nothing for the sortie that it was asked for ends the crew's word."""
+    plan = state.replanning.replan
+    state, commands = replanning.solved(context, state, event, now_s)
+    if plan is None or not plan.solve.sortie or event.routes is None or state.replanning.replan is not None:
+        return state, commands
+    vehicle, offer = state.vehicles[plan.solve.sortie], plan.solve.survivors[0]
+    if vehicle.turn.asked_s is None or any(route.visits for route in event.routes):
+        return state, commands
+    asked = frozenset((*plan.solve.open_segments, *plan.solve.left_over))
+    good = offer.budget_pct >= setup_now(context, vehicle).budget_pct - 2.0 * survivors.QUANTUM_PCT
+    turn = replace(vehicle.turn, beyond=vehicle.turn.beyond | asked if good else vehicle.turn.beyond)
+    if good and turn.ahead:
+        turn = replace(turn, ahead=turn.ahead[1:])
+    why = f"no open segment is within its budget of {offer.budget_pct:.0f} %"
+    state, more = _ended(state, replace(vehicle, turn=turn), IntentReason.NOTHING_TO_PLAN, why, now_s)
+    return state, (*commands, *more)
+
+
+def lined_up(context: Context, state: FleetState, now_s: float) -> FleetState:
+    """Return the state at the launch of a day: the crew's yes is for every first sortie that may begin now."""
+    for vehicle in state.vehicles.values():
+        if sortie_ahead(state, vehicle) and not vehicle.armed and not out_of_hours(context, state, vehicle, now_s):
+            turn = replace(vehicle.turn, asked_s=now_s, ready_s=now_s)
+            state = state.put(replace(vehicle, turn=turn))
+    return state
+
+
+def sortie_started(state: FleetState, name: str, now_s: float) -> FleetState:
+    """Return the state in which a vehicle's next sortie is on board, and it is told to start."""
+    vehicle = state.vehicles[name]
+    turn = replace(vehicle.turn, asked_s=None, ready_s=None, ahead=vehicle.turn.ahead[1:])
+    state = state.put(replace(vehicle, turn=turn))
+    return _closed(state, vehicle.turn.intent, Outcome.DONE, "its next sortie is on board; it starts", None, now_s)
+
+
+def not_started(state: FleetState, name: str, why: str, now_s: float) -> Stepped:
+    """End the crew's word for a vehicle whose sortie could not be put on board, or came there too late."""
+    vehicle = state.vehicles[name]
+    if vehicle.turn.asked_s is None:
+        return state, ()
+    return _ended(state, vehicle, IntentReason.NOT_READY, why, now_s)
+
+
+def turnarounds_reopened(state: FleetState, now_s: float) -> Stepped:
+    """End what the crew said before the ground station went away: somebody may stand at the pad by now."""
+    plan, commands = state.replanning.replan, list[Command]()
+    pending = frozenset[str]() if plan is None else plan.pending
+    for vehicle in state.vehicles.values():
+        if vehicle.turn.asked_s is not None and vehicle.name not in pending:
+            why = "its turnaround was under way when the ground station went away"
+            state, more = _ended(state, vehicle, IntentReason.OVERTAKEN, why, now_s)
+            commands.extend(more)
+    return state, tuple(commands)
+
+
+def awaited(context: Context, state: FleetState, now_s: float) -> tuple[str, ...]:
+    """Return the vehicles on their bases whose turnaround is under way, or that have a sortie to fly once it is."""
+    day, launched_s = context.day, state.progress.launched_s
+    if launched_s is None or state.progress.recalled:
+        return ()
+    over = day is None or now_s - launched_s >= day.ends_s
+    open_ = frozenset[int]() if over else unplanned(context, state)
+
+    def has_more(vehicle: VehicleState) -> bool:
+        return serves(vehicle) and bool(sortie_ahead(state, vehicle) or open_ - vehicle.turn.beyond)
+
+    return tuple(
+        name
+        for name, vehicle in state.vehicles.items()
+        if vehicle.turn.asked_s is not None or (not over and has_more(vehicle))
+    )
+
+
+def serves(vehicle: VehicleState) -> bool:
+    """Return whether a vehicle stands on its base and nothing keeps it from another sortie but its pack."""
+    out = vehicle.fault is not None or vehicle.orders.excluded or vehicle.custody.taken is not None
+    return vehicle.stage in _ON_BASE and not out and not vehicle.armed
+
+
+def unplanned(context: Context, state: FleetState) -> frozenset[int]:
+    """Return what is open and in nobody's sorties."""
+    return replanning.left_over(state) | replanning.orphans(context, state)
+
+
+def sortie_ahead(state: FleetState, vehicle: VehicleState) -> tuple[int, ...]:
+    """Return what is still open of a vehicle's next sortie, or of the first later one of which anything is."""
+    others = {
+        segment_of(visit)
+        for one in state.on_mission()
+        if one.name != vehicle.name
+        for visit in one.remaining_visits()
+    }  # fmt: skip
+    gone = others | set(state.coverage.inspected) | set(state.coverage.unseen) | state.coverage.given_up
+    for sortie in vehicle.turn.ahead:
+        visits = tuple(visit for visit in sortie.visits if segment_of(visit) not in gone)
+        if visits:
+            return visits
+    return ()
+
+
+def ahead_words(context: Context, state: FleetState, vehicle: VehicleState) -> str:
+    """Return what a vehicle on its base waits for; empty where a day has nothing for it."""
+    if context.day is None or not serves(vehicle):
+        return ""
+    visits = sortie_ahead(state, vehicle)
+    open_ = len(visits) or len(unplanned(context, state) - vehicle.turn.beyond)
+    if not open_:
+        return ""
+    what = f"sortie {_number(vehicle)}, " if visits else ""
+    return f"waits for its pack to be confirmed: {what}{count_of(open_, 'segment')}{'' if visits else ' open'}"
+
+
+def out_of_hours(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
+    """Return why a vehicle's next sortie does not fit into its hours; empty if it does, or nobody set any."""
+    day, launched_s = context.day, state.progress.launched_s
+    if day is None:
+        return ""
+    flight_s, windows = now_s - (now_s if launched_s is None else launched_s), day.windows_s.get(vehicle.name, ())
+    visits = sortie_ahead(state, vehicle)
+    lasts_s = _estimated(context, vehicle, visits)[0] if visits else 0.0
+    if any(begin - CLEARED_S <= flight_s and flight_s + lasts_s <= end for begin, end in windows):
+        return ""
+    later = [begin for begin, _ in windows if begin > flight_s]
+    then = f"its next hours begin at T+{minutes(min(later))}" if later else "it has no hours after now"
+    return f"its next sortie of {minutes(lasts_s)} does not end within its hours; {then}"
+
+
+def _not_ready(context: Context, vehicle: VehicleState, event: Examined) -> str:
+    """Return why a vehicle may not go, whatever its pack is; empty if it may."""
+    setup, fix = context.vehicles[vehicle.name], vehicle.motion.fix
+    if not event.ready or event.remaining_pct is None:
+        return event.reason or "no battery state"
+    if fix is None or math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
+        return "it is not on its pad, where its climb and landing are planned"
+    if vehicle.sensors.tilted_since_s is not None:
+        return "it is tilted, it may have tipped over"
+    if event.changed:
+        return f"its parameters are not as the flight set them: {event.changed[0]}"
+    own = link_failsafe(setup.dialect, dict(event.parameters))
+    if own.acts is not None and (own.after_s if own.acts else None) != setup.failsafe_s:
+        return f"its link failsafe is not the one before the flight: {own.words}"
+    return ""
+
+
+def _with_pack(
+    context: Context, vehicle: VehicleState, heard: PackHeard, overstated_pct: float, now_s: float
+) -> VehicleState:
+    """Return a vehicle whose battery's account begins anew; what was learned of the vehicle itself stays."""
+    setup, known = context.vehicles[vehicle.name].with_pack(vehicle.turn.label), vehicle.power
+    prior = account.learned_prior(known.battery, setup.prior)
+    battery = account.swapped(known.battery, heard.remaining_pct, 0, now_s, prior, setup.dialect.percent_middle)
+    facts = facts_said(heard.parameters)
+    rest = None if heard.voltage_v is None else Rest(heard.voltage_v, heard.remaining_pct, now_s)
+    power = Power(
+        battery=battery,
+        roundings=Roundings(),
+        volts=VoltageState(set_cells=facts.under(setup.pack).cells),
+        pack=Pack(known.pack.facts.under(facts), rest=rest, resting=rest is not None),
+        began_pct=known.began_pct,
+    )
+    turn = replace(vehicle.turn, swaps=vehicle.turn.swaps + 1, overstated_pct=max(0.0, overstated_pct))
+    return replace(vehicle, power=power, turn=turn)
+
+
+def _pack_words(vehicle: VehicleState, heard: PackHeard, found: Rested | None) -> str:
+    named = f"pack {vehicle.turn.label}" if vehicle.turn.label else "its pack"
+    if found is None:
+        return f"{named} reports {heard.remaining_pct:.0f} %"
+    return f"{named} {found.standing.words}"
+
+
+def _given_away(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
+    """Open to the others what a vehicle had ahead of it that is out of the plan."""
+    if not vehicle.turn.ahead or (vehicle.fault is None and not vehicle.orders.excluded):
+        return state, ()
+    visits = {segment_of(visit) for sortie in vehicle.turn.ahead for visit in sortie.visits}
+    left = visits - set(state.coverage.inspected)
+    state = state.put(replace(vehicle, turn=replace(vehicle.turn, ahead=())))
+    state = replace(state, coverage=replanning.laid_aside(context, state.coverage, left))
+    what = f"{count_of(len(left), 'segment')} of its later sorties"
+    return state, (Say(Level.WARNING, f"{vehicle.name}: {what} open for the sorties of others"),) if left else ()
+
+
+def _pursued(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Look at a vehicle that is being turned around."""
+    turn, plan = vehicle.turn, state.replanning.replan
+    if plan is not None and vehicle.name in plan.pending:
+        return state, ()
+    if over := _over(state, vehicle, now_s):
+        code, why = over
+        return _ended(state, vehicle, code, why, now_s)
+    # The first report of a battery after the launch comes in a moment.
+    busy = plan is not None or now_s < state.replanning.wait_until_s or vehicle.power.battery.remaining_pct is None
+    if turn.ready_s is None or busy or not _slot_free(context, state, vehicle, now_s):
+        return state, ()
+    return _given(context, state, vehicle, turn.ready_s, now_s)
+
+
+def _over(state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[IntentReason, str] | None:
+    """Return why the crew's word for a vehicle does not hold any more; None where it does."""
+    turn = vehicle.turn
+    if state.progress.recalled:
+        return IntentReason.ABORTED, "the flight was aborted"
+    if vehicle.stage not in _ON_BASE or vehicle.armed or in_other_hands(vehicle) or vehicle.orders.excluded:
+        return IntentReason.OVERTAKEN, f"it is {vehicle.stage.value} now"
+    if turn.ready_s is None and now_s - (turn.asked_s or now_s) > READY_S + LATE_S:
+        return IntentReason.UNANSWERED, "its checks came to no end"
+    if turn.ready_s is not None and now_s - turn.ready_s > CLEARED_S:
+        why = f"it could not start within {CLEARED_S:g} s, and its pad may not be clear any more"
+        return IntentReason.OVERTAKEN, why
+    return None
+
+
+def _slot_free(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether nobody else took off from the same base just now."""
+    day = context.day
+    if day is None:
+        return True
+    base = day.bases.get(vehicle.name)
+    began = (
+        one.turn.sorties[-1].began_s
+        for one in state.vehicles.values()
+        if one.name != vehicle.name and one.turn.sorties and day.bases.get(one.name) == base
+    )
+    return now_s - max(began, default=-math.inf) >= day.stagger_s
+
+
+def _given(context: Context, state: FleetState, vehicle: VehicleState, ready_s: float, now_s: float) -> Stepped:
+    """Give a vehicle its next sortie: as it was planned, or made anew from what is open within its budget."""
+    offer, pool = survivors.from_its_pad(context, vehicle), unplanned(context, state)
+    visits = sortie_ahead(state, vehicle)
+    pool -= set(offer.barred) | vehicle.turn.beyond
+    if not visits and not pool:
+        return _ended(state, vehicle, IntentReason.NOTHING_TO_PLAN, "no segment is open for it", now_s)
+    vehicle = replace(vehicle, orders=replace(vehicle.orders, cleared_s=ready_s), turn=_from(vehicle, visits))
+    whole = bool(visits) and visits == vehicle.turn.ahead[0].visits and not pool
+    as_planned = whole and _estimated(context, vehicle, visits)[1] * offer.consumption <= offer.budget_pct
+    revision = state.replanning.revision + 1
+    own = frozenset(segment_of(visit) for visit in visits)
+    trigger = f"{vehicle.name}: sortie {_number(vehicle)}"
+    solve = Solve(
+        revision, tuple(sorted(own)), (offer,), trigger, tuple(sorted(pool - own)), vehicle.name,
+        visits if as_planned else (),
+    )  # fmt: skip
+    known = replace(state.replanning, revision=revision, replan=Replan(solve, now_s))
+    state = replace(state.put(vehicle), replanning=known)
+    what = f"{count_of(len(visits), 'segment')}, as planned" if as_planned else "planned anew with its budget"
+    return state, (Say(Level.INFO, f"{trigger}: {what}"), solve)
+
+
+def _from(vehicle: VehicleState, visits: tuple[int, ...]) -> Turnaround:
+    """Return its turn without sorties of which nothing is open; the first one is that of `visits`."""
+    ahead = vehicle.turn.ahead
+    while ahead and not set(visits) & set(ahead[0].visits):
+        ahead = ahead[1:]
+    return replace(vehicle.turn, ahead=ahead or (SortieAhead((), 0.0),))
+
+
+def _estimated(context: Context, vehicle: VehicleState, visits: tuple[int, ...]) -> tuple[float, float]:
+    """Return how long a sortie takes, and what it costs by the model, in percent of a full battery."""
+    found = estimate(flight_path(context.setup, vehicle.name, visits), context.pricing.models[vehicle.name])
+    return found.duration_s, found.energy_pct
+
+
+def _number(vehicle: VehicleState) -> int:
+    return len(vehicle.turn.sorties) + 1
+
+
+def _ended(state: FleetState, vehicle: VehicleState, code: IntentReason, why: str, now_s: float) -> Stepped:
+    """End the crew's word without a start: it has to be given again."""
+    turn = replace(vehicle.turn, asked_s=None, ready_s=None)
+    state = state.put(replace(vehicle, turn=turn, orders=replace(vehicle.orders, cleared_s=None)))
+    state = _closed(state, vehicle.turn.intent, Outcome.FAILED, why, code, now_s)
+    return state, (Say(Level.WARNING, f"{vehicle.name}: stays on the ground: {why}; swap again when it is well"),)
+
+
+def _closed(
+    state: FleetState, intent: str, outcome: Outcome, text: str, code: IntentReason | None, now_s: float
+) -> FleetState:
+    record = state.crew.intents.get(intent)
+    if record is None or record.ended_s is not None:
+        return state
+    over = replace(record, outcome=outcome, text=text, ended_s=now_s, code=code)
+    return replace(state, crew=replace(state.crew, intents=MappingProxyType({**state.crew.intents, intent: over})))

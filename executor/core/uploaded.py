@@ -1,0 +1,102 @@
+"""How an upload of a new mission in flight, or on a base, came to its end, and what follows from that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from executor.core import launching
+from executor.core.commands import Command, Level, Say
+from executor.core.context import Context
+from executor.core.events import UploadEnded
+from executor.core.homing import homeward
+from executor.core.replan import new_missions, offering
+from executor.core.roster import offers, turnaround
+from executor.core.roster.withdraw import declare
+from executor.core.state import FleetState, NewMission, Replan
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, aboard, carrying
+from executor.core.words import count_of
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+
+def uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: float) -> Stepped:
+    """Take how the upload of a re-plan's mission, or of a sortie, came to its end."""
+    vehicle = state.vehicles[event.vehicle]
+    plan = state.replanning.replan
+    if plan is None or event.revision != plan.solve.revision or event.vehicle not in plan.pending:
+        return state, ()
+    mission = plan.missions[event.vehicle]
+    vehicle = replace(vehicle, assignment=replace(vehicle.assignment, pending=None))
+    if event.fenced and mission.fence is not None:
+        vehicle = replace(vehicle, assignment=replace(vehicle.assignment, fence=mission.fence))
+    plan = replace(plan, pending=plan.pending - {event.vehicle})
+    if event.accepted:
+        state, more = _on_board(context, state, vehicle, mission, event, now_s)
+    else:
+        plan = replace(plan, failed=(*plan.failed, vehicle.name))
+        state, more = _not_on_board(context, state, vehicle, plan, event, now_s)
+    commands: list[Command] = [*more]
+    state, more = _then(context, state, vehicle, plan, event, now_s)
+    commands.extend(more)
+    state = replace(state, replanning=replace(state.replanning, replan=plan))
+    if event.mixed and not event.accepted and not mission.fresh and not _left_meanwhile(context, vehicle):
+        why = "its mission on board is a mix of two"
+        fault = Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.MISSION_MIXED)
+        state, more = declare(context, state, state.vehicles[vehicle.name], fault)
+        commands.extend(more)
+    state, more = new_missions.ended_if_done(state, now_s)
+    return state, (*commands, *more)
+
+
+def _on_board(
+    context: Context, state: FleetState, vehicle: VehicleState, mission: NewMission, event: UploadEnded, now_s: float
+) -> Stepped:
+    board = aboard(context, vehicle.name, event.revision, mission.path, mission.visits)
+    if mission.fresh:
+        vehicle = replace(vehicle, assignment=replace(vehicle.assignment, waypoint=0))
+    state = state.put(carrying(vehicle, board, now_s))
+    to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
+    what = f"{count_of(to_go, 'segment')} to go" if to_go else "it has no segment left and comes home"
+    what += ", and a wider fence before it" if mission.fence is not None else ""
+    return state, (Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"),)
+
+
+def _not_on_board(
+    context: Context, state: FleetState, vehicle: VehicleState, plan: Replan, event: UploadEnded, now_s: float
+) -> Stepped:
+    mission, sortie = plan.missions[vehicle.name], plan.solve.sortie == vehicle.name
+    if _left_meanwhile(context, vehicle) or (state.listening.silent_since_s is not None and not event.mixed):
+        # Nobody hears us, or it has left its mission meanwhile: that is not its refusal.
+        known = replace(state.replanning, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
+        return replace(state.put(vehicle), replanning=state.replanning if sortie else known), ()
+    if sortie:
+        return state.put(vehicle), ()  # the crew is told, and asked again
+    refused, how_long = offering.declined(context, vehicle, mission, event, now_s)
+    text = f"{vehicle.name}: upload of its new mission failed ({event.reason}); planning around it{how_long}"
+    trigger = f"{vehicle.name}: {event.reason}"
+    known = replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s)
+    return replace(state.put(refused), replanning=known), (Say(Level.WARNING, text),)
+
+
+def _then(
+    context: Context, state: FleetState, vehicle: VehicleState, plan: Replan, event: UploadEnded, now_s: float
+) -> Stepped:
+    """Start a vehicle on its base, or go on with a start that the upload broke off."""
+    mission, sortie = plan.missions[vehicle.name], plan.solve.sortie == vehicle.name
+    if mission.fresh and event.accepted and offers.may_take_off(context, vehicle, now_s):
+        state = turnaround.sortie_started(state, vehicle.name, now_s) if sortie else state
+        state, start = launching.ordered(context, state, state.vehicles[vehicle.name], now_s)
+        return state, (start,)
+    if sortie:
+        why = "its mission came on board too late" if event.accepted else f"its upload failed ({event.reason})"
+        return turnaround.not_started(state, vehicle.name, why, now_s)
+    if mission.fresh and event.accepted:
+        return state, (Say(Level.WARNING, f"{vehicle.name}: stays on the ground, the crew's clearance is too old"),)
+    if vehicle.stage is Stage.STARTING and not event.mixed:
+        return launching.started_again(context, state, state.vehicles[vehicle.name], now_s)
+    return state, ()
+
+
+def _left_meanwhile(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle does not fly what is on board any more: a mix of two missions does no harm then."""
+    return vehicle.stage is Stage.RETURNING or homeward.comes_down(context, vehicle)

@@ -1,0 +1,65 @@
+"""One vehicle on its base, looked at before its next sortie: others fly meanwhile."""
+
+from __future__ import annotations
+
+from executor.core.context import Context
+from executor.core.events import Examined
+from executor.core.messages import Heartbeat
+from executor.core.ports import Clock, Link
+from executor.core.preflight import fences
+from executor.core.preflight.checks import Facts
+from executor.core.preflight.parameters import Proposal, propose
+from executor.errors import PreflightFailed
+from executor.runtime import preflight, procedures
+from executor.runtime.parameters import read_present
+
+
+async def vehicle_examined(context: Context, name: str, link: Link, clock: Clock, within_s: float) -> Examined:
+    """Wait until a vehicle is ready, and read what it says of its battery and its parameters.
+
+    It may just be booting: nothing that it said before this counts.
+
+    Args:
+        context: Of the flight.
+        name: Of the vehicle.
+        link: To it.
+        clock: The flight's.
+        within_s: How long it may take to be ready, in its time.
+    """
+    dialect, began_s = context.vehicles[name].dialect, clock.now_s()
+    seen = await procedures.wait_for(link, clock, lambda message: isinstance(message, Heartbeat), within_s)
+    if not seen:
+        return Examined(name, ready=False, reason=f"no HEARTBEAT for {within_s:g} s")
+    left_s = within_s - (clock.now_s() - began_s)
+    try:
+        facts = await preflight.interview(name, link, clock, dialect, left_s, lambda _: None)
+        proposal = await _proposal(context, name, link, clock)
+    except PreflightFailed as error:
+        return Examined(name, ready=False, reason=str(error).removeprefix(f"{name}: "))
+    if reason := _another(context, facts):
+        return Examined(name, ready=False, reason=reason)
+    return Examined(
+        name,
+        ready=True,
+        reason="",
+        remaining_pct=facts.remaining_pct,
+        voltage_v=facts.voltage_v,
+        cells=facts.cells,
+        parameters=tuple(sorted(facts.parameters.items())),
+        changed=tuple(change.words for change in proposal.of(name)),
+    )
+
+
+async def _proposal(context: Context, name: str, link: Link, clock: Clock) -> Proposal:
+    """Return what would have to be set on it: nothing, where it is as the flight has set it."""
+    beside = fences.parameter_names(context, name)
+    present = await read_present(link, clock, context.vehicles[name].dialect, beside)
+    return fences.with_fences(context, propose(context, {name: present}))
+
+
+def _another(context: Context, facts: Facts) -> str:
+    """Return why it is not the vehicle that it was, or not at rest; empty if it is."""
+    dialect = context.vehicles[facts.name].dialect
+    if facts.heartbeat.autopilot != dialect.number:
+        return f"its heartbeat says autopilot {facts.heartbeat.autopilot}, expected {dialect.name} ({dialect.number})"
+    return "it is armed" if facts.heartbeat.armed else ""

@@ -1,0 +1,140 @@
+"""A day plan as it is flown: the first sorties as a first plan, the later ones behind them, and the day's rules."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+from executor.core.context import DayRules
+from executor.core.parts import SortieAhead
+from executor.core.words import count_of
+from executor.site import assembly
+from executor.site.assembly import Ground
+from executor.site.planning import SAME_PLACE_M, landed_fly_again, same_segments
+from executor.site.sorties import site_day
+from missions import DayPlanFile, LocalFrame, PlanFile, PlanFileError, check_day_plan, make_plan_file
+from planner import Cost, Plan, Route, is_reversed, segment_of, visit_of
+from planner.sorties import Sortie
+
+SAME_PCT = 1e-6
+"""Budgets that differ by less are one."""
+
+
+def first_sorties(content: DayPlanFile, ground: Ground) -> PlanFile:
+    """Return the plan of a day's first flights; everything else is left for later ones.
+
+    Raises:
+        PlanFileError: the day plan is another site's, or cannot be flown: one line that says where.
+        SiteError: the site's bases cannot be used.
+    """
+    _check(content, ground)
+    ids = [segment.id for segment in content.segments]
+    task = assembly.task_of(ground, ids)
+    if task.unreachable:
+        never = task.unreachable[0]
+        name = ground.network.segment_name(never.segment)
+        raise PlanFileError(f"{content.source}: {name}: expected a segment that can be reached, but it {never.why}")
+    routes = {name: own[0].visits if own else () for name, own in _of_the_day(content).items()}
+    plan = Plan(
+        tuple(
+            Route(number, task.from_network(_in_network(ids, routes[name]))) for number, name in enumerate(ground.names)
+        ),
+        (),
+    )
+    flown = {segment_of(visit) for route in plan.routes for visit in route.visits}
+    plan = replace(plan, uncovered=tuple(one for one in range(len(ids)) if one not in flown))
+    made = make_plan_file(
+        ground.network, task, ground.travel, plan, Cost.MINMAX, content.solved, inspection=ground.inspection
+    )
+    return replace(made, fly_again=landed_fly_again(ground), terrain=assembly.plan_terrain(ground))
+
+
+def ahead_of(content: DayPlanFile) -> Mapping[str, tuple[SortieAhead, ...]]:
+    """Return every vehicle's sorties of the first day, with the network's visits."""
+    ids, begins_s = [segment.id for segment in content.segments], _first_s(content)
+    return {
+        name: tuple(SortieAhead(_in_network(ids, one.visits), one.start_s - begins_s) for one in own)
+        for name, own in _of_the_day(content).items()
+    }
+
+
+def day_rules(content: DayPlanFile) -> DayRules:
+    """Return what a day plan says beside its sorties; its clock begins with the first planned take-off."""
+    begins_s, until_s = _first_s(content), content.days[0][1]
+    return DayRules(
+        stagger_s=content.stagger_s,
+        bases={own.name: content.places[own.base].name for own in content.vehicles},
+        windows_s={
+            own.name: tuple((begin - begins_s, end - begins_s) for begin, end in own.windows if begin < until_s)
+            for own in content.vehicles
+        },
+    )
+
+
+def bases_m(content: DayPlanFile, frame: LocalFrame) -> Mapping[str, tuple[float, float]]:
+    """Return where each vehicle's base is, local east and north."""
+    places = content.places
+    return {own.name: frame.to_local_m(places[own.base].lat_deg, places[own.base].lon_deg) for own in content.vehicles}
+
+
+def later_segments(content: DayPlanFile) -> frozenset[int]:
+    """Return the network's segments that are planned for a vehicle's second sortie of the day, or a later one."""
+    return frozenset(
+        segment_of(visit) for own in ahead_of(content).values() for sortie in own[1:] for visit in sortie.visits
+    )
+
+
+def sortie_lines(content: DayPlanFile) -> list[str]:
+    """Return the day in words, for the crew to confirm."""
+    lines = []
+    for name, own in _of_the_day(content).items():
+        later = count_of(len(own) - 1, "later sortie")
+        if len(own) > 1:
+            lines.append(f"{name}: {later}, each by the crew's word when its pack is changed")
+    return lines
+
+
+def _check(content: DayPlanFile, ground: Ground) -> None:
+    source, names = content.source, [own.name for own in content.vehicles]
+    if sorted(names) != sorted(ground.names):
+        raise PlanFileError(f"{source}: vehicles: expected {', '.join(ground.names)} as in the site, got {names}")
+    for line in check_day_plan(content):
+        raise PlanFileError(f"{source}: {line}; `faultline check` says more")
+    same_segments(content, ground, source)
+    now, frame = site_day(ground), ground.network.frame
+    budgets = {own.name: own.budget_pct for own in now.vehicles}
+    at_m, was_m = bases_m(now, frame), bases_m(content, frame)
+    for own in content.vehicles:
+        if abs(own.budget_pct - budgets[own.name]) > SAME_PCT:
+            changed = f"{own.name}: budget_pct is {own.budget_pct:g} there and {budgets[own.name]:g} in the site"
+            raise PlanFileError(f"{source}: the site has changed: {changed}: plan again")
+        if math.dist(at_m[own.name], was_m[own.name]) > SAME_PLACE_M:
+            raise PlanFileError(f"{source}: the site has changed: the base of {own.name} is another: plan again")
+    for name, sorties in _of_the_day(content).items():
+        home = content.vehicles[names.index(name)].base
+        for number, one in enumerate(sorties, 1):
+            if (one.base, one.lands) != (home, home):
+                place = content.places[home].name
+                raise PlanFileError(
+                    f"{source}: sortie {number} of {name}: expected to begin and end at its base {place}, where it "
+                    'stands: plan with [day] lands = "own"'
+                )
+
+
+def _of_the_day(content: DayPlanFile) -> dict[str, tuple[Sortie, ...]]:
+    """Return each vehicle's sorties of the first day."""
+    until_s = content.days[0][1]
+    return {
+        own.name: tuple(one for one in content.plan.sorties[row] if one.start_s < until_s)
+        for row, own in enumerate(content.vehicles)
+    }
+
+
+def _first_s(content: DayPlanFile) -> float:
+    starts = [one.start_s for own in _of_the_day(content).values() for one in own]
+    return min(starts, default=content.days[0][0])
+
+
+def _in_network(ids: list[int], visits: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(visit_of(ids[segment_of(visit)], is_reversed(visit)) for visit in visits)

@@ -1,0 +1,42 @@
+"""At which distance is inspected, as the checklist says it, and what stops a flight."""
+
+from __future__ import annotations
+
+from executor.core.preflight.checks import Severity
+from executor.core.preflight.distances import distance_checks, distances_in_words
+from missions import Inspection, flight_path, flight_setup
+from missions.asked import first_paths
+from tests.missions.builders import FLEET, line_east
+
+ROUTES = {"uav1": (0, 2, 4), "uav2": (10, 8, 6)}
+
+
+def test_what_is_inspected_from_a_layer_is_named_with_its_distance() -> None:
+    setup = flight_setup(line_east(7), FLEET[:2], Inspection(same_distance=True))
+    (line,) = distance_checks(setup, list(first_paths(setup, ROUTES).values()), ROUTES)
+    assert (line.severity, line.subject) == (Severity.OK, "distance")
+    name = setup.network.segment_name(3)
+    assert line.text == (
+        "5 of 6 segments are inspected at the asked 15 m; from their own layers, where others could meet there: "
+        f"{name} at 21 m by uav2"
+    )
+
+
+def test_who_would_cross_another_ones_part_of_the_line_stops_the_flight() -> None:
+    setup = flight_setup(line_east(9), FLEET[:2], Inspection(same_distance=True))
+    routes = {"uav1": (12,), "uav2": (4, 6)}
+    paths = [flight_path(setup, "uav1", (12,)), flight_path(setup, "uav2", (4, 6), {2, 3})]
+    stops = [one.text for one in distance_checks(setup, paths, routes) if one.severity is Severity.STOP]
+    assert len(stops) == 1
+    assert "where uav2 goes down to the line, 5 m expected" in stops[0]
+
+
+def test_where_everybody_has_its_layer_nothing_is_said() -> None:
+    setup = flight_setup(line_east(7), FLEET[:2], Inspection())
+    paths = list(first_paths(setup, ROUTES).values())
+    assert distance_checks(setup, paths, ROUTES) == []
+
+
+def test_all_at_the_asked_distance_is_one_short_line() -> None:
+    words = distances_in_words(15.0, [("A", "uav1", 15.0), ("B", "uav2", 15.0)])
+    assert words == "2 of 2 segments are inspected at the asked 15 m"

@@ -1,0 +1,213 @@
+"""A day of two vehicles with two sorties each, flown in virtual time, and a crew that changes packs."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from executor.adapters.eventlog import from_plain, to_plain
+from executor.bench.virtual.radio import MemoryRadio, live
+from executor.bench.virtual.solver import SolverHere
+from executor.core import fleet
+from executor.core.battery.history import PackHistory
+from executor.core.commands import Say, Solve
+from executor.core.context import Context, DayRules
+from executor.core.events import Reopened, SolveEnded
+from executor.core.intents import Action, Intent, IntentRecord
+from executor.core.parts import OnBoard, SortieAhead
+from executor.core.preflight.checks import Facts
+from executor.core.roster import turnaround
+from executor.core.state import FleetState
+from executor.runtime.flight import Flight, Observer
+from executor.simulator.faults import parse_fault
+from missions import Network, Pricing
+from tests.fakes.solver import FakeSolver
+from tests.missions.builders import line_east
+from tests.stories.story import Moment, Routes, Story, When
+from tests.stories.world import Flown, Sky
+
+FIRST: Routes = {"uav1": (0, 2), "uav2": (4, 6)}
+LATER: Mapping[str, tuple[tuple[int, ...], ...]] = {"uav1": ((8, 10),), "uav2": ((12, 14),)}
+STAGGER_S = 10.0
+LONG_S = 3600.0
+HISTORY = PackHistory("", 3, (3.0, 0.1))
+BESIDE_S = 10.0
+"""Until somebody stands beside a vehicle that has landed."""
+AWAY_S = 15.0
+"""So long the ground station is away."""
+CONNECTED_S = 5.0
+"""So long after its power went the crew says that another pack is in: it is booting then."""
+
+
+@dataclass(frozen=True, slots=True)
+class Crew:
+    """What the crew does between two sorties."""
+
+    packs: Mapping[str, float]
+    """What each pack really holds, by its id; put in one after the other."""
+    confirms: bool = True
+    """Whether it says so."""
+
+
+@dataclass(frozen=True, slots=True)
+class Day:
+    """What is planned, and what happens."""
+
+    crew: Crew
+    first: Routes = field(default_factory=lambda: FIRST)
+    later: Mapping[str, tuple[tuple[int, ...], ...]] = field(default_factory=lambda: LATER)
+    """The sorties of each vehicle after its first."""
+    segments: int = 8
+    moments: tuple[Moment, ...] = ()
+    windows_s: tuple[tuple[float, float], ...] = ((0.0, LONG_S),)
+    ruled: bool = True
+    """Whether it is a day's plan that is flown; else a single flight."""
+    budgets_pct: Mapping[str, float] = field(default_factory=dict)
+    """Of packs that are known by their labels."""
+    dies: When | None = None
+    """When the ground station dies, and comes back a while later."""
+
+
+class _Solver(FakeSolver):
+    """The product's own answers, after a time that no clock decides."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._here = SolverHere(1, takes_s=1.0, settled=500)
+
+    async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
+        self.asked.append(problem)
+        return await self._here.solve(problem, pricing)
+
+    def cancel(self, revision: int) -> None:
+        self._here.cancel(revision)
+
+
+class DaySky(Sky):
+    """A day on its way."""
+
+    patience_s = 400.0
+    as_prepared = True
+
+    def __init__(self, day: Day, autopilot: str) -> None:
+        self.day = day
+        self._packs = list(day.crew.packs.items())
+        self._numbered = itertools.count(1)
+        self._rests_s: dict[str, float] = {}
+        self._changed: dict[str, tuple[float, str]] = {}
+        self.asked: list[IntentRecord] = []
+        self._died = asyncio.Event()
+        super().__init__(Story("a day", day.moments, fleet=day.first, limit_s=LONG_S), autopilot)
+        self.solver = _Solver()
+        for radio in self.radios.values():
+            radio.spare()
+
+    @property
+    def lines(self) -> list[str]:
+        """What the crew was told, without when."""
+        return [line.text for _, line in self.said]
+
+    def swap(self, name: str, pack: str, *, confirmed: bool = True) -> IntentRecord:
+        assert self.flight is not None
+        number = next(self._numbered)
+        return self.flight.ask(Intent(f"swap-{number}", Action.SWAP, name, "page", confirmed, pack))
+
+    def _network(self) -> Network:
+        return line_east(self.day.segments + 1)
+
+    def _radio(self, name: str, sysid: int) -> MemoryRadio:
+        self.return_m = self._setup.return_height_m(name)  # as the flight would have set it
+        return super()._radio(name, sysid)
+
+    def _context(self, facts: Mapping[str, Facts]) -> tuple[Context, dict[str, OnBoard | None]]:
+        context, self._boards = super()._context(facts)
+        known = {label: replace(HISTORY, label=label) for label in self.day.budgets_pct}
+        setups = {
+            name: replace(
+                setup,
+                packs={
+                    label: replace(setup, budget_pct=self.day.budgets_pct[label], history=known[label])
+                    for label in known
+                },
+            )
+            for name, setup in context.vehicles.items()
+        }
+        context = replace(context, vehicles=setups)
+        if self.day.ruled:
+            everybody = tuple(context.vehicles)
+            windows = dict.fromkeys(everybody, self.day.windows_s)
+            context = replace(context, day=DayRules(STAGGER_S, dict.fromkeys(everybody, "depot"), windows))
+        return context, self._boards
+
+    def _initial(self, boards: Mapping[str, OnBoard | None]) -> FleetState:
+        if not self.day.ruled:
+            return fleet.initial(boards)
+        sorties = {name: (visits, *self.day.later.get(name, ())) for name, visits in self.day.first.items()}
+        ahead = {name: tuple(SortieAhead(one, 0.0) for one in own) for name, own in sorties.items()}
+        return fleet.initial(boards, ahead=ahead)
+
+    async def _live(self) -> None:
+        await live(self.radios.values(), self._lived, every_s=0.1)
+
+    async def _run(self, flight: Flight, until_s: float) -> float | None:
+        if self.day.dies is None:
+            return await super()._run(flight, until_s)
+        flying = asyncio.create_task(flight.run())
+        await self._died.wait()
+        flying.cancel()
+        await asyncio.gather(flying, return_exceptions=True)
+        self.flight = None
+        await asyncio.sleep(AWAY_S)
+        self.flight = Flight(
+            flight.context, self._by_the_log(flight.context), {name: one.link for name, one in self.radios.items()},
+            self.clock, self.sink, self.solver, flight_observer(self.said),
+        )  # fmt: skip
+        async with asyncio.timeout_at(until_s):
+            await self.flight.run(Reopened(0.0, AWAY_S, ()), 10.0)
+        return self.now_s
+
+    def _by_the_log(self, context: Context) -> FleetState:
+        """Return the state that the log gives, as it is written and read again."""
+        state = self._initial(self._boards)
+        for now_s, event in self.sink.written:
+            state, _ = fleet.step(context, state, from_plain(json.loads(json.dumps(to_plain(event)))), now_s)
+        return state
+
+    def _happen(self) -> None:
+        super()._happen()
+        if self.day.dies is not None and self.day.dies(self):
+            self._died.set()
+
+    def _look(self) -> None:
+        super()._look()
+        for name in self.radios:
+            self._attend(name)
+
+    def _attend(self, name: str) -> None:
+        """Go to a vehicle that waits on its base, change its pack, and say so while it boots."""
+        turn = self.state.vehicles[name].turn
+        waits = turnaround.serves(self.state.vehicles[name]) and turn.asked_s is None and turn.sorties
+        since_s = self._rests_s.setdefault(name, self.now_s) if waits else self._rests_s.pop(name, self.now_s)
+        if name in self._changed:
+            changed_s, pack = self._changed[name]
+            if self.day.crew.confirms and waits and self.now_s - changed_s >= CONNECTED_S:
+                del self._changed[name]
+                self.asked.append(self.swap(name, pack))
+        elif waits and self._packs and self.now_s - since_s >= BESIDE_S:
+            pack, held_pct = self._packs.pop(0)
+            self.vehicle(name).befall(parse_fault(f"{name}:pack={held_pct:g}@0s"))
+            self._changed[name] = self.now_s, pack
+
+
+def flight_observer(said: list[tuple[float, Say]]) -> Observer:
+    """Return who keeps the lines of a flight."""
+    return Observer(lambda line, at_s: said.append((at_s, line)), lambda *_: None)
+
+
+async def day_flown(day: Day, autopilot: str) -> tuple[DaySky, Flown]:
+    """Fly a day on one of the dialects."""
+    sky = DaySky(day, autopilot)
+    return sky, await sky.fly()

@@ -1,0 +1,98 @@
+"""A day plan as it is flown: what flies first, what is ahead, the rules; what does not belong is refused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+
+import pytest
+
+from executor.site.assembly import Ground
+from executor.site.dayflight import ahead_of, bases_m, day_rules, first_sorties, later_segments, sortie_lines
+from executor.site.sorties import DayWanted, planned_day, site_day
+from missions import DayPlanFile, PlanFileError, check_plan
+from planner import Iterations, segment_of
+from planner.sorties import Objective
+from tests.executor.builders import ground_for, site_of
+from tests.missions.builders import line_east
+
+HOURS = {"begin": "08:00", "end": "10:00", "quiet": [{"begin": "09:00", "end": "09:30"}]}
+BATTERY = {"capacity_ah": 1.2}
+
+
+def ground_of(**tables: Mapping[str, object]) -> Ground:
+    return ground_for(site_of(("uav1", "uav2"), day=HOURS, energy=BATTERY, **tables), line_east(13))
+
+
+@pytest.fixture(scope="module")
+def ground() -> Ground:
+    return ground_of()
+
+
+@pytest.fixture(scope="module")
+def day(ground: Ground) -> DayPlanFile:
+    """A day of several sorties each."""
+    found = planned_day(site_day(ground), DayWanted(Objective.FINISH, Iterations(2000), 1, 1))
+    assert not found.plan.uncovered
+    assert max(map(len, found.plan.sorties)) >= 2
+    return replace(found, source="day.json")
+
+
+def test_the_first_sorties_are_the_plan_and_the_others_wait_behind_them(ground: Ground, day: DayPlanFile) -> None:
+    plan, ahead = first_sorties(day, ground), ahead_of(day)
+    assert not [line for line in check_plan(plan, search_window=False) if "uncovered" in line]
+    task = plan.task()
+    routes = task.plan_to_network(plan.plan).routes
+    for name, route in zip(ground.names, routes, strict=True):
+        assert route.visits == (ahead[name][0].visits if ahead[name] else ())
+    everything = [segment_of(visit) for own in ahead.values() for one in own for visit in one.visits]
+    assert sorted(everything) == list(range(12))
+    first = {segment_of(visit) for route in routes for visit in route.visits}
+    assert later_segments(day) == set(range(12)) - first == {plan.segments[one].id for one in plan.plan.uncovered}
+    assert min(one.start_s for own in ahead.values() for one in own) == 0.0
+    assert [line.partition(":")[0] for line in sortie_lines(day)] == [
+        name for name, own in ahead.items() if len(own) > 1
+    ]
+
+
+def test_the_days_clock_begins_with_its_first_take_off(ground: Ground, day: DayPlanFile) -> None:
+    rules = day_rules(day)
+    assert rules.bases == {"uav1": "depot", "uav2": "depot"}
+    assert rules.stagger_s == 30.0
+    assert rules.windows_s["uav1"] == ((0.0, 3600.0), (5400.0, 7200.0))
+    assert rules.ends_s == 7200.0
+    assert bases_m(day, ground.network.frame)["uav1"] == pytest.approx((0.0, 0.0), abs=0.01)
+
+
+def refused(day: DayPlanFile, ground: Ground) -> str:
+    with pytest.raises(PlanFileError) as error:
+        first_sorties(day, ground)
+    text = str(error.value)
+    assert "\n" not in text
+    assert text.startswith("day.json: ")
+    return text
+
+
+def test_a_day_of_other_vehicles_is_refused(day: DayPlanFile) -> None:
+    other = ground_for(site_of(("uav1", "uav3"), day=HOURS, energy=BATTERY), line_east(13))
+    assert "vehicles: expected uav1, uav3 as in the site" in refused(day, other)
+
+
+def test_a_day_of_another_line_is_refused(day: DayPlanFile) -> None:
+    other = ground_for(site_of(("uav1", "uav2"), day=HOURS, energy=BATTERY), line_east(5))
+    assert re.search("expected one of the site's 4 segments", refused(day, other))
+
+
+def test_a_day_whose_figures_are_not_its_own_is_refused(ground: Ground, day: DayPlanFile) -> None:
+    wrong = replace(day, evaluation=replace(day.evaluation, finish_s=1.0))
+    assert "finish_s is 1, its content gives" in refused(wrong, ground)
+
+
+def test_a_day_goes_on_with_what_another_one_left(ground: Ground) -> None:
+    left = (2, 7, 9)
+    found = planned_day(site_day(ground, left), DayWanted(Objective.FINISH, Iterations(500), 1, 1))
+    assert [segment.id for segment in found.segments] == list(left)
+    flown = {segment_of(visit) for own in ahead_of(found).values() for one in own for visit in one.visits}
+    assert flown == set(left)
+    assert {segment.id for segment in first_sorties(found, ground).segments} == set(left)
