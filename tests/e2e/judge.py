@@ -15,6 +15,10 @@ import numpy as np
 from tests.e2e.tlog import messages
 
 Place = tuple[float, float]
+BOOTED_S = 10.0
+"""A clock that goes back by more than this began anew; frames overtake each other by less."""
+APART_S = 1e5
+"""Between the clocks of two boots: nothing is flown from one into the other."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,10 @@ def logs_of(run: Path, name: str) -> list[Path]:
 
 
 def positions_of(logs: list[Path], depot_deg: Place) -> np.ndarray:
-    """(n, 4): seconds by the vehicle's clock, east, north, height; by a flat-earth formula about the depot."""
+    """(n, 4): seconds by the vehicle's clock, east, north, height; by a flat-earth formula about the depot.
+
+    A vehicle whose pack is changed boots anew, so that its clock begins again.
+    """
     rows = []
     latitude = math.radians(depot_deg[0])
     north_m = 111132.954 - 559.822 * math.cos(2 * latitude) + 1.175 * math.cos(4 * latitude)
@@ -57,6 +64,7 @@ def positions_of(logs: list[Path], depot_deg: Place) -> np.ndarray:
             message.relative_alt / 1e3,
         ))  # fmt: skip
     times = np.array(rows)
+    times[1:, 0] += APART_S * np.cumsum(np.diff(times[:, 0]) < -BOOTED_S)
     keep = np.concatenate(([True], np.diff(np.maximum.accumulate(times[:, 0])) > 0))
     return times[keep]
 

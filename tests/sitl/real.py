@@ -7,9 +7,10 @@ import os
 import signal
 import socket
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -47,6 +48,9 @@ RELAYED = 1000
 """How far above its own port a vehicle with a relay is heard."""
 START_REAL_S = 60.0
 
+Started = tuple[subprocess.Popen[bytes], OtherLink]
+"""A running process, and another link to it."""
+
 
 @dataclass(frozen=True)
 class Autopilot:
@@ -76,14 +80,23 @@ SOON_HOME: Mapping[Autopilot, Mapping[str, float]] = {
 """Their patience is eight seconds, then they come home."""
 
 
-@dataclass(frozen=True)
 class RealVehicle:
     """A running autopilot."""
 
-    process: subprocess.Popen[bytes]
-    sysid: int
-    other: OtherLink
-    relay: Relay | None
+    def __init__(self, sysid: int, start: Callable[[], Started], relay: Relay | None) -> None:
+        """Start it."""
+        self.sysid, self.relay = sysid, relay
+        self._start = start
+        self.process, self.other = start()
+
+    def end(self) -> None:
+        """Take its power away."""
+        _end(self.process)
+        self.other.close()
+
+    def begin_again(self) -> None:
+        """Give it power again: with a full pack, on its pad, with the parameters that it keeps."""
+        self.process, self.other = self._start()
 
     def suspend(self) -> None:
         """Fall silent, as a vehicle whose link is gone for good."""
@@ -151,10 +164,9 @@ def running(autopilot: Autopilot, binary: Path, work: Path, wanted: Wanted) -> I
             if name in wanted.relayed:
                 port = autopilot.port + number
                 relay = stack.enter_context(Relay(port, port + RELAYED).running())
-            process, other = start(str(binary), number, pad, wanted, work / name)
-            stack.callback(_end, process)
-            stack.callback(other.close)
-            vehicles[name] = RealVehicle(process, number + 1, other, relay)
+            beginning = partial(start, str(binary), number, pad, wanted, work / name)
+            vehicles[name] = RealVehicle(number + 1, beginning, relay)
+            stack.callback(vehicles[name].end)
         if autopilot is PX4:
             # Its start script has figures of its own, so these are set once it has run.
             for vehicle in vehicles.values():
@@ -163,9 +175,7 @@ def running(autopilot: Autopilot, binary: Path, work: Path, wanted: Wanted) -> I
         yield vehicles
 
 
-def _copter(
-    binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path
-) -> tuple[subprocess.Popen[bytes], OtherLink]:
+def _copter(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) -> Started:
     parameters = folder.with_suffix(".parm")
     parameters.write_text(
         "".join(f"{name} {value}\n" for name, value in {**COPTER_PARAMETERS, **wanted.settings}.items())
@@ -173,7 +183,7 @@ def _copter(
     lat_deg, lon_deg = wanted.frame.to_wgs84_deg(pad.east_m, pad.north_m)
     model = "quad"
     if wanted.pack_ah is not None:
-        folder.mkdir()
+        folder.mkdir(exist_ok=True)
         (folder / MODEL).write_text(json.dumps({"battCapacityAh": wanted.pack_ah, "maxVoltage": 12.6}))
         model = f"quad:{MODEL}"
     command = [
@@ -184,7 +194,7 @@ def _copter(
     return _start(command, folder, {}), OtherLink(socket.SOCK_STREAM, 5762 + 10 * number, bytewise=False)
 
 
-def _px4(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) -> tuple[subprocess.Popen[bytes], OtherLink]:
+def _px4(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) -> Started:
     lat_deg, lon_deg = wanted.frame.to_wgs84_deg(pad.east_m, pad.north_m)
     place = {"PX4_HOME_LAT": f"{lat_deg:.7f}", "PX4_HOME_LON": f"{lon_deg:.7f}", "PX4_HOME_ALT": str(pad.alt_m)}
     speed = {"PX4_SIM_SPEED_FACTOR": f"{wanted.speedup:g}"}
@@ -196,7 +206,7 @@ def _px4(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) -> tu
 
 def _start(command: list[str], folder: Path, environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
     folder.mkdir(exist_ok=True)
-    with (folder / "out.txt").open("wb") as output:
+    with (folder / "out.txt").open("ab") as output:
         return subprocess.Popen(
             command,
             cwd=folder,
