@@ -262,6 +262,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/core/sorties.py",
         "executor/runtime/examination.py",
     ),
+    "tests/executor/bench/test_distance.py": ("executor/bench/distancepage.py",),
     "tests/executor/bench/test_prediction.py": ("executor/bench/predictionpage.py",),
     "tests/executor/bench/test_failures.py": (
         "executor/bench/failurespage.py",

@@ -367,5 +367,6 @@ def detection(
 
 cli.command()(bench_flights.prediction)
 cli.command()(bench_flights.window)
+cli.command()(bench_flights.distance)
 cli.command()(bench_failures.failures)
 cli.command()(bench_day.day)

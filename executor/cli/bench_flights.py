@@ -1,4 +1,4 @@
-"""The commands `faultline bench prediction` and `window`: whole flights in virtual time."""
+"""The commands `faultline bench prediction`, `window` and `distance`: whole flights in virtual time."""
 
 from __future__ import annotations
 
@@ -169,6 +169,44 @@ def window(
         print_window(content)
     kept = content["finished_after"] == content["losses_after"] and content["unnamed_before"] == 0
     raise typer.Exit(0 if kept else 1)
+
+
+def distance(
+    flights: Annotated[int, typer.Option(min=1, help="Flights of 3 to 8 vehicles.")] = 100,
+    seed: SeedOption = 1,
+    autopilot: Annotated[
+        AutopilotName | None, typer.Option(help="Autopilot that the simulated vehicles behave like; by default both.")
+    ] = None,
+    jobs: JobsOption = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write distance.md and distance.json there.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly fleets at the asked distance with faults, and measure where they truly inspect and how near they come.
+
+    The site says `same_distance`; vehicles are late, crash, fall silent and are brought home by pilots, in virtual
+    time. The same seed gives the same figures for any number of processes. Exit 1 if two vehicles came nearer than
+    promised, if a segment was inspected elsewhere than said, or if a flight could not be flown.
+    """
+    from executor.bench.distance import measure_distance
+    from executor.bench.distancepage import distance_document, keep_distance, print_distance
+    from executor.bench.machine import cores
+    from executor.bench.progress import ShownProgress
+
+    autopilots = [one.value for one in (AutopilotName if autopilot is None else [autopilot])]
+    with ShownProgress() as shown:
+        flown = measure_distance(flights, seed, autopilots, jobs or cores(), partial(shown.told, "flights"))
+    asked = [] if autopilot is None else ["--autopilot", autopilot.value]
+    command = shlex.join(["faultline", "bench", "distance", *asked, "--flights", str(flights), "--seed", str(seed)])
+    content = distance_document(flown, command, seed)
+    if out is not None:
+        keep_distance(content, out)
+    if as_json:
+        print(json.dumps(content))
+    else:
+        print_distance(content)
+    raise typer.Exit(1 if content["too_near"] or content["off"] or content["not_flown"] else 0)
 
 
 def _repeated(option: str, values: Sequence[float]) -> list[str]:

@@ -29,6 +29,7 @@ def virtual_ground(
     *,
     wind_m_s: tuple[float, float] = (0.0, 0.0),
     capacity_ah: float | None = None,
+    same_distance: bool = False,
 ) -> Ground:
     """Return what is known of a simulated fleet over a network before anybody flies.
 
@@ -41,6 +42,7 @@ def virtual_ground(
         autopilot: Which they all have.
         wind_m_s: Where the air moves to, east and north.
         capacity_ah: Of the batteries; None for the usual ones.
+        same_distance: Whether everybody inspects at the asked distance where nobody else's way crosses.
 
     Raises:
         MissionsError: the network cannot be used.
@@ -50,7 +52,9 @@ def virtual_ground(
         network=network, radius_m=radius_m or EVERYTHING_M, vehicles=vehicles, speedup=1.0, autopilot=autopilot,
         ports=range(FIRST_PORT, FIRST_PORT + vehicles),
     )  # fmt: skip
-    inspection: dict[str, object] = {"ceiling_m": SIMULATED_CEILING_M, "wind_m_s": wind_m_s}
+    inspection: dict[str, object] = {
+        "ceiling_m": SIMULATED_CEILING_M, "wind_m_s": wind_m_s, "same_distance": same_distance
+    }  # fmt: skip
     if not _has_heights(network, content.get("depot")):
         inspection["heights"] = "flat"
     content["inspection"] = inspection
