@@ -494,7 +494,10 @@ class Judge:
         """Return how it came down; a motor that stops where it stands after its landing is no fall."""
         ends: list[str] = []
         falls = True
+        first_s = min((one.t_s for one in self.happened(name, "took_off")), default=math.inf)
         for one in self.happened(name, "kill", "crash", f"fault {name}:crash", "on_pad", "landed", "fell"):
+            if one.what == "fell" and one.t_s < first_s:
+                falls = False  # its motors stopped as they began to lift it
             if one.what not in {"on_pad", "landed", "fell"}:
                 falls = one.up_m is None or one.up_m > FALLS_FROM_M
             if one.what == "on_pad" and not self.armed(name, one.t_s - 0.1):

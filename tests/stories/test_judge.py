@@ -104,6 +104,11 @@ def test_a_landing_that_was_none() -> None:
     assert rules(said(flown(*BEGUN, *ENDED), 200.0, "uav1: landed with 90 %")) == ["line"]
 
 
+def test_motors_that_stop_before_the_take_off_leave_it_on_its_pad() -> None:
+    emptied = flown((8.0, "armed"), (13.4, "fault uav1:battery-step=36@0s"), (13.7, "fell"), (13.7, "disarmed"))
+    assert rules(said(emptied, 14.0, "uav1: landed with 90 %")) == []
+
+
 def test_who_comes_down_elsewhere_is_announced_with_its_place() -> None:
     silent = flown(*BEGUN, *ENDED, away=True)
     assert rules(silent) == ["elsewhere"]
