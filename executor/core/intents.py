@@ -39,11 +39,13 @@ class Action(Enum):
     """Plan everything anew that is still to be flown."""
     PROVE = "prove"
     """Fly again, for proof, what counts as inspected by evidence alone, and look again at what was flown but not
-    seen."""
+    seen; or look again at one span or pylon, whatever is known of it."""
     ABORT = "abort"
     """Everybody returns."""
 
 
+MOST_ASSET = 128
+"""Letters of an asset's name that an intent may hold."""
 PACK = r"^[A-Za-z0-9._:#/-]{0,32}$"
 """What the id of a pack is made of."""
 FOR_ALL = frozenset({Action.REPLAN, Action.PROVE, Action.ABORT, Action.PREPARE, Action.TAKE_OFF})
@@ -149,6 +151,10 @@ class IntentReason(StrEnum):
     """No vehicle is on a mission, or can take a new route."""
     NOTHING_TO_PLAN = "nothing_to_plan"
     """No segment is open."""
+    ASSET_UNKNOWN = "asset_unknown"
+    """It names a span or pylon that is not in the plan."""
+    ASSET_OPEN = "asset_open"
+    """The span or pylon that it names is still to be flown as it is."""
     OVERTAKEN = "overtaken"
     """The vehicle did something else before it answered."""
     UNANSWERED = "unanswered"
@@ -170,6 +176,8 @@ class Intent:
     """Whether who asks has answered the second question, where there is one."""
     pack: str = ""
     """The id of the pack that is put in, for a swap; empty if nobody says."""
+    asset: str = ""
+    """The span or pylon that is to be looked at again, by its name, for `prove`; empty for all that is in doubt."""
 
 
 @dataclass(frozen=True, slots=True)

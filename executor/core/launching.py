@@ -45,6 +45,10 @@ def launch(context: Context, state: FleetState, now_s: float) -> Stepped:
             continue
         own = {segment_of(visit) for visit in vehicle.assignment.board.visits}
         planned |= own
+        if vehicle.sortie.rebooted_s is not None:
+            why = "its autopilot has rebooted since its checks"
+            commands.append(Say(Level.WARNING, f"{vehicle.name}: not started: {why}; swap when it is well"))
+            continue
         if context.day is not None:
             continue  # one after the other, each when its base has a slot for it
         if vehicle.armed:
@@ -104,7 +108,7 @@ def started(context: Context, state: FleetState, event: StartEnded, now_s: float
     asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
     stopped = (vehicle.sortie.armed_once or event.armed) and not vehicle.armed
     may = context.fly_again is FlyAgain.AUTO or (now_s - asked_s < START_WINDOW_S and not stopped)
-    may = may and event.code not in {Ending.MODE_CHANGED, Ending.STOOD_STILL}
+    may = may and event.code not in {Ending.MODE_CHANGED, Ending.STOOD_STILL} and vehicle.sortie.rebooted_s is None
     if vehicle.assignment.failures + 1 < RETRIES and may and _waits_on_its_pad(context, vehicle, event, now_s):
         vehicle = replace(
             vehicle,

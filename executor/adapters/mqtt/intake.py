@@ -16,7 +16,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 from executor.adapters.mqtt.broker import IntakeRules
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.commands import Level
-from executor.core.intents import FOR_ALL, PACK, Action, Intent
+from executor.core.intents import FOR_ALL, MOST_ASSET, PACK, Action, Intent
 from missions import first_reason
 
 MOST_BYTES = 4096
@@ -67,6 +67,8 @@ class IntentMessage(BaseModel):
     """Whether the second question was answered with yes, which an acknowledgement asked."""
     pack: Annotated[str, Field(pattern=PACK)] = ""
     """The id of the pack that was put in, for `swap`; left out where packs have none."""
+    asset: Annotated[str, Field(max_length=MOST_ASSET)] = ""
+    """The span or pylon that `prove` looks at again, by its name in the plan; left out for all that is in doubt."""
     token: Annotated[str, Field(max_length=256)] | None = None
     """Needed where the site names one."""
 
@@ -77,6 +79,8 @@ class IntentMessage(BaseModel):
             raise ValueError(f"vehicle: expected none, as {self.action} is for all of them")
         if self.pack and self.action != "swap":
             raise ValueError(f"pack: expected none, as {self.action} changes none")
+        if self.asset and self.action != "prove":
+            raise ValueError(f"asset: expected none, as {self.action} looks at none again")
         if not everybody and self.vehicle is None:
             raise ValueError(f"vehicle: expected a name, as {self.action} is for one of them")
         return self
@@ -118,7 +122,9 @@ def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retain
     if objection is not None:
         code, why = objection
         return RefusedMessage(message.id, why, code)
-    return Intent(message.id, Action(message.action), message.vehicle, SOURCE, message.confirmed, message.pack)
+    return Intent(
+        message.id, Action(message.action), message.vehicle, SOURCE, message.confirmed, message.pack, message.asset
+    )
 
 
 def _objection(

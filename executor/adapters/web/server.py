@@ -34,7 +34,7 @@ from executor.adapters.web.guard import Guard
 from executor.adapters.web.present import Describe, Now, Present
 from executor.adapters.web.stream import EventStream, Newest
 from executor.core.context import Context
-from executor.core.intents import PACK, Action, Intent, IntentRecord, Outcome
+from executor.core.intents import MOST_ASSET, PACK, Action, Intent, IntentRecord, Outcome
 from executor.core.view import fleet_view
 from executor.errors import ConnectionFailed
 from executor.supervised import WAITS_S, beside
@@ -123,6 +123,7 @@ class _Wish(BaseModel):
     vehicle: Annotated[str, Field(min_length=1, max_length=32)] | None = None
     confirmed: bool = False
     pack: Annotated[str, Field(pattern=PACK)] = ""
+    asset: Annotated[str, Field(max_length=MOST_ASSET)] = ""
 
 
 _uvicorn_log = logging.getLogger("uvicorn.error")
@@ -326,7 +327,7 @@ class WebServer:
             return PlainTextResponse("the body did not come", 400)
         except ValidationError as error:
             return PlainTextResponse(first_reason(error), 422)
-        intent = Intent(wish.id, Action(wish.action), wish.vehicle, "page", wish.confirmed, wish.pack)
+        intent = Intent(wish.id, Action(wish.action), wish.vehicle, "page", wish.confirmed, wish.pack, wish.asset)
         try:
             async with asyncio.timeout(ANSWER_S):
                 record = await asyncio.wrap_future(self._submit(intent))

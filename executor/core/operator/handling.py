@@ -21,7 +21,7 @@ from executor.core.replan.wording import listed
 from executor.core.roster import takeover, turnaround
 from executor.core.roster.service import back_in_service, cleared
 from executor.core.roster.withdraw import declare, left_plan, withdrawn
-from executor.core.seeing import proof
+from executor.core.seeing import again
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
 
@@ -271,20 +271,11 @@ def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -
 
 
 def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
-    again = state.coverage.unproven() | proof.missed(context, state)
-    inspected = {segment: by for segment, by in state.coverage.inspected.items() if segment not in again}
-    flown = {segment: how for segment, how in state.coverage.flown.items() if segment not in again}
-    trigger = f"{intent.source} asks for proof"
-    coverage = replace(
-        state.coverage,
-        inspected=MappingProxyType(inspected),
-        flown=MappingProxyType(flown),
-        inferred=state.coverage.inferred - again,
-        given_up=state.coverage.given_up - again,
-        caught=MappingProxyType({one: seen for one, seen in state.coverage.caught.items() if one not in again}),
-    )
+    segments = again.to_look_again(context, state, intent.asset)
+    coverage = again.opened_again(state.coverage, segments, anew=bool(intent.asset))
+    trigger = f"{intent.source} asks for {'another look' if intent.asset else 'proof'}"
     known = replace(state.replanning, ordered=True, trigger=trigger, trigger_s=now_s)
-    text = f"{listed(context, again)} flown again for proof"
+    text = f"{listed(context, segments)} flown again{'' if intent.asset else ' for proof'}"
     return _Ordered(replace(state, coverage=coverage, replanning=known), text, open=True)
 
 

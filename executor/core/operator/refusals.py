@@ -15,7 +15,7 @@ from executor.core.places import where
 from executor.core.replan import replanning, survivors
 from executor.core.roster import turnaround
 from executor.core.roster.offers import open_segments
-from executor.core.seeing import proof
+from executor.core.seeing import again
 from executor.core.setups import setup_now
 from executor.core.state import FleetState
 from executor.core.vehicle import IN_THE_AIR, Stage, VehicleState
@@ -48,7 +48,7 @@ def reason(context: Context, state: FleetState, intent: Intent, now_s: float) ->
     if intent.action in FOR_ALL:
         if intent.vehicle is not None:
             return IntentReason.VEHICLE_UNEXPECTED, f"{intent.action.value} is for the whole fleet; expected no vehicle"
-        return _FLEET[intent.action](context, state, now_s)
+        return _FLEET[intent.action](context, state, intent, now_s)
     if intent.vehicle is None:
         return (
             IntentReason.VEHICLE_MISSING,
@@ -248,7 +248,7 @@ def _disarm(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
     return _silent(vehicle, context, now_s)
 
 
-def _replan(context: Context, state: FleetState, now_s: float) -> Why:
+def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -> Why:  # noqa: ARG001
     if state.progress.recalled:
         return IntentReason.ABORTED, "the flight was aborted"
     if state.replanning.replan is not None or state.replanning.ordered:
@@ -263,14 +263,14 @@ def _replan(context: Context, state: FleetState, now_s: float) -> Why:
     return None
 
 
-def _prove(context: Context, state: FleetState, now_s: float) -> Why:
-    if not state.coverage.unproven() | proof.missed(context, state):
-        return IntentReason.NOTHING_TO_PLAN, "every segment that counts was proven by positions"
-    why = _replan(context, state, now_s)
+def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) -> Why:
+    if why := again.not_again(context, state, intent.asset):
+        return why
+    why = _replan(context, state, intent, now_s)
     return None if why is not None and why[0] is IntentReason.NOTHING_TO_PLAN else why
 
 
-def _abort(context: Context, state: FleetState, now_s: float) -> Why:
+def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) -> Why:  # noqa: ARG001
     flies = any(vehicle.stage in {Stage.STARTING, Stage.FLYING} for vehicle in state.vehicles.values())
     if not flies and state.crew.offer is None and not turnaround.awaited(context, state, now_s):
         return IntentReason.NO_VEHICLE, "no vehicle is on a mission"
@@ -287,6 +287,6 @@ _VEHICLE: Mapping[Action, Callable[[Context, FleetState, VehicleState, float], W
     Action.SWAP: _swap,
     Action.DISARM: _disarm,
 }
-_FLEET: Mapping[Action, Callable[[Context, FleetState, float], Why]] = {
+_FLEET: Mapping[Action, Callable[[Context, FleetState, Intent, float], Why]] = {
     Action.REPLAN: _replan, Action.PROVE: _prove, Action.ABORT: _abort,
 }  # fmt: skip

@@ -40,6 +40,8 @@ READY_S = 90.0
 """So long after the crew's word a vehicle may take to be ready: it boots, finds its place and settles."""
 LATE_S = 30.0
 """An examination that has not come to its end so much later than that never will."""
+PLACELESS_S = 10.0
+"""Who says so long not where it is may have rebooted: ArduPilot sends only heartbeats then until it is asked."""
 LEAST_SPARE_PCT = 5.0
 """A pack with less than this over the reserve is not worth a sortie."""
 _ON_BASE = frozenset({Stage.GROUND, Stage.LANDED})
@@ -132,7 +134,8 @@ def _solved(context: Context, state: FleetState, event: SolveEnded, now_s: float
 def lined_up(context: Context, state: FleetState, now_s: float) -> FleetState:
     """Return the state at the launch of a day: the crew's yes is for every first sortie that may begin now."""
     for vehicle in state.vehicles.values():
-        if sortie_ahead(state, vehicle) and not vehicle.armed and not out_of_hours(context, state, vehicle, now_s):
+        stays = vehicle.armed or vehicle.sortie.rebooted_s is not None
+        if sortie_ahead(state, vehicle) and not stays and not out_of_hours(context, state, vehicle, now_s):
             turn = replace(vehicle.turn, asked_s=now_s, ready_s=now_s)
             state = state.put(replace(vehicle, turn=turn))
     return state
@@ -213,7 +216,7 @@ def sortie_ahead(state: FleetState, vehicle: VehicleState) -> tuple[int, ...]:
 
 def ahead_words(context: Context, state: FleetState, vehicle: VehicleState) -> str:
     """Return what a vehicle on its base waits for; empty where a day has nothing for it."""
-    if context.day is None or not serves(vehicle):
+    if context.day is None or state.progress.launched_s is None or not serves(vehicle):
         return ""
     visits = sortie_ahead(state, vehicle)
     open_ = len(visits) or len(unplanned(context, state) - vehicle.turn.beyond)
@@ -302,8 +305,10 @@ def _pursued(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
     if over := _over(state, vehicle, now_s):
         code, why = over
         return _ended(state, vehicle, code, why, now_s)
-    # The first report of a battery after the launch comes in a moment.
-    busy = plan is not None or now_s < state.replanning.wait_until_s or vehicle.power.battery.remaining_pct is None
+    # The first reports after the launch come in a moment.
+    placed = _placed_s(vehicle) >= now_s - context.limits.link_stale_s
+    unknown = vehicle.power.battery.remaining_pct is None or not placed
+    busy = plan is not None or now_s < state.replanning.wait_until_s or unknown
     if turn.ready_s is None or busy or not _slot_free(context, state, vehicle, now_s):
         return state, ()
     return _given(context, state, vehicle, turn.ready_s, now_s)
@@ -316,12 +321,21 @@ def _over(state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[Inten
         return IntentReason.ABORTED, "the flight was aborted"
     if vehicle.stage not in _ON_BASE or vehicle.armed or in_other_hands(vehicle) or vehicle.orders.excluded:
         return IntentReason.OVERTAKEN, f"it is {vehicle.stage.value} now"
+    if turn.ready_s is not None and (vehicle.sortie.rebooted_s or -math.inf) > turn.ready_s:
+        return IntentReason.NOT_READY, "its autopilot has rebooted since its checks"
+    if turn.ready_s is not None and now_s - max(turn.ready_s, _placed_s(vehicle)) > PLACELESS_S:
+        return IntentReason.NOT_READY, f"no position for {PLACELESS_S:g} s: it may have rebooted since its checks"
     if turn.ready_s is None and now_s - (turn.asked_s or now_s) > READY_S + LATE_S:
         return IntentReason.UNANSWERED, "its checks came to no end"
     if turn.ready_s is not None and now_s - turn.ready_s > CLEARED_S:
         why = f"it could not start within {CLEARED_S:g} s, and its pad may not be clear any more"
         return IntentReason.OVERTAKEN, why
     return None
+
+
+def _placed_s(vehicle: VehicleState) -> float:
+    """Return when a vehicle last said where it is."""
+    return -math.inf if vehicle.motion.fix is None else vehicle.motion.fix.at_s
 
 
 def _slot_free(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:

@@ -42,7 +42,7 @@ LEFT = Say(Level.INFO, "left for the next sortie by the plan: segments 2, 3, 4, 
 ROWS = [
     Row(
         "a launch",
-        with_facts(READY, **USED),
+        with_facts(READY, **USED | {"rebooted_s": None}),
         LaunchOrdered(),
         [Start("uav1"), Start("uav2"), Start("uav3")],
         {
@@ -59,7 +59,6 @@ ROWS = [
                 "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
                 "errand": None,
-                "rebooted_s": None,
                 "away_once": False,
                 "carried": Carried(ours_s=NOW_S),
                 "owed": None,
@@ -115,6 +114,38 @@ ROWS = [
         {"launched_s": NOW_S},
         {"launched_s": None},
         context=PX4.context,
+    ),
+    Row(
+        "a launch without one whose autopilot has rebooted since its checks",
+        with_facts(READY, rebooted_s=NOW_S - 30.0),
+        LaunchOrdered(),
+        [
+            Say(
+                Level.WARNING,
+                "uav1: not started: its autopilot has rebooted since its checks; swap when it is well",
+            ),
+            Start("uav2"),
+            Start("uav3"),
+        ],
+        {
+            "uav1": {"excused_s": NOW_S},
+            "uav2": {
+                "stage": Stage.STARTING,
+                "ordered_mode_s": NOW_S,
+                "ordered_modes": frozenset({3, 4}),
+                "carried": Carried(ours_s=NOW_S),
+                "sorties": (SortieFlown(1, "", NOW_S, None, None),),
+            },
+            "uav3": {
+                "stage": Stage.STARTING,
+                "ordered_mode_s": NOW_S,
+                "ordered_modes": frozenset({3, 4}),
+                "carried": Carried(ours_s=NOW_S),
+                "sorties": (SortieFlown(1, "", NOW_S, None, None),),
+            },
+        },
+        {"given_up": frozenset({0, 1}), "launched_s": NOW_S},
+        {"launched_s": None},
     ),
     Row(
         "a launch without one that has no mission",

@@ -143,6 +143,21 @@ async def test_nobody_starts_without_the_crews_word_and_an_abort_ends_the_day() 
     assert set(flown.inspected) == {0, 1}
 
 
+@DIALECTS
+async def test_who_reboots_after_its_checks_is_looked_at_before_it_starts(autopilot: str) -> None:
+    """Its first sortie waits for the other's take-off; meanwhile somebody unplugs it."""
+    day = Day(
+        Crew({}), first={"uav1": (0, 2), "uav2": (4, 6)}, later={}, segments=4,
+        moments=(told(at(1), "uav2:reboot"), wants(at(60), Action.SWAP, "uav2")),
+    )  # fmt: skip
+    sky, flown = await day_flown(day, autopilot)
+    why = "(its autopilot|no position for 10 s: it may) (has|have) rebooted since its checks"
+    told_once(sky, f"uav2: stays on the ground: {why}; swap again when it is well")
+    told_once(sky, "uav2: its checks have passed")
+    assert starts(sky, "uav2") == 1
+    assert set(flown.inspected) == {0, 1, 2, 3}, "\n".join(sky.lines)
+
+
 async def test_a_vehicle_that_its_pilot_takes_in_its_turnaround_is_not_started() -> None:
     day = Day(
         Crew(GOOD), first={"uav1": (0, 2)}, later={"uav1": ((4, 6),)}, segments=4,
