@@ -18,7 +18,7 @@ from executor.core.vehicle import FaultCode
 from executor.core.view import OfferView, PositionView, ReplanView, VehicleView
 from missions.planjson import PlanDocument
 
-VERSION = "1.2.0"
+VERSION = "1.3.0"
 
 
 class Payload(BaseModel):
@@ -81,6 +81,8 @@ class FleetStateMessage(Payload):
     inspected: tuple[int, ...]
     uncovered: tuple[int, ...]
     """Given up: segments that nobody can inspect."""
+    missed: tuple[int, ...]
+    """Flown but not seen: pictures of them are missing."""
     replan: ReplanView | None
     """The re-plan under way."""
     all_silent: bool

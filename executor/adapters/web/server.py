@@ -50,6 +50,7 @@ START_S = 10.0
 FILES: Mapping[str, str] = {
     "page.css": "text/css; charset=utf-8",
     "page.js": "text/javascript; charset=utf-8",
+    "assets.js": "text/javascript; charset=utf-8",
     "map.js": "text/javascript; charset=utf-8",
     "strips.js": "text/javascript; charset=utf-8",
     "intents.js": "text/javascript; charset=utf-8",

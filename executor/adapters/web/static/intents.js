@@ -35,6 +35,12 @@ export class Intents {
     this.open({ heading: `${what}?`, meaning: this.meaning(action, vehicle), button: what }, { action, vehicle, what, confirmed: false });
   }
 
+  lookAgain(asset) {
+    const what = `Look again at ${asset}`;
+    const meaning = "It is open again, as if nobody had been there; a re-plan says who flies it.";
+    this.open({ heading: `${what}?`, meaning, button: what }, { action: "prove", vehicle: null, asset, what, confirmed: false });
+  }
+
   // The answer to what the flight itself asks.
   confirm(action, heading, meaning) {
     this.open({ heading, meaning, button: "Yes" }, { action, vehicle: null, what: label(action), confirmed: false });
@@ -69,12 +75,13 @@ export class Intents {
     return true;
   }
 
-  async send({ action, vehicle, what, confirmed, pack }) {
+  async send({ action, vehicle, what, confirmed, pack, asset }) {
     const id = Array.from(crypto.getRandomValues(new Uint8Array(12)), (byte) => byte.toString(16).padStart(2, "0")).join("");
     const wish = { id, action };
     if (vehicle) wish.vehicle = vehicle;
     if (confirmed) wish.confirmed = true;
     if (pack) wish.pack = pack;
+    if (asset) wish.asset = asset;
     const body = JSON.stringify(wish);
     this.tell(`${what}: asked`, "accepted");
     // The id makes it safe to send again: a wish is taken once.
@@ -85,7 +92,7 @@ export class Intents {
           this.tell(`${what}: ${await answer.text()}`, "failed");
           return;
         }
-        this.answered(await answer.json(), { action, vehicle, what, confirmed: true, pack });
+        this.answered(await answer.json(), { action, vehicle, what, confirmed: true, pack, asset });
         return;
       } catch {
         await new Promise((resolve) => setTimeout(resolve, 1000));

@@ -72,6 +72,15 @@ export class Chart {
     this.later();
   }
 
+  // Brings a segment to the middle, with its name.
+  point(segment) {
+    const [[e1, n1], [e2, n2]] = this.chart.segments_m[segment];
+    this.middle = [(e1 + e2) / 2, (n1 + n2) / 2];
+    this.named = segment;
+    this.fitted = false;
+    this.later();
+  }
+
   zoom(factor, at = [this.width / 2, this.height / 2]) {
     const before = this.metres(at);
     this.scale = Math.min(20, Math.max(0.005, this.scale * factor));

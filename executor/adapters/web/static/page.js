@@ -1,4 +1,5 @@
 // The page to fly by: takes the newest state from the server, shows it, and hands the operator's wishes back.
+import { Assets } from "./assets.js";
 import { Briefing } from "./briefing.js";
 import { Freshness, STALE_S } from "./freshness.js";
 import { Intents } from "./intents.js";
@@ -16,6 +17,7 @@ const ask = (action, vehicle) => intents.ask(action, vehicle);
 const strips = new Strips(byId("vehicles"), choose, ask);
 const briefing = new Briefing(intents);
 const offers = new Offers(ask);
+const assets = new Assets((segment) => chart.point(segment), (name) => intents.lookAgain(name));
 const freshness = new Freshness();
 const openedAt = performance.now();
 let state = null;
@@ -46,6 +48,7 @@ function show(next) {
   offers.show(next);
   strips.show(next);
   chart.show(next);
+  assets.show(next);
   showLines(next);
   intents.show(next);
   const idle = next.finished || next.recalled || next.flight_s === null;
@@ -122,6 +125,7 @@ async function loadChart(stamp) {
     if (answer.ok) {
       const content = await answer.json();
       strips.names = content.names;
+      assets.names = content.names;
       planned = content.window;
       if (state !== null) showPlanned(state);
       chart.load(content);
@@ -197,6 +201,7 @@ document.addEventListener("keydown", (event) => {
   else if (key === "-") chart.zoom(1 / 1.4);
   else if (key === "0") chart.fit();
   else if (key === "m") nextLayer();
+  else if (key === "v") assets.open();
   else return;
   event.preventDefault();
 });
@@ -212,6 +217,7 @@ byId("zoom").addEventListener("click", (event) => {
 });
 
 byId("layer").addEventListener("click", nextLayer);
+byId("list").addEventListener("click", () => assets.open());
 
 function nextLayer() {
   chart.ground.next();
