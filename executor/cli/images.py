@@ -46,7 +46,7 @@ def images(
     """Match the files of cameras to the pictures of a flight, by time and place; says what is missing."""
     need(Extra.IMAGES, "faultline images")
     from executor.images.exif import picture_files
-    from executor.images.pages import write_assets
+    from executor.images.pages import write_assets, write_into_report
 
     if not folder.is_dir():
         raise LogError(f"{folder}: no such folder; expected one with the files of cameras")
@@ -55,6 +55,7 @@ def images(
     placed = _placed(found.matches, write)
     write_files(run, COLUMNS, _rows(found))
     write_assets(RunDirectory(run).assets, index, found)
+    write_into_report(RunDirectory(run).page, index, found)
     if as_json:
         print(json.dumps(_document(found, placed)))
     elif not quiet:

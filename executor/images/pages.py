@@ -1,6 +1,7 @@
 """assets.html: a page for each asset with its pictures, what was asked of it, and what is missing; for the customer.
 
-It needs no network, no script and no other file: the thumbnails are inside. On paper each asset begins a new page.
+It needs no network, no script and no other file: the thumbnails are inside. On paper each asset begins a new page. The
+flight's own report.html is given some small ones of each asset, and leads there.
 """
 
 from __future__ import annotations
@@ -20,6 +21,13 @@ THUMBNAIL_PX = (320, 240)
 QUALITY = 70
 MOST = 60
 """Thumbnails of one asset; all of its pictures are in the table."""
+SMALL_PX = (160, 120)
+MOST_SMALL = 4
+"""Small thumbnails of one asset in report.html."""
+MOST_SMALL_BYTES = 12_000_000
+"""Of them all: a report is sent by mail."""
+BEGIN, END = "<!-- pictures -->", "<!-- end of pictures -->"
+"""About what is put into report.html."""
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1c1c1c; --paper: #ffffff; --rule: #cccccc; --faint: #5f5f5f; --good: #0b6b3a;
   --bad: #b01010; }
@@ -64,6 +72,42 @@ def assets_page(index: Index, found: Matching) -> str:
     )
 
 
+def write_into_report(path: Path, index: Index, found: Matching) -> None:
+    """Put small thumbnails of each asset into a flight's report.html, in the place of older ones; nothing without one.
+
+    Raises:
+        OSError: it cannot be read or written.
+    """
+    if path.is_file():
+        text = path.read_text(encoding="utf-8", errors="replace")
+        write_whole(path, with_pictures(text, index, found).encode("utf-8", errors="xmlcharrefreplace"))
+
+
+def with_pictures(report: str, index: Index, found: Matching) -> str:
+    """Return a report with the pictures of each asset at its end."""
+    before, _, rest = report.partition(BEGIN)
+    after = rest.partition(END)[2] if rest else ""
+    if not rest:
+        before, closing, end = report.rpartition("</body>")
+        after = closing + end
+    left, parts = MOST_SMALL_BYTES, []
+    for name in dict.fromkeys(row.asset for row in index.assets):
+        rows = [row for row in index.assets if row.asset == name]
+        matches = [match for match in found.matches if match.image.asset == name]
+        figures = "".join(_figures(matches[:MOST_SMALL], SMALL_PX)) if left > 0 else ""
+        left -= len(figures)
+        missing = "; ".join(row.missing for row in rows if row.missing)
+        words = f"{len(matches)} of {sum(row.asset == name for row in index.images)} pictures have a file"
+        words = f"{words}; missing: {missing}" if missing else words
+        kind = "bad" if missing else "facts"
+        parts.append(
+            f'<h3><a href="assets.html#{escape(name)}">{escape(name)}</a></h3>\n<p class="{kind}">{escape(words)}</p>\n'
+            f'<div style="display: flex; flex-wrap: wrap; gap: .5rem">{figures}</div>'
+        )
+    shown = "\n".join(parts)
+    return f"{before.rstrip()}\n{BEGIN}\n<h2>Pictures by asset</h2>\n{shown}\n{END}\n{after.lstrip()}"
+
+
 def _contents(seen: dict[str, list[AssetRow]]) -> str:
     rows = "".join(
         f'<tr><td><a href="#{escape(name)}">{escape(name)}</a></td><td>{escape(row.camera)}</td>'
@@ -97,12 +141,12 @@ def _asked(row: AssetRow) -> str:
     return f"{row.camera}: {row.take}{every}"
 
 
-def _figures(matches: Sequence[FileMatch]) -> Iterator[str]:
+def _figures(matches: Sequence[FileMatch], size_px: tuple[int, int] = THUMBNAIL_PX) -> Iterator[str]:
     for match in matches:
         image = match.image
         words = f"{image.viewpoint}, {image.vehicle}, {match.file.path.name}"
         flaw = f" ({image.flaw})" if image.flaw else ""
-        content = thumbnail(match.file.path)
+        content = thumbnail(match.file.path, size_px)
         shown = "no thumbnail" if content is None else (
             f'<img src="data:image/jpeg;base64,{b64encode(content).decode("ascii")}" alt="{escape(words)}">'
         )  # fmt: skip
@@ -110,13 +154,13 @@ def _figures(matches: Sequence[FileMatch]) -> Iterator[str]:
         yield f"<figure{kind}>{shown}<figcaption>{escape(words + flaw)}</figcaption></figure>"
 
 
-def thumbnail(path: Path) -> bytes | None:
+def thumbnail(path: Path, size_px: tuple[int, int]) -> bytes | None:
     """Return a picture made small, as JPEG; None where it cannot be read."""
     from PIL import Image
 
     try:
         with Image.open(path) as image:
-            image.thumbnail(THUMBNAIL_PX)
+            image.thumbnail(size_px)
             content = io.BytesIO()
             image.convert("RGB").save(content, "JPEG", quality=QUALITY)
     except (OSError, ValueError, SyntaxError):

@@ -112,6 +112,24 @@ async def test_the_command_says_what_is_missing_and_writes_places(
 
 @pytest.mark.asyncio
 @LOOPTIME
+async def test_the_report_shows_some_pictures_of_each_asset_once(tmp_path: Path) -> None:
+    folder, run = tmp_path / "cards", tmp_path / "run"
+    run.mkdir()
+    await flown(folder, run)
+    report = run / "report.html"
+    report.write_text("<!DOCTYPE html>\n<html><body>\n<h1>All were inspected.</h1>\n</body>\n</html>\n")
+    for _ in range(2):
+        assert await asyncio.to_thread(exit_code, "images", str(folder), "--run", str(run), "--quiet") == 0
+        page = report.read_text(encoding="utf-8")
+        assert page.count("Pictures by asset") == 1
+        assert page.count("<img") == 4 * 5
+        assert page.count('<a href="assets.html#') == 5
+        assert page.startswith("<!DOCTYPE html>\n<html><body>\n<h1>All were inspected.</h1>\n<!-- pictures -->")
+        assert page.endswith("<!-- end of pictures -->\n</body>\n</html>\n")
+
+
+@pytest.mark.asyncio
+@LOOPTIME
 async def test_the_index_is_a_table_a_map_and_a_database(tmp_path: Path) -> None:
     await flown(tmp_path / "cards", tmp_path)
     index = read_index(tmp_path)
