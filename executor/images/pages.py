@@ -95,6 +95,7 @@ def with_pictures(report: str, index: Index, found: Matching) -> str:
         rows = [row for row in index.assets if row.asset == name]
         matches = [match for match in found.matches if match.image.asset == name]
         figures = "".join(_figures(matches[:MOST_SMALL], SMALL_PX)) if left > 0 else ""
+        figures = figures.replace("<figure", f'<figure style="width: {SMALL_PX[0]}px; margin: 0"')
         left -= len(figures)
         missing = "; ".join(row.missing for row in rows if row.missing)
         words = f"{len(matches)} of {sum(row.asset == name for row in index.images)} pictures have a file"

@@ -68,7 +68,10 @@ class Crew:
         self.running[name].begin_again()
         await asyncio.sleep(STARTED_REAL_S)
         wish = {"id": f"swap-{pack}", "action": "swap", "vehicle": name, "pack": pack, "confirmed": True}
-        self.answers.append((await self.page.post("/intents", json=wish)).json())
+        answer = (await self.page.post("/intents", json=wish)).json()
+        if answer["code"] == "nothing_to_plan":
+            return  # somebody else has taken up what was open
+        self.answers.append(answer)
         self.changed.append((name, pack))
 
 
