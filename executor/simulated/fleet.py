@@ -16,7 +16,7 @@ from executor.simulator.faults import parse_fault
 from executor.simulator.fleet import run_fleet
 from executor.simulator.truth import Truth, TruthWriter
 from executor.simulator.vehicle import SimulatedVehicle
-from executor.site import assembly
+from executor.site import assembly, dayflight
 from executor.site.assembly import Ground
 from missions import dialect_for
 
@@ -41,11 +41,11 @@ def fleet_of(
     Raises:
         SimulatorError: a fault, or a connection, that cannot be simulated.
     """
-    setup = assembly.setup_of(ground)
+    setup, elsewhere = assembly.setup_of(ground), dayflight.morning_pads(ground)
     vehicles = []
     for number, table in enumerate(ground.site.vehicle):
         rule = dialect_for(table.autopilot).ground_station_failsafe
-        pad = setup.pad_of(table.name)
+        pad = elsewhere.get(table.name) or setup.pad_of(table.name)
         lat_deg, lon_deg = setup.frame.to_wgs84_deg(pad.east_m, pad.north_m)
         vehicles.append(
             SimVehicle(

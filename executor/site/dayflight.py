@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from executor.core.context import DayRules
 from executor.core.parts import SortieAhead
 from executor.core.words import count_of
@@ -13,10 +15,12 @@ from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.planning import SAME_PLACE_M, landed_fly_again, same_segments
 from executor.site.sorties import site_day
-from missions import DayPlanFile, LocalFrame, PlanFile, PlanFileError, check_day_plan, make_plan_file
+from missions import DayPlanFile, LocalFrame, Pad, PlanFile, PlanFileError, check_day_plan, make_plan_file, place_pads
 from planner import Cost, Plan, Route, is_reversed, segment_of, visit_of
 from planner.sorties import Sortie
 
+AT_DEPOT_M = 50.0
+"""A base nearer to the depot than this is the depot."""
 SAME_PCT = 1e-6
 """Budgets that differ by less are one."""
 
@@ -76,6 +80,29 @@ def bases_m(content: DayPlanFile, frame: LocalFrame) -> Mapping[str, tuple[float
     """Return where each vehicle's base is, local east and north."""
     places = content.places
     return {own.name: frame.to_local_m(places[own.base].lat_deg, places[own.base].lon_deg) for own in content.vehicles}
+
+
+def morning_pads(ground: Ground) -> Mapping[str, Pad]:
+    """Return where vehicles stand in the morning whose base is not the depot, and whose pad is not named.
+
+    Around each base they stand as they would around the depot; areas are not looked at.
+
+    Raises:
+        SiteError: a base cannot be used.
+        SafetyError: there is no room around a base.
+    """
+    setup, frame, found = ground.setup, ground.network.frame, dict[str, Pad]()
+    named = {table.name for table in ground.site.vehicle if table.pad is not None}
+    for place, table in zip(site_day(ground).places, ground.site.base, strict=False):
+        own = [name for name in table.vehicles if name not in named]
+        at_m = np.array(frame.to_local_m(place.lat_deg, place.lon_deg))
+        if not own or float(np.hypot(*at_m)) <= AT_DEPOT_M:
+            continue
+        pads = place_pads(own, setup.tracks_m - at_m, layer_m=setup.inspection.layer_m, alt_m=place.alt_m)
+        for pad in pads:
+            east_m, north_m = pad.east_m + float(at_m[0]), pad.north_m + float(at_m[1])
+            found[pad.vehicle] = replace(pad, east_m=east_m, north_m=north_m)
+    return found
 
 
 def later_segments(content: DayPlanFile) -> frozenset[int]:

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
+from executor.simulated.fleet import fleet_of
 from executor.site.assembly import Ground
-from executor.site.dayflight import ahead_of, bases_m, day_rules, first_sorties, later_segments, sortie_lines
+from executor.site.dayflight import (
+    ahead_of,
+    bases_m,
+    day_rules,
+    first_sorties,
+    later_segments,
+    morning_pads,
+    sortie_lines,
+)
 from executor.site.sorties import DayWanted, planned_day, site_day
 from missions import DayPlanFile, PlanFileError, check_plan
 from planner import Iterations, segment_of
 from planner.sorties import Objective
 from tests.executor.builders import ground_for, site_of
-from tests.missions.builders import line_east
+from tests.missions.builders import FRAME, line_east
 
 HOURS = {"begin": "08:00", "end": "10:00", "quiet": [{"begin": "09:00", "end": "09:30"}]}
 BATTERY = {"capacity_ah": 1.2}
@@ -63,6 +74,29 @@ def test_the_days_clock_begins_with_its_first_take_off(ground: Ground, day: DayP
     assert rules.windows_s["uav1"] == ((0.0, 3600.0), (5400.0, 7200.0))
     assert rules.ends_s == 7200.0
     assert bases_m(day, ground.network.frame)["uav1"] == pytest.approx((0.0, 0.0), abs=0.01)
+
+
+def test_simulated_vehicles_stand_at_their_bases_in_the_morning() -> None:
+    lat_deg, lon_deg = FRAME.to_wgs84_deg(600.0, 400.0)
+    at_depot = {"name": "home", "lat_deg": FRAME.lat_deg, "lon_deg": FRAME.lon_deg, "vehicles": ["uav2"]}
+    north = {"name": "north", "lat_deg": lat_deg, "lon_deg": lon_deg, "vehicles": ["uav1", "uav3"], "alt_m": 451.0}
+    bases: dict[str, Any] = {"base": [at_depot, north]}
+    site = site_of(("uav1", "uav2", "uav3"), day=HOURS, energy=BATTERY, **bases)
+    ground = ground_for(site, line_east(13))
+    stands = morning_pads(ground)
+    assert set(stands) == {"uav1", "uav3"}
+    places = [(pad.east_m, pad.north_m) for pad in stands.values()]
+    assert all(math.dist(place, (600.0, 400.0)) < 40.0 for place in places)
+    assert math.dist(*places) >= 12.0
+    assert {pad.alt_m for pad in stands.values()} == {451.0}
+    simulated = {
+        one.name: one
+        for one in fleet_of(ground, speedup=1.0, faults=(), seed=0, wind=1.0, failsafe=True).vehicles
+    }  # fmt: skip
+    for name, pad in {**stands, "uav2": ground.setup.pad_of("uav2")}.items():
+        one = simulated[name]
+        assert FRAME.to_local_m(one.home_lat_deg, one.home_lon_deg) == pytest.approx((pad.east_m, pad.north_m), abs=0.1)
+        assert one.home_alt_m == pad.alt_m
 
 
 def refused(day: DayPlanFile, ground: Ground) -> str:
