@@ -21,7 +21,8 @@ pytestmark = [pytest.mark.sitl, pytest.mark.timeout(590)]
 FENCE = {"enabled": True, "action": "return"}
 OUT = {
     ARDUPILOT: "Polygon fence breached",
-    PX4: "Geofence: exceeding maximum distance to Home",
+    # By its event, which comes before its text "Geofence: exceeding maximum distance to Home".
+    PX4: "geofence violation: maximum distance to home",
 }
 
 
