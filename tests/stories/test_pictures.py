@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import pytest
 
+from executor.core.intents import Action, Outcome
 from tests.stories.eyes import MAVLINK, WIRED, Eyes, Table
-from tests.stories.story import Moment, Routes, Story, on_segment, share, told
+from tests.stories.story import Do, Moment, Routes, Story, When, asks, first, on_segment, share, told
 
 LOOPTIME = pytest.mark.looptime(noop_cycles=2)
 DIALECTS = ("ardupilot", "px4")
@@ -115,3 +116,43 @@ async def test_a_pylon_is_an_asset_of_its_own_with_its_viewpoints(autopilot: str
     assert set(flown.inspected) == flown.wanted, lines(sky)
     known = sky.pictures("uav1")
     assert [(one.segment, one.along_m, one.flaw) for one in known] == [(2, float(number), "") for number in range(4)]
+
+
+def counts(segment: int) -> When:
+    """When a segment counts."""
+    return lambda world: segment in world.state.coverage.inspected
+
+
+def again(asset: str) -> Do:
+    return asks(Action.PROVE, asset=asset)
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+@pytest.mark.parametrize("autopilot", DIALECTS)
+async def test_a_span_whose_picture_nobody_likes_is_seen_once_more(autopilot: str) -> None:
+    moment = Moment(first(counts(0), on_segment("uav1", 2)), again("segment 0"))
+    sky = Eyes(story(moment, fleet=FOUR), autopilot)
+    flown = await sky.fly()
+    said = lines(sky)
+    assert "terminal asks: prove; segment 0 flown again" in said
+    assert set(flown.inspected) == flown.wanted, said
+    assert flown.solver_asked == 1, said
+    shown = [one.segment for name in FOUR for one in sky.pictures(name) if not one.flaw]
+    assert shown.count(0) >= 18
+    assert all(shown.count(segment) <= 11 for segment in range(1, 5))
+    [record] = [one for one in sky.state.crew.intents.values() if one.intent.action is Action.PROVE]
+    assert (record.outcome, record.text) == (Outcome.DONE, "re-plan 1 is on board")
+    assert sky.state.coverage.not_seen == ()
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+async def test_a_pylon_whose_pictures_nobody_likes_is_flown_around_once_more() -> None:
+    fleet: Routes = {"uav1": (4, 0), "uav2": (2,)}
+    moment = Moment(counts(2), again("pylon p1"))
+    sky = Eyes(story(moment, fleet=fleet), "ardupilot", [MAVLINK], [AROUND], pylons=3)
+    flown = await sky.fly()
+    assert set(flown.inspected) == flown.wanted, lines(sky)
+    known = [one for name in fleet for one in sky.pictures(name) if one.segment == 2]
+    assert sorted(one.along_m or 0.0 for one in known if not one.flaw) == [0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0]

@@ -178,18 +178,19 @@ class Sky(World):
             if fault.vehicle in {name, "all"}:
                 radio.vehicle.befall(fault)
 
-    def ask(self, action: Action, vehicle: str | None, *, sure: bool = True) -> IntentRecord:
+    def ask(self, action: Action, vehicle: str | None, *, sure: bool = True, asset: str = "") -> IntentRecord:
         """Ask as a crew does: where there is a second question, it is answered with yes if they are sure."""
-        record = self._asked(action, vehicle, confirmed=False)
+        record = self._asked(action, vehicle, confirmed=False, asset=asset)
         if record.outcome is Outcome.REFUSED and record.question and sure:
-            record = self._asked(action, vehicle, confirmed=True)
+            record = self._asked(action, vehicle, confirmed=True, asset=asset)
         return record
 
-    def _asked(self, action: Action, vehicle: str | None, *, confirmed: bool) -> IntentRecord:
+    def _asked(self, action: Action, vehicle: str | None, *, confirmed: bool, asset: str = "") -> IntentRecord:
         assert self.flight is not None
         if action is Action.INCLUDE and vehicle is not None:
             self.vehicle(vehicle).autopilot.killed = False  # who sends it out again has looked at its switch
-        return self.flight.ask(Intent(f"story-{next(self._numbers)}", action, vehicle, "terminal", confirmed))
+        name = f"story-{next(self._numbers)}"
+        return self.flight.ask(Intent(name, action, vehicle, "terminal", confirmed, asset=asset))
 
     # The flight.
 

@@ -59,6 +59,7 @@ def opened_again(coverage: Coverage, again: Collection[int], *, anew: bool) -> C
         again: What is looked at again.
         anew: Whether as if nobody had been there: no pictures are waited for, and no attempts counted.
     """
+    counted = set(again) & set(coverage.inspected)
     return replace(
         coverage,
         inspected=_without(coverage.inspected, again),
@@ -68,6 +69,8 @@ def opened_again(coverage: Coverage, again: Collection[int], *, anew: bool) -> C
         caught=_without(coverage.caught, again),
         unseen=_without(coverage.unseen, again) if anew else coverage.unseen,
         attempts=_without(coverage.attempts, again) if anew else coverage.attempts,
+        # What was missed once and seen later is not missed now: somebody wants it better.
+        not_seen=tuple(one for one in coverage.not_seen if not anew or one.segment not in counted),
     )
 
 
