@@ -14,6 +14,7 @@ from pydantic import BaseModel
 from executor.adapters.mqtt import intake, payloads
 from executor.analysis import documents, learned
 from executor.core import state, view
+from executor.core.seeing import assets
 from executor.site import config
 from executor.site.tables import aircraft, areas, cameras, day, fence, flight, ground, links, terrain
 from executor.site.tables import learned as learned_table
@@ -30,6 +31,7 @@ FILES: dict[str, type[BaseModel]] = {
 }
 MESSAGES: dict[str, type[BaseModel]] = {
     "acknowledgement": payloads.AcknowledgementMessage,
+    "assets": payloads.AssetsMessage,
     "connection": payloads.ConnectionMessage,
     "event": payloads.EventMessage,
     "fault": payloads.FaultMessage,
@@ -46,8 +48,8 @@ Words = Mapping[tuple[str, str], str]
 
 def schemas() -> dict[str, str]:
     """Return every schema as text, by its place below `docs`."""
-    words = {(kind, key): text for module in (view, state, planfile, planjson, dayplanjson, documents, learned, *SITE)
-             for kind, key, text in docstrings(module)}  # fmt: skip
+    modules = (view, state, assets, planfile, planjson, dayplanjson, documents, learned, *SITE)
+    words = {(kind, key): text for module in modules for kind, key, text in docstrings(module)}
     files = {f"schemas/{name}": _text(f"faultline/{name}", one, words) for name, one in FILES.items()}
     sent = {f"mqtt/{name}": _text(f"faultline/{payloads.VERSION}/{name}", one, words) for name, one in MESSAGES.items()}
     return {f"{place}.schema.json": text for place, text in (files | sent).items()}

@@ -39,15 +39,17 @@ class Action(Enum):
     """Plan everything anew that is still to be flown."""
     PROVE = "prove"
     """Fly again, for proof, what counts as inspected by evidence alone, and look again at what was flown but not
-    seen; or look again at one span or pylon, whatever is known of it."""
+    seen; or look again at the assets that are named, seen or not."""
     ABORT = "abort"
     """Everybody returns."""
 
 
-MOST_ASSET = 128
-"""Letters of an asset's name that an intent may hold."""
 PACK = r"^[A-Za-z0-9._:#/-]{0,32}$"
 """What the id of a pack is made of."""
+MOST_ASSETS = 100
+"""In one intent."""
+LONGEST_NAME = 128
+"""Letters of an asset's name in an intent."""
 FOR_ALL = frozenset({Action.REPLAN, Action.PROVE, Action.ABORT, Action.PREPARE, Action.TAKE_OFF})
 """Actions that name no vehicle."""
 BEFORE = frozenset({Action.PREPARE, Action.TAKE_OFF})
@@ -152,9 +154,11 @@ class IntentReason(StrEnum):
     NOTHING_TO_PLAN = "nothing_to_plan"
     """No segment is open."""
     ASSET_UNKNOWN = "asset_unknown"
-    """It names a span or pylon that is not in the plan."""
+    """It names an asset that does not exist."""
+    ASSET_NEVER_FLOWN = "asset_never_flown"
+    """It names an asset that nobody flies: it is no part of the flight, or no vehicle has its camera."""
     ASSET_OPEN = "asset_open"
-    """The span or pylon that it names is still to be flown as it is."""
+    """It names an asset that is still to be flown."""
     OVERTAKEN = "overtaken"
     """The vehicle did something else before it answered."""
     UNANSWERED = "unanswered"
@@ -176,8 +180,9 @@ class Intent:
     """Whether who asks has answered the second question, where there is one."""
     pack: str = ""
     """The id of the pack that is put in, for a swap; empty if nobody says."""
-    asset: str = ""
-    """The span or pylon that is to be looked at again, by its name, for `prove`; empty for all that is in doubt."""
+    assets: tuple[int | str, ...] = ()
+    """Which are looked at again, for proof: a text is an asset's name, a number its segment; none for all that is
+    inferred or missed."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,6 +30,7 @@ from executor.core.ports import OpenLink
 from executor.core.preflight.checks import Check, Severity
 from executor.core.preflight.fences import Lists
 from executor.core.preflight.parameters import Kept, Proposal
+from executor.core.seeing.assets import asked_of, asset_views
 from executor.core.state import CheckLine, FleetState
 from executor.core.view import fleet_view
 from executor.errors import PreflightFailed
@@ -297,10 +298,13 @@ def _published(
 ) -> AbstractAsyncContextManager[None]:
     if publication is None:
         return nullcontext()
+    context, looks = flight.context, flight.context.setup.looks
+    asked = asked_of(context) if looks else {}
     return publication.running(
         view=lambda: fleet_view(flight.context, flight.state, clock.now_s()),
         accept=lambda intent: flight.apply(IntentReceived(intent)),
         tell=lambda level, text: keeper.told(Say(level, text), clock.now_s()),
+        assets=(lambda: asset_views(context, flight.state, asked)) if looks else None,
     )
 
 

@@ -18,6 +18,7 @@ from executor.adapters.mqtt.publisher import Publisher
 from executor.core.commands import Level, Say
 from executor.core.events import Event
 from executor.core.intents import Intent
+from executor.core.seeing.assets import AssetView
 from executor.core.state import FleetState
 from executor.core.view import FleetView
 from executor.flight.broker import Settings
@@ -25,6 +26,7 @@ from executor.supervised import keep_going, report_mistake
 from missions import PlanFile, plan_document
 
 Tell = Callable[[Level, str], None]
+AssetsNow = Callable[[], tuple[AssetView, ...]]
 
 
 class Publication:
@@ -53,7 +55,11 @@ class Publication:
 
     @asynccontextmanager
     async def running(
-        self, view: Callable[[], FleetView], accept: Callable[[Intent], None], tell: Tell
+        self,
+        view: Callable[[], FleetView],
+        accept: Callable[[Intent], None],
+        tell: Tell,
+        assets: AssetsNow | None = None,
     ) -> AsyncIterator[None]:
         """Publish for as long as the block runs, and a moment longer for what still waits.
 
@@ -61,6 +67,7 @@ class Publication:
             view: Returns the present.
             accept: Called with every intent.
             tell: Called with what the operator should know.
+            assets: Returns what became of each asset; None where none asks for pictures.
         """
         self._tell = tell
         loop = asyncio.get_running_loop()
@@ -73,13 +80,13 @@ class Publication:
             tell(
                 Level.WARNING, f"mqtt: without tls everybody on the way to {self._settings.broker} can read its secrets"
             )
-        views = asyncio.create_task(keep_going("mqtt's views", lambda: self._views(view)), name="mqtt views")
+        views = asyncio.create_task(keep_going("mqtt's views", lambda: self._views(view, assets)), name="mqtt views")
         carrier = asyncio.create_task(keep_going("mqtt's connection", client.run), name="mqtt")
         try:
             yield
         finally:
             views.cancel()
-            self._safely(lambda: self._publisher.view(view()))
+            self._look(view, assets, last=True)
             client.close()
             await asyncio.wait({carrier}, timeout=FLUSH_S)
             carrier.cancel()
@@ -89,10 +96,15 @@ class Publication:
             if len(self._outbox):
                 tell(Level.WARNING, f"mqtt: {len(self._outbox)} messages never reached {self._settings.broker}")
 
-    async def _views(self, view: Callable[[], FleetView]) -> None:
+    async def _views(self, view: Callable[[], FleetView], assets: AssetsNow | None) -> None:
         while True:
-            self._safely(lambda: self._publisher.view(view()))
+            self._look(view, assets)
             await asyncio.sleep(self._settings.period_s)
+
+    def _look(self, view: Callable[[], FleetView], assets: AssetsNow | None, *, last: bool = False) -> None:
+        self._safely(lambda: self._publisher.view(view()))
+        if assets is not None:
+            self._safely(lambda: self._publisher.assets(assets, last=last))
 
     def _safely(self, work: Callable[[], None]) -> None:
         try:

@@ -1,21 +1,22 @@
 """Moments of a flight as the page shows them, made up so that each can be looked at: no vehicle flies.
 
-`python -m tests.e2e.gallery DIR` writes a picture of each at the widths of a desk and of a phone.
+`python -m tests.e2e.gallery DIR [SCENE...]` writes a picture of each at the widths of a desk and of a phone.
 """
 
 from __future__ import annotations
 
 import asyncio
+import math
 import sys
 import time
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
 from shutil import which
-from typing import Self
+from typing import Any, Self
 
 from playwright.async_api import Page, async_playwright
 
@@ -26,6 +27,7 @@ from executor.core.context import Context
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.messages import Gps, Wind
 from executor.core.parts import OnBoard
+from executor.core.payload.pictures import NotSeen, Unseen
 from executor.core.state import Briefing, CheckLine, FleetState, Question, SaidLine
 from executor.core.vehicle import Stage, VehicleState, aboard
 from executor.core.view import FleetView, LossView, OfferView, TakenView, VehicleView, fleet_view
@@ -76,11 +78,13 @@ class Fleet:
     boards: dict[str, OnBoard | None]
 
 
-def fleet() -> Fleet:
-    """Return three vehicles over six spans, P41-P42 and so on."""
-    plain = network_of(PLACES_M, PAIRS)
+def fleet(
+    places_m: Sequence[tuple[float, float]] = PLACES_M, pairs: Sequence[tuple[int, int]] = PAIRS, **tables: Any
+) -> Fleet:
+    """Return three vehicles over six spans, P41-P42 and so on; with what else the site file has."""
+    plain = network_of(list(places_m), list(pairs))
     segments = tuple(Segment(one.id, one.a, one.b, f"P{41 + one.a}-P{41 + one.b}") for one in plain.segments)
-    ground = ground_for(site_of(tuple(ROUTES)), replace(plain, segments=segments, source="gallery"))
+    ground = ground_for(site_of(tuple(ROUTES), **tables), replace(plain, segments=segments, source="gallery"))
     setup, task = assembly.setup_of(ground), assembly.task_of(ground)
     context = assembly.context_of(ground, setup, task)
     boards: dict[str, OnBoard | None] = {
@@ -281,6 +285,68 @@ def down(ready: Fleet) -> Scene:
     return Scene(ready.context, state, story.now_s, words, {**ETAS, "uav2": fell})
 
 
+CAMERA: Mapping[str, object] = {"name": "rgb", "id": 100, "gimbal": True}
+SPANS: Mapping[str, object] = {"camera": "rgb", "every_m": 10}
+AROUND: Mapping[str, object] = {
+    "camera": "rgb", "of": "pylons", "pylons": ["p1", "p3"], "bearings_deg": [60, 120], "both_sides": True,
+}  # fmt: skip
+
+
+def sighted() -> Fleet:
+    """Return the same with a camera: eight assets, two of them pylons with four viewpoints each."""
+    return fleet(camera=[CAMERA], look=[SPANS, AROUND])
+
+
+def pictures(ready: Fleet) -> Scene:
+    """Some assets are seen, some were flown and are not."""
+    story = flown(fleet())  # it has no camera that could fail
+    now_s = story.now_s
+    facts = {
+        "inspected": {0: "uav1", 6: "uav1"},
+        "inferred": frozenset({6}),
+        "caught": {
+            0: tuple(("rgb", 10.0 * number) for number in range(11)),
+            1: (("rgb", 5.0), ("rgb", 15.0), ("rgb", 60.0)),
+            2: (("rgb", 5.0), ("rgb", 15.0)),
+            6: tuple(("rgb", float(number)) for number in range(4)),
+            7: (("rgb", 0.0), ("rgb", 3.0)),
+        },
+        "unseen": {1: Unseen("uav1", now_s - 2.0)},
+        "not_seen": (
+            NotSeen("uav3", 7, now_s - 60.0, "rgb has no picture from viewpoint 2, 3"),
+            NotSeen("uav2", 5, now_s - 30.0, "rgb does not show 0 to 100 m of 100 m"),
+        ),
+        "given_up": frozenset({5}),
+    }
+    text = "uav3: pylon p3 is flown but not seen: rgb has no picture from viewpoint 2, 3"
+    line = SaidLine(now_s, Level.WARNING, text)
+    state = with_facts(_fitted(story.state), **facts, said=(*story.state.crew.said, line))
+    words = {
+        "#assets-what": "Assets",
+        "#tally": "2 of 8 seen",
+        "#tally-missed": "3 missed",
+        "#legend-missed": "missed",
+        "#lines": "pylon p3 is flown but not seen",
+    }
+    return Scene(ready.context, state, now_s, words, ETAS)
+
+
+def many_assets(ready: Fleet) -> Scene:
+    """A line of a thousand spans, of which some are missed."""
+    story = flown(long_line())
+    missed = tuple(NotSeen("uav1", segment, 1.0, "nothing") for segment in range(100, 1000, 97))
+    seen = dict.fromkeys(range(6, 95), "uav2")
+    state = with_facts(_fitted(story.state), inspected=seen, not_seen=missed)
+    words = {"#tally": f"{len(seen)} of 1000 seen", "#tally-missed": f"{len(missed)} missed"}
+    return Scene(ready.context, state, story.now_s, words, ETAS)
+
+
+def long_line(**tables: Any) -> Fleet:
+    """Return the same vehicles over a thousand spans."""
+    places = [(90.0 + 35.0 * index, 60.0 * math.sin(index / 9)) for index in range(1001)]
+    return fleet(places, [(index, index + 1) for index in range(1000)], **tables)
+
+
 SCENES: Mapping[str, Callable[[Fleet], Scene]] = {
     "before-prepare": partial(before, asked="prepare"),
     "before-take-off": before,
@@ -290,13 +356,20 @@ SCENES: Mapping[str, Callable[[Fleet], Scene]] = {
     "takeover-returned": partial(taken, returned=True),
     "offer": offered,
     "down": down,
+    "pictures": pictures,
+    "pictures-many": many_assets,
 }
+FLEETS: Mapping[str, Callable[[], Fleet]] = {
+    "pictures": sighted,
+    "pictures-many": partial(long_line, camera=[CAMERA], look=[SPANS]),
+}
+"""Of scenes that are not of the line without cameras."""
 
 
 @cache
 def scene_of(name: str) -> Scene:
     """Return one moment."""
-    return SCENES[name](fleet())
+    return SCENES[name](FLEETS.get(name, fleet)())
 
 
 class Shown:
@@ -409,15 +482,25 @@ async def browsing(
     assert complaints == []
 
 
-async def _draw(folder: Path) -> None:
-    for name in SCENES:
+async def _open_list(page: Page) -> None:
+    """Show the list of assets with one chosen, where there are pictures to look after."""
+    if await page.locator("#tally-missed").inner_text():
+        if not await page.locator("#assets").evaluate("one => one.open"):
+            await page.locator("#assets summary").click()
+        await page.locator(".asset .pick").first.click()
+        await page.wait_for_timeout(900.0)
+
+
+async def _draw(folder: Path, wanted: Sequence[str] = ()) -> None:
+    for name in wanted or SCENES:
         with Shown(scene_of(name)).serving() as address:
             for layout, size in LAYOUTS.items():
                 async with browsing(address, size) as page:
                     await page.locator(".strip").nth(2).wait_for()
                     await page.wait_for_timeout(700.0)
+                    await _open_list(page)
                     await page.screenshot(path=str(folder / f"{name}-{layout}.png"), full_page=layout == "phone")
-    for name, held in (("behind", True), ("dead", False)):
+    for name, held in () if wanted else (("behind", True), ("dead", False)):
         await _draw_stale(folder, name, held=held)
 
 
@@ -436,4 +519,4 @@ async def _draw_stale(folder: Path, name: str, *, held: bool) -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(_draw(Path(sys.argv[1])))
+    asyncio.run(_draw(Path(sys.argv[1]), sys.argv[2:]))

@@ -1,74 +1,130 @@
-"""The page's list of spans and pylons: what asks for attention first, where it is, and a look again at one."""
+"""The list of assets in a real browser: what is missed comes first, and any that counts may be looked at again."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
-from playwright.async_api import expect
+from playwright.async_api import Page, expect
 
 from executor.core.intents import Action
-from executor.core.payload.pictures import NotSeen
-from executor.core.state import FleetState
-from executor.core.view import FleetView
-from tests.e2e.gallery import CHROMIUM, LAYOUTS, Scene, Shown, browsing, scene_of
-from tests.executor.builders import with_facts
+from tests.e2e.gallery import CHROMIUM, LAYOUTS, Shown, browsing, scene_of
 
 pytestmark = [
     pytest.mark.asyncio,
     pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed (Debian: apt-get install chromium)"),
 ]
 
+BEYOND = """[...document.querySelectorAll("#assets *")].filter((one) => one.getClientRects().length &&
+  one.getBoundingClientRect().right > document.querySelector("#assets").getBoundingClientRect().right + 0.5
+).map((one) => one.textContent)"""
+EXPECTED = [
+    ("P42-P43", "missed 3 of 11", "uav1"),
+    ("pylon p3", "missed 2 of 4", "uav3"),
+    ("P43-P47", "given up 0 of 10", "uav2"),
+    ("P43-P44", "open 2 of 10", ""),
+    ("P44-P45", "open", ""),
+    ("P45-P46", "open", ""),
+    ("pylon p1", "inferred 4 of 4", "uav1"),
+    ("P41-P42", "seen 10 of 10", "uav1"),
+]
 
-class Missing(Shown):
-    """One span was flown and not seen, and one is left over."""
 
-    def __init__(self, scene: Scene) -> None:
-        unseen = (NotSeen("uav2", 4, 60.0, "no picture"),)
-        super().__init__(replace(scene, state=with_facts(scene.state, not_seen=unseen, given_up=frozenset({5}))))
-
-    def describe(self, context: object, state: FleetState, now_s: float) -> FleetView:
-        assert context is self.scene.context
-        return replace(self.scene.view(state, now_s), missed=(4,), uncovered=(5,))
+async def listed(page: Page) -> list[tuple[str, str, str]]:
+    columns = [await page.locator(f".asset .{name}").all_text_contents() for name in ("asset-name", "became", "by")]
+    return [(name, became, by) for name, became, by in zip(*columns, strict=True)]
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-async def test_what_asks_for_attention_is_first_and_looked_at_again_by_its_name(layout: str) -> None:
-    shown = Missing(scene_of("flying"))
+async def test_missed_ones_come_first_and_red(layout: str) -> None:
+    size = LAYOUTS[layout]
+    with Shown(scene_of("pictures")).serving() as address:
+        async with browsing(address, size) as page:
+            await expect(page.locator("#tally-missed")).to_have_text("3 missed")
+            if layout == "phone":
+                await expect(page.locator("#listed")).to_be_hidden()
+                await page.locator("#assets summary").click()
+            await expect(page.locator(".asset .became").nth(1)).to_have_text("missed 2 of 4")
+            assert await listed(page) == EXPECTED
+            await expect(page.locator("#sought")).to_be_hidden()
+            red, other = (page.locator(".asset .pick").nth(number) for number in (0, 3))
+            colour = "one => getComputedStyle(one).color"
+            assert await red.evaluate(colour) != await other.evaluate(colour)
+            await page.locator(".asset .pick").last.click()
+            await expect(page.locator(".asset .again").last).to_be_in_viewport()
+            assert await page.evaluate(BEYOND) == []
+            assert await page.evaluate("document.documentElement.scrollWidth") <= size[0]
+
+
+async def test_one_that_counts_may_be_looked_at_again() -> None:
+    shown = Shown(scene_of("pictures"))
     with shown.serving() as address:
-        async with browsing(address, LAYOUTS[layout]) as page:
-            await expect(page.locator(".strip")).to_have_count(3)
-            await page.locator("#list").click()
-            await expect(page.locator("#tally")).to_have_text(
-                "1 not seen, 1 left over, 2 under way, 1 to inspect, 1 inspected"
-            )
-            rows = page.locator("#rows li")
-            await expect(rows.nth(0)).to_contain_text("not seen")
-            await expect(rows.nth(0)).to_contain_text("P45-P46")
-            await expect(rows.nth(1)).to_contain_text("left over")
-            await expect(rows.last).to_contain_text("inspected")
-            assert await page.evaluate("document.documentElement.scrollWidth") <= LAYOUTS[layout][0]
-            await page.locator("#part").fill("p41")
-            await expect(rows).to_have_count(1)
-            await page.locator("#part").press("Enter")
-            await rows.nth(0).get_by_role("button", name="Look again at P41-P42").click()
+        async with browsing(address) as page:
+            row = page.locator(".asset", has_text="P41-P42")
+            await expect(row).to_have_attribute("data-state", "seen")
+            await row.locator(".pick").click()
+            await expect(page.locator("#map")).to_have_attribute("title", "P41-P42")
+            await row.locator(".again").click()
             await expect(page.locator("#question")).to_have_text("Look again at P41-P42?")
+            await expect(page.locator("#meaning")).to_contain_text("its pictures so far do not count")
+            await page.keyboard.press("Escape")
+            assert shown.asked == []
+            await row.locator(".again").click()
             await page.locator("#yes").click()
             await expect(page.locator("#answer")).to_contain_text("Look again at P41-P42: accepted")
-    assert [(one.action, one.vehicle, one.asset) for one in shown.asked] == [(Action.PROVE, None, "P41-P42")]
+    assert [(one.action, one.vehicle, one.assets) for one in shown.asked] == [(Action.PROVE, None, (0,))]
 
 
-async def test_one_is_shown_on_the_map_and_nothing_is_asked_before_the_take_off() -> None:
-    with Shown(scene_of("flying")).serving() as address:
+@pytest.mark.parametrize(
+    ("asset", "why"),
+    [("pylon p3", "it is flown again"), ("P44-P45", "still to be flown"), ("P43-P47", "Nobody flies it any more")],
+)
+async def test_what_is_open_says_so_instead(asset: str, why: str) -> None:
+    with Shown(scene_of("pictures")).serving() as address:
         async with browsing(address) as page:
-            await expect(page.locator(".strip")).to_have_count(3)
-            await page.keyboard.press("v")
-            await page.get_by_role("button", name="P43-P47", exact=True).click()
-            await expect(page.locator("#assets")).to_be_hidden()
+            row = page.locator(".asset", has_text=asset)
+            await row.locator(".pick").click()
+            await expect(row.locator(".asset-why")).to_contain_text(why)
+            await expect(row.locator(".again")).to_be_visible(visible=asset == "P43-P47")
+            await row.locator(".pick").click()
+            await expect(row.locator(".more")).to_be_hidden()
+
+
+async def test_of_a_thousand_those_are_shown_that_are_sought() -> None:
+    shown = Shown(scene_of("pictures-many"))
+    with shown.serving() as address:
+        async with browsing(address) as page:
+            await expect(page.locator("#unlisted")).to_have_text("880 more: search for a name, a state or a vehicle.")
+            await expect(page.locator(".asset.is-missed")).to_have_count(10)
+            await page.keyboard.press("/")
+            await expect(page.locator("#sought")).to_be_focused()
+            await page.keyboard.type("p941-p9")
+            await expect(page.locator(".asset-name")).to_have_text(["P941-P942"])
+            await page.locator("#sought").fill("missed")
+            await expect(page.locator(".asset")).to_have_count(10)
+            await page.locator("#sought").fill("UAV2")
+            await expect(page.locator(".asset")).to_have_count(89)
+            await page.locator("#sought").fill("nowhere")
+            await expect(page.locator("#unlisted")).to_have_text("Nothing is called so, or is in that state.")
+            # What is typed there asks for nothing else.
+            await page.locator("#sought").fill("")
+            await page.keyboard.type("pAh1?")
+            assert await page.locator("dialog[open]").count() == 0
+    assert shown.asked == []
+
+
+async def test_without_cameras_it_is_there_on_demand() -> None:
+    with Shown(scene_of("flying")).serving() as address:
+        async with browsing(address) as page, page.expect_request("**/assets"):
+            await expect(page.locator("#assets summary")).to_have_text("Segments 1 of 6 inspected ")
+            await expect(page.locator("#listed")).to_be_hidden()
+            assert await page.locator(".asset").count() == 0
+            await page.locator("#assets summary").click()
+            await expect(page.locator(".asset")).to_have_count(6)
+            await expect(page.locator(".asset").last).to_contain_text("inspected")
+            await expect(page.locator(".asset .by").last).to_have_text("uav1")
+
+
+async def test_before_the_take_off_there_is_none() -> None:
     with Shown(scene_of("before-take-off")).serving() as address:
         async with browsing(address) as page:
-            await expect(page.locator(".strip")).to_have_count(3)
-            await page.keyboard.press("v")
-            await expect(page.locator("#rows li")).to_have_count(6)
-            for button in await page.locator("#rows [data-what=again]").all():
-                await expect(button).to_be_disabled()
+            await expect(page.locator("#agree")).to_be_visible()
+            await expect(page.locator("#assets")).to_be_hidden()

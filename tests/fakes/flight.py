@@ -476,10 +476,10 @@ class Story:
         return OrderEnded(name, action, accepted=True, reason="")
 
     def ask(
-        self, action: Action, vehicle: str | None = None, name: str = "", *, confirmed: bool = False, asset: str = ""
+        self, action: Action, vehicle: str | None = None, name: str = "", *, confirmed: bool = False
     ) -> IntentRecord:
         """Let the operator ask for something; returns what became of it so far."""
-        intent = Intent(name or f"wish-{len(self.events)}", action, vehicle, "page", confirmed, asset=asset)
+        intent = Intent(name or f"wish-{len(self.events)}", action, vehicle, "page", confirmed)
         self.happen(IntentReceived(intent))
         return self.state.crew.intents[intent.id]
 

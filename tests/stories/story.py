@@ -44,7 +44,9 @@ class World(ABC):
         """Let a fault happen."""
 
     @abstractmethod
-    def ask(self, action: Action, vehicle: str | None, *, sure: bool = True, asset: str = "") -> IntentRecord:
+    def ask(
+        self, action: Action, vehicle: str | None, *, sure: bool = True, assets: tuple[int | str, ...] = ()
+    ) -> IntentRecord:
         """Ask as a crew does."""
 
 
@@ -189,9 +191,9 @@ def befalls(spec: str) -> Do:
     return lambda world: world.befall(spec)
 
 
-def asks(action: Action, vehicle: str | None = None, *, sure: bool = True, asset: str = "") -> Do:
+def asks(action: Action, vehicle: str | None = None, *, sure: bool = True, assets: tuple[int | str, ...] = ()) -> Do:
     """The crew wants something."""
-    return lambda world: world.ask(action, vehicle, sure=sure, asset=asset)
+    return lambda world: world.ask(action, vehicle, sure=sure, assets=assets)
 
 
 def told(when: When, spec: str) -> Moment:

@@ -178,19 +178,23 @@ class Sky(World):
             if fault.vehicle in {name, "all"}:
                 radio.vehicle.befall(fault)
 
-    def ask(self, action: Action, vehicle: str | None, *, sure: bool = True, asset: str = "") -> IntentRecord:
+    def ask(
+        self, action: Action, vehicle: str | None, *, sure: bool = True, assets: tuple[int | str, ...] = ()
+    ) -> IntentRecord:
         """Ask as a crew does: where there is a second question, it is answered with yes if they are sure."""
-        record = self._asked(action, vehicle, confirmed=False, asset=asset)
+        record = self._asked(action, vehicle, confirmed=False, assets=assets)
         if record.outcome is Outcome.REFUSED and record.question and sure:
-            record = self._asked(action, vehicle, confirmed=True, asset=asset)
+            record = self._asked(action, vehicle, confirmed=True, assets=assets)
         return record
 
-    def _asked(self, action: Action, vehicle: str | None, *, confirmed: bool, asset: str = "") -> IntentRecord:
+    def _asked(
+        self, action: Action, vehicle: str | None, *, confirmed: bool, assets: tuple[int | str, ...] = ()
+    ) -> IntentRecord:
         assert self.flight is not None
         if action is Action.INCLUDE and vehicle is not None:
             self.vehicle(vehicle).autopilot.killed = False  # who sends it out again has looked at its switch
         name = f"story-{next(self._numbers)}"
-        return self.flight.ask(Intent(name, action, vehicle, "terminal", confirmed, asset=asset))
+        return self.flight.ask(Intent(name, action, vehicle, "terminal", confirmed, assets=assets))
 
     # The flight.
 

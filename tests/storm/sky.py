@@ -264,10 +264,12 @@ class StormSky(Sky):
         else:
             self._note()
 
-    def ask(self, action: Action, vehicle: str | None, *, sure: bool = True, asset: str = "") -> IntentRecord:
+    def ask(
+        self, action: Action, vehicle: str | None, *, sure: bool = True, assets: tuple[int | str, ...] = ()
+    ) -> IntentRecord:
         if action is Action.INCLUDE and vehicle is not None:
             self._sent_again_s[vehicle] = self.now_s
-        return super().ask(action, vehicle, sure=sure, asset=asset)
+        return super().ask(action, vehicle, sure=sure, assets=assets)
 
     def _answer(self, name: str) -> None:
         """Send a vehicle out again, as a crew does: not the same one every second."""

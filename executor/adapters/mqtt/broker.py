@@ -43,7 +43,7 @@ class Topics:
         """Return a vehicle's topic."""
         return f"{self}/vehicle/{name}/{what}"
 
-    def fleet(self, what: Literal["state", "connection", "event", "fault", "plan"]) -> str:
+    def fleet(self, what: Literal["state", "connection", "event", "fault", "plan", "assets"]) -> str:
         """Return a topic of the whole flight."""
         return f"{self}/fleet/{what}"
 

@@ -13,10 +13,11 @@ from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from executor.adapters.assets import NamedAssets
 from executor.adapters.mqtt.broker import IntakeRules
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.commands import Level
-from executor.core.intents import FOR_ALL, MOST_ASSET, PACK, Action, Intent
+from executor.core.intents import FOR_ALL, PACK, Action, Intent
 from missions import first_reason
 
 MOST_BYTES = 4096
@@ -67,8 +68,9 @@ class IntentMessage(BaseModel):
     """Whether the second question was answered with yes, which an acknowledgement asked."""
     pack: Annotated[str, Field(pattern=PACK)] = ""
     """The id of the pack that was put in, for `swap`; left out where packs have none."""
-    asset: Annotated[str, Field(max_length=MOST_ASSET)] = ""
-    """The span or pylon that `prove` looks at again, by its name in the plan; left out for all that is in doubt."""
+    assets: NamedAssets = ()
+    """Which are looked at again, for `prove`: names, or segments by their numbers; left out for all that is inferred
+    or missed."""
     token: Annotated[str, Field(max_length=256)] | None = None
     """Needed where the site names one."""
 
@@ -79,8 +81,8 @@ class IntentMessage(BaseModel):
             raise ValueError(f"vehicle: expected none, as {self.action} is for all of them")
         if self.pack and self.action != "swap":
             raise ValueError(f"pack: expected none, as {self.action} changes none")
-        if self.asset and self.action != "prove":
-            raise ValueError(f"asset: expected none, as {self.action} looks at none again")
+        if self.assets and self.action != "prove":
+            raise ValueError(f"assets: expected none, as {self.action} is for no single one")
         if not everybody and self.vehicle is None:
             raise ValueError(f"vehicle: expected a name, as {self.action} is for one of them")
         return self
@@ -122,9 +124,8 @@ def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retain
     if objection is not None:
         code, why = objection
         return RefusedMessage(message.id, why, code)
-    return Intent(
-        message.id, Action(message.action), message.vehicle, SOURCE, message.confirmed, message.pack, message.asset
-    )
+    action = Action(message.action)
+    return Intent(message.id, action, message.vehicle, SOURCE, message.confirmed, message.pack, message.assets)
 
 
 def _objection(

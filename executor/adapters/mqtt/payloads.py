@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.endings import Ending
 from executor.core.intents import IntentReason
+from executor.core.seeing.assets import AssetView
 from executor.core.state import CheckLine, Question
 from executor.core.vehicle import FaultCode
 from executor.core.view import OfferView, PositionView, ReplanView, VehicleView
@@ -82,7 +83,7 @@ class FleetStateMessage(Payload):
     uncovered: tuple[int, ...]
     """Given up: segments that nobody can inspect."""
     missed: tuple[int, ...]
-    """Flown but not seen: pictures of them are missing."""
+    """Segments that were flown but not seen: pictures of them are missing."""
     replan: ReplanView | None
     """The re-plan under way."""
     all_silent: bool
@@ -100,6 +101,15 @@ class FleetStateMessage(Payload):
     """Vehicles on the ground that could take over work: `include` starts one, when its pad is clear."""
     dropped: dict[str, int]
     """Messages of a topic that were given up, as too many waited for the broker."""
+
+
+class AssetsMessage(Payload):
+    """What became of each asset that asks for pictures; retained."""
+
+    assets_total: int
+    """How many there are."""
+    assets: tuple[AssetView, ...]
+    """All but those that are open and have no picture yet."""
 
 
 class EventMessage(Payload):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 
 from executor.adapters.mqtt.broker import Topics
@@ -11,6 +11,7 @@ from executor.adapters.mqtt.intake import RefusedMessage
 from executor.adapters.mqtt.outbox import Letter, Outbox
 from executor.adapters.mqtt.payloads import (
     AcknowledgementMessage,
+    AssetsMessage,
     ConnectionMessage,
     EventMessage,
     FaultMessage,
@@ -23,11 +24,16 @@ from executor.adapters.mqtt.payloads import (
 from executor.core.commands import Say
 from executor.core.events import Event, IntentReceived, Tick
 from executor.core.intents import IntentRecord
+from executor.core.seeing.assets import AssetState, AssetView
 from executor.core.state import FleetState
 from executor.core.view import FleetView, VehicleView
 
 AT_LEAST_EVERY_S = 10.0
 """Real seconds after which a state is published though nothing has changed."""
+ASSETS_EVERY_S = 10.0
+"""Real seconds between two messages about assets, at least: each picture changes them."""
+ASSETS_S_PER_BYTE = 0.001
+"""What a message about thousands of them adds to that: a slow line has others to carry."""
 Content = Mapping[str, object]
 _FLEET = tuple(name for name in FleetStateMessage.model_fields if name in FleetView.__dataclass_fields__)
 
@@ -52,6 +58,9 @@ class Publisher:
         self._states: dict[str, tuple[object, float]] = {}
         self._records: Mapping[str, IntentRecord] = {}
         self._faults: set[tuple[str, float]] = set()
+        self._assets: Sequence[AssetView] | None = None
+        self._assets_s = (float("-inf"), 0.0)
+        """When they were looked at last, and for how long that will do."""
 
     def presence(self, state: Presence) -> Letter:
         """Return the message that says whether we are there."""
@@ -69,6 +78,21 @@ class Publisher:
         fleet["dropped"] = dict(self._outbox.dropped)
         slow = [value for name, value in fleet.items() if name not in {"flight_s", "min_separation_m"}]
         self._state(self._topics.fleet("state"), FleetStateMessage, slow, fleet)
+
+    def assets(self, views: Callable[[], Sequence[AssetView]], *, last: bool = False) -> None:
+        """Publish what became of assets, if it is another thing; not too often, unless it is for the last time."""
+        (at_s, will_do_s), now_s = self._assets_s, self._unix_s()
+        if not last and 0.0 <= now_s - at_s < will_do_s:
+            return
+        found, self._assets_s = views(), (now_s, ASSETS_EVERY_S)
+        if found == self._assets:
+            return
+        self._assets = found
+        told = tuple(one for one in found if one.state is not AssetState.OPEN or one.pictures)
+        content = {"assets_total": len(found), "assets": told}
+        letter = self._letter(self._topics.fleet("assets"), AssetsMessage, content, retain=True)
+        self._assets_s = (now_s, max(ASSETS_EVERY_S, ASSETS_S_PER_BYTE * len(letter.payload)))
+        self._outbox.renew(letter)
 
     def applied(self, event: Event, state: FleetState) -> None:
         """Publish the faults that an event led to, and what became of intents."""

@@ -11,7 +11,8 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 
 from executor.core.context import Context
-from executor.core.state import FleetState
+from executor.core.seeing.assets import AssetState, asked_of, asset_views
+from executor.core.state import Coverage, FleetState
 from executor.core.view import FleetView, fleet_view
 from missions import Phase, Window
 from missions.areas import AreaKind
@@ -71,6 +72,9 @@ class Present:
         self._describe = describe
         self._window = None if window is None else asdict(window)
         self._tracks = {name: _Track() for name in context.vehicles}
+        self._asked = asked_of(context)
+        self._covered: tuple[Coverage, int] | None = None
+        self._assets_changed = 0
 
     def view(self) -> FleetView:
         """Return what is known now."""
@@ -98,6 +102,7 @@ class Present:
                 self._tracks[vehicle["name"]].add(place)
         content["chart"] = _stamp(state)
         content["inferred"] = sorted(state.coverage.unproven())
+        content["assets"] = self._assets_stamp(state)
         return _json(content)
 
     def chart(self) -> bytes:
@@ -107,6 +112,8 @@ class Present:
         content: dict[str, object] = {
             "chart": _stamp(state),
             "window": self._window,
+            "pictures": bool(setup.looks),
+            "assets": [[segment, sum(most.values())] for segment, most in self._asked.items()],
             "names": [self._context.segment_name(segment.id) for segment in setup.network.segments],
             "areas": [
                 {
@@ -128,6 +135,31 @@ class Present:
             ],
         }
         return _json(content)
+
+    def assets(self) -> bytes:
+        """Return what became of each asset, as JSON: rows of segment, state, pictures and vehicle.
+
+        A network has thousands: an asset that is open and has no picture is left out, and browsers ask for this when
+        they show it and its stamp in the state is another one.
+        """
+        state, _ = self._now()
+        rows = [
+            [one.segment, one.state.value, one.pictures, one.vehicle]
+            for one in asset_views(self._context, state, self._asked)
+            if one.state is not AssetState.OPEN or one.pictures
+        ]
+        return _json({"assets": self._assets_stamp(state), "rows": rows})
+
+    def _assets_stamp(self, state: FleetState) -> int:
+        """Return a number that changes whenever anything that `assets` says may have."""
+        if (
+            self._covered is None
+            or self._covered[0] is not state.coverage
+            or self._covered[1] != state.replanning.revision
+        ):
+            self._covered = (state.coverage, state.replanning.revision)
+            self._assets_changed += 1
+        return self._assets_changed
 
 
 def _json(content: dict[str, object]) -> bytes:

@@ -22,19 +22,20 @@ from types import TracebackType
 from typing import Annotated, Any, Literal, Self
 
 import uvicorn
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
+from executor.adapters.assets import NamedAssets
 from executor.adapters.web.door import Caller, Door, DoorLimits
 from executor.adapters.web.guard import Guard
 from executor.adapters.web.present import Describe, Now, Present
 from executor.adapters.web.stream import EventStream, Newest
 from executor.core.context import Context
-from executor.core.intents import MOST_ASSET, PACK, Action, Intent, IntentRecord, Outcome
+from executor.core.intents import PACK, Action, Intent, IntentRecord, Outcome
 from executor.core.view import fleet_view
 from executor.errors import ConnectionFailed
 from executor.supervised import WAITS_S, beside
@@ -50,8 +51,8 @@ START_S = 10.0
 FILES: Mapping[str, str] = {
     "page.css": "text/css; charset=utf-8",
     "page.js": "text/javascript; charset=utf-8",
-    "assets.js": "text/javascript; charset=utf-8",
     "map.js": "text/javascript; charset=utf-8",
+    "assets.js": "text/javascript; charset=utf-8",
     "strips.js": "text/javascript; charset=utf-8",
     "intents.js": "text/javascript; charset=utf-8",
     "briefing.js": "text/javascript; charset=utf-8",
@@ -124,7 +125,19 @@ class _Wish(BaseModel):
     vehicle: Annotated[str, Field(min_length=1, max_length=32)] | None = None
     confirmed: bool = False
     pack: Annotated[str, Field(pattern=PACK)] = ""
-    asset: Annotated[str, Field(max_length=MOST_ASSET)] = ""
+    assets: NamedAssets = ()
+
+    @model_validator(mode="after")
+    def _for_assets(self) -> _Wish:
+        if self.assets and self.action != "prove":
+            raise ValueError(f"assets: expected none, as {self.action} is for no single one")
+        return self
+
+    @property
+    def intent(self) -> Intent:
+        """Return what is asked for."""
+        action = Action(self.action)
+        return Intent(self.id, action, self.vehicle, "page", self.confirmed, self.pack, self.assets)
 
 
 _uvicorn_log = logging.getLogger("uvicorn.error")
@@ -183,6 +196,7 @@ class WebServer:
             Route("/files/{name}", self._file),
             Route("/state", self._state),
             Route("/chart", self._chart),
+            Route("/assets", self._assets),
             Route("/clock", self._clock),
             Route("/ground/{name}", self._ground_file),
             Route("/events", self._events),
@@ -300,6 +314,9 @@ class WebServer:
     async def _chart(self, request: Request) -> Response:  # noqa: ARG002
         return Response(self._present.chart(), media_type="application/json")
 
+    async def _assets(self, request: Request) -> Response:  # noqa: ARG002
+        return Response(self._present.assets(), media_type="application/json")
+
     async def _ground_file(self, request: Request) -> Response:
         """Answer with a file that is the same during the whole flight: a browser that has it is told so."""
         name = request.path_params["name"]
@@ -328,10 +345,9 @@ class WebServer:
             return PlainTextResponse("the body did not come", 400)
         except ValidationError as error:
             return PlainTextResponse(first_reason(error), 422)
-        intent = Intent(wish.id, Action(wish.action), wish.vehicle, "page", wish.confirmed, wish.pack, wish.asset)
         try:
             async with asyncio.timeout(ANSWER_S):
-                record = await asyncio.wrap_future(self._submit(intent))
+                record = await asyncio.wrap_future(self._submit(wish.intent))
         except TimeoutError:
             return PlainTextResponse("the flight does not answer", 503)
         return JSONResponse(_plain(record), STATUS[record.outcome])

@@ -21,9 +21,10 @@ from executor.core.replan.wording import listed
 from executor.core.roster import takeover, turnaround
 from executor.core.roster.service import back_in_service, cleared
 from executor.core.roster.withdraw import declare, left_plan, withdrawn
-from executor.core.seeing import again
+from executor.core.seeing import again, proof
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
+from executor.core.words import count_of
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
@@ -78,7 +79,7 @@ def _received(context: Context, state: FleetState, intent: Intent, now_s: float)
     if intent.id in state.crew.intents:
         return state, ()
     refused = refusals.reason(context, state, intent, now_s)
-    wish = f"{intent.source} asks: {intent.action.value}" + (f" {intent.vehicle}" if intent.vehicle else "")
+    wish = f"{intent.source} asks: {_wish(intent)}"
     if refused is not None:
         code, reason = refused
         state = _kept(state, IntentRecord(intent, Outcome.REFUSED, reason, now_s, ended_s=now_s, code=code))
@@ -95,6 +96,12 @@ def _received(context: Context, state: FleetState, intent: Intent, now_s: float)
     record = IntentRecord(intent, outcome, ordered.text, now_s, ordered.waiting, ended_s)
     state = _kept(ordered.state, record)
     return state, (Say(ordered.level, f"{wish}; {ordered.text}"), *ordered.commands)
+
+
+def _wish(intent: Intent) -> str:
+    whom = f" {intent.vehicle}" if intent.vehicle else ""
+    which = f" of {count_of(len(intent.assets), 'asset')}" if intent.assets else ""
+    return f"{intent.action.value}{whom}{which}"
 
 
 def _kept(state: FleetState, record: IntentRecord) -> FleetState:
@@ -271,12 +278,23 @@ def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -
 
 
 def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
-    segments = again.to_look_again(context, state, intent.asset)
-    coverage = again.opened_again(state.coverage, segments, anew=bool(intent.asset))
-    trigger = f"{intent.source} asks for {'another look' if intent.asset else 'proof'}"
-    known = replace(state.replanning, ordered=True, trigger=trigger, trigger_s=now_s)
-    text = f"{listed(context, segments)} flown again{'' if intent.asset else ' for proof'}"
+    if intent.assets:
+        return _look_again(context, state, intent, now_s)
+    wanted = state.coverage.unproven() | proof.missed(context, state)
+    coverage = again.unproven(state.coverage, wanted)
+    known = replace(state.replanning, ordered=True, trigger=f"{intent.source} asks for proof", trigger_s=now_s)
+    text = f"{listed(context, wanted)} flown again for proof"
     return _Ordered(replace(state, coverage=coverage, replanning=known), text, open=True)
+
+
+def _look_again(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
+    found = again.to_look_at(context, state, intent.assets)
+    if not isinstance(found, frozenset):
+        raise TypeError(found[1])
+    names = listed(context, found)
+    known = replace(state.replanning, ordered=True, trigger=f"{intent.source} looks again at {names}", trigger_s=now_s)
+    state = replace(state, coverage=again.open_again(state.coverage, found), replanning=known)
+    return _Ordered(state, f"{names} open again, to be looked at once more", open=True)
 
 
 def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001

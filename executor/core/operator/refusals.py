@@ -15,7 +15,7 @@ from executor.core.places import where
 from executor.core.replan import replanning, survivors
 from executor.core.roster import turnaround
 from executor.core.roster.offers import open_segments
-from executor.core.seeing import again
+from executor.core.seeing import again, proof
 from executor.core.setups import setup_now
 from executor.core.state import FleetState
 from executor.core.vehicle import IN_THE_AIR, Stage, VehicleState
@@ -46,9 +46,7 @@ def reason(context: Context, state: FleetState, intent: Intent, now_s: float) ->
     if state.progress.launched_s is None:
         return IntentReason.NOT_BEGUN, NOT_BEGUN
     if intent.action in FOR_ALL:
-        if intent.vehicle is not None:
-            return IntentReason.VEHICLE_UNEXPECTED, f"{intent.action.value} is for the whole fleet; expected no vehicle"
-        return _FLEET[intent.action](context, state, intent, now_s)
+        return _of_all(context, state, intent, now_s)
     if intent.vehicle is None:
         return (
             IntentReason.VEHICLE_MISSING,
@@ -61,6 +59,14 @@ def reason(context: Context, state: FleetState, intent: Intent, now_s: float) ->
             f"there is no vehicle {intent.vehicle!r}: expected one of {', '.join(state.vehicles)}",
         )
     return _VEHICLE[intent.action](context, state, vehicle, now_s)
+
+
+def _of_all(context: Context, state: FleetState, intent: Intent, now_s: float) -> Why:
+    if intent.vehicle is not None:
+        return IntentReason.VEHICLE_UNEXPECTED, f"{intent.action.value} is for the whole fleet; expected no vehicle"
+    if intent.action is Action.PROVE and intent.assets:
+        return _look_again(context, state, intent, now_s)
+    return _FLEET[intent.action](context, state, now_s)
 
 
 def question(context: Context, state: FleetState, intent: Intent) -> str:
@@ -248,7 +254,7 @@ def _disarm(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
     return _silent(vehicle, context, now_s)
 
 
-def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -> Why:  # noqa: ARG001
+def _replan(context: Context, state: FleetState, now_s: float) -> Why:
     if state.progress.recalled:
         return IntentReason.ABORTED, "the flight was aborted"
     if state.replanning.replan is not None or state.replanning.ordered:
@@ -263,14 +269,24 @@ def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -
     return None
 
 
-def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) -> Why:
-    if why := again.not_again(context, state, intent.asset):
-        return why
-    why = _replan(context, state, intent, now_s)
+def _prove(context: Context, state: FleetState, now_s: float) -> Why:
+    if not state.coverage.unproven() | proof.missed(context, state):
+        return IntentReason.NOTHING_TO_PLAN, "every segment that counts was proven by positions"
+    return _nobody_free(context, state, now_s)
+
+
+def _look_again(context: Context, state: FleetState, intent: Intent, now_s: float) -> Why:
+    found = again.to_look_at(context, state, intent.assets)
+    return _nobody_free(context, state, now_s) if isinstance(found, frozenset) else found
+
+
+def _nobody_free(context: Context, state: FleetState, now_s: float) -> Why:
+    """Return why no re-plan can begin now; that nothing is open yet is no reason."""
+    why = _replan(context, state, now_s)
     return None if why is not None and why[0] is IntentReason.NOTHING_TO_PLAN else why
 
 
-def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) -> Why:  # noqa: ARG001
+def _abort(context: Context, state: FleetState, now_s: float) -> Why:
     flies = any(vehicle.stage in {Stage.STARTING, Stage.FLYING} for vehicle in state.vehicles.values())
     if not flies and state.crew.offer is None and not turnaround.awaited(context, state, now_s):
         return IntentReason.NO_VEHICLE, "no vehicle is on a mission"
@@ -287,6 +303,6 @@ _VEHICLE: Mapping[Action, Callable[[Context, FleetState, VehicleState, float], W
     Action.SWAP: _swap,
     Action.DISARM: _disarm,
 }
-_FLEET: Mapping[Action, Callable[[Context, FleetState, Intent, float], Why]] = {
+_FLEET: Mapping[Action, Callable[[Context, FleetState, float], Why]] = {
     Action.REPLAN: _replan, Action.PROVE: _prove, Action.ABORT: _abort,
 }  # fmt: skip

@@ -1,78 +1,98 @@
-"""What is looked at again by an operator's word: what is in doubt, or one span or pylon whatever is known of it."""
+"""Looking again at assets that an operator names: which segments they are, whether anybody can, and what is open then.
+
+An asset is named as everywhere: a text is its name, which `pylon V101-4` may share with others, a number its segment.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TypeVar
 
 from executor.core.context import Context
+from executor.core.coverage import SegmentPass
 from executor.core.intents import IntentReason
-from executor.core.seeing import proof
+from executor.core.replan.survivors import barred
 from executor.core.state import Coverage, FleetState
 
-T = TypeVar("T")
+Objection = tuple[IntentReason, str]
 
 
-def in_doubt(context: Context, state: FleetState) -> frozenset[int]:
-    """Return what counts by evidence alone, and what was flown and is not seen."""
-    return state.coverage.unproven() | proof.missed(context, state)
+def to_look_at(context: Context, state: FleetState, assets: Sequence[int | str]) -> frozenset[int] | Objection:
+    """Return the segments that are looked at again, or why one of the assets cannot be: nothing is done by halves."""
+    blind = _seen_by_nobody(context, state)
+    again: set[int] = set()
+    for asset in assets:
+        found = _segments_of(context, asset)
+        if not found:
+            return IntentReason.ASSET_UNKNOWN, _unknown(context, asset)
+        flown = (found & context.wanted) - blind
+        if not flown:
+            return IntentReason.ASSET_NEVER_FLOWN, _never_flown(context, min(found))
+        closed = flown & _closed(state.coverage)
+        if not closed:
+            return IntentReason.ASSET_OPEN, f"{context.segment_name(min(flown))} is open already"
+        again |= closed
+    return frozenset(again)
 
 
-def named(context: Context, asset: str) -> frozenset[int]:
-    """Return the segments of this name that are to be inspected."""
-    return frozenset(segment for segment in context.wanted if context.segment_name(segment) == asset)
-
-
-def to_look_again(context: Context, state: FleetState, asset: str) -> frozenset[int]:
-    """Return what an operator's word has flown again; nothing where that is open as it is.
-
-    Args:
-        context: The site and the plan.
-        state: The fleet.
-        asset: The name of one span or pylon; empty for all that is in doubt.
-    """
-    if not asset:
-        return in_doubt(context, state)
-    known = state.coverage
-    done = set(known.inspected) | set(known.unseen) | known.given_up | proof.missed(context, state)
-    return named(context, asset) & done
-
-
-def not_again(context: Context, state: FleetState, asset: str) -> tuple[IntentReason, str] | None:
-    """Return why nothing is looked at again; None where something is."""
-    if to_look_again(context, state, asset):
-        return None
-    if not asset:
-        return IntentReason.NOTHING_TO_PLAN, "every segment that counts was proven by positions"
-    if not named(context, asset):
-        return IntentReason.ASSET_UNKNOWN, f"there is no span or pylon {asset!r} in the plan"
-    return IntentReason.ASSET_OPEN, f"{asset} is still to be flown"
-
-
-def opened_again(coverage: Coverage, again: Collection[int], *, anew: bool) -> Coverage:
-    """Return what is known of the line, with these open again.
-
-    Args:
-        coverage: What is known.
-        again: What is looked at again.
-        anew: Whether as if nobody had been there: no pictures are waited for, and no attempts counted.
-    """
-    counted = set(again) & set(coverage.inspected)
+def open_again(coverage: Coverage, again: frozenset[int]) -> Coverage:
+    """Return the coverage in which segments are open as if nobody had flown them."""
+    was_seen = again & set(coverage.inspected)
     return replace(
-        coverage,
-        inspected=_without(coverage.inspected, again),
-        flown=_without(coverage.flown, again),
-        inferred=coverage.inferred - frozenset(again),
-        given_up=coverage.given_up - frozenset(again),
-        caught=_without(coverage.caught, again),
-        unseen=_without(coverage.unseen, again) if anew else coverage.unseen,
-        attempts=_without(coverage.attempts, again) if anew else coverage.attempts,
+        unproven(coverage, again),
+        unseen=MappingProxyType({one: waits for one, waits in coverage.unseen.items() if one not in again}),
         # What was missed once and seen later is not missed now: somebody wants it better.
-        not_seen=tuple(one for one in coverage.not_seen if not anew or one.segment not in counted),
+        not_seen=tuple(one for one in coverage.not_seen if one.segment not in was_seen),
+        # It gets as many tries as anything that was never flown.
+        attempts=MappingProxyType({one: tries for one, tries in coverage.attempts.items() if one not in again}),
     )
 
 
-def _without(known: Mapping[int, T], gone: Collection[int]) -> Mapping[int, T]:
-    return MappingProxyType({segment: one for segment, one in known.items() if segment not in gone})
+def unproven(coverage: Coverage, again: frozenset[int]) -> Coverage:
+    """Return the coverage in which segments do not count, and what proved them does not either."""
+    inspected: dict[int, str] = {one: by for one, by in coverage.inspected.items() if one not in again}
+    flown: dict[int, SegmentPass] = {one: how for one, how in coverage.flown.items() if one not in again}
+    return replace(
+        coverage,
+        inspected=MappingProxyType(inspected),
+        flown=MappingProxyType(flown),
+        inferred=coverage.inferred - again,
+        given_up=coverage.given_up - again,
+        caught=MappingProxyType({one: seen for one, seen in coverage.caught.items() if one not in again}),
+    )
+
+
+def _segments_of(context: Context, asset: int | str) -> frozenset[int]:
+    count = len(context.setup.network.segments)
+    if isinstance(asset, int):
+        return frozenset({asset} & set(range(count)))
+    return frozenset(segment for segment in range(count) if context.segment_name(segment) == asset)
+
+
+def _closed(coverage: Coverage) -> set[int]:
+    """Return what nobody is to fly: it counts, its pictures are waited for, or it was given up."""
+    return {*coverage.inspected, *coverage.unseen, *coverage.given_up}
+
+
+def _seen_by_nobody(context: Context, state: FleetState) -> frozenset[int]:
+    """Return the segments that no vehicle has a camera for that works."""
+    blind = [barred(context, vehicle) for vehicle in state.vehicles.values()]
+    return frozenset.intersection(*blind) if blind else frozenset()
+
+
+def _unknown(context: Context, asset: int | str) -> str:
+    if isinstance(asset, int):
+        return f"there is no segment {asset}: expected 0 to {len(context.setup.network.segments) - 1}"
+    return f"there is no asset {asset!r}: expected its name as the page and the plan have it, or its segment's number"
+
+
+def _never_flown(context: Context, segment: int) -> str:
+    name = context.segment_name(segment)
+    why = next((one.why for one in context.unreachable if one.segment == segment), "")
+    if why:
+        return f"{name} is never flown: it {why}"
+    if segment not in context.wanted:
+        return f"{name} is never flown: it is no part of this flight"
+    cameras = " and ".join(sorted(context.setup.looks.wanted(segment)))
+    return f"{name} is never flown: no vehicle has a camera {cameras} that works"

@@ -13,6 +13,7 @@ import pytest
 from executor.adapters.clock import SystemClock
 from executor.core.commands import Level, Say
 from executor.core.events import Tick
+from executor.core.seeing.assets import AssetView
 from executor.core.state import FleetState
 from executor.core.view import FleetView
 from executor.errors import SiteError
@@ -32,10 +33,8 @@ def settings(base: Path = Path(), environment: dict[str, str] | None = None, **t
     return made
 
 
-def documented(language: str) -> str:
-    found = re.search(rf"```{language}\n(.*?)```", DOCUMENT, re.DOTALL)
-    assert found is not None
-    return found[1]
+def documented(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", DOCUMENT, re.DOTALL)
 
 
 def test_a_site_without_a_broker() -> None:
@@ -44,7 +43,7 @@ def test_a_site_without_a_broker() -> None:
 
 def test_the_documented_table(tmp_path: Path) -> None:
     secured_in(tmp_path).authority.rename(tmp_path / "broker-ca.pem")
-    table = tomllib.loads(documented("toml"))["mqtt"] | {"tls": True, "host": "broker"}
+    table = tomllib.loads(documented("toml")[0])["mqtt"] | {"tls": True, "host": "broker"}
     read = settings(tmp_path, SECRETS, **table)
     assert str(read.broker) == "broker:8883"
     assert (read.broker.username, read.broker.password, read.rules.token) == ("crew", "p4ss", "t0ken")
@@ -55,10 +54,11 @@ def test_the_documented_table(tmp_path: Path) -> None:
     assert "t0ken" not in shown
 
 
-def test_the_documented_message_keeps_to_its_schema() -> None:
+def test_the_documented_messages_keep_to_their_schemas() -> None:
     folder = Path(__file__).parents[3] / "docs" / "mqtt"
-    schema = json.loads((folder / "telemetry.schema.json").read_text(encoding="utf-8"))
-    jsonschema.validate(json.loads(documented("json")), schema)
+    for name, message in zip(("assets", "telemetry"), documented("json"), strict=True):
+        schema = json.loads((folder / f"{name}.schema.json").read_text(encoding="utf-8"))
+        jsonschema.validate(json.loads(message), schema)
     linked = set(re.findall(r"\(mqtt/([a-z.-]+)\)", DOCUMENT))
     assert linked == {path.name for path in folder.iterdir()}
 
@@ -106,8 +106,11 @@ async def test_no_mistake_reaches_the_flight(tmp_path: Path) -> None:
     def broken() -> FleetView:
         raise ZeroDivisionError("a mistake")
 
+    def assets() -> tuple[AssetView, ...]:
+        raise ZeroDivisionError("a mistake")
+
     publication.plan(0, first_plan_file())
-    async with publication.running(broken, lambda _: None, lambda *line: said.append(line)):
+    async with publication.running(broken, lambda _: None, lambda *line: said.append(line), assets):
         for _ in range(3):
             publication.applied(Tick(), FleetState({}))
             publication.said(Say(Level.INFO, "a line"), 1.0)

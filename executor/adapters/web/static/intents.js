@@ -16,6 +16,7 @@ const WORDS = {
   "take-off": ["Take off", ""],
 };
 const BACK = "Its pilot has set mission mode again: it goes on in the plan, and is supervised from here again.";
+const AGAIN = "It is open again: its pictures so far do not count, and it is planned like anything else that is open.";
 const HANDS = "It is with its pilot. ";
 const DANGER = new Set(["abort", "land", "exclude", "disarm", "take-off"]);
 const TOLD_MS = 8000;
@@ -35,10 +36,11 @@ export class Intents {
     this.open({ heading: `${what}?`, meaning: this.meaning(action, vehicle), button: what }, { action, vehicle, what, confirmed: false });
   }
 
-  lookAgain(asset) {
-    const what = `Look again at ${asset}`;
-    const meaning = "It is open again, as if nobody had been there; a re-plan says who flies it.";
-    this.open({ heading: `${what}?`, meaning, button: what }, { action: "prove", vehicle: null, asset, what, confirmed: false });
+  lookAgain(segment, name) {
+    const what = `Look again at ${name}`;
+    this.open({ heading: `${what}?`, meaning: AGAIN, button: "Look again" }, {
+      action: "prove", vehicle: null, what, confirmed: false, assets: [segment],
+    });
   }
 
   // The answer to what the flight itself asks.
@@ -75,13 +77,13 @@ export class Intents {
     return true;
   }
 
-  async send({ action, vehicle, what, confirmed, pack, asset }) {
+  async send({ action, vehicle, what, confirmed, pack, assets }) {
     const id = Array.from(crypto.getRandomValues(new Uint8Array(12)), (byte) => byte.toString(16).padStart(2, "0")).join("");
     const wish = { id, action };
     if (vehicle) wish.vehicle = vehicle;
     if (confirmed) wish.confirmed = true;
     if (pack) wish.pack = pack;
-    if (asset) wish.asset = asset;
+    if (assets) wish.assets = assets;
     const body = JSON.stringify(wish);
     this.tell(`${what}: asked`, "accepted");
     // The id makes it safe to send again: a wish is taken once.
@@ -92,7 +94,7 @@ export class Intents {
           this.tell(`${what}: ${await answer.text()}`, "failed");
           return;
         }
-        this.answered(await answer.json(), { action, vehicle, what, confirmed: true, pack, asset });
+        this.answered(await answer.json(), { action, vehicle, what, confirmed: true, pack, assets });
         return;
       } catch {
         await new Promise((resolve) => setTimeout(resolve, 1000));

@@ -3,15 +3,18 @@ import { Ground } from "./ground.js";
 
 const HUES = ["#0072b2", "#d55e00", "#7a3e9d", "#b8860b", "#c2569a", "#1b9aaa", "#8b4513", "#5a6b00"];
 const PAD_PX = 46;
+// A shorter line is not seen between others.
+const LEAST_PX = 12;
 const OUT = new Set(["flying", "holding", "starting", "returning", "landing", "pilot"]);
 
 export const hueOf = (index) => HUES[index % HUES.length];
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 export class Chart {
-  constructor(canvas, choose, pointed = () => {}) {
+  constructor(canvas, choose, pointed = () => {}, touched = () => {}) {
     this.canvas = canvas;
     this.pointed = pointed;
+    this.touched = touched;
     this.ground = new Ground(() => this.later());
     this.context = canvas.getContext("2d");
     this.choose_ = choose;
@@ -69,15 +72,6 @@ export class Chart {
     const [width, height] = [this.width - 2 * PAD_PX, this.height - 2 * PAD_PX];
     this.scale = Math.min(width / Math.max(east - west, 20), height / Math.max(north - south, 20));
     this.fitted = true;
-    this.later();
-  }
-
-  // Brings a segment to the middle, with its name.
-  point(segment) {
-    const [[e1, n1], [e2, n2]] = this.chart.segments_m[segment];
-    this.middle = [(e1 + e2) / 2, (n1 + n2) / 2];
-    this.named = segment;
-    this.fitted = false;
     this.later();
   }
 
@@ -172,8 +166,30 @@ export class Chart {
       const [px, py] = this.pixels(vehicle.place_m);
       if (Math.hypot(px - x, py - y) < 24) return this.choose_(vehicle.name);
     }
-    this.named = this.segmentAt([x, y]);
-    this.canvas.title = this.named === null ? "" : (this.chart.names[this.named] ?? "");
+    this.name(this.segmentAt([x, y]));
+    this.touched(this.named);
+  }
+
+  name(segment) {
+    this.named = segment;
+    this.canvas.title = this.chart?.names[segment] ?? "";
+    this.later();
+  }
+
+  // Shows where a segment is, with its name; nothing moves where it is seen already.
+  pointTo(segment) {
+    this.name(segment);
+    const ends = this.chart?.segments_m[segment];
+    if (!ends) return;
+    const pixels = ends.map((end) => this.pixels(end));
+    const inside = pixels.every(([x, y]) => x > PAD_PX && y > PAD_PX && x < this.width - PAD_PX && y < this.height - PAD_PX);
+    const long = Math.hypot(pixels[0][0] - pixels[1][0], pixels[0][1] - pixels[1][1]);
+    if (inside && long >= LEAST_PX) return;
+    this.middle = [(ends[0][0] + ends[1][0]) / 2, (ends[0][1] + ends[1][1]) / 2];
+    if (long < LEAST_PX) this.scale = Math.min(20, (this.scale * 4 * LEAST_PX) / Math.max(1, long));
+    const most = Math.min(this.width, this.height) - 2 * PAD_PX;
+    if (long > most) this.scale *= most / long;
+    this.fitted = false;
   }
 
   // The segment nearest to a pixel; null where none is near.

@@ -11,13 +11,13 @@ import { age, element, flightTime, since, write } from "./words.js";
 const MARKS = { info: "·", warning: "▲", fault: "■" };
 const byId = (id) => document.getElementById(id);
 
-const chart = new Chart(byId("map"), choose, pointed);
+const chart = new Chart(byId("map"), choose, pointed, (segment) => assets.choose(segment));
 const intents = new Intents(() => state);
 const ask = (action, vehicle) => intents.ask(action, vehicle);
 const strips = new Strips(byId("vehicles"), choose, ask);
 const briefing = new Briefing(intents);
 const offers = new Offers(ask);
-const assets = new Assets((segment) => chart.point(segment), (name) => intents.lookAgain(name));
+const assets = new Assets((segment) => chart.pointTo(segment), intents);
 const freshness = new Freshness();
 const openedAt = performance.now();
 let state = null;
@@ -55,6 +55,7 @@ function show(next) {
   const nothing = { prove: !next.inferred.length };
   for (const button of byId("fleet").querySelectorAll("[data-action]")) button.disabled = idle || nothing[button.dataset.action];
   byId("legend-inferred").hidden = !next.inferred.length;
+  byId("legend-missed").hidden = !next.missed.length;
   document.title = `${next.inspected.length}/${next.segments_total} faultline`;
   const stamp = JSON.stringify(next.chart);
   if (stamp !== charted && !charting) loadChart(stamp);
@@ -125,10 +126,10 @@ async function loadChart(stamp) {
     if (answer.ok) {
       const content = await answer.json();
       strips.names = content.names;
-      assets.names = content.names;
       planned = content.window;
       if (state !== null) showPlanned(state);
       chart.load(content);
+      assets.load(content);
       charted = stamp;
     }
   } catch {
@@ -186,6 +187,7 @@ const MOVES = { ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], Arro
 
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]") || !state) return;
+  if (event.target.closest?.("input")) return;
   const key = event.key;
   const vehicle = state.vehicles[Number(key) - 1];
   if (/^[1-9]$/.test(key) && vehicle) choose(vehicle.name);
@@ -196,12 +198,12 @@ document.addEventListener("keydown", (event) => {
   else if (key === "?") byId("help").showModal();
   else if (KEYS[key] && chosen) ask(KEYS[key], chosen);
   else if (KEYS[key]) intents.tell("Choose a vehicle first, with its number", "refused");
-  else if (MOVES[key] && document.activeElement !== byId("vehicles")) chart.move(...MOVES[key]);
+  else if (key === "/" && !byId("assets").hidden) assets.find();
+  else if (MOVES[key] && !document.activeElement.closest("#vehicles, #assets")) chart.move(...MOVES[key]);
   else if (key === "+" || key === "=") chart.zoom(1.4);
   else if (key === "-") chart.zoom(1 / 1.4);
   else if (key === "0") chart.fit();
   else if (key === "m") nextLayer();
-  else if (key === "v") assets.open();
   else return;
   event.preventDefault();
 });
@@ -217,7 +219,6 @@ byId("zoom").addEventListener("click", (event) => {
 });
 
 byId("layer").addEventListener("click", nextLayer);
-byId("list").addEventListener("click", () => assets.open());
 
 function nextLayer() {
   chart.ground.next();

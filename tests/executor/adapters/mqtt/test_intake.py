@@ -34,9 +34,15 @@ def test_an_intent() -> None:
     assert read() == Intent("a-1", Action.HOLD, "uav1", "mqtt")
     assert read(action="abort", vehicle=...) == Intent("a-1", Action.ABORT, None, "mqtt")
     assert read(timestamp="2026-09-21T16:13:11+02:00", headerId=7, version="1.2.0") == read()
-    assert read(action="prove", vehicle=..., asset="pylon V101-3") == Intent(
-        "a-1", Action.PROVE, None, "mqtt", asset="pylon V101-3"
-    )
+
+
+def test_assets_to_look_at_again() -> None:
+    assets = ["V101-3", "pylon V101-4", 17]
+    expected = Intent("a-1", Action.PROVE, None, "mqtt", assets=("V101-3", "pylon V101-4", 17))
+    assert read(action="prove", vehicle=..., assets=assets) == expected
+    assert reason(assets=assets) == "assets: expected none, as hold is for no single one"
+    assert reason(action="prove", vehicle=..., assets=[]) == "assets: expected at least one asset"
+    assert reason(action="prove", vehicle=..., assets=["V101-3", ""]).startswith("assets[1]: expected the name")
 
 
 def test_what_is_no_intent_is_refused_in_one_line() -> None:
@@ -49,8 +55,6 @@ def test_what_is_no_intent_is_refused_in_one_line() -> None:
     assert reason(timestamp=1_790_000_000).startswith("timestamp: ")
     assert reason(version="2.0.0").startswith("version: ")
     assert reason(headerId=-1).startswith("headerId: ")
-    assert reason(asset="V101.1") == "asset: expected none, as hold looks at none again"
-    assert reason(action="prove", vehicle=..., asset="V" * 129).startswith("asset: ")
 
 
 @pytest.mark.parametrize(

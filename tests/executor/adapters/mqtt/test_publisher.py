@@ -13,12 +13,13 @@ from executor.adapters.mqtt.broker import Topics
 from executor.adapters.mqtt.client import Presence
 from executor.adapters.mqtt.intake import RefusedMessage
 from executor.adapters.mqtt.outbox import Letter, Outbox
-from executor.adapters.mqtt.publisher import AT_LEAST_EVERY_S, Publisher
+from executor.adapters.mqtt.publisher import ASSETS_EVERY_S, AT_LEAST_EVERY_S, Publisher
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.cli.schemas import schemas
 from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived, Tick
 from executor.core.intents import Action, Outcome
+from executor.core.seeing.assets import AssetState, AssetView
 from executor.core.view import fleet_view
 from missions import plan_document
 from tests.executor.core.stories import story, under_way
@@ -31,6 +32,7 @@ SCHEMA_OF = {
     "fault": "fault",
     "plan": "plan",
     "ack": "acknowledgement",
+    "assets": "assets",
     "telemetry": "telemetry",
 }
 
@@ -91,6 +93,31 @@ def test_states_are_retained_and_published_on_change() -> None:
     # The ground station's clock is set back.
     assert len(on(desk.look(-3600.0), "vehicle/uav1/state")) == 1
     assert on(desk.look(), "vehicle/uav1/state") == []
+
+
+def test_what_became_of_assets_is_published_when_it_changes_and_not_with_every_picture() -> None:
+    desk = Desk(under_way())
+    rows = (AssetView(0, AssetState.OPEN, 0, 10, None), AssetView(1, AssetState.OPEN, 2, 4, None))
+    more = (rows[0], AssetView(1, AssetState.MISSED, 2, 4, "uav2"))
+
+    def told(views: tuple[AssetView, ...], after_s: float, *, last: bool = False) -> list[dict[str, Any]]:
+        desk.unix_s += after_s
+        desk.publisher.assets(lambda: views, last=last)
+        return on(desk.written(), "fleet/assets")
+
+    [first] = told(rows, 0.0)
+    assert (first["assets_total"], first["run"]) == (2, "run-7")
+    assert first["assets"] == [{"segment": 1, "state": "open", "pictures": 2, "asked": 4, "vehicle": None}]
+    assert told(more, ASSETS_EVERY_S - 1.0) == []
+    [second] = told(more, 1.0)
+    assert second["assets"] == [{"segment": 1, "state": "missed", "pictures": 2, "asked": 4, "vehicle": "uav2"}]
+    assert told(more, ASSETS_EVERY_S) == []
+    assert len(told(rows, 1.0, last=True)) == 1
+    # Of many it is a long message, which a slow line carries seldom.
+    many = tuple(AssetView(number, AssetState.SEEN, 9, 10, "uav1") for number in range(1000))
+    assert len(told(many, ASSETS_EVERY_S)) == 1
+    assert told(rows, 5 * ASSETS_EVERY_S) == []
+    assert len(told(rows, 5 * ASSETS_EVERY_S)) == 1
 
 
 def test_a_flight_with_a_loss_is_published_whole() -> None:

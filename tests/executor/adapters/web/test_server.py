@@ -118,6 +118,22 @@ def test_the_present_at_once(open_one: Beside) -> None:
     assert len(second["route"]["inspect"]) == len(second["route"]["places_m"])
 
 
+def test_what_became_of_assets_is_asked_for_when_it_is_another() -> None:
+    with serving() as beside, beside.client() as client:
+        first, chart = client.get("/state").json()["assets"], client.get("/chart").json()
+        assert (chart["pictures"], chart["assets"]) == (False, [[number, 0] for number in range(6)])
+        assert client.get("/state").json()["assets"] == first
+        told = client.get("/assets").json()
+        assert told["assets"] == first
+        done = beside.flight.state.coverage.inspected
+        assert told["rows"] == [[segment, "seen", 0, done[segment]] for segment in sorted(done)]
+        beside.flight.run(lambda: len(beside.flight.state.coverage.inspected) > len(done))
+        later = client.get("/state").json()["assets"]
+        assert later > first
+        again = client.get("/assets").json()
+        assert (again["assets"], len(again["rows"])) == (later, len(beside.flight.state.coverage.inspected))
+
+
 def test_states_follow_each_other_within_a_second(open_one: Beside) -> None:
     with open_one.client() as client, client.stream("GET", "/events") as stream:
         assert stream.headers["content-type"].startswith("text/event-stream")
@@ -180,6 +196,17 @@ def test_what_is_no_intent_is_named_and_changes_nothing(open_one: Beside, body: 
         answer = client.post("/intents", content=body, headers={"content-type": "application/json"})
     assert answer.status_code == 422
     assert len(open_one.asked) == before
+
+
+def test_assets_to_look_at_again_come_as_they_are(open_one: Beside) -> None:
+    wish = {"id": "look-1", "action": "prove", "assets": ["no such", 2]}
+    with open_one.client() as client:
+        answer = client.post("/intents", json=wish)
+        held = client.post("/intents", json={**wish, "action": "hold", "vehicle": "uav2"})
+    assert open_one.asked[-1] == Intent("look-1", Action.PROVE, None, "page", assets=("no such", 2))
+    found = answer.json()
+    assert (answer.status_code, found["code"], found["assets"]) == (409, "asset_unknown", ["no such", 2])
+    assert (held.status_code, held.text) == (422, "assets: expected none, as hold is for no single one")
 
 
 @given(body=st.binary(max_size=200) | st.recursive(
