@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import socket
 from pathlib import Path
 from typing import Any
@@ -62,7 +63,8 @@ async def test_a_silent_link(tmp_path: Path) -> None:
     assert lost(flown) == [("uav2", "link")]
     [fault], [replan] = flown.report["faults"], flown.report["replans"]
     assert replan["feasible"]
-    assert replan["trigger"].startswith("uav2: link lost for ")
+    # Where the computer stands still for a moment, what came before may be read after it: the streams are missed first.
+    assert re.match(r"uav2: (link lost|neither HEARTBEAT nor position) for ", replan["trigger"])
     assert fault["detected_s"] - fault["happened_s"] >= 10.0
     assert all(one["landed"] for one in flown.report["vehicles"] if one["name"] != "uav2")
     assert min(one["min_reserve_pct"] for one in flown.report["vehicles"]) >= 15.0
