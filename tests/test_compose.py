@@ -161,6 +161,15 @@ def test_a_port_is_healthy_while_somebody_listens() -> None:
     assert not healthy("port", port)
 
 
+def test_who_asks_for_a_port_never_takes_it() -> None:
+    """Simulated vehicles that started in the moment of the question would find it in use, and end."""
+    hook = "lambda event, _: sys.exit('it is taken') if event == 'socket.bind' else None"
+    program = f"import runpy, sys; sys.addaudithook({hook}); runpy.run_path(sys.argv[0], run_name='__main__')"
+    asked = [sys.executable, "-c", f"import sys; sys.argv = {[str(DOCKER / 'healthy.py'), 'port', '9']}; {program}"]
+    result = subprocess.run(asked, check=False, capture_output=True, text=True)
+    assert (result.returncode, result.stderr) == (1, "")
+
+
 def test_a_run_is_healthy_while_its_events_go_on(tmp_path: Path) -> None:
     assert not healthy("run", str(tmp_path))
     for name, began_s in (("a", time.time() - 3600), ("b", time.time())):

@@ -15,10 +15,9 @@ import pytest
 
 from tests.brokers import KIND, running
 from tests.composed import ROOT, services
-from tests.e2e.flights import ended, free_ports, interrupt
+from tests.e2e.flights import PATIENCE_S, ended, free_ports, interrupt
 
 ASKED = {"FAULTLINE_VEHICLES": "3", "FAULTLINE_SPEEDUP": "12", "FAULTLINE_FAULT": "uav2:battery-step=30@40%"}
-TRIES_HEALTHY = 120
 
 
 class Services:
@@ -110,11 +109,9 @@ async def _flies_to_its_end(here: Services) -> None:
     assert not await here.healthy("fleet")
     fleet = await here.start("fleet")
     try:
-        for _ in range(TRIES_HEALTHY):
-            if await here.healthy("fleet"):
-                break
-        else:
-            raise AssertionError("the fleet never got healthy")
+        async with asyncio.timeout(PATIENCE_S):
+            while not await here.healthy("fleet"):
+                assert fleet.returncode is None, (await ended(fleet))[1]
         executor = await here.start("executor-demo")
         try:
             _, err = await ended(executor)
@@ -125,8 +122,9 @@ async def _flies_to_its_end(here: Services) -> None:
         assert executor.returncode == 0, err
         assert await here.healthy("executor-demo")
     finally:
-        interrupt(fleet)
-        await ended(fleet)
+        if fleet.returncode is None:
+            interrupt(fleet)
+            await ended(fleet)
     [run] = (here.work / "runs").iterdir()
     report = json.loads((run / "report.json").read_text(encoding="utf-8"))
     assert report["finished"]
