@@ -83,8 +83,10 @@ class Story:
     """More of the site file's table of that name."""
     at: Callable[[VehicleState, FleetState], bool] = in_its_second_segment
     """When it happens."""
-    pack_ah: float | None = None
-    """What ArduPilot's packs really hold."""
+    own: Mapping[str, Mapping[str, float]] = field(default_factory=lambda: MappingProxyType({}))
+    """Parameters of single vehicles, by their names."""
+    packs_ah: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    """What ArduPilot's packs really hold, by their vehicles' names."""
     tables: Mapping[str, object] = field(default_factory=lambda: MappingProxyType({}))
     """More tables of the site file."""
     loses: str = ""
@@ -210,7 +212,9 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
     order.run.mkdir()
     keep(order)
     pads = {pad.vehicle: pad for pad in assembly.setup_of(ground).pads}
-    wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset(story.relayed), story.pack_ah)
+    wanted = Wanted(
+        pads, ground.network.frame, story.speedup, story.settings, frozenset(story.relayed), story.own, story.packs_ah
+    )
     with running(autopilot, Path(binary), folder / "sim", wanted) as console.running:
         if story.signed:
             (folder / KEY_FILE).write_text(KEY.hex())

@@ -9,9 +9,10 @@ import socket
 import subprocess
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 
 import pytest
 from pymavlink.dialects.v20 import common as mav
@@ -148,8 +149,10 @@ class Wanted:
     """Parameters of all of them."""
     relayed: frozenset[str]
     """Whose link can be cut: they are heard `RELAYED` above their own port."""
-    pack_ah: float | None = None
-    """What ArduPilot's packs really hold; by default their voltage stays that of full ones."""
+    own: Mapping[str, Mapping[str, float]] = field(default_factory=lambda: MappingProxyType({}))
+    """Parameters of single vehicles, by their names."""
+    packs_ah: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    """What ArduPilot's packs really hold; the voltage of the others stays that of full ones."""
 
 
 @contextmanager
@@ -169,22 +172,22 @@ def running(autopilot: Autopilot, binary: Path, work: Path, wanted: Wanted) -> I
             stack.callback(vehicles[name].end)
         if autopilot is PX4:
             # Its start script has figures of its own, so these are set once it has run.
-            for vehicle in vehicles.values():
-                for parameter, value in wanted.settings.items():
+            for name, vehicle in vehicles.items():
+                for parameter, value in {**wanted.settings, **wanted.own.get(name, {})}.items():
                     vehicle.set(parameter, value, START_REAL_S)
         yield vehicles
 
 
 def _copter(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) -> Started:
-    parameters = folder.with_suffix(".parm")
+    parameters, own = folder.with_suffix(".parm"), wanted.own.get(folder.name, {})
     parameters.write_text(
-        "".join(f"{name} {value}\n" for name, value in {**COPTER_PARAMETERS, **wanted.settings}.items())
+        "".join(f"{name} {value}\n" for name, value in {**COPTER_PARAMETERS, **wanted.settings, **own}.items())
     )
     lat_deg, lon_deg = wanted.frame.to_wgs84_deg(pad.east_m, pad.north_m)
     model = "quad"
-    if wanted.pack_ah is not None:
+    if folder.name in wanted.packs_ah:
         folder.mkdir(exist_ok=True)
-        (folder / MODEL).write_text(json.dumps({"battCapacityAh": wanted.pack_ah, "maxVoltage": 12.6}))
+        (folder / MODEL).write_text(json.dumps({"battCapacityAh": wanted.packs_ah[folder.name], "maxVoltage": 12.6}))
         model = f"quad:{MODEL}"
     command = [
         binary, "-I", str(number), "--model", model, "--speedup", f"{wanted.speedup:g}",

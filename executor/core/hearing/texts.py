@@ -6,6 +6,7 @@ the rest is counted in one line.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from enum import IntEnum
 
@@ -72,7 +73,7 @@ def _taken(state: FleetState, vehicle: VehicleState, rank: Rank, line: str, now_
     flow, commands = vehicle.telemetry.texts, list[Command]()
     if now_s - flow.since_s >= WINDOW_S:
         flow, commands = _begun_anew(vehicle, now_s)
-    if line == flow.last[0] and now_s - flow.last[1] <= AGAIN_S:
+    if _gist(line) == _gist(flow.last[0]) and now_s - flow.last[1] <= AGAIN_S:
         flow = replace(flow, last=(line, now_s))
     elif flow.shown[rank] >= MOST_LINES[rank]:
         flow = replace(flow, passed_over=flow.passed_over + 1)
@@ -81,6 +82,15 @@ def _taken(state: FleetState, vehicle: VehicleState, rank: Rank, line: str, now_
         flow = replace(flow, last=(line, now_s), shown=shown)
         commands.append(Say(Level.WARNING, line))
     return state.put(replace(vehicle, telemetry=replace(vehicle.telemetry, texts=flow))), tuple(commands)
+
+
+def _gist(line: str) -> str:
+    """Return a line without the number behind it: ArduPilot's "Potential Thrust Loss (3)" names another motor by turns.
+
+    >>> _gist("uav2 says: Potential Thrust Loss (3)")
+    'uav2 says: Potential Thrust Loss'
+    """
+    return re.sub(r" \(\d+\)$", "", line)
 
 
 def _begun_anew(vehicle: VehicleState, now_s: float) -> tuple[TextFlow, list[Command]]:

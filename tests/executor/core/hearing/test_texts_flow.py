@@ -101,6 +101,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["uav1 says: a"],
     ),
     (
+        "a text that names another motor each time",
+        lambda: shown((100.0, 4, "Thrust Loss (3)"), (101.0, 4, "Thrust Loss (1)"), (102.0, 4, "Motor 1 (4)")),
+        ["uav1 says: Thrust Loss (3)", "uav1 says: Motor 1 (4)"],
+    ),
+    (
         "a new window",
         lambda: [shown(*many(7, 4), (at_s, 4, "b")) for at_s in (109.9, 110.0, 125.0)],
         [
