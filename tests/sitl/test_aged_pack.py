@@ -14,7 +14,6 @@ from planner import Cost
 from tests.sitl.flights import NAMES, VICTIM, Flown, Prepared, Story, flown
 from tests.sitl.real import ARDUPILOT, BOTH, Autopilot
 from tests.sitl.test_window import DRAIN_S, PACK_AH, PCT_PER_S
-from tests.sitl.verdict import ended_well
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(1500)]
 
@@ -22,7 +21,7 @@ COUNTED_AH, HELD_AH = 25.0, 12.5
 BUDGET_PCT = 70.0
 SHARE = 0.6
 """Of its planned flight: by then it must be known."""
-PLANNED_AH, PLANNED_S = 6.5, 850.0
+PLANNED_AH, PLANNED_S = 7.0, 850.0
 """Such packs are planned with that half of one does not bring its vehicle home above its reserve."""
 PACKS = {
     "px4": {"SIM_BAT_DRAIN": PLANNED_S, "SIM_BAT_MIN_PCT": 0.0},
@@ -62,8 +61,12 @@ def test_half_a_pack_is_known_before_sixty_percent_of_its_flight(autopilot: Auto
     )  # fmt: skip
     flight = flown(autopilot, story, tmp_path)
     print(flight.said)
-    ended_well(flight, ["battery"])
-    [fault] = flight.report["faults"]
+    assert flight.report["finished"], flight.said
+    assert {fault["vehicle"] for fault in flight.report["faults"]} == {VICTIM}, flight.said
+    # That it comes home with half of what it was planned with is not promised.
+    assert all(flight.vehicle(name)["landed"] for name in NAMES if name != VICTIM), flight.said
+    fault = flight.report["faults"][0]
+    assert fault["kind"] == "battery", flight.said
     share = fault["detected_s"] / planned_s(flight, VICTIM)
     print(f"{fault['reason']}: after {fault['detected_s']:.0f} s, {100 * share:.0f} % of its planned flight")
     assert share < SHARE

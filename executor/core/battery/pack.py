@@ -63,6 +63,8 @@ class Standing:
     """How far a cell lies below what the percentage allows, in the chemistry that allows more if nobody says which."""
     times: float | None = None
     """By how much more was used since it rested than was counted, by the same lenience; None while that is unknown."""
+    likely_times: float | None = None
+    """The same without lenience: as a lithium polymer pack where nobody says what it is."""
     in_flight: bool = False
 
     @property
@@ -71,7 +73,9 @@ class Standing:
         what = f"rests at {self.cell_v:.2f} V a cell, about {self.held_pct:.0f} %, and reports {self.claimed_pct:.0f} %"
         if self.times is None or self.times < TIMES_WARNED:
             return what
-        return f"{what}: since it took off it has given {self.times:.1f} times what is counted"
+        times, likely = f"{self.times:.1f}", f"{max(self.times, self.likely_times or 0.0):.1f}"
+        much = times if likely == times else f"{times} to {likely}"
+        return f"{what}: since it took off it has given {much} times what is counted"
 
     @property
     def doubtful(self) -> bool:
@@ -138,12 +142,13 @@ def standing(
     if sag is None or sag.rest_sd_v > SURE_SD_V * cells or now_s < sag.at_s:
         return None
     cell_v, sure_v = sag.recovered_v / cells, 2.0 * sag.rest_sd_v / cells
-    honest_pct, rest, times = facts.honest_pct(claimed_pct), known.rest, None
+    honest_pct, rest, times, likely = facts.honest_pct(claimed_pct), known.rest, None, None
     if rest is not None:
-        counted_pct = facts.honest_pct(rest.claimed_pct) - honest_pct
-        times = _times(rest.voltage_v / cells, cell_v + sure_v / 2, counted_pct, chemistry)
+        counted_pct, rest_cell_v = facts.honest_pct(rest.claimed_pct) - honest_pct, rest.voltage_v / cells
+        times = _times(rest_cell_v, cell_v + sure_v / 2, counted_pct, chemistry)
+        likely = _times(rest_cell_v, cell_v, counted_pct, chemistry or Chemistry.LIPO)
     held_pct, short_v = _stands(cell_v, honest_pct, chemistry, sure_v)
-    return Standing(cell_v, claimed_pct, held_pct, short_v, times, in_flight=True)
+    return Standing(cell_v, claimed_pct, held_pct, short_v, times, likely, in_flight=True)
 
 
 def _stands(cell_v: float, claimed_pct: float, chemistry: Chemistry | None, sure_v: float) -> tuple[float, float]:

@@ -161,14 +161,19 @@ def pack_falls_short(view: View) -> Finding:
 
 
 def _suffices(view: View, found: Standing) -> bool:
-    """Return whether a plan is flown for which even a pack that gives less than it counts is enough."""
+    """Return whether a plan is flown for which even a pack that gives less than it counts is enough.
+
+    That it gives less is sure by then, so that by how much is taken as it is likely: a real ArduPilot with half a pack
+    fell where the lenient figure, of a chemistry that nobody had named, still called the rest enough.
+    """
     rest = view.state.power.pack.rest
     ahead = projection.at_landing(view.context, view.state, view.setup) if view.setup.planned else None
-    if ahead is None or rest is None or found.times is None:
+    if ahead is None or rest is None or found.times is None or found.likely_times is None:
         return False
     honest_pct = view.setup.pack.honest_pct
     began_pct, reserve_pct = honest_pct(rest.claimed_pct), honest_pct(view.setup.reserve_pct)
-    return began_pct - found.times * (began_pct - honest_pct(ahead.mean_pct)) >= reserve_pct
+    times = max(found.times, found.likely_times)
+    return began_pct - times * (began_pct - honest_pct(ahead.mean_pct)) >= reserve_pct
 
 
 def pack_standing(view: View) -> Standing | None:
