@@ -150,7 +150,7 @@ def whole_site(network: Path) -> dict[str, Any]:
     frame = read_network(default_network_path()).frame
     depot = {"lat_deg": frame.lat_deg, "lon_deg": frame.lon_deg, "alt_m": frame.alt_m}
     whole = read_network(network, depot=(frame.lat_deg, frame.lon_deg, frame.alt_m))
-    centres_m = _centres_m(whole.ends_m.mean(axis=1), 4)
+    middles_m = centres_m(whole.ends_m.mean(axis=1), 4)
     names = [f"uav{number}" for number in range(1, 7)]
     stands = [names[0:2], names[2:4], names[4:5], names[5:6]]
     return {
@@ -162,7 +162,7 @@ def whole_site(network: Path) -> dict[str, Any]:
         "base": [
             dict(zip(("lat_deg", "lon_deg"), whole.frame.to_wgs84_deg(*place), strict=True),
                  name=f"base{number}", vehicles=own, turnaround_s=300.0)
-            for number, (place, own) in enumerate(zip(centres_m.tolist(), stands, strict=True), 1)
+            for number, (place, own) in enumerate(zip(middles_m.tolist(), stands, strict=True), 1)
         ],
         "vehicle": [
             {"name": name, "connection": f"udpin://127.0.0.1:{14550 + number}", "sysid": number, "autopilot": "px4"}
@@ -171,7 +171,7 @@ def whole_site(network: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _centres_m(places_m: FloatArray, count: int) -> FloatArray:
+def centres_m(places_m: FloatArray, count: int) -> FloatArray:
     """Return the centres of parts, each begun at the place farthest from the others, busiest first (Lloyd 1982)."""
     centres = places_m[:1]
     for _ in range(count - 1):

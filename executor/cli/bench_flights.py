@@ -209,5 +209,54 @@ def distance(
     raise typer.Exit(1 if content["too_near"] or content["off"] or content["not_flown"] else 0)
 
 
+def sorties(
+    days: Annotated[int, typer.Option(min=1, help="Days of six vehicles from four bases.")] = 2,
+    radius: Annotated[
+        float | None,
+        typer.Option(min=1.0, metavar="M", help="Only what is within this of the network's middle; by default all."),
+    ] = None,
+    seed: SeedOption = 1,
+    iterations: Annotated[int, typer.Option(min=1, help="Of the search for each day's plan.")] = 20_000,
+    autopilot: Annotated[
+        AutopilotName | None, typer.Option(help="Autopilot that the simulated vehicles behave like; by default both.")
+    ] = None,
+    jobs: JobsOption = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write sorties.md and sorties.json there.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly days of some fifty sorties with losses, bad packs and a ground station that dies, and judge them by truth.
+
+    Each day is planned as `plan --day` does and flown in virtual time: a crew changes packs at four bases, three
+    vehicles fall, the ground station is killed once. A day takes about two minutes of a core. The same seed gives the
+    same figures for any number of processes. Exit 1 if a counted segment was not flown, if anybody landed below its
+    reserve or off its pad, if two vehicles came too near, or if a day did not come to its end.
+    """
+    from executor.bench.machine import cores
+    from executor.bench.progress import ShownProgress
+    from executor.bench.sorties import SortiesCase, measure_sorties
+    from executor.bench.sortiespage import keep_sorties, print_sorties, sorties_document
+
+    autopilots = [one.value for one in (AutopilotName if autopilot is None else [autopilot])]
+    with ShownProgress() as shown:
+        cases = [
+            SortiesCase(number, seed, autopilots[number % len(autopilots)], iterations, radius)
+            for number in range(days)
+        ]
+        flown = measure_sorties(cases, jobs or cores(), partial(shown.told, "days"))
+    asked = [] if autopilot is None else ["--autopilot", autopilot.value]
+    asked += [] if radius is None else _repeated("--radius", [radius])
+    figures = ["--days", str(days), "--seed", str(seed), "--iterations", str(iterations)]
+    content = sorties_document(flown, shlex.join(["faultline", "bench", "sorties", *asked, *figures]), seed)
+    if out is not None:
+        keep_sorties(content, out)
+    if as_json:
+        print(json.dumps(content))
+    else:
+        print_sorties(content)
+    raise typer.Exit(1 if content["wrong"] else 0)
+
+
 def _repeated(option: str, values: Sequence[float]) -> list[str]:
     return [part for value in values for part in (option, f"{value:g}")]

@@ -122,13 +122,7 @@ def encoded(checkpoint: Checkpoint, plan: bytes) -> bytes:
         checkpoint: What to write.
         plan: The file of the flight's first plan.
     """
-    state = checkpoint.state
-    plain = replace(_mapped(state, dict), vehicles={})
-    fleet = _Fleet.model_construct(
-        state=plain, solve=checkpoint.solve, unkept=checkpoint.unkept, set_s=checkpoint.set_s
-    )
-    parts: list[_Part] = [fleet, *(_Vehicle.model_construct(vehicle=vehicle) for vehicle in state.vehicles.values())]
-    body = b"".join(part.model_dump_json().encode() + b"\n" for part in parts)
+    body = _written(checkpoint.state, checkpoint.solve, checkpoint.unkept, checkpoint.set_s)
     head = _Head(format=FORMAT, program=program(), plan=_digest(plan), place=checkpoint.place, body=_digest(body))
     return head.model_dump_json().encode() + b"\n" + body
 
@@ -178,11 +172,27 @@ def _fitting(run: Path, log: Path, head: _Head, body: bytes) -> Checkpoint:
         raise ValueError("it is torn or damaged")
     if not holds(log, head.place):
         raise ValueError("the log does not reach as far, or is another one")
+    fleet, state = _read(body)
+    return Checkpoint(head.place, state, fleet.solve, fleet.unkept, fleet.set_s)
+
+
+def rewritten(state: FleetState) -> FleetState:
+    """Return a state as it is once a checkpoint was made of it and read again."""
+    return _read(_written(state, None, (), 0.0))[1]
+
+
+def _written(state: FleetState, solve: Solve | None, unkept: tuple[Planned, ...], set_s: float) -> bytes:
+    plain = replace(_mapped(state, dict), vehicles={})
+    fleet = _Fleet.model_construct(state=plain, solve=solve, unkept=unkept, set_s=set_s)
+    parts: list[_Part] = [fleet, *(_Vehicle.model_construct(vehicle=vehicle) for vehicle in state.vehicles.values())]
+    return b"".join(part.model_dump_json().encode() + b"\n" for part in parts)
+
+
+def _read(body: bytes) -> tuple[_Fleet, FleetState]:
     first, *rest = body.splitlines()
     fleet = _Fleet.model_validate_json(first)
     vehicles = {row.name: row for row in (_Vehicle.model_validate_json(line).vehicle for line in rest)}
-    state = replace(_mapped(fleet.state, MappingProxyType), vehicles=MappingProxyType(vehicles))
-    return Checkpoint(head.place, state, fleet.solve, fleet.unkept, fleet.set_s)
+    return fleet, replace(_mapped(fleet.state, MappingProxyType), vehicles=MappingProxyType(vehicles))
 
 
 def _mapped(value: T, kind: Callable[[Mapping[Any, Any]], Mapping[Any, Any]]) -> T:

@@ -11,7 +11,7 @@ import asyncio
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -19,18 +19,20 @@ from executor.adapters.clock import SystemClock
 from executor.analysis.documents import FlightReport
 from executor.analysis.report import Said, report_of
 from executor.bench.errors import BenchError
+from executor.bench.virtual.crew import Crew, Packs
 from executor.bench.virtual.loop import run_virtual
 from executor.bench.virtual.radio import MemoryRadio, live
 from executor.bench.virtual.solver import SolverHere
 from executor.core import fleet
 from executor.core.commands import Level, Say
 from executor.core.context import Context
-from executor.core.events import Event
+from executor.core.events import Event, Reopened
 from executor.core.fencing import first_fences
 from executor.core.parts import OnBoard
 from executor.core.ports import EventSink, OpenLink
 from executor.core.preflight.checks import Check, Severity
 from executor.core.state import FleetState
+from executor.flight.checkpoints import rewritten
 from executor.flight.fencing import fences_wanted
 from executor.flight.flight_order import Order
 from executor.flight.parameter_changes import read_changes
@@ -41,17 +43,23 @@ from executor.runtime.preflight import load_lists
 from executor.simulated.fleet import fleet_of
 from executor.simulated.injected import happening_of
 from executor.simulator.config import SimVehicle
+from executor.simulator.faults import parse_fault
 from executor.simulator.truth import Truth
 from executor.simulator.vehicle import SimulatedVehicle
-from executor.site import assembly
+from executor.site import assembly, dayflight
 from executor.site.assembly import Ground
-from missions import PlanFile, dialect_for
+from missions import DayPlanFile, PlanFile, dialect_for
 from missions.fences import Fence
 
 LIMIT_S = 3 * 3600.0
 """A flight that takes longer than this is left: no pack lasts as long."""
 STEP_S = 0.1
 """Of the vehicles' lives between two looks at what they say."""
+AWAY_S = 15.0
+"""So long a ground station that has died is away."""
+PATIENCE_S = 10.0
+"""So long it waits for the first answer when it is back."""
+FALLS_FROM_M = 10.0
 STANDS_S = 5.0
 """After the end of the supervision the vehicles live on for so long: they disarm some seconds after they land."""
 
@@ -93,17 +101,20 @@ class VirtualFlight:
     """Of real time."""
 
 
-Applied = Callable[[Context, Event, FleetState, float], None]
-
-
 @dataclass(frozen=True, slots=True)
-class Onlookers:
-    """Who looks on at a flight and changes nothing."""
+class Sorties:
+    """A day of several sorties, as its plan, its crew and its troubles have it."""
 
-    applied: Applied = lambda *_: None
-    """Called after every event with what does not change, the state and the flight's time."""
-    lived: Callable[[Mapping[str, SimulatedVehicle]], None] = lambda _: None
-    """Called with the vehicles after every step of their lives."""
+    day: DayPlanFile
+    packs: Packs
+    """What the crew puts in, one after the other."""
+    losses: tuple[tuple[float, str], ...] = ()
+    """Seconds of the flight, and who is in the air then, or next, falls."""
+    away_s: tuple[float, ...] = ()
+    """When the ground station dies, at a moment in which nothing is being planned."""
+
+
+Applied = Callable[[Context, Event, FleetState, float], None]
 
 
 class Nowhere:
@@ -116,6 +127,18 @@ class Nowhere:
         """Nothing is ever lost here."""
 
 
+@dataclass(frozen=True, slots=True)
+class Onlookers:
+    """Who looks on at a flight and changes nothing."""
+
+    sink: EventSink = field(default_factory=Nowhere)
+    """Where events are written."""
+    applied: Applied = lambda *_: None
+    """Called after every event with what does not change, the state and the flight's time."""
+    lived: Callable[[Mapping[str, SimulatedVehicle]], None] = lambda _: None
+    """Called with the vehicles after every step of their lives."""
+
+
 def fly_virtual(
     ground: Ground,
     plan: PlanFile,
@@ -123,14 +146,14 @@ def fly_virtual(
     faults: Sequence[str] = (),
     seed: int = 0,
     craft: Callable[[SimVehicle], SimVehicle] = lambda vehicle: vehicle,
-    sink: EventSink | None = None,
     onlookers: Onlookers | None = None,
+    sorties: Sorties | None = None,
     limit_s: float = LIMIT_S,
 ) -> VirtualFlight:
     """Fly a plan over a site from the first heartbeat to the end of the supervision.
 
     The same arguments give the same flight. A vehicle flies again as the site's `fly_again` says; nobody answers
-    offers.
+    offers. On a day of several sorties a crew changes packs.
 
     Args:
         ground: The site; its speedup is taken to be 1.
@@ -138,8 +161,8 @@ def fly_virtual(
         faults: As ``--fault`` takes them: ``uav2:crash@300s``.
         seed: Of the links' chance.
         craft: Changes a simulated vehicle: its charge, its pack, the wind.
-        sink: Where events are written; without it nowhere.
         onlookers: Who looks on.
+        sorties: The day whose first sorties the plan is; without it a single flight.
         limit_s: Of the flight's time after the launch.
 
     Raises:
@@ -150,7 +173,7 @@ def fly_virtual(
     flight = ground.site.flight.model_copy(update={"speedup": 1.0})
     ground = replace(ground, site=ground.site.model_copy(update={"flight": flight}))
     began_s = time.perf_counter()
-    sky = partial(_Sky, ground, plan, faults, seed, craft, sink or Nowhere(), onlookers or Onlookers())
+    sky = partial(_Sky, ground, plan, faults, seed, craft, onlookers or Onlookers(), sorties)
     flown = run_virtual(lambda: sky().fly(limit_s))
     return replace(flown, took_s=time.perf_counter() - began_s)
 
@@ -184,10 +207,11 @@ class _Sky:
 
     def __init__(
         self, ground: Ground, plan: PlanFile, faults: Sequence[str], seed: int,
-        craft: Callable[[SimVehicle], SimVehicle], sink: EventSink, onlookers: Onlookers,
+        craft: Callable[[SimVehicle], SimVehicle], onlookers: Onlookers, sorties: Sorties | None,
     ) -> None:  # fmt: skip
-        self._order = Order(ground.site, Path(), ground, plan, Path(), lambda _: ())
-        self._sink, self._onlookers = sink, onlookers
+        day = None if sorties is None else sorties.day
+        self._order = Order(ground.site, Path(), ground, plan, Path(), lambda _: (), day=day)
+        self._onlookers, self._sorties = onlookers, sorties
         self._solver = SolverHere(plan.solved.seed, takes_s=ground.site.flight.solve_s)
         simulated = fleet_of(ground, speedup=1.0, faults=faults, seed=seed, wind=1.0, failsafe=True)
         setup = assembly.setup_of(ground)
@@ -197,18 +221,25 @@ class _Sky:
             height = {rule.height: setup.return_height_m(config.name) / rule.unit_m}
             raised = replace(config, parameters={**config.parameters, **height})
             self._radios[config.name] = MemoryRadio(SimulatedVehicle(craft(raised), simulated.faults), config.sysid)
+        self._vehicles = {name: radio.vehicle for name, radio in self._radios.items()}
+        self._crew = None if sorties is None else Crew(self._vehicles, sorties.packs)
+        self._losses = [] if sorties is None else sorted(sorties.losses)
+        self._flight: Flight | None = None
+        """None before it begins, and while the ground station is away."""
+        self._launched_s = 0.0
         self._truths: list[Truth] = []
         self._said: list[tuple[float, Say]] = []
 
     async def _fence(
         self, context: Context, links: Mapping[str, OpenLink], clock: SystemClock, first: Mapping[str, Fence]
     ) -> None:
-        """Put the fences on board, with the parameters that they need."""
-        if not first:
+        """Put the fences on board, with the parameters that they need; a day's are looked at after every boot."""
+        if not first and self._sorties is None:
             return
         changes = await read_changes(context, links, clock)
-        for name, lists in fences_wanted(context, first).items():
+        for name in links:
             await set_changes(links[name], clock, changes.of(name))
+        for name, lists in fences_wanted(context, first).items():
             await load_lists(name, links[name], clock, context.vehicles[name].dialect, lists)
 
     async def fly(self, limit_s: float) -> VirtualFlight:
@@ -232,14 +263,30 @@ class _Sky:
             first = first_fences(context, boards)
             await self._fence(context, links, clock, first)
             await load_all(context, links, clock, boards, console)
-            launched_s = clock.now_s()
+            launched_s = self._launched_s = clock.now_s()
             observer = Observer(
                 lambda line, at_s: self._said.append((at_s, line)),
                 lambda event, state, now_s: self._onlookers.applied(context, event, state, now_s),
             )
-            state = fleet.initial(boards, fences=first)
-            flight = Flight(context, state, links, clock, self._sink, self._solver, observer)
-            ended = await _to_the_end(flight, launched_s + limit_s)
+            ahead = {} if self._order.day is None else dayflight.ahead_of(self._order.day)
+            state = fleet.initial(boards, fences=first, ahead=ahead)
+            wired = partial(
+                Flight, context, links=links, clock=clock, sink=self._onlookers.sink, solver=self._solver,
+                observer=observer,
+            )  # fmt: skip
+            flight = self._flight = wired(state)
+            ended, reopened = False, None
+            for away_s in () if self._sorties is None else sorted(self._sorties.away_s):
+                ended = await self._until_away(flight, launched_s + away_s, reopened)
+                if ended:
+                    break
+                self._flight, reopened = None, Reopened(0.0, AWAY_S, ())
+                await asyncio.sleep(AWAY_S)
+                state = rewritten(flight.state)
+                flight = self._flight = Flight(
+                    context, state, links, clock, self._onlookers.sink, self._solver, observer
+                )
+            ended = ended or await _to_the_end(flight, launched_s + limit_s, reopened)
             ended_s = clock.now_s()
             await asyncio.sleep(STANDS_S)
         finally:
@@ -257,14 +304,37 @@ class _Sky:
             ended_s - launched_s, ended, 0.0,
         )  # fmt: skip
 
-    def _look(self, _: float) -> None:
+    def _look(self, now_s: float) -> None:
         for radio in self._radios.values():
             self._truths += radio.vehicle.drain_truths(lambda at_s: at_s)
-        self._onlookers.lived({name: radio.vehicle for name, radio in self._radios.items()})
+        self._onlookers.lived(self._vehicles)
+        if self._flight is not None and self._crew is not None and self._launched_s:
+            self._crew.attend(self._flight, now_s)
+        if self._losses and self._launched_s and now_s - self._launched_s >= self._losses[0][0]:
+            self._lose(self._losses[0][1])
+
+    def _lose(self, name: str) -> None:
+        """Have a vehicle fall, once it is well in the air."""
+        frame = self._vehicles[name].autopilot.frame
+        if frame.crashed_s is None and frame.body.up_m > FALLS_FROM_M:
+            del self._losses[0]
+            self._vehicles[name].befall(parse_fault(f"{name}:crash@0s"))
+
+    async def _until_away(self, flight: Flight, at_s: float, reopened: Reopened | None) -> bool:
+        """Supervise until the ground station dies; returns whether everything was over before."""
+        flying = asyncio.create_task(flight.run(reopened, PATIENCE_S))
+        try:
+            await asyncio.wait({flying}, timeout=at_s - asyncio.get_running_loop().time())
+            while flight.state.replanning.replan is not None:
+                await asyncio.wait({flying}, timeout=STEP_S)
+            return flying.done()
+        finally:
+            flying.cancel()
+            await asyncio.gather(flying, return_exceptions=True)
 
 
-async def _to_the_end(flight: Flight, until_s: float) -> bool:
-    flying = asyncio.create_task(flight.run())
+async def _to_the_end(flight: Flight, until_s: float, reopened: Reopened | None = None) -> bool:
+    flying = asyncio.create_task(flight.run(reopened, PATIENCE_S))
     try:
         async with asyncio.timeout_at(until_s):
             await asyncio.shield(flying)

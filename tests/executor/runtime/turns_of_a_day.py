@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import itertools
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from executor.adapters.eventlog import from_plain, to_plain
+from executor.bench.virtual.crew import Crew as Attendants
 from executor.bench.virtual.radio import MemoryRadio, live
 from executor.bench.virtual.solver import SolverHere
 from executor.core import fleet
@@ -16,13 +16,11 @@ from executor.core.battery.history import PackHistory
 from executor.core.commands import Say, Solve
 from executor.core.context import Context, DayRules
 from executor.core.events import Reopened, SolveEnded
-from executor.core.intents import Action, Intent, IntentRecord
+from executor.core.intents import IntentRecord
 from executor.core.parts import OnBoard, SortieAhead
 from executor.core.preflight.checks import Facts
-from executor.core.roster import turnaround
 from executor.core.state import FleetState
 from executor.runtime.flight import Flight, Observer
-from executor.simulator.faults import parse_fault
 from missions import Network, Pricing
 from tests.fakes.solver import FakeSolver
 from tests.missions.builders import line_east
@@ -34,12 +32,8 @@ LATER: Mapping[str, tuple[tuple[int, ...], ...]] = {"uav1": ((8, 10),), "uav2": 
 STAGGER_S = 10.0
 LONG_S = 3600.0
 HISTORY = PackHistory("", 3, (3.0, 0.1))
-BESIDE_S = 10.0
-"""Until somebody stands beside a vehicle that has landed."""
 AWAY_S = 15.0
 """So long the ground station is away."""
-CONNECTED_S = 5.0
-"""So long after its power went the crew says that another pack is in: it is booting then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +88,11 @@ class DaySky(Sky):
 
     def __init__(self, day: Day, autopilot: str) -> None:
         self.day = day
-        self._packs = list(day.crew.packs.items())
-        self._numbered = itertools.count(1)
-        self._rests_s: dict[str, float] = {}
-        self._changed: dict[str, tuple[float, str]] = {}
-        self.asked: list[IntentRecord] = []
+        self._packs = iter(day.crew.packs.items())
         self._died = asyncio.Event()
         super().__init__(Story("a day", day.moments, fleet=day.first, limit_s=LONG_S), autopilot)
+        vehicles = {name: radio.vehicle for name, radio in self.radios.items()}
+        self._crew = Attendants(vehicles, lambda _: next(self._packs, None), confirms=day.crew.confirms)
         self.solver = _Solver()
         for radio in self.radios.values():
             radio.spare()
@@ -112,8 +104,12 @@ class DaySky(Sky):
 
     def swap(self, name: str, pack: str, *, confirmed: bool = True) -> IntentRecord:
         assert self.flight is not None
-        number = next(self._numbered)
-        return self.flight.ask(Intent(f"swap-{number}", Action.SWAP, name, "page", confirmed, pack))
+        return self._crew.swap(self.flight, name, pack, confirmed=confirmed)
+
+    @property
+    def asked(self) -> list[IntentRecord]:
+        """What the crew asked for."""
+        return self._crew.asked
 
     def _network(self) -> Network:
         return line_east(self.day.segments + 1)
@@ -183,23 +179,8 @@ class DaySky(Sky):
 
     def _look(self) -> None:
         super()._look()
-        for name in self.radios:
-            self._attend(name)
-
-    def _attend(self, name: str) -> None:
-        """Go to a vehicle that waits on its base, change its pack, and say so while it boots."""
-        turn = self.state.vehicles[name].turn
-        waits = turnaround.serves(self.state.vehicles[name]) and turn.asked_s is None and turn.sorties
-        since_s = self._rests_s.setdefault(name, self.now_s) if waits else self._rests_s.pop(name, self.now_s)
-        if name in self._changed:
-            changed_s, pack = self._changed[name]
-            if self.day.crew.confirms and waits and self.now_s - changed_s >= CONNECTED_S:
-                del self._changed[name]
-                self.asked.append(self.swap(name, pack))
-        elif waits and self._packs and self.now_s - since_s >= BESIDE_S:
-            pack, held_pct = self._packs.pop(0)
-            self.vehicle(name).befall(parse_fault(f"{name}:pack={held_pct:g}@0s"))
-            self._changed[name] = self.now_s, pack
+        if self.flight is not None:
+            self._crew.attend(self.flight, self.now_s)
 
 
 def flight_observer(said: list[tuple[float, Say]]) -> Observer:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from executor.bench.errors import BenchError
-from executor.bench.virtual.flight import VirtualFlight, fly_virtual
+from executor.bench.virtual.flight import Onlookers, VirtualFlight, fly_virtual
 from executor.core.events import Event, Heard, LaunchOrdered
 from executor.simulator.errors import FaultSpecError
 from executor.site.tables.fence import FenceTable
@@ -30,7 +30,8 @@ class Kept:
 
 def flown(folder: Path, autopilot: str, *faults: str, sink: Kept | None = None) -> VirtualFlight:
     ground = short_ground(folder, 2, autopilot)
-    return fly_virtual(ground, shared(ground), faults=faults, seed=1, sink=sink)
+    onlookers = None if sink is None else Onlookers(sink=sink)
+    return fly_virtual(ground, shared(ground), faults=faults, seed=1, onlookers=onlookers)
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
