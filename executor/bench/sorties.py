@@ -225,7 +225,7 @@ class _Packs:
         )
 
     def next(self, _: str) -> tuple[str, float]:
-        """Give the next pack to whoever comes."""
+        """Give the next pack."""
         number = next(self._numbers)
         held_pct = self._bad.get(number, FULL_PCT)
         self.given[f"P{number}"] = held_pct

@@ -20,7 +20,7 @@ Packs = Callable[[str], tuple[PackId, float] | None]
 """Gives a vehicle's next pack: its id and what it really holds, in percent; None where there is no more."""
 
 
-class Crew:
+class PadCrew:
     """The crew of all bases."""
 
     def __init__(self, vehicles: Mapping[str, SimulatedVehicle], packs: Packs, *, confirms: bool = True) -> None:

@@ -19,7 +19,7 @@ from executor.adapters.clock import SystemClock
 from executor.analysis.documents import FlightReport
 from executor.analysis.report import Said, report_of
 from executor.bench.errors import BenchError
-from executor.bench.virtual.crew import Crew, Packs
+from executor.bench.virtual.crew import Packs, PadCrew
 from executor.bench.virtual.loop import run_virtual
 from executor.bench.virtual.radio import MemoryRadio, live
 from executor.bench.virtual.solver import SolverHere
@@ -222,7 +222,7 @@ class _Sky:
             raised = replace(config, parameters={**config.parameters, **height})
             self._radios[config.name] = MemoryRadio(SimulatedVehicle(craft(raised), simulated.faults), config.sysid)
         self._vehicles = {name: radio.vehicle for name, radio in self._radios.items()}
-        self._crew = None if sorties is None else Crew(self._vehicles, sorties.packs)
+        self._crew = None if sorties is None else PadCrew(self._vehicles, sorties.packs)
         self._losses = [] if sorties is None else sorted(sorties.losses)
         self._flight: Flight | None = None
         """None before it begins, and while the ground station is away."""

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from executor.adapters.eventlog import from_plain, to_plain
-from executor.bench.virtual.crew import Crew as Attendants
+from executor.bench.virtual.crew import PadCrew
 from executor.bench.virtual.radio import MemoryRadio, live
 from executor.bench.virtual.solver import SolverHere
 from executor.core import fleet
@@ -92,7 +92,7 @@ class DaySky(Sky):
         self._died = asyncio.Event()
         super().__init__(Story("a day", day.moments, fleet=day.first, limit_s=LONG_S), autopilot)
         vehicles = {name: radio.vehicle for name, radio in self.radios.items()}
-        self._crew = Attendants(vehicles, lambda _: next(self._packs, None), confirms=day.crew.confirms)
+        self._crew = PadCrew(vehicles, lambda _: next(self._packs, None), confirms=day.crew.confirms)
         self.solver = _Solver()
         for radio in self.radios.values():
             radio.spare()
