@@ -224,10 +224,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/core/hearing/test_fold.py": ("executor/core/hearing/charge.py",),
     "tests/executor/core/operator/test_handling_out_of_the_plan.py": ("executor/core/roster/withdraw.py",),
     "tests/executor/core/replan/test_what_if.py": ("executor/runtime/outlook.py",),
-    "tests/executor/core/test_fleet.py": (
-        "executor/core/custody/reading.py",
-        "executor/core/launching.py",
-    ),
+    "tests/executor/core/test_fleet.py": ("executor/core/custody/reading.py",),
     "tests/executor/core/test_fleet_disarmed.py": ("executor/core/homing/landing.py",),
     "tests/executor/core/test_fleet_heard.py": ("executor/core/separation.py",),
     "tests/executor/core/test_fleet_uploads.py": ("executor/core/uploaded.py",),

@@ -267,6 +267,8 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands.extend(more)
     state, more = turnaround.turnarounds_pursued(context, state, now_s)
     commands.extend(more)
+    state, more = launching.starts_pursued(context, state, now_s)
+    commands.extend(more)
     state, more = texts.tell_passed_over(state, now_s)
     commands.extend(more)
     state, more = offers.looked_at(context, state, now_s)

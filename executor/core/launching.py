@@ -16,6 +16,7 @@ from executor.core.parts import Cause
 from executor.core.places import kill_switch_on
 from executor.core.replan.wording import listed
 from executor.core.roster import killswitch, turnaround
+from executor.core.roster.turnaround import PLACELESS_S
 from executor.core.roster.withdraw import declare
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
@@ -116,6 +117,9 @@ def started(context: Context, state: FleetState, event: StartEnded, now_s: float
             orders=replace(vehicle.orders, ordered_mode_s=now_s),
         )
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
+        if not _placed(context, vehicle, now_s):
+            owed = replace(vehicle, orders=replace(vehicle.orders, start_owed_s=now_s))
+            return state.put(owed), (Say(Level.WARNING, f"{text} once it says where it is"),)
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
     why = f"did not start: {event.reason}"
     if event.armed and not vehicle.armed and not _beats(context, vehicle, now_s):
@@ -124,6 +128,38 @@ def started(context: Context, state: FleetState, event: StartEnded, now_s: float
         return declare(context, state, vehicle, Fault(FaultKind.LINK, why, now_s, FaultCode.NOT_STARTED))
     why += ", and it has disarmed" if stopped else ""
     return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
+
+
+def starts_pursued(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Try starts again that wait for a position: who is silent for a while may have rebooted, with another pack."""
+    commands: list[Command] = []
+    for vehicle in tuple(state.vehicles.values()):
+        owed_s = vehicle.orders.start_owed_s
+        if owed_s is None:
+            continue
+        why, fix = "", vehicle.motion.fix
+        if vehicle.sortie.rebooted_s is not None:
+            why = "its autopilot has rebooted since its checks"
+        elif now_s - owed_s > PLACELESS_S:
+            why = f"no position for {PLACELESS_S:g} s, it may have rebooted since its checks"
+        starts = vehicle.stage is Stage.STARTING
+        if starts and not why and (fix is None or fix.at_s <= owed_s):
+            continue
+        paid = replace(vehicle, orders=replace(vehicle.orders, start_owed_s=None, ordered_mode_s=now_s))
+        state = state.put(paid)
+        if starts and why:
+            fault = Fault(FaultKind.INTERRUPTION, f"did not start: {why}", now_s, FaultCode.NOT_STARTED)
+            state, more = declare(context, state, paid, fault)
+            commands.extend(more)
+        elif starts:
+            commands.append(Start(vehicle.name))
+    return state, tuple(commands)
+
+
+def _placed(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle says where it is."""
+    fix = vehicle.motion.fix
+    return fix is not None and now_s - fix.at_s <= context.limits.link_stale_s
 
 
 def _beats(context: Context, vehicle: VehicleState, now_s: float) -> bool:
@@ -136,8 +172,7 @@ def _waits_on_its_pad(context: Context, vehicle: VehicleState, event: StartEnded
     """Return whether a vehicle whose start failed is known to stand there still, with nobody's else hand on it."""
     if not (vehicle.sortie.armed_once or event.armed):
         return True
-    fix = vehicle.motion.fix
-    if not _beats(context, vehicle, now_s) or fix is None or now_s - fix.at_s > context.limits.link_stale_s:
+    if not _beats(context, vehicle, now_s) or not _placed(context, vehicle, now_s):
         return False  # it may have taken off, or its autopilot may have started anew
     return not vehicle.sortie.took_off and not comes_home(context, vehicle) and vehicle.custody.cause is Cause.OURS
 

@@ -332,6 +332,8 @@ class Orders:
     errand: Errand | None = None
     cleared_s: float | None = None
     """When the crew said that it may take off again; None if it did not, or it has."""
+    start_owed_s: float | None = None
+    """When its start failed while it said no position: it is tried again once it says where it is."""
     streams_asked_s: float = float("-inf")
     """When it was asked last to send again what does not come."""
 

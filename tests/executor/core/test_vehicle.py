@@ -84,6 +84,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "unhealthy": 0,
             "item": None,
             "item_s": None,
+            "start_owed_s": None,
             "streams_asked_s": -math.inf,
             "excused_s": -math.inf,
             "flew_mission": False,

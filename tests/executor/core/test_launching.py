@@ -1,0 +1,84 @@
+"""A start that failed while its vehicle said no position waits for one: it may have rebooted, with another pack."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from executor.core.commands import Command, Level, Say, Start
+from executor.core.events import StartEnded
+from executor.core.launching import started, starts_pursued
+from executor.core.state import FleetState
+from executor.core.vehicle import FaultCode, Stage, VehicleState
+from tests.executor.builders import with_facts
+from tests.executor.core.steps import CREW, LOW, flight_of
+from tests.executor.core.vehicles import DISARMED, NOW_S, flying
+
+STARTS = flying(
+    stage=Stage.STARTING, heartbeat=DISARMED, took_off=False, armed_once=False, waypoint=0, anchor=None, fix=LOW
+)
+STALE = replace(LOW, at_s=NOW_S - CREW.limits.link_stale_s - 0.1)
+OWED = with_facts(STARTS, fix=STALE, start_owed_s=NOW_S)
+
+
+def failed(vehicle: VehicleState) -> tuple[VehicleState, tuple[Command, ...]]:
+    flight = flight_of(vehicle, launched_s=NOW_S - 5.0)
+    state, commands = started(CREW, flight, StartEnded("uav1", False, "no answer"), NOW_S)
+    return state.vehicles["uav1"], commands
+
+
+def pursued(vehicle: VehicleState, at_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+    return starts_pursued(CREW, flight_of(vehicle, launched_s=NOW_S - 5.0), at_s)
+
+
+def test_who_says_where_it_is_is_started_again_at_once() -> None:
+    vehicle, commands = failed(with_facts(STARTS, fix=replace(LOW, at_s=NOW_S - CREW.limits.link_stale_s)))
+    assert commands == (Say(Level.WARNING, "uav1: did not start (no answer); trying again"), Start("uav1"))
+    assert vehicle.orders.start_owed_s is None
+
+
+@pytest.mark.parametrize("fix", [STALE, None])
+def test_who_does_not_waits(fix: object) -> None:
+    vehicle, commands = failed(with_facts(STARTS, fix=fix))
+    text = "uav1: did not start (no answer); trying again once it says where it is"
+    assert commands == (Say(Level.WARNING, text),)
+    assert (vehicle.stage, vehicle.orders.start_owed_s, vehicle.assignment.failures) == (Stage.STARTING, NOW_S, 1)
+    state, commands = pursued(vehicle, NOW_S + 10.0)
+    assert commands == ()
+    assert state.vehicles["uav1"] == vehicle
+
+
+def test_a_position_that_is_newer_than_the_failure_starts_it() -> None:
+    state, commands = pursued(with_facts(OWED, fix=replace(LOW, at_s=NOW_S + 0.1)), NOW_S + 0.5)
+    assert commands == (Start("uav1"),)
+    orders = state.vehicles["uav1"].orders
+    assert (orders.start_owed_s, orders.ordered_mode_s) == (None, NOW_S + 0.5)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "at_s", "why"),
+    [
+        (
+            with_facts(OWED, fix=replace(LOW, at_s=NOW_S + 1.0), rebooted_s=NOW_S + 1.0), NOW_S + 1.1,
+            "did not start: its autopilot has rebooted since its checks",
+        ),
+        (OWED, NOW_S + 10.1, "did not start: no position for 10 s, it may have rebooted since its checks"),
+    ],
+)  # fmt: skip
+def test_who_has_rebooted_or_stays_without_a_position_stays_on_the_ground(
+    vehicle: VehicleState, at_s: float, why: str
+) -> None:
+    state, commands = pursued(vehicle, at_s)
+    fault = state.vehicles["uav1"].fault
+    assert fault is not None
+    assert (fault.reason, fault.code) == (why, FaultCode.NOT_STARTED)
+    assert state.vehicles["uav1"].orders.start_owed_s is None
+    assert not [one for one in commands if isinstance(one, Start)]
+
+
+def test_who_is_not_starting_any_more_owes_nothing() -> None:
+    state, commands = pursued(replace(OWED, stage=Stage.LOST), NOW_S + 10.1)
+    assert commands == ()
+    assert state.vehicles["uav1"].orders.start_owed_s is None
+    assert state.vehicles["uav1"].fault is None
