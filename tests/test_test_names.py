@@ -260,6 +260,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/runtime/examination.py",
     ),
     "tests/executor/bench/test_distance.py": ("executor/bench/distancepage.py",),
+    "tests/executor/bench/test_pictures.py": ("executor/bench/picturespage.py",),
     "tests/executor/bench/test_sorties.py": ("executor/bench/sortiespage.py", "executor/bench/virtual/crew.py"),
     "tests/executor/bench/test_prediction.py": ("executor/bench/predictionpage.py",),
     "tests/executor/bench/test_failures.py": (

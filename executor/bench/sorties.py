@@ -55,6 +55,8 @@ PATIENT_S = 120.0
 """How long vehicles fly on without a ground station."""
 APART_M, ON_PAD_M, LOW_M = 5.0, 5.0, 0.3
 """Promised between any two in the air; how far from its own pad one may stand; below this it stands."""
+FALLS_M_S = 1.0
+"""Who comes down faster than this so near the ground does not stand there, but falls."""
 END_SHARE = 0.1
 """Of a segment, at both ends: where a vehicle may still be turning."""
 ASIDE_M = 3.0
@@ -143,7 +145,7 @@ class _Watched:
                 up[name] = place_m
                 if self.looks % EVERY == 0:
                     self.tracks_m.setdefault(name, []).append(place_m[:2])
-            elif math.hypot(body.east_m, body.north_m) > ON_PAD_M:
+            elif abs(body.v_up_m_s) < FALLS_M_S and math.hypot(body.east_m, body.north_m) > ON_PAD_M:
                 self.strays.setdefault(name, f"{name} stood {math.hypot(body.east_m, body.north_m):.1f} m from its pad")
         for (one, one_m), (other, other_m) in itertools.combinations(up.items(), 2):
             apart_m = math.dist(one_m, other_m)

@@ -368,6 +368,7 @@ def detection(
 cli.command()(bench_flights.prediction)
 cli.command()(bench_flights.window)
 cli.command()(bench_flights.distance)
+cli.command()(bench_flights.pictures)
 cli.command()(bench_flights.sorties)
 cli.command()(bench_failures.failures)
 cli.command()(bench_day.day)

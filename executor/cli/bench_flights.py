@@ -209,6 +209,44 @@ def distance(
     raise typer.Exit(1 if content["too_near"] or content["off"] or content["not_flown"] else 0)
 
 
+def pictures(
+    flights: Annotated[int, typer.Option(min=1, help="Flights of 2 to 4 vehicles.")] = 20,
+    seed: SeedOption = 1,
+    autopilot: Annotated[
+        AutopilotName | None, typer.Option(help="Autopilot that the simulated vehicles behave like; by default both.")
+    ] = None,
+    jobs: JobsOption = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write pictures.md and pictures.json there.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly fleets with cameras through faults and lost datagrams, and hold index and cards against what was taken.
+
+    Simulated cameras write JPEGs by clocks that are off; `faultline images` is given them. A flight takes some ten
+    seconds of a core. The same seed gives the same figures for any number of processes. Exit 1 if an asset is called
+    seen that is not, or unseen without being named, if a picture is doubled or a file matched to another picture.
+    """
+    from executor.bench.machine import cores
+    from executor.bench.pictures import measure_pictures
+    from executor.bench.picturespage import keep_pictures, pictures_document, print_pictures
+    from executor.bench.progress import ShownProgress
+
+    autopilots = [one.value for one in (AutopilotName if autopilot is None else [autopilot])]
+    with ShownProgress() as shown:
+        flown = measure_pictures(flights, seed, autopilots, jobs or cores(), partial(shown.told, "flights"))
+    asked = [] if autopilot is None else ["--autopilot", autopilot.value]
+    command = shlex.join(["faultline", "bench", "pictures", *asked, "--flights", str(flights), "--seed", str(seed)])
+    content = pictures_document(flown, command, seed)
+    if out is not None:
+        keep_pictures(content, out)
+    if as_json:
+        print(json.dumps(content))
+    else:
+        print_pictures(content)
+    raise typer.Exit(1 if content["wrong"] or content["not_flown"] else 0)
+
+
 def sorties(
     days: Annotated[int, typer.Option(min=1, help="Days of six vehicles from four bases.")] = 2,
     radius: Annotated[

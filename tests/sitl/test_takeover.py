@@ -166,4 +166,6 @@ def test_px4s_sticks(tmp_path: Path) -> None:
     story = story_of(PX4, strike=push, lift=switches(PX4, "rtl"), lasts_s=20.0, settings=settings)
     flight = flown(PX4, story, tmp_path)
     nothing_was_commanded(flight, PX4)
-    assert flight.says(f"{VICTIM}: with its pilot, mode POSCTL") is not None, flight.said
+    assert flight.says(f"{VICTIM}: its pilot has switched it to POSCTL; not commanded from here") is not None, (
+        flight.said
+    )

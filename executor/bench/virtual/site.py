@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from executor.simulated.demo_site import SIMULATED_CEILING_M, demo_site
@@ -30,6 +31,7 @@ def virtual_ground(
     wind_m_s: tuple[float, float] = (0.0, 0.0),
     capacity_ah: float | None = None,
     same_distance: bool = False,
+    tables: Mapping[str, object] = MappingProxyType({}),
 ) -> Ground:
     """Return what is known of a simulated fleet over a network before anybody flies.
 
@@ -43,6 +45,7 @@ def virtual_ground(
         wind_m_s: Where the air moves to, east and north.
         capacity_ah: Of the batteries; None for the usual ones.
         same_distance: Whether everybody inspects at the asked distance where nobody else's way crosses.
+        tables: More tables of the site file.
 
     Raises:
         MissionsError: the network cannot be used.
@@ -57,7 +60,7 @@ def virtual_ground(
     }  # fmt: skip
     if not _has_heights(network, content.get("depot")):
         inspection["heights"] = "flat"
-    content["inspection"] = inspection
+    content |= {"inspection": inspection, **tables}
     if capacity_ah is not None:
         content["energy"] = {"capacity_ah": capacity_ah}
     return assembly.ground_of(check_site(content, "bench"), Path())
