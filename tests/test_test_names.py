@@ -255,7 +255,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/replay/test_packs.py": ("executor/replay/packs_file.py",),
     "tests/executor/runtime/test_turnaround.py": (
-        "executor/core/roster/turnaround.py",
         "executor/core/sorties.py",
         "executor/runtime/examination.py",
     ),

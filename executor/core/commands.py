@@ -90,6 +90,8 @@ class Examine:
     """Look at a vehicle on its base whose pack was changed: whether it is ready, its battery, its parameters."""
 
     vehicle: str
+    sets: bool = False
+    """Whether what the flight had set, and it lost at a boot, is set again."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -226,6 +226,8 @@ class Examined:
     """What it answered, by name."""
     changed: tuple[str, ...] = ()
     """What is not as the flight had set it, in words."""
+    sets: bool = False
+    """Whether that was tried to be set again."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,12 @@ from executor.core.preflight.checks import Facts
 from executor.core.preflight.parameters import Proposal, propose
 from executor.errors import PreflightFailed
 from executor.runtime import preflight, procedures
-from executor.runtime.parameters import read_present
+from executor.runtime.parameters import read_present, set_changes
 
 
-async def vehicle_examined(context: Context, name: str, link: Link, clock: Clock, within_s: float) -> Examined:
+async def vehicle_examined(
+    context: Context, name: str, link: Link, clock: Clock, within_s: float, *, sets: bool = False
+) -> Examined:
     """Wait until a vehicle is ready, and read what it says of its battery and its parameters.
 
     It may just be booting: nothing that it said before this counts.
@@ -25,6 +27,7 @@ async def vehicle_examined(context: Context, name: str, link: Link, clock: Clock
         link: To it.
         clock: The flight's.
         within_s: How long it may take to be ready, in its time.
+        sets: Whether what is not as the flight had set it is set again.
     """
     dialect, began_s = context.vehicles[name].dialect, clock.now_s()
     seen = await procedures.wait_for(link, clock, lambda message: isinstance(message, Heartbeat), within_s)
@@ -34,6 +37,9 @@ async def vehicle_examined(context: Context, name: str, link: Link, clock: Clock
     try:
         facts = await preflight.interview(name, link, clock, dialect, left_s, lambda _: None)
         proposal = await _proposal(context, name, link, clock)
+        if sets and (lacks := proposal.of(name)):
+            await set_changes(link, clock, lacks)
+            proposal = await _proposal(context, name, link, clock)
     except PreflightFailed as error:
         return Examined(name, ready=False, reason=str(error).removeprefix(f"{name}: "))
     if reason := _another(context, facts):
@@ -47,6 +53,7 @@ async def vehicle_examined(context: Context, name: str, link: Link, clock: Clock
         cells=facts.cells,
         parameters=tuple(sorted(facts.parameters.items())),
         changed=tuple(change.words for change in proposal.of(name)),
+        sets=sets,
     )
 
 

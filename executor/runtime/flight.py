@@ -219,9 +219,9 @@ class Flight:
             case commands.AskStreams(vehicle) | commands.ReadMission(vehicle):
                 asks = self._ask_streams if isinstance(command, commands.AskStreams) else self._read
                 self._aside(vehicle, asks(vehicle))
-            case commands.Examine(vehicle):
+            case commands.Examine(vehicle, sets):
                 failed = partial(events.Examined, vehicle, False)
-                self._job(vehicle, partial(self._examine, vehicle), failed)
+                self._job(vehicle, partial(self._examine, vehicle, sets=sets), failed)
             case commands.AskPicture(vehicle, component, sequence):
                 # Its answer is heard like any other picture, and asked for again where none comes.
                 self._links[vehicle].send(orders.picture(component, sequence))
@@ -343,9 +343,9 @@ class Flight:
         done = await procedures.start(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
         return events.StartEnded(vehicle, done.accepted, done.reason, done.armed, done.code)
 
-    async def _examine(self, vehicle: str) -> Event:
+    async def _examine(self, vehicle: str, *, sets: bool) -> Event:
         link, before_s = self._links[vehicle], turnaround.READY_S
-        return await examination.vehicle_examined(self.context, vehicle, link, self._clock, before_s)
+        return await examination.vehicle_examined(self.context, vehicle, link, self._clock, before_s, sets=sets)
 
     async def _send_home(self, vehicle: str) -> Event:
         done = await procedures.send_home(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)

@@ -119,6 +119,16 @@ class ParamTable:
         """Return the value of a parameter that the dialect has."""
         return self._values[name]
 
+    def __setitem__(self, name: str, value: float) -> None:
+        """Have another value from now on, as after a boot that lost one; unknown names are refused.
+
+        Raises:
+            KeyError: there is no such parameter.
+        """
+        if name not in self._values:
+            raise KeyError(name)
+        self._values[name] = value
+
     def answer(self, request: ParamRequestList | ParamRequestRead | ParamSet) -> Iterator[Outbound]:
         """Yield the answers; an unknown name gets none, as both autopilots do."""
         match request:

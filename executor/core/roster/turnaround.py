@@ -70,6 +70,10 @@ def _examined(context: Context, state: FleetState, event: Examined, now_s: float
     vehicle = state.vehicles[event.vehicle]
     if vehicle.turn.asked_s is None or vehicle.turn.ready_s is not None:
         return state, ()
+    if event.ready and event.changed and not event.sets and vehicle.sortie.rebooted_s is not None:
+        # It lost them as it booted; who changed them without a boot meant it.
+        text = f"{vehicle.name}: set again as before its boot: {'; '.join(event.changed)}"
+        return state, (Say(Level.INFO, text), Examine(vehicle.name, sets=True))
     if why := _not_ready(context, vehicle, event):
         return _ended(state, vehicle, IntentReason.NOT_READY, why, now_s)
     heard = PackHeard(event.remaining_pct or 0.0, event.voltage_v, event.cells, dict(event.parameters))

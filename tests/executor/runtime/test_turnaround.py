@@ -192,3 +192,15 @@ async def test_a_sortie_that_does_not_fit_into_its_hours_is_refused() -> None:
     assert refused[0].text.endswith("its next hours begin at T+15:00")
     assert sky.state.vehicles["uav1"].stage is Stage.LANDED
     assert set(flown.inspected) == {0, 1}
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "name", "value"), [("ardupilot", "RTL_ALT", 300.0), ("px4", "RTL_RETURN_ALT", 3.0)]
+)
+async def test_what_vehicles_forgot_as_they_booted_is_set_again(autopilot: str, name: str, value: float) -> None:
+    sky, flown = await day_flown(Day(Crew(GOOD), forgets={name: value}), autopilot)
+    for vehicle in ("uav1", "uav2"):
+        assert f": {name} {value:g} -> " in told_once(sky, f"{vehicle}: set again as before its boot: ")
+        assert sky.vehicle(vehicle).autopilot.params[name] in {5.0 * value, 7.0 * value}
+    assert set(flown.inspected) == set(range(8)), "\n".join(sky.lines)
+    assert all(record.outcome is Outcome.DONE for record in sky.state.crew.intents.values())

@@ -61,6 +61,8 @@ class Day:
     """Whether it is a day's plan that is flown; else a single flight."""
     budgets_pct: Mapping[str, float] = field(default_factory=dict)
     """Of packs that are known by their labels."""
+    forgets: Mapping[str, float] = field(default_factory=dict)
+    """Parameters that a vehicle has with every new pack, as it boots."""
     dies: When | None = None
     """When the ground station dies, and comes back a while later."""
 
@@ -92,10 +94,15 @@ class DaySky(Sky):
         self._died = asyncio.Event()
         super().__init__(Story("a day", day.moments, fleet=day.first, limit_s=LONG_S), autopilot)
         vehicles = {name: radio.vehicle for name, radio in self.radios.items()}
-        self._crew = PadCrew(vehicles, lambda _: next(self._packs, None), confirms=day.crew.confirms)
+        self._crew = PadCrew(vehicles, self._next_pack, confirms=day.crew.confirms)
         self.solver = _Solver()
         for radio in self.radios.values():
             radio.spare()
+
+    def _next_pack(self, name: str) -> tuple[str, float] | None:
+        for parameter, value in self.day.forgets.items():
+            self.vehicle(name).autopilot.params[parameter] = value
+        return next(self._packs, None)
 
     @property
     def lines(self) -> list[str]:
