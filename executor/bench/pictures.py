@@ -36,6 +36,7 @@ from executor.simulator.config import SimVehicle
 from executor.simulator.vehicle import SimulatedVehicle
 from executor.site import assembly
 from executor.site.assembly import Ground
+from missions.geo import LocalFrame
 from missions.geometry import locate
 from planner import Cost, NoImprovement, solve
 
@@ -65,6 +66,8 @@ SAME_S, SAME_M = 1.0, 8.0
 ASIDE_M = 5.0
 TRUE_M = 1.0
 """By so much a true place may differ from what the vehicle says."""
+PYLON_M = 8.0
+"""So near to a pylon, which is passed some metres beside, the last picture of one span meets the next one's first."""
 PASS_S, DOUBLE = 20.0, 0.2
 """Two pictures of one pass are less than this apart in time; nearer than this share of what was asked is one twice."""
 SPEAKS = {"name": "rgb", "id": 100, "gimbal": True}
@@ -127,13 +130,14 @@ class _Taken:
         at_s = row.unix_s - BEGAN_UNIX_S
         after = bisect_left(own, at_s, key=lambda one: one[0].t_s)
         near = [shot for shot, _ in own[max(0, after - 1) : after + 1] if abs(shot.t_s - at_s) <= SAME_S]
-        near = [shot for shot in near if _apart_m(shot, row) <= SAME_M]
+        near = [shot for shot in near if _apart_m(row, shot.lat_deg, shot.lon_deg) <= SAME_M]
         return min(near, key=lambda shot: abs(shot.t_s - at_s), default=None)
 
 
-def _apart_m(shot: Shot | ImageRow, row: ImageRow) -> float:
-    north_m = 111_320.0 * (shot.lat_deg - row.lat_deg)
-    return math.hypot(north_m, 111_320.0 * math.cos(math.radians(row.lat_deg)) * (shot.lon_deg - row.lon_deg))
+def _apart_m(row: ImageRow, lat_deg: float, lon_deg: float) -> float:
+    """Return how far from a place a picture was taken, over the ground."""
+    east_m, north_m = LocalFrame(row.lat_deg, row.lon_deg).to_local_m(lat_deg, lon_deg)
+    return math.hypot(east_m, north_m)
 
 
 def fly_pictures(case: PicturesCase) -> PicturesFlight:
@@ -270,8 +274,12 @@ def _gaps(ground: Ground, index: Index, taken: _Taken) -> list[str]:
 
 
 def _doubles(index: Index) -> list[str]:
-    """Return what a vehicle took twice in one pass, by pictures that count; what is flown again is another pass."""
+    """Return what a vehicle took twice in one pass, by pictures that count.
+
+    What is flown again is another pass, and at a pylon where two spans meet each of them asks for a picture.
+    """
     found, last = [], dict[tuple[str, int], ImageRow]()
+    pylons = {place for row in index.assets for place in row.line}
     for row in index.images:
         if row.segment is None or row.flaw:
             continue
@@ -279,8 +287,10 @@ def _doubles(index: Index) -> list[str]:
         last[row.vehicle, row.segment] = row
         if before is None or row.unix_s - before.unix_s > PASS_S:
             continue
-        near = _apart_m(row, before) < DOUBLE * EVERY_M
-        if near if row.viewpoint.endswith(" m") else row.viewpoint == before.viewpoint:
+        along = row.viewpoint.endswith(" m")
+        met = along and any(_apart_m(row, *place) < PYLON_M for place in pylons)
+        near = _apart_m(row, before.lat_deg, before.lon_deg) < DOUBLE * EVERY_M
+        if not met and (near if along else row.viewpoint == before.viewpoint):
             found.append(f"{row.asset}, {row.viewpoint}, was taken twice by {row.vehicle}")
     return found
 
