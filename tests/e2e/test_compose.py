@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import os
-import socket
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ import pytest
 
 from tests.brokers import KIND, running
 from tests.composed import ROOT, services
-from tests.e2e.flights import PATIENCE_S, ended, free_ports, interrupt
+from tests.e2e.flights import PATIENCE_S, ended, free_ports, interrupt, is_free
 
 ASKED = {"FAULTLINE_VEHICLES": "3", "FAULTLINE_SPEEDUP": "12", "FAULTLINE_FAULT": "uav2:battery-step=30@40%"}
 
@@ -77,18 +76,9 @@ def _row_of_ports(count: int) -> int:
     """Return the first of as many neighbouring ports that nobody uses at the moment."""
     for _ in range(100):
         [first] = free_ports(1)
-        if all(_is_free(first + more) for more in range(count)):
+        if all(is_free(first + more) for more in range(count)):
             return first
     raise AssertionError("no free ports")
-
-
-def _is_free(port: int) -> bool:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
-        try:
-            plug.bind(("127.0.0.1", port))
-        except OSError:
-            return False
-    return True
 
 
 @pytest.mark.asyncio
