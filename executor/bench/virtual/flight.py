@@ -249,10 +249,8 @@ class _Sky:
         links = {name: radio.link for name, radio in self._radios.items()}
         for radio in self._radios.values():
             radio.spare()
-        tasks = [
-            asyncio.create_task(live(self._radios.values(), self._look, every_s=STEP_S)),
-            asyncio.create_task(keep_heartbeat(links, clock)),
-        ]
+        beats = asyncio.create_task(keep_heartbeat(links, clock))
+        tasks = [asyncio.create_task(live(self._radios.values(), self._look, every_s=STEP_S)), beats]
         console = _Quiet()
         try:
             facts = await interviews(self._order, links, clock, console)
@@ -281,11 +279,11 @@ class _Sky:
                 if ended:
                     break
                 self._flight, reopened = None, Reopened(0.0, AWAY_S, ())
+                beats.cancel()
                 await asyncio.sleep(AWAY_S)
-                state = rewritten(flight.state)
-                flight = self._flight = Flight(
-                    context, state, links, clock, self._onlookers.sink, self._solver, observer
-                )
+                beats = asyncio.create_task(keep_heartbeat(links, clock))
+                tasks.append(beats)
+                flight = self._flight = wired(rewritten(flight.state))
             ended = ended or await _to_the_end(flight, launched_s + limit_s, reopened)
             ended_s = clock.now_s()
             await asyncio.sleep(STANDS_S)
@@ -325,7 +323,7 @@ class _Sky:
         flying = asyncio.create_task(flight.run(reopened, PATIENCE_S))
         try:
             await asyncio.wait({flying}, timeout=at_s - asyncio.get_running_loop().time())
-            while flight.state.replanning.replan is not None:
+            while not flying.done() and flight.state.replanning.replan is not None:
                 await asyncio.wait({flying}, timeout=STEP_S)
             return flying.done()
         finally:
