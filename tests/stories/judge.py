@@ -403,7 +403,11 @@ class Judge:
 
     def _by_itself(self, found: re.Match[str], at_s: float, line: Say) -> str:
         name = found["name"]
-        causes = [one for one in self.happened(name, "pilot ", "station ", "kill", "failsafe ") if one.t_s <= at_s]
+        causes = [
+            one
+            for one in self.happened(name, "pilot ", "station ", "kill", "failsafe ")
+            if one.t_s <= at_s and not self._has_it_already(name, one)
+        ]
         if not causes:
             return ""
         cause = causes[-1]
@@ -412,6 +416,11 @@ class Judge:
         if cause.what == "failsafe fence" and at_s - cause.t_s < 30 and "fence" not in line.text.lower():
             return "it was its fence"
         return ""
+
+    def _has_it_already(self, name: str, cause: Truth) -> bool:
+        """Return whether a pilot asks for the mode that it is in: who put it there stays who did it."""
+        modes = [one.what.removeprefix("mode ") for one in self.happened(name, "mode ") if one.t_s < cause.t_s]
+        return bool(modes) and cause.what == f"pilot {modes[-1]}"
 
     def _all_silent(self, found: re.Match[str], at_s: float, line: Say) -> str:
         speak = [name for name in self.names if not self._silent(name, at_s, 0.5) and self.armed(name, at_s)]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from executor.core.commands import Level, Say
 from executor.core.events import Event, IntentReceived, LaunchOrdered
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
@@ -139,3 +141,10 @@ def test_a_segment_that_counts_and_was_never_flown() -> None:
     told = replace(flown(*BEGUN, *ENDED), segments={3: (PAD, AWAY)}, inspected={3: "uav1"}, wanted=frozenset({3}))
     assert rules(told) == ["inspected"]
     assert rules(replace(told, inspected={})) == ["completes"]
+
+
+@pytest.mark.parametrize(("mode", "found"), [("LAND", []), ("RTL", ["line"])])
+def test_a_pilot_who_asks_for_the_mode_that_a_failsafe_chose_has_not_done_it(mode: str, found: list[str]) -> None:
+    told = flown(*BEGUN, (100.0, "failsafe ekf"), (100.0, "mode LAND"), (101.0, f"pilot {mode}"), *ENDED)
+    line = "uav1: interruption, LAND by its own failsafe; it says: EKF Failsafe; returning or landing by itself"
+    assert rules(said(told, 101.3, line)) == found

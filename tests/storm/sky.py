@@ -198,6 +198,9 @@ class StormSky(Sky):
                 nobody = True
             if self._away_until_s is None and not nobody:
                 return
+            if nobody and all(air.vehicle.autopilot.frame.crashed_s is not None for air in self.airs.values()):
+                self.left = True  # the crew has found them all: nothing is there to be taken up
+                return
             if nobody:  # the crew tries again
                 self._die(self.now_s + AGAIN_LATER_S)
                 again = Happening("ground killed", GROUND, 0.0, AGAIN_LATER_S + PATIENCE_S)

@@ -120,13 +120,18 @@ def _stopped(vehicle: VehicleState, now_s: float) -> bool:
 
 
 def _failsafe_acts(context: Context, vehicle: VehicleState, now_s: float) -> Advice | None:
-    """Return how long a failsafe is waited for that holds before it acts; None if none acts."""
+    """Return how long a failsafe is waited for that holds before it acts; None if none acts.
+
+    It is waited for as long as it is heard: who was silent may have stood still, and its clock with it.
+    """
     if vehicle.custody.cause is not Cause.FAILSAFE or vehicle.telemetry.heartbeat is None:
         return None
     hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
     if vehicle.telemetry.heartbeat.custom_mode != hold:
         return Advice(Answer.LEAVE, "left to its own failsafe")
-    if now_s - vehicle.telemetry.mode_since_s < context.limits.failsafe_hold_s:
+    link = vehicle.link
+    heard_from_s = max(vehicle.telemetry.mode_since_s, link.excused_s, link.regained_s or 0.0)
+    if now_s - heard_from_s < context.limits.failsafe_hold_s:
         return Advice(Answer.WAIT, "held by its own failsafe, which is waited for")
     return None
 

@@ -73,6 +73,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
+        "whose failsafe holds, and was heard again",
+        lambda: [
+            advice(cause=Cause.FAILSAFE, heartbeat=beat(HOLD), mode_since_s=NOW_S - 40.0, **{key: NOW_S - since_s})
+            for key in ("regained_s", "excused_s")
+            for since_s in (14.9, 15.0)
+        ],
+        ["wait: held by its own failsafe, which is waited for", "return: "] * 2,
+    ),
+    (
         "where nobody knows it to be",
         lambda: [
             advice(fix=fix, errand=Errand(NOW_S - since_s))
