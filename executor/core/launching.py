@@ -11,6 +11,7 @@ from executor.core.commands import Command, Level, Say, Start
 from executor.core.context import Context, FlyAgain
 from executor.core.endings import Ending
 from executor.core.events import StartEnded
+from executor.core.hearing.fold import FELL_BACK_S
 from executor.core.homing.homeward import comes_home
 from executor.core.parts import Cause
 from executor.core.places import kill_switch_on
@@ -91,6 +92,25 @@ def ordered(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
     return state.put(vehicle), Start(vehicle.name)
 
 
+def sent_up(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Start a vehicle that stood on its base for a while: at once if it says where it is, else once it does.
+
+    Who is without a position may have rebooted, without what was set on it, and with another pack.
+    """
+    placed, anew = _placed(context, vehicle, now_s), _began_anew(vehicle)
+    state, order = ordered(context, state, vehicle, now_s)
+    if placed and not anew:
+        return state, (order,)
+    owed = state.vehicles[vehicle.name]
+    owed = replace(
+        owed,
+        orders=replace(owed.orders, start_owed_s=now_s),
+        sortie=replace(owed.sortie, rebooted_s=vehicle.sortie.rebooted_s if anew else None),
+    )
+    said = () if placed else (Say(Level.WARNING, f"{vehicle.name}: starts once it says where it is"),)
+    return state.put(owed), said
+
+
 def started(context: Context, state: FleetState, event: StartEnded, now_s: float) -> Stepped:
     """Take up how a start ended: it flies, it is tried again, or it is lost at its pad."""
     vehicle = state.vehicles[event.vehicle]
@@ -137,10 +157,8 @@ def starts_pursued(context: Context, state: FleetState, now_s: float) -> Stepped
         owed_s = vehicle.orders.start_owed_s
         if owed_s is None:
             continue
-        why, fix = "", vehicle.motion.fix
-        if vehicle.sortie.rebooted_s is not None:
-            why = "its autopilot has rebooted since its checks"
-        elif now_s - owed_s > PLACELESS_S:
+        why, fix = _began_anew(vehicle), vehicle.motion.fix
+        if not why and now_s - owed_s > PLACELESS_S:
             why = f"no position for {PLACELESS_S:g} s, it may have rebooted since its checks"
         starts = vehicle.stage is Stage.STARTING
         if starts and not why and (fix is None or fix.at_s <= owed_s):
@@ -160,6 +178,16 @@ def _placed(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle says where it is."""
     fix = vehicle.motion.fix
     return fix is not None and now_s - fix.at_s <= context.limits.link_stale_s
+
+
+def _began_anew(vehicle: VehicleState) -> str:
+    """Return why an autopilot is not the one any more that was checked, or included; empty if it is."""
+    cleared_s = vehicle.orders.cleared_s or -math.inf
+    if vehicle.sortie.rebooted_s is not None and vehicle.sortie.rebooted_s > cleared_s:
+        return "its autopilot has rebooted since its checks"
+    if vehicle.motion.behind_s >= FELL_BACK_S and vehicle.motion.fell_back_s > cleared_s:
+        return "its clock fell back: its autopilot may have rebooted since its checks"
+    return ""
 
 
 def _beats(context: Context, vehicle: VehicleState, now_s: float) -> bool:

@@ -250,6 +250,10 @@ class MotionState:
     """How far its position lay from where its velocity leads, and when."""
     falls_s: float = float("-inf")
     """When it sank last as no vehicle lands."""
+    behind_s: float = 0.0
+    """By how much its clock fell back behind ours in gaps of its positions: it stood still, or has begun anew."""
+    fell_back_s: float = float("-inf")
+    """When the last such gap ended."""
 
 
 @dataclass(frozen=True, slots=True)

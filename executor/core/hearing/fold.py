@@ -55,6 +55,9 @@ _ALARM = re.compile(
 OVERTAKEN_S = 60.0
 """A position older than the one before it by less than this was overtaken on the way; by more, or after a silence, the
 autopilot has rebooted."""
+FELL_BACK_S = 5.0
+"""A gap that was so much shorter by its own clock is more than a slow link: an autopilot that rebooted may say a later
+time than before already."""
 LONGEST_SILENCE_S = 600.0
 """Over a longer gap of its own clock nobody knows what a vehicle used: it may have landed and been charged."""
 _ON_ITS_MISSION = frozenset({Stage.FLYING, Stage.STARTING, Stage.PILOT, Stage.LOST})
@@ -302,7 +305,9 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
     falls = took_off and fix.velocity_m_s[2] < -context.limits.fall_m_s
     if (took_off, away, rebooted_s) != (sortie.took_off, sortie.away_once, sortie.rebooted_s):
         sortie = replace(sortie, took_off=took_off, away_once=away, rebooted_s=rebooted_s)
-    motion = MotionState(fix, last, anchor, jump, falls_s=now_s if falls else state.motion.falls_s)
+    behind_s, fell_back_s = _behind(state.motion, last, fix, anew=rebooted_s == now_s)
+    falls_s = now_s if falls else state.motion.falls_s
+    motion = MotionState(fix, last, anchor, jump, falls_s, behind_s, fell_back_s)
     sample = Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
     covered = _covered(context, _after_gap(state, elapsed_s), sample)
     assignment = covered.assignment
@@ -310,6 +315,16 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
         assignment = replace(assignment, fix_waypoint=assignment.waypoint)
     after = state.after(link, motion=motion, power=power, sortie=sortie, assignment=assignment)
     return Folded(after, covered.inspected, covered.flown)
+
+
+def _behind(known: MotionState, before: Fix | None, fix: Fix, *, anew: bool) -> tuple[float, float]:
+    """Return by how much its clock has fallen back, and when: what waited while nobody listened catches up again."""
+    if before is None or anew:
+        return 0.0, known.fell_back_s
+    lost_s = fix.at_s - before.at_s - (fix.boot_s - before.boot_s)
+    if lost_s >= FELL_BACK_S:
+        return known.behind_s + lost_s, fix.at_s
+    return (max(0.0, known.behind_s + lost_s) if known.behind_s else 0.0), known.fell_back_s
 
 
 def _after_gap(state: VehicleState, elapsed_s: float) -> VehicleState:

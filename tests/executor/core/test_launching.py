@@ -8,7 +8,7 @@ import pytest
 
 from executor.core.commands import Command, Level, Say, Start
 from executor.core.events import StartEnded
-from executor.core.launching import started, starts_pursued
+from executor.core.launching import sent_up, started, starts_pursued
 from executor.core.state import FleetState
 from executor.core.vehicle import FaultCode, Stage, VehicleState
 from tests.executor.builders import with_facts
@@ -75,6 +75,43 @@ def test_who_has_rebooted_or_stays_without_a_position_stays_on_the_ground(
     assert (fault.reason, fault.code) == (why, FaultCode.NOT_STARTED)
     assert state.vehicles["uav1"].orders.start_owed_s is None
     assert not [one for one in commands if isinstance(one, Start)]
+
+
+@pytest.mark.parametrize(("fix", "found", "owed_s"), [
+    (replace(LOW, at_s=NOW_S - CREW.limits.link_stale_s), Start("uav1"), None),
+    (STALE, Say(Level.WARNING, "uav1: starts once it says where it is"), NOW_S),
+    (None, Say(Level.WARNING, "uav1: starts once it says where it is"), NOW_S),
+])  # fmt: skip
+def test_who_is_sent_up_later_starts_when_it_says_where_it_is(
+    fix: object, found: Command, owed_s: float | None
+) -> None:
+    vehicle = with_facts(STARTS, stage=Stage.GROUND, fix=fix)
+    state, commands = sent_up(CREW, flight_of(vehicle, launched_s=NOW_S - 90.0), vehicle, NOW_S)
+    assert commands == (found,)
+    assert (state.vehicles["uav1"].stage, state.vehicles["uav1"].orders.start_owed_s) == (Stage.STARTING, owed_s)
+
+
+@pytest.mark.parametrize(("facts", "why"), [
+    ({"rebooted_s": NOW_S - 9.0}, "its autopilot has rebooted since its checks"),
+    (
+        {"behind_s": 5.0, "fell_back_s": NOW_S - 9.0},
+        "its clock fell back: its autopilot may have rebooted since its checks",
+    ),
+])  # fmt: skip
+def test_who_rebooted_while_it_stood_there_is_not_sent_up_until_it_is_included(
+    facts: dict[str, float], why: str
+) -> None:
+    vehicle = with_facts(STARTS, stage=Stage.GROUND, fix=LOW, **facts)
+    state, commands = sent_up(CREW, flight_of(vehicle, launched_s=NOW_S - 90.0), vehicle, NOW_S)
+    assert commands == ()
+    state, commands = starts_pursued(CREW, state, NOW_S + 0.5)
+    fault = state.vehicles["uav1"].fault
+    assert fault is not None
+    assert fault.reason == f"did not start: {why}"
+    assert not [one for one in commands if isinstance(one, Start)]
+    included = with_facts(vehicle, cleared_s=NOW_S - 8.0)
+    _, commands = sent_up(CREW, flight_of(included, launched_s=NOW_S - 90.0), included, NOW_S)
+    assert commands == (Start("uav1"),)
 
 
 def test_who_is_not_starting_any_more_owes_nothing() -> None:

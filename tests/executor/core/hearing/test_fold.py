@@ -249,6 +249,22 @@ def test_a_clock_that_goes_back_was_overtaken_or_began_anew(
     assert (state.sortie.rebooted_s == NOW_S) is rebooted
 
 
+@pytest.mark.parametrize(("boot_s", "behind_s"), [(NOW_S - 25.0, 5.0), (NOW_S - 25.1, 5.1), (NOW_S - 24.9, 0.0)])
+def test_a_clock_that_hardly_moved_in_a_silence_has_fallen_back(boot_s: float, behind_s: float) -> None:
+    before = flying(fix=replace(at(), at_s=NOW_S - 30.0, boot_s=NOW_S - 50.0))
+    state = after(before, position(boot_s=boot_s))
+    assert state.motion.behind_s == pytest.approx(behind_s)
+    assert (state.motion.fell_back_s == NOW_S) is (behind_s > 0.0)
+    assert state.sortie.rebooted_s is None
+
+
+def test_what_waited_while_nobody_listened_catches_up() -> None:
+    vehicle = flying(fix=replace(at(), at_s=NOW_S - 8.0, boot_s=NOW_S - 8.0))
+    for late_s in (7.8, 4.0, 0.2, 0.0):
+        vehicle = after(vehicle, position(boot_s=NOW_S - late_s))
+    assert vehicle.motion.behind_s == pytest.approx(0.0)
+
+
 @pytest.mark.parametrize(
     ("elapsed_s", "armed", "counts"),
     [(1.0, True, True), (599.9, True, True), (600.0, True, False), (1.0, False, False)],
