@@ -131,6 +131,10 @@ class Performance:
     """Over the ground on a return of its own, which no mission's speed is for."""
     home_wait_s: From0
     """Over its pad on such a return, before it comes down."""
+    pass_s: From0 = 0.0
+    """What passing a waypoint takes however straight the way leads on: until it goes for the next one."""
+    waits: From0 = 0.0
+    """Of the time of a leg over the ground, what its trajectory waits for it besides."""
 
     def legs_s(self, length_m: FloatArray, rise_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> FloatArray:
         """Return the times of straight legs; all arrays broadcast against each other.
@@ -143,9 +147,16 @@ class Performance:
         """
         speed_m_s = self.leg_speed_m_s(length_m, rise_m, speed_m_s)
         level_s = self.level.leg_s(length_m, speed_m_s, ends)
-        level_s = np.maximum(0.0, level_s - np.where(ends > 0, self.accept_m / np.maximum(speed_m_s, LEAST_M_S), 0.0))
+        # A way from stop to stop is spared its last metres once, whatever number of legs it has.
+        level_s = (1.0 + self.waits) * np.maximum(0.0, level_s - 0.5 * ends * self._spared_s(speed_m_s))
         steepest = np.where(rise_m > 0, self.climb_m_s, self.descent_m_s)
         return np.asarray(np.maximum(level_s, self.upright.leg_s(np.abs(rise_m), steepest, ends)))
+
+    def _spared_s(self, speed_m_s: FloatArray) -> FloatArray:
+        """Return what the last metres before a stop would take: they are flown while it brakes."""
+        braking_m_s2, speed_m_s = self.level.acceleration_m_s2, np.maximum(speed_m_s, LEAST_M_S)
+        braked_m = np.minimum(self.accept_m, 0.5 * speed_m_s**2 / braking_m_s2)
+        return np.asarray(np.sqrt(2.0 * braked_m / braking_m_s2) + (self.accept_m - braked_m) / speed_m_s)
 
     def leg_speed_m_s(self, length_m: FloatArray, rise_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
         """Return the speeds over the ground of legs that may be too steep for the one asked."""
@@ -160,7 +171,7 @@ class Performance:
     def corners_s(self, before_m: FloatArray, after_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
         """Return what going on along ``after_m`` (..., 2) takes more at the end of other legs that is passed."""
         sines = half_sines(before_m, after_m) ** self.corner_power
-        return np.asarray(self.corner_s * sines * speed_m_s / CORNER_M_S)
+        return np.asarray(self.pass_s + self.corner_s * sines * speed_m_s / CORNER_M_S)
 
     def take_off_s(self, climb_m: FloatArray) -> FloatArray:
         """Return the times from the order to take off until it stands over its pad."""

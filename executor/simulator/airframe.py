@@ -11,6 +11,7 @@ from executor.simulator.config import SimVehicle
 from executor.simulator.enums import LandedState
 from executor.simulator.guidance import Climb, Goal, Hover, Land, Leg, Pilot, Wait, stopping_place
 from executor.simulator.physics import HARD_LANDING_M_S, Body, Limits, Place
+from executor.simulator.wander import Wander
 
 AIRBORNE_M = 0.3
 SETTLES_M_S = 8.6
@@ -49,6 +50,8 @@ class Manners:
     """Touch-down until the motors are off."""
     climb: Climb = PLAIN_CLIMB
     """How it takes off, but for the place and the speeds."""
+    wander_m: float = 0.0
+    """How far it swings about its place, one standard deviation each way."""
 
 
 class Airframe:
@@ -56,7 +59,7 @@ class Airframe:
 
     def __init__(self, vehicle: SimVehicle, manners: Manners) -> None:
         self.body = Body()
-        self.pilot = Pilot(self.body, manners.limits)
+        self.pilot = Pilot(self.body, manners.limits, Wander(manners.wander_m, f"{vehicle.seed}:{vehicle.name}:wander"))
         self.battery = Battery(
             vehicle.drone, charge_pct=vehicle.charge_pct, health=vehicle.health, consumption=vehicle.consumption
         )

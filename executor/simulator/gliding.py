@@ -1,9 +1,9 @@
 """How PX4 flies a leg: the nearer to its end, the slower, with limited jerk, and stopping for every doubt.
 
 After FlightTaskAuto.cpp and PositionSmoothing.cpp of PX4 v1.17 with its default parameters. A trajectory runs ahead,
-and waits for a vehicle that lags behind it; a vehicle farther from its line than the waypoint's acceptance radius flies
-back to it first. Checked against legs of PX4's own simulator: without the wander of an estimator, which adds up to
-several seconds to some legs there, they last as long as there within half a second.
+and waits for a vehicle that lags behind it, or swings beside it; a vehicle farther from its line than the waypoint's
+acceptance radius flies back to it first. Checked against legs of PX4's own simulator, the median of several flights
+each: they last as long as there within a second.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from executor.simulator.physics import Body, Place, Velocity
 from executor.simulator.smoothing import Axis, braking_speed_m_s
+from executor.simulator.wander import Wander
 
 JERK = 4.0
 """MPC_JERK_AUTO."""
@@ -73,7 +74,8 @@ class _Line:
 class Glider:
     """The trajectory, and a vehicle that follows it; it lasts from leg to leg."""
 
-    def __init__(self, body: Body) -> None:
+    def __init__(self, body: Body, wander: Wander) -> None:
+        self._wander = wander
         self._axes = tuple(
             Axis(at_m, speed)
             for at_m, speed in zip(_point(body.place), (body.v_east_m_s, body.v_north_m_s, body.v_up_m_s), strict=True)
@@ -88,8 +90,8 @@ class Glider:
         self._gathered = [DRAG_PER_S * axis.speed_m_s for axis in self._axes]
         self._pushed = [DRAG_PER_S * axis.speed_m_s for axis in self._axes]
 
-    def fly(self, goal: Glide, body: Body, dt_s: float) -> bool:
-        """Move the body for ``dt_s``.
+    def fly(self, goal: Glide, body: Body, now_s: float, dt_s: float) -> bool:
+        """Move the body for ``dt_s`` from ``now_s`` on.
 
         Returns:
             Whether the goal has been reached, and its hold is over.
@@ -103,8 +105,9 @@ class Glider:
         if self._age_s > NAVIGATOR_S:
             self._find_line(goal, here)
         self._plan(goal)
-        self._advance(here, dt_s)
-        body.carry(self._follow(body, dt_s), dt_s)
+        follows = self._follow(body, dt_s)  # both take one step from the same moment
+        self._advance(here, now_s, dt_s)
+        body.carry(follows, dt_s)
         return self._is_over(goal, body)
 
     def _is_over(self, goal: Glide, body: Body) -> bool:
@@ -213,11 +216,12 @@ class Glider:
         reach = max(goal.accept_m, AHEAD_M) ** 2 - math.dist(nearest, here) ** 2
         return _off(nearest, ahead, math.sqrt(max(reach, 0.0)))
 
-    def _advance(self, here: Point, dt_s: float) -> None:
-        """Move the trajectory, less the farther the vehicle is behind it."""
-        east, north = self._axes[0].at_m - here[0], self._axes[1].at_m - here[1]
+    def _advance(self, here: Point, now_s: float, dt_s: float) -> None:
+        """Move the trajectory, less the farther the vehicle seems to be off it, unless it seems to be ahead."""
+        off_m = self._wander.at_m(now_s)
+        east, north = self._axes[0].at_m - here[0] - off_m[0], self._axes[1].at_m - here[1] - off_m[1]
         behind = east * self._axes[0].speed_m_s + north * self._axes[1].speed_m_s >= 0
-        share = 1 - min(math.hypot(east, north) / LAG_M, 1.0) if behind else 1.0
+        share = moving_share(east, north) if behind else 1.0
         for axis in self._axes:
             axis.go(dt_s * share)
 
@@ -238,6 +242,11 @@ class Glider:
             self._pushed[index] += (push - self._pushed[index]) * dt_s / LEAN_S
             speeds.append(speed + (self._pushed[index] - DRAG_PER_S * speed) * dt_s)
         return Velocity(*speeds)
+
+
+def moving_share(east_m: float, north_m: float) -> float:
+    """Return the share of its time in which a trajectory moves on for a vehicle that is so far off it."""
+    return 1 - min(math.hypot(east_m, north_m) / LAG_M, 1.0)
 
 
 def _point(place: Place) -> Point:

@@ -12,9 +12,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from executor.simulator.curves import Strand, target
-from executor.simulator.gliding import Glide, Glider
+from executor.simulator.gliding import Glide, Glider, moving_share
 from executor.simulator.physics import Body, Limits, Place, Velocity
 from executor.simulator.smoothing import braking_speed_m_s
+from executor.simulator.wander import Wander
 
 BRAKE_MARGIN = 0.7
 """Share of the braking power that a planned stop uses; the rest corrects."""
@@ -291,9 +292,11 @@ def _along(leg: Leg, body: Body, age_s: float, limits: Limits) -> Velocity:
 class Pilot:
     """Flies goals one after the other."""
 
-    def __init__(self, body: Body, limits: Limits) -> None:
+    def __init__(self, body: Body, limits: Limits, wander: Wander | None = None) -> None:
         self.body = body
         self.limits = limits
+        self._wander = wander or Wander(0.0, "")
+        self._now_s = 0.0
         self._goals: deque[Goal] = deque()
         self._age_s = 0.0
         self._glider: Glider | None = None
@@ -329,13 +332,18 @@ class Pilot:
         """Fly for ``dt_s``; without a goal the vehicle keeps its place."""
         goal = self.goal or Hover(self.body.place)
         self._age_s += dt_s
+        self._now_s += dt_s
         if isinstance(goal, Glide):
-            self._glider = self._glider or Glider(self.body)
-            over = self._glider.fly(goal, self.body, dt_s)
+            self._glider = self._glider or Glider(self.body, self._wander)
+            over = self._glider.fly(goal, self.body, self._now_s, dt_s)
         else:
             self._glider = None
             limits = self._riding if isinstance(goal, Ride) else self.limits
-            self.body.fly(wish(goal, self.body, self._age_s, limits), limits, dt_s)
+            wanted = wish(goal, self.body, self._age_s, limits)
+            if isinstance(goal, Climb):
+                # Its trajectory stands still over the ground, so that no swing is ahead of it.
+                wanted = replace(wanted, up_m_s=wanted.up_m_s * moving_share(*self._wander.at_m(self._now_s)))
+            self.body.fly(wanted, limits, dt_s)
             over = finished(goal, self.body, self._age_s)
         if self._goals and over:
             self._goals.popleft()

@@ -27,8 +27,8 @@ LIMITS = Limits(accelerate_m_s2=2.0, brake_m_s2=2.5, climb_m_s=3.0, descend_m_s=
 """Recorded: a right angle at 2.3 m/s; 2.9 m/s up, 1.6 m/s down."""
 CLIMB = Climb(Place(0.0, 0.0, 0.0), 0.0, slow_below_m=FAST_LANDING_M, accept_m=HEIGHT_M, brakes=(UP[0], JERK))
 """At MPC_TKO_SPEED up to MPC_LAND_ALT1; over when the item's height is nearly reached (mission_block.cpp)."""
-MANNERS = Manners(LIMITS, spool_s=5.0, disarm_landed_s=2.0, climb=CLIMB)
-"""Measured: 4 to 5.5 s from arming to lift-off, of which COM_SPOOLUP_TIME is 1 and MPC_TKO_RAMP_T 3."""
+MANNERS = Manners(LIMITS, spool_s=4.1, disarm_landed_s=2.0, climb=CLIMB, wander_m=0.2)
+"""Measured: 4 to 5.5 s from arming to lift-off, of which COM_SPOOLUP_TIME is 1 and MPC_TKO_RAMP_T 3; the swing."""
 CAPABILITIES = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 3 | 1 << 4 | 1 << 13
 """Missions in float and int, COMMAND_INT, parameters as floats and bytewise, MAVLink 2."""
 SENSORS_BOOT = (0x0, 0x0, 0x321C83F)

@@ -145,20 +145,22 @@ PX4 = Dialect(
     terrain=(  # mc_pos_control_params.c
         TerrainRule("MPC_ALT_MODE", frozenset({1, 2}), in_flight=False, words="does so in the pilot's modes"),
     ),
-    performance=Performance(  # PositionSmoothing.cpp, TrajMath.hpp; measured on 300 legs in simulation
+    performance=Performance(  # PositionSmoothing.cpp, TrajMath.hpp; measured in PX4's own simulator
         level=Ramp(acceleration_m_s2=2.43, jerk_m_s3=1000.0),  # both ramps as one, with MPC_ACC_HOR 3, MPC_JERK_AUTO 4
         upright=Ramp(acceleration_m_s2=1.5, jerk_m_s3=4.0),  # with MPC_ACC_UP_MAX 4, MPC_ACC_DOWN_MAX 3
-        climb_m_s=3.0,  # MPC_Z_V_AUTO_UP
+        climb_m_s=2.65,  # measured, of MPC_Z_V_AUTO_UP 3: its trajectory waits for a vehicle that swings
         descent_m_s=1.5,  # MPC_Z_V_AUTO_DN
-        turn_s=2.3,  # measured: it moves on for a while, and its trajectory waits for it
+        turn_s=1.5,  # measured: it moves on for a while, and its trajectory waits for it
         turn_power=1.0,
         corner_s=4.6,  # MPC_XY_TRAJ_P 0.5: it slows down to 3.3 m/s for 30, to 1.7 m/s for 90 degrees
         corner_power=0.5,
+        pass_s=0.3,  # measured: the navigator's turn comes after the waypoint
         settle_s=1.25,  # measured
         accept_m=STOP_RADIUS_M,
+        waits=0.027,  # measured: 2.83 to 2.92 of 3 m/s; MPC_XY_ERR_MAX 2 for a swing of 0.2 m each way
         hold_s=2.0,
-        spool_s=8.4,  # COM_SPOOLUP_TIME 1, MPC_TKO_RAMP_T 3, and the last metres
-        take_off_m_s=1.5,  # MPC_TKO_SPEED
+        spool_s=7.6,  # COM_SPOOLUP_TIME 1, MPC_TKO_RAMP_T 3, and the last metres
+        take_off_m_s=1.32,  # measured, of MPC_TKO_SPEED 1.5
         take_off_below_m=10.0,  # MPC_LAND_ALT1
         land_m_s=1.25,  # measured, of MPC_Z_VEL_MAX_DN 1.5
         land_below_m=0.0,

@@ -89,7 +89,24 @@ def test_a_corner_that_is_passed_takes_more_the_sharper_it_is() -> None:
 
 def test_a_stop_may_count_before_the_end() -> None:
     early = replace(MODEL, performance=replace(PERFORMANCE, accept_m=2.0))
-    assert transit((100, 0), model=early) == pytest.approx(transit((100, 0)) - 2.0 / 5.0, abs=1e-3)
+    # The last 2 m are flown while it brakes at 2.5 m/s2.
+    braked_s = (2.0 * 2.0 / 2.5) ** 0.5
+    assert transit((100, 0), model=early) == pytest.approx(transit((100, 0)) - braked_s, abs=1e-3)
+    # Once a way, however many legs it has.
+    assert transit((50, 0), (100, 0), model=early) == pytest.approx(transit((100, 0)) - braked_s, abs=1e-3)
+
+
+def test_a_stop_that_counts_before_it_brakes() -> None:
+    early = replace(MODEL, performance=replace(PERFORMANCE, accept_m=8.0))
+    # It brakes from 5 m/s in 2 s over 5 m, and flies 3 m before that at speed.
+    assert transit((100, 0), model=early) == pytest.approx(transit((100, 0)) - 2.0 - 3.0 / 5.0, abs=1e-3)
+
+
+def test_a_trajectory_that_waits_takes_its_share_of_the_way_and_a_waypoint_that_is_passed_its_moment() -> None:
+    waiting = replace(MODEL, performance=replace(PERFORMANCE, waits=0.1))
+    assert transit((100, 0), model=waiting) == pytest.approx(1.1 * (transit((100, 0)) - 0.5) + 0.5, abs=1e-3)
+    passing = replace(MODEL, performance=replace(PERFORMANCE, pass_s=0.25))
+    assert transit((50, 0), (100, 0), model=passing) == pytest.approx(transit((100, 0)) + 0.25, abs=1e-3)
 
 
 def test_a_leg_too_short_for_its_speed_is_two_ramps() -> None:
