@@ -85,7 +85,7 @@ def _then(
     mission, sortie = plan.missions[vehicle.name], plan.solve.sortie == vehicle.name
     if mission.fresh and event.accepted and offers.may_take_off(context, vehicle, now_s):
         if not sortie:
-            return launching.sent_up(context, state, vehicle, now_s)
+            return launching.sent_up(context, state, state.vehicles[vehicle.name], now_s)
         state = turnaround.sortie_started(state, vehicle.name, now_s)  # it has looked at its boots itself
         state, start = launching.ordered(context, state, state.vehicles[vehicle.name], now_s)
         return state, (start,)

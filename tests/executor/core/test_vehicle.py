@@ -119,6 +119,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "place_told": False,
             "left_s": None,
             "falls_s": -math.inf,
+            "behind_s": 0.0,
+            "fell_back_s": -math.inf,
             "doubted": None,
             "carried": Carried(),
             "owed": None,
