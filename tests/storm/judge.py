@@ -75,6 +75,13 @@ class StormJudge(Judge):
         # Who was frozen lives in its own time from then on: its silences end later by as much.
         lags = [(at_s, one.for_s) for at_s, one in self._began(name, frozenset({"frozen"}))]
         spans = [replace(one, to_s=one.to_s + sum(lag for at_s, lag in lags if at_s < one.to_s)) for one in spans]
+        # And says its last words then.
+        spans = [
+            replace(
+                one, from_s=one.from_s + sum(lag for at_s, lag in lags if one.what == "crash" and at_s < one.from_s)
+            )
+            for one in spans
+        ]
         spans += [
             Span(at_s, at_s + one.for_s + (ASKS_S if one.kind == "ground killed" else 2.0), one.kind)
             for at_s, one in self._began(name, CUTS_OFF)
@@ -152,7 +159,8 @@ class StormJudge(Judge):
         if any(-2.5 <= one.t_s - span.to_s <= BEAT_S for span in self.silences(name)):
             return one.what.endswith((" RTL", " HOLD"))
         unheard = [*self._began(name, frozenset({"bursts", "frozen"}))]
-        return one.what.endswith(" RTL") and any(at_s <= one.t_s <= at_s + of.for_s for at_s, of in unheard)
+        home = one.what.endswith((" RTL", " LAND"))
+        return home and any(at_s <= one.t_s <= at_s + of.for_s for at_s, of in unheard)
 
     def _unheard_until_s(self, name: str, at_s: float) -> float:
         """Return when a vehicle is heard that is silent now, or before its next HEARTBEAT; else the time itself."""
@@ -182,10 +190,7 @@ class StormJudge(Judge):
     def _landed(self, found: re.Match[str], at_s: float, line: Say) -> str:
         if "landed or" in line.text or self._lied(found["name"], at_s, "forged disarmed"):
             return ""
-        stops = [one for one in self.happened(found["name"], "kill") if one.t_s <= at_s]
-        whole = self._came_down(found["name"], at_s)[-1:] == ["fell"]  # from no height that breaks it
-        low = stops and (whole or (stops[-1].up_m or 0.0) <= FALLS_FROM_M)
-        if low and super()._silent(found["name"], stops[-1].t_s):
+        if self._fell_unseen(found["name"], at_s):
             return ""  # it stands where it would have landed, and nobody saw how that came
         if self._came_down(found["name"], at_s)[-1:] == ["on_pad"] and self._put_unseen(found["name"], at_s):
             return ""  # it stands where it would have landed
@@ -195,6 +200,16 @@ class StormJudge(Judge):
             return ""  # it stopped on its pad within its first seconds, and nobody saw whether it flew
         emptied = any(one.t_s <= at_s for one in self.happened(found["name"], f"fault {found['name']}:battery-step"))
         return "" if why.startswith("its battery holds") and emptied and not self.armed(found["name"], at_s) else why
+
+    def _fell_unseen(self, name: str, at_s: float) -> bool:
+        """Return whether its motors were stopped over its pad, low or so that it came down whole, and nobody saw it."""
+        stops = [one for one in self.happened(name, "kill") if one.t_s <= at_s]
+        whole = self._came_down(name, at_s)[-1:] == ["fell"]  # from no height that breaks it
+        low = bool(stops) and (whole or (stops[-1].up_m or 0.0) <= FALLS_FROM_M)
+        return low and super()._silent(name, stops[-1].t_s)
+
+    def _landed_untrue(self, name: str, at_s: float) -> str:
+        return "" if self._fell_unseen(name, at_s) else super()._landed_untrue(name, at_s)
 
     def _put_unseen(self, name: str, at_s: float) -> bool:
         """Return whether it was put on its pad while it fell or nobody saw it: no story of this world."""

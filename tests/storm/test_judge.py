@@ -10,7 +10,7 @@ from executor.core.commands import Level, Say
 from executor.core.events import LaunchOrdered
 from executor.simulator.truth import Truth
 from tests.stories.story import Story
-from tests.stories.world import Flown
+from tests.stories.world import Flown, Shown
 from tests.storm.judge import findings
 from tests.storm.plot import Happening, Plot
 from tests.storm.sky import Stormed
@@ -69,14 +69,24 @@ def test_who_falls_through_anothers_layer_did_not_fly_there(falls: str | None, f
     assert rules(stormed(*fault, truths=near)) == found
 
 
-@pytest.mark.parametrize(("unseen", "ends", "found"), [
-    (True, "fell", set()), (False, "fell", {"line"}), (True, "crash", {"line"}),
+@pytest.mark.parametrize(("unseen", "ends", "found", "on_page"), [
+    (True, "fell", set(), set()), (False, "fell", {"line"}, {"page"}), (True, "crash", {"line"}, set()),
 ])  # fmt: skip
 def test_who_is_stopped_low_over_its_pad_and_comes_down_whole_unseen_is_taken_for_landed(
-    unseen: bool, ends: str, found: set[str]
+    unseen: bool, ends: str, found: set[str], on_page: set[str]
 ) -> None:
     silence = (("uav1", 100.0, "fault uav1:silent=60s@0s"),) if unseen else ()
     stopped = truth("uav1", 120.0, "kill", PADS["uav1"], up_m=2.6)
     falls = (("uav1", 120.0, "disarmed"), ("uav1", 120.7, ends))
     told = stormed(*silence, *falls, truths=(stopped,), ended=("uav2",))
     assert rules(said(told, 163.0, "uav1: landed with 90 %")) == found
+    shown = replace(told.flown, shown=(Shown(170.0, "uav1", "landed"),))
+    assert rules(replace(told, flown=shown)) == on_page
+
+
+@pytest.mark.parametrize(("kind", "found"), [("bursts", set()), ("wind", {"page"})])
+def test_who_chooses_in_a_burst_what_a_failsafe_chooses_is_not_known(kind: str, found: set[str]) -> None:
+    began = (Happening(kind, "uav1", 95.0, 10.0),)
+    told = stormed(("uav1", 100.0, "pilot LAND"), ("uav1", 100.0, "mode LAND"), began=began)
+    shown = replace(told.flown, shown=(Shown(120.0, "uav1", "returning"),))
+    assert rules(replace(told, flown=shown)) == found
