@@ -73,7 +73,7 @@ class StormJudge(Judge):
             for one in super().silences(name)
         ]
         # Who was frozen lives in its own time from then on: its silences end later by as much.
-        lags = [(at_s, one.for_s) for at_s, one in self._began(name, frozenset({"frozen"}))]
+        lags = self._lags(name)
         spans = [replace(one, to_s=one.to_s + sum(lag for at_s, lag in lags if at_s < one.to_s)) for one in spans]
         # And says its last words then.
         spans = [
@@ -87,6 +87,10 @@ class StormJudge(Judge):
             for at_s, one in self._began(name, CUTS_OFF)
         ]
         return spans
+
+    def _lags(self, name: str) -> list[tuple[float, float]]:
+        """Return when it was frozen, and for how long."""
+        return [(at_s, one.for_s) for at_s, one in self._began(name, frozenset({"frozen"}))]
 
     def _muddles(self, name: str) -> list[Span]:
         return [Span(at_s, at_s + one.for_s + AFTER_S, one.kind) for at_s, one in self._began(name, MUDDLES)]
@@ -246,7 +250,7 @@ class StormJudge(Judge):
         spans = [
             span
             for span in super().silences(name)
-            if span.from_s + max(1.0, last_words_s(span)) < at_s < span.to_s - STEP_S
+            if _quiet_s(span, self._lags(name)) + max(1.0, last_words_s(span)) < at_s < span.to_s - STEP_S
         ]
         late = [began_s + one.for_s for began_s, one in self._began(name, frozenset({"held up"}))]
         if any(0.0 <= at_s - came_s < 2.0 for came_s in late):
@@ -406,6 +410,12 @@ def _against(at: tuple[float, float], one: tuple[float, float], two: tuple[float
     to_one, to_two = distance_m(at, one), distance_m(at, two)
     along_m = (to_one**2 - to_two**2 + length_m**2) / (2 * length_m)
     return along_m, math.sqrt(max(0.0, to_one**2 - along_m**2))
+
+
+def _quiet_s(silence: Span, lags: Sequence[tuple[float, float]]) -> float:
+    """Return from when it is silent: who breaks while it is frozen says its last words in its own time."""
+    frozen = silence.what == "crash"
+    return silence.from_s + sum(lag for at_s, lag in lags if frozen and at_s < silence.from_s)
 
 
 def findings(stormed: Stormed) -> list[Finding]:
