@@ -7,7 +7,6 @@ import json
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import AsyncIterator
@@ -16,6 +15,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
 from pathlib import Path
+
+from tests.ports import free_port
 
 PATIENCE_S = 30.0
 USER, PASSWORD = "crew", "p4ss word"
@@ -140,13 +141,6 @@ async def slowed(port: int, bytes_per_s: float) -> AsyncIterator[int]:
         for task in closing:
             task.cancel()
         await asyncio.gather(*closing, return_exceptions=True)
-
-
-def free_port() -> int:
-    """Return a TCP port that nobody uses at the moment."""
-    with socket.socket() as plug:
-        plug.bind(("127.0.0.1", 0))
-        return int(plug.getsockname()[1])
 
 
 def _mosquitto_file(folder: Path, port: int, secured: Secured | None, *, password: bool) -> Path:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
-import random
 import signal
-import socket
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -15,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tests.ports import free_ports
+
 PATIENCE_S = 120.0
-PORTS = (20_000, 32_000)
-"""Linux gives sockets that ask for any port one from 32768 on; what is below these belongs to autopilots."""
 FAULTLINE = (sys.executable, "-m", "executor")
 
 
@@ -121,32 +119,6 @@ def graph_file(folder: Path, pylons: int, apart_m: float = 60.0) -> Path:
     text = GRAPH.format(positions=positions, neighbours=" ".join(f"{row};" for row in rows))
     path.write_text(text, encoding="utf-8")
     return path
-
-
-def free_ports(count: int) -> list[int]:
-    """Return ports that nobody uses at the moment, and that no socket is given that asks for any.
-
-    Between this and their use by a process of a test, others' connections would be given those of the system's own
-    range now and then.
-    """
-    found: list[int] = []
-    chance = random.SystemRandom()
-    while len(found) < count:
-        port = chance.randrange(*PORTS)
-        if port not in found and is_free(port):
-            found.append(port)
-    return found
-
-
-def is_free(port: int) -> bool:
-    """Return whether nobody listens on a port of this computer, by UDP or TCP."""
-    for kind in (socket.SOCK_DGRAM, socket.SOCK_STREAM):
-        with socket.socket(socket.AF_INET, kind) as plug:
-            try:
-                plug.bind(("127.0.0.1", port))
-            except OSError:
-                return False
-    return True
 
 
 def site_file(

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from tests.composed import ROOT
-from tests.e2e.flights import free_ports
+from tests.ports import free_port
 
 VEHICLES = 3
 FLIGHT_S = 3600
@@ -34,7 +34,7 @@ class Engine:
             **os.environ,
             "COMPOSE_PROJECT_NAME": f"faultline-{profile}",
             "FAULTLINE_VEHICLES": str(VEHICLES),
-            "FAULTLINE_MQTT_PORT": str(free_ports(1)[0]),
+            "FAULTLINE_MQTT_PORT": str(free_port()),
             "FAULTLINE_ARDUPILOT_IMAGE": IMAGES["ardupilot"],
         }
 

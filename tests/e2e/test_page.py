@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Page, expect
 
-from tests.e2e.flights import called, ended, free_ports, said_in, site_file
+from tests.e2e.flights import called, ended, said_in, site_file
 from tests.e2e.gallery import CHROMIUM, browsing
+from tests.ports import free_port
 
 pytestmark = pytest.mark.asyncio
 
@@ -41,7 +42,7 @@ async def shot(page: Page, name: str) -> None:
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed (Debian: apt-get install chromium)")
 async def test_a_flight_with_a_loss_is_watched_and_steered(tmp_path: Path) -> None:
-    [port] = free_ports(1)
+    port = free_port()
     site, _ = site_file(tmp_path, pylons=17, vehicles=4, speedup=6.0, autopilot="px4")
     site.write_text(f"{site.read_text(encoding='utf-8')}[web]\nport = {port}\n", encoding="utf-8")
     simulated = ("simulate", str(site), "--failsafe", "--fault", "uav2:silent@40%")

@@ -27,7 +27,8 @@ from executor.flight.flight_order import Order, keep
 from executor.site import assembly, planning
 from executor.site.config import read_site
 from planner import Cost
-from tests.e2e.flights import called, free_ports, said_in, site_file
+from tests.e2e.flights import called, said_in, site_file
+from tests.ports import free_port
 
 pytestmark = [pytest.mark.campaign, pytest.mark.asyncio, pytest.mark.timeout(600)]
 
@@ -104,7 +105,7 @@ def read(port: int, began_unix_s: float) -> Read:
 
 
 async def flown(tmp_path: Path, *, page: bool, readers: int) -> tuple[Watching, list[Read]]:
-    [port] = free_ports(1)
+    port = free_port()
     path, _ = site_file(tmp_path, pylons=2 * VEHICLES + 1, vehicles=VEHICLES, speedup=1.0, autopilot="px4")
     path.write_text(
         f"{path.read_text(encoding='utf-8')}[web]\nport = {port}\nenabled = {str(page).lower()}\n", encoding="utf-8"

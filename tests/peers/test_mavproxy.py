@@ -11,9 +11,10 @@ import pytest
 
 from executor.simulator.config import AutopilotKind, SimFleet
 from missions.items import Command
-from tests.executor.simulator.flying import flying, free_port
+from tests.executor.simulator.flying import flying
 from tests.executor.simulator.harness import numbered, on_wire, rtl, sim_vehicle, speed, takeoff, waypoint
 from tests.executor.simulator.station import Station
+from tests.ports import free_port
 
 PATIENCE_S = 60
 LISTING = "mission.txt"

@@ -18,8 +18,9 @@ from mavsdk.plugins.telemetry import FlightMode
 
 from executor.simulator.config import AutopilotKind, SimFleet
 from missions.items import MissionItem
-from tests.executor.simulator.flying import flying, free_port
+from tests.executor.simulator.flying import flying
 from tests.executor.simulator.harness import LAT_DEG, LON_DEG, numbered, rtl, sim_vehicle, speed, takeoff, waypoint
+from tests.ports import free_port
 
 T = TypeVar("T")
 SPEEDUP = 2.0

@@ -15,8 +15,9 @@ import pytest
 import tomli_w
 
 from executor.site import assembly
-from tests.e2e.flights import called, ended, free_ports, log_lines
+from tests.e2e.flights import called, ended, log_lines
 from tests.e2e.judge import wrongly_counted
+from tests.ports import free_port
 from tests.sitl.flights import VICTIM, Story, site_of
 from tests.sitl.real import BOTH, Autopilot, RealVehicle, Wanted, running
 
@@ -109,7 +110,7 @@ async def flown(site: Path, day: Path, run: Path, crew: Crew) -> tuple[int | Non
 def test_lost_on_the_second_sortie(autopilot: Autopilot, tmp_path: Path) -> None:
     if not autopilot.binary:
         pytest.skip(f"{autopilot.variable} does not name a simulator of {autopilot.name}")
-    [port] = free_ports(1)
+    port = free_port()
     story = Story(radius_m=400.0, page=port, tables={"day": {"begin": "08:00", "end": "16:00"}})
     content = site_of(autopilot, story)
     tables = content.model_dump(exclude_none=True, mode="json")

@@ -15,7 +15,8 @@ import httpx
 import pytest
 
 from missions import dialect_for
-from tests.e2e.flights import demo, free_ports
+from tests.e2e.flights import demo
+from tests.ports import free_port
 from tests.sitl.flights import VICTIM, Flown, Story, flown
 from tests.sitl.real import ARDUPILOT, BOTH, NO_FAILSAFE, PX4, Autopilot, RealVehicle
 from tests.sitl.verdict import ended_well
@@ -78,7 +79,7 @@ def asks(port: int, action: str) -> Callable[[RealVehicle], None]:
 @BOTH
 def test_one_holds_and_goes_on(autopilot: Autopilot, tmp_path: Path) -> None:
     """What it was inspecting counts: it neither repeats nor skips a part, and flies on no faster than before."""
-    [port] = free_ports(1)
+    port = free_port()
     story = Story(asks(port, "hold"), asks(port, "resume"), lasts_s=30.0, page=port)
     flight = flown(autopilot, story, tmp_path)
     ended_well(flight, [])

@@ -14,7 +14,7 @@ import pytest
 from executor.core.state import FleetState
 from executor.core.vehicle import VehicleState
 from missions import Phase
-from tests.e2e.flights import free_ports
+from tests.ports import free_port
 from tests.sitl.custody import LOGGED, nothing_was_commanded, switches
 from tests.sitl.flights import VICTIM, Story, flown
 from tests.sitl.real import ARDUPILOT, BOTH, PX4, Autopilot, RealVehicle
@@ -118,7 +118,7 @@ def test_a_pilot_takes_it_while_another_one_is_planned_around(
 @BOTH
 def test_a_pilot_returns_it_to_its_mission(autopilot: Autopilot, tmp_path: Path) -> None:
     """Out of the mission and back, by mode; the operator includes it, and it finishes."""
-    [port] = free_ports(1)
+    port = free_port()
     story = story_of(
         autopilot,
         strike=switches(autopilot, "loiter"),
@@ -135,7 +135,7 @@ def test_a_pilot_returns_it_to_its_mission(autopilot: Autopilot, tmp_path: Path)
 
 def test_ardupilots_mode_switch(tmp_path: Path) -> None:
     """Channel 5 of the remote control to LOITER and back to AUTO."""
-    [port] = free_ports(1)
+    port = free_port()
     settings = {"FLTMODE1": 3.0, "FLTMODE4": 5.0, "FLTMODE6": 0.0, "RC_OVERRIDE_TIME": -1.0}
     story = story_of(
         ARDUPILOT,

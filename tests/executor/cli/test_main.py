@@ -22,6 +22,7 @@ from executor.flight.changed_parameters import write_kept
 from missions import Pace, parse_qgc_plan, read_plan
 from planner import PRESETS
 from tests.executor.flights import short_report
+from tests.ports import free_ports
 
 DEPOT = (49.6, 15.6)
 STEP_LON_DEG = 0.00083
@@ -41,17 +42,6 @@ def line(*places: tuple[float, float]) -> list[dict[str, object]]:
     """Return pylons and the line over them; places are longitude and latitude."""
     pylons = [point(f"P{number}", *place) for number, place in enumerate(places, start=1)]
     return [*pylons, feature({"type": "LineString", "coordinates": [list(place) for place in places]})]
-
-
-def free_ports(count: int) -> list[int]:
-    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
-    try:
-        for one in sockets:
-            one.bind(("127.0.0.1", 0))
-        return [int(one.getsockname()[1]) for one in sockets]
-    finally:
-        for one in sockets:
-            one.close()
 
 
 class Place:

@@ -23,10 +23,11 @@ from executor.core.view import fleet_view
 from executor.flight.broker import settings_of
 from executor.flight.mqtt import Publication
 from executor.site.tables.links import MqttTable
-from tests.brokers import KIND, RealBroker, free_port, running, slowed
+from tests.brokers import KIND, RealBroker, running, slowed
 from tests.executor.core.stories import EVERYTHING, story
 from tests.executor.flights import first_plan_file
 from tests.fakes.flight import Story
+from tests.ports import free_port
 
 pytestmark = pytest.mark.asyncio
 PATIENCE_S = 60.0

@@ -20,8 +20,9 @@ from executor.errors import SiteError
 from executor.flight.broker import Settings, settings_of
 from executor.flight.mqtt import Publication
 from executor.site.tables.links import MqttTable
-from tests.brokers import free_port, secured_in
+from tests.brokers import secured_in
 from tests.executor.flights import first_plan_file
+from tests.ports import free_port
 
 DOCUMENT = (Path(__file__).parents[3] / "docs" / "mqtt.md").read_text(encoding="utf-8")
 SECRETS = {"BROKER_USER": "crew", "BROKER_PASSWORD": "p4ss", "CREW_TOKEN": "t0ken"}

@@ -14,9 +14,10 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from executor.simulator.config import AutopilotKind, SimFleet
 from executor.simulator.faults import parse_fault
 from executor.simulator.fleet import MAX_LAG_S, SimClock, run_fleet
-from tests.executor.simulator.flying import flying, free_port
+from tests.executor.simulator.flying import flying
 from tests.executor.simulator.harness import is_happening, numbered, on_wire, rtl, sim_vehicle, speed, takeoff, waypoint
 from tests.executor.simulator.station import Station
+from tests.ports import free_port
 
 
 def is_from(sysid: int, message: Any) -> bool:

@@ -23,8 +23,9 @@ from executor.lockstep.common_time import (
 from executor.simulator.config import AutopilotKind, SimFleet
 from executor.simulator.stations import Station, Stations
 from tests.executor.adapters.test_fleet_time import NOBODY, Real, Wire
-from tests.executor.simulator.flying import flying, free_port
+from tests.executor.simulator.flying import flying
 from tests.executor.simulator.harness import sim_vehicle
+from tests.ports import free_port
 
 SPEEDUP = 20.0
 EVER = float("inf")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
 import sys
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from executor.site.risk import SWEEP, crew, sweep_mtbf
 from missions import write_plan
 from planner import Campaign, flight_chunks, risk_campaign
 from tests.executor.flights import first_plan_file
+from tests.ports import free_port
 
 PARTS = flight_chunks(300, 1, per_chunk=100)
 
@@ -75,10 +75,8 @@ def test_a_cluster_gives_the_same_answer_as_this_computer(content: Campaign) -> 
 
 
 def test_a_cluster_that_is_away_is_one_line(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-        code, out, err = run(capsys, "risk", plan, "--mtbf", 10, "--dask", address)
+    address = f"tcp://127.0.0.1:{free_port()}"
+    code, out, err = run(capsys, "risk", plan, "--mtbf", 10, "--dask", address)
     assert (code, out) == (2, "")
     assert err == f"faultline: --dask: no scheduler at {address}; expected one such as tcp://10.0.0.1:8786\n"
 

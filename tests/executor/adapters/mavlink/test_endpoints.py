@@ -24,6 +24,7 @@ from executor.errors import ConnectionFailed
 from executor.supervised import hear
 from tests.executor.adapters.mavlink.test_codec import ARDUPILOT, Vehicle
 from tests.executor.adapters.mavlink.test_link import Frames
+from tests.ports import free_port
 
 pytestmark = pytest.mark.asyncio
 PATIENCE_S = 10.0
@@ -37,12 +38,6 @@ def socket_on_loopback() -> socket.socket:
     plug.bind(("127.0.0.1", 0))
     plug.setblocking(False)
     return plug
-
-
-def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
-    with socket.socket(socket.AF_INET, kind) as plug:
-        plug.bind(("127.0.0.1", 0))
-        return int(plug.getsockname()[1])
 
 
 @asynccontextmanager
@@ -195,7 +190,7 @@ async def called(callers: asyncio.Queue[Peer]) -> Peer:
 
 
 async def test_tcpout_calls_until_the_vehicle_is_there_and_again_when_it_went_away() -> None:
-    port = free_port(socket.SOCK_STREAM)
+    port = free_port()
     async with opened(f"tcpout://127.0.0.1:{port}") as link:
         heard = inbox(link)
         link.send(SendHeartbeat())  # lost: nobody is there
@@ -211,7 +206,7 @@ async def test_tcpout_calls_until_the_vehicle_is_there_and_again_when_it_went_aw
 
 
 async def test_tcpin_serves_several_vehicles_and_those_that_come_back() -> None:
-    port = free_port(socket.SOCK_STREAM)
+    port = free_port()
     connection = parse_connection(f"tcpin://127.0.0.1:{port}")
     async with open_mavlink_links({f"uav{sysid}": LinkOrder(connection, sysid) for sysid in (7, 8)}) as links:
         for sysid in (7, 8, 7):
@@ -319,7 +314,7 @@ async def test_datagrams_from_ever_new_addresses_fill_no_memory() -> None:
 @pytest.mark.parametrize("scheme", ["udpin", "tcpin"])
 async def test_a_mistake_in_reading_closes_no_port(scheme: str) -> None:
     kind = socket.SOCK_STREAM if scheme == "tcpin" else socket.SOCK_DGRAM
-    port, vehicle, said = free_port(kind), Vehicle(), list[str]()
+    port, vehicle, said = free_port(), Vehicle(), list[str]()
     was_said = asyncio.Event()
 
     def say(text: str) -> None:

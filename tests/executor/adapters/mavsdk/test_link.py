@@ -34,8 +34,9 @@ from executor.core.ports import LinkOrder
 from executor.errors import ConnectionFailed, ExtraMissing
 from missions import MissionItem
 from tests.executor.adapters.mavlink.test_codec import PX4, Vehicle, bits
-from tests.executor.adapters.mavlink.test_endpoints import free_port, socket_on_loopback
+from tests.executor.adapters.mavlink.test_endpoints import socket_on_loopback
 from tests.executor.adapters.mavlink.test_link import Frames
+from tests.ports import free_port
 
 pytestmark = pytest.mark.asyncio
 PATIENCE_S = 10.0

@@ -16,7 +16,8 @@ from executor.adapters.mqtt.broker import Broker
 from executor.adapters.mqtt.client import Client, Presence, Subscriber
 from executor.adapters.mqtt.outbox import Letter, Outbox
 from executor.core.commands import Level
-from tests.brokers import KIND, MOSQUITTO, PASSWORD, USER, RealBroker, free_port, running, secured_in
+from tests.brokers import KIND, MOSQUITTO, PASSWORD, USER, RealBroker, running, secured_in
+from tests.ports import free_port
 
 pytestmark = pytest.mark.asyncio
 
