@@ -12,8 +12,7 @@ from tests.sitl.verdict import ended_well
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(900)]
 
-MOST_PCT = {"ardupilot": 3.0, "px4": 7.0}
-"""PX4's simulated position wanders, and it flies back to its line: the same route took 1 to 5 % longer or less long."""
+MOST_PCT = 3.0
 
 
 @BOTH
@@ -28,4 +27,4 @@ def test_routes_take_what_they_should(autopilot: Autopilot, radius_m: float, tmp
         for leg in route["legs"]:
             print("  ", leg["phase"], leg["planned_s"], leg["flown_s"])
     assert len(routes) == 3
-    assert all(abs(route["time_error_pct"]) <= MOST_PCT[autopilot.name] for route in routes)
+    assert all(abs(route["time_error_pct"]) <= MOST_PCT for route in routes)
