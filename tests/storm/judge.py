@@ -413,9 +413,9 @@ def _against(at: tuple[float, float], one: tuple[float, float], two: tuple[float
 
 
 def _quiet_s(silence: Span, lags: Sequence[tuple[float, float]]) -> float:
-    """Return from when it is silent: who breaks while it is frozen says its last words in its own time."""
-    frozen = silence.what == "crash"
-    return silence.from_s + sum(lag for at_s, lag in lags if frozen and at_s < silence.from_s)
+    """Return from when it is silent: who is frozen when it breaks says its last words in its own time."""
+    speaks_s = silence.from_s + last_words_s(silence)
+    return silence.from_s + sum(lag for at_s, lag in lags if silence.what == "crash" and at_s < speaks_s)
 
 
 def findings(stormed: Stormed) -> list[Finding]:
