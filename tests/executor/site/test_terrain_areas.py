@@ -96,7 +96,7 @@ def test_its_times_are_about_those_that_it_was_chosen_by(ground: Ground, plan: P
         flown_s = estimate(path, priced.models[path.vehicle]).duration_s
         planned_s = plan.durations_s[[one.name for one in plan.vehicles].index(path.vehicle)]
         # As over hills without areas: the surface is asked at a few places along each leg, and a plan errs to be long.
-        assert 0.99 * flown_s <= planned_s <= 1.05 * flown_s
+        assert 0.99 * flown_s <= planned_s <= 1.06 * flown_s
 
 
 def test_the_profile_of_a_way_around_is_over_what_is_asked(ground: Ground, plan: PlanFile) -> None:
