@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, SecondsOption, SeedOption
+
+if TYPE_CHECKING:
+    from executor.bench.store import Json
 
 USUAL_RADIUS_M = 700.0
 TIGHTNESS = 0.85
@@ -79,14 +82,13 @@ def prediction(
         command = shlex.join(["faultline", "bench", "prediction", *(f"--run={one.name}" for one in run)])
         content = prediction_document(recorded_routes(run), command)
     else:
-        autopilots = [one.value for one in (AutopilotName if autopilot is None else [autopilot])]
+        autopilots, asked = _named(autopilot)
         with ShownProgress() as shown:
             count = jobs or cores()
             flown = measure_prediction(
                 routes, seed, autopilots, [None, *(network or ())], count, partial(shown.told, "flights")
             )
             beside = measure_band(varied, seed, autopilots, count, partial(shown.told, "varied flights"))
-        asked = [] if autopilot is None else ["--autopilot", autopilot.value]
         asked += [part for one in network or () for part in ("--network", one.name)]
         command = shlex.join([
             "faultline", "bench", "prediction", *asked, "--routes", str(routes),
@@ -95,13 +97,7 @@ def prediction(
         names = ["faultline's own network", *(one.name for one in network or ())]
         found = [route for flight in flown for route in flight.routes]
         content = prediction_document(found, command, seed=seed, flights=flown, networks=names, varied=beside)
-    if out is not None:
-        keep_prediction(content, out)
-    if as_json:
-        print(json.dumps(content))
-    else:
-        print_prediction(content)
-    raise typer.Exit(1 if content["not_nominal"] else 0)
+    _ended(content, keep_prediction, print_prediction, out, as_json=as_json, failed=bool(content["not_nominal"]))
 
 
 def window(
@@ -161,14 +157,8 @@ def window(
         "--budget", f"{budget:g}",
     ])  # fmt: skip
     content = window_document(plans[0], command, results(trials))
-    if out is not None:
-        keep_window(content, out)
-    if as_json:
-        print(json.dumps(content))
-    else:
-        print_window(content)
     kept = content["finished_after"] == content["losses_after"] and content["unnamed_before"] == 0
-    raise typer.Exit(0 if kept else 1)
+    _ended(content, keep_window, print_window, out, as_json=as_json, failed=not kept)
 
 
 def distance(
@@ -194,19 +184,13 @@ def distance(
     from executor.bench.machine import cores
     from executor.bench.progress import ShownProgress
 
-    autopilots = [one.value for one in (AutopilotName if autopilot is None else [autopilot])]
+    autopilots, asked = _named(autopilot)
     with ShownProgress() as shown:
         flown = measure_distance(flights, seed, autopilots, jobs or cores(), partial(shown.told, "flights"))
-    asked = [] if autopilot is None else ["--autopilot", autopilot.value]
     command = shlex.join(["faultline", "bench", "distance", *asked, "--flights", str(flights), "--seed", str(seed)])
     content = distance_document(flown, command, seed)
-    if out is not None:
-        keep_distance(content, out)
-    if as_json:
-        print(json.dumps(content))
-    else:
-        print_distance(content)
-    raise typer.Exit(1 if content["too_near"] or content["off"] or content["not_flown"] else 0)
+    failed = content["too_near"] or content["off"] or content["not_flown"]
+    _ended(content, keep_distance, print_distance, out, as_json=as_json, failed=bool(failed))
 
 
 def pictures(
@@ -232,19 +216,13 @@ def pictures(
     from executor.bench.picturespage import keep_pictures, pictures_document, print_pictures
     from executor.bench.progress import ShownProgress
 
-    autopilots = [one.value for one in (AutopilotName if autopilot is None else [autopilot])]
+    autopilots, asked = _named(autopilot)
     with ShownProgress() as shown:
         flown = measure_pictures(flights, seed, autopilots, jobs or cores(), partial(shown.told, "flights"))
-    asked = [] if autopilot is None else ["--autopilot", autopilot.value]
     command = shlex.join(["faultline", "bench", "pictures", *asked, "--flights", str(flights), "--seed", str(seed)])
     content = pictures_document(flown, command, seed)
-    if out is not None:
-        keep_pictures(content, out)
-    if as_json:
-        print(json.dumps(content))
-    else:
-        print_pictures(content)
-    raise typer.Exit(1 if content["wrong"] or content["not_flown"] else 0)
+    failed = content["wrong"] or content["not_flown"]
+    _ended(content, keep_pictures, print_pictures, out, as_json=as_json, failed=bool(failed))
 
 
 def sorties(
@@ -276,24 +254,42 @@ def sorties(
     from executor.bench.sorties import SortiesCase, measure_sorties
     from executor.bench.sortiespage import keep_sorties, print_sorties, sorties_document
 
-    autopilots = [one.value for one in (AutopilotName if autopilot is None else [autopilot])]
+    autopilots, asked = _named(autopilot)
     with ShownProgress() as shown:
         cases = [
             SortiesCase(number, seed, autopilots[number % len(autopilots)], iterations, radius)
             for number in range(days)
         ]
         flown = measure_sorties(cases, jobs or cores(), partial(shown.told, "days"))
-    asked = [] if autopilot is None else ["--autopilot", autopilot.value]
     asked += [] if radius is None else _repeated("--radius", [radius])
     figures = ["--days", str(days), "--seed", str(seed), "--iterations", str(iterations)]
     content = sorties_document(flown, shlex.join(["faultline", "bench", "sorties", *asked, *figures]), seed)
+    _ended(content, keep_sorties, print_sorties, out, as_json=as_json, failed=bool(content["wrong"]))
+
+
+def _named(autopilot: AutopilotName | None) -> tuple[list[str], list[str]]:
+    """Return the autopilots that are meant, and the option that asks for them."""
+    if autopilot is None:
+        return [one.value for one in AutopilotName], []
+    return [autopilot.value], ["--autopilot", autopilot.value]
+
+
+def _ended(
+    content: Json, keep: Callable[[Json, Path], object], show: Callable[[Json], object], out: Path | None,
+    *, as_json: bool, failed: bool,
+) -> None:  # fmt: skip
+    """Keep and show what was measured, and end.
+
+    Raises:
+        typer.Exit: always; with 1 if it is not as it should be.
+    """
     if out is not None:
-        keep_sorties(content, out)
+        keep(content, out)
     if as_json:
         print(json.dumps(content))
     else:
-        print_sorties(content)
-    raise typer.Exit(1 if content["wrong"] else 0)
+        show(content)
+    raise typer.Exit(1 if failed else 0)
 
 
 def _repeated(option: str, values: Sequence[float]) -> list[str]:
