@@ -171,6 +171,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/core/seeing/proof.py",
         "executor/simulator/camera.py",
     ),
+    "tests/peers/test_mavsdk_cameras.py": ("executor/simulator/gimbal.py",),
     "tests/executor/images/test_matching.py": (
         "executor/cli/images.py",
         "executor/images/clocks.py",
@@ -289,6 +290,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/simulator/curves.py",
         "executor/simulator/gliding.py",
         "executor/simulator/smoothing.py",
+        "executor/simulator/wander.py",
     ),
     "tests/executor/simulator/test_physics.py": ("executor/simulator/guidance.py",),
     "tests/executor/simulator/test_px4.py": (

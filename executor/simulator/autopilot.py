@@ -118,6 +118,7 @@ class Autopilot(ABC):
             MavCommand.REQUEST_MESSAGE: lambda command: self._send_named(command.integer(0)),
             MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda _: self._send_named(MESSAGE_IDS["AUTOPILOT_VERSION"]),
             MavCommand.PREFLIGHT_REBOOT_SHUTDOWN: self._reboot_command,
+            MavCommand.DO_GIMBAL_MANAGER_CONFIGURE: self._gimbal_command,
             **self._own_commands(),
         }
         body = self.frame.body
@@ -499,6 +500,8 @@ class Autopilot(ABC):
     def _send_named(self, number: int) -> Result:
         name = MESSAGE_NAMES.get(number)
         message = None if name is None else self._build(name)
+        if message is None and self.payload is not None:
+            message = self.payload.managed(number)
         if message is None:
             return self.NO_MESSAGE
         if self.ACKNOWLEDGES_FIRST:
@@ -506,6 +509,11 @@ class Autopilot(ABC):
         else:
             self.voice.send([message])
         return Result.ACCEPTED
+
+    def _gimbal_command(self, command: Command) -> Result:
+        sender = (self._partner.sysid, self._partner.compid)
+        given = self.payload is not None and self.payload.configure(command.params, sender)
+        return Result.ACCEPTED if given else Result.UNSUPPORTED
 
     def _reboot_command(self, command: Command) -> Result:
         if command.params[0] != 1 or self.frame.armed:

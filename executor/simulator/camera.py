@@ -13,21 +13,19 @@ from dataclasses import dataclass, field
 
 from executor.simulator.config import AutopilotKind, SimCamera, SimVehicle
 from executor.simulator.enums import Result
+from executor.simulator.gimbal import DEVICE_INFORMATION, GIMBAL, GIMBAL_S, Gimbal, quaternion
 from executor.simulator.messages import Command, FieldValue, Outbound, out
 from executor.simulator.physics import Body, Home
 from missions.items import Command as Item
 
 FIRST_COMPONENT = 7
-GIMBAL = 154
-"""MAV_COMP_ID_GIMBAL."""
 CAMERA_TYPE, NO_AUTOPILOT = 30, 8
 CARD_MIB, PICTURE_MIB = 32_000.0, 8.0
-TURNS_DEG_S = 60.0
-STORAGE, STATUS, CAPTURED = 261, 262, 263
+INFORMATION, SETTINGS, STORAGE, STATUS, CAPTURED = 259, 260, 261, 262, 263
+CAPTURES = 1 | 2 | 8
+"""CAMERA_CAP_FLAGS: video, pictures, and pictures while it films."""
+FOCAL_MM, SENSOR_MM, PIXELS = 24.0, (17.3, 13.0), (5280, 3956)
 REQUEST_MESSAGE = 512
-GIMBAL_S = 0.5
-YAW_LOCK = 16
-"""GIMBAL_MANAGER_FLAGS: the yaw counts from north."""
 NEVER_S = math.inf
 OF_CAMERAS = frozenset({
     Item.IMAGE_START_CAPTURE, Item.IMAGE_STOP_CAPTURE, Item.VIDEO_START_CAPTURE, Item.VIDEO_STOP_CAPTURE,
@@ -74,29 +72,6 @@ class CameraUnit:
     def answers_to(self, number: float) -> bool:
         """Return whether an item's camera id means it."""
         return number in {0.0, float(self.config.id)}
-
-
-@dataclass(slots=True)
-class Gimbal:
-    """Where the cameras look: from the horizon, and from the nose."""
-
-    pitch_deg: float = 0.0
-    yaw_deg: float = 0.0
-    wanted: tuple[float, float] = (0.0, 0.0)
-    from_north: bool = False
-    """Whether the yaw that is wanted counts from north."""
-    stuck: bool = False
-    due_s: float = 0.0
-
-    def step(self, dt_s: float, nose_deg: float) -> None:
-        """Turn towards where it is to look."""
-        if self.stuck:
-            return
-        most_deg = TURNS_DEG_S * dt_s
-        wanted_deg = self.wanted[1] - nose_deg if self.from_north else self.wanted[1]
-        turn_deg = (wanted_deg - self.yaw_deg + 180.0) % 360.0 - 180.0
-        self.pitch_deg += max(-most_deg, min(most_deg, self.wanted[0] - self.pitch_deg))
-        self.yaw_deg += max(-most_deg, min(most_deg, turn_deg))
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +126,7 @@ class Payload:
                     self._trigger()
             case Item.DO_GIMBAL_MANAGER_PITCHYAW:
                 if self.gimbal is not None:
-                    self.gimbal.wanted, self.gimbal.from_north = (params[0], params[1]), bool(int(params[4]) & YAW_LOCK)
+                    self.gimbal.aim(params)
             case _ if number in OF_CAMERAS:
                 for unit in self.units:
                     self._ordered(unit, number, params)
@@ -177,18 +152,28 @@ class Payload:
 
     def asked(self, command: Command, component: int) -> None:
         """Answer what one of its components is asked."""
+        if component == GIMBAL and self.gimbal is not None and command.number == REQUEST_MESSAGE:
+            known = command.integer(0) == DEVICE_INFORMATION
+            self._said.append(Said(GIMBAL, _acknowledged(command.number, _result(done=known))))
+            self._said += [Said(GIMBAL, self.gimbal.device(self._boot_ms))] if known else []
         for unit in self.units:
             if unit.config.id != component or unit.silent:
                 continue
             message = self._message(unit, command) if command.number == REQUEST_MESSAGE else None
             done = message is not None or self.obey(command.number, command.params)
-            result = Result.ACCEPTED if done else Result.UNSUPPORTED
-            self._say(unit, out(
-                "COMMAND_ACK", command=command.number, result=int(result), progress=0, result_param2=0,
-                target_system=0, target_component=0,
-            ))  # fmt: skip
+            self._say(unit, _acknowledged(command.number, _result(done=done)))
             if message is not None:
                 self._say(unit, message)
+
+    def managed(self, number: int) -> Outbound | None:
+        """Return what the autopilot says of the gimbal when it is asked for a message; None if it says nothing."""
+        return None if self.gimbal is None else self.gimbal.said_by_manager(number, self._boot_ms)
+
+    def configure(self, params: Sequence[float], sender: tuple[int, int]) -> bool:
+        """Let somebody take control of the gimbal, or give it back; returns whether there is one."""
+        if self.gimbal is not None:
+            self.gimbal.configure(params, sender)
+        return self.gimbal is not None
 
     def befall(self, fault: str, value: float) -> None:
         """Suffer a fault, in the words of `InjectionKind`."""
@@ -307,13 +292,9 @@ class Payload:
         return unit.config.pitch_deg, yaw_deg % 360
 
     def _say_gimbal(self, gimbal: Gimbal) -> None:
-        attitude = out(
-            "GIMBAL_DEVICE_ATTITUDE_STATUS", target_system=0, target_component=0, time_boot_ms=self._boot_ms,
-            flags=4 | 8 | 32, q=quaternion(0.0, gimbal.pitch_deg, gimbal.yaw_deg), angular_velocity_x=math.nan,
-            angular_velocity_y=math.nan, angular_velocity_z=math.nan, failure_flags=0, delta_yaw=math.nan,
-            delta_yaw_velocity=math.nan, gimbal_device_id=0,
-        )  # fmt: skip
-        self._said.append(Said(GIMBAL, attitude))
+        self._said.append(Said(GIMBAL, gimbal.attitude(self._boot_ms)))
+        if gimbal.control is not None:
+            self._said.append(Said(None, gimbal.status(self._boot_ms)))
 
     def _message(self, unit: CameraUnit, command: Command) -> Outbound | None:
         wanted = command.integer(0)
@@ -321,6 +302,10 @@ class Payload:
             return self._status(unit)
         if wanted == STORAGE:
             return self._storage(unit)
+        if wanted == INFORMATION:
+            return self._information(unit)
+        if wanted == SETTINGS:
+            return out("CAMERA_SETTINGS", time_boot_ms=self._boot_ms, mode_id=int(unit.filming_s is not None))
         return unit.told.get(command.integer(1)) if wanted == CAPTURED and not unit.mute else None
 
     def _free_mib(self, unit: CameraUnit) -> float:
@@ -333,6 +318,14 @@ class Payload:
             "CAMERA_CAPTURE_STATUS", time_boot_ms=self._boot_ms, image_status=2 if unit.every_s else 0,
             video_status=int(films), image_interval=unit.every_s, recording_time_ms=round(since_s * 1e3),
             available_capacity=self._free_mib(unit), image_count=unit.images, camera_device_id=0,
+        )  # fmt: skip
+
+    def _information(self, unit: CameraUnit) -> Outbound:
+        return out(
+            "CAMERA_INFORMATION", time_boot_ms=self._boot_ms, vendor_name=_bytes("faultline", 32),
+            model_name=_bytes(unit.config.name, 32), firmware_version=1, focal_length=FOCAL_MM,
+            sensor_size_h=SENSOR_MM[0], sensor_size_v=SENSOR_MM[1], resolution_h=PIXELS[0], resolution_v=PIXELS[1],
+            lens_id=0, flags=CAPTURES, cam_definition_version=0, cam_definition_uri=b"",
         )  # fmt: skip
 
     def _storage(self, unit: CameraUnit) -> Outbound:
@@ -350,14 +343,20 @@ def file_name(number: int) -> str:
     return f"DSC{number:05d}.JPG"
 
 
-def quaternion(roll_deg: float, pitch_deg: float, yaw_deg: float) -> tuple[float, float, float, float]:
-    """Return an attitude as MAVLink has it: w, x, y, z."""
-    (cr, sr), (cp, sp), (cy, sy) = (
-        (math.cos(math.radians(angle) / 2), math.sin(math.radians(angle) / 2))
-        for angle in (roll_deg, pitch_deg, yaw_deg)
-    )
-    w, x = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
-    return w, x, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
+def _bytes(text: str, length: int) -> list[int]:
+    """Return a text as an array of bytes, filled up with zeros."""
+    return list(text.encode()[: length - 1].ljust(length, b"\0"))
+
+
+def _result(*, done: bool) -> Result:
+    return Result.ACCEPTED if done else Result.UNSUPPORTED
+
+
+def _acknowledged(number: int, result: Result) -> Outbound:
+    return out(
+        "COMMAND_ACK", command=number, result=int(result), progress=0, result_param2=0, target_system=0,
+        target_component=0,
+    )  # fmt: skip
 
 
 def _beat(kind: int) -> Outbound:

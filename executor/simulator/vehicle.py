@@ -9,10 +9,11 @@ from collections.abc import Callable, Iterable
 from executor.simulator.airframe import Event
 from executor.simulator.ardupilot import ArduPilot
 from executor.simulator.autopilot import STEP_S, Autopilot
-from executor.simulator.camera import GIMBAL, Shot
+from executor.simulator.camera import Shot
 from executor.simulator.channel import Channel, LinkCondition
 from executor.simulator.config import AutopilotKind, SimVehicle
 from executor.simulator.faults import Injection, InjectionKind, faults_of, is_due
+from executor.simulator.gimbal import GIMBAL
 from executor.simulator.messages import Command, Heartbeat, Peer, Received, out
 from executor.simulator.mission_store import UploadFault
 from executor.simulator.px4 import Px4

@@ -16,7 +16,7 @@ from mavsdk.asyncio.system import System
 from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.telemetry import FlightMode
 
-from executor.simulator.config import AutopilotKind, SimFleet
+from executor.simulator.config import AutopilotKind, SimCamera, SimFleet
 from missions.items import MissionItem
 from tests.executor.simulator.flying import flying
 from tests.executor.simulator.harness import LAT_DEG, LON_DEG, numbered, rtl, sim_vehicle, speed, takeoff, waypoint
@@ -49,12 +49,12 @@ def raw(item: MissionItem) -> RawItem:
 
 
 @asynccontextmanager
-async def connected(kind: AutopilotKind, scheme: str) -> AsyncIterator[System]:
+async def connected(kind: AutopilotKind, scheme: str, cameras: tuple[SimCamera, ...] = ()) -> AsyncIterator[System]:
     port = free_port()
     # MAVSDK's heartbeats keep real time, so a busy computer must not set off the vehicle's failsafe.
     off = {"FS_GCS_ENABLE": 0.0} if kind is AutopilotKind.ARDUPILOT else {"NAV_DLL_ACT": 0.0}
     connection = f"{scheme}://127.0.0.1:{port}"
-    vehicle = sim_vehicle(kind, connection=connection, ready_after_s=1.0, parameters=off)
+    vehicle = sim_vehicle(kind, connection=connection, ready_after_s=1.0, parameters=off, cameras=cameras)
     configuration = Configuration.create_manual(255, 190, True)
     async with flying(SimFleet((vehicle,), speedup=SPEEDUP)), Mavsdk(configuration) as mavsdk:
         await mavsdk.add_any_connection(connection)

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from executor.adapters.mavlink.cameras import angles_deg
 from executor.adapters.mavlink.codec import Codec
 from executor.core.messages import CameraHeard, CameraStatus, GimbalAttitude, Message, PictureTaken, SendCommand
-from executor.simulator.camera import quaternion
+from executor.simulator.gimbal import quaternion
 from missions.cameras import PictureProof
 
 NOWHERE = (0.0, 0.0, 0.0, 0.0)
