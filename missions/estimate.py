@@ -57,7 +57,9 @@ def estimate(path: FlightPath, model: FlightModel, *, consumption: float = 1.0) 
         more_s = performance.settle_s * stops[index] + max(performance.hold_s, point.hover_s) * point.hold
         before_m = along_m[index - 1] if index and path.waypoints[index - 1].phase is not Phase.TAKEOFF else UNKNOWN
         if index and stops[index - 1]:
-            more_s += float(performance.turns_s(before_m, along_m[index]))
+            came_m = float(np.hypot(before_m[0], before_m[1]))
+            arrives_m_s = performance.arrives_m_s(np.array(came_m), speeds[index - 1])
+            more_s += float(performance.turns_s(before_m, along_m[index], arrives_m_s))
         elif index:
             more_s += float(performance.corners_s(before_m, along_m[index], speeds[index]))
         seconds[index] += more_s

@@ -135,6 +135,8 @@ class Performance:
     """What passing a waypoint takes however straight the way leads on: until it goes for the next one."""
     waits: From0 = 0.0
     """Of the time of a leg over the ground, what its trajectory waits for it besides."""
+    turn_speed_power: From0 = 0.0
+    """A turn takes this power of the speed of arrival over `CORNER_M_S`: who still moves must first come to rest."""
 
     def legs_s(self, length_m: FloatArray, rise_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> FloatArray:
         """Return the times of straight legs; all arrays broadcast against each other.
@@ -164,9 +166,20 @@ class Performance:
         able = steepest * length_m / np.maximum(np.abs(rise_m), SHORT_M)
         return np.asarray(np.minimum(speed_m_s, np.maximum(able, SHORT_M)))
 
-    def turns_s(self, before_m: FloatArray, after_m: FloatArray) -> FloatArray:
-        """Return what beginning legs along ``after_m`` (..., 2) takes after a stop at the end of others."""
-        return np.asarray(self.turn_s * half_sines(before_m, after_m) ** self.turn_power)
+    def arrives_m_s(self, length_m: FloatArray, speed_m_s: FloatArray | float) -> FloatArray:
+        """Return how fast the middle of a way from rest to rest is flown: it is braked from that at its end."""
+        return np.asarray(np.minimum(speed_m_s, np.sqrt(self.level.acceleration_m_s2 * length_m)))
+
+    def turns_s(self, before_m: FloatArray, after_m: FloatArray, arrives_m_s: FloatArray) -> FloatArray:
+        """Return what beginning legs along ``after_m`` (..., 2) takes after a stop at the end of others.
+
+        Args:
+            before_m: (..., 2) along which it arrived.
+            after_m: (..., 2) along which it goes on.
+            arrives_m_s: (...) from which speed it has braked.
+        """
+        sines = half_sines(before_m, after_m) ** self.turn_power
+        return np.asarray(self.turn_s * sines * (arrives_m_s / CORNER_M_S) ** self.turn_speed_power)
 
     def corners_s(self, before_m: FloatArray, after_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
         """Return what going on along ``after_m`` (..., 2) takes more at the end of other legs that is passed."""

@@ -116,7 +116,8 @@ class FlightModel:
         transit_s, transit_pct = self._transit(facing_m, there_m, hold_s)
         before_m = np.where(away[..., np.newaxis], there_m, facing_m)
         before_m = _nowhere_where(down, before_m)
-        inspect_s, inspect_pct = self._stopping(before_m, along_m, self.inspection_speed_m_s, hold_s, self.pace.inspect)
+        fast_m_s = np.where(away, self.transit_speed_m_s, self.inspection_speed_m_s)
+        inspect_s, inspect_pct = self._inspection(before_m, self._arrives_m_s(before_m, fast_m_s), along_m)
         seconds = np.where(away, transit_s, 0.0) + inspect_s
         return np.asarray(seconds), np.asarray(np.where(away, transit_pct, 0.0) + inspect_pct)
 
@@ -124,11 +125,11 @@ class FlightModel:
         self, facing_m: FloatArray, ways_m: FloatArray, last_m: FloatArray, down: BoolArray = NEVER
     ) -> tuple[FloatArray, FloatArray]:
         """Return (k,) seconds and energies of moves whose transits lead through (k, w, 3) places."""
-        hold_s = self.performance.hold_s
-        transit_s, transit_pct = self._transit_along(facing_m, ways_m, hold_s)
+        transit_s, transit_pct = self._transit_along(facing_m, ways_m, self.performance.hold_s)
         before_m, along_m = ways_m[:, -1] - ways_m[:, -2], last_m - ways_m[:, -1]
         before_m = _nowhere_where(down, before_m)
-        inspect_s, inspect_pct = self._stopping(before_m, along_m, self.inspection_speed_m_s, hold_s, self.pace.inspect)
+        arrives_m_s = self._arrives_m_s(before_m, self.transit_speed_m_s)
+        inspect_s, inspect_pct = self._inspection(before_m, arrives_m_s, along_m)
         return transit_s + inspect_s, transit_pct + inspect_pct
 
     def ways_home(self, from_m: FloatArray, facing_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
@@ -158,21 +159,33 @@ class FlightModel:
         ends[:, -1] += 1.0
         seconds, pct = self.legs(along_m, speed_m_s, ends)
         own = self.performance
-        stays_s = own.settle_s + hold_s + own.turns_s(before_m, along_m[:, 0])
+        arrives_m_s = self._arrives_m_s(before_m, self.inspection_speed_m_s)
+        stays_s = own.settle_s + hold_s + own.turns_s(before_m, along_m[:, 0], arrives_m_s)
         stays_s = stays_s + own.corners_s(along_m[:, :-1], along_m[:, 1:], speed_m_s[:, 1:]).sum(axis=1)
         pace = self.pace.transit
         return pace * (seconds.sum(axis=1) + stays_s), pace * (pct.sum(axis=1) + stays_s * self.hover_pct_per_s)
 
     def _transit(self, before_m: FloatArray, along_m: FloatArray, hold_s: float) -> tuple[FloatArray, FloatArray]:
-        return self._stopping(before_m, along_m, self.transit_speed_m_s, hold_s, self.pace.transit)
+        arrives_m_s = self._arrives_m_s(before_m, self.inspection_speed_m_s)
+        turns_s = self.performance.turns_s(before_m, along_m, arrives_m_s)
+        return self._stopping(along_m, self.transit_speed_m_s, hold_s + turns_s, self.pace.transit)
+
+    def _inspection(
+        self, before_m: FloatArray, arrives_m_s: FloatArray, along_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        turns_s = self.performance.turns_s(before_m, along_m, arrives_m_s)
+        return self._stopping(along_m, self.inspection_speed_m_s, self.performance.hold_s + turns_s, self.pace.inspect)
 
     def _stopping(
-        self, before_m: FloatArray, along_m: FloatArray, speed_m_s: float, hold_s: float, pace: float
+        self, along_m: FloatArray, speed_m_s: float, stays_s: FloatArray, pace: float
     ) -> tuple[FloatArray, FloatArray]:
         shape = along_m.shape[:-1]
         seconds, pct = self.legs(along_m, np.full(shape, speed_m_s), np.full(shape, 2.0))
-        stays_s = self.performance.settle_s + hold_s + self.performance.turns_s(before_m, along_m)
+        stays_s = self.performance.settle_s + stays_s
         return pace * (seconds + stays_s), pace * (pct + stays_s * self.hover_pct_per_s)
+
+    def _arrives_m_s(self, before_m: FloatArray, speed_m_s: FloatArray | float) -> FloatArray:
+        return self.performance.arrives_m_s(np.hypot(before_m[..., 0], before_m[..., 1]), speed_m_s)
 
     def _rates_pct_per_s(self, velocities_m_s: FloatArray) -> FloatArray:
         return self.power.rates_pct_per_s(velocities_m_s[..., 0], velocities_m_s[..., 1])

@@ -118,5 +118,6 @@ def _flown_s(along_m: np.ndarray, performance: Performance, speed_m_s: float) ->
     length_m = np.hypot(along_m[:, 0], along_m[:, 1])
     speeds, ends = np.full(len(length_m), speed_m_s), np.full(len(length_m), 2.0)
     legs_s = performance.legs_s(length_m, np.zeros(len(length_m)), speeds, ends)
-    turns = performance.turns_s(along_m[:-1], along_m[1:]) if len(along_m) > 1 else np.zeros(0)
+    arrives_m_s = performance.arrives_m_s(length_m[:-1], speed_m_s)
+    turns = performance.turns_s(along_m[:-1], along_m[1:], arrives_m_s) if len(along_m) > 1 else np.zeros(0)
     return float(legs_s.sum() + turns.sum() + len(length_m) * (performance.settle_s + performance.hold_s))

@@ -153,3 +153,17 @@ def test_a_steep_leg_takes_as_long_as_its_height() -> None:
 
 def test_a_vehicle_on_the_ground_takes_nothing() -> None:
     assert estimate(FlightPath("uav1", ()), MODEL).duration_s == 0.0
+
+
+@pytest.mark.parametrize(("there_m", "arrives_m_s"), [(100.0, 5.0), (1.6, 2.0)])
+def test_who_came_fast_turns_longer(there_m: float, arrives_m_s: float) -> None:
+    """After 100 m it brakes from 5 m/s, after 1.6 m from the 2 m/s of its middle."""
+    turning = replace(MODEL, performance=replace(PERFORMANCE, turn_s=4.0, turn_speed_power=2.0))
+    there_and_back = FlightPath("uav1", (
+        waypoint(Phase.TAKEOFF, 0, 0, 20, 2.0),
+        waypoint(Phase.TRANSIT, there_m, 0, 20, 5.0, hold=True),
+        waypoint(Phase.RETURN, 0, 0, 20, 5.0),
+        waypoint(Phase.LAND, 0, 0, 0, 1.0),
+    ))  # fmt: skip
+    slow, quick = (estimate(there_and_back, model).legs[2].duration_s for model in (turning, MODEL))
+    assert slow - quick == pytest.approx(4.0 * (arrives_m_s / 8.0) ** 2, abs=1e-3)
