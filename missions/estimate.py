@@ -12,6 +12,9 @@ from missions.pricing import UNKNOWN, FlightModel
 from missions.safety import legs_m
 from missions.waypoints import FlightPath, Phase
 
+UPRIGHT_M = 1e-6
+"""A leg that goes less far over the ground goes straight up or down."""
+
 
 @dataclass(frozen=True, slots=True)
 class LegEstimate:
@@ -57,7 +60,8 @@ def estimate(path: FlightPath, model: FlightModel, *, consumption: float = 1.0) 
         more_s = performance.settle_s * stops[index] + max(performance.hold_s, point.hover_s) * point.hold
         before_m = along_m[index - 1] if index and path.waypoints[index - 1].phase is not Phase.TAKEOFF else UNKNOWN
         if index and stops[index - 1]:
-            came_m = float(np.hypot(before_m[0], before_m[1]))
+            stays_there = math.hypot(along_m[index, 0], along_m[index, 1]) < UPRIGHT_M
+            came_m = 0.0 if stays_there else math.hypot(before_m[0], before_m[1])  # it comes to rest going up
             arrives_m_s = performance.arrives_m_s(np.array(came_m), speeds[index - 1])
             more_s += float(performance.turns_s(before_m, along_m[index], arrives_m_s))
         elif index:
