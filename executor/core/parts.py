@@ -254,6 +254,8 @@ class MotionState:
     """By how much its clock fell back behind ours in gaps of its positions: it stood still, or has begun anew."""
     fell_back_s: float = float("-inf")
     """When the last such gap ended."""
+    reopened: bool = False
+    """Whether the ground station was away since its last position: how long that was is its own clock's word alone."""
 
 
 @dataclass(frozen=True, slots=True)

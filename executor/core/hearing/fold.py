@@ -305,7 +305,7 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
     falls = took_off and fix.velocity_m_s[2] < -context.limits.fall_m_s
     if (took_off, away, rebooted_s) != (sortie.took_off, sortie.away_once, sortie.rebooted_s):
         sortie = replace(sortie, took_off=took_off, away_once=away, rebooted_s=rebooted_s)
-    behind_s, fell_back_s = _behind(state.motion, last, fix, anew=rebooted_s == now_s)
+    behind_s, fell_back_s = _behind(state.motion, last, fix, anew=rebooted_s == now_s or state.motion.reopened)
     falls_s = now_s if falls else state.motion.falls_s
     motion = MotionState(fix, last, anchor, jump, falls_s, behind_s, fell_back_s)
     sample = Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))

@@ -67,7 +67,7 @@ def reopened(state: FleetState, event: Reopened, now_s: float) -> Stepped:
                     stale=False,
                     quality=LinkQuality(),
                 ),
-                motion=replace(vehicle.motion, anchor=None),
+                motion=replace(vehicle.motion, anchor=None, reopened=True),
                 power=replace(vehicle.power, volts=VoltageState(highest_v=vehicle.power.volts.highest_v)),
             )
         )

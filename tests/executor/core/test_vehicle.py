@@ -121,6 +121,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "falls_s": -math.inf,
             "behind_s": 0.0,
             "fell_back_s": -math.inf,
+            "reopened": False,
             "doubted": None,
             "carried": Carried(),
             "owed": None,

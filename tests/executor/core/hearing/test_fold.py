@@ -258,6 +258,12 @@ def test_a_clock_that_hardly_moved_in_a_silence_has_fallen_back(boot_s: float, b
     assert state.sortie.rebooted_s is None
 
 
+def test_a_computer_whose_clock_was_set_while_it_was_away_says_nothing_of_the_vehicles() -> None:
+    before = flying(fix=replace(at(), at_s=NOW_S - 3600.0, boot_s=NOW_S - 50.0), reopened=True)
+    motion = after(before, position(boot_s=NOW_S - 42.0)).motion
+    assert (motion.behind_s, motion.reopened) == (0.0, False)
+
+
 def test_what_waited_while_nobody_listened_catches_up() -> None:
     vehicle = flying(fix=replace(at(), at_s=NOW_S - 8.0, boot_s=NOW_S - 8.0))
     for late_s in (7.8, 4.0, 0.2, 0.0):

@@ -101,6 +101,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     "quality": LinkQuality(),
                     "volts": VoltageState(highest_v=16.0),
                     "excused_s": NOW_S,
+                    "reopened": True,
                     "before": replace(
                         WAS,
                         fix=replace(STILL, alt_rel_m=20.0, alt_msl_m=470.0, velocity_m_s=(3.0, 0.0, 0.0)),
@@ -119,8 +120,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     "heartbeat_s": None,
                     "volts": VoltageState(highest_v=16.8),
                     "excused_s": NOW_S,
+                    "reopened": True,
                 },
-                "uav3": {"excused_s": NOW_S},
+                "uav3": {"excused_s": NOW_S, "reopened": True},
             },
             {"silent_since_s": None, "absences": (Absence(until_s=NOW_S, pause_s=12.3, restarted=True),)},
         ),
@@ -131,9 +133,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (
             [Say(Level.WARNING, "the ground station runs again, after 12 s")],
             {
-                "uav1": {"heartbeat_s": None, "volts": VoltageState(highest_v=16.8), "excused_s": NOW_S},
-                "uav2": {"excused_s": NOW_S},
-                "uav3": {"excused_s": NOW_S},
+                "uav1": {
+                    "heartbeat_s": None,
+                    "volts": VoltageState(highest_v=16.8),
+                    "excused_s": NOW_S,
+                    "reopened": True,
+                },
+                "uav2": {"excused_s": NOW_S, "reopened": True},
+                "uav3": {"excused_s": NOW_S, "reopened": True},
             },
             {"absences": (Absence(until_s=NOW_S, pause_s=12.3, restarted=True),)},
         ),
