@@ -7,6 +7,7 @@ from dataclasses import replace
 from executor.core import launching
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Context
+from executor.core.endings import Ending
 from executor.core.events import UploadEnded
 from executor.core.homing import homeward
 from executor.core.replan import new_missions, offering
@@ -40,7 +41,8 @@ def uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: flo
     commands.extend(more)
     state = replace(state, replanning=replace(state.replanning, replan=plan))
     if event.mixed and not event.accepted and not mission.fresh and not _left_meanwhile(context, vehicle):
-        why = "its mission on board is a mix of two"
+        unknown = event.code is Ending.NO_ANSWER
+        why = f"its mission on board {'may be' if unknown else 'is'} a mix of two"
         fault = Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.MISSION_MIXED)
         state, more = declare(context, state, state.vehicles[vehicle.name], fault)
         commands.extend(more)

@@ -134,6 +134,7 @@ def resumed(context: Context, state: FleetState, event: Resumed, now_s: float) -
             commands.append(Say(Level.WARNING, f"{found.vehicle}: does not answer yet"))
             vehicle = state.vehicles[found.vehicle]
             state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None)))
+            ended += _unanswered(context, state, found.vehicle)
             continue
         state, one = _taken_up(context, state, found, now_s)
         commands += one.commands
@@ -167,6 +168,19 @@ def _really_away(state: FleetState, event: Resumed) -> FleetState:
     )
 
 
+def _unanswered(context: Context, state: FleetState, name: str) -> tuple[Event, ...]:
+    """Return the end of an upload to a vehicle that does not answer: nobody else waits for it.
+
+    How much of it is on board nobody knows; PX4 at least has the whole of one of the two.
+    """
+    plan = state.replanning.replan
+    if plan is None or name not in plan.pending:
+        return ()
+    mixed = not plan.missions[name].fresh and not context.vehicles[name].dialect.upload_is_atomic
+    why = "it does not answer"
+    return (UploadEnded(name, plan.solve.revision, False, mixed, why, Ending.NO_ANSWER),)
+
+
 @dataclass(frozen=True, slots=True)
 class _Taken:
     commands: tuple[Command, ...] = ()
@@ -179,17 +193,26 @@ class _Taken:
 def _taken_up(context: Context, state: FleetState, found: Found, now_s: float) -> tuple[FleetState, _Taken]:
     vehicle, plan = state.vehicles[found.vehicle], state.replanning.replan
     if plan is not None and found.vehicle in plan.pending:
-        return _half_uploaded(context, state, plan, found, now_s)
+        if vehicle.stage is not Stage.STARTING:
+            return _half_uploaded(context, state, plan, found, now_s)
+        if not _has_started(context, vehicle):
+            return _never_started(context, state, vehicle, now_s, ours=False)
+        state, taken = _half_uploaded(context, state, plan, found, now_s)
+        return state, replace(taken, ended=(StartEnded(found.vehicle, accepted=True, reason=""), *taken.ended))
     if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.assignment.board is None:
         return state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None))), _Taken()
     match = found.against(vehicle.assignment.board.revision)
-    if match is not None and not match.whole and vehicle.armed:
+    other = match is not None and not match.whole
+    if match is not None and other and vehicle.armed:
         why = f"carries another mission than the one that was put on board, from item {match.alike} on"
         return state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None))), _Taken(
             strange=((found.vehicle, why),)
         )
+    if vehicle.stage is Stage.STARTING and _has_started(context, vehicle):
+        state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None)))
+        return state, _Taken(ended=(StartEnded(found.vehicle, accepted=True, reason=""),))
     if vehicle.stage is Stage.STARTING:
-        return _started(context, state, vehicle, now_s)
+        return _never_started(context, state, vehicle, now_s, ours=not other)
     state, said = caught_up(context, state, vehicle, vehicle.assignment.board, found.seq)
     return state, _Taken(said)
 
@@ -281,25 +304,47 @@ def _sent_again(context: Context, state: FleetState, found: Found, again: tuple[
     return state, (said, *more)
 
 
-def _started(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, _Taken]:
-    """Look what became of a vehicle that had been told to take off."""
-    name, heartbeat, fix = vehicle.name, vehicle.telemetry.heartbeat, vehicle.motion.fix
+def _has_started(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that had been told to take off has done so, or is about to."""
+    heartbeat, fix = vehicle.telemetry.heartbeat, vehicle.motion.fix
+    if not vehicle.armed or heartbeat is None or fix is None:
+        return False
+    dialect = context.vehicles[vehicle.name].dialect
+    return is_mission_mode(dialect, heartbeat.custom_mode) or fix.alt_rel_m > context.limits.airborne_m
+
+
+def _never_started(
+    context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, ours: bool
+) -> tuple[FleetState, _Taken]:
+    """Look what became of a vehicle that had been told to take off, and is on the ground.
+
+    Args:
+        context: Of the flight.
+        state: Of it.
+        vehicle: Who.
+        now_s: The time.
+        ours: Whether what it carries is what it should fly. If not it waits for the next re-plan as others do.
+    """
+    name = vehicle.name
     vehicle = replace(vehicle, assignment=replace(vehicle.assignment, before=None))
     state = state.put(vehicle)
-    if vehicle.armed and heartbeat is not None and fix is not None:
-        dialect = context.vehicles[name].dialect
-        if is_mission_mode(dialect, heartbeat.custom_mode) or fix.alt_rel_m > context.limits.airborne_m:
-            return state, _Taken(ended=(StartEnded(name, accepted=True, reason=""),))
     had_pct, has_pct = vehicle.power.began_pct, vehicle.power.battery.remaining_pct
-    if not vehicle.armed and had_pct is not None and has_pct is not None and had_pct - has_pct > FLOWN_PCT:
-        text = f"{name}: has flown and landed meanwhile"
-        return state.put(moved_to(vehicle, Stage.LANDED)), _Taken((Say(Level.INFO, text),))
-    if context.fly_again is FlyAgain.AUTO:
-        state = state.put(replace(vehicle, orders=replace(vehicle.orders, ordered_mode_s=now_s)))
-        return state, _Taken((Say(Level.INFO, f"{name}: had not started yet; trying again"), Start(name)))
-    # The crew's yes is from before: somebody may stand at the pad by now.
-    if vehicle.armed:
+    flown = not vehicle.armed and had_pct is not None and has_pct is not None and had_pct - has_pct > FLOWN_PCT
+    if vehicle.armed and (context.fly_again is not FlyAgain.AUTO or not ours):
+        # The crew's yes is from before: somebody may stand at the pad by now.
         why = "was armed and had not taken off when the ground station went away"
         return state, _Taken(strange=((name, why),))
-    state = state.put(moved_to(vehicle, Stage.GROUND))
-    return state, _Taken((Say(Level.WARNING, f"{name}: had not started yet; it stays on the ground"),))
+    if context.fly_again is FlyAgain.AUTO and ours and not flown:
+        state = state.put(replace(vehicle, orders=replace(vehicle.orders, ordered_mode_s=now_s)))
+        return state, _Taken((Say(Level.INFO, f"{name}: had not started yet; trying again"), Start(name)))
+    said: Command = Say(Level.INFO, f"{name}: has flown and landed meanwhile")
+    if not flown:
+        said = Say(Level.WARNING, f"{name}: had not started yet; it stays on the ground")
+    plan = state.replanning.replan
+    state = state.put(moved_to(vehicle, Stage.LANDED if flown else Stage.GROUND))
+    if plan is None or name not in plan.pending:
+        return state, _Taken((said,))
+    why = "landed" if flown else "had not started"
+    state, _, told = new_missions.let_go(state, plan, name, f"{why} when its new mission came", now_s)
+    state, more = new_missions.ended_if_done(state, now_s)
+    return state, _Taken((said, told, *more))

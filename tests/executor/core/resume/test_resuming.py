@@ -120,6 +120,20 @@ def test_nobody_is_lost_for_our_own_absence_and_who_is_lost_is_found_out() -> No
     assert [name for name, vehicle in flight.state.vehicles.items() if vehicle.fault] == ["uav2"]
 
 
+def test_nobody_waits_for_one_on_its_pad_that_falls_silent_while_it_is_given_a_mission() -> None:
+    """uav1 has landed and is to fly again when the ground station dies, and never answers any more."""
+    flight = under_way()
+    flight.crafts["uav2"].speed = 0.4
+    flight.run(lambda: flight.stage("uav1") is Stage.LANDED)
+    flight.crafts["uav2"].mute = True
+    flight.run(lambda: any(one.vehicle == "uav1" and not one.airborne for one in flight.uploads()))
+    flight.crafts["uav1"].mute = True
+    killed(flight, 8.0)
+    flight.finish()
+    assert flight.state.replanning.replan is None
+    assert any("uav1: upload of its new mission failed (it does not answer)" in line for line in flight.said())
+
+
 def test_before_the_start_procedures_have_ended() -> None:
     """uav1 had taken off unheard, uav2 was about to: nobody starts twice, and nobody is forgotten."""
     flight = story()

@@ -368,6 +368,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
+        "a start has not armed, and carries another mission",
+        lambda: taken_up(with_facts(STARTS, heartbeat=DISARMED), found(THEIRS)),
+        (
+            [Say(Level.WARNING, "uav1: had not started yet; it stays on the ground")],
+            (),
+            (),
+            {"uav1": {"stage": Stage.GROUND}},
+            {},
+        ),
+    ),
+    (
         "a start has become a landing",
         lambda: taken_up(with_facts(STARTS, heartbeat=DISARMED, began_pct=93.1), found(OURS)),
         ([Say(Level.INFO, "uav1: has flown and landed meanwhile")], (), (), {"uav1": {"stage": Stage.LANDED}}, {}),

@@ -9,12 +9,15 @@ import pytest
 
 from executor.core.commands import Level, Say, SendHome
 from executor.core.endings import Ending
-from executor.core.events import Match, NewRoute, UploadEnded
+from executor.core.events import Match, NewRoute, StartEnded, UploadEnded
 from executor.core.state import ReplanRecord
 from executor.core.vehicle import Stage
-from tests.executor.builders import with_facts
-from tests.executor.core.resume.taken_up import found, taken_up
+from tests.executor.builders import fleet_of, with_facts
+from tests.executor.core.resume.taken_up import CONTEXT, found, taken_up
 from tests.executor.core.steps import (
+    CREW,
+    HOLD,
+    LOW,
     SECOND,
     SENT_HOME,
     beat,
@@ -23,7 +26,7 @@ from tests.executor.core.steps import (
     plan_of,
     rounded,
 )
-from tests.executor.core.vehicles import NOW_S, RTL, flying
+from tests.executor.core.vehicles import DISARMED, NOW_S, RTL, flying
 
 NEW = new_mission(4, 6)
 GOING = plan_of(missions={"uav1": NEW}, pending=frozenset({"uav1"}))
@@ -33,6 +36,31 @@ OURS = Match(0, 10, whole=True)
 THEIRS = Match(0, 4, whole=False)
 WHOLE = Match(4, 12, whole=True)
 HALF = Match(4, 6, whole=False)
+
+UNHEARD = Say(Level.WARNING, "uav1: does not answer yet")
+NOT_YET = "uav1: had not started when its new mission came"
+AGAIN = {
+    "urgent": True,
+    "trigger_s": NOW_S,
+    "replan": None,
+    "records": (
+        ReplanRecord(
+            revision=4,
+            trigger="uav3: gone",
+            feasible=True,
+            uncovered=(),
+            solve_s=0.5,
+            begun_s=NOW_S - 5.0,
+            ended_s=NOW_S,
+            upload_s=3.0,
+        ),
+    ),
+}
+
+
+def ended(*, mixed: bool) -> UploadEnded:
+    return UploadEnded("uav1", 4, accepted=False, mixed=mixed, reason="it does not answer", code=Ending.NO_ANSWER)
+
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
@@ -323,6 +351,91 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 ),
             },
         ),
+    ),
+    (
+        "it does not answer, on the ground",
+        lambda: taken_up(replace(GETS, stage=Stage.GROUND), found(heard=False), replan=FRESH),
+        ([UNHEARD], (ended(mixed=False),), (), {}, {}),
+    ),
+    (
+        "it does not answer, in the air, and may carry a mixture",
+        lambda: taken_up(GETS, found(heard=False), replan=GOING),
+        ([UNHEARD], (ended(mixed=True),), (), {}, {}),
+    ),
+    (
+        "it does not answer, in the air, and carries the whole of one of the two",
+        lambda: taken_up(GETS, found(heard=False), replan=GOING, context=fleet_of(autopilot="px4").context),
+        ([UNHEARD], (ended(mixed=False),), (), {}, {}),
+    ),
+    (
+        "it does not answer, and is given nothing",
+        lambda: taken_up(flying(), found(heard=False), replan=replace(GOING, pending=frozenset({"uav2"}))),
+        ([UNHEARD], (), (), {}, {}),
+    ),
+    (
+        "it was to start, and flies",
+        lambda: taken_up(with_facts(GETS, stage=Stage.STARTING), found(WHOLE), replan=GOING),
+        (
+            [],
+            (
+                StartEnded("uav1", accepted=True, reason=""),
+                UploadEnded(vehicle="uav1", revision=4, accepted=True, mixed=False, reason=""),
+            ),
+            (),
+            {},
+            {},
+        ),
+    ),
+    *(
+        (
+            f"it was to start, and stands on its pad; {context.fly_again.value}",
+            lambda context=context: taken_up(
+                with_facts(GETS, stage=Stage.STARTING, heartbeat=DISARMED, took_off=False, began_pct=93.0),
+                found(WHOLE),
+                replan=GOING,
+                context=context,
+            ),
+            (
+                [
+                    Say(Level.WARNING, "uav1: had not started yet; it stays on the ground"),
+                    Say(
+                        Level.INFO, "uav1: had not started when its new mission came; re-plan 4 is planned again for it"
+                    ),
+                    Say(Level.INFO, "re-plan 4 ended; no mission has changed"),
+                ],
+                (),
+                (),
+                {"uav1": {"stage": Stage.GROUND, "pending": None}},
+                AGAIN | {"trigger": NOT_YET},
+            ),
+        )
+        for context in (CONTEXT, CREW)
+    ),
+    (
+        "it was to start, and has landed",
+        lambda: taken_up(
+            with_facts(GETS, stage=Stage.STARTING, heartbeat=DISARMED, began_pct=93.1), found(WHOLE), replan=GOING
+        ),
+        (
+            [
+                Say(Level.INFO, "uav1: has flown and landed meanwhile"),
+                Say(Level.INFO, "uav1: landed when its new mission came; re-plan 4 is planned again for it"),
+                Say(Level.INFO, "re-plan 4 ended; no mission has changed"),
+            ],
+            (),
+            (),
+            {"uav1": {"stage": Stage.LANDED, "pending": None}},
+            AGAIN | {"trigger": "uav1: landed when its new mission came"},
+        ),
+    ),
+    (
+        "it was to start, and stands armed on its pad",
+        lambda: taken_up(
+            with_facts(GETS, stage=Stage.STARTING, heartbeat=beat(HOLD), fix=LOW, took_off=False),
+            found(WHOLE),
+            replan=GOING,
+        ),
+        ([], (), (("uav1", "was armed and had not taken off when the ground station went away"),), {}, {}),
     ),
     (
         "the solver died with us",
