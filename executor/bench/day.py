@@ -235,3 +235,14 @@ def own_day(seed: int) -> DayPlanFile:
     }  # fmt: skip
     content = site_day(ground_of(check_site(site, "bench day"), Path()))
     return planned_day(content, DayWanted(Objective.FINISH, Iterations(150_000), seed, 1))
+
+
+def crowded_m(places_m: FloatArray, count: int, reach_m: float) -> FloatArray:
+    """Return places, each where most of what no place before it reaches is within `reach_m`."""
+    near = _apart_m(places_m, places_m) <= reach_m
+    left, found = np.ones(len(places_m), dtype=np.bool_), []
+    for _ in range(count):
+        best = int((near & left).sum(axis=1).argmax())
+        found.append(places_m[best])
+        left &= ~near[best]
+    return np.array(found)

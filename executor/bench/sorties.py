@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from executor.bench.day import centres_m
+from executor.bench.day import centres_m, crowded_m
 from executor.bench.store import Json
 from executor.bench.virtual.flight import Onlookers, Sorties, VirtualFlight, fly_virtual
 from executor.bench.virtual.many import each
@@ -38,17 +38,11 @@ from planner.sorties import Objective
 VEHICLES = 6
 STANDS = ((0, 1), (2, 3), (4,), (5,))
 """Whose base is which, the base with most to inspect around it first."""
-PACK_AH = 2.0
-"""Good for some segments of faultline's own network, which is five kilometres wide."""
-SPEED_M_S = 1.2
-"""Of the inspection: slow, for pictures of every insulator."""
 LOSSES = 3
 BAD_PCT = (18.0, 40.0)
 """What packs hold that should be full: one is too poor for a sortie, the other one shortens it."""
 FULL_PCT = 100.0
 DEATHS = 1
-DAY_S = 4 * 3600.0
-"""The day's hours, of which a plan takes a part."""
 MIDDLE = (0.1, 0.8)
 """Of the planned day, in which losses and deaths come."""
 PATIENT_S = 120.0
@@ -65,6 +59,32 @@ EVERY = 5
 
 
 @dataclass(frozen=True, slots=True)
+class SortiesOver:
+    """What is flown over, and with what."""
+
+    network: Path | None = None
+    """faultline's own if None."""
+    radius_m: float | None = None
+    """About the network's middle: what is inspected; None for all of it."""
+    pack_ah: float = 2.0
+    """Good for some segments of faultline's own network, which is five kilometres wide."""
+    speed_m_s: float = 1.2
+    """Of the inspection: slow, for pictures of every insulator."""
+    hours: int = 4
+    """Of the day, of which a plan takes a part."""
+    reach_m: float | None = None
+    """Each base stands where most is within this of it; None for the middles of the network's parts."""
+
+
+OWN = SortiesOver()
+
+
+def sorties_over_file(network: Path) -> SortiesOver:
+    """Return how a larger network is flown over: a working day of sorties of some fifty minutes around four bases."""
+    return SortiesOver(network, pack_ah=6.5, speed_m_s=1.0, hours=8, reach_m=5000.0)
+
+
+@dataclass(frozen=True, slots=True)
 class SortiesCase:
     """One day to be flown."""
 
@@ -73,8 +93,7 @@ class SortiesCase:
     autopilot: str
     iterations: int
     """Of the search for its plan."""
-    radius_m: float | None = None
-    """About the network's middle: what is inspected; None for all of it."""
+    over: SortiesOver = OWN
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,16 +184,28 @@ class _Watched:
         )
 
 
-def sorties_site(autopilot: str, radius_m: float | None = None) -> dict[str, Any]:
-    """Return a site over faultline's own network: four bases in the middle of its parts, six vehicles."""
-    network = read_network(default_network_path(), radius_m=radius_m)
-    frame, places_m = network.frame, centres_m(network.ends_m.mean(axis=1), len(STANDS)).tolist()
+def sorties_site(autopilot: str, over: SortiesOver = OWN) -> dict[str, Any]:
+    """Return a site with six vehicles at four bases: in the middle of a network's parts, or where most is near."""
+    network = read_network(default_network_path(), radius_m=over.radius_m)
+    frame, table = network.frame, {"file": "default"}
+    if over.network is not None:
+        network = read_network(
+            over.network, depot=(frame.lat_deg, frame.lon_deg, frame.alt_m), radius_m=over.radius_m
+        )
+        table = {"file": str(over.network.resolve())}
+    middles_m = network.ends_m.mean(axis=1)
+    count, reach_m = len(STANDS), over.reach_m
+    places_m = (centres_m(middles_m, count) if reach_m is None else crowded_m(middles_m, count, reach_m)).tolist()
     names = [f"uav{number}" for number in range(1, VEHICLES + 1)]
     return {
-        "network": {"file": "default", **({} if radius_m is None else {"radius_m": radius_m})},
-        "inspection": {"ceiling_m": SIMULATED_CEILING_M, "speed_m_s": SPEED_M_S},
-        "energy": {"capacity_ah": PACK_AH},
-        "day": {"begin": "08:00", "end": f"{8 + int(DAY_S // 3600):02d}:00", "days": 1, "lands": "own"},
+        "depot": {"lat_deg": frame.lat_deg, "lon_deg": frame.lon_deg, "alt_m": frame.alt_m},
+        "network": {**table, **({} if over.radius_m is None else {"radius_m": over.radius_m})},
+        "inspection": {
+            "ceiling_m": SIMULATED_CEILING_M, "speed_m_s": over.speed_m_s,
+            **({} if over.network is None else {"heights": "flat"}),
+        },
+        "energy": {"capacity_ah": over.pack_ah},
+        "day": {"begin": "08:00", "end": f"{8 + over.hours:02d}:00", "days": 1, "lands": "own"},
         "base": [
             dict(zip(("lat_deg", "lon_deg"), frame.to_wgs84_deg(*place), strict=True),
                  name=f"base{number}", vehicles=[names[one] for one in own])
@@ -190,7 +221,7 @@ def sorties_site(autopilot: str, radius_m: float | None = None) -> dict[str, Any
 
 def fly_sorties(case: SortiesCase) -> SortiesDay:
     """Plan a day, fly it, and hold it against the truth; the same case gives the same figures."""
-    ground = assembly.ground_of(check_site(sorties_site(case.autopilot, case.radius_m), "bench sorties"), Path())
+    ground = assembly.ground_of(check_site(sorties_site(case.autopilot, case.over), "bench sorties"), Path())
     content = planned_day(
         site_day(ground), DayWanted(Objective.FINISH, Iterations(case.iterations), case.seed + case.number, 1)
     )
@@ -209,7 +240,7 @@ def fly_sorties(case: SortiesCase) -> SortiesDay:
     try:
         flight = fly_virtual(
             ground, first_sorties(content, ground), seed=case.number, craft=_patient, sorties=sorties,
-            onlookers=Onlookers(lived=watched.look), limit_s=3 * planned_s + DAY_S,
+            onlookers=Onlookers(lived=watched.look), limit_s=3 * planned_s + 3600.0 * case.over.hours,
         )  # fmt: skip
     except ExecutorError as error:
         return replace(empty, wrong=str(error))

@@ -75,11 +75,14 @@ class StormJudge(Judge):
         # Who was frozen lives in its own time from then on: its silences end later by as much.
         lags = self._lags(name)
         spans = [replace(one, to_s=one.to_s + sum(lag for at_s, lag in lags if at_s < one.to_s)) for one in spans]
-        # And says its last words then.
+        # And says its last words then, unless it crashed while it booted.
+        boots = [one for one in spans if one.what == "reboot"]
         spans = [
             replace(
                 one, from_s=one.from_s + sum(lag for at_s, lag in lags if one.what == "crash" and at_s < one.from_s)
             )
+            if not any(boot.from_s <= one.from_s <= boot.to_s for boot in boots)
+            else one
             for one in spans
         ]
         spans += [
