@@ -321,7 +321,14 @@ class StormJudge(Judge):
 
     def _untrue(self, name: str, state: str, at_s: float) -> str:
         never_armed = not any(one.t_s <= at_s for one in self.happened(name, "armed"))
-        return "" if never_armed or self._forged(name, at_s) else super()._untrue(name, state, at_s)
+        if never_armed or self._forged(name, at_s) or (state in {"returning", "landing"} and self._sent(name, at_s)):
+            return ""
+        return super()._untrue(name, state, at_s)
+
+    def _sent(self, name: str, at_s: float) -> bool:
+        """Return whether somebody sent it home while nothing came from it: its failsafe might have done the same."""
+        last = max((one for one in self._by_others(name) if one.t_s <= at_s), key=lambda one: one.t_s, default=None)
+        return last is not None and last.what.split()[-1] in {"RTL", "LAND"} and self._silent(name, last.t_s, 0.0)
 
     # What must not be, whatever happens.
 

@@ -90,3 +90,21 @@ def test_who_chooses_in_a_burst_what_a_failsafe_chooses_is_not_known(kind: str, 
     told = stormed(("uav1", 100.0, "pilot LAND"), ("uav1", 100.0, "mode LAND"), began=began)
     shown = replace(told.flown, shown=(Shown(120.0, "uav1", "returning"),))
     assert rules(replace(told, flown=shown)) == found
+
+
+@pytest.mark.parametrize(("kind", "found"), [("downlink lost", set()), ("wind", {"page"})])
+def test_who_is_sent_home_while_nothing_comes_from_it_may_have_come_by_its_failsafe(kind: str, found: set[str]) -> None:
+    began = (Happening(kind, "uav1", 80.0, 25.0),)
+    chosen = (("uav1", 99.0, "pilot LAND"), ("uav1", 99.0, "mode LAND"), ("uav1", 100.0, "pilot RTL"))
+    told = stormed(*chosen, ("uav1", 100.0, "mode RTL"), began=began)
+    shown = replace(told.flown, shown=(Shown(130.0, "uav1", "returning"),))
+    assert rules(replace(told, flown=shown)) == found
+
+
+@pytest.mark.parametrize(("boots", "found"), [(True, set()), (False, {"elsewhere"})])
+def test_who_crashes_as_it_boots_says_nothing_more(boots: bool, found: set[str]) -> None:
+    began = (Happening("frozen", "uav1", 50.0, 48.0),)
+    fault = (("uav1", 55.0, "fault uav1:reboot@0s"),) if boots else ()
+    away = (49.601, 15.6)
+    fell = tuple(truth("uav1", 99.0, what, away) for what in ("crash", "disarmed"))
+    assert rules(stormed(*fault, truths=fell, began=began, ended=("uav2",))) & {"elsewhere"} == found
