@@ -79,9 +79,11 @@ class SortiesOver:
 OWN = SortiesOver()
 
 
-def sorties_over_file(network: Path) -> SortiesOver:
-    """Return how a larger network is flown over: a working day of sorties of some fifty minutes around four bases."""
-    return SortiesOver(network, pack_ah=6.5, speed_m_s=1.0, hours=8, reach_m=5000.0)
+def sorties_over(network: Path | None, radius_m: float | None) -> SortiesOver:
+    """Return how a network is flown over: a large one in a working day of sorties of some fifty minutes."""
+    if network is None:
+        return SortiesOver(radius_m=radius_m)
+    return SortiesOver(network, radius_m, pack_ah=6.5, speed_m_s=1.0, hours=8, reach_m=5000.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,9 +191,7 @@ def sorties_site(autopilot: str, over: SortiesOver = OWN) -> dict[str, Any]:
     network = read_network(default_network_path(), radius_m=over.radius_m)
     frame, table = network.frame, {"file": "default"}
     if over.network is not None:
-        network = read_network(
-            over.network, depot=(frame.lat_deg, frame.lon_deg, frame.alt_m), radius_m=over.radius_m
-        )
+        network = read_network(over.network, depot=(frame.lat_deg, frame.lon_deg, frame.alt_m), radius_m=over.radius_m)
         table = {"file": str(over.network.resolve())}
     middles_m = network.ends_m.mean(axis=1)
     count, reach_m = len(STANDS), over.reach_m

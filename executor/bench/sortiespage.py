@@ -15,11 +15,11 @@ from executor.bench.sorties import (
     APART_M,
     BAD_PCT,
     LOSSES,
-    PACK_AH,
-    SPEED_M_S,
+    OWN,
     STANDS,
     VEHICLES,
     SortiesDay,
+    SortiesOver,
     sorties_results,
     went_wrong,
 )
@@ -29,27 +29,31 @@ from executor.bench.virtual.flight import AWAY_S
 TITLE = "Days of many sorties, flown"
 INTRODUCTION = (
     "`{command}`: days planned as `plan --day` plans them and flown by the executor's own runtime in virtual time,"
-    " dialects by turns. {vehicles} vehicles stand at {bases} bases of faultline's own network, with packs of"
-    " {pack_ah:g} Ah, and inspect at {speed_m_s:g} m/s. A crew changes packs and says so; two packs hold {poor:g} and"
-    " {short:g} % where full ones are expected. {losses} vehicles fall at random times, and once the ground station"
-    " dies for {away_s:g} s and is taken up again from its state as a checkpoint keeps it. What came of it is held"
-    " against the simulator's own places and charges."
+    " dialects by turns. {vehicles} vehicles stand at {bases} bases of {network}, with packs of {pack_ah:g} Ah, and"
+    " inspect at {speed_m_s:g} m/s; a day has {hours} hours. A crew changes packs and says so; two packs hold {poor:g}"
+    " and {short:g} % where full ones are expected. {losses} vehicles fall at random times, and once the ground"
+    " station dies for {away_s:g} s and is taken up again from its state as a checkpoint keeps it. What came of it is"
+    " held against the simulator's own places and charges."
 )
 COLUMNS = ("day", "autopilot", "sorties", "planned", "hours", "inspected", "named", "least charge (%)", "nearest (m)")
 HAPPENED = ("day", "fell", "ground station died after (s)", "packs that held too little")
 Rows = list[tuple[str, ...]]
 
 
-def sorties_document(days: Sequence[SortiesDay], command: str, seed: int) -> Json:
+def sorties_document(days: Sequence[SortiesDay], command: str, seed: int, over: SortiesOver = OWN) -> Json:
     """Return the content of sorties.json."""
     return {
         "format": "faultline-bench-sorties/1",
         "machine": machine(),
         "command": command,
         "seed": seed,
+        "over": {
+            "network": None if over.network is None else over.network.name, "pack_ah": over.pack_ah,
+            "speed_m_s": over.speed_m_s, "hours": over.hours,
+        },
         **sorties_results(days),
         "wrong": [line for one in days for line in went_wrong(one)],
-    }
+    }  # fmt: skip
 
 
 def keep_sorties(content: Mapping[str, Any], folder: Path) -> None:
@@ -92,8 +96,10 @@ def _told(content: Mapping[str, Any]) -> str:
 
 def sorties_page(content: Mapping[str, Any]) -> str:
     """Return the page."""
+    over = content["over"]
     about = INTRODUCTION.format(
-        command=content["command"], vehicles=VEHICLES, bases=len(STANDS), pack_ah=PACK_AH, speed_m_s=SPEED_M_S,
+        command=content["command"], vehicles=VEHICLES, bases=len(STANDS), pack_ah=over["pack_ah"],
+        speed_m_s=over["speed_m_s"], hours=over["hours"], network=over["network"] or "faultline's own network",
         poor=BAD_PCT[0], short=BAD_PCT[1], losses=LOSSES, away_s=AWAY_S,
     )  # fmt: skip
     return markdown_page(

@@ -231,6 +231,15 @@ def sorties(
         float | None,
         typer.Option(min=1.0, metavar="M", help="Only what is within this of the network's middle; by default all."),
     ] = None,
+    network: Annotated[
+        Path | None,
+        typer.Option(
+            exists=True,
+            dir_okay=False,
+            metavar="FILE",
+            help="Another network: eight hours from the four places with most within 5 km, packs for some 50 minutes.",
+        ),
+    ] = None,
     seed: SeedOption = 1,
     iterations: Annotated[int, typer.Option(min=1, help="Of the search for each day's plan.")] = 20_000,
     autopilot: Annotated[
@@ -251,19 +260,20 @@ def sorties(
     """
     from executor.bench.machine import cores
     from executor.bench.progress import ShownProgress
-    from executor.bench.sorties import SortiesCase, measure_sorties
+    from executor.bench.sorties import SortiesCase, measure_sorties, sorties_over
     from executor.bench.sortiespage import keep_sorties, print_sorties, sorties_document
 
     autopilots, asked = _named(autopilot)
+    over = sorties_over(network, radius)
     with ShownProgress() as shown:
         cases = [
-            SortiesCase(number, seed, autopilots[number % len(autopilots)], iterations, radius)
-            for number in range(days)
+            SortiesCase(number, seed, autopilots[number % len(autopilots)], iterations, over) for number in range(days)
         ]
         flown = measure_sorties(cases, jobs or cores(), partial(shown.told, "days"))
     asked += [] if radius is None else _repeated("--radius", [radius])
+    asked += [] if network is None else ["--network", network.name]
     figures = ["--days", str(days), "--seed", str(seed), "--iterations", str(iterations)]
-    content = sorties_document(flown, shlex.join(["faultline", "bench", "sorties", *asked, *figures]), seed)
+    content = sorties_document(flown, shlex.join(["faultline", "bench", "sorties", *asked, *figures]), seed, over)
     _ended(content, keep_sorties, print_sorties, out, as_json=as_json, failed=bool(content["wrong"]))
 
 

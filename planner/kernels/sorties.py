@@ -70,6 +70,8 @@ class SortieProblem(NamedTuple):
     """The same of a second of somebody's flight."""
     swap: float
     """The same of a sortie."""
+    late: float
+    """The same of a segment whose sortie finds no day."""
     objective: int
     """Which figure comes first: 0 the last landing, 1 the flight, 2 the sorties."""
 
@@ -104,7 +106,7 @@ class SortieState(NamedTuple):
     ends: FloatArray
     """(k,): when a vehicle's last sortie lands, in the seconds of days alone."""
     sums: FloatArray
-    """(5,): seconds that find no day, the last landing, the flight, the sorties, and the guide of the search."""
+    """(5,): segments that find no day, the last landing, the flight, the sorties, and the guide of the search."""
 
 
 class SortieMemory(NamedTuple):
@@ -139,7 +141,7 @@ class SortieMemory(NamedTuple):
 QUAD = nb.types.Array(nb.float64, 4, "C")
 SORTIE_PROBLEM = nb.types.NamedTuple(
     (QUAD, QUAD, QUAD, INTS, FLOATS, FLOATS, INT_TABLE, INT_TABLE, TABLE, FLOATS, FLOATS, INTS, TABLE, QUAD, INT_TABLE,
-     INTS, FLOATS, INTS, TABLE, FLOATS) + (nb.float64,) * 4 + (nb.int64,),
+     INTS, FLOATS, INTS, TABLE, FLOATS) + (nb.float64,) * 5 + (nb.int64,),
     SortieProblem,
 )  # fmt: skip
 SORTIE_STATE = nb.types.NamedTuple(
@@ -327,6 +329,7 @@ def schedule(problem: SortieProblem, state: SortieState, memory: SortieMemory) -
                 break
             take_off(problem, state, memory, chosen, soonest, day)
             waiting -= 1
+    late_s = 0.0
     for vehicle in range(fleet):
         sums[1] = max(sums[1], state.ends[vehicle])
         for number in range(state.counts[vehicle]):
@@ -334,9 +337,11 @@ def schedule(problem: SortieProblem, state: SortieState, memory: SortieMemory) -
             sums[2] += state.whole[row, 0]
             if number >= memory.next[vehicle]:
                 state.start[row] = NEVER
-                sums[0] += state.whole[row, 0] + problem.turnaround[state.land[row]]
+                sums[0] += state.size[row]
+                late_s += state.whole[row, 0] + problem.turnaround[state.land[row]]
     busy = sums[2]
     for vehicle in range(fleet):
         for number in range(state.counts[vehicle]):
             busy += problem.turnaround[state.land[state.order[vehicle, number]]]
-    sums[4] = problem.finish * sums[1] + problem.flight * busy + problem.swap * sums[3] + 3.0 * sums[0]
+    sums[4] = problem.finish * sums[1] + problem.flight * busy + problem.swap * sums[3]
+    sums[4] += 3.0 * late_s + problem.late * sums[0]

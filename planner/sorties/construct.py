@@ -86,10 +86,11 @@ def sortie_problem(instance: SortieInstance, table: MoveTable, objective: Object
         charged[row, : len(times)] = times
     lengths = np.array([end - begin for begin, end in days])
     share = FLIGHT_SHARE / fleet
+    longest_s = float(home[..., 0].max() + out[..., 0].max())
     weights = {
         Objective.FINISH: (1.0, share, 0.0),
         Objective.FLIGHT: (FINISH_SHARE, 1.0, 0.0),
-        Objective.SWAPS: (FINISH_SHARE, share, float(home[..., 0].max() + out[..., 0].max())),
+        Objective.SWAPS: (FINISH_SHARE, share, longest_s),
     }[objective]
     return SortieProblem(
         move=table.move,
@@ -116,6 +117,7 @@ def sortie_problem(instance: SortieInstance, table: MoveTable, objective: Object
         finish=weights[0],
         flight=weights[1],
         swap=weights[2],
+        late=longest_s,
         objective=RANKS[objective],
     )
 

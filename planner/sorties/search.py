@@ -118,6 +118,14 @@ class SortieSearch:
         settle_touched(self._problem, state, memory)
         memory.touched[:] = 0
         schedule(self._problem, state, memory)
+        if state.sums[0] > 0 and not initial:  # the days are too short: what yields most comes first
+            for vehicle, count in enumerate(state.counts):
+                own = state.order[vehicle, :count].copy()
+                state.order[vehicle, :count] = own[np.argsort(-state.size[own] / state.whole[own, 0], kind="stable")]
+            memory.touched[:] = 1
+            settle_touched(self._problem, state, memory)
+            memory.touched[:] = 0
+            schedule(self._problem, state, memory)
         return state
 
     @property

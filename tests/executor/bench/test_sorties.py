@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executor.bench import sorties
-from executor.bench.sorties import SortiesCase, SortiesDay, fly_sorties, went_wrong
+from executor.bench.sorties import SortiesCase, SortiesDay, fly_sorties, sorties_over, sorties_site, went_wrong
 from executor.bench.sortiespage import keep_sorties, print_sorties, sorties_document
 from executor.cli.bench import cli
 
@@ -22,7 +22,7 @@ GOOD = SortiesDay(
 
 
 def test_a_small_day_is_flown_with_changed_packs_losses_and_a_dead_ground_station() -> None:
-    day = fly_sorties(SortiesCase(0, 1, "px4", 2000, 600.0))
+    day = fly_sorties(SortiesCase(0, 1, "px4", 2000, sorties_over(None, 600.0)))
     assert went_wrong(day) == []
     assert len(day.losses) == sorties.LOSSES
     assert day.swaps > 0
@@ -61,6 +61,24 @@ def test_the_page_says_what_happened_and_what_went_wrong(tmp_path: Path, capsys:
     assert "1 went wrong" in " ".join(capsys.readouterr().out.split())
 
 
+def test_over_another_network_bases_stand_where_most_is_near(tmp_path: Path) -> None:
+    places_m = (0, 300, 600, 900, 50_000, 50_300, 50_600, 90_000, 90_300)
+    joined = ("2", "1 3", "2 4", "3", "6", "5 7", "6", "9", "8")
+    network = tmp_path / "far.yaml"
+    network.write_text(
+        'pylons_position = "' + " ".join(f"{east_m} 500 0;" for east_m in places_m) + '"\n'
+        'connections_indexes = "' + " ".join(f"{others};" for others in joined) + '"\n'
+    )
+    site = sorties_site("px4", sorties_over(network, None))
+    assert site["network"] == {"file": str(network)}
+    assert [base["vehicles"] for base in site["base"]] == [["uav1", "uav2"], ["uav3", "uav4"], ["uav5"], ["uav6"]]
+    east_deg = [base["lon_deg"] for base in site["base"][:3]]
+    assert sorted(east_deg) == east_deg
+    assert east_deg[1] - east_deg[0] == pytest.approx(50_000 / 72_300, rel=0.05)
+    content = sorties_document([GOOD], "faultline bench sorties", 1, sorties_over(network, None))
+    assert content["over"] == {"network": "far.yaml", "pack_ah": 6.5, "speed_m_s": 1.0, "hours": 8}
+
+
 def test_the_command_flies_by_turns_and_ends_with_one_where_something_went_wrong(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -74,7 +92,7 @@ def test_the_command_flies_by_turns_and_ends_with_one_where_something_went_wrong
     command = ["sorties", "--days", "2", "--seed", "5", "--radius", "700", "-o", str(tmp_path), "--json"]
     result = CliRunner().invoke(cli, command)
     assert result.exit_code == 0, result.output
-    assert [(case.autopilot, case.seed, case.radius_m) for case in asked] == [
+    assert [(case.autopilot, case.seed, case.over.radius_m) for case in asked] == [
         ("ardupilot", 5, 700.0),
         ("px4", 5, 700.0),
     ]

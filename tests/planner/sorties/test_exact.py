@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from planner import InstanceError, Iterations
@@ -27,6 +29,21 @@ def test_the_search_finds_the_proven_optimum_of_eight_segments(seed: int, more: 
     assert found.finish_s == pytest.approx(best.finish_s, abs=1e-5)
     assert found.flight_s == pytest.approx(best.flight_s, abs=1e-5)
     assert max(len(own) for own in proven.sorties) >= 2 or len(instance.vehicles) > 2
+
+
+@pytest.mark.parametrize(("seed", "most"), [(0, 4), (2, 8), (3, 2), (4, 7)])
+def test_a_day_that_is_too_short_has_as_many_segments_as_any_plan(seed: int, most: int) -> None:
+    instance = line_instance(seed, 8, bases=1, vehicles=1, days=((0.0, 900.0),), budget_pct=25.0)
+    flown = (
+        count
+        for count in range(8, 0, -1)
+        for some in itertools.combinations(range(8), count)
+        if solve_sorties_exact(replace(instance, wanted=np.isin(np.arange(8), some))) is not None
+    )
+    assert next(flown) == most
+    found = solve_sorties(instance, stop=Iterations(20_000), seed=1)
+    assert found.evaluation.violations == ()
+    assert 8 - len(found.plan.uncovered) == most
 
 
 def test_packs_cost_time_where_they_are_short() -> None:
