@@ -27,7 +27,7 @@ from executor.site.day_words import (
     spare_lines,
     window_lines,
 )
-from executor.site.sorties import DayWanted, planned_day, site_day
+from executor.site.sorties import DayWanted, planned_day, site_day, spares_of
 from missions import DayPlanFile, check_day_plan, day_plan_document, write_day_plan
 from planner import Progress, Seconds
 from planner.sorties import Objective, Spares, fly_lives, sortie_window, with_spares
@@ -110,7 +110,7 @@ def plan_day(
         SiteError: the site or an option cannot be used.
     """
     objective, shares = objective_of(asked.objective), shares_of(asked.probability)
-    content = _planned(site_day(ground, left), console, asked, objective)
+    content = _planned(site_day(ground, left), console, asked, objective, spares_of(ground))
     spares = [] if asked.mtbf_h is None else _spares(content, console, asked, asked.mtbf_h, max(shares))
     console.progress("")
     if output is not None:
@@ -149,7 +149,9 @@ def _print_day(content: DayPlanFile, spares: list[Spares], shares: list[float], 
             print(line)
 
 
-def _planned(content: DayPlanFile, console: TerminalConsole, asked: DayAsked, objective: Objective) -> DayPlanFile:
+def _planned(
+    content: DayPlanFile, console: TerminalConsole, asked: DayAsked, objective: Objective, spares: frozenset[str]
+) -> DayPlanFile:
     console.say(
         Level.INFO,
         f"planning {len(content.segments)} segments for {len(content.vehicles)} vehicles from {len(content.bases)} "
@@ -162,7 +164,7 @@ def _planned(content: DayPlanFile, console: TerminalConsole, asked: DayAsked, ob
             f"{progress.iterations} iterations, {asked.objective} {value:.2f}, {progress.uncovered} left out"
         )
 
-    wanted = DayWanted(objective, Seconds(asked.seconds), asked.seed, asked.starts or os.cpu_count() or 1)
+    wanted = DayWanted(objective, Seconds(asked.seconds), asked.seed, asked.starts or os.cpu_count() or 1, spares)
     content = planned_day(content, wanted, progressed)
     for line in check_day_plan(content):
         raise SiteError(f"the plan of the days does not hold: {line}")

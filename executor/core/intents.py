@@ -40,6 +40,10 @@ class Action(Enum):
     PROVE = "prove"
     """Fly again, for proof, what counts as inspected by evidence alone, and look again at what was flown but not
     seen; or look again at the assets that are named, seen or not."""
+    CLOSE = "close"
+    """Nobody takes off from a base of the day any more; who is in the air lands there."""
+    OPEN = "open"
+    """Vehicles may be sent out from a base again."""
     ABORT = "abort"
     """Everybody returns."""
 
@@ -52,6 +56,8 @@ LONGEST_NAME = 128
 """Letters of an asset's name in an intent."""
 FOR_ALL = frozenset({Action.REPLAN, Action.PROVE, Action.ABORT, Action.PREPARE, Action.TAKE_OFF})
 """Actions that name no vehicle."""
+FOR_BASE = frozenset({Action.CLOSE, Action.OPEN})
+"""Actions that name a base, and no vehicle."""
 BEFORE = frozenset({Action.PREPARE, Action.TAKE_OFF})
 """Answers to what is asked before the flight."""
 
@@ -145,6 +151,12 @@ class IntentReason(StrEnum):
     """Its checks before its next sortie did not pass."""
     PACK_POOR = "pack_poor"
     """Its pack holds too little for a sortie."""
+    BASE_UNKNOWN = "base_unknown"
+    """It names no base of the day, or the flight is no day of sorties."""
+    BASE_CLOSED = "base_closed"
+    """The base is closed."""
+    BASE_OPEN = "base_open"
+    """The base is not closed."""
     OUT_OF_HOURS = "out_of_hours"
     """Its next sortie would not end within its hours."""
     REPLANNING = "replanning"
@@ -180,6 +192,8 @@ class Intent:
     """Whether who asks has answered the second question, where there is one."""
     pack: str = ""
     """The id of the pack that is put in, for a swap; empty if nobody says."""
+    base: str = ""
+    """Which base is closed or opened."""
     assets: tuple[int | str, ...] = ()
     """Which are looked at again, for proof: a text is an asset's name, a number its segment; none for all that is
     inferred or missed."""

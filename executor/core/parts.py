@@ -333,6 +333,8 @@ class Orders:
     """When a hold was commanded last, and no resume since: it may follow late."""
     excluded: bool = False
     """Whether the operator took it out of the plan: it is given nothing until it is included."""
+    base_closed: bool = False
+    """Whether its base of the day is closed: it is sent out from there only when that is opened again."""
     lands: bool = False
     """Whether the operator ordered it to land where it was."""
     errand: Errand | None = None

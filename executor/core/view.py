@@ -123,6 +123,10 @@ class TurnView:
     """Whether it waits for the crew's word that its pack is changed."""
     text: str
     """What it waits for, in words; empty if for nothing."""
+    base: str = ""
+    """Its base of the day; empty where the flight is no day of sorties."""
+    base_closed: bool = False
+    """Whether nobody takes off from there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -329,13 +333,14 @@ def _turn(context: Context, state: FleetState, vehicle: VehicleState) -> TurnVie
     if context.day is None and not turn.swaps and turn.asked_s is None:
         return None
     on_base = vehicle.stage in {Stage.GROUND, Stage.LANDED}
+    base, closed = "" if context.day is None else context.day.bases.get(vehicle.name, ""), vehicle.orders.base_closed
     under_way = bool(turn.sorties) and turn.sorties[-1].ended_s is None and not on_base
     sortie = len(turn.sorties) + (not under_way)
     if turn.asked_s is not None:
         text = "is looked at" if turn.ready_s is None else "waits for its sortie"
-        return TurnView(turn.label, sortie, awaited=False, text=text)
+        return TurnView(turn.label, sortie, False, text, base, closed)
     text = turnaround.ahead_words(context, state, vehicle)
-    return TurnView(turn.label, sortie, awaited=bool(text), text=text)
+    return TurnView(turn.label, sortie, bool(text) and not closed, text, base, closed)
 
 
 def _lands_in_s(vehicle: VehicleState) -> float | None:

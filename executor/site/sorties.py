@@ -42,6 +42,15 @@ class DayWanted:
     stop: StopRule
     seed: int
     starts: int
+    spares: frozenset[str] = frozenset()
+    """Vehicles for which nothing is planned."""
+
+
+def spares_of(ground: Ground) -> frozenset[str]:
+    """Return the vehicles of a site that stand by."""
+    return (
+        frozenset() if ground.site.day is None else frozenset(one.name for one in ground.site.day.vehicle if one.spare)
+    )
 
 
 def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFile:
@@ -117,9 +126,11 @@ def planned_day(
     content: DayPlanFile, wanted: DayWanted, on_progress: Callable[[Progress], None] | None = None
 ) -> DayPlanFile:
     """Return days with a plan."""
+    instance = content.instance()
+    flies = np.array([[own.name not in wanted.spares] for own in instance.vehicles])
     found = solve_sorties(
-        content.instance(), stop=wanted.stop, objective=wanted.objective, seed=wanted.seed, starts=wanted.starts,
-        on_progress=on_progress,
+        replace(instance, able=instance.able & flies),
+        stop=wanted.stop, objective=wanted.objective, seed=wanted.seed, starts=wanted.starts, on_progress=on_progress,
     )  # fmt: skip
     return replace(
         content, plan=found.plan, evaluation=found.evaluation, objective=wanted.objective,

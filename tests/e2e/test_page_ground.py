@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 import re
+from dataclasses import replace
 
 import httpx
 import numpy as np
 import pytest
 from playwright.async_api import expect
 
+from executor.core.context import DayRules
 from executor.core.view import fleet_view
 from executor.site.ground_files import ground_files
 from missions import BreakingLoss, Window
@@ -120,6 +122,29 @@ async def test_what_was_inferred_is_flown_again_by_a_button() -> None:
             await page.keyboard.press("Enter")
             await expect(page.locator("#answer")).to_contain_text("Fly inferred again: accepted")
     assert [(one.action.value, one.vehicle) for one in shown.asked] == [("prove", None)]
+
+
+async def test_a_base_of_a_day_is_closed_and_opened_by_a_button() -> None:
+    scene = scene_of("offer")
+    day = DayRules(30.0, {name: "north" if name == "uav1" else "south" for name in scene.state.vehicles}, {})
+    scene = replace(scene, context=replace(scene.context, day=day))
+    shown = Shown(scene)
+    with shown.serving() as address:
+        async with browsing(address) as page:
+            strip = page.locator(".strip").nth(0)
+            close, reopen = strip.locator("[data-base=close]"), strip.locator("[data-base=open]")
+            await expect(close).to_have_text("Close base north")
+            await expect(reopen).to_be_hidden()
+            await close.click()
+            await expect(page.locator("#question")).to_have_text("Close base north?")
+            await page.keyboard.press("Enter")
+            await expect(page.locator("#answer")).to_contain_text("Close base north: accepted")
+            shut = with_facts(scene.state.vehicles["uav1"], base_closed=True)
+            shown.scene = replace(scene, state=scene.state.put(shut))
+            await expect(reopen).to_have_text("Open base north")
+            await expect(close).to_be_hidden()
+            await expect(page.locator(".strip").nth(1).locator("[data-base=close]")).to_have_text("Close base south")
+    assert [(one.action.value, one.vehicle, one.base) for one in shown.asked] == [("close", None, "north")]
 
 
 async def test_a_browser_keeps_the_pictures_and_fetches_them_once() -> None:

@@ -17,7 +17,7 @@ from executor.adapters.assets import NamedAssets
 from executor.adapters.mqtt.broker import IntakeRules
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.commands import Level
-from executor.core.intents import FOR_ALL, PACK, Action, Intent
+from executor.core.intents import FOR_ALL, FOR_BASE, PACK, Action, Intent
 from missions import first_reason
 
 MOST_BYTES = 4096
@@ -57,17 +57,21 @@ class IntentMessage(BaseModel):
         "disarm",
         "replan",
         "prove",
+        "close",
+        "open",
         "abort",
         "prepare",
         "take-off",
     ]
     """What is to be done; `prepare` and `take-off` answer the questions before the flight."""
     vehicle: Annotated[str, Field(pattern=NAME)] | None = None
-    """Whose; left out for `replan`, `prove`, `abort`, `prepare` and `take-off`."""
+    """Whose; left out for `replan`, `prove`, `close`, `open`, `abort`, `prepare` and `take-off`."""
     confirmed: bool = False
     """Whether the second question was answered with yes, which an acknowledgement asked."""
     pack: Annotated[str, Field(pattern=PACK)] = ""
     """The id of the pack that was put in, for `swap`; left out where packs have none."""
+    base: Annotated[str, Field(max_length=64)] = ""
+    """Which base of a day is closed or opened, for `close` and `open`."""
     assets: NamedAssets = ()
     """Which are looked at again, for `prove`: names, or segments by their numbers; left out for all that is inferred
     or missed."""
@@ -76,9 +80,11 @@ class IntentMessage(BaseModel):
 
     @model_validator(mode="after")
     def _addressed(self) -> IntentMessage:
-        everybody = Action(self.action) in FOR_ALL
+        everybody = Action(self.action) in FOR_ALL | FOR_BASE
         if everybody and self.vehicle is not None:
             raise ValueError(f"vehicle: expected none, as {self.action} is for all of them")
+        if bool(self.base) != (Action(self.action) in FOR_BASE):
+            raise ValueError("base: expected a name for close and open, and none for anything else")
         if self.pack and self.action != "swap":
             raise ValueError(f"pack: expected none, as {self.action} changes none")
         if self.assets and self.action != "prove":
@@ -125,7 +131,9 @@ def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retain
         code, why = objection
         return RefusedMessage(message.id, why, code)
     action = Action(message.action)
-    return Intent(message.id, action, message.vehicle, SOURCE, message.confirmed, message.pack, message.assets)
+    return Intent(
+        message.id, action, message.vehicle, SOURCE, message.confirmed, message.pack, message.base, message.assets
+    )
 
 
 def _objection(

@@ -118,6 +118,8 @@ class _Wish(BaseModel):
         "disarm",
         "replan",
         "prove",
+        "close",
+        "open",
         "abort",
         "prepare",
         "take-off",
@@ -125,6 +127,7 @@ class _Wish(BaseModel):
     vehicle: Annotated[str, Field(min_length=1, max_length=32)] | None = None
     confirmed: bool = False
     pack: Annotated[str, Field(pattern=PACK)] = ""
+    base: Annotated[str, Field(max_length=64)] = ""
     assets: NamedAssets = ()
 
     @model_validator(mode="after")
@@ -137,7 +140,7 @@ class _Wish(BaseModel):
     def intent(self) -> Intent:
         """Return what is asked for."""
         action = Action(self.action)
-        return Intent(self.id, action, self.vehicle, "page", self.confirmed, self.pack, self.assets)
+        return Intent(self.id, action, self.vehicle, "page", self.confirmed, self.pack, self.base, self.assets)
 
 
 _uvicorn_log = logging.getLogger("uvicorn.error")

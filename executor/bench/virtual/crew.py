@@ -53,6 +53,7 @@ class PadCrew:
     def _attend(self, flight: Flight, name: str, now_s: float) -> None:
         vehicle = flight.state.vehicles[name]
         waits = turnaround.serves(vehicle) and vehicle.turn.asked_s is None and bool(vehicle.turn.sorties)
+        waits = waits and not vehicle.orders.base_closed
         since_s = self._rests_s.setdefault(name, now_s) if waits else self._rests_s.pop(name, now_s)
         if name in self._changed:
             changed_s, pack = self._changed[name]

@@ -18,7 +18,7 @@ from executor.core.parts import Cause
 from executor.core.places import place_words
 from executor.core.replan import replanning
 from executor.core.replan.wording import listed
-from executor.core.roster import takeover, turnaround
+from executor.core.roster import bases, takeover, turnaround
 from executor.core.roster.service import back_in_service, cleared
 from executor.core.roster.withdraw import declare, left_plan, withdrawn
 from executor.core.seeing import again, proof
@@ -99,7 +99,7 @@ def _received(context: Context, state: FleetState, intent: Intent, now_s: float)
 
 
 def _wish(intent: Intent) -> str:
-    whom = f" {intent.vehicle}" if intent.vehicle else ""
+    whom = f" {intent.vehicle}" if intent.vehicle else f" base {intent.base}" if intent.base else ""
     which = f" of {count_of(len(intent.assets), 'asset')}" if intent.assets else ""
     return f"{intent.action.value}{whom}{which}"
 
@@ -256,6 +256,17 @@ def _swap(context: Context, state: FleetState, intent: Intent, now_s: float) -> 
     return _Ordered(state, text, told, open=True)
 
 
+def _close(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
+    aloft = bases.in_the_air(bases.based_at(context, state, intent.base))
+    state, told = bases.closed(context, state, intent.base, now_s)
+    lands = f"; still to land there: {', '.join(aloft)}" if aloft else ""
+    return _Ordered(state, f"nobody takes off from it until it is opened{lands}", told, level=Level.WARNING)
+
+
+def _open(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+    return _Ordered(bases.opened(context, state, intent.base), "vehicles may be sent out from it again, by `swap`")
+
+
 def _disarm(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
     vehicle = _vehicle(state, intent)
     told = (Disarm(vehicle.name, force=True),)
@@ -339,6 +350,8 @@ _HANDLERS: Mapping[Action, _Handler] = {
     Action.SWAP: _swap,
     Action.REPLAN: _replan,
     Action.PROVE: _prove,
+    Action.CLOSE: _close,
+    Action.OPEN: _open,
     Action.ABORT: _abort,
     Action.DISARM: _disarm,
     Action.PREPARE: _answer,

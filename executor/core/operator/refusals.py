@@ -10,10 +10,11 @@ import numpy as np
 from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
 from executor.core.homing import homeward
-from executor.core.intents import BEFORE, FOR_ALL, Action, Intent, IntentReason
+from executor.core.intents import BEFORE, FOR_ALL, FOR_BASE, Action, Intent, IntentReason
 from executor.core.places import where
 from executor.core.replan import replanning, survivors
 from executor.core.roster import turnaround
+from executor.core.roster.bases import base_names, is_closed
 from executor.core.roster.offers import open_segments
 from executor.core.seeing import again, proof
 from executor.core.setups import setup_now
@@ -45,6 +46,8 @@ def reason(context: Context, state: FleetState, intent: Intent, now_s: float) ->
         return _before(state, intent)
     if state.progress.launched_s is None:
         return IntentReason.NOT_BEGUN, NOT_BEGUN
+    if intent.action in FOR_BASE:
+        return _of_base(context, state, intent)
     if intent.action in FOR_ALL:
         return _of_all(context, state, intent, now_s)
     if intent.vehicle is None:
@@ -67,6 +70,19 @@ def _of_all(context: Context, state: FleetState, intent: Intent, now_s: float) -
     if intent.action is Action.PROVE and intent.assets:
         return _look_again(context, state, intent, now_s)
     return _FLEET[intent.action](context, state, now_s)
+
+
+def _of_base(context: Context, state: FleetState, intent: Intent) -> Why:
+    known = base_names(context)
+    if intent.vehicle is not None:
+        return IntentReason.VEHICLE_UNEXPECTED, f"{intent.action.value} is for a base; expected no vehicle"
+    if intent.base not in known:
+        expected = f"expected one of {', '.join(known)}" if known else "this flight is no day of sorties"
+        return IntentReason.BASE_UNKNOWN, f"there is no base {intent.base!r}: {expected}"
+    shut = is_closed(context, state, intent.base)
+    if intent.action is Action.CLOSE and shut:
+        return IntentReason.BASE_CLOSED, "it is closed already"
+    return (IntentReason.BASE_OPEN, "it is not closed") if intent.action is Action.OPEN and not shut else None
 
 
 def question(context: Context, state: FleetState, intent: Intent) -> str:
@@ -188,8 +204,8 @@ def _include(  # noqa: PLR0911 - one return for each reason
         return IntentReason.ABORTED, "the flight was aborted"
     if silent := _silent(vehicle, context, now_s):
         return silent
-    if vehicle.sensors.tilted_since_s is not None:
-        return IntentReason.TILTED, "it is tilted, it may have tipped over"
+    if stays := _stays(vehicle):
+        return stays
     if vehicle.orders.cleared_s is not None or vehicle.turn.asked_s is not None:
         return IntentReason.CLEARED, "it is cleared for take-off already"
     if (
@@ -210,6 +226,13 @@ def _include(  # noqa: PLR0911 - one return for each reason
     return None
 
 
+def _stays(vehicle: VehicleState) -> Why:
+    """Return why a vehicle may not take off from where it stands."""
+    if vehicle.sensors.tilted_since_s is not None:
+        return IntentReason.TILTED, "it is tilted, it may have tipped over"
+    return (IntentReason.BASE_CLOSED, "its base is closed; open it first") if vehicle.orders.base_closed else None
+
+
 def _swap(  # noqa: PLR0911 - one return for each reason
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float
 ) -> Why:
@@ -221,11 +244,13 @@ def _swap(  # noqa: PLR0911 - one return for each reason
         return IntentReason.NEVER_HEARD, "no message was ever received from it"
     if state.progress.recalled:
         return IntentReason.ABORTED, "the flight was aborted"
+    if vehicle.orders.base_closed:
+        return IntentReason.BASE_CLOSED, "its base is closed; open it first"
     if vehicle.turn.asked_s is not None:
         return IntentReason.SWAPPING, "its turnaround is under way already"
     if vehicle.assignment.pending is not None or vehicle.orders.cleared_s is not None:
         return IntentReason.CLEARED, "it is cleared for take-off already"
-    if not turnaround.sortie_ahead(state, vehicle) and not _open_for(context, state, vehicle):
+    if not turnaround.next_visits(context, state, vehicle) and not _open_for(context, state, vehicle):
         return IntentReason.NOTHING_TO_PLAN, "no segment is open for another sortie of it"
     if why := turnaround.out_of_hours(context, state, vehicle, now_s):
         return IntentReason.OUT_OF_HOURS, why

@@ -42,8 +42,8 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
     if out or not heard or state.power.battery.remaining_pct is None:
         return None
     if state.stage in {Stage.GROUND, Stage.LANDED}:
-        if state.sensors.tilted_since_s is not None:
-            return None  # it lies on its side
+        if state.sensors.tilted_since_s is not None or state.orders.base_closed:
+            return None  # it lies on its side, or nobody takes off from there
         if context.fly_again is not FlyAgain.AUTO and not _cleared(state, now_s):
             return None
         return from_its_pad(context, state)

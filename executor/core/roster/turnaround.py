@@ -192,7 +192,7 @@ def awaited(context: Context, state: FleetState, now_s: float) -> tuple[str, ...
 
 
 def serves(vehicle: VehicleState) -> bool:
-    """Return whether a vehicle stands on its base and nothing keeps it from another sortie but its pack."""
+    """Return whether a vehicle stands on its base, kept from another sortie by its pack, or a closed base, alone."""
     out = vehicle.fault is not None or vehicle.orders.excluded or vehicle.custody.taken is not None
     return vehicle.stage in _ON_BASE and not out and not vehicle.armed
 
@@ -222,6 +222,8 @@ def ahead_words(context: Context, state: FleetState, vehicle: VehicleState) -> s
     """Return what a vehicle on its base waits for; empty where a day has nothing for it."""
     if context.day is None or state.progress.launched_s is None or not serves(vehicle):
         return ""
+    if vehicle.orders.base_closed:
+        return "its base is closed"
     visits = sortie_ahead(state, vehicle)
     open_ = len(visits) or len(unplanned(context, state) - vehicle.turn.beyond)
     if not open_:
@@ -236,7 +238,7 @@ def out_of_hours(context: Context, state: FleetState, vehicle: VehicleState, now
     if day is None:
         return ""
     flight_s, windows = now_s - (now_s if launched_s is None else launched_s), day.windows_s.get(vehicle.name, ())
-    visits = sortie_ahead(state, vehicle)
+    visits = next_visits(context, state, vehicle)
     lasts_s = _estimated(context, vehicle, visits)[0] if visits else 0.0
     if any(begin - CLEARED_S <= flight_s and flight_s + lasts_s <= end for begin, end in windows):
         return ""
@@ -291,7 +293,8 @@ def _pack_words(vehicle: VehicleState, heard: PackHeard, found: Rested | None) -
 
 def _given_away(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
     """Open to the others what a vehicle had ahead of it that is out of the plan."""
-    if not vehicle.turn.ahead or (vehicle.fault is None and not vehicle.orders.excluded):
+    stays = vehicle.fault is not None or vehicle.orders.excluded or vehicle.orders.base_closed
+    if not vehicle.turn.ahead or not stays:
         return state, ()
     visits = {segment_of(visit) for sortie in vehicle.turn.ahead for visit in sortie.visits}
     left = visits - set(state.coverage.inspected)
@@ -323,6 +326,8 @@ def _over(state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[Inten
     turn = vehicle.turn
     if state.progress.recalled:
         return IntentReason.ABORTED, "the flight was aborted"
+    if vehicle.orders.base_closed:
+        return IntentReason.BASE_CLOSED, "its base is closed"
     if vehicle.stage not in _ON_BASE or vehicle.armed or in_other_hands(vehicle) or vehicle.orders.excluded:
         return IntentReason.OVERTAKEN, f"it is {vehicle.stage.value} now"
     if turn.ready_s is not None and (vehicle.sortie.rebooted_s or -math.inf) > turn.ready_s:
@@ -359,8 +364,13 @@ def _slot_free(context: Context, state: FleetState, vehicle: VehicleState, now_s
 def _given(context: Context, state: FleetState, vehicle: VehicleState, ready_s: float, now_s: float) -> Stepped:
     """Give a vehicle its next sortie: as it was planned, or made anew from what is open within its budget."""
     offer, pool = survivors.from_its_pad(context, vehicle), unplanned(context, state)
-    visits = sortie_ahead(state, vehicle)
+    visits, said = sortie_ahead(state, vehicle), list[Command]()
     pool -= set(offer.barred) | vehicle.turn.beyond
+    if not visits and not pool and (found := taken_over(context, state, vehicle)):
+        giver, visits = found
+        state, vehicle = _handed_over(state, state.vehicles[giver], vehicle, visits)
+        text = f"{vehicle.name}: takes over the last sortie of {giver}, {count_of(len(visits), 'segment')}"
+        said.append(Say(Level.INFO, text))
     if not visits and not pool:
         return _ended(state, vehicle, IntentReason.NOTHING_TO_PLAN, "no segment is open for it", now_s)
     vehicle = replace(vehicle, orders=replace(vehicle.orders, cleared_s=ready_s), turn=_from(vehicle, visits))
@@ -376,7 +386,51 @@ def _given(context: Context, state: FleetState, vehicle: VehicleState, ready_s: 
     known = replace(state.replanning, revision=revision, replan=Replan(solve, now_s))
     state = replace(state.put(vehicle), replanning=known)
     what = f"{count_of(len(visits), 'segment')}, as planned" if as_planned else "planned anew with its budget"
-    return state, (Say(Level.INFO, f"{trigger}: {what}"), solve)
+    return state, (*said, Say(Level.INFO, f"{trigger}: {what}"), solve)
+
+
+def next_visits(context: Context, state: FleetState, vehicle: VehicleState) -> tuple[int, ...]:
+    """Return what a vehicle would fly next of what is planned: its own sortie, or one that it takes over."""
+    visits = sortie_ahead(state, vehicle)
+    if visits or context.day is None:
+        return visits
+    found = taken_over(context, state, vehicle)
+    return () if found is None else found[1]
+
+
+def taken_over(context: Context, state: FleetState, vehicle: VehicleState) -> tuple[str, tuple[int, ...]] | None:
+    """Return whose last sortie a vehicle without one can fly, and what is open of it: of who has most ahead.
+
+    The next sortie of a vehicle that waits on its base stays its own.
+    """
+    givers = [(_ahead(state, one), one) for one in state.vehicles.values() if one.name != vehicle.name]
+    offer, setup = survivors.from_its_pad(context, vehicle), setup_now(context, vehicle)
+    full_pct = max(offer.budget_pct, setup.budget_pct)
+    for ahead, giver in sorted(givers, key=lambda row: (-len(row[0]), row[1].name)):
+        if len(ahead) <= serves(giver):
+            continue
+        visits = ahead[-1]
+        barred = {segment_of(visit) for visit in visits} & set(offer.barred)
+        if not barred and _estimated(context, vehicle, visits)[1] * offer.consumption <= full_pct:
+            return giver.name, visits
+    return None
+
+
+def _ahead(state: FleetState, vehicle: VehicleState) -> list[tuple[int, ...]]:
+    """Return what is open of each later sortie of a vehicle of which anything is."""
+    gone = set(state.coverage.inspected) | set(state.coverage.unseen) | state.coverage.given_up
+    sorties = (tuple(one for one in sortie.visits if segment_of(one) not in gone) for sortie in vehicle.turn.ahead)
+    return [visits for visits in sorties if visits]
+
+
+def _handed_over(
+    state: FleetState, giver: VehicleState, taker: VehicleState, visits: tuple[int, ...]
+) -> tuple[FleetState, VehicleState]:
+    """Make one vehicle's sortie another's."""
+    kept = tuple(sortie for sortie in giver.turn.ahead if not set(visits) & set(sortie.visits))
+    taker = replace(taker, turn=replace(taker.turn, ahead=(SortieAhead(visits, 0.0),)))
+    state = state.put(replace(giver, turn=replace(giver.turn, ahead=kept)))
+    return state.put(taker), taker
 
 
 def _from(vehicle: VehicleState, visits: tuple[int, ...]) -> Turnaround:

@@ -81,6 +81,8 @@ class OtherTable(SiteTable):
     """Speed between segments and bases, instead of that of [inspection]."""
     segments: tuple[str, ...] = ()
     """Names of the only segments that its camera is good for; without it all."""
+    spare: bool = False
+    """Nothing is planned for it: it stands at its base, and the crew sends it out with `swap` when it is needed."""
 
 
 class DayTable(SiteTable):

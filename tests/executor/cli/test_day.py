@@ -136,6 +136,15 @@ def test_quiet_hours_roads_and_cameras_hold(place: Place) -> None:
             assert one["start_s"] + one["duration_s"] <= 8 * 3600 + 600 or one["start_s"] >= 9.5 * 3600
 
 
+def test_nothing_is_planned_for_a_spare(place: Place) -> None:
+    place.write(NETWORK, DAY, '[[day.vehicle]]\nname = "uav2"\nspare = true\n', NORTH, SOUTH, VEHICLES)
+    code, out, _ = place.plan("--json")
+    told = json.loads(out)
+    assert code == 0
+    assert {one["vehicle"] for one in told["sorties"]} == {"uav1"}
+    assert all("segments" not in one for one in told["vehicles"])
+
+
 def test_how_many_vehicles_and_packs_are_needed(place: Place) -> None:
     code, out, _ = place.plan("--mtbf-hours", "1000000", "--samples", "10", "--json")
     told = json.loads(out)

@@ -63,6 +63,8 @@ class Day:
     """Of packs that are known by their labels."""
     forgets: Mapping[str, float] = field(default_factory=dict)
     """Parameters that a vehicle has with every new pack, as it boots."""
+    bases: Mapping[str, str] = field(default_factory=dict)
+    """Of vehicles that have another than the depot."""
     dies: When | None = None
     """When the ground station dies, and comes back a while later."""
 
@@ -142,7 +144,8 @@ class DaySky(Sky):
         if self.day.ruled:
             everybody = tuple(context.vehicles)
             windows = dict.fromkeys(everybody, self.day.windows_s)
-            context = replace(context, day=DayRules(STAGGER_S, dict.fromkeys(everybody, "depot"), windows))
+            bases = {**dict.fromkeys(everybody, "depot"), **self.day.bases}
+            context = replace(context, day=DayRules(STAGGER_S, bases, windows))
         return context, self._boards
 
     def _initial(self, boards: Mapping[str, OnBoard | None]) -> FleetState:

@@ -9,6 +9,8 @@ const WORDS = {
   include: ["Include", "It takes off from its pad when there is work for it: the pad is clear of people, and its battery will do."],
   swap: ["Pack changed", "It is looked at, and takes off on its next sortie as soon as its checks have passed: its pad is clear of people."],
   disarm: ["Disarm", "Its motors are stopped. Only for one that lies on the ground: in the air it would fall."],
+  close: ["Close base", "Nobody takes off from it until it is opened. Who is in the air lands there. Its later sorties are open for others."],
+  open: ["Open base", "Its vehicles may be sent out again, each when its pack is confirmed."],
   replan: ["Re-plan now", "All open segments are re-planned."],
   prove: ["Fly inferred again", "What counts by evidence alone is flown again, for proof by positions."],
   abort: ["Abort all", "All vehicles return now. What is not inspected stays so."],
@@ -34,6 +36,11 @@ export class Intents {
   ask(action, vehicle) {
     const what = vehicle ? `${label(action)} ${vehicle}` : label(action);
     this.open({ heading: `${what}?`, meaning: this.meaning(action, vehicle), button: what }, { action, vehicle, what, confirmed: false });
+  }
+
+  askBase(action, base) {
+    const what = `${label(action)} ${base}`;
+    this.open({ heading: `${what}?`, meaning: WORDS[action][1], button: what }, { action, vehicle: null, base, what, confirmed: false });
   }
 
   lookAgain(segment, name) {
@@ -77,10 +84,11 @@ export class Intents {
     return true;
   }
 
-  async send({ action, vehicle, what, confirmed, pack, assets }) {
+  async send({ action, vehicle, base, what, confirmed, pack, assets }) {
     const id = Array.from(crypto.getRandomValues(new Uint8Array(12)), (byte) => byte.toString(16).padStart(2, "0")).join("");
     const wish = { id, action };
     if (vehicle) wish.vehicle = vehicle;
+    if (base) wish.base = base;
     if (confirmed) wish.confirmed = true;
     if (pack) wish.pack = pack;
     if (assets) wish.assets = assets;
@@ -94,7 +102,7 @@ export class Intents {
           this.tell(`${what}: ${await answer.text()}`, "failed");
           return;
         }
-        this.answered(await answer.json(), { action, vehicle, what, confirmed: true, pack, assets });
+        this.answered(await answer.json(), { action, vehicle, base, what, confirmed: true, pack, assets });
         return;
       } catch {
         await new Promise((resolve) => setTimeout(resolve, 1000));

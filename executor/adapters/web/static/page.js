@@ -14,7 +14,7 @@ const byId = (id) => document.getElementById(id);
 const chart = new Chart(byId("map"), choose, pointed, (segment) => assets.choose(segment));
 const intents = new Intents(() => state);
 const ask = (action, vehicle) => intents.ask(action, vehicle);
-const strips = new Strips(byId("vehicles"), choose, ask);
+const strips = new Strips(byId("vehicles"), choose, ask, (action, base) => intents.askBase(action, base));
 const briefing = new Briefing(intents);
 const offers = new Offers(ask);
 const assets = new Assets((segment) => chart.pointTo(segment), intents);

@@ -17,6 +17,7 @@ const MAY = {
 };
 const KEYS = { hold: "H", resume: "R", return: "B", land: "L", exclude: "X", include: "I", swap: "S", disarm: "D" };
 const ALL = ["swap", "include", "hold", "resume", "return", "land", "exclude", "disarm"];
+const OF_BASE = ["close", "open"];
 const INTENT_S = 90;
 const OLD_S = 3;
 const LOSSY = 0.01;
@@ -42,10 +43,11 @@ const TEMPLATE = `
 const spread = (value, band) => (value === null ? "?" : `${number(value)}±${number(band, 1)} %`);
 
 export class Strips {
-  constructor(place, choose, ask) {
+  constructor(place, choose, ask, askBase) {
     this.place = place;
     this.choose_ = choose;
     this.ask = ask;
+    this.askBase = askBase;
     this.strips = new Map();
     this.names = [];
     this.behindS = 0;
@@ -90,6 +92,13 @@ export class Strips {
       button.addEventListener("click", () => this.ask(action, vehicle.name));
       actions.append(button);
     }
+    for (const action of OF_BASE) {
+      const button = element("button", label(action));
+      button.dataset.base = action;
+      button.hidden = true;
+      button.addEventListener("click", () => this.askBase(action, strip.dataset.at));
+      actions.append(button);
+    }
     return strip;
   }
 
@@ -117,6 +126,12 @@ export class Strips {
     this.link(strip, vehicle);
     this.at(strip, vehicle);
     this.told(find(".told"), vehicle, state);
+    const [base, over] = [vehicle.turn?.base ?? "", state.finished || state.flight_s === null];
+    strip.dataset.at = base;
+    for (const button of strip.querySelectorAll("[data-base]")) {
+      button.hidden = !base || over || (button.dataset.base === "open") !== vehicle.turn.base_closed;
+      write(button, `${label(button.dataset.base)} ${base}`);
+    }
     const may = this.may(vehicle, state);
     for (const button of strip.querySelectorAll("[data-action]")) {
       // What does not fit is not shown, so that the few that do are large and near; the server decides all the same.

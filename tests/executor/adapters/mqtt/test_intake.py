@@ -45,6 +45,15 @@ def test_assets_to_look_at_again() -> None:
     assert reason(action="prove", vehicle=..., assets=["V101-3", ""]).startswith("assets[1]: expected the name")
 
 
+def test_a_base_is_closed_by_its_name() -> None:
+    assert read(action="close", vehicle=..., base="north") == Intent("a-1", Action.CLOSE, None, "mqtt", base="north")
+    assert read(action="open", vehicle=..., base="north") == Intent("a-1", Action.OPEN, None, "mqtt", base="north")
+    expected = "base: expected a name for close and open, and none for anything else"
+    assert reason(action="close", vehicle=...) == expected
+    assert reason(base="north") == expected
+    assert reason(action="close", base="north") == "vehicle: expected none, as close is for all of them"
+
+
 def test_what_is_no_intent_is_refused_in_one_line() -> None:
     assert "unknown" in reason(colour="red") or "Extra inputs" in reason(colour="red")
     assert reason(action="loop").startswith("action: ")
