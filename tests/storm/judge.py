@@ -91,6 +91,11 @@ class StormJudge(Judge):
         ]
         return spans
 
+    def _stays_open(self) -> bool:
+        """Return whether nobody is heard: who takes a flight up then is told so each time, and may try again."""
+        died = any(one.kind == "ground killed" for _, one in self.stormed.began)
+        return super()._stays_open() or (died and all(self._silent(name, self.end_s, 0.0) for name in self.names))
+
     def _lags(self, name: str) -> list[tuple[float, float]]:
         """Return when it was frozen, and for how long."""
         return [(at_s, one.for_s) for at_s, one in self._began(name, frozenset({"frozen"}))]

@@ -108,3 +108,12 @@ def test_who_crashes_as_it_boots_says_nothing_more(boots: bool, found: set[str])
     away = (49.601, 15.6)
     fell = tuple(truth("uav1", 99.0, what, away) for what in ("crash", "disarmed"))
     assert rules(stormed(*fault, truths=fell, began=began, ended=("uav2",))) & {"elsewhere"} == found
+
+
+@pytest.mark.parametrize(("silent", "found"), [(("uav1", "uav2"), set()), (("uav1",), {"ends"})])
+def test_a_flight_that_is_taken_up_while_nobody_ever_answers_does_not_end(
+    silent: tuple[str, ...], found: set[str]
+) -> None:
+    never = tuple((name, 200.0, f"fault {name}:silent@0s") for name in silent)
+    told = stormed(*never, began=(Happening("ground killed", "ground", 190.0, 30.0),))
+    assert rules(replace(told, flown=replace(told.flown, ended_s=None))) == found
