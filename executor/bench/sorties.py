@@ -30,7 +30,7 @@ from executor.site.assembly import Ground
 from executor.site.config import check_site
 from executor.site.dayflight import first_sorties, morning_pads
 from executor.site.sorties import DayWanted, planned_day, site_day
-from missions import default_network_path, read_network
+from missions import LocalFrame, default_network_path, read_network
 from missions.geometry import locate
 from planner import Iterations
 from planner.sorties import Objective
@@ -145,6 +145,8 @@ class SortiesDay:
 class _Watched:
     """Where everybody truly was."""
 
+    frame: LocalFrame
+    """Of the network: each vehicle has one of its own, about its pad."""
     pads_m: Mapping[str, tuple[float, float, float]]
     nearest_m: float = math.inf
     nearest: str = ""
@@ -160,9 +162,10 @@ class _Watched:
             frame = vehicle.autopilot.frame
             if frame.crashed_s is not None or frame.wrecked:
                 continue
-            body, (east_m, north_m, pad_m) = frame.body, self.pads_m[name]
+            body, pad_m = frame.body, self.pads_m[name][2]
             if body.up_m > LOW_M:
-                place_m = (east_m + body.east_m, north_m + body.north_m, pad_m + body.up_m)
+                lat_e7, lon_e7 = vehicle.autopilot.home.lat_lon_e7(body.east_m, body.north_m)
+                place_m = (*self.frame.to_local_m(1e-7 * lat_e7, 1e-7 * lon_e7), pad_m + body.up_m)
                 up[name] = place_m
                 if self.looks % EVERY == 0:
                     self.tracks_m.setdefault(name, []).append(place_m[:2])
@@ -235,7 +238,7 @@ def fly_sorties(case: SortiesCase) -> SortiesDay:
     losses = tuple((float(rng.uniform(low_s, high_s)), str(name)) for name in fall)
     away_s = tuple(float(rng.uniform(low_s, high_s)) for _ in range(DEATHS))
     packs = _Packs(ground.names, rng)
-    watched = _Watched(_pads_m(ground))
+    watched = _Watched(ground.network.frame, _pads_m(ground))
     sorties = Sorties(content, packs.next, losses, away_s)
     try:
         flight = fly_virtual(

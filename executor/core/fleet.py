@@ -357,7 +357,7 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
         return state, ()
     spare = survivors.from_its_pad(context, vehicle).budget_pct > 0.0
     state, commands = touched_down(context, state, vehicle, now_s, spare=spare)
-    waits = turnaround.ahead_words(context, state, state.vehicles[vehicle.name])
+    waits = turnaround.ahead_words(context, state, state.vehicles[vehicle.name], now_s)
     return state, (*commands, Say(Level.INFO, f"{vehicle.name}: {waits}")) if waits else commands
 
 

@@ -324,11 +324,11 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
         else WindView(vehicle.sensors.wind.speed_m_s, vehicle.sensors.wind.from_deg),
         taken=_taken(context, vehicle, now_s),
         offered=state.crew.offer is not None and vehicle.name in state.crew.offer.vehicles,
-        turn=_turn(context, state, vehicle),
+        turn=_turn(context, state, vehicle, now_s),
     )
 
 
-def _turn(context: Context, state: FleetState, vehicle: VehicleState) -> TurnView | None:
+def _turn(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> TurnView | None:
     turn = vehicle.turn
     if context.day is None and not turn.swaps and turn.asked_s is None:
         return None
@@ -339,7 +339,7 @@ def _turn(context: Context, state: FleetState, vehicle: VehicleState) -> TurnVie
     if turn.asked_s is not None:
         text = "is looked at" if turn.ready_s is None else "waits for its sortie"
         return TurnView(turn.label, sortie, False, text, base, closed)
-    text = turnaround.ahead_words(context, state, vehicle)
+    text = turnaround.ahead_words(context, state, vehicle, now_s)
     return TurnView(turn.label, sortie, bool(text) and not closed, text, base, closed)
 
 

@@ -60,14 +60,14 @@ class PadCrew:
             if self._confirms and waits and now_s - changed_s >= CONNECTED_S:
                 del self._changed[name]
                 self.swap(flight, name, pack)
-        elif waits and now_s - since_s >= BESIDE_S and self._has_more(flight, name):
+        elif waits and now_s - since_s >= BESIDE_S and self._has_more(flight, name, now_s):
             found = self._packs(name)
             if found is not None:
                 pack, held_pct = found
                 self._vehicles[name].befall(parse_fault(f"{name}:pack={held_pct:g}@0s"))
                 self._changed[name] = now_s, pack
 
-    def _has_more(self, flight: Flight, name: str) -> bool:
+    def _has_more(self, flight: Flight, name: str, now_s: float) -> bool:
         """Return whether the crew reads of a vehicle that it waits for a pack, or nobody planned a day."""
         context, state = flight.context, flight.state
-        return context.day is None or bool(turnaround.ahead_words(context, state, state.vehicles[name]))
+        return context.day is None or bool(turnaround.ahead_words(context, state, state.vehicles[name], now_s))

@@ -126,11 +126,17 @@ def _solved(context: Context, state: FleetState, event: SolveEnded, now_s: float
     if vehicle.turn.asked_s is None or any(route.visits for route in event.routes):
         return state, commands
     asked = frozenset((*plan.solve.open_segments, *plan.solve.left_over))
-    good = offer.budget_pct >= setup_now(context, vehicle).budget_pct - 2.0 * survivors.QUANTUM_PCT
+    left_s, later_s = _hours(context, state, vehicle, now_s)
+    full_pct, in_time_pct = setup_now(context, vehicle).budget_pct, _drawn_in(context, left_s)
+    if later_s is None:  # there will never be more time
+        full_pct = min(full_pct, in_time_pct)
+    good = offer.budget_pct >= full_pct - 2.0 * survivors.QUANTUM_PCT
     turn = replace(vehicle.turn, beyond=vehicle.turn.beyond | asked if good else vehicle.turn.beyond)
     if good and turn.ahead:
         turn = replace(turn, ahead=turn.ahead[1:])
     why = f"no open segment is within its budget of {offer.budget_pct:.0f} %"
+    if in_time_pct < survivors.from_its_pad(context, vehicle).budget_pct:
+        why = f"no open segment can be inspected in the {minutes(left_s)} that are left of its hours"
     state, more = _ended(state, replace(vehicle, turn=turn), IntentReason.NOTHING_TO_PLAN, why, now_s)
     return state, (*commands, *more)
 
@@ -182,13 +188,20 @@ def awaited(context: Context, state: FleetState, now_s: float) -> tuple[str, ...
     open_ = frozenset[int]() if over else unplanned(context, state)
 
     def has_more(vehicle: VehicleState) -> bool:
-        return serves(vehicle) and bool(sortie_ahead(state, vehicle) or open_ - vehicle.turn.beyond)
+        work = serves(vehicle) and bool(sortie_ahead(state, vehicle) or open_ - vehicle.turn.beyond)
+        return work and not _done_for_the_day(context, state, vehicle, now_s)
 
     return tuple(
         name
         for name, vehicle in state.vehicles.items()
         if vehicle.turn.asked_s is not None or (not over and has_more(vehicle))
     )
+
+
+def _done_for_the_day(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether no time is left for any sortie of a vehicle."""
+    left_s, later_s = _hours(context, state, vehicle, now_s)
+    return later_s is None and _drawn_in(context, left_s) < LEAST_SPARE_PCT
 
 
 def serves(vehicle: VehicleState) -> bool:
@@ -218,12 +231,14 @@ def sortie_ahead(state: FleetState, vehicle: VehicleState) -> tuple[int, ...]:
     return ()
 
 
-def ahead_words(context: Context, state: FleetState, vehicle: VehicleState) -> str:
+def ahead_words(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
     """Return what a vehicle on its base waits for; empty where a day has nothing for it."""
     if context.day is None or state.progress.launched_s is None or not serves(vehicle):
         return ""
     if vehicle.orders.base_closed:
         return "its base is closed"
+    if _done_for_the_day(context, state, vehicle, now_s):
+        return ""
     visits = sortie_ahead(state, vehicle)
     open_ = len(visits) or len(unplanned(context, state) - vehicle.turn.beyond)
     if not open_:
@@ -233,18 +248,33 @@ def ahead_words(context: Context, state: FleetState, vehicle: VehicleState) -> s
 
 
 def out_of_hours(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
-    """Return why a vehicle's next sortie does not fit into its hours; empty if it does, or nobody set any."""
+    """Return why a vehicle's next sortie does not fit into its hours; empty if it does, or nobody set any.
+
+    In its last hours a part of the sortie is flown, as far as the time goes.
+    """
+    left_s, later_s = _hours(context, state, vehicle, now_s)
+    visits = next_visits(context, state, vehicle)
+    lasts_s = _estimated(context, vehicle, visits)[0] if visits and math.isfinite(left_s) else 0.0
+    part = later_s is None and _drawn_in(context, left_s) >= LEAST_SPARE_PCT
+    if part or 0.0 < lasts_s <= left_s or (not lasts_s and left_s > 0.0):
+        return ""
+    then = f"its next hours begin at T+{minutes(later_s)}" if later_s is not None else "it has no hours after now"
+    return f"its next sortie of {minutes(lasts_s)} does not end within its hours; {then}"
+
+
+def _hours(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[float, float | None]:
+    """Return the seconds until a vehicle's hours end, and when its next ones begin; None if there are none."""
     day, launched_s = context.day, state.progress.launched_s
     if day is None:
-        return ""
+        return math.inf, None
     flight_s, windows = now_s - (now_s if launched_s is None else launched_s), day.windows_s.get(vehicle.name, ())
-    visits = next_visits(context, state, vehicle)
-    lasts_s = _estimated(context, vehicle, visits)[0] if visits else 0.0
-    if any(begin - CLEARED_S <= flight_s and flight_s + lasts_s <= end for begin, end in windows):
-        return ""
-    later = [begin for begin, _ in windows if begin > flight_s]
-    then = f"its next hours begin at T+{minutes(min(later))}" if later else "it has no hours after now"
-    return f"its next sortie of {minutes(lasts_s)} does not end within its hours; {then}"
+    left_s = max((end - flight_s for begin, end in windows if begin - CLEARED_S <= flight_s), default=0.0)
+    return max(0.0, left_s), min((begin for begin, _ in windows if begin - CLEARED_S > flight_s), default=None)
+
+
+def _drawn_in(context: Context, seconds: float) -> float:
+    """Return what a flight draws in a time at least, in percent: nothing that draws no more lasts longer."""
+    return seconds * min(context.draws_pct_s)
 
 
 def _not_ready(context: Context, vehicle: VehicleState, event: Examined) -> str:
@@ -375,7 +405,12 @@ def _given(context: Context, state: FleetState, vehicle: VehicleState, ready_s: 
         return _ended(state, vehicle, IntentReason.NOTHING_TO_PLAN, "no segment is open for it", now_s)
     vehicle = replace(vehicle, orders=replace(vehicle.orders, cleared_s=ready_s), turn=_from(vehicle, visits))
     whole = bool(visits) and visits == vehicle.turn.ahead[0].visits and not pool
-    as_planned = whole and _estimated(context, vehicle, visits)[1] * offer.consumption <= offer.budget_pct
+    lasts_s, costs_pct = _estimated(context, vehicle, visits) if whole else (0.0, 0.0)
+    left_s, _ = _hours(context, state, vehicle, now_s)
+    as_planned = whole and costs_pct * offer.consumption <= offer.budget_pct and lasts_s <= left_s
+    if not as_planned:  # it lands within its hours, whatever is found for it
+        most_pct = _drawn_in(context, left_s)
+        offer = replace(offer, budget_pct=min(offer.budget_pct, most_pct), most_pct=min(offer.most_pct, most_pct))
     revision = state.replanning.revision + 1
     own = frozenset(segment_of(visit) for visit in visits)
     trigger = f"{vehicle.name}: sortie {_number(vehicle)}"

@@ -195,6 +195,24 @@ async def test_a_sortie_that_does_not_fit_into_its_hours_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
+    ("end_s", "inspected", "sorties"), [(300.0, 2, 1), (400.0, 2, 1), (500.0, 4, 2), (600.0, 6, 2)]
+)
+async def test_at_the_end_of_its_last_hours_as_much_is_flown_as_there_is_time_for(
+    end_s: float, inspected: int, sorties: int
+) -> None:
+    day = Day(
+        Crew(GOOD), first={"uav1": (0, 2)}, later={"uav1": ((4, 6, 8, 10),)}, segments=6, windows_s=((0.0, end_s),)
+    )  # fmt: skip
+    sky, flown = await day_flown(day, "ardupilot")
+    assert set(flown.inspected) == set(range(inspected)), "\n".join(sky.lines)
+    assert len(sky.state.vehicles["uav1"].turn.sorties) == sorties
+    assert flown.ended_s is not None
+    assert flown.ended_s - flown.began_s <= end_s
+    assert len([line for line in sky.lines if "can be inspected in the" in line]) == (end_s == 400.0)
+    assert bool(sky.asked) is (end_s > 300.0)  # nobody is asked for a pack when no time is left
+
+
+@pytest.mark.parametrize(
     ("autopilot", "name", "value"), [("ardupilot", "RTL_ALT", 300.0), ("px4", "RTL_RETURN_ALT", 3.0)]
 )
 async def test_what_vehicles_forgot_as_they_booted_is_set_again(autopilot: str, name: str, value: float) -> None:
