@@ -264,6 +264,19 @@ class SortieRow(Document):
     """Ids of what it inspected."""
 
 
+class EarlierRow(Document):
+    """A flight before this one, which flies what it left."""
+
+    run: str
+    """Name of its run directory."""
+    segments: tuple[Whole, ...]
+    """Ids of what it inspected."""
+    sorties: Whole
+    duration_s: Number
+    faults: tuple[str, ...]
+    """Vehicles that were at fault."""
+
+
 class UnreachableRow(Document):
     """A segment that no flight could inspect."""
 
@@ -316,6 +329,8 @@ class FlightReport(Document):
     """Planned beside flown, for each mission and each of its legs."""
     sorties: Annotated[tuple[SortieRow, ...], Field(exclude_if=is_empty)] = ()
     """In the order of their take-offs, where packs were changed, or a day of several was flown."""
+    earlier: Annotated[tuple[EarlierRow, ...], Field(exclude_if=is_empty)] = ()
+    """Flights before this one, which flies what they left; the first one first."""
 
 
 class PadPart(Document):
@@ -352,6 +367,8 @@ class AskedVehicles(Document):
     vehicles: tuple[AskedVehicle, ...]
     checks: tuple[CheckRow, ...] = ()
     """The checklist."""
+    earlier: Annotated[tuple[EarlierRow, ...], Field(exclude_if=is_empty)] = ()
+    """Flights whose rest is flown."""
 
 
 def read_report(run: Path) -> FlightReport:

@@ -12,6 +12,7 @@ from executor.analysis.documents import (
     AskedVehicle,
     AskedVehicles,
     CheckRow,
+    EarlierRow,
     FaultRow,
     FlightReport,
     HeightsPart,
@@ -58,6 +59,8 @@ class Said:
     """What each vehicle said."""
     checks: Sequence[Check]
     """The checklist."""
+    earlier: tuple[EarlierRow, ...] = ()
+    """Flights whose rest is flown."""
     kept: AskedVehicles | None = None
     """Of a flight that is taken up again: vehicles.json, which says what was known before it."""
 
@@ -94,6 +97,7 @@ def vehicles_of(context: Context, said: Said) -> AskedVehicles:
             for name, facts in said.facts.items()
         ),
         checks=tuple(map(checked, said.checks)),
+        earlier=said.earlier,
     )
 
 
@@ -181,6 +185,7 @@ def report_of(
             for segment, reason in vehicle.assignment.runs_broken
         ),
         sorties=sortie_rows(context, state, began_s),
+        earlier=said.earlier if said.kept is None else said.kept.earlier,
         routes=flown_routes(state, {name: setup.prior.factor for name, setup in context.vehicles.items()}),
     )
 

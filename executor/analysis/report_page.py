@@ -14,6 +14,7 @@ from pathlib import Path
 
 from executor.adapters.document import Document
 from executor.analysis.documents import FlightReport
+from executor.analysis.earlier import together_words
 from executor.analysis.flight_record import FlightRecord, given_away
 from executor.core import words
 from executor.core.commands import Level
@@ -87,6 +88,13 @@ SORTIES = {
     "rest_v": "at rest before (V)",
     "segments": "inspected",
 }
+EARLIER = {
+    "run": "flight",
+    "segments": "inspected",
+    "sorties": "sorties",
+    "duration_s": "lasted (s)",
+    "faults": "at fault",
+}
 NOT_COUNTED = {"vehicle": "vehicle", "segment": "segment", "reason": "reason"}
 
 _CLASSES = {Level.INFO: "", Level.WARNING: "warning", Level.FAULT: "fault"}
@@ -151,6 +159,7 @@ def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, byte
         _section("Faults", FAULTS, _faults(record)),
         _section("Re-plans", REPLANS.values(), _rows(report, report.replans, REPLANS)),
         _section("Vehicles", VEHICLES.values(), _rows(report, report.vehicles, VEHICLES)),
+        _section("Flights before this one", EARLIER.values(), _rows(report, report.earlier, EARLIER)),
         _section("Sorties", SORTIES.values(), _rows(report, report.sorties, SORTIES)),
         _section("Not at home: where to look", AWAY, _away(report)),
         _section("Before the flight", CHECKS.values(), _rows(report, report.checks, CHECKS), _severities(report)),
@@ -189,6 +198,7 @@ def _facts(record: FlightRecord, report: FlightReport) -> str:
     facts = [_counted(len(record.vehicles), "vehicle"), _counted(len(record.revisions) - 1, "re-plan")]
     if report.min_separation_m is not None:
         facts.append(f"any two vehicles stayed at least {value_words(report.min_separation_m)} m apart")
+    facts += [together] if (together := together_words(report)) else []
     facts += _speeds(report)
     if record.uncovered:
         facts.append("not inspected: " + ", ".join(segment.shown for segment in record.uncovered))

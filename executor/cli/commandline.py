@@ -33,5 +33,6 @@ for command in (
     images.images,
 ):
     cli.command()(command)
+cli.command("day")(flights.fly_day)
 cli.command("replay")(replay.replay_logs)
 cli.add_typer(bench)

@@ -45,7 +45,7 @@ ObjectiveName = Annotated[
     str,
     typer.Option(
         "--objective", metavar="[finish|flight|swaps]",
-        help="With --day: what comes first, the last landing, the time in the air, or the number of sorties.",
+        help="Of a day plan: what comes first, the last landing, the time in the air, or the number of sorties.",
     ),
 ]  # fmt: skip
 MtbfOption = Annotated[
@@ -109,8 +109,8 @@ def plan_day(
     Raises:
         SiteError: the site or an option cannot be used.
     """
-    objective, shares = objective_of(asked.objective), shares_of(asked.probability)
-    content = _planned(site_day(ground, left), console, asked, objective, spares_of(ground))
+    shares = shares_of(asked.probability)
+    content = day_for(ground, console, asked, left)
     spares = [] if asked.mtbf_h is None else _spares(content, console, asked, asked.mtbf_h, max(shares))
     console.progress("")
     if output is not None:
@@ -127,6 +127,26 @@ def plan_day(
         raise typer.Exit(1)
 
 
+def day_for(ground: Ground, console: TerminalConsole, asked: DayAsked, left: Sequence[int] | None) -> DayPlanFile:
+    """Return the days of a site, planned.
+
+    Args:
+        ground: The site.
+        console: Where it is said how far it is.
+        asked: How to plan.
+        left: What is to be inspected; everything if not given.
+
+    Raises:
+        SiteError: the site or an option cannot be used.
+    """
+    return _planned(site_day(ground, left), console, asked, objective_of(asked.objective), spares_of(ground))
+
+
+def day_told(content: DayPlanFile) -> list[str]:
+    """Return the days in words."""
+    return [line for lines in (day_lines, need_lines, left_lines, window_lines) for line in lines(content)]
+
+
 def objective_of(text: str) -> Objective:
     """Return what `--objective` asks for.
 
@@ -140,9 +160,8 @@ def objective_of(text: str) -> Objective:
 
 
 def _print_day(content: DayPlanFile, spares: list[Spares], shares: list[float], mtbf_h: float | None) -> None:
-    for lines in (day_lines, need_lines, left_lines, window_lines):
-        for line in lines(content):
-            print(line)
+    for line in day_told(content):
+        print(line)
     if spares:
         print(f"one failure in {mtbf_h:g} flight hours, re-planned; a lower bound of what can be reached:")
         for line in spare_lines(content, spares, shares):

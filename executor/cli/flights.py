@@ -15,9 +15,11 @@ from executor.adapters.extras import Extra, need, what_to_install
 from executor.adapters.interrupts import nobody_reads
 from executor.adapters.run_directory import RunDirectory, new_run_directory
 from executor.analysis.documents import FlightReport
+from executor.analysis.earlier import earlier_flights, together_words
 from executor.analysis.flight_record import FlightRecord
 from executor.analysis.report import checked
 from executor.cli.console import TerminalConsole
+from executor.cli.day import DAY_SECONDS, DayAsked, ObjectiveName, day_for, day_told
 from executor.cli.errors import OUR_ERRORS
 from executor.cli.options import (
     DEFAULT_STRETCH_PCT,
@@ -58,7 +60,7 @@ from executor.flight import fly as flying
 from executor.flight.broker import settings_of
 from executor.flight.flight_order import Order, keep
 from executor.flight.linking import check_backends
-from executor.flight.next_sortie import next_sortie, sortie_words
+from executor.flight.next_sortie import next_sortie, segments_left, sortie_words
 from executor.flight.parameter_changes import check_run, still_open
 from executor.runtime import turns
 from executor.simulated.demo_site import (
@@ -222,8 +224,51 @@ def fly(
     mqtt = settings_of(content.mqtt, site.parent, str(site))
     below = view_for(ground, site.parent)  # a picture that cannot be used is said before anything is planned
     day, routes = _flown(ground, console, asked, wanted, plan, after)
-    order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt, below, day)
-    check_run(order.run, content)
+    earlier = () if after is None else earlier_flights(after)
+    order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt, below, day, earlier)
+    _fly_and_finish(order, console, as_json=as_json)
+
+
+def fly_day(
+    site: SiteArgument,
+    after: AfterOption = None,
+    learned: LearnedOption = None,
+    objective: ObjectiveName = "finish",
+    seconds: Annotated[
+        float, typer.Option(min=0.1, callback=finite, metavar="S", help="Time for the planning.")
+    ] = DAY_SECONDS,
+    seed: SeedOption = DEFAULT.seed,
+    starts: StartsOption = 0,
+    run: RunOption = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the take-off.")] = False,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Plan a working day of sorties from the bases of the site, and fly it.
+
+    With --after it goes on with what an earlier day left, and its report covers the days before it too. `plan --day`
+    makes the same plan to look at first; `fly` flies that.
+    """
+    content = read_site(site)
+    check_backends(content)
+    console = TerminalConsole(quiet=as_json or quiet, yes=yes)
+    ground = ground_with(content, site.parent, learned, console)
+    mqtt = settings_of(content.mqtt, site.parent, str(site))
+    below = view_for(ground, site.parent)
+    left = None if after is None else segments_left(after, ground)
+    earlier = () if after is None else earlier_flights(after)
+    planned = day_for(ground, console, DayAsked(objective, seconds, seed, starts, None, "95,99", 1), left)
+    console.progress("")
+    for line in day_told(planned):
+        console.say(Level.INFO, line)
+    routes = dayflight.first_sorties(planned, ground)
+    directory = new_run_directory(run)
+    order = Order(content, site.parent, ground, routes, directory, lambda _: (), mqtt, below, planned, earlier)
+    _fly_and_finish(order, console, as_json=as_json)
+
+
+def _fly_and_finish(order: Order, console: TerminalConsole, *, as_json: bool) -> None:
+    check_run(order.run, order.site)
     keep(order)
     flown = turns.run(flying.fly(order, console))
     _finish_flight(order, flown, as_json=as_json)
@@ -337,6 +382,8 @@ def _finish_flight(order: Order, flown: flying.FlightResult, *, as_json: bool) -
         _told(json.dumps(report.plain()))
     else:
         _told(f"{report.segments_inspected} of {report.segments_total} segments inspected; record in {order.run}")
+        if together := together_words(report):
+            _told(together)
         if report.segments_uncovered:
             _told(f"not inspected: {', '.join(report.uncovered_names)}")
         if report.left_over:

@@ -9,6 +9,7 @@ from typing import Protocol
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.run_directory import RunDirectory, keep_site, today
+from executor.analysis.documents import EarlierRow
 from executor.analysis.learned import document_of, learned_of
 from executor.analysis.report import Happening
 from executor.core.commands import Level
@@ -77,6 +78,8 @@ class Order:
     """The ground around the line, where it is read already."""
     day: DayPlanFile | None = None
     """The day whose first sorties `plan` is; None for a single flight."""
+    earlier: tuple[EarlierRow, ...] = ()
+    """Flights whose rest is flown."""
 
 
 def keep_learned(run: Path, context: Context, state: FleetState, before: Mapping[str, Known]) -> None:

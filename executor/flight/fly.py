@@ -127,7 +127,7 @@ async def _fly(
     log = EventLog(
         RunDirectory(run).events, began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console)
     )
-    seat = Cockpit(context, state, links, clock, log, solver, Said(facts, found))
+    seat = Cockpit(context, state, links, clock, log, solver, Said(facts, found, order.earlier))
     flown: FlightResult | None = None
     try:
         flown = await supervise(order, console, seat, Launch(proposal, boards, found, fences, lists))

@@ -349,5 +349,5 @@ def _note(log: EventLog, command: Command, at_s: float) -> None:
 def _said(run: Path) -> Said:
     """Return what was known before the flight, as vehicles.json has it."""
     with suppress(LogError):
-        return Said({}, (), read_asked(run))
+        return Said({}, (), kept=read_asked(run))
     return NOTHING_SAID

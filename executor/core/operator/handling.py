@@ -258,13 +258,13 @@ def _swap(context: Context, state: FleetState, intent: Intent, now_s: float) -> 
 
 def _close(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
     aloft = bases.in_the_air(bases.based_at(context, state, intent.base))
-    state, told = bases.closed(context, state, intent.base, now_s)
+    state, told = bases.base_closed(context, state, intent.base, now_s)
     lands = f"; still to land there: {', '.join(aloft)}" if aloft else ""
     return _Ordered(state, f"nobody takes off from it until it is opened{lands}", told, level=Level.WARNING)
 
 
 def _open(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
-    return _Ordered(bases.opened(context, state, intent.base), "vehicles may be sent out from it again, by `swap`")
+    return _Ordered(bases.base_opened(context, state, intent.base), "vehicles may be sent out from it again, by `swap`")
 
 
 def _disarm(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001

@@ -34,7 +34,7 @@ def is_closed(context: Context, state: FleetState, base: str) -> bool:
     return all(vehicle.orders.base_closed for vehicle in based_at(context, state, base))
 
 
-def closed(context: Context, state: FleetState, base: str, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+def base_closed(context: Context, state: FleetState, base: str, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
     """Return the state in which nobody takes off from a base, and what keeps those there that were about to."""
     commands: list[Command] = []
     for vehicle in based_at(context, state, base):
@@ -58,7 +58,7 @@ def _kept_there(context: Context, state: FleetState, vehicle: VehicleState, why:
     return withdrawn(state, vehicle.name, why, now_s)
 
 
-def opened(context: Context, state: FleetState, base: str) -> FleetState:
+def base_opened(context: Context, state: FleetState, base: str) -> FleetState:
     """Return the state in which vehicles may be sent out from a base again, each by the crew's word."""
     for vehicle in based_at(context, state, base):
         state = state.put(replace(vehicle, orders=replace(vehicle.orders, base_closed=False)))

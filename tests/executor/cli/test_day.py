@@ -8,7 +8,11 @@ from typing import Any
 
 import pytest
 
+from executor.analysis.documents import SortieRow
+from executor.cli import flights
 from executor.cli.main import main
+from executor.flight.flight_order import Order, keep
+from tests.executor.flights import short_report
 
 VEHICLES = "".join(
     f'[[vehicle]]\nname = "uav{number}"\nconnection = "udpin://127.0.0.1:{14550 + number}"\nsysid = {number}\n'
@@ -134,6 +138,29 @@ def test_quiet_hours_roads_and_cameras_hold(place: Place) -> None:
     for one in told["sorties"]:
         if one["vehicle"] == "uav2":
             assert one["start_s"] + one["duration_s"] <= 8 * 3600 + 600 or one["start_s"] >= 9.5 * 3600
+
+
+def test_a_day_is_planned_and_flown_and_the_next_one_goes_on(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    flown: list[Order] = []
+    monkeypatch.setattr(flights, "_fly_and_finish", lambda order, *_, **__: flown.append(order))
+    place.write(NETWORK, DAY.replace('"any"\nroad_m_s = 8', '"own"'), NORTH, SOUTH, VEHICLES)
+    code, _, err = place.call("day", "site.toml", "--seconds", "0.5", "--starts", "1", "--run", "one")
+    assert (code, flown[0].earlier) == (0, ())
+    assert flown[0].day is not None
+    planned = {segment.id for segment in flown[0].day.segments}
+    assert "sorties" in err
+    keep(flown[0])
+    left = sorted(planned)[:3]
+    report = short_report(left).model_copy(
+        update={"sorties": (SortieRow(vehicle="uav1", number=1, pack="", began_s=0, ended_s=9, began_pct=99,
+                                      ended_pct=80, rest_v=None, segments=(4, 5)),)}
+    )  # fmt: skip
+    report.write(place.folder / "one" / "report.json")
+    code, _, _ = place.call("day", "site.toml", "--after", "one", "--seconds", "0.5", "--starts", "1")
+    assert code == 0
+    assert flown[1].day is not None
+    assert [segment.id for segment in flown[1].day.segments] == left
+    assert [(row.run, row.sorties) for row in flown[1].earlier] == [("one", 1)]
 
 
 def test_nothing_is_planned_for_a_spare(place: Place) -> None:
