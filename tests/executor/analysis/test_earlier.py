@@ -22,10 +22,10 @@ MONDAY = EarlierRow(run="monday", segments=(7, 8), sorties=12, duration_s=9000.0
 def test_each_flight_is_named_with_what_it_came_to(tmp_path: Path) -> None:
     run = tmp_path / "tuesday"
     run.mkdir()
-    write_run(run, finished=False)
+    flown = write_run(run, finished=False)
     tuesday = EarlierRow(run="tuesday", segments=(0, 2, 3, 4), sorties=3, duration_s=150.0, faults=("uav2",))
     assert earlier_flights(run) == (tuesday,)
-    report = write_run(run, finished=False).model_copy(update={"earlier": (MONDAY,)})
+    report = flown.model_copy(update={"earlier": (MONDAY,)})
     report.write(run / "report.json")
     assert earlier_flights(run) == (MONDAY, tuesday)
     assert together_words(report) == "with 1 flight before it 6 of 7 segments are inspected"
