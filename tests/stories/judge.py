@@ -483,7 +483,8 @@ class Judge:
             return "" if state == "down" or at_s - wrecks[0] < ANNOUNCED_S else "it lies on its back"
         if held:
             return "" if state == "pilot" else "somebody else has it"
-        if state == "landed" and self.armed(name, at_s) and self.armed(name, at_s - SHOWN_S):
+        stopped = any(at_s - SHOWN_S <= one.t_s <= at_s for one in self.happened(name, "disarmed"))
+        if state == "landed" and self.armed(name, at_s) and self.armed(name, at_s - SHOWN_S) and not stopped:
             return "its motors are on"
         if state == "landed":
             return self._landed_untrue(name, at_s)

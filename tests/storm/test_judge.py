@@ -117,3 +117,15 @@ def test_a_flight_that_is_taken_up_while_nobody_ever_answers_does_not_end(
     never = tuple((name, 200.0, f"fault {name}:silent@0s") for name in silent)
     told = stormed(*never, began=(Happening("ground killed", "ground", 190.0, 30.0),))
     assert rules(replace(told, flown=replace(told.flown, ended_s=None))) == found
+
+
+@pytest.mark.parametrize(("again_s", "found"), [(323.5, set()), (None, {"page"})])
+def test_who_stops_its_motors_and_is_sent_up_again_at_once_was_landed_between(
+    again_s: float | None, found: set[str]
+) -> None:
+    """Looked at just before and just after, its motors are on."""
+    ends = ((300.0, "descends"), (320.0, "landed")) if again_s is None else ENDED
+    again = ((again_s, "order command 400 1"), (again_s, "armed")) if again_s is not None else ()
+    told = stormed(*(("uav1", at_s, what) for at_s, what in (*ends, *again)), ended=("uav2",))
+    shown = replace(told.flown, shown=(Shown(325.0, "uav1", "landed"),))
+    assert rules(replace(told, flown=shown)) & {"page"} == found

@@ -61,6 +61,8 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
     before, fix = state.assignment.before, state.motion.fix
     if before is None or fix is None or before.waypoint >= len(board.legs):
         return NOTHING
+    if not state.armed and state.orders.start_owed_s is not None:
+        return NOTHING  # it was not told to start yet
     if not _at_stake(before, board, waypoint if state.armed else len(board.legs)):
         return NOTHING
     if not context.infers:

@@ -294,6 +294,12 @@ def test_who_lies_elsewhere_or_came_home_by_itself_proves_nothing() -> None:
     assert landed(battery=account.BatteryState()).why_not == "its consumption is not known"
 
 
+def test_who_was_not_told_to_start_yet_has_flown_nothing() -> None:
+    """It says where it is after a while, as the start that waited for that would begin."""
+    assert landed(start_owed_s=5.0) == Inferred()
+    assert landed().segments == (0, 1)
+
+
 def test_who_was_in_its_climb_has_the_rest_of_that_before_it() -> None:
     climb_m = WAYPOINTS[0].alt_rel_m
     assert WAYPOINTS[0].phase is Phase.TAKEOFF
