@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from executor.core.commands import Command, SendHome
 from executor.core.context import Context
+from executor.core.replan import new_missions
 from executor.core.roster.withdraw import declare, left_plan, withdrawn
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
@@ -39,7 +40,7 @@ def base_closed(context: Context, state: FleetState, base: str, now_s: float) ->
     commands: list[Command] = []
     for vehicle in based_at(context, state, base):
         shut = replace(vehicle, orders=replace(vehicle.orders, base_closed=True, cleared_s=None))
-        state, more = _kept_there(context, state.put(shut), shut, f"{vehicle.name}: base {base} is closed", now_s)
+        state, more = _kept_there(context, state.put(shut), shut, f"base {base} is closed", now_s)
         commands.extend(more)
     return state, tuple(commands)
 
@@ -50,12 +51,15 @@ def _kept_there(context: Context, state: FleetState, vehicle: VehicleState, why:
         fault = Fault(FaultKind.OPERATOR, "its base was closed as it started", now_s, FaultCode.OPERATOR_EXCLUDE)
         return declare(context, state, vehicle, fault)
     if vehicle.stage is Stage.STARTING and not vehicle.armed:
-        state, more = withdrawn(state.put(left_plan(vehicle, Stage.LANDED, now_s)), vehicle.name, why, now_s)
+        left = left_plan(vehicle, Stage.LANDED, now_s)
+        state, more = withdrawn(state.put(left), vehicle.name, f"{vehicle.name}: {why}", now_s)
         return state, (*more, SendHome(vehicle.name))  # in place of its start
-    if vehicle.stage not in {Stage.GROUND, Stage.LANDED} or vehicle.assignment.pending is None:
+    plan = state.replanning.replan
+    if vehicle.stage not in {Stage.GROUND, Stage.LANDED} or plan is None or vehicle.name not in plan.pending:
         return state, ()
-    state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, pending=None)))
-    return withdrawn(state, vehicle.name, why, now_s)
+    state, _, said = new_missions.let_go(state, plan, vehicle.name, why, now_s)
+    state, more = new_missions.ended_if_done(state, now_s)
+    return state, (said, *more)
 
 
 def base_opened(context: Context, state: FleetState, base: str) -> FleetState:

@@ -113,10 +113,7 @@ def withdrawn(state: FleetState, name: str, trigger: str, now_s: float) -> Stepp
         return replace(state, replanning=replace(state.replanning, replan=None)), (CancelSolve(plan.solve.revision),)
     if plan is not None and name in plan.pending:
         state = replace(
-            state,
-            replanning=replace(
-                state.replanning, replan=replace(plan, pending=plan.pending - {name}, let_go=(*plan.let_go, name))
-            ),
+            state, replanning=replace(state.replanning, replan=replace(plan, pending=plan.pending - {name}))
         )
         return new_missions.ended_if_done(state, now_s)
     return state, ()

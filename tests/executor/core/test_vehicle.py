@@ -97,6 +97,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "held_s": None,
             "hold_asked_s": -math.inf,
             "excluded": False,
+            "base_closed": False,
             "lands": False,
             "began_pct": None,
             "gps": None,

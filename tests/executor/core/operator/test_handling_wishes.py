@@ -284,7 +284,7 @@ ROWS = [
             "urgent": True,
             "trigger": "uav1: returns by the operator's order",
             "trigger_s": NOW_S,
-            "replan": replace(SOLVING, solve_s=0.5, pending=frozenset({"uav2"}), let_go=("uav1",)),
+            "replan": replace(SOLVING, solve_s=0.5, pending=frozenset({"uav2"})),
             "intents": {
                 "wish": noted(
                     Action.RETURN,
