@@ -217,16 +217,10 @@ def fly(
     """
     site, plan = _site_and_plan(site, of, plan)
     wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
-    content = read_site(site)
-    check_backends(content)
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
-    ground = ground_with(content, site.parent, learned, console)
-    mqtt = settings_of(content.mqtt, site.parent, str(site))
-    below = view_for(ground, site.parent)  # a picture that cannot be used is said before anything is planned
-    day, routes = _flown(ground, console, asked, wanted, plan, after)
-    earlier = () if after is None else earlier_flights(after)
-    order = Order(content, site.parent, ground, routes, new_run_directory(run), lambda _: (), mqtt, below, day, earlier)
-    _fly_and_finish(order, console, as_json=as_json)
+    made = _Made(site, learned, after, console)
+    day, routes = _flown(made.ground, console, asked, wanted, plan, after)
+    _fly_and_finish(made.order(routes, run, day), console, as_json=as_json)
 
 
 def fly_day(
@@ -249,22 +243,34 @@ def fly_day(
     With --after it goes on with what an earlier day left, and its report covers the days before it too. `plan --day`
     makes the same plan to look at first; `fly` flies that.
     """
-    content = read_site(site)
-    check_backends(content)
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
-    ground = ground_with(content, site.parent, learned, console)
-    mqtt = settings_of(content.mqtt, site.parent, str(site))
-    below = view_for(ground, site.parent)
-    left = None if after is None else segments_left(after, ground)
-    earlier = () if after is None else earlier_flights(after)
-    planned = day_for(ground, console, DayAsked(objective, seconds, seed, starts, None, "95,99", 1), left)
+    made = _Made(site, learned, after, console)
+    left = None if after is None else segments_left(after, made.ground)
+    planned = day_for(made.ground, console, DayAsked(objective, seconds, seed, starts, None, "95,99", 1), left)
     console.progress("")
     for line in day_told(planned):
         console.say(Level.INFO, line)
-    routes = dayflight.first_sorties(planned, ground)
-    directory = new_run_directory(run)
-    order = Order(content, site.parent, ground, routes, directory, lambda _: (), mqtt, below, planned, earlier)
-    _fly_and_finish(order, console, as_json=as_json)
+    routes = dayflight.first_sorties(planned, made.ground)
+    _fly_and_finish(made.order(routes, run, planned), console, as_json=as_json)
+
+
+class _Made:
+    """What is made of a site before anything is planned: what cannot be used is said by then."""
+
+    def __init__(self, site: Path, learned: Path | None, after: Path | None, console: TerminalConsole) -> None:
+        self._base, self._content = site.parent, read_site(site)
+        check_backends(self._content)
+        self.ground = ground_with(self._content, self._base, learned, console)
+        self._mqtt = settings_of(self._content.mqtt, self._base, str(site))
+        self._below = view_for(self.ground, self._base)
+        self._earlier = () if after is None else earlier_flights(after)
+
+    def order(self, routes: PlanFile, run: Path | None, day: DayPlanFile | None) -> Order:
+        """Return the order to fly a plan."""
+        return Order(
+            self._content, self._base, self.ground, routes, new_run_directory(run), lambda _: (), self._mqtt,
+            self._below, day, self._earlier,
+        )  # fmt: skip
 
 
 def _fly_and_finish(order: Order, console: TerminalConsole, *, as_json: bool) -> None:

@@ -102,24 +102,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             (),
             (),
             {"uav1": {"waypoint": 4, "pending": None}},
-            {
-                "urgent": True,
-                "trigger": "uav1: flew on before its new mission came",
-                "trigger_s": NOW_S,
-                "replan": None,
-                "records": (
-                    ReplanRecord(
-                        revision=4,
-                        trigger="uav3: gone",
-                        feasible=True,
-                        uncovered=(),
-                        solve_s=0.5,
-                        begun_s=NOW_S - 5.0,
-                        ended_s=NOW_S,
-                        upload_s=3.0,
-                    ),
-                ),
-            },
+            AGAIN | {"trigger": "uav1: flew on before its new mission came"},
         ),
     ),
     (
@@ -228,24 +211,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             (),
             (),
             {"uav1": SENT_HOME | {"pending": None}},
-            {
-                "urgent": True,
-                "trigger": "uav1: reached the end of what was on board of its new mission",
-                "trigger_s": NOW_S,
-                "replan": None,
-                "records": (
-                    ReplanRecord(
-                        revision=4,
-                        trigger="uav3: gone",
-                        feasible=True,
-                        uncovered=(),
-                        solve_s=0.5,
-                        begun_s=NOW_S - 5.0,
-                        ended_s=NOW_S,
-                        upload_s=3.0,
-                    ),
-                ),
-            },
+            AGAIN | {"trigger": "uav1: reached the end of what was on board of its new mission"},
         ),
     ),
     (
@@ -284,24 +250,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             (),
             (),
             {"uav1": {"pending": None}},
-            {
-                "urgent": True,
-                "trigger": "uav1: others flew segment 2 of its new mission meanwhile",
-                "trigger_s": NOW_S,
-                "replan": None,
-                "records": (
-                    ReplanRecord(
-                        revision=4,
-                        trigger="uav3: gone",
-                        feasible=True,
-                        uncovered=(),
-                        solve_s=0.5,
-                        begun_s=NOW_S - 5.0,
-                        ended_s=NOW_S,
-                        upload_s=3.0,
-                    ),
-                ),
-            },
+            AGAIN | {"trigger": "uav1: others flew segment 2 of its new mission meanwhile"},
         ),
     ),
     (
@@ -332,24 +281,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             (),
             (),
             {"uav1": {"pending": None}},
-            {
-                "urgent": True,
-                "trigger": "uav1: others flew segment 2 of its new mission meanwhile",
-                "trigger_s": NOW_S,
-                "replan": None,
-                "records": (
-                    ReplanRecord(
-                        revision=4,
-                        trigger="uav3: gone",
-                        feasible=True,
-                        uncovered=(),
-                        solve_s=0.5,
-                        begun_s=NOW_S - 5.0,
-                        ended_s=NOW_S,
-                        upload_s=3.0,
-                    ),
-                ),
-            },
+            AGAIN | {"trigger": "uav1: others flew segment 2 of its new mission meanwhile"},
         ),
     ),
     (
