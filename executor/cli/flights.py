@@ -263,13 +263,13 @@ class _Made:
         self.ground = ground_with(self._content, self._base, learned, console)
         self._mqtt = settings_of(self._content.mqtt, self._base, str(site))
         self._below = view_for(self.ground, self._base)
-        self._earlier = () if after is None else earlier_flights(after)
+        self._after = after
 
     def order(self, routes: PlanFile, run: Path | None, day: DayPlanFile | None) -> Order:
         """Return the order to fly a plan."""
         return Order(
             self._content, self._base, self.ground, routes, new_run_directory(run), lambda _: (), self._mqtt,
-            self._below, day, self._earlier,
+            self._below, day, () if self._after is None else earlier_flights(self._after),
         )  # fmt: skip
 
 
