@@ -75,13 +75,10 @@ class StormJudge(Judge):
         # Who was frozen lives in its own time from then on: its silences end later by as much.
         lags = self._lags(name)
         spans = [replace(one, to_s=one.to_s + sum(lag for at_s, lag in lags if at_s < one.to_s)) for one in spans]
-        # And says its last words then, unless it crashed while it booted.
-        boots = [one for one in spans if one.what == "reboot"]
+        # Who crashes in that time says its last words after it.
         spans = [
-            replace(
-                one, from_s=one.from_s + sum(lag for at_s, lag in lags if one.what == "crash" and at_s < one.from_s)
-            )
-            if not any(boot.from_s <= one.from_s <= boot.to_s for boot in boots)
+            replace(one, from_s=max(one.from_s, *(at_s + lag for at_s, lag in lags if at_s < one.from_s), 0.0))
+            if one.what == "crash"
             else one
             for one in spans
         ]
