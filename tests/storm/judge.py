@@ -12,7 +12,7 @@ from executor.core.commands import Say
 from executor.core.intents import Action
 from executor.simulator.autopilot import STEP_S
 from executor.simulator.truth import Truth
-from tests.stories.judge import FALLS_FROM_M, KNOWS_S, Finding, Judge, Span, distance_m, last_words_s, place
+from tests.stories.judge import FALLS_FROM_M, KNOWS_S, SHOWN_S, Finding, Judge, Span, distance_m, last_words_s, place
 from tests.stories.story import MISSION
 from tests.storm.plot import BEARS_S, Happening
 from tests.storm.sky import Stormed
@@ -329,7 +329,8 @@ class StormJudge(Judge):
 
     def _sent(self, name: str, at_s: float) -> bool:
         """Return whether somebody sent it home while nothing came from it: its failsafe might have done the same."""
-        last = max((one for one in self._by_others(name) if one.t_s <= at_s), key=lambda one: one.t_s, default=None)
+        known = (one for one in self._by_others(name) if one.t_s <= at_s - SHOWN_S)
+        last = max(known, key=lambda one: one.t_s, default=None)
         return last is not None and last.what.split()[-1] in {"RTL", "LAND"} and self._silent(name, last.t_s, 0.0)
 
     # What must not be, whatever happens.
