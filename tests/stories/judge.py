@@ -41,6 +41,8 @@ FALLS_FROM_M = 2.0
 """What is said of a place is true within this."""
 SHOWN_S = 4.0
 """The page shows a takeover, or a wreck, within this."""
+STOPPED_S = 1.0
+"""So long who is stopped a hand's breadth over the ground may be said to have landed before it lies there."""
 ANNOUNCED_S = 30.0
 GIVEN_S = 240.0
 """Segments that are given to others go on board of somebody within this."""
@@ -352,7 +354,7 @@ class Judge:
         name = found["name"]
         if self.armed(name, at_s):
             return "its motors are on"
-        ended = self._came_down(name, at_s)
+        ended = self._came_down(name, at_s) or self._came_down(name, at_s + STOPPED_S)
         if not ended or ended[-1] != "landed":
             return f"it did not land, it was: {ended[-1] if ended else 'never in the air'}"
         away_m = self.from_pad_m(name, at_s)

@@ -135,3 +135,17 @@ def test_who_crashes_after_it_stood_still_has_its_last_words_at_once() -> None:
     told = stormed(truths=fell, began=began, ended=("uav2",))
     shown = replace(told.flown, shown=(Shown(96.0, "uav1", "returning"),))
     assert "page" not in rules(replace(told, flown=shown))
+
+
+@pytest.mark.parametrize(("fell_s", "found"), [(120.4, set()), (123.0, {"line"})])
+def test_who_is_stopped_a_hands_breadth_over_the_ground_has_landed(fell_s: float, found: set[str]) -> None:
+    stopped = truth("uav1", 120.0, "kill", PADS["uav1"], up_m=0.3)
+    told = stormed(("uav1", 120.0, "disarmed"), ("uav1", fell_s, "fell"), truths=(stopped,), ended=("uav2",))
+    assert rules(said(told, 120.1, "uav1: landed by its pilot")) == found
+
+
+@pytest.mark.parametrize(("kind", "found"), [("bad link", set()), ("wind", {"line"})])
+def test_what_comes_late_over_a_bad_link_is_heard(kind: str, found: set[str]) -> None:
+    began = (Happening(kind, "uav1", 90.0, 60.0),)
+    told = stormed(("uav1", 100.0, "crash"), ("uav1", 100.0, "disarmed"), began=began, ended=("uav2",))
+    assert rules(said(told, 104.7, "uav1: link regained")) & {"line"} == found

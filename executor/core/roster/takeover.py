@@ -111,6 +111,9 @@ def _returned(
             f"{vehicle.name}: its pilot has set mission mode, but its segments were reassigned; not commanded from here"
         )
         return state, (Say(Level.WARNING, text),)
+    if state.progress.recalled:
+        text = f"{vehicle.name}: its pilot has set mission mode, but the flight was aborted; not commanded from here"
+        return state, (Say(Level.WARNING, text),)
     if context.pilot_returns:
         return given_back(context, state, state.vehicles[vehicle.name], now_s)
     text = f"{vehicle.name}: its pilot has set mission mode again; include it to have it in the plan again"

@@ -191,6 +191,21 @@ def test_a_site_may_take_it_back_without_asking() -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
 
+def test_after_an_abort_nobody_is_taken_back_from_its_pilot() -> None:
+    flight = under_way(fleet_of(flight={"pilot_return": "auto"}))
+    flight.crafts["uav2"].mode = LOITER["ardupilot"]
+    at_s = flight.now_s
+    flight.run(lambda: flight.stage("uav2") is Stage.PILOT)
+    flight.happen(ReturnAllOrdered())
+    flight.crafts["uav2"].mode = mission(flight)
+    why = "uav2: its pilot has set mission mode, but the flight was aborted; not commanded from here"
+    flight.run(lambda: why in flight.said(Level.WARNING))
+    flight.pass_s(30.0)
+    assert flight.stage("uav2") is Stage.PILOT
+    assert told(flight, "uav2", at_s) == []
+    assert flight.said(Level.WARNING).count(why) == 1
+
+
 @pytest.mark.parametrize("action", [Action.RETURN, Action.HOLD])
 def test_whoever_wants_something_of_it_is_asked_twice(action: Action) -> None:
     flight, at_s = taken()
