@@ -204,6 +204,7 @@ ROWS = [
         [Say(Level.FAULT, "uav1: its pilot has set mission mode again; include it to have it in the plan again")],
         {"uav1": {"taken": TakenOver(since_s=NOW_S - 5.0, returned_s=NOW_S)}},
         {},
+        {"recalled": False, "given_up": frozenset(range(6))},
     ),
     Row(
         "a fault with something owed and ordered",

@@ -71,6 +71,21 @@ ROWS = [
         [Say(Level.FAULT, "uav1: its pilot has set mission mode again; include it to have it in the plan again")],
         {"uav1": {"taken": TakenOver(since_s=NOW_S - 10.0, returned_s=NOW_S)}},
         {},
+        {"recalled": False, "given_up": frozenset(range(6))},
+    ),
+    Row(
+        "back on its mission after an abort",
+        RETURNED,
+        Tick(),
+        [
+            Say(
+                Level.WARNING,
+                "uav1: its pilot has set mission mode, but the flight was aborted; not commanded from here",
+            )
+        ],
+        {"uav1": {"taken": TakenOver(since_s=NOW_S - 10.0, returned_s=NOW_S)}},
+        {},
+        context=ANSWERS,
     ),
     Row(
         "back on its mission for less than a second", with_facts(RETURNED, mode_since_s=NOW_S - 0.9), Tick(), [], {}, {}
@@ -105,6 +120,7 @@ ROWS = [
             }
         },
         {},
+        {"recalled": False, "given_up": frozenset(range(6))},
         context=ANSWERS,
     ),
     Row(
@@ -123,7 +139,8 @@ ROWS = [
                 "taken": None,
             }
         },
-        {"trigger": "uav1: is back in the plan", "trigger_s": NOW_S, "ordered": True},
+        {"trigger": "uav1: is back in the plan", "trigger_s": NOW_S, "ordered": True, "orphans_since_s": NOW_S},
+        {"recalled": False, "given_up": frozenset(range(6)), "wait_until_s": NOW_S + 9.0},
         context=ANSWERS,
     ),
     Row(
@@ -142,6 +159,7 @@ ROWS = [
             }
         },
         {},
+        {"recalled": False, "given_up": frozenset(range(6))},
         context=ANSWERS,
     ),
     Row(
