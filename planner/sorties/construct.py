@@ -86,7 +86,8 @@ def sortie_problem(instance: SortieInstance, table: MoveTable, objective: Object
         charged[row, : len(times)] = times
     lengths = np.array([end - begin for begin, end in days])
     share = FLIGHT_SHARE / fleet
-    longest_s = float(home[..., 0].max() + out[..., 0].max())
+    # Behind an area no way leads to a segment: that weighs nothing here.
+    longest_s = float(sum(table[..., 0].max(where=np.isfinite(table[..., 0]), initial=0.0) for table in (out, home)))
     weights = {
         Objective.FINISH: (1.0, share, 0.0),
         Objective.FLIGHT: (FINISH_SHARE, 1.0, 0.0),

@@ -15,8 +15,6 @@ from executor.core.state import FleetState, NewMission, Replan, ReplanRecord
 from executor.core.vehicle import Stage, VehicleState
 from missions import continue_path, flight_path
 
-CLEARED_S = 60.0
-
 RETRY_S = 5.0
 OLD_NEED_S = 90.0
 """A need that nobody could answer for longer says nothing of the re-plan that came in the end."""

@@ -16,8 +16,6 @@ from executor.core.vehicle import Stage, VehicleState
 from executor.core.words import count_of
 from planner import segment_of
 
-CLEARED_S = 60.0
-
 PROOF_GRACE_S = 5.0
 """The vehicle's index may move on before the position that proves the inspection has arrived."""
 ATTEMPTS = 2

@@ -15,8 +15,6 @@ from missions.autopilots.modes import is_mission_mode
 from missions.pace import AS_MODELLED
 
 CLEARED_S = 60.0
-
-CLEARED_S = 60.0
 """After this the crew's word that a pad is clear is too old to plan with."""
 QUANTUM_PCT = 1.0
 """Batteries report whole percents: what is reported may be this much more than what is there."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from planner import InstanceError, Iterations
-from planner.sorties import SortieInstance, evaluate_sorties, solve_sorties, solve_sorties_exact
+from planner.sorties import Objective, SortieInstance, evaluate_sorties, solve_sorties, solve_sorties_exact
 from tests.planner.sorties.builders import BROAD, DAY, TRAVEL, line_instance
 
 LIMITED: dict[str, Any] = {"packs": 2, "days": DAY[:1]}
@@ -44,6 +44,21 @@ def test_a_day_that_is_too_short_has_as_many_segments_as_any_plan(seed: int, mos
     found = solve_sorties(instance, stop=Iterations(20_000), seed=1)
     assert found.evaluation.violations == ()
     assert 8 - len(found.plan.uncovered) == most
+
+
+@pytest.mark.parametrize("objective", Objective)
+def test_a_segment_that_no_way_leads_to_costs_the_others_nothing(objective: Objective) -> None:
+    whole = line_instance(4, 8, budget_pct=32.0)
+    out_s, out_pct = whole.out_s.copy(), whole.out_pct.copy()
+    out_s[..., 6:8] = out_pct[..., 6:8] = np.inf
+    behind = replace(whole, out_s=out_s, out_pct=out_pct)
+    without = replace(whole, wanted=np.arange(8) != 3)
+    found, expected = (
+        solve_sorties(instance, objective=objective, stop=Iterations(30_000), seed=1) for instance in (behind, without)
+    )
+    assert found.plan.uncovered == (3,)
+    assert found.evaluation.finish_s == pytest.approx(expected.evaluation.finish_s, rel=0.01)
+    assert found.evaluation.flight_s == pytest.approx(expected.evaluation.flight_s, rel=0.01)
 
 
 def test_packs_cost_time_where_they_are_short() -> None:
