@@ -143,6 +143,8 @@ async def test_a_base_of_a_day_is_closed_and_opened_by_a_button() -> None:
             shown.scene = replace(scene, state=scene.state.put(shut))
             await expect(reopen).to_have_text("Open base north")
             await expect(close).to_be_hidden()
+            for starts in ("swap", "include"):
+                await expect(strip.locator(f"[data-action={starts}]")).to_be_hidden()
             await expect(page.locator(".strip").nth(1).locator("[data-base=close]")).to_have_text("Close base south")
     assert [(one.action.value, one.vehicle, one.base) for one in shown.asked] == [("close", None, "north")]
 

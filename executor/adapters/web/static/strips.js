@@ -18,6 +18,8 @@ const MAY = {
 const KEYS = { hold: "H", resume: "R", return: "B", land: "L", exclude: "X", include: "I", swap: "S", disarm: "D" };
 const ALL = ["swap", "include", "hold", "resume", "return", "land", "exclude", "disarm"];
 const OF_BASE = ["close", "open"];
+// Nobody takes off from a closed base.
+const STARTS = ["swap", "include"];
 const INTENT_S = 90;
 const OLD_S = 3;
 const LOSSY = 0.01;
@@ -143,7 +145,8 @@ export class Strips {
     if (state.finished || state.flight_s === null) return [];
     const may = MAY[vehicle.state] ?? [];
     if (vehicle.taken?.returned) return ["include", ...may];
-    return vehicle.excluded || vehicle.fault ? may.filter((one) => one !== "exclude") : may;
+    const not = [vehicle.excluded || vehicle.fault ? "exclude" : "", ...(vehicle.turn?.base_closed ? STARTS : [])];
+    return may.filter((one) => !not.includes(one));
   }
 
   battery(strip, vehicle) {
