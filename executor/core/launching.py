@@ -28,8 +28,9 @@ Stepped = tuple[FleetState, tuple[Command, ...]]
 
 RETRIES = 3
 """How often a start that failed is tried again."""
-START_WINDOW_S = 60.0
-"""So long after the crew's yes a start that failed is tried again: later somebody may stand at the pad."""
+START_WINDOW_S = 45.0
+"""So long after the crew's yes a start is begun: arming is tried for half a minute, and later somebody may stand at the
+pad."""
 HEARD_LATELY_S = 15.0
 """Who was heard so long ago when the crew said yes is there: what it said since waits where the question was asked."""
 
@@ -126,9 +127,8 @@ def started(context: Context, state: FleetState, event: StartEnded, now_s: float
         return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
     if not vehicle.armed and kill_switch_on(event.reason):
         return killswitch.left_alone(state, vehicle, now_s)
-    asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
     stopped = (vehicle.sortie.armed_once or event.armed) and not vehicle.armed
-    may = context.fly_again is FlyAgain.AUTO or (now_s - asked_s < START_WINDOW_S and not stopped)
+    may = context.fly_again is FlyAgain.AUTO or (_just_allowed(state, vehicle, now_s) and not stopped)
     may = may and event.code not in {Ending.MODE_CHANGED, Ending.STOOD_STILL} and vehicle.sortie.rebooted_s is None
     if vehicle.assignment.failures + 1 < RETRIES and may and _waits_on_its_pad(context, vehicle, event, now_s):
         vehicle = replace(
@@ -148,6 +148,12 @@ def started(context: Context, state: FleetState, event: StartEnded, now_s: float
         return declare(context, state, vehicle, Fault(FaultKind.LINK, why, now_s, FaultCode.NOT_STARTED))
     why += ", and it has disarmed" if stopped else ""
     return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
+
+
+def _just_allowed(state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether the crew's yes is of now: whoever looks after a vehicle that does not start may be at its pad."""
+    asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
+    return now_s - asked_s < START_WINDOW_S
 
 
 def starts_pursued(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -214,5 +220,8 @@ def started_again(context: Context, state: FleetState, vehicle: VehicleState, no
             orders=replace(vehicle.orders, ordered_mode_s=now_s),
         )
         return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
+    if not vehicle.armed and context.fly_again is not FlyAgain.AUTO and not _just_allowed(state, vehicle, now_s):
+        why = f"did not start within {START_WINDOW_S:.0f} s of the crew's clearance"
+        return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
     state, order = ordered(context, state, vehicle, now_s)
     return state, (order,)

@@ -103,4 +103,4 @@ def _then(
 
 def _left_meanwhile(context: Context, vehicle: VehicleState) -> bool:
     """Return whether a vehicle does not fly what is on board any more: a mix of two missions does no harm then."""
-    return vehicle.stage is Stage.RETURNING or homeward.comes_down(context, vehicle)
+    return vehicle.stage in {Stage.RETURNING, Stage.DOWN} or homeward.comes_down(context, vehicle)

@@ -17,7 +17,8 @@ from executor.runtime.flight import Flight
 
 LEAVE_AFTER_S = 5.0
 """Real seconds after the first Ctrl-C in which a second one still means 'send them home'."""
-LEFT = "supervision ends; the vehicles go on with what they do, unless a GCS failsafe that is set on them acts"
+STAYS = "the vehicles go on with what they do, unless a GCS failsafe that is set on them acts"
+LEFT = f"supervision ends; {STAYS}"
 
 
 class Interrupts:
@@ -89,7 +90,7 @@ class Interrupts:
     def _pressed(self, _: int) -> None:
         if self._flight.state.progress.launched_s is None:
             self._declined.set()
-        elif self._recalled:
+        elif self._recalled or self.left:
             self._leave()
         elif self._timer is None:
             text = f"{self._how}: the vehicles stay on their missions; {self._again} sends them home"
@@ -107,6 +108,8 @@ class Interrupts:
         return f"once more {within}" if self._how == "Ctrl-C" else f"Ctrl-C {within}"
 
     def _leave(self) -> None:
+        waits_for = self._flight.leave(at_once=self.left or self._recalled)
         self.left = True
-        self._console.say(Level.WARNING, LEFT)
-        self._flight.leave()
+        uploads = f"the upload to {' and '.join(waits_for)} has ended"
+        text = f"supervision ends once {uploads}, Ctrl-C ends it at once; {STAYS}" if waits_for else LEFT
+        self._console.say(Level.WARNING, text)

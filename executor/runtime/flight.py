@@ -75,6 +75,9 @@ class Flight:
         self._jobs: dict[str, asyncio.Task[None]] = {}
         self._whole: set[str] = set()
         """Vehicles whose present job is an upload."""
+        self._solving: set[asyncio.Task[None]] = set()
+        self._leaves = False
+        """Nothing new is begun: only what would leave a mixture of two missions on board is brought to its end."""
         self._tasks: asyncio.TaskGroup | None = None
         self._over = asyncio.Event()
         self._mistakes: set[str] = set()
@@ -148,7 +151,7 @@ class Flight:
                         self.apply(events.LaunchOrdered())
                     await self._over.wait()
                     tick.cancel()
-                    for job in self._jobs.values():
+                    for job in (*self._jobs.values(), *self._solving):
                         job.cancel()
         finally:
             self._tasks = None
@@ -177,9 +180,34 @@ class Flight:
     async def _reunion(self, patience_real_s: float) -> events.Resumed:
         return await reunion.asked(self.context, lambda: self.state, self._links, self._clock, patience_real_s)
 
-    def leave(self) -> None:
-        """Stop supervising; the vehicles keep their missions."""
-        self._over.set()
+    def leave(self, *, at_once: bool = False) -> tuple[str, ...]:
+        """Stop supervising; the vehicles keep their missions, and nobody is given another one.
+
+        An upload that would leave a mixture of two missions on board is brought to its end first, and looked after
+        until then; returns whose.
+
+        Args:
+            at_once: Whether not even that is waited for.
+        """
+        self._leaves = True
+        for task in self._solving:
+            task.cancel()
+        waits_for = () if at_once else self._mixed()
+        if not waits_for:
+            self._over.set()
+        return waits_for
+
+    def _mixed(self) -> tuple[str, ...]:
+        """Return who is being given a mission on an autopilot that takes it item by item into the one on board."""
+        return tuple(
+            name
+            for name in sorted(self._whole)
+            if not self._jobs[name].done() and not self.context.vehicles[name].dialect.upload_is_atomic
+        )
+
+    def _job_ended(self, _: asyncio.Task[None]) -> None:
+        if self._leaves and not self._mixed():
+            self._over.set()
 
     def _listener(self, name: str) -> Callable[[Message], None]:
         def heard(message: Message) -> None:
@@ -196,6 +224,8 @@ class Flight:
 
     def _carry_out(self, command: Command, now_s: float) -> None:  # noqa: C901, PLR0912 - one case for each command
         failed: Failed
+        if self._leaves and isinstance(command, commands.Upload | commands.Start | commands.Solve):
+            return  # nobody would be there to look after what it begins
         match command:
             case commands.Say():
                 self._observer.said(command, now_s)
@@ -231,10 +261,11 @@ class Flight:
                 asyncio.get_running_loop().call_soon(self.apply, planned)
             case commands.Solve():
                 nothing = partial(events.SolveEnded, command.revision, None, (), 0.0)
-                self._spawn(
-                    self._ended("the solver", partial(self._solver.solve, command, self.context.pricing), nothing),
-                    "solver",
-                )
+                solve = partial(self._solver.solve, command, self.context.pricing)
+                task = self._spawn(self._ended("the solver", solve, nothing), "solver")
+                if task is not None:
+                    self._solving.add(task)
+                    task.add_done_callback(self._solving.discard)
             case commands.Compose(revision):
                 asyncio.get_running_loop().call_soon(self.apply, events.MissionsWanted(revision))
             case commands.CancelSolve(revision):
@@ -267,6 +298,7 @@ class Flight:
             self._whole.discard(vehicle)
             if whole:
                 self._whole.add(vehicle)
+            task.add_done_callback(self._job_ended)
 
     def _aside(self, vehicle: str, work: Coroutine[None, None, None]) -> None:
         """Ask a vehicle something, unless it is being told something: that can wait, and is asked again."""

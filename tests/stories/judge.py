@@ -44,6 +44,8 @@ SHOWN_S = 4.0
 STOPPED_S = 1.0
 """So long who is stopped a hand's breadth over the ground may be said to have landed before it lies there."""
 ANNOUNCED_S = 30.0
+AWAKE_S = 2.0
+"""A ground station that stood still, or was not there, says within this what it finds."""
 GIVEN_S = 240.0
 """Segments that are given to others go on board of somebody within this."""
 HARMLESS = frozenset({"401", "410", "510", "511", "512", "520", "42428"})
@@ -541,12 +543,13 @@ class Judge:
                 if one.what == "wreck" and not self.armed(name, one.t_s):
                     continue  # knocked over where it stands; where that is was told when it disarmed
                 known_s = self._known_s(name, one.t_s)
-                if known_s + ANNOUNCED_S > self.end_s or self._silent(name, known_s + 2.0, 0.0):
+                by_s = self._known_s(name, known_s + ANNOUNCED_S) + AWAKE_S
+                if by_s > self.end_s or self._silent(name, known_s + 2.0, 0.0):
                     continue
                 told = [
                     line.text
                     for at_s, line in self.flown.said
-                    if one.t_s - 5.0 <= at_s <= known_s + ANNOUNCED_S
+                    if one.t_s - 5.0 <= at_s <= by_s
                     and line.level is not Level.INFO
                     and name in line.text
                     and COORDINATES.search(line.text)

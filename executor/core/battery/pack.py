@@ -151,6 +151,19 @@ def standing(
     return Standing(cell_v, claimed_pct, held_pct, short_v, times, likely, in_flight=True)
 
 
+def doubted_at_rest(rest_v: float, cells: int, facts: PackFacts, claimed_pct: float) -> bool:
+    """Return whether a pack that rested held less than it reported, as `Standing.doubtful` has it.
+
+    Args:
+        rest_v: Of the whole pack.
+        cells: In series.
+        facts: What is said of it.
+        claimed_pct: What it reported then.
+    """
+    cell_v = rest_v / cells
+    return Standing(cell_v, claimed_pct, *_stands(cell_v, claimed_pct, facts.chemistry, 0.0)).doubtful
+
+
 def _stands(cell_v: float, claimed_pct: float, chemistry: Chemistry | None, sure_v: float) -> tuple[float, float]:
     """Return what a pack holds by its voltage, and how far a cell lies below what the percentage allows."""
     short_v = resting.rest_cell_v(claimed_pct, chemistry) - cell_v - sure_v

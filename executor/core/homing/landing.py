@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from executor.core import leg_times, sorties
+from executor.core.battery import account
+from executor.core.battery.pack import doubted_at_rest
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Context, FlyAgain
+from executor.core.hearing.charge import facts_of
 from executor.core.places import UNSEEN_S, fell, last_heard, over_its_pad, place_words, sank
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState, moved_to
@@ -80,11 +83,23 @@ def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now
             )
     if not vehicle.sortie.took_off:
         return state, (Say(Level.INFO, f"{vehicle.name}: is disarmed, and was not heard in the air"),)
-    battery = vehicle.power.battery
-    known = battery.remaining_pct is not None and now_s - battery.reported_s <= context.limits.battery_stale_s
-    left = f" with {battery.remaining_pct:.0f} %" if known else ""
+    left = _left_in_its_pack(context, vehicle, now_s)
     if vehicle.sortie.rebooted_s is not None and over_its_pad(context, vehicle):
         text = f"{vehicle.name}: is disarmed on its pad{left}; its autopilot has rebooted"
         return state, (Say(Level.INFO, text),)
     place = "" if over_its_pad(context, vehicle) else f" away from its pad, {place_words(context, vehicle)}"
     return state, (Say(Level.INFO if not place else Level.FAULT, f"{vehicle.name}: landed{left}{place}"),)
+
+
+def _left_in_its_pack(context: Context, vehicle: VehicleState, now_s: float) -> str:
+    """Return what its pack holds, or what it reports where its voltage before the take-off told otherwise."""
+    battery = vehicle.power.battery
+    if battery.remaining_pct is None or now_s - battery.reported_s > context.limits.battery_stale_s:
+        return ""
+    last = vehicle.turn.sorties[-1] if vehicle.turn.sorties else None
+    blind = context.vehicles[vehicle.name].dialect.rounds_twice and account.is_blind(battery)
+    if last is None or last.rest_v is None or last.began_pct is None or blind:  # blind: read off that very voltage
+        return f" with {battery.remaining_pct:.0f} %"
+    if not doubted_at_rest(last.rest_v, vehicle.power.volts.cells, facts_of(context, vehicle), last.began_pct):
+        return f" with {battery.remaining_pct:.0f} %"
+    return f", reports {battery.remaining_pct:.0f} %, which its voltage before its take-off contradicted"

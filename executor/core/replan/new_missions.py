@@ -117,9 +117,9 @@ def may_be_given(context: Context, vehicle: VehicleState, *, mixed: bool) -> boo
         vehicle: Who is given it.
         mixed: Whether a part of it is on board: then it is better whole, also with its pilot.
     """
-    if vehicle.stage is Stage.RETURNING or comes_down(context, vehicle):
-        return False  # it is left to its way home, and to its landing
-    return mixed or (not vehicle.orders.excluded and vehicle.stage not in {Stage.PILOT, Stage.DOWN, Stage.LOST})
+    if vehicle.stage in {Stage.RETURNING, Stage.DOWN} or comes_down(context, vehicle):
+        return False  # it is left to its way home, and to its landing; who lies somewhere flies none
+    return mixed or (not vehicle.orders.excluded and vehicle.stage not in {Stage.PILOT, Stage.LOST})
 
 
 def _new_mission(

@@ -15,7 +15,7 @@ from executor.core.custody.causes import held_unseen
 from executor.core.homing.homeward import on_mission
 from executor.core.messages import Actor
 from executor.core.parts import Cause, TakenOver
-from executor.core.places import over_its_pad, place_words
+from executor.core.places import last_heard, over_its_pad, place_words
 from executor.core.replan import new_missions
 from executor.core.roster.withdraw import withdrawn
 from executor.core.state import FleetState
@@ -130,7 +130,7 @@ def _given_away(context: Context, state: FleetState, vehicle: VehicleState, hold
 
 def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
     fix = vehicle.motion.fix
-    fell = fix is not None and fix.alt_rel_m > context.limits.off_pad_up_m and over_its_pad(context, vehicle)
+    fell = fix is not None and fix.alt_rel_m > context.limits.off_pad_up_m
     place = "" if over_its_pad(context, vehicle) and not fell else f", {place_words(context, vehicle)}"
     stage = Stage.DOWN if place else Stage.LANDED
     vehicle = vehicle if place else sorties.sortie_ended(vehicle, vehicle.link.heard_s or 0.0)
@@ -140,10 +140,13 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepp
             custody=replace(vehicle.custody, taken=None),
             orders=replace(vehicle.orders, excluded=True),
             assignment=replace(vehicle.assignment, run=None),
-            sortie=replace(vehicle.sortie, place_told=bool(place)),
+            sortie=replace(vehicle.sortie, place_told=bool(place) and not fell),
         )
     )
     text = f"{vehicle.name}: is on the ground, landed or disarmed by its pilot{place}"
+    if fell:
+        # A landing on a hill, or motors that were stopped in the air: the position of that moment does not tell.
+        text = f"{vehicle.name}: disarmed with its pilot; {last_heard(context, vehicle)}"
     if not place and not vehicle.sortie.took_off:
         text = f"{vehicle.name}: disarmed by its pilot on its pad; it stays there until it is included"
     elif not place and vehicle.sortie.rebooted_s is not None:

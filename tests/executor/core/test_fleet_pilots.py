@@ -230,10 +230,10 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: is on the ground, landed or disarmed by its pilot, down at 49.600138, 15.599467, disarmed"),
+                "uav1: disarmed with its pilot; last position 49.600138, 15.599467, 5 m over its home",
             )
         ],
-        {"uav1": {"stage": Stage.DOWN, "excluded": True, "taken": None, "place_told": True}},
+        {"uav1": {"stage": Stage.DOWN, "excluded": True, "taken": None}},
         {"urgent": True, "trigger": "uav1: landed by its pilot", "trigger_s": NOW_S},
     ),
     Row(

@@ -323,7 +323,7 @@ ROWS = [
         [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
         {"uav1": {"ordered_mode_s": NOW_S, "failures": 1}},
         {},
-        {"launched_s": NOW_S - 59.9},
+        {"launched_s": NOW_S - 44.9},
         context=CREW,
     ),
     Row(
@@ -340,12 +340,12 @@ ROWS = [
             }
         },
         {"urgent": True, "trigger": "uav1: interruption, did not start: arm: denied", "trigger_s": NOW_S},
-        {"launched_s": NOW_S - 60.0},
+        {"launched_s": NOW_S - 45.0},
         context=CREW,
     ),
     Row(
         "a crew's later yes for one vehicle counts",
-        with_facts(STARTS, cleared_s=NOW_S - 59.9),
+        with_facts(STARTS, cleared_s=NOW_S - 44.9),
         ended(),
         [Say(Level.WARNING, "uav1: did not start (arm: denied); trying again"), Start("uav1")],
         {"uav1": {"ordered_mode_s": NOW_S, "failures": 1}},

@@ -8,7 +8,7 @@ import pytest
 
 from executor.core.commands import Command, Level, Say, Start
 from executor.core.events import StartEnded
-from executor.core.launching import sent_up, started, starts_pursued
+from executor.core.launching import sent_up, started, started_again, starts_pursued
 from executor.core.state import FleetState
 from executor.core.vehicle import FaultCode, Stage, VehicleState
 from tests.executor.builders import with_facts
@@ -119,3 +119,13 @@ def test_who_is_not_starting_any_more_owes_nothing() -> None:
     assert commands == ()
     assert state.vehicles["uav1"].orders.start_owed_s is None
     assert state.vehicles["uav1"].fault is None
+
+
+@pytest.mark.parametrize(("after_s", "starts"), [(44.9, True), (45.0, False)])
+def test_a_start_that_an_upload_broke_off_goes_on_while_the_crews_yes_is_of_now(after_s: float, starts: bool) -> None:
+    flight = flight_of(STARTS, launched_s=NOW_S - after_s)
+    state, commands = started_again(CREW, flight, flight.vehicles["uav1"], NOW_S)
+    assert (Start("uav1") in commands) is starts
+    fault = state.vehicles["uav1"].fault
+    assert (fault is None) is starts
+    assert starts or (fault is not None and fault.reason == "did not start within 45 s of the crew's clearance")

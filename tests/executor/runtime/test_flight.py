@@ -186,6 +186,42 @@ async def test_who_leaves_leaves_the_vehicles_on_their_missions() -> None:
         assert all(flyer.armed and flyer.mode == flyer.dialect.modes.mission for flyer in sky.flyers.values())
 
 
+async def test_who_leaves_while_the_solver_works_gives_nobody_another_mission() -> None:
+    async with flying(fleet_of()) as (sky, task):
+        sky.solver = sky.flight._solver = FakeSolver(takes_s=30.0)
+        await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
+        sky.links["uav2"].cut = True
+        await sky.until(lambda: bool(sky.solver.asked))
+        counts = {name: len(link.of_kind(SendMissionCount)) for name, link in sky.links.items()}
+        assert sky.flight.leave() == ()
+        async with asyncio.timeout(5):
+            await task
+        assert {name: len(link.of_kind(SendMissionCount)) for name, link in sky.links.items()} == counts
+
+
+async def test_who_leaves_during_an_upload_leaves_no_mixture_on_board() -> None:
+    async with flying(fleet_of(autopilot="ardupilot")) as (sky, task):
+        await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
+        sky.links["uav2"].cut = True
+        await sky.until(lambda: any(vehicle.assignment.pending for vehicle in sky.state.vehicles.values()))
+        waits_for = sky.flight.leave()
+        assert waits_for
+        async with asyncio.timeout(60):
+            await task
+        assert all(sky.state.vehicles[name].assignment.pending is None for name in waits_for)
+        assert not any(sky.state.vehicles[name].fault for name in waits_for)
+
+
+async def test_who_leaves_at_once_waits_for_nobody() -> None:
+    async with flying(fleet_of(autopilot="ardupilot")) as (sky, task):
+        await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
+        sky.links["uav2"].cut = True
+        await sky.until(lambda: any(vehicle.assignment.pending for vehicle in sky.state.vehicles.values()))
+        assert sky.flight.leave(at_once=True) == ()
+        async with asyncio.timeout(0.1):
+            await task
+
+
 async def test_a_fault_while_the_solver_works_cancels_it() -> None:
     async with flying(fleet_of({**THREE, "uav4": (12, 14)}, pylons=9)) as (sky, _):
         sky.solver = sky.flight._solver = FakeSolver(takes_s=30.0)

@@ -137,6 +137,7 @@ def test_an_upload_is_begun_again_while_its_vehicle_flies_its_mission(mixed: boo
     assert new_missions.may_be_given(flight.context, flying, mixed=mixed)
     assert new_missions.may_be_given(flight.context, replace(flying, stage=Stage.PILOT), mixed=mixed) is mixed
     assert not new_missions.may_be_given(flight.context, replace(flying, stage=Stage.RETURNING), mixed=mixed)
+    assert not new_missions.may_be_given(flight.context, replace(flying, stage=Stage.DOWN), mixed=mixed)
     excluded = with_facts(flying, stage=Stage.GROUND, excluded=True)
     assert new_missions.may_be_given(flight.context, excluded, mixed=False) is False
 
