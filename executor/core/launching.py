@@ -151,7 +151,7 @@ def started(context: Context, state: FleetState, event: StartEnded, now_s: float
 
 
 def _just_allowed(state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether the crew's yes is of now: whoever looks after a vehicle that does not start may be at its pad."""
+    """Return whether the crew's yes is of now: later somebody may be at the pad of a vehicle that does not start."""
     asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
     return now_s - asked_s < START_WINDOW_S
 

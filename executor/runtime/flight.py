@@ -77,7 +77,7 @@ class Flight:
         """Vehicles whose present job is an upload."""
         self._solving: set[asyncio.Task[None]] = set()
         self._leaves = False
-        """Nothing new is begun: only what would leave a mixture of two missions on board is brought to its end."""
+        """Nothing new is begun: only what would leave a part of a new mission on board is brought to its end."""
         self._tasks: asyncio.TaskGroup | None = None
         self._over = asyncio.Event()
         self._mistakes: set[str] = set()
@@ -183,7 +183,7 @@ class Flight:
     def leave(self, *, at_once: bool = False) -> tuple[str, ...]:
         """Stop supervising; the vehicles keep their missions, and nobody is given another one.
 
-        An upload that would leave a mixture of two missions on board is brought to its end first, and looked after
+        An upload that would leave a part of a new mission on board is brought to its end first, and looked after
         until then; returns whose.
 
         Args:
