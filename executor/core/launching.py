@@ -29,8 +29,8 @@ Stepped = tuple[FleetState, tuple[Command, ...]]
 RETRIES = 3
 """How often a start that failed is tried again."""
 START_WINDOW_S = 45.0
-"""So long after the crew's yes a start is begun: arming is tried for half a minute, and later somebody may stand at the
-pad."""
+"""So long after the crew's yes a start is begun again: each tries to arm for half a minute, and later somebody may be
+at the pad."""
 HEARD_LATELY_S = 15.0
 """Who was heard so long ago when the crew said yes is there: what it said since waits where the question was asked."""
 

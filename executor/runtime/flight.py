@@ -224,7 +224,7 @@ class Flight:
 
     def _carry_out(self, command: Command, now_s: float) -> None:  # noqa: C901, PLR0912 - one case for each command
         failed: Failed
-        if self._leaves and isinstance(command, commands.Upload | commands.Start | commands.Solve):
+        if self._leaves and isinstance(command, commands.Solve | commands.Compose | commands.Upload | commands.Start):
             return  # nobody would be there to look after what it begins
         match command:
             case commands.Say():
