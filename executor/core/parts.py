@@ -210,6 +210,8 @@ class Telemetry:
     mode_since_s: float = 0.0
     mode_before_s: float | None = None
     """When a HEARTBEAT showed the mode before last: it changed between the two. None where there was no other."""
+    mode_before: int | None = None
+    """That mode."""
     doubted: tuple[Heartbeat, float] | None = None
     """A HEARTBEAT that said that it is disarmed where it flies, and when: believed if the next one says the same."""
     item: tuple[int, int | None] | None = None

@@ -279,7 +279,7 @@ HOLDS_ON_S = 5.0
 REACTS_S = 30.0
 """PX4 holds before it returns, and reports the change of mode a second later."""
 AT_ONCE_S = 5.0
-"""ArduPilot does not hold: what it does because we were away it has done when it hears us again."""
+"""What it does because we were away it has done, or begun with a hold, when it hears us again."""
 BEAT_S = 1.0
 """Our last heartbeat was sent up to a second before we stopped."""
 
@@ -293,9 +293,11 @@ def missed_us(context: Scene, absences: Sequence[Absence], vehicle: VehicleState
     if failsafe_s is None and away.deaf and _unseen(vehicle):
         failsafe_s = BEAT_S  # it did not say whether it has one, and it has
     began_s = away.until_s - away.pause_s
-    holds = context.vehicles[vehicle.name].dialect.ground_station_failsafe.pause is not None
-    if not holds and not _unseen(vehicle) and vehicle.telemetry.mode_since_s - away.until_s > AT_ONCE_S:
-        return False  # it was heard on its mission since, and what does not hold first would have acted
+    dialect, mode_before = context.vehicles[vehicle.name].dialect, vehicle.telemetry.mode_before
+    holds = dialect.ground_station_failsafe.pause is not None
+    straight = not holds or (mode_before is not None and is_mission_mode(dialect, mode_before))
+    if straight and not _unseen(vehicle) and vehicle.telemetry.mode_since_s - away.until_s > AT_ONCE_S:
+        return False  # it was heard on its mission since: its failsafe would have acted, or held it first
     acted = failsafe_s is not None and away.pause_s >= failsafe_s - BEAT_S
     return acted and vehicle.telemetry.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S
 

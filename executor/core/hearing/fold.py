@@ -148,9 +148,9 @@ def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbe
             return state.after(link)
     other = old.heartbeat is None or old.heartbeat.custom_mode != message.custom_mode
     since = now_s if other else old.mode_since_s
-    before_s = old.mode_before_s
-    if other and state.link.heartbeat_s is not None:
-        before_s = state.link.heartbeat_s
+    before, before_s = old.mode_before, old.mode_before_s
+    if other and old.heartbeat is not None and state.link.heartbeat_s is not None:
+        before, before_s = old.heartbeat.custom_mode, state.link.heartbeat_s
     armed_once = sortie.armed_once or message.armed
     disarmed_s = now_s if state.armed and not message.armed else sortie.disarmed_s
     unseen_s, from_s = custody.unseen_until_s, custody.unseen_from_boot_s
@@ -162,7 +162,14 @@ def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbe
         flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
     after = state.after(
         replace(link, heartbeat_s=now_s),
-        telemetry=replace(old, heartbeat=message, mode_since_s=since, mode_before_s=before_s, doubted=None),
+        telemetry=replace(
+            old,
+            heartbeat=message,
+            mode_since_s=since,
+            mode_before_s=before_s,
+            mode_before=before,
+            doubted=None,
+        ),
         sortie=replace(sortie, armed_once=armed_once, flew_mission=flew, disarmed_s=disarmed_s),
         custody=replace(custody, unseen_until_s=unseen_s, unseen_from_boot_s=from_s, beat_boot_s=boot_s),
     )

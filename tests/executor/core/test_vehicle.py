@@ -31,6 +31,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "heartbeat": None,
             "mode_since_s": 0.0,
             "mode_before_s": None,
+            "mode_before": None,
             "ordered_mode_s": -math.inf,
             "armed_once": False,
             "disarmed_s": -math.inf,

@@ -230,6 +230,20 @@ def test_who_did_not_say_whether_it_has_a_failsafe_and_came_out_of_a_silence_has
     assert not missed_us(unknown, (deaf,), went(RTL), NOW_S)
 
 
+def test_who_was_heard_on_its_mission_when_we_were_back_did_not_miss_us() -> None:
+    """Its failsafe holds it first, and that is a mode of its own: who leaves the mission for good later was taken."""
+    away, px4 = (Absence(NOW_S - 13.0, 58.0, restarted=False),), with_failsafe("px4")
+    modes = px4.vehicles["uav1"].dialect.modes
+    on_mission, held = modes.mission.custom_mode, modes.hold.custom_mode
+    landing = modes.land.custom_mode
+    assert missed_us(px4, away, went(landing, mode_before=held), NOW_S)
+    assert not missed_us(px4, away, went(landing, mode_before=on_mission), NOW_S)
+    assert missed_us(px4, away, went(landing, mode_before=on_mission, mode_since_s=NOW_S - 8.0), NOW_S)
+    assert not missed_us(px4, away, went(landing, mode_before=on_mission, mode_since_s=NOW_S - 7.9), NOW_S)
+    silent_till_now = went(landing, mode_before=on_mission, unseen_until_s=NOW_S)
+    assert missed_us(px4, away, silent_till_now, NOW_S), "nobody heard it in its hold"
+
+
 SINCE_S = NOW_S - 60.0
 
 

@@ -148,6 +148,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     "heartbeat": beat(RTL),
                     "mode_since_s": NOW_S,
                     "mode_before_s": NOW_S,
+                    "mode_before": 3,
                     "regained_s": NOW_S,
                     "unseen_until_s": NOW_S,
                     "beat_boot_s": NOW_S,

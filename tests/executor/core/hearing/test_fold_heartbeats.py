@@ -24,7 +24,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a HEARTBEAT of another mode",
         lambda: folded(flying(), beat(HOLD)),
-        ({"heartbeat": beat(HOLD), "mode_since_s": NOW_S, "mode_before_s": NOW_S, "beat_boot_s": NOW_S},),
+        (
+            {
+                "heartbeat": beat(HOLD),
+                "mode_since_s": NOW_S,
+                "mode_before_s": NOW_S,
+                "mode_before": 3,
+                "beat_boot_s": NOW_S,
+            },
+        ),
     ),
     (
         "the first HEARTBEAT",
