@@ -29,6 +29,18 @@ PLANE = Hills(hill_m=0.0, slope=(0.1, 0.2))
 WINDOW = Window(80.0, 65.0, 325.0, BreakingLoss("uav2", 10.0, 65.0))
 
 
+UNFITTED = re.compile(rf"^{FRAME.lat_deg:.6f}, {FRAME.lon_deg:.6f}")
+"""The middle of a map that has not been given its network yet."""
+
+
+def _on_the_plane(told: str) -> float:
+    """Return how far east a place is that was told with the height that it has."""
+    lat_deg, lon_deg, height_m = map(float, re.findall(r"\d+\.\d{6}|\d+(?= m)", told))
+    east_m, north_m = FRAME.to_local_m(lat_deg, lon_deg)
+    assert height_m == pytest.approx(430.0 + 0.1 * east_m + 0.2 * north_m, abs=1.1)
+    return east_m
+
+
 async def test_a_place_under_the_pointer_is_told_with_the_height_of_its_ground() -> None:
     """On a plane that rises to the north-east every height is known by hand."""
     ground = ground_about(np.array(PLACES_M), photo=False, hills=PLANE)
@@ -41,10 +53,14 @@ async def test_a_place_under_the_pointer_is_told_with_the_height_of_its_ground()
             await page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
             told = page.locator("#pointed")
             await expect(told).to_have_text(re.compile(r"^49\.\d{6}, 15\.\d{6} · ground \d+ m$"))
-            lat_deg, lon_deg, height_m = map(float, re.findall(r"\d+\.\d{6}|\d+(?= m)", await told.inner_text()))
-            east_m, north_m = FRAME.to_local_m(lat_deg, lon_deg)
+            await expect(told).not_to_have_text(UNFITTED)
+            east_m = _on_the_plane(await told.inner_text())
             assert 90.0 < east_m < 600.0  # the middle of what is fitted into the map
-            assert height_m == pytest.approx(430.0 + 0.1 * east_m + 0.2 * north_m, abs=1.1)
+            for key, moved in (("ArrowLeft", -1), ("ArrowRight", 1)):
+                before = await told.inner_text()
+                await page.keyboard.press(key)
+                await expect(told).not_to_have_text(before)  # the map moves under a pointer that rests
+                assert (_on_the_plane(await told.inner_text()) - _on_the_plane(before)) * moved > 0.0
             await page.mouse.move(box["x"] + box["width"] + 60, box["y"] + 5)
             await expect(told).to_have_text("")
 

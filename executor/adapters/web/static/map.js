@@ -29,6 +29,8 @@ export class Chart {
     this.fitted = true;
     this.due = false;
     this.pointers = new Map();
+    // The pixel that a mouse rests on: the map moves under it.
+    this.rests = null;
     new ResizeObserver(() => this.resize()).observe(canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.later());
     this.listen();
@@ -115,6 +117,7 @@ export class Chart {
     requestAnimationFrame(() => {
       this.due = false;
       this.draw();
+      if (this.rests) this.pointed(this.metres(this.rests));
     });
   }
 
@@ -128,13 +131,17 @@ export class Chart {
       this.canvas.setPointerCapture(event.pointerId);
       this.pointers.set(event.pointerId, at(event));
       this.pressed = at(event);
+      this.rests = event.pointerType === "mouse" ? this.pressed : null;
       this.pointed(this.metres(this.pressed));
     });
     this.canvas.addEventListener("pointerleave", (event) => {
       // A finger that was lifted has still asked for a place.
-      if (event.pointerType === "mouse") this.pointed(null);
+      if (event.pointerType !== "mouse") return;
+      this.rests = null;
+      this.pointed(null);
     });
     this.canvas.addEventListener("pointermove", (event) => {
+      this.rests = event.pointerType === "mouse" ? at(event) : null;
       this.pointed(this.metres(at(event)));
       const before = this.pointers.get(event.pointerId);
       if (!before) return;
