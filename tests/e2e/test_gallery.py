@@ -85,6 +85,21 @@ async def test_what_asks_twice_is_not_done_by_enter_alone(name: str, key: str, a
     assert len({one.id for one in shown.asked}) == 3
 
 
+async def test_what_was_said_yes_to_is_asked_once_however_late_the_dialog_says_that_it_closed() -> None:
+    """Two close events that a busy computer delivers late are two of the last question, not one of each."""
+    shown = Shown(scene_of("flying"))
+    with shown.serving() as address:
+        async with browsing(address) as page:
+            await expect(page.locator(".strip")).to_have_count(3)
+            for key, answer in (("h", "Hold uav2"), ("b", "Bring back uav2")):
+                await page.keyboard.press("2")
+                await page.keyboard.press(key)
+                await page.keyboard.press("Enter")
+                await page.locator("#ask").dispatch_event("close")
+                await expect(page.locator("#answer")).to_contain_text(f"{answer}: accepted")
+    assert [one.action for one in shown.asked] == [Action.HOLD, Action.RETURN]
+
+
 async def test_a_page_that_is_behind_says_so_by_the_flights_own_time() -> None:
     with Shown(scene_of("flying")).serving() as address:
         async with Line.to(address) as line, browsing(line.address) as page:

@@ -73,10 +73,10 @@ export class Intents {
     const packed = wish.action === "swap" && !again;
     byId("packed").hidden = !packed;
     if (packed) byId("pack").value = "";
-    dialog.returnValue = "no";
-    dialog.onclose = () => {
+    // Not when it is closed: that event comes later, and may find another question in the dialog.
+    dialog.querySelector("form").onsubmit = (event) => {
       const pack = packed ? byId("pack").value.trim() : wish.pack;
-      if (dialog.returnValue === "yes") this.send({ ...wish, pack });
+      if (event.submitter === yes) this.send({ ...wish, pack });
     };
     dialog.showModal();
     // A second question is read before it is answered: Enter alone means no.
