@@ -205,6 +205,8 @@ def _beat(context: Context, state: FleetState, before: VehicleState, now_s: floa
     commands: tuple[Command, ...] = ()
     if vehicle.custody.cause is Cause.PERSON and before.custody.cause is not Cause.PERSON:
         commands = (HandsOff(vehicle.name),)  # whether it is certain or not: nothing more is said to it
+        if vehicle.stage is Stage.STARTING:
+            state = state.put(replace(vehicle, orders=replace(vehicle.orders, start_let_go=True)))
     if before.stage is Stage.LOST:
         state, more = _came_back(context, state, vehicle, now_s)
         return state, (*commands, *more)
@@ -346,6 +348,8 @@ def _decided(
         return _down(context, state, vehicle, why, now_s)
     if vehicle.stage is Stage.PILOT:
         return takeover.attended(context, state, vehicle, now_s)
+    if vehicle.stage is Stage.STARTING and vehicle.orders.start_let_go:
+        return launching.let_go(context, state, vehicle, now_s)
     if has_landed(vehicle):
         return _landed(context, state, vehicle, now_s)
     return homeward.pursued(context, state, name, now_s)

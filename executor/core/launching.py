@@ -12,7 +12,7 @@ from executor.core.context import Context, FlyAgain
 from executor.core.endings import Ending
 from executor.core.events import StartEnded
 from executor.core.hearing.fold import FELL_BACK_S
-from executor.core.homing.homeward import comes_home
+from executor.core.homing.homeward import comes_home, on_mission
 from executor.core.parts import Cause
 from executor.core.places import kill_switch_on
 from executor.core.replan.wording import listed
@@ -82,7 +82,13 @@ def ordered(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
     vehicle = moved_to(sorties.begun(state, vehicle, now_s), Stage.STARTING)
     vehicle = replace(
         vehicle,
-        orders=replace(vehicle.orders, ordered_mode_s=now_s, errand=None, ordered_modes=frozenset(modes_on_the_way)),
+        orders=replace(
+            vehicle.orders,
+            ordered_mode_s=now_s,
+            errand=None,
+            ordered_modes=frozenset(modes_on_the_way),
+            start_let_go=False,
+        ),
         assignment=replace(
             vehicle.assignment, waypoint=0, run=None, owed=None, carried=Carried(ours_s=now_s), leg_began=None
         ),
@@ -150,6 +156,26 @@ def started(context: Context, state: FleetState, event: StartEnded, now_s: float
     return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
 
 
+def let_go(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Take up what became of a start that was let go when somebody changed its vehicle's mode, and did not keep it."""
+    if not vehicle.armed:
+        why = "did not start: its mode was changed, not from here, and it has disarmed"
+        return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
+    if not vehicle.sortie.took_off or vehicle.custody.cause is not Cause.OURS or not on_mission(context, vehicle):
+        return state, ()  # its mode is looked at, and on the ground it disarms by itself
+    return _flies(state, vehicle, now_s)
+
+
+def _flies(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Take a vehicle to fly its mission that was seen to have taken off."""
+    vehicle = replace(
+        moved_to(vehicle, Stage.FLYING),
+        assignment=replace(vehicle.assignment, failures=0),
+        orders=replace(vehicle.orders, ordered_mode_s=now_s),
+    )
+    return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
+
+
 def _just_allowed(state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether the crew's yes is of now: later somebody may be at the pad of a vehicle that does not start."""
     asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
@@ -214,12 +240,7 @@ def _waits_on_its_pad(context: Context, vehicle: VehicleState, event: StartEnded
 def started_again(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Go on with a start that an upload broke off: whatever is being said to a vehicle gives way to an upload."""
     if vehicle.sortie.took_off:
-        vehicle = replace(
-            moved_to(vehicle, Stage.FLYING),
-            assignment=replace(vehicle.assignment, failures=0),
-            orders=replace(vehicle.orders, ordered_mode_s=now_s),
-        )
-        return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
+        return _flies(state, vehicle, now_s)
     if not vehicle.armed and context.fly_again is not FlyAgain.AUTO and not _just_allowed(state, vehicle, now_s):
         why = f"did not start within {START_WINDOW_S:.0f} s of the crew's clearance"
         return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))

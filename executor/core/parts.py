@@ -344,6 +344,8 @@ class Orders:
     """When the crew said that it may take off again; None if it did not, or it has."""
     start_owed_s: float | None = None
     """When its start failed while it said no position: it is tried again once it says where it is."""
+    start_let_go: bool = False
+    """Whether its start was let go because somebody changed its mode: nothing pursues it, and it ends unheard."""
     streams_asked_s: float = float("-inf")
     """When it was asked last to send again what does not come."""
 

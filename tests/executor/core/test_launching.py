@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.commands import Command, Level, Say, Start
-from executor.core.events import StartEnded
+from executor.core import fleet
+from executor.core.commands import Command, HandsOff, Level, Say, Start
+from executor.core.events import Event, Heard, StartEnded, Tick
 from executor.core.launching import sent_up, started, started_again, starts_pursued
 from executor.core.state import FleetState
 from executor.core.vehicle import FaultCode, Stage, VehicleState
 from tests.executor.builders import with_facts
-from tests.executor.core.steps import CREW, LOW, flight_of
-from tests.executor.core.vehicles import DISARMED, NOW_S, flying
+from tests.executor.core.steps import CREW, LOW, beat, flight_of, over_pad
+from tests.executor.core.vehicles import AUTO, DISARMED, NOW_S, flying
 
 STARTS = flying(
     stage=Stage.STARTING, heartbeat=DISARMED, took_off=False, armed_once=False, waypoint=0, anchor=None, fix=LOW
@@ -129,3 +130,49 @@ def test_a_start_that_an_upload_broke_off_goes_on_while_the_crews_yes_is_of_now(
     fault = state.vehicles["uav1"].fault
     assert (fault is None) is starts
     assert starts or (fault is not None and fault.reason == "did not start within 45 s of the crew's clearance")
+
+
+LOITER = 5
+CLIMBS = over_pad(8.0, climbs_m_s=1.0)
+
+
+def gone_through(events: list[tuple[float, Event]], **facts: object) -> tuple[VehicleState, list[Command]]:
+    """Return what becomes of a vehicle that is armed, in mission mode and starting; with what was commanded."""
+    vehicle = with_facts(STARTS, heartbeat=beat(AUTO), armed_once=True, heard_s=NOW_S, heartbeat_s=NOW_S, **facts)
+    state, said = flight_of(vehicle, launched_s=NOW_S - 3.0), list[Command]()
+    for after_s, event in events:
+        state, commands = fleet.step(CREW, state, event, NOW_S + after_s)
+        said.extend(commands)
+    return state.vehicles["uav1"], said
+
+
+def heard(mode: int, *, armed: bool = True) -> Heard:
+    return Heard("uav1", beat(mode, armed=armed))
+
+
+def test_a_start_that_somebody_broke_off_by_mode_ends_when_the_vehicle_disarms() -> None:
+    # By then nobody was sure yet that it is the pilot's, and nothing pursues the start any more.
+    vehicle, commands = gone_through([(0.1, heard(LOITER)), (0.8, heard(LOITER, armed=False)), (0.9, Tick())])
+    assert HandsOff("uav1") in commands
+    assert vehicle.stage is Stage.LANDED
+    assert vehicle.fault is not None
+    assert (vehicle.fault.reason, vehicle.fault.code) == (
+        "did not start: its mode was changed, not from here, and it has disarmed",
+        FaultCode.NOT_STARTED,
+    )
+    assert not [one for one in commands if isinstance(one, Start)]
+
+
+@pytest.mark.parametrize(("took_off", "stage"), [(True, Stage.FLYING), (False, Stage.STARTING)])
+def test_who_is_back_on_its_mission_at_once_flies_it_once_it_is_in_the_air(took_off: bool, stage: Stage) -> None:  # noqa: FBT001
+    begun = [(0.1, heard(LOITER)), (0.8, heard(AUTO)), (0.9, Tick())]
+    vehicle, commands = gone_through(begun, took_off=took_off, fix=CLIMBS if took_off else LOW)
+    assert HandsOff("uav1") in commands
+    assert (vehicle.stage, vehicle.fault) == (stage, None)
+    assert (Say(Level.INFO, "uav1: flies its mission") in commands) is took_off
+
+
+def test_a_start_that_is_ordered_anew_is_pursued_again() -> None:
+    vehicle = with_facts(STARTS, start_let_go=True)
+    state, _ = sent_up(CREW, flight_of(vehicle, launched_s=NOW_S), vehicle, NOW_S)
+    assert not state.vehicles["uav1"].orders.start_let_go

@@ -86,6 +86,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "item": None,
             "item_s": None,
             "start_owed_s": None,
+            "start_let_go": False,
             "streams_asked_s": -math.inf,
             "excused_s": -math.inf,
             "flew_mission": False,
