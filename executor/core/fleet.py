@@ -325,7 +325,7 @@ def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> St
     return state, (*commands, *more)
 
 
-def _decided(
+def _decided(  # noqa: PLR0911 - one return for each thing
     context: Context, state: FleetState, vehicle: VehicleState, raised: list[tuple[Watchpoint, str]], now_s: float
 ) -> Stepped:
     """One thing at a time, the most important first."""

@@ -164,8 +164,8 @@ def test_a_start_that_somebody_broke_off_by_mode_ends_when_the_vehicle_disarms()
 
 
 @pytest.mark.parametrize(("took_off", "stage"), [(True, Stage.FLYING), (False, Stage.STARTING)])
-def test_who_is_back_on_its_mission_at_once_flies_it_once_it_is_in_the_air(took_off: bool, stage: Stage) -> None:  # noqa: FBT001
-    begun = [(0.1, heard(LOITER)), (0.8, heard(AUTO)), (0.9, Tick())]
+def test_who_is_back_on_its_mission_at_once_flies_it_once_it_is_in_the_air(took_off: bool, stage: Stage) -> None:
+    begun: list[tuple[float, Event]] = [(0.1, heard(LOITER)), (0.8, heard(AUTO)), (0.9, Tick())]
     vehicle, commands = gone_through(begun, took_off=took_off, fix=CLIMBS if took_off else LOW)
     assert HandsOff("uav1") in commands
     assert (vehicle.stage, vehicle.fault) == (stage, None)
