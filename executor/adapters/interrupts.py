@@ -154,3 +154,17 @@ def _left(processes: Collection[BaseProcess], within_s: float) -> list[BaseProce
             if isinstance(one, int):
                 waited.pop(one).join(0.0)
     return list(waited.values())
+
+
+def end_with_parent() -> None:
+    """End this worker process when the one that started it is gone, however it died: nobody would stop it any more."""
+    threading.Thread(target=_wait_for_parent, daemon=True).start()
+
+
+def _wait_for_parent() -> None:
+    import multiprocessing
+
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

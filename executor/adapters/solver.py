@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import multiprocessing
-import os
-import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -15,7 +13,7 @@ from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import ParamSpec, Self, TypeVar
 
-from executor.adapters.interrupts import end_processes, held_back
+from executor.adapters.interrupts import end_processes, end_with_parent, held_back
 from executor.core.commands import Solve
 from executor.core.events import Gain, NewRoute, SolveEnded
 from missions import Pricing, Task, open_task
@@ -75,16 +73,8 @@ _worker: tuple[SolverSetup, c_longlong, c_longlong] | None = None
 def _prepare(setup: SolverSetup, cancelled: c_longlong, wanted: c_longlong) -> None:
     global _worker  # noqa: PLW0603 - a worker process holds exactly one setup, given when it starts
     _worker = (setup, cancelled, wanted)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     warm_up()
-
-
-def _end_with_parent() -> None:
-    """End the worker when the ground station is gone, however it died: nobody would ask or stop it any more."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 def _ready() -> bool:

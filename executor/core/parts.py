@@ -212,6 +212,8 @@ class Telemetry:
     """When a HEARTBEAT showed the mode before last: it changed between the two. None where there was no other."""
     mode_before: int | None = None
     """That mode."""
+    critical_since_s: float | None = None
+    """Since when its HEARTBEATs say that a failsafe is in force; None if they do not."""
     doubted: tuple[Heartbeat, float] | None = None
     """A HEARTBEAT that said that it is disarmed where it flies, and when: believed if the next one says the same."""
     item: tuple[int, int | None] | None = None

@@ -191,7 +191,7 @@ class Autopilot(ABC):
                 self._on_breach()
             case InjectionKind.EMERGENCY:
                 self._on_emergency(self.mode_of(word or "LAND"))
-            case InjectionKind.EKF:
+            case InjectionKind.EKF if self.frame.armed:  # disarmed, neither autopilot looks at it
                 self.frame.happened("failsafe ekf")
                 self._on_lost_estimate()
 

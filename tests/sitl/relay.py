@@ -7,13 +7,16 @@ import select
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from pymavlink.dialects.v20 import common as mav
 
 HOST = "127.0.0.1"
 DATAGRAM = 65536
+LOOKS_S = 0.02
 
 
 class Relay:
@@ -23,6 +26,10 @@ class Relay:
         """Open the vehicle's port; `running` carries."""
         self.cut = False
         """While it is set, both directions are swallowed."""
+        self.slow_s = 0.0
+        """Real seconds that everything to the vehicle takes, as over a slow radio."""
+        self.carried: list[bytes] = []
+        """What went to the vehicle."""
         self.swallowed: list[tuple[float, bytes]] = []
         """What the vehicle sent meanwhile, each with its time in seconds since 1970."""
         self._station = (HOST, station_port)
@@ -32,6 +39,7 @@ class Relay:
         self._to_station.bind((HOST, 0))
         self._vehicle: tuple[str, int] | None = None
         self._over = threading.Event()
+        self._on_its_way: deque[tuple[float, bytes]] = deque()
 
     @contextmanager
     def running(self) -> Iterator[Relay]:
@@ -61,9 +69,18 @@ class Relay:
             if message.get_type() == "HEARTBEAT" and message.get_srcComponent() == 1
         ]
 
+    def sent(self, *kinds: str) -> list[Any]:
+        """Return the messages of these kinds that went to the vehicle, in their order."""
+        parser = mav.MAVLink(None)
+        parser.robust_parsing = True
+        return [
+            one for data in tuple(self.carried) for one in parser.parse_buffer(data) or () if one.get_type() in kinds
+        ]
+
     def _carry(self) -> None:
         while not self._over.is_set():
-            ready, _, _ = select.select([self._to_vehicle, self._to_station], [], [], 0.1)
+            ready, _, _ = select.select([self._to_vehicle, self._to_station], [], [], LOOKS_S)
+            self._deliver()
             # A vehicle that has not started yet, or has ended, is not there to take what is sent to it.
             with contextlib.suppress(ConnectionError):
                 if self._to_vehicle in ready:
@@ -76,4 +93,14 @@ class Relay:
                 if self._to_station in ready:
                     data = self._to_station.recv(DATAGRAM)
                     if self._vehicle is not None and not self.cut:
-                        self._to_vehicle.sendto(data, self._vehicle)
+                        self._on_its_way.append((time.monotonic() + self.slow_s, data))
+                        self._deliver()
+
+    def _deliver(self) -> None:
+        """Hand over what has been on its way for long enough."""
+        while self._on_its_way and self._on_its_way[0][0] <= time.monotonic():
+            data = self._on_its_way.popleft()[1]
+            self.carried.append(data)
+            if self._vehicle is not None:
+                with contextlib.suppress(ConnectionError):
+                    self._to_vehicle.sendto(data, self._vehicle)

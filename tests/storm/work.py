@@ -6,6 +6,7 @@ import gc
 import signal
 import time
 
+from executor.adapters.interrupts import end_with_parent
 from tests.stories.judge import Finding
 from tests.storm.compose import composed
 from tests.storm.judge import findings
@@ -57,6 +58,7 @@ def done(order: int | tuple[Plot, Finding]) -> Judged | Shrunk:
 
 
 def quiet() -> None:
-    """Leave Ctrl-C to the process that everybody works for; what is imported is no garbage of a story's."""
+    """Leave Ctrl-C to the process that everybody works for, and end with it; what is imported is no story's garbage."""
+    end_with_parent()
     gc.freeze()
     signal.signal(signal.SIGINT, signal.SIG_IGN)

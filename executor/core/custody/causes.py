@@ -155,9 +155,9 @@ def cause_of(  # noqa: PLR0911 - one return for each cause
         return Cause.MISSION
     if _persons_still(context, before, vehicle) or by_person(context, vehicle):
         return Cause.PERSON
-    if _explained(context, absences, vehicle, now_s):
-        return Cause.FAILSAFE
-    return Cause.PERSON
+    goes_on = before.custody.cause is Cause.FAILSAFE and beat.system_status >= CRITICAL  # it holds before it returns
+    explained = _explained(context, absences, vehicle, now_s) or (goes_on and is_home_mode(dialect, mode))
+    return Cause.FAILSAFE if explained else Cause.PERSON
 
 
 def _persons_still(context: Scene, before: VehicleState, vehicle: VehicleState) -> bool:
@@ -242,13 +242,24 @@ def _explained(context: Scene, absences: Sequence[Absence], vehicle: VehicleStat
     )
     return (
         said
-        or beat.system_status >= CRITICAL
+        or _newly_critical(vehicle, context.limits.alarm_s)
         or vehicle.sensors.fence_breached
         or bool(off_its_fence(vehicle, now_s, context.limits.link_stale_s))
         or vehicle.power.battery.charge_state >= CHARGE_EMERGENCY
         or _unseen(vehicle)
         or missed_us(context, absences, vehicle, now_s)
     )
+
+
+def _newly_critical(vehicle: VehicleState, within_s: float) -> bool:
+    """Return whether a failsafe is in force that began about when the mode changed.
+
+    One that was in force long before explains nothing: ArduPilot's stays so after a failsafe whose action was to warn,
+    or to go on with the mission.
+    """
+    beat, since_s = vehicle.telemetry.heartbeat, vehicle.telemetry.critical_since_s
+    critical = beat is not None and beat.system_status >= CRITICAL
+    return critical and (since_s is None or vehicle.telemetry.mode_since_s - since_s <= within_s)
 
 
 def held_unseen(context: Scene, vehicle: VehicleState) -> bool:

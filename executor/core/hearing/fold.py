@@ -14,6 +14,7 @@ from executor.core.hearing import evidence
 from executor.core.hearing.charge import powered, setting_told, status_told
 from executor.core.hearing.strangers import noted
 from executor.core.messages import (
+    CRITICAL,
     Attitude,
     Battery,
     DoubleHeard,
@@ -151,6 +152,9 @@ def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbe
     before, before_s = old.mode_before, old.mode_before_s
     if other and old.heartbeat is not None and state.link.heartbeat_s is not None:
         before, before_s = old.heartbeat.custom_mode, state.link.heartbeat_s
+    critical_s = None if message.system_status < CRITICAL else old.critical_since_s
+    if message.system_status >= CRITICAL and critical_s is None:
+        critical_s = now_s
     armed_once = sortie.armed_once or message.armed
     disarmed_s = now_s if state.armed and not message.armed else sortie.disarmed_s
     unseen_s, from_s = custody.unseen_until_s, custody.unseen_from_boot_s
@@ -168,6 +172,7 @@ def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbe
             mode_since_s=since,
             mode_before_s=before_s,
             mode_before=before,
+            critical_since_s=critical_s,
             doubted=None,
         ),
         sortie=replace(sortie, armed_once=armed_once, flew_mission=flew, disarmed_s=disarmed_s),

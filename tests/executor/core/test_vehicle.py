@@ -32,6 +32,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "mode_since_s": 0.0,
             "mode_before_s": None,
             "mode_before": None,
+            "critical_since_s": None,
             "ordered_mode_s": -math.inf,
             "armed_once": False,
             "disarmed_s": -math.inf,

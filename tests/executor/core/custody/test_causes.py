@@ -81,6 +81,22 @@ def test_a_hold_whose_heartbeats_know_of_no_failsafe_is_a_persons(
     assert looked_at_again(CONTEXT, (), held, NOW_S).custody.cause is cause
 
 
+@pytest.mark.parametrize(("since_s", "cause"), [(NOW_S - 15.1, Cause.PERSON), (NOW_S - 15.0, Cause.FAILSAFE)])
+@pytest.mark.parametrize("mode", [BRAKE, RTL])
+def test_a_failsafe_that_was_in_force_long_before_explains_no_mode(mode: int, since_s: float, cause: Cause) -> None:
+    """ArduPilot's heartbeats stay critical after a failsafe that only warned; its pilot may take it any time later."""
+    warned = flying(heartbeat=Heartbeat(3, AUTO, True, 5), critical_since_s=since_s)
+    taken = went(mode, heartbeat=Heartbeat(3, mode, True, 5), critical_since_s=since_s)
+    assert cause_of(CONTEXT, (), warned, taken, NOW_S) is cause
+
+
+def test_a_failsafe_that_holds_for_long_returns_for_the_same_cause() -> None:
+    began: dict[str, object] = {"critical_since_s": NOW_S - 25.0}
+    held = flying(heartbeat=Heartbeat(3, BRAKE, True, 5), cause=Cause.FAILSAFE, mode_since_s=NOW_S - 25.0, **began)
+    home = went(RTL, heartbeat=Heartbeat(3, RTL, True, 5), **began)
+    assert cause_of(CONTEXT, (), held, home, NOW_S) is Cause.FAILSAFE
+
+
 def test_an_order_that_was_followed_and_left_again_explains_no_later_mode() -> None:
     told = flying(stage=Stage.RETURNING, ordered_modes=frozenset({AUTO}), ordered_mode_s=NOW_S - 60.0)
     landing = went(LAND, stage=Stage.RETURNING, ordered_modes=frozenset({AUTO}), ordered_mode_s=NOW_S - 60.0)
