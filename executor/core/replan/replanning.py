@@ -9,6 +9,7 @@ from types import MappingProxyType
 from executor.core.commands import Command, Level, Say, Solve, Survivor
 from executor.core.context import Context, FlyAgain
 from executor.core.events import NewRoute, SolveEnded
+from executor.core.hours import within_hours
 from executor.core.replan import apart, new_missions, survivors
 from executor.core.replan.wording import flown_past, found_words, listed, short_words, unasked
 from executor.core.state import Coverage, FleetState, Replan
@@ -87,7 +88,7 @@ def _begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetStat
     ):
         return state, ()
     asked = (survivors.survivor(context, vehicle, now_s) for vehicle in state.vehicles.values())
-    offers = tuple(offer for offer in asked if offer)
+    offers = tuple(within_hours(context, state, offer, now_s) for offer in asked if offer)
     if not offers:
         return _nobody(context, replace(state, replanning=replace(state.replanning, ordered=False)), alone)
     if not state.replanning.urgent and not state.replanning.ordered:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from executor.core.commands import Solve
 from executor.core.context import Context
+from executor.core.hours import within_hours
 from executor.core.replan import apart, replanning, survivors
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, supposed_lost
@@ -43,7 +44,8 @@ def if_lost(context: Context, state: FleetState, name: str, now_s: float) -> Sol
     if not alone:
         return ()
     free = (replace(vehicle, orders=replace(vehicle.orders, held_s=None)) for vehicle in state.vehicles.values())
-    offers = tuple(offer for vehicle in free if (offer := survivors.survivor(context, vehicle, now_s)))
+    asked = (survivors.survivor(context, vehicle, now_s) for vehicle in free)
+    offers = tuple(within_hours(context, state, offer, now_s) for offer in asked if offer)
     if not offers:
         return tuple(sorted(alone))
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}

@@ -20,6 +20,7 @@ from executor.core.commands import Command, Examine, Level, Say, Solve
 from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
 from executor.core.events import Examined, SolveEnded
+from executor.core.hours import drawn_in, hours_left
 from executor.core.intents import Intent, IntentReason, Outcome
 from executor.core.parts import Power, SortieAhead, Turnaround
 from executor.core.preflight.failsafes import link_failsafe
@@ -126,8 +127,8 @@ def _solved(context: Context, state: FleetState, event: SolveEnded, now_s: float
     if vehicle.turn.asked_s is None or any(route.visits for route in event.routes):
         return state, commands
     asked = frozenset((*plan.solve.open_segments, *plan.solve.left_over))
-    left_s, later_s = _hours(context, state, vehicle, now_s)
-    full_pct, in_time_pct = setup_now(context, vehicle).budget_pct, _drawn_in(context, left_s)
+    left_s, later_s = hours_left(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
+    full_pct, in_time_pct = setup_now(context, vehicle).budget_pct, drawn_in(context, left_s)
     if later_s is None:  # there will never be more time
         full_pct = min(full_pct, in_time_pct)
     good = offer.budget_pct >= full_pct - 2.0 * survivors.QUANTUM_PCT
@@ -200,8 +201,8 @@ def awaited(context: Context, state: FleetState, now_s: float) -> tuple[str, ...
 
 def _done_for_the_day(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether no time is left for any sortie of a vehicle."""
-    left_s, later_s = _hours(context, state, vehicle, now_s)
-    return later_s is None and _drawn_in(context, left_s) < LEAST_SPARE_PCT
+    left_s, later_s = hours_left(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
+    return later_s is None and drawn_in(context, left_s) < LEAST_SPARE_PCT
 
 
 def serves(vehicle: VehicleState) -> bool:
@@ -252,29 +253,14 @@ def out_of_hours(context: Context, state: FleetState, vehicle: VehicleState, now
 
     In its last hours a part of the sortie is flown, as far as the time goes.
     """
-    left_s, later_s = _hours(context, state, vehicle, now_s)
+    left_s, later_s = hours_left(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
     visits = next_visits(context, state, vehicle)
     lasts_s = _estimated(context, vehicle, visits)[0] if visits and math.isfinite(left_s) else 0.0
-    part = later_s is None and _drawn_in(context, left_s) >= LEAST_SPARE_PCT
+    part = later_s is None and drawn_in(context, left_s) >= LEAST_SPARE_PCT
     if part or 0.0 < lasts_s <= left_s or (not lasts_s and left_s > 0.0):
         return ""
     then = f"its next hours begin at T+{minutes(later_s)}" if later_s is not None else "it has no hours after now"
     return f"its next sortie of {minutes(lasts_s)} does not end within its hours; {then}"
-
-
-def _hours(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[float, float | None]:
-    """Return the seconds until a vehicle's hours end, and when its next ones begin; None if there are none."""
-    day, launched_s = context.day, state.progress.launched_s
-    if day is None:
-        return math.inf, None
-    flight_s, windows = now_s - (now_s if launched_s is None else launched_s), day.windows_s.get(vehicle.name, ())
-    left_s = max((end - flight_s for begin, end in windows if begin - CLEARED_S <= flight_s), default=0.0)
-    return max(0.0, left_s), min((begin for begin, _ in windows if begin - CLEARED_S > flight_s), default=None)
-
-
-def _drawn_in(context: Context, seconds: float) -> float:
-    """Return what a flight draws in a time at least, in percent: nothing that draws no more lasts longer."""
-    return seconds * min(context.draws_pct_s)
 
 
 def _not_ready(context: Context, vehicle: VehicleState, event: Examined) -> str:
@@ -406,10 +392,10 @@ def _given(context: Context, state: FleetState, vehicle: VehicleState, ready_s: 
     vehicle = replace(vehicle, orders=replace(vehicle.orders, cleared_s=ready_s), turn=_from(vehicle, visits))
     whole = bool(visits) and visits == vehicle.turn.ahead[0].visits and not pool
     lasts_s, costs_pct = _estimated(context, vehicle, visits) if whole else (0.0, 0.0)
-    left_s, _ = _hours(context, state, vehicle, now_s)
+    left_s, _ = hours_left(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
     as_planned = whole and costs_pct * offer.consumption <= offer.budget_pct and lasts_s <= left_s
     if not as_planned:  # it lands within its hours, whatever is found for it
-        most_pct = _drawn_in(context, left_s)
+        most_pct = drawn_in(context, left_s)
         offer = replace(offer, budget_pct=min(offer.budget_pct, most_pct), most_pct=min(offer.most_pct, most_pct))
     revision = state.replanning.revision + 1
     own = frozenset(segment_of(visit) for visit in visits)
