@@ -348,8 +348,8 @@ def _decided(  # noqa: PLR0911 - one return for each thing
         return _down(context, state, vehicle, why, now_s)
     if vehicle.stage is Stage.PILOT:
         return takeover.attended(context, state, vehicle, now_s)
-    if vehicle.stage is Stage.STARTING and vehicle.orders.start_let_go:
-        return launching.let_go(context, state, vehicle, now_s)
+    if vehicle.stage is Stage.STARTING:
+        return launching.attended(context, state, vehicle, now_s)
     if has_landed(vehicle):
         return _landed(context, state, vehicle, now_s)
     return homeward.pursued(context, state, name, now_s)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from executor.core import sorties
 from executor.core.carried import Carried
-from executor.core.commands import Command, Level, Say, Start
+from executor.core.commands import Command, HandsOff, Level, Say, Start
 from executor.core.context import Context, FlyAgain
 from executor.core.endings import Ending
 from executor.core.events import StartEnded
@@ -156,14 +156,18 @@ def started(context: Context, state: FleetState, event: StartEnded, now_s: float
     return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
 
 
-def let_go(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Take up what became of a start that was let go when somebody changed its vehicle's mode, and did not keep it."""
-    if not vehicle.armed:
-        why = "did not start: its mode was changed, not from here, and it has disarmed"
-        return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
-    if not vehicle.sortie.took_off or vehicle.custody.cause is not Cause.OURS or not on_mission(context, vehicle):
-        return state, ()  # its mode is looked at, and on the ground it disarms by itself
-    return _flies(state, vehicle, now_s)
+def attended(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Look at a vehicle that starts: it may have disarmed again, and nobody may pursue its start any more."""
+    beat_s, released = vehicle.link.heartbeat_s, vehicle.orders.start_let_go
+    # Two HEARTBEATs say so: one may be another's.
+    stopped = vehicle.sortie.armed_once and not vehicle.armed and (beat_s or 0.0) > vehicle.sortie.disarmed_s
+    if stopped and (released or context.fly_again is not FlyAgain.AUTO):
+        why = "its mode was changed, not from here, and it has disarmed" if released else "it armed, and disarmed again"
+        fault = Fault(FaultKind.INTERRUPTION, f"did not start: {why}", now_s, FaultCode.NOT_STARTED)
+        state, more = declare(context, state, vehicle, fault)
+        return state, (HandsOff(vehicle.name), *more)  # what goes on with its start would arm it again
+    flies = released and vehicle.sortie.took_off and vehicle.custody.cause is Cause.OURS
+    return _flies(state, vehicle, now_s) if flies and on_mission(context, vehicle) else (state, ())
 
 
 def _flies(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:

@@ -15,6 +15,8 @@ GROUND_STATION = (255, 190)
 """Our system and component: ArduPilot's failsafe counts only heartbeats of MAV_GCS_SYSID, 255 by default."""
 
 
+BOOT = 1
+"""MAV_STATE_BOOT: ArduPilot says it while it starts, and never again."""
 CRITICAL = 5
 """MAV_STATE_CRITICAL: both autopilots say it, or more, as long as a failsafe acts (measured)."""
 

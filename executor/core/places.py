@@ -60,10 +60,13 @@ def fell(context: Scene, vehicle: VehicleState) -> bool:
     fix = vehicle.motion.fix
     if fix is None:
         return False
+    return killed(context, vehicle) or sank(vehicle) or fix.alt_rel_m > context.limits.off_pad_up_m
+
+
+def killed(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle disarmed as its kill switch was used, by its own words."""
     text, said_s = vehicle.telemetry.alarm
-    if kill_switch_on(text) and abs(vehicle.sortie.disarmed_s - said_s) <= context.limits.alarm_s:
-        return True
-    return sank(vehicle) or fix.alt_rel_m > context.limits.off_pad_up_m
+    return kill_switch_on(text) and abs(vehicle.sortie.disarmed_s - said_s) <= context.limits.alarm_s
 
 
 def sank(vehicle: VehicleState) -> bool:

@@ -9,7 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from executor.core.commands import Say
+from executor.core.events import Heard
 from executor.core.intents import Action
+from executor.core.messages import Heartbeat
 from executor.simulator.autopilot import STEP_S
 from executor.simulator.truth import Truth
 from tests.stories.judge import FALLS_FROM_M, KNOWS_S, SHOWN_S, Finding, Judge, Span, distance_m, last_words_s, place
@@ -139,7 +141,7 @@ class StormJudge(Judge):
         """
         if one.what == "kill":
             return not self.armed(name, one.t_s - 0.1) and self._silent(name, one.t_s, 0.5)
-        if self._crossed(name, one) or self._as_without_us(name, one):
+        if self._crossed(name, one) or self._as_without_us(name, one) or self._between_beats(name, one):
             return True
         if one.what.endswith((" RTL", " LAND")) and any(
             span.from_s < one.t_s < span.to_s for span in self._acting(name)
@@ -152,6 +154,18 @@ class StormJudge(Judge):
         mission = MISSION[self.flown.autopilot]["mission"]
         modes = [mode for mode in self.happened(name, "mode ") if one.t_s <= mode.t_s <= heard_s]
         return len(modes) > 1 and not one.what.endswith(f" {mission}")
+
+    def _between_beats(self, name: str, one: Truth) -> bool:
+        """Return whether it was taken and put back between two HEARTBEATs that arrived, both in the same mode."""
+        back_s = min((mode.t_s for mode in self.happened(name, "mode ") if mode.t_s > one.t_s + 0.1), default=math.inf)
+        beats = [
+            (at_s, event.message.custom_mode)
+            for at_s, event in self.flown.log
+            if isinstance(event, Heard) and event.vehicle == name and isinstance(event.message, Heartbeat)
+        ]
+        before = [mode for at_s, mode in beats if at_s < one.t_s][-1:]
+        since = {mode for at_s, mode in beats if one.t_s <= at_s <= back_s + ON_ITS_WAY_S}
+        return math.isfinite(back_s) and bool(before) and since <= set(before)
 
     def _crossed(self, name: str, one: Truth) -> bool:
         """Return whether an order that was on its way put it on its mission in the same moment, by our word."""

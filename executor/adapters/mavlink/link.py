@@ -42,6 +42,7 @@ class VehicleLink:
         self._told = (0, 0)
         """Arrived and missing frames when they were handed on last."""
         self._source = ""
+        self._beat_source = ""
         self._sources: set[str] = set()
         """Every address that its frames came from."""
         self._told_places: tuple[str, ...] = ()
@@ -78,6 +79,8 @@ class VehicleLink:
             self._log.write(received.frame)
         self._count(received)
         if isinstance(received.message, Heartbeat):
+            if received.own:
+                self._beat_source = source
             self._tell_traffic(received.compid)
         for message in (received.message, *received.more):
             if message is not None:
@@ -111,7 +114,7 @@ class VehicleLink:
         if len(self.counts.strangers) < MOST_SOURCES:
             self.counts.strangers.setdefault(received.sysid, source)
         # A SiK radio speaks as a system of its own (51), from where the vehicle behind it does.
-        if isinstance(received.message, Radio) and source != self._source:
+        if isinstance(received.message, Radio) and source != self._beat_source:
             return
         told = received.message
         ordered = isinstance(told, OrderSeen) and told.to in {0, self.sysid}

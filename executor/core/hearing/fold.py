@@ -14,6 +14,7 @@ from executor.core.hearing import evidence
 from executor.core.hearing.charge import powered, setting_told, status_told
 from executor.core.hearing.strangers import noted
 from executor.core.messages import (
+    BOOT,
     CRITICAL,
     Attitude,
     Battery,
@@ -155,6 +156,9 @@ def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbe
     critical_s = None if message.system_status < CRITICAL else old.critical_since_s
     if message.system_status >= CRITICAL and critical_s is None:
         critical_s = now_s
+    # Its clock says so too, once it has a position.
+    starts_anew = message.system_status == BOOT and old.heartbeat is not None and old.heartbeat.system_status > BOOT
+    rebooted_s = now_s if starts_anew else sortie.rebooted_s
     armed_once = sortie.armed_once or message.armed
     disarmed_s = now_s if state.armed and not message.armed else sortie.disarmed_s
     unseen_s, from_s = custody.unseen_until_s, custody.unseen_from_boot_s
@@ -175,7 +179,7 @@ def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbe
             critical_since_s=critical_s,
             doubted=None,
         ),
-        sortie=replace(sortie, armed_once=armed_once, flew_mission=flew, disarmed_s=disarmed_s),
+        sortie=replace(sortie, armed_once=armed_once, flew_mission=flew, disarmed_s=disarmed_s, rebooted_s=rebooted_s),
         custody=replace(custody, unseen_until_s=unseen_s, unseen_from_boot_s=from_s, beat_boot_s=boot_s),
     )
     known = evidence.beaten(state.evidence, old.heartbeat, message, now_s)

@@ -15,7 +15,7 @@ from executor.core.custody.causes import held_unseen
 from executor.core.homing.homeward import on_mission
 from executor.core.messages import Actor
 from executor.core.parts import Cause, TakenOver
-from executor.core.places import last_heard, over_its_pad, place_words
+from executor.core.places import killed, last_heard, over_its_pad, place_words
 from executor.core.replan import new_missions
 from executor.core.roster.withdraw import withdrawn
 from executor.core.state import FleetState
@@ -130,7 +130,9 @@ def _given_away(context: Context, state: FleetState, vehicle: VehicleState, hold
 
 def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
     fix = vehicle.motion.fix
-    fell = fix is not None and fix.alt_rel_m > context.limits.off_pad_up_m
+    # Who has landed may be switched off by its kill switch too.
+    in_the_air = killed(context, vehicle) and vehicle.telemetry.on_ground is False
+    fell = fix is not None and (fix.alt_rel_m > context.limits.off_pad_up_m or in_the_air)
     place = "" if over_its_pad(context, vehicle) and not fell else f", {place_words(context, vehicle)}"
     stage = Stage.DOWN if place else Stage.LANDED
     vehicle = vehicle if place else sorties.sortie_ended(vehicle, vehicle.link.heard_s or 0.0)

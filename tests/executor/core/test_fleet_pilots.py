@@ -237,6 +237,27 @@ ROWS = [
         {"urgent": True, "trigger": "uav1: landed by its pilot", "trigger_s": NOW_S},
     ),
     Row(
+        "killed low over its pad",
+        with_facts(DOWN_AGAIN, fix=over_pad(2.1), alarm=("Kill engaged", NOW_S - 3.0), on_ground=False),
+        Tick(),
+        [
+            Say(
+                Level.FAULT,
+                "uav1: disarmed with its pilot; last position 49.600138, 15.599467, 2 m over its home",
+            )
+        ],
+        {"uav1": {"stage": Stage.DOWN, "excluded": True, "taken": None}},
+        {"urgent": True, "trigger": "uav1: landed by its pilot", "trigger_s": NOW_S},
+    ),
+    Row(
+        "killed where it had landed",
+        with_facts(DOWN_AGAIN, fix=over_pad(0.1), alarm=("Kill engaged", NOW_S - 3.0), on_ground=True),
+        Tick(),
+        [Say(Level.INFO, "uav1: landed by its pilot; it stays on the ground until it is included")],
+        {"uav1": {"stage": Stage.LANDED, "excluded": True, "taken": None}},
+        {"urgent": True, "trigger": "uav1: landed by its pilot", "trigger_s": NOW_S},
+    ),
+    Row(
         "disarmed on a hill over its pad",
         with_facts(DOWN_AGAIN, fix=over_pad(5.0)),
         Tick(),

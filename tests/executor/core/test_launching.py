@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
 from executor.core import fleet
 from executor.core.commands import Command, HandsOff, Level, Say, Start
+from executor.core.context import Context
 from executor.core.events import Event, Heard, StartEnded, Tick
 from executor.core.launching import sent_up, started, started_again, starts_pursued
 from executor.core.state import FleetState
 from executor.core.vehicle import FaultCode, Stage, VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import CREW, LOW, beat, flight_of, over_pad
-from tests.executor.core.vehicles import AUTO, DISARMED, NOW_S, flying
+from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, flying
 
 STARTS = flying(
     stage=Stage.STARTING, heartbeat=DISARMED, took_off=False, armed_once=False, waypoint=0, anchor=None, fix=LOW
@@ -136,12 +138,14 @@ LOITER = 5
 CLIMBS = over_pad(8.0, climbs_m_s=1.0)
 
 
-def gone_through(events: list[tuple[float, Event]], **facts: object) -> tuple[VehicleState, list[Command]]:
+def gone_through(
+    events: Sequence[tuple[float, Event]], context: Context = CREW, **facts: object
+) -> tuple[VehicleState, list[Command]]:
     """Return what becomes of a vehicle that is armed, in mission mode and starting; with what was commanded."""
     vehicle = with_facts(STARTS, heartbeat=beat(AUTO), armed_once=True, heard_s=NOW_S, heartbeat_s=NOW_S, **facts)
     state, said = flight_of(vehicle, launched_s=NOW_S - 3.0), list[Command]()
     for after_s, event in events:
-        state, commands = fleet.step(CREW, state, event, NOW_S + after_s)
+        state, commands = fleet.step(context, state, event, NOW_S + after_s)
         said.extend(commands)
     return state.vehicles["uav1"], said
 
@@ -152,7 +156,9 @@ def heard(mode: int, *, armed: bool = True) -> Heard:
 
 def test_a_start_that_somebody_broke_off_by_mode_ends_when_the_vehicle_disarms() -> None:
     # By then nobody was sure yet that it is the pilot's, and nothing pursues the start any more.
-    vehicle, commands = gone_through([(0.1, heard(LOITER)), (0.8, heard(LOITER, armed=False)), (0.9, Tick())])
+    begun: list[tuple[float, Event]] = [(0.1, heard(LOITER)), (0.8, heard(LOITER, armed=False)), (0.9, Tick())]
+    assert gone_through([*begun])[0].stage is Stage.STARTING, "one HEARTBEAT may be another's"
+    vehicle, commands = gone_through([*begun, (1.8, heard(LOITER, armed=False)), (1.9, Tick())])
     assert HandsOff("uav1") in commands
     assert vehicle.stage is Stage.LANDED
     assert vehicle.fault is not None
@@ -161,6 +167,18 @@ def test_a_start_that_somebody_broke_off_by_mode_ends_when_the_vehicle_disarms()
         FaultCode.NOT_STARTED,
     )
     assert not [one for one in commands if isinstance(one, Start)]
+
+
+@pytest.mark.parametrize(("context", "stays"), [(CREW, True), (FLEET.context, False)])
+def test_who_has_disarmed_again_in_its_start_is_not_armed_once_more(context: Context, stays: bool) -> None:
+    # PX4 disarms on its pad 10 s after it was armed; a start whose orders get lost would arm it half a minute later.
+    disarmed: list[tuple[float, Event]] = [(at_s, heard(AUTO, armed=False)) for at_s in (10.0, 11.0)]
+    vehicle, commands = gone_through([*disarmed, (11.1, Tick())], context)
+    assert (HandsOff("uav1") in commands) is stays
+    assert vehicle.stage is (Stage.LANDED if stays else Stage.STARTING)
+    if stays:
+        assert vehicle.fault is not None
+        assert vehicle.fault.reason == "did not start: it armed, and disarmed again"
 
 
 @pytest.mark.parametrize(("took_off", "stage"), [(True, Stage.FLYING), (False, Stage.STARTING)])

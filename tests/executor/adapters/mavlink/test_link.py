@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -18,6 +19,7 @@ from executor.core.messages import (
     Message,
     MissionCurrent,
     OrderSeen,
+    Radio,
     SendCommand,
     SendHeartbeat,
     StationHeard,
@@ -120,6 +122,24 @@ def test_frames_of_other_systems_are_foreign() -> None:
     other = mav.MAVLink(None, srcSystem=8, srcComponent=1)
     behind.feed(bytes(current(3).pack(other)))  # type: ignore[attr-defined]
     assert (link.counts.foreign, link.counts.received, heard) == (1, 0, [])
+
+
+def test_a_radio_is_believed_from_where_the_vehicles_heartbeats_come() -> None:
+    """Anybody can send a text in its name, and a radio's report after it."""
+    behind, _, heard = link_of()
+    vehicle, radio = mav.MAVLink(None, srcSystem=7, srcComponent=1), mav.MAVLink(None, srcSystem=51, srcComponent=68)
+    report = mav.MAVLink_radio_status_message(200, 190, 90, 50, 40, 0, 0)
+    told: list[tuple[Any, Any, str]] = [
+        (vehicle, mav.MAVLink_heartbeat_message(2, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 0, 4, 3), "A"),
+        (vehicle, mav.MAVLink_statustext_message(6, b"hello"), "B"),
+        (radio, report, "B"),
+        (radio, report, "A"),
+    ]
+    counts = []
+    for sender, message, place in told:
+        behind.router.take(behind.codec.decode(bytes(message.pack(sender))), lambda _: True, place)
+        counts.append(sum(isinstance(one, Radio) for one in heard))
+    assert counts == [0, 0, 0, 1]
 
 
 def test_another_ground_stations_heartbeat_is_handed_on_and_changes_nothing() -> None:

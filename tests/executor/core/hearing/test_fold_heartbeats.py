@@ -35,6 +35,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
+        "a HEARTBEAT of an autopilot that starts anew",
+        lambda: [
+            folded(
+                flying(heartbeat=beat(HOLD, armed=False, status=status), armed_once=False),
+                beat(HOLD, armed=False, status=1),
+            )[0].get("rebooted_s")
+            for status in (3, 1, 0)
+        ],
+        [NOW_S, None, None],
+    ),
+    (
         "the first HEARTBEAT",
         lambda: folded(flying(heartbeat=None, heartbeat_s=None, armed_once=False), beat()),
         (
