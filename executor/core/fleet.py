@@ -349,7 +349,7 @@ def _decided(  # noqa: PLR0911 - one return for each thing
     if vehicle.stage is Stage.PILOT:
         return takeover.attended(context, state, vehicle, now_s)
     if vehicle.stage is Stage.STARTING:
-        return launching.attended(context, state, vehicle, now_s)
+        return launching.start_attended(context, state, vehicle, now_s)
     if has_landed(vehicle):
         return _landed(context, state, vehicle, now_s)
     return homeward.pursued(context, state, name, now_s)

@@ -156,7 +156,7 @@ def started(context: Context, state: FleetState, event: StartEnded, now_s: float
     return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
 
 
-def attended(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def start_attended(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Look at a vehicle that starts: it may have disarmed again, and nobody may pursue its start any more."""
     beat_s, released = vehicle.link.heartbeat_s, vehicle.orders.start_let_go
     # Two HEARTBEATs say so: one may be another's.
