@@ -10,6 +10,7 @@ from executor.core.context import Context
 from executor.core.events import MissionsWanted, NewRoute
 from executor.core.fencing import wider_fence
 from executor.core.homing.homeward import comes_down
+from executor.core.parts import Cause
 from executor.core.replan import apart, survivors
 from executor.core.state import FleetState, NewMission, Replan, ReplanRecord
 from executor.core.vehicle import Stage, VehicleState
@@ -19,6 +20,7 @@ RETRY_S = 5.0
 OLD_NEED_S = 90.0
 """A need that nobody could answer for longer says nothing of the re-plan that came in the end."""
 FLEW_ON = "flew on before its new mission came"
+LEFT = "left its mission before its new one came"
 WAYS_AT_ONCE = 500
 """Of the missions that are made in one turn of the loop: ways to fly, times the pads that each may have to lead around.
 Some 10 ms for fifty vehicles, whose missions together would take a third of a second."""
@@ -46,7 +48,8 @@ def compose(context: Context, state: FleetState, plan: Replan, now_s: float) -> 
             continue  # its fault came first
         vehicle, offer = state.vehicles[route.vehicle], offers[route.vehicle]
         if not survivors.still_fits(vehicle, offer):
-            state, plan, said = let_go(state, plan, route.vehicle, FLEW_ON, now_s)
+            why = FLEW_ON if vehicle.custody.cause is Cause.OURS else LEFT
+            state, plan, said = let_go(state, plan, route.vehicle, why, now_s)
             commands.append(said)
             continue
         mission = _new_mission(context, vehicle, offer, route.visits, plan)

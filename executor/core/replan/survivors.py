@@ -8,6 +8,7 @@ from executor.core import projection
 from executor.core.battery import account
 from executor.core.commands import Survivor
 from executor.core.context import Context, FlyAgain
+from executor.core.parts import Cause
 from executor.core.setups import setup_now
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
@@ -82,6 +83,8 @@ def still_fits(vehicle: VehicleState, offer: Survivor) -> bool:
         return False
     if not offer.airborne:
         return vehicle.stage in {Stage.GROUND, Stage.LANDED}
+    if vehicle.custody.cause is not Cause.OURS:
+        return False  # it has just left its mission: by a failsafe of its own, or a person took it
     board, waypoint = vehicle.assignment.board, vehicle.assignment.waypoint
     if board is None or vehicle.stage not in {Stage.FLYING, Stage.STARTING}:
         return False

@@ -13,7 +13,7 @@ from executor.core.battery.kalman import Prior
 from executor.core.commands import Survivor
 from executor.core.context import Context
 from executor.core.learning import Learned, PaceEstimate
-from executor.core.parts import Fix
+from executor.core.parts import Cause, Fix
 from executor.core.replan import replanning, survivors, wording
 from executor.core.vehicle import Stage, VehicleState
 from missions import Pace
@@ -306,6 +306,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "an offer of who is out of the plan does not fit",
         lambda: survivors.still_fits(flying(excluded=True), offer_of()),
         False,
+    ),
+    (
+        "an offer of who has just left its mission does not fit",
+        lambda: [cause for cause in Cause if survivors.still_fits(flying(cause=cause), offer_of())],
+        [Cause.OURS],
     ),
     ("an offer of who holds does not fit", lambda: survivors.still_fits(flying(held_s=NOW_S), offer_of()), False),
     (
