@@ -10,6 +10,9 @@ from executor.core.commands import Survivor
 from executor.core.context import Context
 from executor.core.state import FleetState
 
+CLEARED_S = 120.0
+"""After this the crew's word that a pad is clear is too old; who takes off by it may, with hours that begin so soon."""
+
 
 def hours_left(
     context: Context, state: FleetState, name: str, now_s: float, *, ahead_s: float = 0.0
@@ -43,9 +46,10 @@ def drawn_in(context: Context, seconds: float) -> float:
 def within_hours(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Survivor:
     """Return what a vehicle can offer to a re-plan that has it land within its hours.
 
-    What it carries already it may go on with if that ends in time.
+    What it carries already it may go on with if that ends in time. One in the air was sent up for hours that are about
+    to begin, if they have not.
     """
-    left_s, _ = hours_left(context, state, offer.vehicle, now_s)
+    left_s, _ = hours_left(context, state, offer.vehicle, now_s, ahead_s=CLEARED_S if offer.airborne else 0.0)
     if math.isinf(left_s):
         return offer
     vehicle = state.vehicles[offer.vehicle]

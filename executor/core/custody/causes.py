@@ -207,7 +207,10 @@ def _goes_on_down(dialect: Dialect, before: Heartbeat | None, mode: int) -> bool
 
 
 def _lands_elsewhere(context: Scene, before: VehicleState, vehicle: VehicleState) -> bool:
-    """Return whether it breaks off its return for a landing on its way: somebody told it to, or it says why."""
+    """Return whether it breaks off its return for a landing on its way: somebody told it to, or it says why.
+
+    Where it was is no place to land at: of one without positions nobody knows that it has come home.
+    """
     dialect, old, beat = context.vehicles[vehicle.name].dialect, before.telemetry.heartbeat, vehicle.telemetry.heartbeat
     if old is None or beat is None or not old.armed or old.custom_mode == beat.custom_mode:
         return False
@@ -215,7 +218,11 @@ def _lands_elsewhere(context: Scene, before: VehicleState, vehicle: VehicleState
         return False
     # An order to return that is followed explains no landing elsewhere; one to land does.
     ordered = beat.custom_mode in vehicle.orders.ordered_modes and old.custom_mode not in vehicle.orders.ordered_modes
-    return not ordered and not over_its_pad(context, vehicle)
+    fix, limits = vehicle.motion.fix, context.limits
+    home = fix is None or (
+        vehicle.telemetry.mode_since_s - fix.at_s <= limits.link_stale_s and over_its_pad(context, vehicle)
+    )
+    return not ordered and not home
 
 
 def _ends_its_mission(context: Scene, vehicle: VehicleState, mode: int) -> bool:

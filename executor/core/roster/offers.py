@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Context, FlyAgain
+from executor.core.hours import CLEARED_S
 from executor.core.replan import replanning, survivors
 from executor.core.setups import setup_now
 from executor.core.state import FleetState, Offer
@@ -17,8 +18,6 @@ from planner import Vehicle
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
-CLEARED_S = 120.0
-"""After this the crew's word that a pad is clear is too old."""
 LANDING_S = 180.0
 """For so long at most an offer waits for those that are about to land, so that the work is shared."""
 LEAST_SPARE_PCT = 5.0

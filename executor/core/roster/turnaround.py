@@ -20,13 +20,12 @@ from executor.core.commands import Command, Examine, Level, Say, Solve
 from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
 from executor.core.events import Examined, SolveEnded
-from executor.core.hours import drawn_in, hours_left
+from executor.core.hours import CLEARED_S, drawn_in, hours_left
 from executor.core.intents import Intent, IntentReason, Outcome
 from executor.core.parts import Power, SortieAhead, Turnaround
 from executor.core.preflight.failsafes import link_failsafe
 from executor.core.preflight.packs import PackHeard, Rested, facts_said, history_words, rested
 from executor.core.replan import replanning, survivors
-from executor.core.roster.offers import CLEARED_S
 from executor.core.roster.service import back_in_service, cleared
 from executor.core.setups import setup_now
 from executor.core.state import FleetState, Replan

@@ -10,7 +10,7 @@ import pytest
 from executor.core import projection
 from executor.core.commands import Solve, Survivor
 from executor.core.context import Context, DayRules
-from executor.core.hours import drawn_in, hours_left, within_hours
+from executor.core.hours import CLEARED_S, drawn_in, hours_left, within_hours
 from executor.core.replan import replanning, what_if
 from executor.core.replan.survivors import survivor
 from executor.core.state import FleetState
@@ -84,6 +84,16 @@ def test_who_would_be_late_with_what_it_carries_keeps_what_it_has_the_time_for()
     assert in_hours.most_pct == in_hours.budget_pct < by_battery.budget_pct
     _, too_late = offered(until((0.0, FLOWN_S - 1.0)))
     assert (too_late.budget_pct, too_late.most_pct) == (0.0, 0.0)
+
+
+def test_who_was_sent_up_for_hours_that_are_about_to_begin_has_them() -> None:
+    begins_s = FLOWN_S + CLEARED_S
+    by_battery, in_hours = offered(until((begins_s, 1e5)))
+    assert in_hours == by_battery
+    _, too_early = offered(until((begins_s + 1.0, 1e5)))
+    assert too_early.most_pct == 0.0
+    waits = within_hours(until((begins_s, 1e5)), STATE, replace(by_battery, airborne=False), NOW_S)
+    assert waits.most_pct == 0.0  # on the ground it has the time to wait for them
 
 
 def test_re_plans_and_the_window_ask_within_the_hours() -> None:

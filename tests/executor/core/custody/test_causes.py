@@ -115,6 +115,16 @@ def test_a_return_ends_in_a_landing_for_the_same_cause() -> None:
     assert cause_of(CONTEXT, (), flying(cause=Cause.MISSION), went(LAND), NOW_S) is Cause.PERSON
 
 
+@pytest.mark.parametrize(("age_s", "cause"), [(3.0, Cause.MISSION), (3.1, Cause.PERSON)])
+def test_over_the_pad_is_who_has_just_said_so(age_s: float, cause: Cause) -> None:
+    """Its last position before it went silent is that of its pad, and it has flown for half a minute since."""
+    home = flying(heartbeat=Heartbeat(3, RTL, True, 4), cause=Cause.MISSION)
+    landing = went(LAND, fix=at(east_m=3.0, age_s=age_s))
+    assert cause_of(CONTEXT, (), home, landing, NOW_S) is cause
+    said_why = with_facts(landing, alarm=("EKF Failsafe", NOW_S))
+    assert cause_of(CONTEXT, (), home, said_why, NOW_S) is (Cause.FAILSAFE if age_s > 3.0 else cause)
+
+
 def test_whoever_holds_an_arducopter_on_the_return_that_was_ordered_is_a_person() -> None:
     """Its battery failsafe is in force all the while, and makes its heartbeats critical; it holds nobody."""
     home = flying(heartbeat=Heartbeat(3, RTL, True, 5), cause=Cause.OURS, stage=Stage.RETURNING)
