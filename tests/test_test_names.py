@@ -395,7 +395,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/sorties/solve.py",
     ),
     "tests/planner/sorties/test_exact.py": ("planner/sorties/model.py",),
-    "tests/planner/sorties/test_losses.py": ("planner/sorties/lives.py",),
     "tests/executor/cli/test_day.py": (
         "executor/analysis/pictures/gantt.py",
         "executor/site/day_words.py",

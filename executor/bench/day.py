@@ -19,12 +19,15 @@ from missions import DayPlanFile, default_network_path, read_network
 from missions.geo import FloatArray
 from planner import Iterations, MoveGeometry, Seconds, Stopwatch, Travel
 from planner.sorties import (
+    DayCampaign,
     Objective,
     SortieBase,
     SortieInstance,
     SortieVehicle,
+    day_chunks,
     evaluate_sorties,
-    fly_lives,
+    fly_days,
+    lives_of,
     solve_sorties,
     solve_sorties_exact,
     warm_up_sorties,
@@ -199,7 +202,8 @@ def fleet_rows(samples: int, seed: int, told: Told) -> list[Json]:
 def _fleet_row(content: DayPlanFile, mtbf_h: float, spares: int, samples: int, seed: int) -> Json:
     fleet = len(content.vehicles)
     chosen = tuple(number % fleet for number in range(spares))
-    lives = fly_lives(with_spares(content.instance(), chosen), content.plan, mtbf_h, samples, seed=seed)
+    campaign = DayCampaign(with_spares(content.instance(), chosen), content.plan, mtbf_h, seed)
+    lives = lives_of([fly_days(campaign, part) for part in day_chunks(samples)])
     return {
         "mtbf_h": mtbf_h,
         "vehicles": fleet + spares,

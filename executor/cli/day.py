@@ -17,6 +17,7 @@ from executor.cli.planning import writable
 from executor.core.commands import Level
 from executor.errors import SiteError
 from executor.site.assembly import Ground
+from executor.site.crew import ChunkCrew, crew
 from executor.site.day_words import (
     day_lines,
     enough_for,
@@ -30,7 +31,7 @@ from executor.site.day_words import (
 from executor.site.sorties import DayWanted, planned_day, site_day, spares_of
 from missions import DayPlanFile, check_day_plan, day_plan_document, write_day_plan
 from planner import Progress, Seconds
-from planner.sorties import Objective, Spares, fly_lives, sortie_window, with_spares
+from planner.sorties import DayCampaign, Objective, Spares, day_chunks, fly_days, lives_of, sortie_window, with_spares
 
 DAY_SECONDS = 20.0
 """Of a day's search where nobody said how long."""
@@ -77,6 +78,8 @@ class DayAsked:
     mtbf_h: float | None
     probability: str
     samples: int
+    dask: str | None = None
+    jobs: int | None = None
 
 
 def shares_of(text: str) -> list[float]:
@@ -108,10 +111,16 @@ def plan_day(
 
     Raises:
         SiteError: the site or an option cannot be used.
+        ExecutorError: a process or a worker was lost.
+        ConnectionFailed: the cluster is away.
+        ExtraMissing: the cluster's client is not installed.
     """
     shares = shares_of(asked.probability)
-    content = day_for(ground, console, asked, left)
-    spares = [] if asked.mtbf_h is None else _spares(content, console, asked, asked.mtbf_h, max(shares))
+    spares: list[Spares] = []
+    with crew(jobs=asked.jobs, dask=asked.dask) as fly:
+        content = day_for(ground, console, asked, left)
+        if asked.mtbf_h is not None:
+            spares = _spares(content, console, asked, fly, asked.mtbf_h, max(shares))
     console.progress("")
     if output is not None:
         writable(output, lambda: write_day_plan(output, content))
@@ -202,7 +211,7 @@ def with_windows(content: DayPlanFile, console: TerminalConsole, seed: int) -> D
 
 
 def _spares(
-    content: DayPlanFile, console: TerminalConsole, asked: DayAsked, mtbf_h: float, share: float
+    content: DayPlanFile, console: TerminalConsole, asked: DayAsked, fly: ChunkCrew, mtbf_h: float, share: float
 ) -> list[Spares]:
     """Return what each number of spares comes to, up to the first that is enough."""
     instance, found = content.instance(), list[Spares]()
@@ -214,9 +223,8 @@ def _spares(
             console.progress(f"{count} spares: {done} of {of} times flown")
 
         chosen = tuple(order[number % len(order)] for number in range(count))
-        lives = fly_lives(
-            with_spares(instance, chosen), content.plan, mtbf_h, asked.samples, seed=asked.seed, told=told
-        )
+        campaign = DayCampaign(with_spares(instance, chosen), content.plan, mtbf_h, asked.seed)
+        lives = lives_of(fly(fly_days, campaign, day_chunks(asked.samples), told))
         found.append(Spares(chosen, lives))
         if lives.finished.estimate >= share:
             break

@@ -148,3 +148,9 @@ RunOption = Annotated[
     Path | None,
     typer.Option("--run", metavar="DIR", help="The run directory, new or empty; by default a dated one in runs/."),
 ]
+DaskOption = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Run on the Dask cluster whose scheduler is at ADDRESS.")
+]  # fmt: skip
+JobsOption = Annotated[
+    int | None, typer.Option(min=1, metavar="N", help="Processes on this computer; by default one per processor.")
+]

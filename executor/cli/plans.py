@@ -27,7 +27,9 @@ from executor.cli.options import (
     MOST_SECONDS,
     AfterOption,
     CostOption,
+    DaskOption,
     EverybodyOption,
+    JobsOption,
     JsonOption,
     LearnedOption,
     PlanArgument,
@@ -113,6 +115,8 @@ def plan(
     mtbf_hours: MtbfOption = None,
     probability: ProbabilityOption = "95,99",
     samples: SamplesOption = 300,
+    dask: DaskOption = None,
+    jobs: JobsOption = None,
     after: AfterOption = None,
     learned: LearnedOption = None,
     output: Annotated[
@@ -140,7 +144,7 @@ def plan(
     _can_be_profiled(profile, site, front=front, over_raster=ground.terrain is not None)
     if day:
         seconds = seconds if _is_given(asked, "seconds") else DAY_SECONDS
-        wishes = DayAsked(objective, seconds, seed, starts, mtbf_hours, probability, samples)
+        wishes = DayAsked(objective, seconds, seed, starts, mtbf_hours, probability, samples, dask, jobs)
         left = None if after is None else next_sortie.segments_left(after, ground)
         plan_day(ground, console, wishes, output, picture, left, as_json=as_json)
         return
@@ -197,7 +201,8 @@ def _draw_profile(ground: assembly.Ground, content: PlanFile, path: Path) -> Non
 
 
 NOT_BY_DAY = ("cost", "solver", "stretch", "all_vehicles", "search", "front", "profile")
-ONLY_BY_DAY = ("objective", "mtbf_hours", "probability", "samples")
+ONLY_BY_DAY = ("objective", "mtbf_hours", "probability", "samples", "dask", "jobs")
+ONLY_BY_LOSSES = ("dask", "jobs")
 
 
 def _fit_together(asked: typer.Context, *, day: bool) -> None:
@@ -205,6 +210,9 @@ def _fit_together(asked: typer.Context, *, day: bool) -> None:
         if _is_given(asked, name):
             beside = "none beside --day" if day else "--day beside it"
             raise SiteError(f"--{name.replace('_', '-')}: expected {beside}")
+    for name in ONLY_BY_LOSSES:
+        if _is_given(asked, name) and not _is_given(asked, "mtbf_hours"):
+            raise SiteError(f"--{name}: expected --mtbf-hours beside it")
 
 
 def _is_given(asked: typer.Context, name: str) -> bool:

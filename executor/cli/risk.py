@@ -10,9 +10,10 @@ from typing import Annotated
 import typer
 
 from executor.cli.console import TerminalConsole
-from executor.cli.options import JsonOption, PlanArgument, SeedOption, finite
+from executor.cli.options import DaskOption, JobsOption, JsonOption, PlanArgument, SeedOption, finite
 from executor.cli.planning import can_be_drawn, writable
-from executor.site import risk as flights
+from executor.site.crew import crew
+from executor.site.risk import risks, sweep_mtbf
 from missions import read_plan
 from planner import Campaign, Risk, flight_chunks, risk_campaign
 
@@ -39,12 +40,6 @@ SamplesOption = Annotated[int, typer.Option(min=1, max=100_000_000, metavar="N",
 LossesOption = Annotated[
     int, typer.Option(min=1, max=50, metavar="K", help="Re-plan at most this many losses in one flight.")
 ]  # fmt: skip
-DaskOption = Annotated[
-    str | None, typer.Option(metavar="ADDRESS", help="Run on the Dask cluster whose scheduler is at ADDRESS.")
-]  # fmt: skip
-JobsOption = Annotated[
-    int | None, typer.Option(min=1, metavar="N", help="Processes on this computer; by default one per processor.")
-]
 PictureOption = Annotated[
     Path | None, typer.Option(metavar="PNG", help="Draw the chance over a range of mean times between failures.")
 ]
@@ -78,15 +73,15 @@ def risk(
     def done(flown: int, total: int) -> None:
         console.progress(f"{flown} of {total} flights")
 
-    with flights.crew(jobs=jobs, dask=dask) as fly:
+    with crew(jobs=jobs, dask=dask) as fly:
         console.progress("looking at each first loss")
         wanted = risk_campaign(
             content.instance(), content.plan, mtbf_h=(mtbf,), battery_spread_pct=battery_spread, reserve_pct=reserve,
             max_losses=max_losses, fly_again=content.fly_again,
         )  # fmt: skip
-        (found,) = fly(wanted, flight_chunks(samples, seed), done)
+        (found,) = risks(fly, wanted, flight_chunks(samples, seed), done)
         if picture is not None:
-            swept = fly(*flights.sweep_mtbf(wanted, seed, flights=samples), done)
+            swept = risks(fly, *sweep_mtbf(wanted, seed, flights=samples), done)
     console.progress("")
     if picture is not None:
         from executor.analysis.pictures import draw_risk

@@ -11,7 +11,7 @@ cheap; the first plan, or ``warm_up_sorties``, loads the compiled kernels.
 
 from planner.sorties.evaluate import SortieEvaluation, evaluate_sorties, packs_at_once, sortie_pct, sortie_s
 from planner.sorties.exact import solve_sorties_exact
-from planner.sorties.lives import Lives, Spares, fly_lives, with_spares
+from planner.sorties.lives import DayCampaign, Lives, Spares, day_chunks, fly_days, lives_of, with_spares
 from planner.sorties.losses import LossWindow, SortieLoss, sortie_window, sorties_left
 from planner.sorties.model import (
     Objective,
@@ -26,6 +26,7 @@ from planner.sorties.result import SortieResult
 from planner.sorties.solve import solve_sorties, warm_up_sorties
 
 __all__ = [
+    "DayCampaign",
     "Lives",
     "LossWindow",
     "Objective",
@@ -38,8 +39,10 @@ __all__ = [
     "SortieResult",
     "SortieVehicle",
     "Spares",
+    "day_chunks",
     "evaluate_sorties",
-    "fly_lives",
+    "fly_days",
+    "lives_of",
     "packs_at_once",
     "parted_windows",
     "solve_sorties",

@@ -7,7 +7,7 @@ is found to inspect everything in the hours that are left, so a share is a lower
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -63,50 +63,74 @@ def with_spares(instance: SortieInstance, spares: Sequence[int]) -> SortieInstan
     )  # fmt: skip
 
 
-def fly_lives(
-    instance: SortieInstance,
-    plan: SortiePlan,
-    mtbf_h: float,
-    samples: int,
-    *,
-    seed: int = 0,
-    iterations: int = ENOUGH,
-    table: MoveTable | None = None,
-    told: Callable[[int, int], None] = lambda _done, _of: None,
-) -> Lives:
-    """Fly days many times.
+@dataclass(frozen=True, slots=True)
+class DayCampaign:
+    """Days that are to be flown many times."""
 
-    Args:
-        instance: the days, spares included.
-        plan: everybody's sorties without a loss; of spares there need not be any.
-        mtbf_h: mean flight hours between failures of one vehicle.
-        samples: how many times.
-        seed: of all random numbers: with the same one vehicles fail alike, however many spares there are.
-        iterations: of one re-plan, at most.
-        table: the moves, where they are priced already.
-        told: how many samples are done.
-    """
+    instance: SortieInstance
+    """Spares included; they come last."""
+    plan: SortiePlan
+    """Everybody's sorties without a loss; of spares there need not be any."""
+    mtbf_h: float
+    """Mean flight hours between failures of one vehicle."""
+    seed: int = 0
+    """Of all random numbers: with the same one vehicles fail alike, however many spares there are."""
+    iterations: int = ENOUGH
+    """Of one re-plan, at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class DayChunk:
+    """Some of the times that days are flown."""
+
+    first: int
+    flights: int
+
+
+@dataclass(frozen=True, slots=True)
+class DaysFlown:
+    """What one time came to."""
+
+    losses: int
+    packs: tuple[int, ...] | None
+    """That each base needed; none where something was left over."""
+
+
+DAYS_PER_CHUNK = 10
+
+
+def day_chunks(samples: int) -> tuple[DayChunk, ...]:
+    """Return so many times in chunks."""
+    return tuple(DayChunk(first, min(DAYS_PER_CHUNK, samples - first)) for first in range(0, samples, DAYS_PER_CHUNK))
+
+
+def fly_days(campaign: DayCampaign, chunk: DayChunk) -> tuple[DaysFlown, ...]:
+    """Fly days some times; what they come to is the same wherever that is done."""
     # Only here: it loads the kernels.
     from planner.sorties.construct import move_table
 
-    table = move_table(instance) if table is None else table
+    table = move_table(campaign.instance)
     # Each sortie is priced again and again here.
-    instance = replace(instance, moves=MoveTables(table.move[..., 0], table.move[..., 1]))
-    missing = len(instance.vehicles) - len(plan.sorties)
-    plan = SortiePlan(plan.sorties + ((),) * missing, plan.uncovered)
-    finished = losses = 0
-    packs = []
-    for sample in range(samples):
-        chance = np.random.default_rng((seed, sample))
+    instance = replace(campaign.instance, moves=MoveTables(table.move[..., 0], table.move[..., 1]))
+    missing = len(instance.vehicles) - len(campaign.plan.sorties)
+    plan = SortiePlan(campaign.plan.sorties + ((),) * missing, campaign.plan.uncovered)
+    outcomes = []
+    for sample in range(chunk.first, chunk.first + chunk.flights):
+        chance = np.random.default_rng((campaign.seed, sample))
         # Spares come last, and drawn one by one: the others' fates do not depend on how many there are.
-        life_s = [float(chance.exponential(mtbf_h * HOUR_S)) for _ in instance.vehicles]
-        flown, lost = _once(instance, plan, life_s, seed, iterations, table)
-        losses += lost
-        if not flown.uncovered:
-            finished += 1
-            packs.append(packs_at_once(instance, flown, evaluate_sorties(instance, flown)))
-        told(sample + 1, samples)
-    return Lives(samples, wilson(finished, samples), losses / samples, tuple(packs))
+        life_s = [float(chance.exponential(campaign.mtbf_h * HOUR_S)) for _ in instance.vehicles]
+        flown, lost = _once(instance, plan, life_s, campaign.seed, campaign.iterations, table)
+        packs = None if flown.uncovered else packs_at_once(instance, flown, evaluate_sorties(instance, flown))
+        outcomes.append(DaysFlown(lost, packs))
+    return tuple(outcomes)
+
+
+def lives_of(chunks: Sequence[Sequence[DaysFlown]]) -> Lives:
+    """Return what all times came to."""
+    outcomes = [one for chunk in chunks for one in chunk]
+    packs = tuple(one.packs for one in outcomes if one.packs is not None)
+    losses = sum(one.losses for one in outcomes)
+    return Lives(len(outcomes), wilson(len(packs), len(outcomes)), losses / len(outcomes), packs)
 
 
 def _once(
@@ -115,7 +139,7 @@ def _once(
     life_s: Sequence[float],
     seed: int,
     iterations: int,
-    table: MoveTable | None,
+    table: MoveTable,
 ) -> tuple[SortiePlan, int]:
     """Return all sorties that took off, and how many vehicles were lost."""
     lost: dict[int, float] = {}

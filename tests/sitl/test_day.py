@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,95 +14,38 @@ import pytest
 import tomli_w
 
 from executor.site import assembly
-from tests.e2e.flights import called, ended, log_lines
+from tests.e2e.flights import log_lines
 from tests.e2e.judge import wrongly_counted
 from tests.ports import free_port
+from tests.sitl.crew import Crew, flown, planned
 from tests.sitl.flights import VICTIM, Story, site_of
-from tests.sitl.real import BOTH, Autopilot, RealVehicle, Wanted, running
+from tests.sitl.real import BOTH, Autopilot, Wanted, running
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(2700)]
 
 BUDGET_PCT = 12.0
 """Of each pack: thirteen segments take five sorties of three vehicles."""
-LOOK_REAL_S = 0.5
-STARTED_REAL_S = 3.0
-"""After its power came back the crew says that another pack is in."""
-PATIENCE_REAL_S = 2400.0
 ROUNDED_S = 0.1
 """The report's times are."""
 
 
 @dataclass
-class Crew:
-    """Stands by the pads: changes the pack of who waits for it, and says so on the page."""
+class Losing(Crew):
+    """One vehicle falls silent on its second sortie."""
 
-    running: Mapping[str, RealVehicle]
-    page: httpx.AsyncClient
-    changed: list[tuple[str, str]] = field(default_factory=list)
-    """Vehicles and the packs that were put in, in order."""
-    answers: list[dict[str, Any]] = field(default_factory=list)
     lost: bool = False
 
-    async def attend(self) -> None:
-        """Look after everybody until the page is gone."""
-        while True:
-            try:
-                state = (await self.page.get("/state")).json()
-            except httpx.TransportError:
-                return
-            for vehicle in state["vehicles"]:
-                await self._look_after(vehicle)
-            await asyncio.sleep(LOOK_REAL_S)
-
-    async def _look_after(self, vehicle: dict[str, Any]) -> None:
-        name, turn = vehicle["name"], vehicle["turn"]
-        if name == VICTIM and not self.lost and _inspects_on_its_second(vehicle):
+    async def look_after(self, vehicle: dict[str, Any]) -> None:
+        """Do what a vehicle needs, or cut it off."""
+        if vehicle["name"] == VICTIM and not self.lost and _inspects_on_its_second(vehicle):
             self.lost = True
-            self.running[name].suspend()
-        elif turn is not None and turn["awaited"]:
-            await self._change(name)
-
-    async def _change(self, name: str) -> None:
-        pack = f"P{len(self.changed) + 1}"
-        self.running[name].end()
-        self.running[name].begin_again()
-        await asyncio.sleep(STARTED_REAL_S)
-        wish = {"id": f"swap-{pack}", "action": "swap", "vehicle": name, "pack": pack, "confirmed": True}
-        answer = (await self.page.post("/intents", json=wish)).json()
-        if answer["code"] == "nothing_to_plan":
-            return  # somebody else has taken up what was open
-        self.answers.append(answer)
-        self.changed.append((name, pack))
+            self.running[VICTIM].suspend()
+        else:
+            await super().look_after(vehicle)
 
 
 def _inspects_on_its_second(vehicle: dict[str, Any]) -> bool:
     return (vehicle["turn"]["sortie"], vehicle["progress"]["phase"]) == (2, "inspect")
-
-
-async def planned(site: Path, day: Path) -> None:
-    """Plan the day."""
-    async with called("plan", str(site), "--day", "--seconds", "5", "-o", str(day)) as process:
-        _, err = await ended(process)
-    assert process.returncode == 0, err
-
-
-async def flown(site: Path, day: Path, run: Path, crew: Crew) -> tuple[int | None, dict[str, Any]]:
-    """Fly the day with its crew; returns the exit code and the report."""
-    command = ("fly", str(day), "--site", str(site), "--yes", "--json", "--run", str(run))
-    async with called(*command) as process, crew.page:
-        reading = asyncio.create_task(process.communicate())
-        for _ in range(600):
-            try:
-                await crew.page.get("/state")
-            except httpx.TransportError:
-                await asyncio.sleep(LOOK_REAL_S)
-            else:
-                break
-        await crew.attend()
-        async with asyncio.timeout(PATIENCE_REAL_S):
-            out, err = await reading
-    assert out, err.decode()
-    return process.returncode, json.loads(out)
 
 
 @BOTH
@@ -125,7 +67,7 @@ def test_lost_on_the_second_sortie(autopilot: Autopilot, tmp_path: Path) -> None
     assert sum(one["vehicle"] == VICTIM for one in plan["sorties"]) >= 2, plan["sorties"]
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset())
     with running(autopilot, Path(autopilot.binary), tmp_path / "sim", wanted) as vehicles:
-        crew = Crew(vehicles, httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}"))
+        crew = Losing(vehicles, httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}"))
         code, report = asyncio.run(flown(site, day, run, crew))
     said = [line["said"] for line in log_lines(run) if "said" in line]
     assert crew.lost, said

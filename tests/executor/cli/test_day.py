@@ -205,6 +205,9 @@ def test_options_of_days_need_a_day(place: Place) -> None:
     code, _, err = place.call("plan", "site.toml", "--mtbf-hours", "5")
     assert (code, err.count("\n")) == (2, 1)
     assert "--mtbf-hours: expected --day beside it" in err
+    code, _, err = place.plan("--jobs", "2")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "--jobs: expected --mtbf-hours beside it" in err
 
 
 @pytest.mark.parametrize(

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
-import distributed
 import numpy as np
 import pytest
 
 from executor.analysis.pictures import risk_figure
 from executor.cli.main import main
-from executor.errors import ExtraMissing
-from executor.site.risk import SWEEP, crew, sweep_mtbf
+from executor.site.crew import crew
+from executor.site.risk import SWEEP, risks, sweep_mtbf
 from missions import write_plan
 from planner import Campaign, flight_chunks, risk_campaign
 from tests.executor.flights import first_plan_file
@@ -50,41 +48,11 @@ def ignored(done: int, total: int) -> None:
     """Take the progress."""
 
 
-def test_one_process_or_two_give_the_same_answer(content: Campaign) -> None:
-    told: list[tuple[int, int]] = []
-    with crew(jobs=1, dask=None) as fly:
-        alone = fly(content, PARTS, lambda done, total: told.append((done, total)))
-    assert told == [(100, 300), (200, 300), (300, 300)]
-    with crew(jobs=2, dask=None) as fly:
-        assert fly(content, PARTS, ignored) == alone
-    assert 0 < alone[0].finished[0].estimate < alone[0].finished[1].estimate <= 1
-
-
-@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
-def test_a_cluster_gives_the_same_answer_as_this_computer(content: Campaign) -> None:
-    # Its scheduler and worker run in this process and speak TCP over loopback.
-    with (
-        distributed.LocalCluster(
-            n_workers=1, threads_per_worker=2, processes=False, protocol="tcp://", host="127.0.0.1",
-            dashboard_address=None,
-        ) as cluster,
-        crew(jobs=None, dask=cluster.scheduler_address) as fly,
-        crew(jobs=1, dask=None) as fly_here,
-    ):  # fmt: skip
-        assert fly(content, PARTS, ignored) == fly_here(content, PARTS, ignored)
-
-
 def test_a_cluster_that_is_away_is_one_line(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
     address = f"tcp://127.0.0.1:{free_port()}"
     code, out, err = run(capsys, "risk", plan, "--mtbf", 10, "--dask", address)
     assert (code, out) == (2, "")
     assert err == f"faultline: --dask: no scheduler at {address}; expected one such as tcp://10.0.0.1:8786\n"
-
-
-def test_without_the_extra_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ExtraMissing, match=r"pip install distributed"), crew(jobs=1, dask="tcp://a:1"):
-        pass
 
 
 def test_json_has_the_chances_and_their_intervals(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -138,7 +106,7 @@ def test_bad_figures_are_one_line(
 def test_a_sweep_has_a_curve_for_each_number_of_replans(content: Campaign) -> None:
     campaign, parts = sweep_mtbf(content, 1, flights=50)
     with crew(jobs=1, dask=None) as fly:
-        swept, given = fly(campaign, parts, ignored), fly(content, PARTS, ignored)[0]
+        swept, given = risks(fly, campaign, parts, ignored), risks(fly, content, PARTS, ignored)[0]
     assert [risk.mtbf_h for risk in swept] == [0.1 * factor for factor in SWEEP]
     (axes,) = risk_figure(swept, given).axes
     curves = [line for line in axes.lines if np.size(line.get_xdata()) == len(SWEEP)]

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planner import Dynamics, MoveGeometry, Travel
-from planner.sorties import SortieBase, SortieInstance, SortieVehicle
+from planner import Dynamics, Iterations, MoveGeometry, Travel
+from planner.sorties import SortieBase, SortieInstance, SortiePlan, SortieVehicle, solve_sorties
 
 TRAVEL = Travel(5.0, 2.0, 0.1, 0.12)
 BROAD = Travel(4.0, 2.0, 0.09, 0.12, Dynamics())
@@ -63,3 +63,12 @@ def line_instance(
         out_s=out[0], out_pct=out[1], home_s=home[0], home_pct=home[1],
         transfer_s=transfer_s, able=able, wanted=np.ones(segments, dtype=np.bool_), stagger_s=stagger_s,
     )  # fmt: skip
+
+
+def short_day(seed: int = 3, end_s: float = 1_200.0, packs: int | None = None) -> tuple[SortieInstance, SortiePlan]:
+    """Return a day of two vehicles that a loss may leave too short, and its plan."""
+    instance = line_instance(seed, 20, budget_pct=45.0, days=((0.0, end_s),), packs=packs)
+    found = solve_sorties(instance, stop=Iterations(20_000), seed=1)
+    assert found.evaluation.violations == ()
+    assert not found.plan.uncovered
+    return instance, found.plan

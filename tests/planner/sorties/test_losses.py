@@ -1,4 +1,4 @@
-"""Vehicles lost during days of sorties: what is left, until when a loss is made good, how many vehicles are enough."""
+"""Vehicles lost during days of sorties: what is left, and until when a loss is made good."""
 
 from __future__ import annotations
 
@@ -10,25 +10,14 @@ from planner import Iterations, PlanError
 from planner.sorties import (
     Sortie,
     SortieInstance,
-    SortiePlan,
     evaluate_sorties,
-    fly_lives,
     solve_sorties,
     sortie_s,
     sortie_window,
     sorties_left,
-    with_spares,
 )
 from planner.sorties.losses import finishes
-from tests.planner.sorties.builders import line_instance
-
-
-def short_day(seed: int = 3, end_s: float = 1_200.0, packs: int | None = None) -> tuple[SortieInstance, SortiePlan]:
-    instance = line_instance(seed, 20, budget_pct=45.0, days=((0.0, end_s),), packs=packs)
-    found = solve_sorties(instance, stop=Iterations(20_000), seed=1)
-    assert found.evaluation.violations == ()
-    assert not found.plan.uncovered
-    return instance, found.plan
+from tests.planner.sorties.builders import short_day
 
 
 def lands_s(instance: SortieInstance, vehicle: int, one: Sortie) -> float:
@@ -91,19 +80,6 @@ def test_the_window_begins_after_the_last_sortie_whose_loss_nobody_makes_good() 
 def test_on_a_long_day_any_vehicle_may_be_lost_at_any_time() -> None:
     instance, plan = short_day(end_s=10_000.0)
     assert all(one.breaks is None and one.from_s == 0.0 for one in sortie_window(instance, plan))
-
-
-def test_more_spares_finish_more_often_and_nobody_fails_without_failures() -> None:
-    instance, plan = short_day(end_s=1_500.0)
-    certain = fly_lives(instance, plan, 1e6, 20)
-    assert (certain.finished.estimate, certain.losses) == (1.0, 0.0)
-    shares = [
-        fly_lives(with_spares(instance, spares), plan, 0.5, 40, seed=2).finished.estimate for spares in ((), (0, 1))
-    ]
-    assert shares[0] < shares[1]
-    assert certain.packs_for(0.95) == tuple(
-        sum(one.base == base for own in plan.sorties for one in own) for base in range(2)
-    )
 
 
 def test_losses_of_others_than_there_are_are_refused() -> None:

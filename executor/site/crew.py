@@ -1,0 +1,185 @@
+"""Many flights on paper at once: on this computer's processors, or on a Dask cluster; the answer is the same.
+
+The flights come in parts with chance of their own (``planner.flight_chunks``, ``planner.sorties.day_chunks``). Who
+flies one, and when, changes nothing.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+from executor.adapters.extras import Extra, need
+from executor.adapters.interrupts import end_children, held_back
+from executor.errors import ConnectionFailed, ExecutorError
+
+if TYPE_CHECKING:
+    import distributed  # an extra; whoever flies here does without
+
+CONNECT_S = 5.0
+"""A scheduler or a first worker that is not there after so long is away."""
+
+Done = Callable[[int, int], None]
+"""Told how many flights of how many are done."""
+
+
+class Part(Protocol):
+    """Some of a campaign's flights."""
+
+    @property
+    def flights(self) -> int:
+        """Return how many."""
+        ...
+
+
+CampaignT = TypeVar("CampaignT")
+PartT = TypeVar("PartT", bound=Part)
+AnswerT = TypeVar("AnswerT")
+AnswerT_co = TypeVar("AnswerT_co", covariant=True)
+
+
+class ChunkCrew(Protocol):
+    """Flies the parts of a campaign."""
+
+    def __call__(
+        self,
+        flown: Callable[[CampaignT, PartT], AnswerT],
+        campaign: CampaignT,
+        parts: Sequence[PartT],
+        told: Done,
+    ) -> list[AnswerT]:
+        """Return the answer to each part, in their order.
+
+        Args:
+            flown: flies a part; a function of a module, so that another process finds it.
+            campaign: what is flown.
+            parts: of it.
+            told: called after each part.
+
+        Raises:
+            ExecutorError: a process or a worker was lost.
+        """
+        ...
+
+
+class _Answer(Protocol[AnswerT_co]):
+    """What both kinds of futures can do."""
+
+    def result(self) -> AnswerT_co:
+        """Return the answer, or raise what was raised instead."""
+        ...
+
+    def __hash__(self) -> int:
+        """Return the same for the same future."""
+        ...
+
+
+@contextmanager
+def crew(*, jobs: int | None, dask: str | None) -> Iterator[ChunkCrew]:
+    """Give what flies campaigns; a cluster is connected to at once, before anything is computed.
+
+    Args:
+        jobs: processes on this computer; None for one per processor.
+        dask: address of a Dask scheduler, such as tcp://10.0.0.1:8786; None for this computer.
+
+    Raises:
+        ExtraMissing: the cluster's client is not installed.
+        ConnectionFailed: the cluster is away.
+    """
+    if dask is None:
+        yield _Here(jobs or os.cpu_count() or 1)
+        return
+    need(Extra.DASK, "--dask")
+    import distributed
+
+    try:
+        client = distributed.Client(dask, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ConnectionFailed(f"--dask: no scheduler at {dask}; expected one such as tcp://10.0.0.1:8786") from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_S)
+        except TimeoutError as error:
+            raise ConnectionFailed(f"--dask: {dask} has no workers, expected one or more") from error
+        yield _Cluster(client)
+
+
+class _Here:
+    """Flies on this computer."""
+
+    def __init__(self, workers: int) -> None:
+        self._workers = workers
+
+    def __call__(
+        self, flown: Callable[[CampaignT, PartT], AnswerT], campaign: CampaignT, parts: Sequence[PartT], told: Done
+    ) -> list[AnswerT]:
+        """Fly in so many processes, or in this one."""
+        workers = min(self._workers, len(parts))
+        if workers > 1:
+            return _in_processes(workers, flown, campaign, parts, told)
+        answers, done = [], 0
+        for part in parts:
+            answers.append(flown(campaign, part))
+            done += part.flights
+            told(done, sum(one.flights for one in parts))
+        return answers
+
+
+def _in_processes(
+    workers: int, flown: Callable[[CampaignT, PartT], AnswerT], campaign: CampaignT, parts: Sequence[PartT], told: Done
+) -> list[AnswerT]:
+    # Spawned: a process that numba's threads have been started in must not be forked.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        try:
+            with held_back():
+                futures = [pool.submit(flown, campaign, part) for part in parts]
+            return _gathered(futures, as_completed(futures), parts, told)
+        except KeyboardInterrupt:
+            end_children()
+            raise
+        except BrokenProcessPool as error:
+            raise ExecutorError(
+                "a process that flew a part of the flights has died; --jobs 1 needs the least"
+            ) from error
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+class _Cluster:
+    """Flies on a Dask cluster."""
+
+    def __init__(self, client: distributed.Client) -> None:
+        self._client = client
+
+    def __call__(
+        self, flown: Callable[[CampaignT, PartT], AnswerT], campaign: CampaignT, parts: Sequence[PartT], told: Done
+    ) -> list[AnswerT]:
+        """Fly on its workers."""
+        import distributed
+
+        client = self._client
+        try:
+            # What is the same for all goes to each worker once, not with each part.
+            shared = client.scatter(campaign, broadcast=True)
+            futures = client.map(flown, [shared] * len(parts), list(parts), pure=False)
+            return _gathered(futures, distributed.as_completed(futures, loop=client.loop), parts, told)
+        except (ImportError, OSError, distributed.KilledWorker, distributed.CancelledError) as error:
+            raise ExecutorError(f"--dask: a worker failed: {type(error).__name__}: {error}") from error
+
+
+def _gathered(
+    futures: Sequence[_Answer[AnswerT]], finished: Iterable[_Answer[AnswerT]], parts: Sequence[Part], told: Done
+) -> list[AnswerT]:
+    size = {future: part.flights for future, part in zip(futures, parts, strict=True)}
+    done = 0
+    for future in finished:
+        future.result()
+        done += size[future]
+        told(done, sum(size.values()))
+    return [future.result() for future in futures]

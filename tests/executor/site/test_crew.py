@@ -1,0 +1,70 @@
+"""Who flies many flights on paper: the same answer from one process, several, or a cluster."""
+
+from __future__ import annotations
+
+import sys
+
+import distributed
+import pytest
+
+from executor.errors import ExtraMissing
+from executor.site.crew import crew
+from executor.site.risk import risks
+from planner import Campaign, flight_chunks, risk_campaign
+from planner.sorties import DayCampaign, day_chunks, fly_days, lives_of
+from tests.executor.flights import first_plan_file
+from tests.planner.sorties.builders import short_day
+
+PARTS = flight_chunks(300, 1, per_chunk=100)
+
+
+@pytest.fixture(scope="module")
+def content() -> Campaign:
+    plan_file = first_plan_file()
+    return risk_campaign(
+        plan_file.instance(), plan_file.plan, mtbf_h=(0.1,), battery_spread_pct=10.0, max_losses=2, effort=100
+    )
+
+
+def ignored(done: int, total: int) -> None:
+    """Take the progress."""
+
+
+def test_one_process_or_two_give_the_same_answer(content: Campaign) -> None:
+    told: list[tuple[int, int]] = []
+    with crew(jobs=1, dask=None) as fly:
+        alone = risks(fly, content, PARTS, lambda done, total: told.append((done, total)))
+    assert told == [(100, 300), (200, 300), (300, 300)]
+    with crew(jobs=2, dask=None) as fly:
+        assert risks(fly, content, PARTS, ignored) == alone
+    assert 0 < alone[0].finished[0].estimate < alone[0].finished[1].estimate <= 1
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+def test_a_cluster_gives_the_same_answer_as_this_computer(content: Campaign) -> None:
+    # Its scheduler and worker run in this process and speak TCP over loopback.
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=2, processes=False, protocol="tcp://", host="127.0.0.1",
+            dashboard_address=None,
+        ) as cluster,
+        crew(jobs=None, dask=cluster.scheduler_address) as fly,
+        crew(jobs=1, dask=None) as fly_here,
+    ):  # fmt: skip
+        assert risks(fly, content, PARTS, ignored) == risks(fly_here, content, PARTS, ignored)
+
+
+def test_without_the_extra_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ExtraMissing, match=r"pip install distributed"), crew(jobs=1, dask="tcp://a:1"):
+        pass
+
+
+def test_days_are_flown_by_the_same_crew() -> None:
+    instance, plan = short_day(end_s=1_500.0)
+    campaign, parts = DayCampaign(instance, plan, 0.5, 2), day_chunks(25)
+    told: list[tuple[int, int]] = []
+    with crew(jobs=2, dask=None) as fly:
+        together = lives_of(fly(fly_days, campaign, parts, lambda done, of: told.append((done, of))))
+    assert max(told) == (25, 25)
+    assert together == lives_of([fly_days(campaign, part) for part in parts])
