@@ -142,17 +142,16 @@ def plan(
     console = TerminalConsole(quiet=as_json, yes=True)
     ground = ground_with(read_site(site), site.parent, learned, console)
     _can_be_profiled(profile, site, front=front, over_raster=ground.terrain is not None)
+    left = None if after is None else next_sortie.segments_left(after, ground)
     if day:
         seconds = seconds if _is_given(asked, "seconds") else DAY_SECONDS
         wishes = DayAsked(objective, seconds, seed, starts, mtbf_hours, probability, samples, dask, jobs)
-        left = None if after is None else next_sortie.segments_left(after, ground)
         plan_day(ground, console, wishes, output, picture, left, as_json=as_json)
         return
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
     below = None if picture is None else view_for(ground, site.parent)
-    left = None if after is None else next_sortie.segments_left(after, ground)
     content = plan_and_tell(ground, console, wanted, left)
     heights = planned_heights(ground, content)
     if output is not None:
