@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, StrEnum
+from typing import Literal
 
 from executor.core.endings import Ending
 
@@ -48,6 +49,11 @@ class Action(Enum):
     """Everybody returns."""
 
 
+ActionName = Literal[
+    "hold", "resume", "return", "land", "exclude", "include", "swap", "disarm", "replan", "prove", "close", "open",
+    "abort", "prepare", "take-off",
+]  # fmt: skip
+"""What a client writes for an action: the value of each, as a type."""
 PACK = r"^[A-Za-z0-9._:#/-]{0,32}$"
 """What the id of a pack is made of."""
 MOST_ASSETS = 100

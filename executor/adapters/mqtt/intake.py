@@ -9,7 +9,7 @@ from __future__ import annotations
 import hmac
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -17,7 +17,7 @@ from executor.adapters.assets import NamedAssets
 from executor.adapters.mqtt.broker import IntakeRules
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.commands import Level
-from executor.core.intents import FOR_ALL, FOR_BASE, PACK, Action, Intent
+from executor.core.intents import FOR_ALL, FOR_BASE, PACK, Action, ActionName, Intent
 from missions import first_reason
 
 MOST_BYTES = 4096
@@ -46,23 +46,7 @@ class IntentMessage(BaseModel):
     """Of these topics and payloads."""
     id: Annotated[str, Field(pattern=ID)]
     """Of the sender's choice, another for every intent: the same id again is answered again, and not carried out."""
-    action: Literal[
-        "hold",
-        "resume",
-        "return",
-        "land",
-        "exclude",
-        "include",
-        "swap",
-        "disarm",
-        "replan",
-        "prove",
-        "close",
-        "open",
-        "abort",
-        "prepare",
-        "take-off",
-    ]
+    action: ActionName
     """What is to be done; `prepare` and `take-off` answer the questions before the flight."""
     vehicle: Annotated[str, Field(pattern=NAME)] | None = None
     """Whose; left out for `replan`, `prove`, `close`, `open`, `abort`, `prepare` and `take-off`."""

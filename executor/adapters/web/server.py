@@ -19,7 +19,7 @@ from dataclasses import asdict, dataclass, field
 from hashlib import sha256
 from importlib import resources
 from types import TracebackType
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 import uvicorn
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -35,7 +35,7 @@ from executor.adapters.web.guard import Guard
 from executor.adapters.web.present import Describe, Now, Present
 from executor.adapters.web.stream import EventStream, Newest
 from executor.core.context import Context
-from executor.core.intents import PACK, Action, Intent, IntentRecord, Outcome
+from executor.core.intents import PACK, Action, ActionName, Intent, IntentRecord, Outcome
 from executor.core.view import fleet_view
 from executor.errors import ConnectionFailed
 from executor.supervised import WAITS_S, beside
@@ -107,23 +107,7 @@ class _Wish(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
     id: Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,64}$")]
-    action: Literal[
-        "hold",
-        "resume",
-        "return",
-        "land",
-        "exclude",
-        "include",
-        "swap",
-        "disarm",
-        "replan",
-        "prove",
-        "close",
-        "open",
-        "abort",
-        "prepare",
-        "take-off",
-    ]
+    action: ActionName
     vehicle: Annotated[str, Field(min_length=1, max_length=32)] | None = None
     confirmed: bool = False
     pack: Annotated[str, Field(pattern=PACK)] = ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import get_args
 
 import pytest
 
@@ -10,7 +11,7 @@ from executor.adapters.mqtt.broker import IntakeRules
 from executor.adapters.mqtt.intake import BURST, MOST_BYTES, Gate, Intake, RefusedMessage, read_intent
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.commands import Level
-from executor.core.intents import Action, Intent
+from executor.core.intents import Action, ActionName, Intent
 
 NOW_UNIX_S = 1_790_000_000.0  # 2026-09-21T13:33:20Z
 GOOD = {"timestamp": "2026-09-21T14:13:20Z", "id": "a-1", "action": "hold", "vehicle": "uav1"}
@@ -28,6 +29,10 @@ def reason(rules: IntakeRules = OPEN, *, retained: bool = False, **changes: obje
     assert "\n" not in found.reason
     assert found.id == "a-1"
     return found.reason
+
+
+def test_each_action_can_be_asked_for() -> None:
+    assert set(get_args(ActionName)) == {one.value for one in Action}
 
 
 def test_an_intent() -> None:
