@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -19,14 +20,17 @@ from missions.pads import way_around_m
 from missions.ways import Obstacle, column_of, graph_of
 
 IntArray = npt.NDArray[np.int64]
+Place = tuple[float, float]
+"""East and north."""
+WAYS_KEPT = 1 << 15
+"""Around columns; three vehicles over 96 segments have a thousand."""
 
 
 @dataclass(frozen=True, slots=True)
 class Columns:
     """What one vehicle's ways lead around."""
 
-    centres_m: tuple[tuple[float, float], ...] = ()
-    """East and north."""
+    centres_m: tuple[Place, ...] = ()
     radius_m: float = 0.0
     areas: tuple[Obstacle, ...] = ()
     """That they lead around as well."""
@@ -39,12 +43,13 @@ class Columns:
         """Return (w, 2) corners of the ways from (n, 2) places to others."""
         if self.areas:
             return self._around_both(starts_m, goals_m)
-        centres_m, found = np.array(self.centres_m).reshape(-1, 2), dict[tuple[float, ...], FloatArray]()
-        keys = [(*start, *goal) for start, goal in zip(starts_m.tolist(), goals_m.tolist(), strict=True)]
-        for key in keys:
-            if key not in found:
-                found[key] = way_around_m(np.array(key[:2]), np.array(key[2:]), centres_m, self.radius_m)
-        return [found[key] for key in keys]
+        ends = zip(map(tuple, starts_m.tolist()), map(tuple, goals_m.tolist()), strict=True)
+        return [
+            _kept_way_m(start, goal, self.centres_m, self.radius_m)
+            if start <= goal
+            else _kept_way_m(goal, start, self.centres_m, self.radius_m)[::-1]
+            for start, goal in ends
+        ]
 
     def _around_both(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray]:
         """Return ways around areas, and around the columns that these meet.
@@ -160,6 +165,17 @@ def led_around(
     for part, ways_m in columns.ways(flat_from[which], flat_to[which]):
         seconds[which[part]], pct[which[part]] = along(which[part], ways_m)
     return seconds.reshape(shape), pct.reshape(shape)
+
+
+@lru_cache(maxsize=WAYS_KEPT)
+def _kept_way_m(start: Place, goal: Place, centres: tuple[Place, ...], radius_m: float) -> FloatArray:
+    """Return (w, 2) corners of a way around columns; each re-plan prices the same ways again, and so does the way back.
+
+    They cannot be written to, as others have them too.
+    """
+    way_m = way_around_m(np.array(start), np.array(goal), np.array(centres).reshape(-1, 2), radius_m)
+    way_m.flags.writeable = False
+    return way_m
 
 
 def _with_heights(from_m: FloatArray, to_m: FloatArray, corners_m: FloatArray) -> FloatArray:

@@ -117,7 +117,7 @@ p.facts { color: var(--faint); margin: 0 0 1rem; }
 div.wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; vertical-align: top; padding: .25rem .9rem .25rem 0; border-bottom: 1px solid var(--rule); }
-th { font-weight: 600; white-space: nowrap; } td.number { text-align: right; }
+th { font-weight: 600; vertical-align: bottom; } td.number { text-align: right; }
 tr.fault td { color: var(--bad); font-weight: 600; } tr.warning td { color: var(--warn); }
 figure { margin: 1rem 0; }
 figure img { display: block; width: 100%; height: auto; background: #ffffff; border-radius: 4px; }

@@ -36,6 +36,32 @@ async def test_a_moment_says_what_it_must(name: str, layout: str) -> None:
             await expect(page.locator("#banner")).to_be_hidden()
 
 
+NARROWED = """([words]) => {
+  document.querySelector("#window").textContent = words;
+  const planned = document.querySelector("#planned");
+  planned.hidden = false;
+  planned.textContent = "plan: any one from T+3:47 on, until then not uav1";
+  const box = (one) => document.querySelector(one).getBoundingClientRect();
+  const beside = box("#fleet").top < box("#summary").bottom;
+  const ends = Math.max(box("#window").right, planned.getBoundingClientRect().right);
+  return [box("header").height, beside ? box("#fleet").left - ends : 0, document.documentElement.scrollWidth];
+}"""
+"""How high the header becomes with such words in it, what is free between them and the buttons, and how wide it is."""
+
+
+@pytest.mark.parametrize("width", [920, 1024, 1280, 1366, 1440, 1600])
+async def test_the_header_leaves_the_map_its_height(width: int) -> None:
+    with Shown(scene_of("flying")).serving() as address:
+        async with browsing(address, (width, 768)) as page:
+            await expect(page.locator(".strip")).to_have_count(3)
+            for vehicles, most_px in ((4, 120), (9, 150)):
+                words = "✗ not " + ", ".join(f"uav{number + 1}" for number in range(vehicles))
+                height_px, free_px, wide_px = await page.evaluate(NARROWED, [words])
+                assert height_px <= most_px
+                assert free_px >= 0
+                assert wide_px <= width
+
+
 async def test_the_question_before_the_take_off_is_answered_with_two_strokes() -> None:
     shown = Shown(scene_of("before-take-off"))
     with shown.serving() as address:

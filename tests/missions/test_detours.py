@@ -7,7 +7,7 @@ import pytest
 
 from missions import Inspection, dialect_for, estimate, flight_path, flight_setup
 from missions.detours import Columns
-from missions.pads import Pad, column_radius_m
+from missions.pads import Pad, column_radius_m, way_around_m
 from missions.pricing import FlightModel, Pricing, flown_instance
 from missions.setup import FlightSetup
 from planner import Cost, Plan, Route, SteadyWind, evaluate
@@ -67,3 +67,14 @@ def test_a_column_at_either_end_is_led_around_by_nobody() -> None:
     # It rises evenly along the way, and keeps clear.
     assert np.all(np.diff(ways_m[0, :, 2]) > 0)
     assert np.all(np.hypot(ways_m[0, :, 0] - 50.0, ways_m[0, :, 1]) >= 7.0)
+
+
+def test_the_way_back_is_the_way_out_and_nobody_changes_it_for_others() -> None:
+    columns = Columns(((0.0, 0.0), (9.0, 1.0)), 8.0)
+    west_m, east_m = np.array([-40.0, 2.0]), np.array([40.0, -3.0])
+    out_m, back_m = columns.way_m(west_m, east_m), columns.way_m(east_m, west_m)
+    assert len(out_m) > 0
+    np.testing.assert_array_equal(back_m, out_m[::-1])
+    np.testing.assert_array_equal(out_m, way_around_m(west_m, east_m, np.array(columns.centres_m), columns.radius_m))
+    with pytest.raises(ValueError, match="read-only"):
+        out_m[0] = 0.0
