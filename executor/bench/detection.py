@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
 
 import numpy as np
 
+from executor.adapters.workers import workers
 from executor.bench.flightmodel import Injected, ModelledFlight, ModelledSite, fly_modelled, model_site
 from executor.core.events import Heard, Tick
 from executor.core.faults import passive
@@ -209,7 +209,7 @@ def campaign(
             found += fly_job(job)
             told(number + 1, len(work))
         return found
-    with ProcessPoolExecutor(jobs) as pool:
+    with workers(jobs) as pool:
         for number, outcomes in enumerate(pool.map(fly_job, work)):
             found += outcomes
             told(number + 1, len(work))

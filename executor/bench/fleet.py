@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import multiprocessing
 import os
 import resource
 import signal
@@ -17,7 +16,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
 from multiprocessing.connection import Connection
@@ -26,6 +24,7 @@ from pathlib import Path
 from executor.adapters.eventlog import Head, read_head
 from executor.adapters.mavlink.bare import bare_codec_s
 from executor.adapters.run_directory import RunDirectory
+from executor.adapters.workers import workers
 from executor.bench.browser import browser, oldest_shown_s
 from executor.bench.errors import BenchError
 from executor.bench.fleetsite import site_of, write_network
@@ -125,7 +124,7 @@ def measure_fleet(
     for count in counts:
         print(f"{count} vehicles, {minutes:g} minutes at {speedup:g} times real time", file=sys.stderr, flush=True)
         # A process for each flight: what one leaves behind must not be in the next one's figures.
-        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        with workers(1) as pool:
             try:
                 flights.append(pool.submit(fly_one, count, minutes, speedup, seed, burden).result())
             except ExecutorError as error:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from executor.adapters.workers import workers
 from executor.bench.detection import poisson_interval
 from executor.bench.store import Json
 from executor.core.vehicle import FaultKind
@@ -143,7 +143,7 @@ def judge_logs(folder: Path, jobs: int, told: Callable[[int, int], None] = lambd
     order = sorted(range(len(paths)), key=lambda number: -paths[number].stat().st_size)
     rows: dict[int, Json] = {}
     try:
-        with ProcessPoolExecutor(max(1, jobs)) as pool:
+        with workers(max(1, jobs)) as pool:
             waiting = [(number, pool.submit(judge_log, paths[number], folder)) for number in order]
             for number, future in waiting:
                 rows[number] = future.result()
@@ -158,7 +158,7 @@ def judge_logs(folder: Path, jobs: int, told: Callable[[int, int], None] = lambd
 
 def _alone(path: Path, folder: Path) -> Json:
     try:
-        with ProcessPoolExecutor(1) as pool:
+        with workers(1) as pool:
             return pool.submit(judge_log, path, folder).result()
     except BrokenProcessPool:
         return _dead(path, folder)

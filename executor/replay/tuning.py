@@ -10,10 +10,10 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from executor.adapters.workers import workers
 from executor.core.vehicle import FaultKind
 from executor.errors import LogError
 from executor.replay.baseline_detector import PERCENT, FewLines
@@ -147,7 +147,7 @@ def sweep_thresholds(paths: Sequence[Path], rules: ReplayRules, jobs: int = 1) -
     """
     work = [_Job(path, truth_for(path, read_recorded_truths(path.parent)), rules) for path in paths]
     if jobs > 1:
-        with ProcessPoolExecutor(jobs) as pool:
+        with workers(jobs) as pool:
             scores = [one for one in pool.map(_swept, work) if one]
     else:
         scores = [one for one in map(_swept, work) if one]

@@ -6,16 +6,16 @@ flies one, and when, changes nothing.
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from executor.adapters.extras import Extra, need
 from executor.adapters.interrupts import end_children, held_back
+from executor.adapters.workers import workers
 from executor.errors import ConnectionFailed, ExecutorError
 
 if TYPE_CHECKING:
@@ -112,16 +112,16 @@ def crew(*, jobs: int | None, dask: str | None) -> Iterator[ChunkCrew]:
 class _Here:
     """Flies on this computer."""
 
-    def __init__(self, workers: int) -> None:
-        self._workers = workers
+    def __init__(self, processes: int) -> None:
+        self._processes = processes
 
     def __call__(
         self, flown: Callable[[CampaignT, PartT], AnswerT], campaign: CampaignT, parts: Sequence[PartT], told: Done
     ) -> list[AnswerT]:
         """Fly in so many processes, or in this one."""
-        workers = min(self._workers, len(parts))
-        if workers > 1:
-            return _in_processes(workers, flown, campaign, parts, told)
+        processes = min(self._processes, len(parts))
+        if processes > 1:
+            return _in_processes(processes, flown, campaign, parts, told)
         answers, done = [], 0
         for part in parts:
             answers.append(flown(campaign, part))
@@ -131,11 +131,13 @@ class _Here:
 
 
 def _in_processes(
-    workers: int, flown: Callable[[CampaignT, PartT], AnswerT], campaign: CampaignT, parts: Sequence[PartT], told: Done
+    processes: int,
+    flown: Callable[[CampaignT, PartT], AnswerT],
+    campaign: CampaignT,
+    parts: Sequence[PartT],
+    told: Done,
 ) -> list[AnswerT]:
-    # Spawned: a process that numba's threads have been started in must not be forked.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+    with workers(processes) as pool:
         try:
             with held_back():
                 futures = [pool.submit(flown, campaign, part) for part in parts]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 
 import numpy as np
 
+from executor.adapters.workers import workers
 from executor.bench.markdown import figure, markdown_table
 from executor.bench.parts.setting import Setting
 from executor.bench.peer import pyvrp_installed, solve_pyvrp
@@ -181,7 +181,7 @@ def _answers(setting: Setting, questions: list[_Question]) -> list[Json]:
     known = {one.key: setting.store.known(one.key, one.settings) for one in questions}
     missing = [one for one in questions if known[one.key] is None]
     setting.told(PEER_TITLE, len(questions) - len(missing), len(questions))
-    pool = ProcessPoolExecutor(setting.starts, mp_context=multiprocessing.get_context("spawn"))
+    pool = workers(setting.starts)
     try:
         futures = {pool.submit(one.answer): one for one in missing}
         for done, future in enumerate(as_completed(futures), len(questions) - len(missing) + 1):

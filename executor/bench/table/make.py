@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 
+from executor.adapters.workers import workers
 from executor.bench.problems import network_of
 from executor.bench.store import Json, Store
 from executor.bench.table.cells import Against, Cell, PlanFigures, Series, Stretched, best_mincomb
@@ -45,8 +45,7 @@ class Maker:
                 yield task, do(task, self.table)
             return
         warm_up()  # so that the processes find compiled kernels
-        # Not forked: a process that has the compiler's threads must not be.
-        pool = ProcessPoolExecutor(self.jobs, mp_context=multiprocessing.get_context("spawn"))
+        pool = workers(self.jobs)
         try:
             futures = {pool.submit(do, task, self.table): task for task in tasks}
             for future in as_completed(futures):

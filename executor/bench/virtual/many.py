@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import gc
-import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from typing import TypeVar
+
+from executor.adapters.workers import workers
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -28,8 +28,7 @@ def each(
     one = partial(_undisturbed, work)
     if jobs <= 1 or len(orders) <= 1:
         return list(_told(map(one, orders), len(orders), told))
-    # A process that is forked from one with threads may stand still: the solver has had some.
-    with ProcessPoolExecutor(min(jobs, len(orders)), mp_context=multiprocessing.get_context("spawn")) as pool:
+    with workers(min(jobs, len(orders))) as pool:
         return list(_told(pool.map(one, orders), len(orders), told))
 
 
