@@ -23,7 +23,7 @@ from executor.core.events import Event, Heard, LaunchOrdered, NewRoute, SolveEnd
 from executor.core.messages import Battery, Position
 from executor.core.vehicle import FaultKind
 from missions import Inspection, PlanFile, Solved, make_plan_file, write_plan
-from planner import Cost, Plan, Route, Travel, Vehicle
+from planner import Campaign, Cost, Plan, Route, Travel, Vehicle, risk_campaign
 from tests.missions.builders import FRAME, line_east, paper_task
 
 LAUNCH_S = 50.0
@@ -45,6 +45,14 @@ def first_plan_file() -> PlanFile:
     task = paper_task(NETWORK, range(5), vehicles, TRAVEL)
     plan = Plan((Route(0, (6, 8)), Route(1, (0, 2, 4)), Route(2, ())))
     return make_plan_file(NETWORK, task, TRAVEL, plan, Cost.MINMAX, Solved("search", 1, 0.1), inspection=INSPECTION)
+
+
+def first_campaign() -> Campaign:
+    """Return the first plan to be flown many times, with losses."""
+    content = first_plan_file()
+    return risk_campaign(
+        content.instance(), content.plan, mtbf_h=(0.1,), battery_spread_pct=10.0, max_losses=2, effort=100
+    )
 
 
 def second_plan_file() -> PlanFile:

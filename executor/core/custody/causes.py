@@ -209,7 +209,7 @@ def _goes_on_down(dialect: Dialect, before: Heartbeat | None, mode: int) -> bool
 def _lands_elsewhere(context: Scene, before: VehicleState, vehicle: VehicleState) -> bool:
     """Return whether it breaks off its return for a landing on its way: somebody told it to, or it says why.
 
-    Where it was is no place to land at: of one without positions nobody knows that it has come home.
+    Where it was some time ago is no place that it lands at: nobody knows then that it has come home.
     """
     dialect, old, beat = context.vehicles[vehicle.name].dialect, before.telemetry.heartbeat, vehicle.telemetry.heartbeat
     if old is None or beat is None or not old.armed or old.custom_mode == beat.custom_mode:

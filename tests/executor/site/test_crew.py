@@ -10,9 +10,9 @@ import pytest
 from executor.errors import ExtraMissing
 from executor.site.crew import crew
 from executor.site.risk import risks
-from planner import Campaign, flight_chunks, risk_campaign
+from planner import Campaign, flight_chunks
 from planner.sorties import DayCampaign, day_chunks, fly_days, lives_of
-from tests.executor.flights import first_plan_file
+from tests.executor.flights import first_campaign
 from tests.planner.sorties.builders import short_day
 
 PARTS = flight_chunks(300, 1, per_chunk=100)
@@ -20,10 +20,7 @@ PARTS = flight_chunks(300, 1, per_chunk=100)
 
 @pytest.fixture(scope="module")
 def content() -> Campaign:
-    plan_file = first_plan_file()
-    return risk_campaign(
-        plan_file.instance(), plan_file.plan, mtbf_h=(0.1,), battery_spread_pct=10.0, max_losses=2, effort=100
-    )
+    return first_campaign()
 
 
 def ignored(done: int, total: int) -> None:

@@ -14,8 +14,8 @@ from executor.cli.main import main
 from executor.site.crew import crew
 from executor.site.risk import SWEEP, risks, sweep_mtbf
 from missions import write_plan
-from planner import Campaign, flight_chunks, risk_campaign
-from tests.executor.flights import first_plan_file
+from planner import Campaign, flight_chunks
+from tests.executor.flights import first_campaign, first_plan_file
 from tests.ports import free_port
 
 PARTS = flight_chunks(300, 1, per_chunk=100)
@@ -23,10 +23,7 @@ PARTS = flight_chunks(300, 1, per_chunk=100)
 
 @pytest.fixture(scope="module")
 def content() -> Campaign:
-    plan_file = first_plan_file()
-    return risk_campaign(
-        plan_file.instance(), plan_file.plan, mtbf_h=(0.1,), battery_spread_pct=10.0, max_losses=2, effort=100
-    )
+    return first_campaign()
 
 
 @pytest.fixture
