@@ -109,17 +109,23 @@ def low_segments(path: FlightPath, visits: Sequence[int]) -> frozenset[int]:
     return frozenset(
         segment_of(visits[point.visit])
         for point in path.waypoints
-        if point.phase is Phase.INSPECT and point.below_m > 0 and point.visit is not None
+        if point.visit is not None and point.below_m > 0 and (point.phase is Phase.INSPECT or point.captures)
     )
 
 
 def inspected_at_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> dict[int, float]:
-    """Return at which distance a path inspects each segment of its visits."""
+    """Return at which distance a path inspects each segment of its visits; one from too high by what it is too high."""
     low, offset_m = low_segments(path, visits), setup.layers.offset_m(path.vehicle)
     return {
-        segment: setup.inspection.height_m + (0.0 if segment in low else offset_m)
+        segment: setup.inspection.height_m + (0.0 if segment in low else offset_m + _deep_m(setup, segment))
         for segment in map(segment_of, visits)
     }
+
+
+def _deep_m(setup: FlightSetup, segment: int) -> float:
+    """Return how far below the common surface the lowest viewpoint of a pylon lies; 0 for a span."""
+    look = setup.looks.pylons.get(segment)
+    return 0.0 if look is None else look.deepest_m
 
 
 def lowered(
@@ -131,8 +137,8 @@ def lowered(
 ) -> dict[str, frozenset[int]]:
     """Return which segments of its route each vehicle may inspect below its layer.
 
-    The lowest layer is at the asked height itself: who has it needs none. Of what is inspected in one go it is one
-    stretch, the longest: so nobody goes up and down more often than it is priced with.
+    The lowest layer is at the asked height itself: who has it needs none, but to viewpoints below it. Of what is
+    inspected in one go it is one stretch, the longest: so nobody goes up and down more often than it is priced with.
 
     Args:
         setup: Heights and pads.
@@ -146,16 +152,29 @@ def lowered(
     closed = _Closed(setup, taken)
     low: dict[str, frozenset[int]] = {name: frozenset() for name in routes}
     for name in order:
-        visits = list(routes.get(name, ()))
-        if name in stays or not visits or setup.layers.offset_m(name) == 0.0:
+        visits, step_m = list(routes.get(name, ())), setup.layers.offset_m(name)
+        down = [number for number, visit in enumerate(visits) if step_m + _deep_m(setup, segment_of(visit)) > 0]
+        if name in stays or not down:
             continue
-        tracks_m = np.array([setup.tracks_m[segment_of(visit)] for visit in visits])
-        free = ~closed.to(name, tracks_m, radius_m)
-        free &= np.array([segment_of(visit) not in setup.looks.pylons for visit in visits])
+        ways_m = [_ways_m(setup, segment_of(visits[number])) for number in down]
+        met = closed.to(name, np.concatenate(ways_m), radius_m)
+        ends = np.cumsum([len(way_m) for way_m in ways_m])[:-1]
+        free = np.zeros(len(visits), dtype=np.bool_)
+        free[down] = [not part.any() for part in np.split(met, ends)]
         chosen = _stretches(setup, visits, free, None if begins_m is None else begins_m.get(name))
         low[name] = frozenset(segment_of(visits[number]) for number in chosen)
-        closed.add(name, tracks_m[chosen])
+        if chosen:
+            closed.add(name, np.concatenate([_ways_m(setup, segment) for segment in sorted(low[name])]))
     return low
+
+
+def _ways_m(setup: FlightSetup, segment: int) -> FloatArray:
+    """Return (n, 2, 2) where a segment is inspected, seen from above: its track, or from viewpoint to viewpoint."""
+    look = setup.looks.pylons.get(segment)
+    if look is None:
+        return setup.tracks_m[[segment]]
+    places_m = np.array([point.place_m for point in look.points])
+    return np.stack((places_m[:-1], places_m[1:]), axis=1)
 
 
 def check_asked(setup: FlightSetup, taken: Sequence[Airway]) -> list[str]:
@@ -303,10 +322,19 @@ def _stretches(
 def _chains(
     setup: FlightSetup, visits: Sequence[int], begin_m: tuple[float, float] | None
 ) -> Iterator[tuple[list[int], bool]]:
-    """Yield what is inspected in one go, and whether that goes on from where the vehicle is down already."""
+    """Yield what is inspected in one go, and whether that goes on from where the vehicle is down already.
+
+    A pylon is always begun, and left, from the layer.
+    """
     chain: list[int] = []
     follows, here_m = False, begin_m
     for number, visit in enumerate(visits):
+        if segment_of(visit) in setup.looks.pylons:
+            if chain:
+                yield chain, follows
+            yield [number], False
+            chain, here_m = [], None
+            continue
         first_m, last_m = setup.tracks_m[segment_of(visit)][:: -1 if is_reversed(visit) else 1].tolist()
         joined = here_m is not None and math.dist(here_m, first_m) <= SAME_PLACE_M
         if chain and not joined:

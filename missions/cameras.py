@@ -96,13 +96,26 @@ class SpanLook:
 
 @dataclass(frozen=True, slots=True)
 class Viewpoint:
-    """From where, and whereto, a pylon is looked at."""
+    """From where a pylon is looked at."""
 
     place_m: tuple[float, float]
     """East and north of the depot."""
-    pitch_deg: int
     yaw_deg: int
-    """From north, -180 to 180."""
+    """Towards the pylon, from north, -180 to 180."""
+    below_m: float = 0.0
+    """How far it lies below the common surface of all flights over the lines."""
+    crosses: bool = False
+    """Whether the way on from here leads over a line: up to the common surface, across, and down again."""
+
+
+@dataclass(frozen=True, slots=True)
+class PylonStop:
+    """One stop of the flight around a pylon."""
+
+    place_m: tuple[float, float]
+    below_m: float
+    point: int | None
+    """Which viewpoint it is; None where it only goes up, or down again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +127,43 @@ class PylonLook:
     """In the order in which they are flown forward."""
     hover_s: float
     aim_deg: float
+    target_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """East, north and height over the depot's ground of what is looked at."""
+    pitch_deg: float | None = None
+    """Of the camera, from the horizon, down is negative; None points it at the target."""
+    roi: bool = False
+    """Whether the target is a region of interest: the vehicle turns its nose there."""
+
+    @property
+    def deepest_m(self) -> float:
+        """How far its lowest viewpoint lies below the common surface."""
+        return max(point.below_m for point in self.points)
+
+    def stops(self, *, reverse: bool) -> list[PylonStop]:
+        """Return the stops of its flight, from the first viewpoint to the last, or the other way."""
+        found: list[PylonStop] = []
+        for number, point in enumerate(self.points):
+            found.append(PylonStop(point.place_m, point.below_m, number))
+            if point.crosses:
+                ends = (point, self.points[number + 1])
+                found += [PylonStop(one.place_m, 0.0, None) for one in ends if one.below_m > 0]
+        return found[::-1] if reverse else found
+
+    def pitch_from_deg(self, place_m: tuple[float, float], up_m: float) -> int:
+        """Return the whole degrees by which it is looked at from a place at a height over the depot's ground."""
+        if self.pitch_deg is not None:
+            return round(self.pitch_deg)
+        return round(math.degrees(math.atan2(self.target_m[2] - up_m, math.dist(self.target_m[:2], place_m))))
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A region of interest."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_rel_m: float
+    """Above the vehicle's own home."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +181,8 @@ class Capture:
     aim_deg: float = 20.0
     from_north: bool = False
     """Whether ``yaw_deg`` counts from north."""
+    region: Region | None = None
+    """What the vehicle's nose is turned to, with ``yaw_deg`` from north: also where no gimbal is."""
 
     @property
     def films(self) -> bool:
@@ -184,12 +236,25 @@ class Looks:
             for look in self.spans.get(segment, ())
         )
 
-    def capture_at(self, look: PylonLook, point: Viewpoint) -> Capture:
-        """Return what is done at a viewpoint, once the vehicle has come to rest there."""
+    @property
+    def deepest_m(self) -> float:
+        """How far the lowest viewpoint of all lies below the common surface."""
+        return max((look.deepest_m for look in self.pylons.values()), default=0.0)
+
+    def capture_at(self, look: PylonLook, point: Viewpoint, up_m: float, region: Region | None = None) -> Capture:
+        """Return what is done at a viewpoint, once the vehicle has come to rest there.
+
+        Args:
+            look: What its pylon asks for.
+            point: The viewpoint.
+            up_m: The vehicle's height over the depot's ground.
+            region: The target, where that is a region of interest.
+        """
         camera = self.cameras[look.camera]
-        pitch_deg, yaw_deg = (point.pitch_deg, point.yaw_deg) if camera.gimbal else (None, None)
+        pitch_deg = look.pitch_from_deg(point.place_m, up_m) if camera.gimbal else None
+        yaw_deg = point.yaw_deg if camera.gimbal or region is not None else None
         return Capture(
-            camera.name, camera.id, Trigger.ONCE, 0.0, pitch_deg, yaw_deg, look.aim_deg, from_north=True
+            camera.name, camera.id, Trigger.ONCE, 0.0, pitch_deg, yaw_deg, look.aim_deg, from_north=True, region=region
         )  # fmt: skip
 
     def _capture(self, look: SpanLook, below_deg: float, reverse: bool) -> Capture:

@@ -13,7 +13,7 @@ so is the level way home from everywhere on it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,8 +57,8 @@ class OverGround:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Walls:
-    """Lines as walls, and pads as ground that is known, in local metres over the depot's ground."""
+class Lines:
+    """Lines as walls, in local metres over the depot's ground."""
 
     network: Network
     starts_m: FloatArray
@@ -76,21 +76,22 @@ class _Walls:
         """Return what people call a wall."""
         return self.network.segment_name(int(self.segments[index]))
 
-    def near(self, low_m: FloatArray, high_m: FloatArray) -> _Walls:
+    def near(self, low_m: FloatArray, high_m: FloatArray) -> Lines:
         """Return those that come near to the box between two (2,) corners."""
         ends = np.stack((self.starts_m, self.starts_m + self.along_m))
         apart = (ends.max(axis=0) < low_m - NEAR_M) | (ends.min(axis=0) > high_m + NEAR_M)
-        return self._only(np.flatnonzero(~apart.any(axis=1)))
+        return self.only(np.flatnonzero(~apart.any(axis=1)))
 
-    def nearest_to_any(self, places_m: FloatArray) -> _Walls:
+    def nearest_to_any(self, places_m: FloatArray) -> Lines:
         """Return those of which one is the nearest to a place, for each of (m, 2) places, and few others."""
         middle_m = places_m.mean(axis=0)
         around_m = float(np.hypot(*(places_m - middle_m).T).max())
         away_m = self.nearest(middle_m[np.newaxis])[0][0]
         # No place is farther than this from the wall that is nearest to the middle, so its own is not either.
-        return self._only(np.flatnonzero(away_m <= float(away_m.min()) + 2.0 * around_m + ROUNDING_M))
+        return self.only(np.flatnonzero(away_m <= float(away_m.min()) + 2.0 * around_m + ROUNDING_M))
 
-    def _only(self, kept: np.ndarray[tuple[int], np.dtype[np.intp]]) -> _Walls:
+    def only(self, kept: np.ndarray[tuple[int], np.dtype[np.intp]]) -> Lines:
+        """Return some of them."""
         return replace(
             self, starts_m=self.starts_m[kept], along_m=self.along_m[kept], ground_m=self.ground_m[kept],
             tops_m=self.tops_m[kept], segments=self.segments[kept],
@@ -125,7 +126,7 @@ def check_clearance(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str
         setup: The network, heights and pads.
         paths: Flights of the setup's vehicles: first missions, or those of a re-plan.
     """
-    walls = _walls(setup.network)
+    walls = lines_of(setup)
     if walls is None:
         return []
     found = []
@@ -133,8 +134,8 @@ def check_clearance(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str
         lows = []
         for number, (leg, phase) in enumerate(_legs(setup, path)):
             points, on_pad = _points(leg, STEP_M), phase in {Phase.TAKEOFF, Phase.LAND}
-            lowest = (_lowest(walls, setup, points, on_pad=on_pad), None if on_pad else over_terrain(setup, points))
-            low = max((one for one in lowest if one is not None), key=lambda one: one.short_m, default=None)
+            both = (lowest(walls, setup, points, on_pad=on_pad), None if on_pad else over_terrain(setup, points))
+            low = max((one for one in both if one is not None), key=lambda one: one.short_m, default=None)
             if low is not None:
                 lows.append((low.short_m, number, phase.value, low.words))
         if lows:
@@ -153,20 +154,20 @@ def check_everywhere(setup: FlightSetup) -> list[str]:
     Held against the lines are the inspection legs of all segments and the surface that all other legs follow, in the
     lowest layer: a re-plan has no other heights.
     """
-    walls = _walls(setup.network)
+    walls = lines_of(setup)
     if walls is None:
         return []
     network, found = setup.network, []
     legs = np.concatenate((setup.tracks_m, setup.layers.track_heights_m[..., np.newaxis]), axis=2)
     for number, leg in enumerate(legs):
-        low = _lowest(walls, setup, _points(leg, STEP_M))
+        low = lowest(walls, setup, _points(leg, STEP_M))
         if low is not None:
             found.append(f"the inspection of {network.segment_name(number)} comes {low.words}")
         ground = over_terrain(setup, _points(leg, STEP_M))
         if ground is not None:
             found.append(f"the inspection of {network.segment_name(number)} comes {ground.words}")
     for number, points in enumerate(_over_lines(setup)):
-        low = _lowest(walls, setup, points)
+        low = lowest(walls, setup, points)
         if low is not None:
             found.append(f"a transit over {network.segment_name(number)} could come {low.words}")
     return [*found, *check_area(setup)]
@@ -174,7 +175,7 @@ def check_everywhere(setup: FlightSetup) -> list[str]:
 
 def lowest_over_tops_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> float | None:
     """Return the least height of any leg over the top of a line within ``BESIDE_M`` of it; None without one."""
-    walls = _walls(setup.network)
+    walls = lines_of(setup)
     if walls is None:
         return None
     least_m = math.inf
@@ -222,7 +223,7 @@ def return_over_ground_m(setup: FlightSetup) -> OverGround:
     }
     highest = max(ups_m, key=ups_m.__getitem__)
     up_m, network = ups_m[highest], setup.network
-    walls = _walls(network)
+    walls = lines_of(setup)
     if walls is None:
         return OverGround(up_m, highest, "")
     if setup.layers.known is not None:
@@ -235,7 +236,7 @@ def return_over_ground_m(setup: FlightSetup) -> OverGround:
 
 def highest_return_m(setup: FlightSetup, vehicle: str) -> float:
     """Return how high over its own home a vehicle may come home by itself without going above the ceiling."""
-    walls = _walls(setup.network)
+    walls = lines_of(setup)
     ground_m = 0.0 if walls is None else float(walls.ground_m.min())
     if setup.layers.known is not None:
         ground_m = setup.layers.known.bottom.up_m
@@ -315,19 +316,26 @@ def _return_low(setup: FlightSetup, path: FlightPath) -> Low | None:
     return over_terrain(setup, np.concatenate(ways))
 
 
-def _walls(network: Network) -> _Walls | None:
-    """Return a network's lines; None where their heights are not known."""
+def lines_of(setup: FlightSetup, without: Collection[int] | None = None) -> Lines | None:
+    """Return the lines of a network; None where heights are not known.
+
+    Args:
+        setup: Which has the network.
+        without: Segments that are no lines; if not given its pylons with viewpoints.
+    """
+    network, without = setup.network, setup.looks.pylons if without is None else without
     if not network.has_heights:
         return None
     ground_m = np.array([pylon.elevation_m for pylon in network.pylons], dtype=np.float64) - network.frame.alt_m
     tops_m = ground_m + np.array([pylon.height_m for pylon in network.pylons], dtype=np.float64)
     ends = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
-    return _walls_of(network, ground_m[ends], tops_m[ends])
+    lines = np.array([number for number in range(len(ends)) if number not in without], dtype=np.intp)
+    return _walls_of(network, ground_m[ends], tops_m[ends]).only(lines)
 
 
-def _walls_of(network: Network, ground_m: FloatArray, tops_m: FloatArray) -> _Walls:
+def _walls_of(network: Network, ground_m: FloatArray, tops_m: FloatArray) -> Lines:
     ends_m = network.ends_m
-    return _Walls(network, ends_m[:, 0], ends_m[:, 1] - ends_m[:, 0], ground_m, tops_m, np.arange(len(ends_m)))
+    return Lines(network, ends_m[:, 0], ends_m[:, 1] - ends_m[:, 0], ground_m, tops_m, np.arange(len(ends_m)))
 
 
 def _legs(setup: FlightSetup, path: FlightPath) -> Iterator[tuple[FloatArray, Phase]]:
@@ -367,14 +375,17 @@ def _between(ends_m: FloatArray, share: FloatArray) -> FloatArray:
     return np.asarray(ends_m[:, 0] + share * (ends_m[:, 1] - ends_m[:, 0]), dtype=np.float64)
 
 
-def _lowest(walls: _Walls, setup: FlightSetup, points: FloatArray, *, on_pad: bool = False) -> Low | None:
-    """Return what is worst about (m, 3) places; None if nothing is.
+def lowest(
+    walls: Lines, setup: FlightSetup, points: FloatArray, *, on_pad: bool = False, beside_m: float = BESIDE_M
+) -> Low | None:
+    """Return what is worst about (m, 3) places over lines and the ground at them; None if nothing is.
 
     Args:
         walls: All lines.
         setup: Which says how much is enough.
         points: Places and heights over the depot's ground.
         on_pad: Whether they lead up from the ground, or down to it.
+        beside_m: So far beside a line nobody is below its top.
     """
     close = walls.near(points[:, :2].min(axis=0), points[:, :2].max(axis=0))
     if not len(close.starts_m):
@@ -382,7 +393,7 @@ def _lowest(walls: _Walls, setup: FlightSetup, points: FloatArray, *, on_pad: bo
     kept_m = margin_m(setup)
     away_m, share = close.nearest(points[:, :2])
     over_tops_m = points[:, 2, np.newaxis] - _between(close.tops_m, share)
-    short_m = np.where(away_m < BESIDE_M, kept_m - over_tops_m, -math.inf)
+    short_m = np.where(away_m < beside_m, kept_m - over_tops_m, -math.inf)
     worst = np.unravel_index(int(short_m.argmax()), short_m.shape)
     if short_m[worst] > ROUNDING_M:
         over_m, name = float(over_tops_m[worst]), close.name(int(worst[1]))
@@ -406,7 +417,7 @@ def _over_ground(
     setup: FlightSetup, points: FloatArray
 ) -> tuple[FloatArray, np.ndarray[tuple[int], np.dtype[np.intp]]]:
     """Return (m,) heights of (m, 3) places over the nearest known ground, and the nearest segments."""
-    walls = _walls(setup.network)
+    walls = lines_of(setup)
     flat = walls is None
     if walls is None:
         level = np.zeros((len(setup.network.segments), 2))

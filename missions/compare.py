@@ -16,7 +16,7 @@ _SAME_FRAME: dict[int, int] = {
     Frame.GLOBAL_RELATIVE_ALT_INT: Frame.GLOBAL_RELATIVE_ALT,
 }
 
-_PLACE = frozenset((Command.NAV_WAYPOINT, Command.NAV_LAND, Command.NAV_TAKEOFF))
+_PLACE = frozenset((Command.NAV_WAYPOINT, Command.NAV_LAND, Command.NAV_TAKEOFF, Command.DO_SET_ROI_LOCATION))
 
 E7_TOLERANCE = 1
 """PX4 keeps degrees as float64 and multiplies them back."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from missions.autopilots.dialect import Dialect
 from missions.errors import EncodeError
 from missions.items import Command, Frame, MissionItem
-from missions.payload import begin_items, end_items
+from missions.payload import begin_items, end_items, heading_deg
 from missions.waypoints import FlightPath, Phase, Waypoint
 
 GROUND_SPEED = 1.0
@@ -114,7 +114,7 @@ def _place(seq: int, point: Waypoint, dialect: Dialect) -> MissionItem:
         command=command,
         param1=param1,
         param2=param2,
-        param4=dialect.no_yaw,
+        param4=heading_deg(point, dialect),
         x=_e7(point.lat_deg) if has_position else 0,
         y=_e7(point.lon_deg) if has_position else 0,
         z=round(point.alt_rel_m, 2),

@@ -48,6 +48,8 @@ class Command(IntEnum):
     NAV_LAND = 21
     NAV_TAKEOFF = 22
     DO_CHANGE_SPEED = 178
+    DO_SET_ROI_LOCATION = 195
+    DO_SET_ROI_NONE = 197
     DO_DIGICAM_CONTROL = 203
     DO_SET_CAM_TRIGG_DIST = 206
     DO_GIMBAL_MANAGER_PITCHYAW = 1000
@@ -60,8 +62,9 @@ class Command(IntEnum):
 PAYLOAD = frozenset({
     Command.DO_DIGICAM_CONTROL, Command.DO_SET_CAM_TRIGG_DIST, Command.DO_GIMBAL_MANAGER_PITCHYAW,
     Command.IMAGE_START_CAPTURE, Command.IMAGE_STOP_CAPTURE, Command.VIDEO_START_CAPTURE, Command.VIDEO_STOP_CAPTURE,
+    Command.DO_SET_ROI_LOCATION, Command.DO_SET_ROI_NONE,
 })  # fmt: skip
-"""What is for a camera or its gimbal."""
+"""What is for a camera or its gimbal, or turns the vehicle for it."""
 
 
 @dataclass(frozen=True, slots=True)

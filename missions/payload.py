@@ -3,7 +3,8 @@
 Items that begin it stand before the leg's own, after the speed; items that end it right behind. All of them follow from
 the one waypoint, so that a list which keeps a waypoint keeps them too. Only commands and parameters are used that both
 autopilots store and give back as they were: ArduPilot keeps whole degrees, PX4 gives back no CONDITION_DELAY and no
-DO_SET_ROI_NONE (mavlink_mission.cpp). Delays are the hold of a waypoint.
+region of interest (mavlink_mission.cpp). Delays are the hold of a waypoint; a region of interest is for PX4 the heading
+of the waypoint and the pitch of the gimbal.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from missions.autopilots.dialect import Dialect
-from missions.cameras import FIRST_COMPONENT, Capture, Trigger
+from missions.cameras import FIRST_COMPONENT, Capture, Region, Trigger
 from missions.items import Command, MissionItem
 from missions.waypoints import Waypoint
 
@@ -30,7 +31,9 @@ def begin_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
     """Yield what begins with the leg to a waypoint, not numbered yet."""
     pointed: set[tuple[int, int, bool]] = set()
     for capture in point.captures:
-        if capture.pitch_deg is not None and capture.yaw_deg is not None:
+        if capture.region is not None and dialect.keeps_region:
+            yield _region(capture.region, dialect)
+        elif capture.pitch_deg is not None and capture.yaw_deg is not None:
             pointing = (capture.pitch_deg, capture.yaw_deg, capture.from_north)
             if pointing not in pointed:
                 pointed.add(pointing)
@@ -58,6 +61,16 @@ def end_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
             yield _command(dialect, Command.IMAGE_START_CAPTURE, capture.camera_id, 0.0, ONE)
         else:  # PX4 triggers what is wired to it by this command alone
             yield MissionItem(0, dialect.command_frame, Command.DO_DIGICAM_CONTROL, x=SHOOT)
+        if capture.region is not None and dialect.keeps_region:
+            yield _command(dialect, Command.DO_SET_ROI_NONE)
+
+
+def heading_deg(point: Waypoint, dialect: Dialect) -> float:
+    """Return the heading that the item of a waypoint asks for: to a region of interest, where no other item does."""
+    for capture in point.captures:
+        if capture.region is not None and capture.yaw_deg is not None and not dialect.keeps_region:
+            return float(capture.yaw_deg % 360)
+    return dialect.no_yaw
 
 
 def _end_of(capture: Capture) -> tuple[Command, float]:
@@ -74,6 +87,13 @@ def _pointing(pitch_deg: int, yaw_deg: int, from_north: bool, dialect: Dialect) 
     return MissionItem(
         0, dialect.command_frame, Command.DO_GIMBAL_MANAGER_PITCHYAW, float(pitch_deg), float(yaw_deg),
         dialect.gimbal_rate, dialect.gimbal_rate, x=HORIZON | (FROM_NORTH if from_north else 0),
+    )  # fmt: skip
+
+
+def _region(region: Region, dialect: Dialect) -> MissionItem:
+    return MissionItem(
+        0, dialect.position_frame, Command.DO_SET_ROI_LOCATION, x=round(region.lat_deg * 1e7),
+        y=round(region.lon_deg * 1e7), z=round(region.alt_rel_m, 2),
     )  # fmt: skip
 
 

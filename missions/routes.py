@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missions.cameras import Capture, PylonLook
+from missions.cameras import Capture, PylonLook, Region
 from missions.geo import FloatArray
 from missions.pricing import SAME_PLACE_M
 from missions.setup import FlightSetup
@@ -128,7 +128,7 @@ class _Flight:
             if turns_back:
                 yield from self._to_level(0.0, Phase.TRANSIT, visit=number)
                 yield from self._transit(start, Phase.TRANSIT, visit=number, hold=False)
-            yield from self._around(number, visit, pylon, start)
+            yield from self._around(number, visit, pylon)
             return
         below_m = self.setup.layers.offset_m(self.vehicle) if segment_of(visit) in self.low else 0.0
         if turns_back or math.hypot(*(start[:2] - self.here_m[:2])) > SAME_PLACE_M:
@@ -138,21 +138,45 @@ class _Flight:
         inspected = self._to(end, Phase.INSPECT, self.setup.inspection.speed_m_s, hold=True, visit=number)
         yield replace(inspected, captures=self._captures(visit)) if self.setup.looks else inspected
 
-    def _around(self, number: int, visit: int, look: PylonLook, start_m: FloatArray) -> Iterator[Waypoint]:
-        """Yield the viewpoints of a pylon: a stop at each, the last of them ends its inspection."""
-        points = look.points[::-1] if is_reversed(visit) else look.points
-        layers = self.setup.layers
+    def _around(self, number: int, visit: int, look: PylonLook) -> Iterator[Waypoint]:
+        """Yield the viewpoints of a pylon: a stop at each, the last of them ends its inspection.
+
+        Who does not come down from its layer looks from above every one of them.
+        """
+        low = segment_of(visit) in self.low
+        stops = look.stops(reverse=is_reversed(visit))
+        if not low:
+            stops = [stop for stop in stops if stop.point is not None]
+        layer_m = self.setup.layers.offset_m(self.vehicle)
         yield from self._to_level(0.0, Phase.TRANSIT, visit=number)
-        for index, point in enumerate(points):
-            captures = (self.setup.looks.capture_at(look, point),)
-            if index == 0:
-                *before, stop = self._transit(start_m, Phase.TRANSIT, visit=number, hold=True)
-                yield from before
+        for index, stop in enumerate(stops):
+            below_m = layer_m + stop.below_m if low else 0.0
+            place_m = self._over(stop.place_m, below_m)
+            phase = Phase.INSPECT if index + 1 == len(stops) else Phase.TRANSIT
+            if index:
+                self.below_m = below_m
+                ends = self._to(place_m, phase, self.setup.inspection.speed_m_s, hold=True, visit=number)
             else:
-                place_m = np.array([*point.place_m, layers.height_m(self.vehicle, *point.place_m)])
-                phase = Phase.INSPECT if index + 1 == len(points) else Phase.TRANSIT
-                stop = self._to(place_m, phase, self.setup.inspection.speed_m_s, hold=True, visit=number)
-            yield replace(stop, captures=captures, hover_s=look.hover_s)
+                above_m = self._over(stop.place_m, 0.0)
+                *before, ends = self._transit(above_m, phase, visit=number, hold=True)
+                yield from before
+                for down in self._to_level(below_m, phase, visit=number):
+                    yield ends
+                    ends = down
+            yield ends if stop.point is None else self._looking(ends, look, stop.point)
+
+    def _over(self, place_m: tuple[float, float], below_m: float) -> FloatArray:
+        """Return (3,) the place so far below the vehicle's layer."""
+        return np.array([*place_m, self.setup.layers.height_m(self.vehicle, *place_m) - below_m])
+
+    def _looking(self, waypoint: Waypoint, look: PylonLook, number: int) -> Waypoint:
+        """Return the waypoint of a viewpoint with what cameras do there."""
+        home_up_m = self.setup.frame.up_m(self.setup.pad_of(self.vehicle).alt_m)
+        east_m, north_m, up_m = look.target_m
+        region = Region(*self.setup.frame.to_wgs84_deg(east_m, north_m), up_m - home_up_m) if look.roi else None
+        up_m = waypoint.alt_rel_m + home_up_m
+        capture = self.setup.looks.capture_at(look, look.points[number], up_m, region)
+        return replace(waypoint, captures=(capture,), hover_s=look.hover_s)
 
     def _captures(self, visit: int) -> tuple[Capture, ...]:
         inspection = self.setup.inspection

@@ -1,24 +1,35 @@
 """Pylons to be seen from several sides: each is an asset of its own, flown like a span, from viewpoint to viewpoint.
 
-So it has its own time, energy and place in the order of a route. Viewpoints lie on the common surface over the line, so
-that whatever keeps vehicles apart, and off the line, holds for them as it does for spans.
+So it has its own time, energy and place in the order of a route. Viewpoints lie on the common surface over the lines,
+so that whatever keeps vehicles apart, and off the line, holds for them as it does for spans; or below it, where a
+vehicle comes down to them from its layer as `asked` allows. Nobody is below the tops within ``BESIDE_M`` of a line
+there: a way between two viewpoints that would be leads up to the surface, over the line and down again.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from missions.cameras import PylonLook, Viewpoint
+from missions.clearance import BESIDE_M, Lines, Low, lines_of, lowest, over_terrain
 from missions.errors import SafetyError
+from missions.geo import FloatArray
 from missions.network import Network, Pylon, Segment
 from missions.performance import Performance
+from missions.setup import FlightSetup
 
 APART_M = 1.0
 """The first and the last viewpoint of a pylon are farther apart than this: it is flown from one to the other."""
+STEP_M = 1.0
+"""Between the places of a way that are held against lines and ground."""
+SPARE_M = 0.1
+"""Viewpoints are this much farther from lines and ground than they must be: places of items are rounded."""
+UPRIGHT_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,57 +43,54 @@ class PylonWish:
     distance_m: float
     hover_s: float
     pitch_deg: float | None
-    """None looks at the top."""
+    """None looks at the target."""
     aim_deg: float
-    height_m: float
-    """Of the lowest flight over the top."""
+    heights_m: tuple[float, ...] = ()
+    """Of the viewpoints over the pylon's top, each at every bearing; without any they lie on the common surface."""
+    target_m: float = 0.0
+    """What is looked at, from the top."""
+    roi: bool = False
+    """Whether that is a region of interest for the autopilot."""
 
 
 def with_viewpoints(
     network: Network, wishes: Sequence[PylonWish], standoff_m: float
-) -> tuple[Network, Mapping[int, PylonLook]]:
-    """Return the network with an asset more for each wish, and what each of them is.
+) -> tuple[Network, Mapping[int, PylonWish]]:
+    """Return the network with an asset more for each wish, and which wish each of them is.
 
     Its two ends are pylons that are not there, as high as the real one, placed so that the track between them begins
     and ends at the first and the last viewpoint.
 
     Raises:
-        SafetyError: a pylon's viewpoints begin and end at one place.
+        SafetyError: a pylon's viewpoints begin and end at one place, or lie at heights over a top that nobody knows.
         NetworkError: they make no network.
     """
     pylons, segments = list(network.pylons), list(network.segments)
-    looks: dict[int, PylonLook] = {}
+    wished: dict[int, PylonWish] = {}
     for wish in wishes:
-        look = _look(network, wish)
-        first, last = (np.array(look.points[end].place_m) for end in (0, -1))
+        real, number = network.pylons[wish.pylon], len(segments)
+        if wish.heights_m and (real.elevation_m is None or real.height_m is None):
+            raise SafetyError(f"pylon {real.id!r}: expected elevation_m and height_m for viewpoints at heights_m")
+        first, last = (np.array(_places(network, wish)[end]) for end in (0, -1))
         along = last - first
         length_m = float(np.hypot(*along))
         if length_m < APART_M:
-            name = network.pylons[wish.pylon].id
-            raise SafetyError(f"pylon {name!r}: expected viewpoints that begin and end at different places")
+            raise SafetyError(f"pylon {real.id!r}: expected viewpoints that begin and end at different places")
         left = np.array([-along[1], along[0]]) / length_m * standoff_m
-        real, number = network.pylons[wish.pylon], len(segments)
         for end, place_m in (("first", first), ("last", last)):
             pylons.append(_stand_in(network, real, f"{real.id}/{wish.camera}/{end}", place_m + left))
         segments.append(Segment(number, len(pylons) - 2, len(pylons) - 1, f"pylon {real.id}"))
-        looks[number] = look
-    if not looks:
-        return network, looks
-    return Network(tuple(pylons), tuple(segments), network.frame, network.source, network.flat), looks
+        wished[number] = wish
+    if not wished:
+        return network, wished
+    return Network(tuple(pylons), tuple(segments), network.frame, network.source, network.flat), wished
 
 
-def _look(network: Network, wish: PylonWish) -> PylonLook:
+def _places(network: Network, wish: PylonWish) -> list[tuple[float, float]]:
+    """Return east and north of the viewpoints, one for each bearing."""
     east_m, north_m = network.positions_m[wish.pylon].tolist()
-    line_deg = _line_deg(network, wish.pylon)
-    below_deg = math.degrees(math.atan2(wish.height_m, wish.distance_m))
-    pitch_deg = round(-below_deg if wish.pitch_deg is None else wish.pitch_deg)
-    points = []
-    for bearing_deg in wish.bearings_deg:
-        away = math.radians(line_deg + bearing_deg)
-        place_m = (east_m + wish.distance_m * math.sin(away), north_m + wish.distance_m * math.cos(away))
-        look_deg = round(line_deg + bearing_deg + 180.0) % 360
-        points.append(Viewpoint(place_m, pitch_deg, look_deg if look_deg <= 180 else look_deg - 360))
-    return PylonLook(wish.camera, tuple(points), wish.hover_s, wish.aim_deg)
+    turns = [math.radians(_line_deg(network, wish.pylon) + bearing_deg) for bearing_deg in wish.bearings_deg]
+    return [(east_m + wish.distance_m * math.sin(turn), north_m + wish.distance_m * math.cos(turn)) for turn in turns]
 
 
 def _line_deg(network: Network, pylon: int) -> float:
@@ -94,30 +102,117 @@ def _line_deg(network: Network, pylon: int) -> float:
     return 0.0
 
 
-def _stand_in(network: Network, real: Pylon, name: str, place_m: np.ndarray) -> Pylon:
+def _stand_in(network: Network, real: Pylon, name: str, place_m: FloatArray) -> Pylon:
     lat_deg, lon_deg = network.frame.to_wgs84_deg(float(place_m[0]), float(place_m[1]))
     return replace(real, id=name, lat_deg=lat_deg, lon_deg=lon_deg)
 
 
+def pylon_looks(setup: FlightSetup, wished: Mapping[int, PylonWish]) -> tuple[dict[int, PylonLook], list[str]]:
+    """Return what each pylon asks for, by its asset, and in words which viewpoints are flown higher than asked.
+
+    A viewpoint that would come too near to a line, or to the ground, lies as low as these let it.
+
+    Args:
+        setup: Heights and pads, over a network with an asset for each wish.
+        wished: These.
+    """
+    lines, looks, higher = lines_of(setup, wished), {}, []
+    for segment, wish in wished.items():
+        around = _Around(setup, lines, wish)
+        looks[segment] = around.look()
+        higher += around.higher
+    return looks, higher
+
+
+class _Around:
+    """The viewpoints of one pylon over what is there."""
+
+    def __init__(self, setup: FlightSetup, lines: Lines | None, wish: PylonWish) -> None:
+        self._setup, self._lines, self._wish = setup, lines, wish
+        self._pylon = setup.network.pylons[wish.pylon]
+        self._top_m = 0.0  # on a flat site flights are over the depot's ground
+        if self._pylon.elevation_m is not None and self._pylon.height_m is not None:
+            self._top_m = setup.frame.up_m(self._pylon.elevation_m + self._pylon.height_m)
+        east_m, north_m = setup.network.positions_m[wish.pylon].tolist()
+        self._target_m = (east_m, north_m, self._top_m + wish.target_m)
+        self.higher: list[str] = []
+        """In words: what is flown higher than asked."""
+
+    def look(self) -> PylonLook:
+        wish = self._wish
+        points = list(self._points())
+        for number, (one, other) in enumerate(itertools.pairwise(points)):
+            if one.below_m > 0 or other.below_m > 0:
+                points[number] = replace(one, crosses=self._low(self._way_m(one, other)) is not None)
+        return PylonLook(
+            wish.camera, tuple(points), wish.hover_s, wish.aim_deg, self._target_m, wish.pitch_deg, wish.roi
+        )  # fmt: skip
+
+    def _points(self) -> Iterator[Viewpoint]:
+        wish = self._wish
+        heights: Sequence[float | None] = wish.heights_m or (None,)
+        for number, place_m in enumerate(_places(self._setup.network, wish)):
+            to_pylon = math.degrees(math.atan2(self._target_m[0] - place_m[0], self._target_m[1] - place_m[1]))
+            # The next bearing is begun at the height at which the last one ended.
+            for height_m in heights[:: -1 if number % 2 else 1]:
+                below_m = 0.0 if height_m is None else self._below_m(place_m, height_m, wish.bearings_deg[number])
+                yield Viewpoint(place_m, round(to_pylon), below_m)
+
+    def _below_m(self, place_m: tuple[float, float], height_m: float, bearing_deg: float) -> float:
+        """Return how far below the common surface a viewpoint is flown that is asked for at a height over the top."""
+        surface_m = self._setup.layers.surface.height_m(*place_m)
+        wanted_m = up_m = min(surface_m, self._top_m + height_m)
+        why = ""
+        while up_m < surface_m and (low := self._low(np.array([[*place_m, up_m]]))) is not None:
+            up_m, why = min(surface_m, up_m + low.short_m), why or low.words
+        if up_m - wanted_m > SPARE_M:
+            self.higher.append(
+                f"pylon {self._pylon.id}: the viewpoint at {bearing_deg:g} deg, {height_m:g} m from the top, is flown "
+                f"{up_m - wanted_m:.0f} m higher: it would come {why}"
+            )
+        return round(max(0.0, surface_m - up_m), 2)
+
+    def _way_m(self, one: Viewpoint, other: Viewpoint) -> FloatArray:
+        """Return (m, 3) places on the way between two viewpoints."""
+        surface = self._setup.layers.surface
+        ends = np.array([(*end.place_m, surface.height_m(*end.place_m) - end.below_m) for end in (one, other)])
+        steps = max(1, math.ceil(float(np.linalg.norm(ends[1] - ends[0])) / STEP_M))
+        return np.asarray(ends[0] + np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis] * (ends[1] - ends[0]))
+
+    def _low(self, places_m: FloatArray) -> Low | None:
+        """Return what is worst about (m, 3) places over lines and ground; None if nothing is."""
+        places_m = places_m - (0.0, 0.0, SPARE_M)
+        low = over_terrain(self._setup, places_m)
+        if low is None and self._lines is not None:
+            return lowest(self._lines, self._setup, places_m, beside_m=BESIDE_M + SPARE_M)
+        return low
+
+
 def besides_s(look: PylonLook, performance: Performance, speed_m_s: float) -> float:
-    """Return what a pylon takes longer than the straight way from its first viewpoint to its last.
+    """Return what a pylon takes longer than the straight way from its first viewpoint to its last on the surface.
 
     Args:
         look: Its viewpoints.
         performance: How the vehicle flies.
         speed_m_s: Between them.
     """
-    places_m = np.array([point.place_m for point in look.points])
-    along_m = np.diff(places_m, axis=0)
-    straight_m = places_m[-1:] - places_m[:1]
+    stops = look.stops(reverse=False)
+    ends = [(*stops[end].place_m, 0.0) for end in (0, -1)]
+    # From the surface down to the first, and from the last up to it again.
+    way = [ends[0], *((*stop.place_m, -stop.below_m) for stop in stops), ends[1]]
+    way_m = np.array([place for place, _ in itertools.groupby(way)])
     hover_s = max(0.0, look.hover_s - performance.hold_s) * len(look.points)
-    return hover_s + _flown_s(along_m, performance, speed_m_s) - _flown_s(straight_m, performance, speed_m_s)
+    straight_s = _flown_s(np.array(ends), performance, speed_m_s)
+    return hover_s + _flown_s(way_m, performance, speed_m_s) - straight_s
 
 
-def _flown_s(along_m: np.ndarray, performance: Performance, speed_m_s: float) -> float:
+def _flown_s(way_m: FloatArray, performance: Performance, speed_m_s: float) -> float:
+    """Return the time of a way from stop to stop along (w, 3) places, as `estimate` has it."""
+    along_m = np.diff(way_m, axis=0)
     length_m = np.hypot(along_m[:, 0], along_m[:, 1])
     speeds, ends = np.full(len(length_m), speed_m_s), np.full(len(length_m), 2.0)
-    legs_s = performance.legs_s(length_m, np.zeros(len(length_m)), speeds, ends)
-    arrives_m_s = performance.arrives_m_s(length_m[:-1], speed_m_s)
-    turns = performance.turns_s(along_m[:-1], along_m[1:], arrives_m_s) if len(along_m) > 1 else np.zeros(0)
-    return float(legs_s.sum() + turns.sum() + len(length_m) * (performance.settle_s + performance.hold_s))
+    legs_s = performance.legs_s(length_m, along_m[:, 2], speeds, ends)
+    # Who goes on straight up or down comes to rest first.
+    came_m = np.where(length_m[1:] < UPRIGHT_M, 0.0, length_m[:-1])
+    turns_s = performance.turns_s(along_m[:-1], along_m[1:], performance.arrives_m_s(came_m, speed_m_s))
+    return float(legs_s.sum() + turns_s.sum() + len(length_m) * (performance.settle_s + performance.hold_s))

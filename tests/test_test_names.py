@@ -181,10 +181,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/images/store.py",
         "executor/simulated/cards.py",
     ),
-    "tests/executor/site/test_looks.py": (
-        "executor/site/tables/cameras.py",
-        "missions/viewpoints.py",
-    ),
+    "tests/executor/site/test_looks.py": ("executor/site/tables/cameras.py",),
     "tests/missions/test_payload.py": ("missions/cameras.py",),
     "tests/missions/readers/test_build.py": (
         "missions/readers/aftermath.py",

@@ -256,7 +256,8 @@ def _values(field: FieldInfo) -> str:
     low = next((one.ge for one in limits if isinstance(one, Ge)), None)
     above = next((one.gt for one in limits if isinstance(one, Gt)), None)
     high = next((one.le for one in limits if isinstance(one, Le)), None)
-    pair = "2 numbers, each " if tuple in _kinds(field.annotation) else ""
+    count = "" if ... in get_args(field.annotation) else "2 "
+    pair = f"{count}numbers, each " if tuple in _kinds(field.annotation) else ""
     if low is not None and high is not None:
         return f"{pair}{low:.9g} to {high:.9g}"
     if above is not None and high is not None:

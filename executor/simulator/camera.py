@@ -15,7 +15,7 @@ from executor.simulator.config import AutopilotKind, SimCamera, SimVehicle
 from executor.simulator.enums import Result
 from executor.simulator.gimbal import DEVICE_INFORMATION, GIMBAL, GIMBAL_S, Gimbal, quaternion
 from executor.simulator.messages import Command, FieldValue, Outbound, out
-from executor.simulator.physics import Body, Home
+from executor.simulator.physics import Body, Home, Place
 from missions.items import Command as Item
 
 FIRST_COMPONENT = 7
@@ -91,6 +91,8 @@ class Payload:
     body: Body
     units: list[CameraUnit] = field(init=False)
     gimbal: Gimbal | None = field(init=False)
+    region: Place | None = None
+    """What the gimbal, or else the nose, is turned to by the autopilot."""
     every_m: float = 0.0
     """The autopilot triggers after so much way; 0 is not at all."""
     _last_m: tuple[float, float] | None = None
@@ -124,15 +126,24 @@ class Payload:
             case Item.DO_DIGICAM_CONTROL:
                 if params[4] == 1:
                     self._trigger()
-            case Item.DO_GIMBAL_MANAGER_PITCHYAW:
-                if self.gimbal is not None:
-                    self.gimbal.aim(params)
+            case Item.DO_GIMBAL_MANAGER_PITCHYAW | Item.DO_SET_ROI_LOCATION | Item.DO_SET_ROI_NONE:
+                self._point(number, params)
             case _ if number in OF_CAMERAS:
                 for unit in self.units:
                     self._ordered(unit, number, params)
             case _:
                 return False
         return True
+
+    def _point(self, number: int, params: Sequence[float]) -> None:
+        """Do what an item says of where to look."""
+        self.region = None
+        if number == Item.DO_SET_ROI_LOCATION:
+            self.region = self.home.place(int(params[4]), int(params[5]), params[6])
+        elif number == Item.DO_SET_ROI_NONE:
+            self.body.face_rad = None
+        elif self.gimbal is not None:
+            self.gimbal.aim(params)
 
     def _ordered(self, unit: CameraUnit, number: int, params: Sequence[float]) -> None:
         """Have one camera do what an item for cameras says."""
@@ -193,6 +204,8 @@ class Payload:
     def step(self, now_s: float, boot_s: float, dt_s: float) -> None:
         """Live for one step."""
         self.now_s, self.boot_s = now_s, boot_s
+        if self.region is not None:
+            self._turn_to(self.region)
         if self.gimbal is not None:
             self.gimbal.step(dt_s, math.degrees(self.body.yaw_rad))
             if now_s >= self.gimbal.due_s:
@@ -211,9 +224,20 @@ class Payload:
                 self._say(unit, _beat(CAMERA_TYPE))
                 self._say(unit, self._status(unit))
 
+    def _turn_to(self, region: Place) -> None:
+        """Point the gimbal at a region of interest; without one the vehicle turns its nose (autoyaw.cpp)."""
+        east_m, north_m = region.east_m - self.body.east_m, region.north_m - self.body.north_m
+        bearing_rad = math.atan2(east_m, north_m)
+        if self.gimbal is None:
+            self.body.face_rad = bearing_rad
+            return
+        pitch_rad = math.atan2(region.up_m - self.body.up_m, math.hypot(east_m, north_m))
+        self.gimbal.wanted, self.gimbal.from_north = (math.degrees(pitch_rad), math.degrees(bearing_rad)), True
+
     def reboot(self) -> None:
         """Forget what a restart of the autopilot forgets."""
         self.every_m = 0.0
+        self.region = None
 
     # What comes out.
 

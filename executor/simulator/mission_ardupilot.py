@@ -31,6 +31,8 @@ NAMES = {
     Command.NAV_TAKEOFF: "Takeoff",
     Command.DO_CHANGE_SPEED: "ChangeSpeed",
     Command.DO_DIGICAM_CONTROL: "DigiCamCtrl",
+    Command.DO_SET_ROI_LOCATION: "SetROILocation",
+    Command.DO_SET_ROI_NONE: "SetROINone",
     Command.DO_SET_CAM_TRIGG_DIST: "SetCamTriggDst",
     Command.DO_GIMBAL_MANAGER_PITCHYAW: "GimbalPitchYaw",
     Command.IMAGE_START_CAPTURE: "ImageStartCapture",
@@ -109,8 +111,9 @@ class ArduPilotMission:
         self._start(self._resume_seq())
 
     def leave(self) -> None:
-        """Stop flying items; the index is kept."""
+        """Stop flying items; the index is kept, and the nose turns to no region of interest any more."""
         self._paused = False
+        self._frame.body.face_rad = None
         if self.running:
             self._state = MissionState.NOT_STARTED
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from enum import Enum
 
@@ -136,6 +137,7 @@ class Px4Mission:
     def leave(self) -> None:
         """Stop flying items; the index is kept."""
         self.running = False
+        self._frame.body.face_rad = None
 
     def give_up(self) -> MissionEnd:
         """Say that there is nothing to fly."""
@@ -228,6 +230,8 @@ class Px4Mission:
             # Sent elsewhere on its way, it takes its line from where it would have been next (mission.cpp).
             self._origin = self._arrived or self._bound_for or self._frame.body.place
         self._arrived = None
+        turned = self._nav.command == Command.NAV_WAYPOINT and not math.isnan(self._nav.param4)
+        self._frame.body.face_rad = math.radians(self._nav.param4) if turned else None
         self._frame.pilot.fly(self._goals(self._nav, seq))
         return None
 
@@ -237,7 +241,7 @@ class Px4Mission:
         return end
 
     def _end(self, text: str) -> None:
-        self.running = False
+        self.leave()
         self._finished = True
         self.index = min(self.index, max(len(self._store.items) - 1, 0))
         self._voice.say(Severity.INFO, text)

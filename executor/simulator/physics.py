@@ -92,6 +92,8 @@ class Body:
         self.east_m = self.north_m = self.up_m = 0.0
         self.v_east_m_s = self.v_north_m_s = self.v_up_m_s = 0.0
         self.yaw_rad = self.roll_rad = self.pitch_rad = self.yaw_rate_rad_s = 0.0
+        self.face_rad: float | None = None
+        """Where its nose is to point, whatever way it flies; None is ahead."""
         self.flown_m = 0.0
         """Odometer."""
 
@@ -171,10 +173,11 @@ class Body:
             self.stop()
 
     def _lean(self, a_east: float, a_north: float, yaw_rad_s: float, dt_s: float) -> None:
-        """Turn the nose into the direction of flight and lean against drag and for acceleration."""
+        """Turn the nose to where it is to point, and lean against drag and for acceleration."""
         self.yaw_rate_rad_s = 0.0
-        if self.ground_speed_m_s > 0.5:
-            heading = math.atan2(self.v_east_m_s, self.v_north_m_s)
+        if self.face_rad is not None or self.ground_speed_m_s > 0.5:
+            ahead = math.atan2(self.v_east_m_s, self.v_north_m_s)
+            heading = ahead if self.face_rad is None else self.face_rad
             error = math.remainder(heading - self.yaw_rad, 2 * math.pi)
             turn = min(max(error, -yaw_rad_s * dt_s), yaw_rad_s * dt_s)
             self.yaw_rad = math.remainder(self.yaw_rad + turn, 2 * math.pi)

@@ -229,7 +229,7 @@ def _as_stored(item: MissionItem) -> MissionItem:
     rewritten = replace(item, current=False, frame=Frame.GLOBAL_RELATIVE_ALT if is_relative(item) else Frame.GLOBAL)
     if item.command in {Command.DO_CHANGE_SPEED, Command.NAV_RETURN_TO_LAUNCH}:
         return replace(rewritten, frame=Frame.GLOBAL)
-    if item.command in PAYLOAD:
+    if item.command in PAYLOAD - {Command.DO_SET_ROI_LOCATION}:
         return _payload_as_stored(replace(rewritten, frame=Frame.GLOBAL))
     rewritten = replace(rewritten, z=round(item.z * 100) / 100)
     if item.command == Command.NAV_LAND:

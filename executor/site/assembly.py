@@ -54,7 +54,7 @@ from missions.poles import on_ground, with_structures
 from missions.reach import within_areas
 from missions.readers.elevation import Reading, read_elevation
 from missions.terrain import DETOUR_M, Terrain, reading_box_m
-from missions.viewpoints import besides_s, with_viewpoints
+from missions.viewpoints import besides_s, pylon_looks, with_viewpoints
 from planner import PRESETS, Drone, Plan, Travel, Vehicle, segment_of, steady_wind, top_speed_m_s, travel_for
 
 STALL_REAL_S = 2.0
@@ -184,14 +184,22 @@ def ground_over(
     _check_speeds(site, drone)
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
     inspection = inspection_of(site, network)
-    network, pylons = with_viewpoints(network, pylon_wishes(site, network), table.standoff_m)
+    network, wished = with_viewpoints(network, pylon_wishes(site, network), table.standoff_m)
     names = tuple(vehicle.name for vehicle in site.vehicle)
     found, (stated, alternates) = areas_of(site, base, network), places_of(site, network.frame)
     setup = flight_setup(network, names, inspection, stated=stated, areas=found.areas, terrain=terrain)
+    pylons, higher = pylon_looks(setup, wished)
     setup = replace(setup, looks=looks_of(site, network, pylons))
     if found.areas or alternates:
         setup = within_areas(setup, found.areas, alternates)
-    return Ground(site, network, inspection, drone, travel, setup, terrain, (*worth_a_look, *found.remarks))
+    remarks = (*worth_a_look, *found.remarks, *_told_once(higher))
+    return Ground(site, network, inspection, drone, travel, setup, terrain, remarks)
+
+
+def _told_once(higher: Sequence[str]) -> Iterator[str]:
+    """Yield one line for all viewpoints that are flown higher than asked."""
+    if higher:
+        yield f"{higher[0]}; so are {len(higher) - 1} more" if len(higher) > 1 else higher[0]
 
 
 def _check_speeds(site: Site, drone: Drone) -> None:
@@ -345,8 +353,6 @@ def pricing_of(
         barred=barred,
         besides_s=longer,
         steps_m=setup.steps_m,
-        # Pylons with viewpoints are looked at from the own layer.
-        layered={name: frozenset(setup.looks.pylons) for name in setup.steps_m if setup.looks.pylons},
     )
 
 

@@ -23,12 +23,13 @@ def pylon_wishes(site: Site, network: Network) -> list[PylonWish]:
     """Return from where pylons are to be seen.
 
     Raises:
-        SiteError: a look is for no pylon.
+        SiteError: a look is for no pylon, or asks for heights at which nobody would come down.
     """
     wishes = []
     for index, table in enumerate(site.look):
         if table.of != "pylons":
             continue
+        _check_heights(site, index, table)
         sides = [table.bearings_deg] + ([tuple(-one for one in table.bearings_deg[::-1])] if table.both_sides else [])
         bearings_deg = tuple(one for side in sides for one in side)
         known = [
@@ -40,7 +41,9 @@ def pylon_wishes(site: Site, network: Network) -> list[PylonWish]:
                 hover_s=table.hover_s,
                 pitch_deg=table.pitch_deg,
                 aim_deg=table.aim_deg,
-                height_m=site.inspection.height_m,
+                heights_m=table.heights_m,
+                target_m=table.target_m,
+                roi=table.roi,
             )
             for number, pylon in enumerate(network.pylons)
             if any(fnmatchcase(pylon.id, pattern) for pattern in table.pylons)
@@ -49,6 +52,19 @@ def pylon_wishes(site: Site, network: Network) -> list[PylonWish]:
             raise SiteError(f"look[{index}].pylons: expected names of pylons, nothing is called {table.pylons[0]!r}")
         wishes += known
     return wishes
+
+
+def _check_heights(site: Site, index: int, table: LookTable) -> None:
+    if table.heights_m and not site.inspection.same_distance:
+        raise SiteError(
+            f"look[{index}].heights_m: expected inspection.same_distance = true, or vehicles never leave their layers"
+        )
+    highest_m = max(table.heights_m, default=0.0)
+    if highest_m > site.inspection.height_m:
+        raise SiteError(
+            f"look[{index}].heights_m: expected at most inspection.height_m, {site.inspection.height_m:g}, got "
+            f"{highest_m:g}"
+        )
 
 
 def looks_of(site: Site, network: Network, pylons: Mapping[int, PylonLook] = MappingProxyType({})) -> Looks:

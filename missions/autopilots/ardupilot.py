@@ -92,6 +92,7 @@ ARDUPILOT = Dialect(
     command_frame=Frame.GLOBAL,  # measured: DO items come back with frame 0
     takeoff_with_position=False,  # AP_Mission.cpp: only the height of a take-off is used
     no_yaw=0.0,  # WP_YAW_BEHAVIOR decides; 0 is what comes back
+    keeps_region=True,  # AP_Mission.cpp
     gimbal_rate=0.0,  # NaN does not survive: rates are kept in a byte each
     stop_radius_m=0.0,  # AP_Mission.cpp stores only the hold of a copter's waypoint; WPNAV_RADIUS decides
     pass_radius_m=0.0,

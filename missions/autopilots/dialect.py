@@ -119,6 +119,8 @@ class Dialect:
     """Whether the take-off item carries the pad's latitude and longitude."""
     no_yaw: float
     """param4 for 'keep facing along the way'."""
+    keeps_region: bool
+    """Whether a region of interest in a mission comes back as it was sent."""
     gimbal_rate: float
     """param3 and param4 of DO_GIMBAL_MANAGER_PITCHYAW for 'an angle, at no rate'."""
     stop_radius_m: float

@@ -88,6 +88,7 @@ PX4 = Dialect(
     command_frame=Frame.MISSION,  # recorded flights
     takeoff_with_position=True,  # recorded flights; NaN would be flown from wherever it stands
     no_yaw=math.nan,  # recorded flights; 0 would be 'face north'
+    keeps_region=False,  # mavlink_mission.cpp: it takes DO_SET_ROI_LOCATION and cannot give it back
     gimbal_rate=math.nan,
     stop_radius_m=STOP_RADIUS_M,  # its own NAV_ACC_RAD of 10 m would end an inspection 10 m early
     pass_radius_m=2.0,  # the columns' margin: corners are cut by less than this

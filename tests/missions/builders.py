@@ -54,6 +54,12 @@ def line_east(pylons: int = 4) -> Network:
     return network_of(places, [(index, index + 1) for index in range(pylons - 1)])
 
 
+def tall_line_east(pylons: int = 4) -> Network:
+    """Return the same with pylons that are 30 m high."""
+    places = [(100.0 * (index + 1), 0.0) for index in range(pylons)]
+    return network_of(places, [(index, index + 1) for index in range(pylons - 1)], [(450.0, 30.0)] * pylons)
+
+
 @cache
 def default_setup(layer_m: float = 5.0) -> FlightSetup:
     """Return the flight setup of four vehicles over the default network's 700 m."""

@@ -14,7 +14,7 @@ from executor.simulator.config import SimCamera
 from executor.simulator.vehicle import SimulatedVehicle
 from missions import Network
 from tests.fakes.solver import FakeSolver
-from tests.missions.builders import line_east
+from tests.missions.builders import line_east, tall_line_east
 from tests.stories.story import Story
 from tests.stories.world import Sky
 
@@ -52,16 +52,18 @@ class Eyes(Sky):
         looks: Sequence[Table] = (EVERY_10_M,),
         *,
         pylons: int | None = None,
+        tall: bool = False,
     ) -> None:
         tables: dict[str, object] = {**story.tables, "camera": list(cameras), "look": list(looks)}
         self._cameras = cameras
+        self._tall = tall
         self._pylons = story.pylons if pylons is None else pylons
         self.shots: dict[str, list[Shot]] = {}
         super().__init__(replace(story, tables=tables), autopilot)  # type: ignore[arg-type]
         self.solver = FakeSolver(by_sight, takes_s=story.solve_s)
 
     def _network(self) -> Network:
-        return line_east(self._pylons)
+        return tall_line_east(self._pylons) if self._tall else line_east(self._pylons)
 
     def _radio(self, name: str, sysid: int) -> MemoryRadio:
         radio = super()._radio(name, sysid)

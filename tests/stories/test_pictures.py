@@ -3,6 +3,8 @@ again, and a camera that fails is found."""
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from executor.core.intents import Action, Outcome
@@ -116,6 +118,36 @@ async def test_a_pylon_is_an_asset_of_its_own_with_its_viewpoints(autopilot: str
     assert set(flown.inspected) == flown.wanted, lines(sky)
     known = sky.pictures("uav1")
     assert [(one.segment, one.along_m, one.flaw) for one in known] == [(2, float(number), "") for number in range(4)]
+
+
+BELOW = {**AROUND, "distance_m": 14, "heights_m": [-4, -12], "target_m": -6}
+"""Insulators, from above and from below."""
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+@pytest.mark.parametrize("autopilot", DIALECTS)
+@pytest.mark.parametrize("camera", [MAVLINK, WIRED], ids=["mavlink", "wired"])
+@pytest.mark.parametrize("roi", [False, True], ids=["angles", "region"])
+async def test_viewpoints_below_the_top_are_seen_from_where_they_were_asked_for(
+    autopilot: str, camera: Table, roi: bool
+) -> None:
+    fleet: Routes = {"uav1": (0, 4), "uav2": (2,)}
+    looks = {**BELOW, "roi": roi}
+    sky = Eyes(
+        story(fleet=fleet, inspection={"same_distance": True}), autopilot, [camera], [looks], pylons=3, tall=True
+    )
+    flown = await sky.fly()
+    assert set(flown.inspected) == flown.wanted, lines(sky)
+    known = sky.pictures("uav1")
+    assert [(one.segment, one.along_m, one.flaw) for one in known] == [(2, float(number), "") for number in range(8)]
+    shots = sky.shots["uav1"]
+    assert [round(shot.up_m) for shot in shots] == [26, 18, 18, 26, 26, 18, 18, 26]
+    if roi or camera is MAVLINK:  # it looks at the pylon, by its gimbal or with its nose
+        pad = sky.flight.context.setup.pad_of("uav1")  # type: ignore[union-attr]
+        for shot in shots:
+            to_pylon = math.degrees(math.atan2(200.0 - shot.east_m - pad.east_m, -shot.north_m - pad.north_m))
+            assert abs((shot.yaw_deg - to_pylon + 180) % 360 - 180) < 8, (shot, to_pylon)
 
 
 def counts(segment: int) -> When:

@@ -33,7 +33,7 @@ from executor.simulator.faults import parse_fault
 from executor.simulator.truth import Truth
 from executor.simulator.vehicle import SimulatedVehicle
 from executor.site import assembly
-from missions import Network, dialect_for, encode, flight_path
+from missions import Network, dialect_for, encode
 from planner import PRESETS
 from tests.executor.builders import ground_for, site_of
 from tests.fakes.clock import LoopClock
@@ -248,8 +248,9 @@ class Sky(World):
         dialect = dialect_for(self.autopilot)
         own = {name: link_failsafe(dialect, fact.parameters) for name, fact in facts.items()}
         context = assembly.context_of(self._ground, setup, task, own)
+        paths = assembly.paths_of(setup, {name: visits for name, visits in self.story.fleet.items() if visits})
         boards = {
-            name: aboard(context, name, 0, flight_path(setup, name, visits), visits) if visits else None
+            name: aboard(context, name, 0, paths[name], visits) if visits else None
             for name, visits in self.story.fleet.items()
         }
         return context, boards

@@ -28,6 +28,8 @@ MOST_WANTED = 50
 BEGAN_ANEW = 20
 """A number so much lower than the last is one of a new count."""
 GIMBAL_KNOWN_S = 3.0
+ONE_PLACE_M = 0.5
+"""Viewpoints whose distances from a picture differ by less lie above each other for this vehicle."""
 PICTURES = frozenset({Stage.STARTING, Stage.FLYING, Stage.PILOT, Stage.RETURNING})
 """Where what a camera sees may be of a span; a late word comes while it flies home."""
 
@@ -39,8 +41,10 @@ class _Seen:
     visit: int
     track: Track
     along_m: float
-    """In the direction of the visit."""
+    """In the direction of the visit; at a pylon the number of the viewpoint."""
     aside_m: float
+    waypoint: int | None = None
+    """At a pylon: that of the viewpoint."""
 
 
 def payload_heard(
@@ -92,7 +96,7 @@ def _status(
     fix = vehicle.motion.fix
     if not message.films or fix is None:
         return state
-    seen = _on(context, vehicle, camera, fix.place_m)
+    seen = _on(context, state, vehicle, camera, fix.place_m, fix.alt_rel_m)
     capture = None if seen is None else _asked(vehicle.assignment.board, seen.visit, camera.name)
     if seen is None or capture is None or not capture.films:
         return state
@@ -145,7 +149,7 @@ def _picture(
         return state.put(replace(vehicle, payload=vehicle.payload.with_camera(memory)))
     memory = replace(memory, failures=0, picture_s=now_s)
     payload = vehicle.payload.with_camera(memory)
-    picture, seen = _placed(context, vehicle, camera, message, now_s)
+    picture, seen = _placed(context, state, vehicle, camera, message, now_s)
     if picture is None:
         return state.put(replace(vehicle, payload=payload))
     vehicle = replace(vehicle, payload=replace(payload, pictures=(*payload.pictures, picture)))
@@ -165,7 +169,7 @@ def _numbered(memory: CameraMemory, sequence: int) -> CameraMemory | None:
 
 
 def _placed(
-    context: Context, vehicle: VehicleState, camera: Camera, message: PictureTaken, now_s: float
+    context: Context, state: FleetState, vehicle: VehicleState, camera: Camera, message: PictureTaken, now_s: float
 ) -> tuple[Picture | None, _Seen | None]:
     """Return a picture with its place, and the visit that it is of; None where nobody knows where it was taken."""
     fix = vehicle.motion.fix
@@ -183,7 +187,7 @@ def _placed(
         (east_m, north_m), (east_m_s, north_m_s, _) = fix.place_m, fix.velocity_m_s
         place_m = (east_m + east_m_s * (at_s - fix.at_s), north_m + north_m_s * (at_s - fix.at_s))
     pitch_deg, yaw_deg = _look(vehicle, camera, message, now_s)
-    seen = _on(context, vehicle, camera, place_m)
+    seen = _on(context, state, vehicle, camera, place_m, alt_rel_m)
     lat_deg, lon_deg = context.frame.to_wgs84_deg(*place_m)
     speed_m_s = math.hypot(*fix.velocity_m_s[:2])
     picture = Picture(
@@ -225,7 +229,10 @@ def _look(
     return known.gimbal.pitch_deg, None if heading_deg is None else (heading_deg + known.gimbal.yaw_deg) % 360
 
 
-def _on(context: Context, vehicle: VehicleState, camera: Camera, place_m: tuple[float, float]) -> _Seen | None:
+def _on(
+    context: Context, state: FleetState, vehicle: VehicleState, camera: Camera, place_m: tuple[float, float],
+    alt_rel_m: float,
+) -> _Seen | None:  # fmt: skip
     """Return the visit that a place is on, of those that were flown or are being flown and ask for a camera."""
     board, looks = vehicle.assignment.board, context.setup.looks
     if board is None or vehicle.stage not in PICTURES:
@@ -237,9 +244,11 @@ def _on(context: Context, vehicle: VehicleState, camera: Camera, place_m: tuple[
         if camera.name not in looks.wanted(track.segment):
             continue
         if track.by_pictures:
-            point = _viewpoint(looks.pylons[track.segment], place_m)
-            if point is not None:
-                return _Seen(visit, track, float(point), 0.0)
+            caught = {int(at_m) for _, at_m in state.coverage.caught.get(track.segment, ())}
+            found = _viewpoint(board, visit, looks.pylons[track.segment], caught, (*place_m, alt_rel_m))
+            if found is not None:
+                waypoint, point = found
+                return _Seen(visit, track, float(point), 0.0, waypoint)
             continue
         along_m, _ = track.locate(place_m)
         beyond_m, aside_m = max(-along_m, along_m - track.length_m, 0.0), track.aside_m(place_m)
@@ -250,10 +259,24 @@ def _on(context: Context, vehicle: VehicleState, camera: Camera, place_m: tuple[
     return None if best is None else best[1]
 
 
-def _viewpoint(look: PylonLook, place_m: tuple[float, float]) -> int | None:
-    """Return the number of the viewpoint that a place is at; None if it is at none."""
-    number = min(range(len(look.points)), key=lambda one: math.dist(look.points[one].place_m, place_m))
-    return number if math.dist(look.points[number].place_m, place_m) <= END_TOLERANCE_M else None
+def _viewpoint(
+    board: OnBoard, visit: int, look: PylonLook, caught: set[int], place_m: tuple[float, float, float]
+) -> tuple[int, int] | None:
+    """Return the waypoint and the number of the viewpoint that a place is at; None if it is at none.
+
+    Viewpoints above each other are one place for a vehicle that stays in its layer: they are taken in turn.
+    """
+    stops = [number for number, point in enumerate(board.path.waypoints) if point.visit == visit and point.captures]
+    numbers = range(len(look.points))[:: -1 if is_reversed(board.visits[visit]) else 1]
+    near = [
+        (apart_m, stop, number)
+        for stop, number in zip(stops, numbers, strict=True)
+        if (apart_m := math.dist((*board.places_m[stop], board.path.waypoints[stop].alt_rel_m), place_m))
+        <= END_TOLERANCE_M
+    ]
+    least_m = min((apart_m for apart_m, _, _ in near), default=0.0)
+    same = [(number in caught, stop, number) for apart_m, stop, number in near if apart_m <= least_m + ONE_PLACE_M]
+    return min(same)[1:] if same else None
 
 
 def _asked(board: OnBoard | None, visit: int, camera: str) -> Capture | None:
@@ -264,10 +287,12 @@ def _asked(board: OnBoard | None, visit: int, camera: str) -> Capture | None:
     return None
 
 
-def _asked_at(context: Context, seen: _Seen, capture: Capture) -> Capture:
+def _asked_at(board: OnBoard | None, seen: _Seen, capture: Capture) -> Capture:
     """Return what was asked of a camera at the viewpoint of a pylon; elsewhere all along the span."""
-    look = context.setup.looks.pylons.get(seen.track.segment)
-    return capture if look is None else context.setup.looks.capture_at(look, look.points[int(seen.along_m)])
+    if board is None or seen.waypoint is None:
+        return capture
+    captures = board.path.waypoints[seen.waypoint].captures
+    return next((one for one in captures if one.camera == capture.camera), capture)
 
 
 def _flaw(context: Context, vehicle: VehicleState, message: PictureTaken, picture: Picture, seen: _Seen | None) -> str:
@@ -275,7 +300,7 @@ def _flaw(context: Context, vehicle: VehicleState, message: PictureTaken, pictur
     capture = None if seen is None else _asked(vehicle.assignment.board, seen.visit, picture.camera)
     if seen is None or capture is None:
         return "of no span that asks for it"
-    capture = _asked_at(context, seen, capture)
+    capture = _asked_at(vehicle.assignment.board, seen, capture)
     if picture.speed_m_s > SPEED_FACTOR * context.inspection_speed_m_s:
         return f"taken at {picture.speed_m_s:.1f} m/s"
     off_deg = 0.0
@@ -286,7 +311,18 @@ def _flaw(context: Context, vehicle: VehicleState, message: PictureTaken, pictur
         off_deg = apart_deg(picture.pitch_deg, yaw_deg, capture.pitch_deg, wanted_deg)
     elif message.source is PictureProof.FEEDBACK and message.roll_deg is not None and message.pitch_deg is not None:
         off_deg = max(abs(message.roll_deg), abs(message.pitch_deg))  # of the vehicle, which carries it level
+    if capture.region is not None and capture.pitch_deg is None:
+        off_deg = max(off_deg, _nose_off_deg(vehicle, message, capture))
     return f"aimed {off_deg:.0f} degrees beside" if off_deg > capture.aim_deg else ""
+
+
+def _nose_off_deg(vehicle: VehicleState, message: PictureTaken, capture: Capture) -> float:
+    """Return how far the nose, on which a camera without a gimbal sits, points beside a region of interest."""
+    fix = vehicle.motion.fix
+    heading_deg = message.yaw_deg if message.yaw_deg is not None else None if fix is None else fix.heading_deg
+    if heading_deg is None or capture.yaw_deg is None:
+        return 0.0
+    return abs((heading_deg - capture.yaw_deg + 180.0) % 360.0 - 180.0)
 
 
 def _from_a(board: OnBoard | None, seen: _Seen) -> float:

@@ -54,8 +54,8 @@ def closing(context: Context, state: FleetState, now_s: float) -> bool:
 
 
 def clears_s(setup: FlightSetup, model: FlightModel, name: str) -> float:
-    """Return how long a vehicle takes from its stop on the line up to its own layer."""
-    return TURNS_S + setup.layers.offset_m(name) / model.performance.climb_m_s
+    """Return how long a vehicle takes from its stop on the line, or at a viewpoint, up to its own layer."""
+    return TURNS_S + (setup.looks.deepest_m + setup.layers.offset_m(name)) / model.performance.climb_m_s
 
 
 def _leaves_the_line(context: Context, vehicle: VehicleState, now_s: float) -> bool:

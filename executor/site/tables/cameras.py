@@ -55,7 +55,7 @@ class LookTable(SiteTable):
     sample_mm: Positive | None = None
     """A pixel may show no more of the line than this; needs `image_px` of the camera, too."""
     pitch_deg: Annotated[float, Field(ge=-90, le=45)] | None = None
-    """Where a gimbal points, from the horizon, down is negative; without it at the line."""
+    """Where a gimbal points, from the horizon, down is negative; without it at the line, or at what `target_m` says."""
     aim_deg: Annotated[float, Field(gt=0, le=180)] = 20.0
     """A picture whose camera points farther beside that does not count."""
     pylons: Annotated[tuple[str, ...], Field(min_length=1)] = ("*",)
@@ -65,7 +65,14 @@ class LookTable(SiteTable):
     both_sides: bool = False
     """Whether the same are flown on the other side of the line, too."""
     distance_m: Annotated[float, Field(ge=3, le=200)] = 12.0
-    """Of viewpoints from the pylon; they lie as high over its top as spans are flown."""
+    """Of viewpoints from the pylon, over the ground."""
+    heights_m: tuple[Annotated[float, Field(ge=-200, le=200)], ...] = ()
+    """Heights of viewpoints over the pylon's top, below it negative, each at every bearing; without any they lie as
+    high as spans are flown. Needs `same_distance`; nobody is below the tops within 10 m of a line."""
+    target_m: Annotated[float, Field(ge=-200, le=50)] = 0.0
+    """What is looked at, from the pylon's top."""
+    roi: bool = False
+    """Whether the vehicle turns its nose there (region of interest): for cameras that no gimbal turns to the side."""
     hover_s: Annotated[float, Field(ge=0, le=60)] = 2.0
     """How long a vehicle stays at a viewpoint before the picture is taken."""
 
@@ -75,6 +82,9 @@ class LookTable(SiteTable):
             if len(self.bearings_deg) * (1 + self.both_sides) < 2:
                 raise ValueError("bearings_deg: expected two viewpoints or more for a pylon")
             return self
+        for key in ("heights_m", "target_m", "roi"):
+            if getattr(self, key):
+                raise ValueError(f"{key}: expected it for pylons only")
         given = [key for key in ("every_m", "overlap_pct") if getattr(self, key) is not None]
         if self.take == "pictures" and len(given) != 1:
             raise ValueError(

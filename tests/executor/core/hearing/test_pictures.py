@@ -1,0 +1,83 @@
+"""Pictures of pylons: which viewpoint they are of, and whether the vehicle's nose pointed there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from executor.core.context import Context
+from executor.core.hearing.pictures import payload_heard
+from executor.core.messages import PictureTaken
+from executor.core.parts import Fix
+from executor.core.payload.pictures import Picture
+from executor.core.state import FleetState
+from executor.core.vehicle import Stage, VehicleState, aboard
+from executor.site import assembly
+from missions import Phase, flight_path
+from missions.asked import first_paths
+from missions.cameras import PictureProof
+from tests.executor.builders import ground_for, site_of, with_facts
+from tests.missions.builders import tall_line_east
+
+NOW_S = 100.0
+LOOK = {"camera": "rgb", "of": "pylons", "pylons": ["p1"], "bearings_deg": [60, 120], "distance_m": 14}
+FIXED = {"name": "rgb", "id": 1}
+
+
+def flying(*, low: bool, **look: object) -> tuple[Context, VehicleState]:
+    """Return a vehicle that has flown around a pylon, in its layer or below it."""
+    tables: dict[str, Any] = {"camera": [FIXED], "look": [{**LOOK, **look}], "inspection": {"same_distance": True}}
+    site = site_of(("uav1", "uav2"), **tables)
+    ground = ground_for(site, tall_line_east(3))
+    context = assembly.context_of(ground, ground.setup, assembly.task_of(ground))
+    path = first_paths(ground.setup, {"uav1": (4,)})["uav1"] if low else flight_path(ground.setup, "uav1", (4,))
+    board = aboard(context, "uav1", 0, path, (4,))
+    last = max(index for index, point in enumerate(path.waypoints) if point.phase is Phase.INSPECT)
+    return context, with_facts(VehicleState("uav1"), board=board, stage=Stage.FLYING, waypoint=last + 1)
+
+
+def taken(
+    context: Context, vehicle: VehicleState, *, up_m: float, yaw_deg: float, count: int = 1, word: bool = True
+) -> list[Picture]:
+    """Return what is known of pictures from over the first viewpoint: a line due east, seen from the south."""
+    point = context.setup.looks.pylons[2].points[0]
+    fix = Fix(NOW_S, NOW_S, point.place_m, up_m, up_m + 450.0, (0.0, 0.0, 0.0), yaw_deg)
+    vehicle = replace(vehicle, motion=replace(vehicle.motion, fix=fix))
+    state = FleetState(vehicles={"uav1": vehicle})
+    for sequence in range(count):
+        own = yaw_deg if word else None
+        message = PictureTaken(
+            PictureProof.FEEDBACK, 1, 1, sequence, True, NOW_S, None, alt_rel_m=up_m, roll_deg=0.0, pitch_deg=0.0,
+            yaw_deg=own,
+        )  # fmt: skip
+        state = payload_heard(context, state, state.vehicles["uav1"], message, NOW_S)
+    return list(state.vehicles["uav1"].payload.pictures)
+
+
+@pytest.mark.parametrize("word", [True, False], ids=["by its camera", "by its position"])
+@pytest.mark.parametrize(("beside_deg", "flaw"), [(0.0, ""), (-19.0, ""), (21.0, "aimed 21 degrees beside")])
+def test_a_camera_on_the_nose_counts_where_that_points_at_the_region(beside_deg: float, flaw: str, word: bool) -> None:
+    context, vehicle = flying(low=True, roi=True)
+    to_pylon = context.setup.looks.pylons[2].points[0].yaw_deg
+    [picture] = taken(context, vehicle, up_m=45.0, yaw_deg=to_pylon + beside_deg, word=word)
+    assert (picture.along_m, picture.flaw) == (0.0, flaw)
+
+
+def test_without_a_region_the_nose_may_point_anywhere() -> None:
+    context, vehicle = flying(low=True)
+    [picture] = taken(context, vehicle, up_m=45.0, yaw_deg=200.0)
+    assert (picture.along_m, picture.flaw) == (0.0, "")
+
+
+@pytest.mark.parametrize(("up_m", "along_m"), [(32.0, 0.0), (20.0, 1.0), (26.0, None), (45.0, None)])
+def test_a_viewpoint_is_known_by_its_height_too(up_m: float, along_m: float | None) -> None:
+    context, vehicle = flying(low=True, heights_m=[2, -10])
+    [picture] = taken(context, vehicle, up_m=up_m, yaw_deg=0.0)
+    assert picture.along_m == along_m
+
+
+def test_viewpoints_above_each_other_are_taken_in_turn_from_the_layer() -> None:
+    context, vehicle = flying(low=False, heights_m=[2, -10])
+    assert [one.along_m for one in taken(context, vehicle, up_m=45.0, yaw_deg=0.0, count=2)] == [0.0, 1.0]
