@@ -165,7 +165,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/analysis/profile.py",
     ),
     "tests/stories/test_pictures.py": (
-        "executor/core/hearing/pictures.py",
         "executor/core/payload/pictures.py",
         "executor/core/seeing/faults.py",
         "executor/core/seeing/proof.py",

@@ -52,6 +52,8 @@ class CheckCode(StrEnum):
     """By which heights is flown, and what looks wrong about them."""
     CLEARANCE = "clearance"
     """A mission, or one of a later plan, comes too near to the ground or a line."""
+    CAMERA = "camera"
+    """Whether its autopilot takes the pictures that its mission asks for."""
     TERRAIN = "terrain"
     """What an autopilot follows of the ground by itself."""
     CEILING = "ceiling"

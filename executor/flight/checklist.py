@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from executor.core.context import Context
 from executor.core.parts import OnBoard
-from executor.core.preflight import areas, checks, distances, heights, packs, terrain
+from executor.core.preflight import areas, cameras, checks, distances, heights, packs, terrain
 from executor.core.preflight.checks import Check, Facts
 from executor.core.preflight.failsafes import LinkFailsafe
 from executor.flight.flight_order import Order
@@ -57,6 +57,7 @@ def checklist(
         if site.terrain is not None:
             found += terrain.following(fact, setup.dialect)
             found += terrain.pad_ground(context, fact)
+        found += cameras.shutter(fact, setup.dialect, path)
         found += checks.fence(context, fact, path)
         found += packs.pack_checks(context, fact)
         found.append(checks.energy_for_flight(context, name, path, fact.remaining_pct))

@@ -14,7 +14,7 @@ from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.parts import OnBoard
 from executor.core.ports import OpenLink
-from executor.core.preflight import checks, terrain
+from executor.core.preflight import cameras, checks, terrain
 from executor.core.preflight.checks import Check, Facts
 from executor.core.preflight.failsafes import link_failsafe
 from executor.core.vehicle import aboard
@@ -78,6 +78,7 @@ async def interview_at_link(
 
     dialect = dialect_for(table.autopilot)
     more = () if site.terrain is None else terrain.named_parameters(dialect)
+    more += cameras.named_parameters(dialect) if site.look else ()
     facts = await asking.interview(name, link, clock, dialect, site.flight.ready_timeout_s, waits, more)
     console.say(Level.INFO, f"{name}: ready, {facts.words}, battery {facts.remaining_pct:.0f} %")
     return facts

@@ -60,7 +60,7 @@ ARDUPILOT: Mapping[str, Param] = {
     "BATT_CRT_VOLT": Param(0), "BATT_CRT_MAH": Param(0), "BATT_LOW_TIMER": _i8(10), "BATT_FS_LOW_ACT": _i8(0),
     "BATT_FS_CRT_ACT": _i8(0), "BATT_ARM_VOLT": Param(0), "BATT_ARM_MAH": _i32(0), "FENCE_ENABLE": _i8(0),
     "FENCE_AUTOENABLE": _i8(0), "FENCE_TYPE": _i8(7), "FENCE_ALT_MAX": Param(100), "FENCE_RADIUS": Param(300),
-    "FENCE_ACTION": _i8(1), "RALLY_LIMIT_KM": Param(0.3),
+    "FENCE_ACTION": _i8(1), "RALLY_LIMIT_KM": Param(0.3), "CAM1_TYPE": _i8(0),
 }  # fmt: skip
 # PX4 1.17. NAV_DLL_ACT is 0 in the firmware; here it is 2, for the same reason.
 PX4: Mapping[str, Param] = {
@@ -73,7 +73,7 @@ PX4: Mapping[str, Param] = {
     "MPC_TKO_SPEED": Param(1.5), "MPC_ACC_HOR": Param(3), "MPC_Z_V_AUTO_UP": Param(3), "MPC_Z_V_AUTO_DN": Param(1.5),
     "MPC_LAND_SPEED": Param(0.7), "NAV_ACC_RAD": Param(2), "MIS_TAKEOFF_ALT": Param(2.5),
     "MIS_TKO_LAND_REQ": _i32(0), "GF_ACTION": _i32(2), "GF_MAX_HOR_DIST": Param(0), "GF_MAX_VER_DIST": Param(0),
-    "COM_DLL_EXCEPT": _i32(0),
+    "COM_DLL_EXCEPT": _i32(0), "TRIG_MODE": _i32(0),
 }  # fmt: skip
 LOW_CELL_V = 3.5
 """BATT_LOW_VOLT for each cell: ArduPilot's default of 10.5 V is for three."""
@@ -96,6 +96,8 @@ def defaults_for(vehicle: SimVehicle, capacity_mah: float) -> dict[str, Param]:
         table["MAV_SYS_ID"] = _i32(vehicle.sysid)
         table["BAT1_CAPACITY"] = Param(capacity_mah)
         table["BAT1_N_CELLS"] = _i32(vehicle.drone.cells)
+    if vehicle.cameras:  # whoever mounts one sets its autopilot up for it
+        table |= {"CAM1_TYPE": _i8(1)} if vehicle.autopilot is AutopilotKind.ARDUPILOT else {"TRIG_MODE": _i32(4)}
     for name, value in vehicle.parameters.items():
         if name not in table:
             raise FleetError(

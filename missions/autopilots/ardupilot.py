@@ -8,7 +8,16 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from missions.autopilots.dialect import Dialect, ModeNumber, Modes, ReturnParameters, SetCurrent, StartStep, TerrainRule
+from missions.autopilots.dialect import (
+    Dialect,
+    ModeNumber,
+    Modes,
+    ReturnParameters,
+    SetCurrent,
+    Shutter,
+    StartStep,
+    TerrainRule,
+)
 from missions.autopilots.failsafes import (
     BatteryFailsafe,
     BatteryLevel,
@@ -17,6 +26,7 @@ from missions.autopilots.failsafes import (
     ThresholdUnit,
     Words,
 )
+from missions.cameras import Trigger
 from missions.items import Frame
 from missions.performance import Performance, Ramp, Tuning
 
@@ -93,6 +103,7 @@ ARDUPILOT = Dialect(
     takeoff_with_position=False,  # AP_Mission.cpp: only the height of a take-off is used
     no_yaw=0.0,  # WP_YAW_BEHAVIOR decides; 0 is what comes back
     keeps_region=True,  # AP_Mission.cpp
+    shutter=Shutter("CAM1_TYPE", frozenset(Trigger), "at all", "the CAM1_TYPE of its camera"),  # AP_Camera.cpp
     gimbal_rate=0.0,  # NaN does not survive: rates are kept in a byte each
     stop_radius_m=0.0,  # AP_Mission.cpp stores only the hold of a copter's waypoint; WPNAV_RADIUS decides
     pass_radius_m=0.0,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from missions.autopilots.failsafes import BatteryFailsafe, Geofence, GroundStationFailsafe
+from missions.cameras import Trigger
 from missions.items import Frame
 from missions.performance import Performance, Tuning
 
@@ -100,6 +101,19 @@ class TerrainRule:
 
 
 @dataclass(frozen=True, slots=True)
+class Shutter:
+    """A parameter without which an autopilot takes no pictures."""
+
+    parameter: str
+    triggers: frozenset[Trigger]
+    """What it is needed for."""
+    words: str
+    """The same."""
+    remedy: str
+    """What it should be."""
+
+
+@dataclass(frozen=True, slots=True)
 class Dialect:
     """One autopilot's way of speaking and behaving."""
 
@@ -121,6 +135,7 @@ class Dialect:
     """param4 for 'keep facing along the way'."""
     keeps_region: bool
     """Whether a region of interest in a mission comes back as it was sent."""
+    shutter: Shutter
     gimbal_rate: float
     """param3 and param4 of DO_GIMBAL_MANAGER_PITCHYAW for 'an angle, at no rate'."""
     stop_radius_m: float

@@ -9,8 +9,18 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from missions.autopilots.dialect import Dialect, ModeNumber, Modes, ReturnParameters, SetCurrent, StartStep, TerrainRule
+from missions.autopilots.dialect import (
+    Dialect,
+    ModeNumber,
+    Modes,
+    ReturnParameters,
+    SetCurrent,
+    Shutter,
+    StartStep,
+    TerrainRule,
+)
 from missions.autopilots.failsafes import BatteryFailsafe, BatteryLevel, Geofence, GroundStationFailsafe, ThresholdUnit
+from missions.cameras import Trigger
 from missions.items import Frame
 from missions.performance import Performance, Ramp, Tuning
 
@@ -89,6 +99,12 @@ PX4 = Dialect(
     takeoff_with_position=True,  # recorded flights; NaN would be flown from wherever it stands
     no_yaw=math.nan,  # recorded flights; 0 would be 'face north'
     keeps_region=False,  # mavlink_mission.cpp: it takes DO_SET_ROI_LOCATION and cannot give it back
+    shutter=Shutter(  # navigator_main.cpp: single pictures of MAVLink cameras too are its driver's (camera_trigger)
+        "TRIG_MODE",
+        frozenset({Trigger.DISTANCE, Trigger.ONCE}),
+        "by distance and no single ones",
+        "TRIG_MODE 4 and the TRIG_INTERFACE of its camera, 3 for MAVLink",
+    ),
     gimbal_rate=math.nan,
     stop_radius_m=STOP_RADIUS_M,  # its own NAV_ACC_RAD of 10 m would end an inspection 10 m early
     pass_radius_m=2.0,  # the columns' margin: corners are cut by less than this

@@ -27,6 +27,7 @@ from missions import PlanFile
 from planner import Cost
 from tests.e2e.flights import began_unix_s, log_lines
 from tests.e2e.tlog import messages
+from tests.sitl.eye import Eye, all_looking
 from tests.sitl.real import RELAYED, Autopilot, RealVehicle, Wanted, running
 
 VICTIM = "uav2"
@@ -93,6 +94,8 @@ class Story:
     """Who falls silent for good."""
     loses_at: Callable[[VehicleState, FleetState], bool] = in_its_second_segment
     """When that is, by uav2."""
+    eyes: Mapping[str, Eye] = field(default_factory=lambda: MappingProxyType({}))
+    """Cameras of PX4's vehicles, by their names."""
     prepared: Callable[[Ground], Prepared] | None = None
     """Chooses the batteries, the plan, and when it happens; by default it happens `at`."""
 
@@ -215,7 +218,10 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
     wanted = Wanted(
         pads, ground.network.frame, story.speedup, story.settings, frozenset(story.relayed), story.own, story.packs_ah
     )
-    with running(autopilot, Path(binary), folder / "sim", wanted) as console.running:
+    with (
+        running(autopilot, Path(binary), folder / "sim", wanted) as console.running,
+        all_looking(story.eyes),
+    ):
         if story.signed:
             (folder / KEY_FILE).write_text(KEY.hex())
             for vehicle in console.running.values():

@@ -47,6 +47,7 @@ MODEL = "model.json"
 """Of a simulated frame, beside its binary's other files: ArduPilot reads no absolute paths."""
 RELAYED = 1000
 """How far above its own port a vehicle with a relay is heard."""
+EARLY = ("SDLOG_", "TRIG_")
 START_REAL_S = 60.0
 
 Started = tuple[subprocess.Popen[bytes], OtherLink]
@@ -201,9 +202,9 @@ def _px4(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) -> St
     lat_deg, lon_deg = wanted.frame.to_wgs84_deg(pad.east_m, pad.north_m)
     place = {"PX4_HOME_LAT": f"{lat_deg:.7f}", "PX4_HOME_LON": f"{lon_deg:.7f}", "PX4_HOME_ALT": str(pad.alt_m)}
     speed = {"PX4_SIM_SPEED_FACTOR": f"{wanted.speedup:g}"}
-    # Whether it keeps a log of its own is decided while it starts.
-    log = {f"PX4_PARAM_{name}": f"{value:g}" for name, value in wanted.settings.items() if name.startswith("SDLOG_")}
-    process = _start([binary, "-i", str(number)], folder, {**PX4_ENVIRONMENT, **place, **speed, **log})
+    # Whether it keeps a log of its own, and triggers cameras, is decided while it starts.
+    early = {f"PX4_PARAM_{name}": f"{value:g}" for name, value in wanted.settings.items() if name.startswith(EARLY)}
+    process = _start([binary, "-i", str(number)], folder, {**PX4_ENVIRONMENT, **place, **speed, **early})
     return process, OtherLink(socket.SOCK_DGRAM, 18570 + number, bytewise=True)
 
 

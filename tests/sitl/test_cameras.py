@@ -1,19 +1,25 @@
-"""Real autopilots with cameras: one that is wired to ArduPilot, and one that is not there at all.
+"""Real autopilots with cameras: one wired to ArduPilot, one of MAVSDK's server on PX4, and one that is not there.
 
-PX4's simulator is built without its driver for wired cameras (camera_trigger): no picture can be had of it.
+PX4 takes single pictures of a MAVLink camera by its own driver (camera_trigger), with which it has to be built.
 """
 
 from __future__ import annotations
 
 import csv
 import json
+import math
+import tomllib
 from pathlib import Path
 
 import pytest
 
-from tests.sitl.flights import Story, flown
-from tests.sitl.real import ARDUPILOT, BOTH, Autopilot
+from executor.site import assembly
+from executor.site.config import check_site
+from tests.sitl.eye import Eye
+from tests.sitl.flights import Flown, Story, flown
+from tests.sitl.real import ARDUPILOT, BOTH, PX4, Autopilot, RealVehicle
 
+TRIGGERS = {"TRIG_MODE": 4.0, "TRIG_INTERFACE": 3.0}
 SERVO_CAMERA = {"CAM1_TYPE": 1.0, "SERVO9_FUNCTION": 10.0}
 
 
@@ -60,3 +66,67 @@ def test_items_for_cameras_read_back_and_a_camera_that_is_not_there_is_found(
     assert faults == {(name, "payload", "camera_silent") for name in ("uav1", "uav2", "uav3")}, done.said
     assert all(row["landed"] for row in done.report["vehicles"])
     assert not done.report["segments_inspected"]
+
+
+AROUND = {
+    "camera": "rgb", "of": "pylons", "pylons": ["V101-01", "V102-01"], "bearings_deg": [60, 120], "both_sides": True,
+    "distance_m": 16, "heights_m": [-4, 4], "target_m": -2, "roi": True,
+}  # fmt: skip
+"""Insulators from beside them, below the top and above it, with a camera that sits on the nose."""
+
+
+def pictures_of(done: Flown) -> dict[str, list[dict[str, str]]]:
+    """Return the rows of the index that count, by asset."""
+    with (done.run / "images.csv").open() as table:
+        rows = [row for row in csv.DictReader(table) if not row["flaw"]]
+    return {asset: [row for row in rows if row["asset"] == asset] for asset in {row["asset"] for row in rows}}
+
+
+def check_pylons(done: Flown) -> None:
+    """Hold what was seen of both pylons against what was asked: from where, how high, and each once."""
+    ground = assembly.ground_of(check_site(tomllib.loads((done.run / "site.toml").read_text()), "test"), done.run)
+    found = pictures_of(done)
+    for segment, look in ground.setup.looks.pylons.items():
+        rows = found[ground.network.segment_name(segment)]
+        assert sorted(row["viewpoint"] for row in rows) == [f"viewpoint {number}" for number in range(1, 9)], rows
+        for row in rows:
+            point = look.points[int(row["viewpoint"].split()[1]) - 1]
+            east_m, north_m = ground.network.frame.to_local_m(float(row["lat_deg"]), float(row["lon_deg"]))
+            assert math.dist((east_m, north_m), point.place_m) < 3.0
+            up_m = float(row["alt_msl_m"]) - ground.network.frame.alt_m
+            asked_m = ground.setup.layers.surface.height_m(*point.place_m) - point.below_m
+            assert abs(up_m - asked_m) < 2.0, (row, asked_m)
+            to_pylon = math.degrees(math.atan2(look.target_m[0] - east_m, look.target_m[1] - north_m))
+            assert abs((float(row["yaw_deg"]) - to_pylon + 180.0) % 360.0 - 180.0) < 15.0, (row, to_pylon)
+
+
+@pytest.mark.sitl
+@pytest.mark.timeout(900)
+def test_px4_proves_spans_and_pylons_by_the_words_of_a_camera_that_mavsdk_plays(tmp_path: Path) -> None:
+    """uav2 is lost in its second segment: what it had not seen is seen by others, and nothing twice."""
+    eyes = {name: Eye(number) for number, name in enumerate(("uav1", "uav2", "uav3"), start=1)}
+    tables = {
+        "inspection": {"same_distance": True},
+        "camera": [{"name": "rgb", "id": 100}],
+        "look": [{"camera": "rgb", "every_m": 10.0}, AROUND],
+    }
+    story = Story(
+        RealVehicle.suspend, settings=TRIGGERS, radius_m=250.0, tables=tables, eyes=eyes, speedup=1.0
+    )  # fmt: skip
+    done = flown(PX4, story, tmp_path)
+    assert done.report["finished"], done.said
+    assert done.report["replans"]
+    check_pylons(done)
+    for asset, rows in pictures_of(done).items():
+        files = [(row["vehicle"], row["file"]) for row in rows]
+        assert len(files) == len(set(files)), asset
+        assert all(file == eyes[name].taken[int(file[3:8])].file_url for name, file in files)
+
+
+@pytest.mark.sitl
+@pytest.mark.timeout(580)
+def test_ardupilot_turns_its_nose_to_a_pylon_from_below_its_top(tmp_path: Path) -> None:
+    tables = {"inspection": {"same_distance": True}, "camera": [{"name": "rgb", "id": 1}], "look": [AROUND]}
+    done = flown(ARDUPILOT, Story(settings=SERVO_CAMERA, radius_m=250.0, tables=tables), tmp_path)
+    assert done.report["finished"], done.said
+    check_pylons(done)

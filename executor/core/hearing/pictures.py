@@ -86,7 +86,7 @@ def _status(
         memory,
         heard_s=now_s,
         films=memory.films if message.films is None else message.films,
-        free_mib=memory.free_mib if message.free_mib is None else message.free_mib,
+        free_mib=_free_mib(memory, message),
         images=memory.images if message.images is None else message.images,
         last=last,
         wanted=wanted,
@@ -101,6 +101,16 @@ def _status(
     if seen is None or capture is None or not capture.films:
         return state
     return _caught(state, vehicle, camera, seen)
+
+
+def _free_mib(memory: CameraMemory, message: CameraStatus) -> float | None:
+    """Return the room on a card; a camera that has never had any does not count it (MAVSDK's says 0 with each picture).
+
+    One whose card was full from the beginning is found by its pictures that fail.
+    """
+    if message.free_mib is None or (message.free_mib == 0.0 and memory.free_mib is None):
+        return memory.free_mib
+    return message.free_mib
 
 
 def _counted(memory: CameraMemory, images: int | None) -> tuple[int | None, tuple[WantedPicture, ...]]:
@@ -188,6 +198,9 @@ def _placed(
         place_m = (east_m + east_m_s * (at_s - fix.at_s), north_m + north_m_s * (at_s - fix.at_s))
     pitch_deg, yaw_deg = _look(vehicle, camera, message, now_s)
     seen = _on(context, state, vehicle, camera, place_m, alt_rel_m)
+    capture = None if seen is None else _asked_at(vehicle.assignment.board, seen, camera.name)
+    if yaw_deg is None and capture is not None and capture.region is not None:
+        yaw_deg = _heading_deg(vehicle, message)  # it sits on the nose
     lat_deg, lon_deg = context.frame.to_wgs84_deg(*place_m)
     speed_m_s = math.hypot(*fix.velocity_m_s[:2])
     picture = Picture(
@@ -207,7 +220,7 @@ def _placed(
         segment=None if seen is None else seen.track.segment,
         along_m=None if seen is None else _from_a(vehicle.assignment.board, seen),
     )
-    return replace(picture, flaw=_flaw(context, vehicle, message, picture, seen)), seen
+    return replace(picture, flaw=_flaw(context, message, picture, seen, capture)), seen
 
 
 LONGEST_S = 3600.0
@@ -219,13 +232,13 @@ def _look(
     """Return where the camera looked: by its own word, or by its gimbal's on a vehicle with this heading."""
     if message.source is PictureProof.CAPTURED and message.pitch_deg is not None:
         return message.pitch_deg, message.yaw_deg
-    known, fix = vehicle.payload, vehicle.motion.fix
+    known = vehicle.payload
     fresh = known.gimbal_s is not None and now_s - known.gimbal_s <= GIMBAL_KNOWN_S
     if not camera.gimbal or known.gimbal is None or not fresh:
         return None, None
-    heading_deg = message.yaw_deg if message.yaw_deg is not None else None if fix is None else fix.heading_deg
     if known.gimbal.from_north:
         return known.gimbal.pitch_deg, known.gimbal.yaw_deg
+    heading_deg = _heading_deg(vehicle, message)
     return known.gimbal.pitch_deg, None if heading_deg is None else (heading_deg + known.gimbal.yaw_deg) % 360
 
 
@@ -287,20 +300,19 @@ def _asked(board: OnBoard | None, visit: int, camera: str) -> Capture | None:
     return None
 
 
-def _asked_at(board: OnBoard | None, seen: _Seen, capture: Capture) -> Capture:
+def _asked_at(board: OnBoard | None, seen: _Seen, camera: str) -> Capture | None:
     """Return what was asked of a camera at the viewpoint of a pylon; elsewhere all along the span."""
     if board is None or seen.waypoint is None:
-        return capture
-    captures = board.path.waypoints[seen.waypoint].captures
-    return next((one for one in captures if one.camera == capture.camera), capture)
+        return _asked(board, seen.visit, camera)
+    return next((one for one in board.path.waypoints[seen.waypoint].captures if one.camera == camera), None)
 
 
-def _flaw(context: Context, vehicle: VehicleState, message: PictureTaken, picture: Picture, seen: _Seen | None) -> str:
+def _flaw(
+    context: Context, message: PictureTaken, picture: Picture, seen: _Seen | None, capture: Capture | None
+) -> str:
     """Return why a picture does not count; nothing if it does."""
-    capture = None if seen is None else _asked(vehicle.assignment.board, seen.visit, picture.camera)
     if seen is None or capture is None:
         return "of no span that asks for it"
-    capture = _asked_at(vehicle.assignment.board, seen, capture)
     if picture.speed_m_s > SPEED_FACTOR * context.inspection_speed_m_s:
         return f"taken at {picture.speed_m_s:.1f} m/s"
     off_deg = 0.0
@@ -311,18 +323,15 @@ def _flaw(context: Context, vehicle: VehicleState, message: PictureTaken, pictur
         off_deg = apart_deg(picture.pitch_deg, yaw_deg, capture.pitch_deg, wanted_deg)
     elif message.source is PictureProof.FEEDBACK and message.roll_deg is not None and message.pitch_deg is not None:
         off_deg = max(abs(message.roll_deg), abs(message.pitch_deg))  # of the vehicle, which carries it level
-    if capture.region is not None and capture.pitch_deg is None:
-        off_deg = max(off_deg, _nose_off_deg(vehicle, message, capture))
+    if capture.pitch_deg is None and capture.yaw_deg is not None and picture.yaw_deg is not None:
+        off_deg = max(off_deg, apart_deg(0.0, picture.yaw_deg, 0.0, capture.yaw_deg))
     return f"aimed {off_deg:.0f} degrees beside" if off_deg > capture.aim_deg else ""
 
 
-def _nose_off_deg(vehicle: VehicleState, message: PictureTaken, capture: Capture) -> float:
-    """Return how far the nose, on which a camera without a gimbal sits, points beside a region of interest."""
+def _heading_deg(vehicle: VehicleState, message: PictureTaken) -> float | None:
+    """Return where a vehicle's nose points: by its camera's own word, or by its position's."""
     fix = vehicle.motion.fix
-    heading_deg = message.yaw_deg if message.yaw_deg is not None else None if fix is None else fix.heading_deg
-    if heading_deg is None or capture.yaw_deg is None:
-        return 0.0
-    return abs((heading_deg - capture.yaw_deg + 180.0) % 360.0 - 180.0)
+    return message.yaw_deg if message.yaw_deg is not None or fix is None else fix.heading_deg
 
 
 def _from_a(board: OnBoard | None, seen: _Seen) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -9,7 +10,7 @@ import pytest
 
 from executor.core.context import Context
 from executor.core.hearing.pictures import payload_heard
-from executor.core.messages import PictureTaken
+from executor.core.messages import CameraStatus, PictureTaken
 from executor.core.parts import Fix
 from executor.core.payload.pictures import Picture
 from executor.core.state import FleetState
@@ -26,9 +27,9 @@ LOOK = {"camera": "rgb", "of": "pylons", "pylons": ["p1"], "bearings_deg": [60, 
 FIXED = {"name": "rgb", "id": 1}
 
 
-def flying(*, low: bool, **look: object) -> tuple[Context, VehicleState]:
+def flying(*, low: bool, camera: Mapping[str, object] = FIXED, **look: object) -> tuple[Context, VehicleState]:
     """Return a vehicle that has flown around a pylon, in its layer or below it."""
-    tables: dict[str, Any] = {"camera": [FIXED], "look": [{**LOOK, **look}], "inspection": {"same_distance": True}}
+    tables: dict[str, Any] = {"camera": [camera], "look": [{**LOOK, **look}], "inspection": {"same_distance": True}}
     site = site_of(("uav1", "uav2"), **tables)
     ground = ground_for(site, tall_line_east(3))
     context = assembly.context_of(ground, ground.setup, assembly.task_of(ground))
@@ -81,3 +82,15 @@ def test_a_viewpoint_is_known_by_its_height_too(up_m: float, along_m: float | No
 def test_viewpoints_above_each_other_are_taken_in_turn_from_the_layer() -> None:
     context, vehicle = flying(low=False, heights_m=[2, -10])
     assert [one.along_m for one in taken(context, vehicle, up_m=45.0, yaw_deg=0.0, count=2)] == [0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("said", "known"), [([0.0], None), ([0.0, 120.0], 120.0), ([120.0, 0.0], 0.0), ([120.0, None], 120.0), ([], None)]
+)
+def test_a_card_that_never_had_room_is_not_known_to_be_full(said: list[float | None], known: float | None) -> None:
+    context, vehicle = flying(low=True, camera={"name": "rgb", "id": 100})
+    state = FleetState(vehicles={"uav1": vehicle})
+    for free_mib in said:
+        message = CameraStatus(100, films=False, images=0, free_mib=free_mib)
+        state = payload_heard(context, state, state.vehicles["uav1"], message, NOW_S)
+    assert state.vehicles["uav1"].payload.camera("rgb", 100).free_mib == known

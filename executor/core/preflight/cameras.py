@@ -1,0 +1,27 @@
+"""Whether an autopilot takes the pictures that a mission asks it for: one without its driver flies past everything."""
+
+from __future__ import annotations
+
+from executor.core.check_codes import CheckCode
+from executor.core.preflight.checks import Check, Facts, Severity
+from missions import Dialect, FlightPath
+
+
+def named_parameters(dialect: Dialect) -> tuple[str, ...]:
+    """Return the parameters that say so."""
+    return (dialect.shutter.parameter,)
+
+
+def shutter(facts: Facts, dialect: Dialect, path: FlightPath | None) -> list[Check]:
+    """Say whether pictures are taken that a vehicle's mission asks of its autopilot; nothing where it asks for none."""
+    rule = dialect.shutter
+    asked = {capture.trigger for point in path.waypoints for capture in point.captures} if path is not None else set()
+    if not asked & rule.triggers:
+        return []
+    value = facts.parameters.get(rule.parameter)
+    if value:
+        text = f"its autopilot takes pictures ({rule.parameter} {value:g})"
+        return [Check(Severity.OK, facts.name, text, CheckCode.CAMERA)]
+    said = f"does not say {rule.parameter}" if value is None else f"{rule.parameter} 0"
+    text = f"{said}: its autopilot takes no pictures {rule.words}; expected {rule.remedy}, and a restart"
+    return [Check(Severity.WARNING, facts.name, text, CheckCode.CAMERA)]
