@@ -57,7 +57,7 @@ class OverGround:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Lines:
+class PowerLines:
     """Lines as walls, in local metres over the depot's ground."""
 
     network: Network
@@ -76,13 +76,13 @@ class Lines:
         """Return what people call a wall."""
         return self.network.segment_name(int(self.segments[index]))
 
-    def near(self, low_m: FloatArray, high_m: FloatArray) -> Lines:
+    def near(self, low_m: FloatArray, high_m: FloatArray) -> PowerLines:
         """Return those that come near to the box between two (2,) corners."""
         ends = np.stack((self.starts_m, self.starts_m + self.along_m))
         apart = (ends.max(axis=0) < low_m - NEAR_M) | (ends.min(axis=0) > high_m + NEAR_M)
         return self.only(np.flatnonzero(~apart.any(axis=1)))
 
-    def nearest_to_any(self, places_m: FloatArray) -> Lines:
+    def nearest_to_any(self, places_m: FloatArray) -> PowerLines:
         """Return those of which one is the nearest to a place, for each of (m, 2) places, and few others."""
         middle_m = places_m.mean(axis=0)
         around_m = float(np.hypot(*(places_m - middle_m).T).max())
@@ -90,7 +90,7 @@ class Lines:
         # No place is farther than this from the wall that is nearest to the middle, so its own is not either.
         return self.only(np.flatnonzero(away_m <= float(away_m.min()) + 2.0 * around_m + ROUNDING_M))
 
-    def only(self, kept: np.ndarray[tuple[int], np.dtype[np.intp]]) -> Lines:
+    def only(self, kept: np.ndarray[tuple[int], np.dtype[np.intp]]) -> PowerLines:
         """Return some of them."""
         return replace(
             self, starts_m=self.starts_m[kept], along_m=self.along_m[kept], ground_m=self.ground_m[kept],
@@ -316,7 +316,7 @@ def _return_low(setup: FlightSetup, path: FlightPath) -> Low | None:
     return over_terrain(setup, np.concatenate(ways))
 
 
-def lines_of(setup: FlightSetup, without: Collection[int] | None = None) -> Lines | None:
+def lines_of(setup: FlightSetup, without: Collection[int] | None = None) -> PowerLines | None:
     """Return the lines of a network; None where heights are not known.
 
     Args:
@@ -333,9 +333,9 @@ def lines_of(setup: FlightSetup, without: Collection[int] | None = None) -> Line
     return _walls_of(network, ground_m[ends], tops_m[ends]).only(lines)
 
 
-def _walls_of(network: Network, ground_m: FloatArray, tops_m: FloatArray) -> Lines:
+def _walls_of(network: Network, ground_m: FloatArray, tops_m: FloatArray) -> PowerLines:
     ends_m = network.ends_m
-    return Lines(network, ends_m[:, 0], ends_m[:, 1] - ends_m[:, 0], ground_m, tops_m, np.arange(len(ends_m)))
+    return PowerLines(network, ends_m[:, 0], ends_m[:, 1] - ends_m[:, 0], ground_m, tops_m, np.arange(len(ends_m)))
 
 
 def _legs(setup: FlightSetup, path: FlightPath) -> Iterator[tuple[FloatArray, Phase]]:
@@ -376,7 +376,7 @@ def _between(ends_m: FloatArray, share: FloatArray) -> FloatArray:
 
 
 def lowest(
-    walls: Lines, setup: FlightSetup, points: FloatArray, *, on_pad: bool = False, beside_m: float = BESIDE_M
+    walls: PowerLines, setup: FlightSetup, points: FloatArray, *, on_pad: bool = False, beside_m: float = BESIDE_M
 ) -> Low | None:
     """Return what is worst about (m, 3) places over lines and the ground at them; None if nothing is.
 

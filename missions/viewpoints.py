@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from missions.cameras import PylonLook, Viewpoint
-from missions.clearance import BESIDE_M, Lines, Low, lines_of, lowest, over_terrain
+from missions.clearance import BESIDE_M, Low, PowerLines, lines_of, lowest, over_terrain
 from missions.errors import SafetyError
 from missions.geo import FloatArray
 from missions.network import Network, Pylon, Segment
@@ -127,7 +127,7 @@ def pylon_looks(setup: FlightSetup, wished: Mapping[int, PylonWish]) -> tuple[di
 class _Around:
     """The viewpoints of one pylon over what is there."""
 
-    def __init__(self, setup: FlightSetup, lines: Lines | None, wish: PylonWish) -> None:
+    def __init__(self, setup: FlightSetup, lines: PowerLines | None, wish: PylonWish) -> None:
         self._setup, self._lines, self._wish = setup, lines, wish
         self._pylon = setup.network.pylons[wish.pylon]
         self._top_m = 0.0  # on a flat site flights are over the depot's ground

@@ -78,7 +78,7 @@ async def interview_at_link(
 
     dialect = dialect_for(table.autopilot)
     more = () if site.terrain is None else terrain.named_parameters(dialect)
-    more += cameras.named_parameters(dialect) if site.look else ()
+    more += cameras.shutter_parameters(dialect) if site.look else ()
     facts = await asking.interview(name, link, clock, dialect, site.flight.ready_timeout_s, waits, more)
     console.say(Level.INFO, f"{name}: ready, {facts.words}, battery {facts.remaining_pct:.0f} %")
     return facts

@@ -7,7 +7,7 @@ from executor.core.preflight.checks import Check, Facts, Severity
 from missions import Dialect, FlightPath
 
 
-def named_parameters(dialect: Dialect) -> tuple[str, ...]:
+def shutter_parameters(dialect: Dialect) -> tuple[str, ...]:
     """Return the parameters that say so."""
     return (dialect.shutter.parameter,)
 

@@ -50,5 +50,5 @@ def test_nothing_is_said_of_what_px4_passes_on_to_the_camera(trigger: Trigger | 
 
 
 def test_the_parameter_is_asked_for() -> None:
-    assert cameras.named_parameters(PX4) == ("TRIG_MODE",)
-    assert cameras.named_parameters(ARDUPILOT) == ("CAM1_TYPE",)
+    assert cameras.shutter_parameters(PX4) == ("TRIG_MODE",)
+    assert cameras.shutter_parameters(ARDUPILOT) == ("CAM1_TYPE",)
