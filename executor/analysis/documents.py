@@ -199,6 +199,8 @@ class SeenRow(Document):
     """seen, not seen or not flown."""
     vehicle: str
     """Who has seen it; empty if nobody has."""
+    inspected_at_m: Annotated[Number | None, Field(exclude_if=is_none)] = None
+    """As of an inspection: how high over the pylon tops, where vehicles leave their layers; more is from above."""
     pictures: Whole
     """How many count."""
     missing: str

@@ -171,7 +171,7 @@ def report_of(
         parameters=tuple(parameters),
         heights=_heights(context, state),
         absences=tuple(_absence(absence, began_s) for absence in state.listening.absences),
-        seen=tuple(map(_seen, asset_rows(context, state))),
+        seen=tuple(_seen(row, state.coverage.inspected_at_m) for row in asset_rows(context, state)),
         inferred=tuple(sorted(state.coverage.unproven())),
         min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
         inspection_speed_m_s=context.inspection_speed_m_s,
@@ -224,7 +224,7 @@ def sortie_rows(context: Context, state: FleetState, began_s: float) -> tuple[So
     return tuple(sorted(rows, key=lambda row: row.began_s))
 
 
-def _seen(row: AssetRow) -> SeenRow:
+def _seen(row: AssetRow, at_m: Mapping[int, float]) -> SeenRow:
     return SeenRow(
         segment=row.segment,
         name=row.asset,
@@ -232,6 +232,7 @@ def _seen(row: AssetRow) -> SeenRow:
         take=row.take,
         state=row.state,
         vehicle=row.vehicle,
+        inspected_at_m=at_m.get(row.segment),
         pictures=row.pictures,
         missing=row.missing,
     )

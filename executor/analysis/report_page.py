@@ -152,6 +152,7 @@ def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, byte
     """
     sentence = outcome(record)
     flown = INSPECTIONS | (DISTANCE if any(row.inspected_at_m is not None for row in report.inspections) else {})
+    seen = SEEN | (DISTANCE if any(row.inspected_at_m is not None for row in report.seen) else {})
     parts = [
         f'<h1 class="{"bad" if record.uncovered or record.never else "good"}">{escape(sentence)}</h1>',
         f'<p class="facts">{escape(_facts(record, report))}</p>',
@@ -164,7 +165,7 @@ def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, byte
         _section("Not at home: where to look", AWAY, _away(report)),
         _section("Before the flight", CHECKS.values(), _rows(report, report.checks, CHECKS), _severities(report)),
         _section("How the segments were flown", flown.values(), _rows(report, report.inspections, flown)),
-        _section("What was seen", SEEN.values(), _rows(report, report.seen, SEEN), _unseen(report)),
+        _section("What was seen", seen.values(), _rows(report, report.seen, seen), _unseen(report)),
         _section("Flown, but not counted", NOT_COUNTED.values(), _rows(report, report.not_counted, NOT_COUNTED)),
         _section("Planned and flown", ROUTES, _routes(report)) + "".join(_legs(report)),
         _section("Decisions", DECISIONS, _decisions(record), [_CLASSES[one.level] for one in record.decisions]),

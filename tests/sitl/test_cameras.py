@@ -93,7 +93,7 @@ def check_pylons(done: Flown) -> None:
     """Hold what was seen of both pylons against what was asked: from where, how high, and each once."""
     ground = assembly.ground_of(check_site(tomllib.loads((done.run / "site.toml").read_text()), "test"), done.run)
     found = pictures_of(done)
-    said_m = {row["segment"]: row["inspected_at_m"] for row in done.report["inspections"]}
+    said_m = {row["segment"]: row["inspected_at_m"] for row in done.report["seen"]}
     assert min(said_m[segment] for segment in ground.setup.looks.pylons) == ground.setup.inspection.height_m
     for segment, look in ground.setup.looks.pylons.items():
         rows = found[ground.network.segment_name(segment)]
