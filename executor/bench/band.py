@@ -10,7 +10,7 @@ flight ends as its plan has it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from statistics import median
 
@@ -19,7 +19,6 @@ import numpy as np
 from executor.bench.prediction import RouteCase, cases, plan_with, planned, random_routes
 from executor.bench.store import Json
 from executor.bench.virtual.flight import Onlookers, fly_virtual
-from executor.bench.virtual.many import each
 from executor.bench.virtual.site import AMPLE_AH, sized, virtual_ground
 from executor.core import projection
 from executor.core.context import Context
@@ -216,13 +215,6 @@ def _look(context: Context, state: VehicleState, seen: _Watched, now_s: float) -
             seen.failing_since_s = None
         case Verdict.STALE:
             pass
-
-
-def measure_band(
-    routes: int, seed: int, autopilots: Sequence[str], jobs: int, told: Callable[[int, int], None] = lambda *_: None
-) -> list[BandFlight]:
-    """Fly so many random routes with vehicles that differ from their models."""
-    return each(fly_band, band_cases(routes, seed, autopilots), jobs=jobs, told=told)
 
 
 def band_held(flights: Sequence[BandFlight]) -> Json:

@@ -11,6 +11,7 @@ import numpy as np
 
 from executor.bench.machine import cores
 from executor.bench.store import Json
+from executor.simulated.demo_site import LISTENING, vehicle_tables
 from executor.site.assembly import ground_of
 from executor.site.config import check_site
 from executor.site.day_words import needs, rule_packs
@@ -167,10 +168,7 @@ def whole_site(network: Path) -> dict[str, Any]:
                  name=f"base{number}", vehicles=own, turnaround_s=300.0)
             for number, (place, own) in enumerate(zip(middles_m.tolist(), stands, strict=True), 1)
         ],
-        "vehicle": [
-            {"name": name, "connection": f"udpin://127.0.0.1:{14550 + number}", "sysid": number, "autopilot": "px4"}
-            for number, name in enumerate(names, 1)
-        ],
+        "vehicle": vehicle_tables(LISTENING[: len(names)], "px4"),
     }  # fmt: skip
 
 
@@ -232,10 +230,7 @@ def own_day(seed: int) -> DayPlanFile:
                 ("north", ["uav1", "uav2"], 1500.0, 1500.0), ("south", ["uav3"], -1500.0, -1000.0)
             )
         ],
-        "vehicle": [
-            {"name": f"uav{number}", "connection": f"udpin://127.0.0.1:{14550 + number}", "sysid": number,
-             "autopilot": "px4"} for number in (1, 2, 3)
-        ],
+        "vehicle": vehicle_tables(LISTENING[:3], "px4"),
     }  # fmt: skip
     content = site_day(ground_of(check_site(site, "bench day"), Path()))
     return planned_day(content, DayWanted(Objective.FINISH, Iterations(150_000), seed, 1))

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from executor.bench.machine import machine, machine_line
+from executor.bench.machine import head, machine_line
 from executor.bench.markdown import figure, markdown_page, markdown_table
-from executor.bench.store import Json, write_result, write_text
+from executor.bench.store import Json, keep_result
 
 TITLE = "Days of many sorties"
 EXACT = (
@@ -30,20 +30,16 @@ FLEET = (
     "packs, summed over the bases. It is meant to suffice even where all are empty at once, and knows no losses for "
     "good; the column before it is what the plan without a loss has in use at once."
 )
-Rows = list[tuple[str, ...]]
 
 
 def day_document(content: Json, command: str, samples: int) -> Json:
     """Return the content of day.json."""
-    return {
-        "format": "faultline-bench-day/1", "machine": machine(), "command": command, "samples": samples, **content,
-    }  # fmt: skip
+    return {**head("day/1", command), "samples": samples, **content}
 
 
 def keep_day(content: Mapping[str, Any], folder: Path) -> None:
     """Write day.json and day.md."""
-    write_result(folder / "day.json", content)
-    write_text(folder / "day.md", day_page(content))
+    keep_result("day", content, day_page(content), folder)
 
 
 def day_page(content: Mapping[str, Any]) -> str:

@@ -20,6 +20,7 @@ from executor.core.parts import Assignment
 from executor.core.state import FleetState
 from executor.core.vehicle import FaultKind, VehicleState
 from executor.replay.baseline_detector import FewLines
+from planner import Chance, wilson
 
 TICK_S = 0.5
 KINDS = ("step", "drain", "cell", "silent")
@@ -28,7 +29,6 @@ DRAINS = ((1.3, 1.7), (1.7, 2.5), (2.5, 4.0))
 """Times the normal rate, from mild to severe."""
 MARGIN_S = 1.0
 """A silence within this of the time-out may be declared or not."""
-Z95 = 1.959964
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,29 +52,6 @@ class Detected:
     """Declared while it could still come home."""
     extra_pct: float
     """Used beyond the normal until it was declared."""
-
-
-@dataclass(frozen=True, slots=True)
-class Share:
-    """A rate with its 95 % interval (Wilson)."""
-
-    hits: int
-    of: int
-
-    @property
-    def value(self) -> float:
-        """The rate; 0 of nothing."""
-        return self.hits / self.of if self.of else 0.0
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Lower and upper bound."""
-        if not self.of:
-            return 0.0, 1.0
-        n, p = self.of, self.value
-        middle = (p + Z95**2 / (2 * n)) / (1 + Z95**2 / n)
-        half = Z95 / (1 + Z95**2 / n) * math.sqrt(p * (1 - p) / n + Z95**2 / (4 * n * n))
-        return max(0.0, middle - half), min(1.0, middle + half)
 
 
 def poisson_interval(count: int) -> tuple[float, float]:
@@ -222,7 +199,7 @@ def detection_summary(outcomes: Sequence[Detected]) -> dict[str, object]:
     false = [one for one in outcomes if one.false]
     low, high = poisson_interval(len(false))
     breaking = [one for one in outcomes if one.breaks]
-    in_time = Share(sum(one.in_time for one in breaking), len(breaking))
+    in_time = sum(one.in_time for one in breaking)
     return {
         "flights": len(outcomes),
         "flight_hours": round(hours, 2),
@@ -230,7 +207,7 @@ def detection_summary(outcomes: Sequence[Detected]) -> dict[str, object]:
         "false_alarms_per_50_h": round(50 * len(false) / hours, 3) if hours else None,
         "false_alarms_per_50_h_95": [round(50 * low / hours, 3), round(50 * high / hours, 3)] if hours else None,
         "false_reasons": sorted({f"{_name(one)} ({one.injected.what}, {one.autopilot})" for one in false}),
-        "would_break_reserve": {"of": in_time.of, "in_time": in_time.hits, **_rate(in_time)},
+        "would_break_reserve": {"of": len(breaking), "in_time": in_time, **_rate(in_time, len(breaking))},
         "kinds": {what: _kind([one for one in outcomes if one.injected.what == what]) for what in KINDS},
         "drains": {
             f"{low:g} to {high:g}": _kind(
@@ -246,9 +223,10 @@ def _name(outcome: Detected) -> str:
     return outcome.reason.partition(":")[0]
 
 
-def _rate(share: Share) -> dict[str, object]:
-    low, high = share.interval
-    return {"rate": round(share.value, 4), "rate_95": [round(low, 4), round(high, 4)]}
+def _rate(hits: int, of: int) -> dict[str, object]:
+    """Return a rate with its 95 % interval; of nothing anything is possible."""
+    found = wilson(hits, of) if of else Chance(0.0, 0.0, 1.0)
+    return {"rate": round(found.estimate, 4), "rate_95": [round(found.low, 4), round(found.high, 4)]}
 
 
 def _kind(outcomes: Sequence[Detected]) -> dict[str, object]:
@@ -263,7 +241,7 @@ def _kind(outcomes: Sequence[Detected]) -> dict[str, object]:
         "would_break_reserve": len(breaking),
         "in_time": sum(one.in_time for one in breaking),
         "declared": len(found),
-        **_rate(Share(len(found), len(due))),
+        **_rate(len(found), len(due)),
         "delay_s_median": round(float(np.median(delays)), 2) if delays else None,
         "delay_s_95": round(float(np.quantile(delays, 0.95)), 2) if delays else None,
         "extra_pct_95": round(float(np.quantile(extra, 0.95)), 2) if extra else None,

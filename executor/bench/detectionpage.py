@@ -9,7 +9,7 @@ from typing import Any
 from executor.bench.data import shared_folder
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import MISSING, figure, markdown_page, markdown_table
-from executor.bench.store import Json, write_result, write_text
+from executor.bench.store import Json, keep_result
 from executor.core.vehicle import FaultKind
 from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import replay, rules_of
@@ -81,8 +81,7 @@ def detection_document(
 
 def keep_page(content: Mapping[str, Any], folder: Path) -> None:
     """Write detection.json and detection.md."""
-    write_result(folder / "detection.json", content)
-    write_text(folder / "detection.md", markdown(content))
+    keep_result("detection", content, markdown(content), folder)
 
 
 def markdown(content: Mapping[str, Any]) -> str:

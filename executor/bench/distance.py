@@ -12,7 +12,7 @@ import itertools
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import median
 
@@ -21,7 +21,7 @@ import numpy as np
 from executor.bench.prediction import plan_with
 from executor.bench.store import Json
 from executor.bench.virtual.flight import Onlookers, VirtualFlight, fly_virtual
-from executor.bench.virtual.many import each
+from executor.bench.virtual.many import FlightCase
 from executor.bench.virtual.site import AMPLE_AH, sized, virtual_ground
 from executor.errors import ExecutorError
 from executor.simulator.vehicle import SimulatedVehicle
@@ -52,15 +52,6 @@ ALONG = 0.1
 ASIDE_M = 3.0
 FAST = 1.35
 """More than this times the inspection's speed is a transit."""
-
-
-@dataclass(frozen=True, slots=True)
-class DistanceCase:
-    """One flight to be made up and flown."""
-
-    number: int
-    seed: int
-    autopilot: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,19 +136,14 @@ class _Watched:
         return found
 
 
-def distance_cases(flights: int, seed: int, autopilots: Sequence[str]) -> list[DistanceCase]:
-    """Return so many flights."""
-    return [DistanceCase(number, seed, autopilots[number % len(autopilots)]) for number in range(flights)]
-
-
-def fly_distance(case: DistanceCase) -> DistanceFlight:
+def fly_distance(case: FlightCase) -> DistanceFlight:
     """Make up a flight, fly it, and hold it against the truth; the same case gives the same figures."""
     rng = np.random.default_rng([case.seed, 29, case.number])
     count = int(rng.integers(VEHICLES[0], VEHICLES[1] + 1))
     speed_m_s, course = float(rng.uniform(0.0, WIND_M_S)), float(rng.uniform(0.0, 2.0 * math.pi))
     wind_m_s = (speed_m_s * math.sin(course), speed_m_s * math.cos(course))
     ground, plan, layered_s = _planned(case, count, float(rng.choice(RADII_M)), wind_m_s, int(rng.integers(1 << 30)))
-    faults = drawn_faults(ground.names, rng)
+    faults = drawn_faults(ground.names, FAULTS, rng)
     slower = {name: 1.0 - SLOWER * float(rng.random()) * (rng.random() < SECOND) for name in ground.names}
     watched, asked_m = _Watched(ground), ground.setup.inspection.height_m
     planned_asked = sum(
@@ -179,14 +165,16 @@ def fly_distance(case: DistanceCase) -> DistanceFlight:
     return _judged(empty, flight, watched)
 
 
-def drawn_faults(names: Sequence[str], rng: np.random.Generator) -> tuple[str, ...]:
-    """Draw what befalls one vehicle, and sometimes another one, as ``--fault`` takes it."""
+def drawn_faults(
+    names: Sequence[str], kinds: Sequence[str], rng: np.random.Generator, between_pct: tuple[int, int] = (10, 95)
+) -> tuple[str, ...]:
+    """Draw what befalls one vehicle, and sometimes another one but never all, as ``--fault`` takes it."""
     count = 2 if rng.random() < SECOND else 1
     found = []
-    for name in rng.choice(names, size=count, replace=False):
-        kind = str(rng.choice(FAULTS))
+    for name in rng.choice(names, size=min(count, len(names) - 1), replace=False):
+        kind = str(rng.choice(kinds))
         if kind:
-            found.append(f"{name}:{kind}@{int(rng.integers(10, 95))}%")
+            found.append(f"{name}:{kind}@{int(rng.integers(*between_pct))}%")
     return tuple(found)
 
 
@@ -196,7 +184,7 @@ def kind_of(fault: str) -> str:
 
 
 def _planned(
-    case: DistanceCase, vehicles: int, radius_m: float, wind_m_s: tuple[float, float], seed: int
+    case: FlightCase, vehicles: int, radius_m: float, wind_m_s: tuple[float, float], seed: int
 ) -> tuple[Ground, PlanFile, float]:
     """Return a site, a plan at the asked distance, and how long its longest route is with everybody in its layer."""
     ground = virtual_ground(
@@ -237,13 +225,6 @@ def _judged(empty: DistanceFlight, flight: VirtualFlight, watched: _Watched) -> 
         flown_s=flight.flown_s,
         wrong="" if flight.ended else "the supervision did not end",
     )
-
-
-def measure_distance(
-    flights: int, seed: int, autopilots: Sequence[str], jobs: int, told: Callable[[int, int], None] = lambda *_: None
-) -> list[DistanceFlight]:
-    """Fly so many; the answers do not depend on the number of processes."""
-    return each(fly_distance, distance_cases(flights, seed, autopilots), jobs=jobs, told=told)
 
 
 def distance_results(flights: Sequence[DistanceFlight]) -> Json:

@@ -18,10 +18,10 @@ from executor.bench.distance import (
     DistanceFlight,
     distance_results,
 )
-from executor.bench.machine import machine, machine_line
-from executor.bench.markdown import figure, markdown_page, markdown_table
+from executor.bench.machine import head, machine_line
+from executor.bench.markdown import Rows, figure, markdown_page, markdown_table
 from executor.bench.predictionpage import print_table
-from executor.bench.store import Json, write_result, write_text
+from executor.bench.store import Json, keep_result
 
 TITLE = "Everybody at the asked distance"
 INTRODUCTION = (
@@ -43,24 +43,16 @@ FLEETS = (
     "vehicles", "flights", "planned at the asked distance", "inspected at it", "nearest two (m)",
     "longest route, more than in layers (%)",
 )  # fmt: skip
-Rows = list[tuple[str, ...]]
 
 
 def distance_document(flights: Sequence[DistanceFlight], command: str, seed: int) -> Json:
     """Return the content of distance.json."""
-    return {
-        "format": "faultline-bench-distance/1",
-        "machine": machine(),
-        "command": command,
-        "seed": seed,
-        **distance_results(flights),
-    }
+    return {**head("distance/1", command), "seed": seed, **distance_results(flights)}
 
 
 def keep_distance(content: Mapping[str, Any], folder: Path) -> None:
     """Write distance.json and distance.md."""
-    write_result(folder / "distance.json", content)
-    write_text(folder / "distance.md", distance_page(content))
+    keep_result("distance", content, distance_page(content), folder)
 
 
 def _fleets(content: Mapping[str, Any]) -> Rows:

@@ -9,10 +9,10 @@ from typing import Any
 from rich.console import Console
 
 from executor.bench.failures import families
-from executor.bench.machine import machine, machine_line
-from executor.bench.markdown import figure, markdown_page, markdown_table, percent_over
+from executor.bench.machine import head, machine_line
+from executor.bench.markdown import Rows, figure, markdown_page, markdown_table, percent_over
 from executor.bench.predictionpage import print_table
-from executor.bench.store import Json, write_result, write_text
+from executor.bench.store import Json, keep_result
 
 TITLE = "Vehicles lost one after another"
 INTRODUCTION = (
@@ -37,7 +37,6 @@ SCENARIO = ("scenario", "losses", "value", "published", "difference", "longest r
             "left over", "bound")  # fmt: skip
 SHOWN = 9
 """Columns of a family that fit on a terminal."""
-Rows = list[tuple[str, ...]]
 
 
 def failures_document(
@@ -45,9 +44,7 @@ def failures_document(
 ) -> Json:
     """Return the content of failures.json."""
     return {
-        "format": "faultline-bench-failures/1",
-        "machine": machine(),
-        "command": command,
+        **head("failures/1", command),
         "seconds": seconds,
         "steady": steady,
         "seed": seed,
@@ -59,8 +56,7 @@ def failures_document(
 
 def keep_failures(content: Mapping[str, Any], folder: Path) -> None:
     """Write failures.json and failures.md."""
-    write_result(folder / "failures.json", content)
-    write_text(folder / "failures.md", failures_page(content))
+    keep_result("failures", content, failures_page(content), folder)
 
 
 def _family_rows(content: Mapping[str, Any]) -> Rows:

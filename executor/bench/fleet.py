@@ -31,6 +31,7 @@ from executor.bench.fleetsite import site_of, write_network
 from executor.bench.garbage import FRAMES_S, Flood
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import figure, markdown_page, markdown_table
+from executor.bench.store import keep_result
 from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.preflight.checks import Check
@@ -341,9 +342,7 @@ def make_fleet(
     }
     text = fleet_report(flights, machine())
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "fleet.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        (out / "fleet.md").write_text(text, encoding="utf-8")
+        keep_result("fleet", content, text, out)
         if len(flights) > 1:
             draw_growth(flights, out / "fleet.png")
     return content, text

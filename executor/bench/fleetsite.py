@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from executor.simulated.demo_site import SIMULATED_CEILING_M, free_ports
+from executor.simulated.demo_site import SIMULATED_CEILING_M, free_ports, vehicle_tables
 from planner.synthetic import generated_network
 
 SPEED_M_S = 3.0
@@ -55,13 +55,5 @@ def site_of(network: str, vehicles: int, speedup: float) -> dict[str, object]:
         "energy": {"capacity_ah": CAPACITY_AH},
         "flight": {"speedup": speedup, "fly_again": "auto"},
         "web": {"port": _free_page_port()},
-        "vehicle": [
-            {
-                "name": f"uav{number}",
-                "connection": f"udpin://127.0.0.1:{port}",
-                "sysid": number,
-                "autopilot": "ardupilot",
-            }
-            for number, port in enumerate(free_ports(vehicles), start=1)
-        ],
+        "vehicle": vehicle_tables(free_ports(vehicles), "ardupilot"),
     }

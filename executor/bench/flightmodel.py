@@ -17,6 +17,7 @@ from executor.core.context import Context
 from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
 from executor.core.parts import OnBoard
 from executor.core.vehicle import FaultKind, aboard
+from executor.simulated.demo_site import LISTENING, vehicle_tables
 from executor.simulator.battery import Battery as Pack
 from executor.site import assembly
 from executor.site.config import check_site
@@ -47,14 +48,10 @@ class ModelledSite:
 
 def model_site(autopilot: str) -> ModelledSite:
     """Return three missions over the network that comes with faultline."""
-    vehicles = [
-        {"name": f"uav{n}", "connection": f"udpin://127.0.0.1:{14550 + n}", "sysid": n, "autopilot": autopilot}
-        for n in range(1, VEHICLES + 1)
-    ]
     content = {
         "network": {"file": "default", "radius_m": RADIUS_M},
         "energy": {"drone": "mavic3", "capacity_ah": CAPACITY_AH},
-        "vehicle": vehicles,
+        "vehicle": vehicle_tables(LISTENING[:VEHICLES], autopilot),
         "faults": {"link_timeout_s": 10.0},
     }
     ground = assembly.ground_of(check_site(content, "the model"), Path())

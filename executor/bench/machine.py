@@ -29,6 +29,11 @@ def machine() -> dict[str, object]:
     }
 
 
+def head(kind: str, command: str) -> dict[str, object]:
+    """Return what the JSON of a measurement begins with; the kind has its version, as `window/2`."""
+    return {"format": f"faultline-bench-{kind}", "machine": machine(), "command": command}
+
+
 def machine_line(content: dict[str, object]) -> str:
     """Return the machine in one line."""
     versions = ", ".join(f"{name} {content[name]}" for name in ("python", *PACKAGES) if content.get(name))

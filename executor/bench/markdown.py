@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 MISSING = "-"
+Rows = list[tuple[str, ...]]
+"""Of a table, cell by cell."""
 
 
 def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -19,11 +19,11 @@ from pathlib import Path
 
 import numpy as np
 
-from executor.bench.distance import kind_of
+from executor.bench.distance import drawn_faults, kind_of
 from executor.bench.prediction import plan_with
 from executor.bench.store import Json
 from executor.bench.virtual.flight import Onlookers, VirtualFlight, fly_virtual
-from executor.bench.virtual.many import each
+from executor.bench.virtual.many import FlightCase
 from executor.bench.virtual.site import AMPLE_AH, dearest_pct, virtual_ground
 from executor.errors import ExecutorError
 from executor.images.exif import picture_files
@@ -55,7 +55,8 @@ FAULTS = (
     "crash", "silent", "silent=30", "pilot=RTL", "camera-silent", "card-full", "gimbal-stuck", "camera-mute",
     "camera-loss=0.4", "",
 )  # fmt: skip
-SECOND = 0.3
+ONLY_SPOKEN = frozenset({"gimbal-stuck", "card-full", "camera-mute"})
+"""What does not befall a wired camera."""
 CLOCK_S = 600.0
 """A camera's clock is off by up to this, and by whole hours of a zone."""
 ZONES_H = (-1, 3)
@@ -72,15 +73,6 @@ PASS_S, DOUBLE = 20.0, 0.2
 """Two pictures of one pass are less than this apart in time; nearer than this share of what was asked is one twice."""
 SPEAKS = {"name": "rgb", "id": 100, "gimbal": True}
 WIRED = {"name": "rgb", "id": 1}
-
-
-@dataclass(frozen=True, slots=True)
-class PicturesCase:
-    """One flight to be made up and flown."""
-
-    number: int
-    seed: int
-    autopilot: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +132,7 @@ def _apart_m(row: ImageRow, lat_deg: float, lon_deg: float) -> float:
     return math.hypot(east_m, north_m)
 
 
-def fly_pictures(case: PicturesCase) -> PicturesFlight:
+def fly_pictures(case: FlightCase) -> PicturesFlight:
     """Make up a flight, fly it, read its cards, and hold it against the truth; the same case gives the same figures."""
     rng = np.random.default_rng([case.seed, 37, case.number])
     vehicles = int(rng.integers(VEHICLES[0], VEHICLES[1] + 1))
@@ -155,7 +147,8 @@ def fly_pictures(case: PicturesCase) -> PicturesFlight:
     }
     over = partial(virtual_ground, None, float(rng.choice(RADII_M)), vehicles, case.autopilot, tables=tables)
     ground, routes = _planned(over, int(rng.integers(1 << 30)))
-    faults = _drawn(ground.names, rng, speaks=speaks)
+    kinds = FAULTS if speaks else tuple(kind for kind in FAULTS if kind not in ONLY_SPOKEN)
+    faults = drawn_faults(ground.names, kinds, rng, (5, 90))
     ahead_s = {
         name: float(rng.uniform(-CLOCK_S, CLOCK_S)) + 3600.0 * int(rng.integers(*ZONES_H)) for name in ground.names
     }
@@ -193,18 +186,6 @@ def _planned(over: Callable[..., Ground], seed: int) -> tuple[Ground, dict[str, 
         capacity_ah *= dearest_pct(ground, plan_with(ground, routes)) / USES_PCT
         ground = over(capacity_ah=capacity_ah)
     return ground, routes
-
-
-def _drawn(names: Sequence[str], rng: np.random.Generator, *, speaks: bool) -> tuple[str, ...]:
-    """Draw what befalls one vehicle or its camera, and sometimes another one."""
-    kinds = [kind for kind in FAULTS if speaks or kind not in {"gimbal-stuck", "card-full", "camera-mute"}]
-    count = 2 if rng.random() < SECOND else 1
-    found = []
-    for name in rng.choice(names, size=min(count, len(names) - 1), replace=False):
-        kind = str(rng.choice(kinds))
-        if kind:
-            found.append(f"{name}:{kind}@{int(rng.integers(5, 90))}%")
-    return tuple(found)
 
 
 def _judged(
@@ -293,14 +274,6 @@ def _doubles(index: Index) -> list[str]:
         if not met and (near if along else row.viewpoint == before.viewpoint):
             found.append(f"{row.asset}, {row.viewpoint}, was taken twice by {row.vehicle}")
     return found
-
-
-def measure_pictures(
-    flights: int, seed: int, autopilots: Sequence[str], jobs: int, told: Callable[[int, int], None] = lambda *_: None
-) -> list[PicturesFlight]:
-    """Fly so many, the autopilots by turns; the answers do not depend on the number of processes."""
-    cases = [PicturesCase(number, seed, autopilots[number % len(autopilots)]) for number in range(flights)]
-    return each(fly_pictures, cases, jobs=jobs, told=told)
 
 
 def pictures_results(flights: Sequence[PicturesFlight]) -> Json:

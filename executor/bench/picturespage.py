@@ -8,11 +8,11 @@ from typing import Any
 
 from rich.console import Console
 
-from executor.bench.machine import machine, machine_line
-from executor.bench.markdown import figure, markdown_page, markdown_table
+from executor.bench.machine import head, machine_line
+from executor.bench.markdown import Rows, figure, markdown_page, markdown_table
 from executor.bench.pictures import CLOCK_S, EVERY_M, LOST_SHARE, VEHICLES, PicturesFlight, pictures_results
 from executor.bench.predictionpage import print_table
-from executor.bench.store import Json, write_result, write_text
+from executor.bench.store import Json, keep_result
 
 TITLE = "Flights that have something to see"
 INTRODUCTION = (
@@ -24,24 +24,16 @@ INTRODUCTION = (
     " that are off by up to {clock_min:g} minutes and by whole hours of a zone; all cameras have one name and number."
 )
 COLUMNS = ("what", "count")
-Rows = list[tuple[str, ...]]
 
 
 def pictures_document(flights: Sequence[PicturesFlight], command: str, seed: int) -> Json:
     """Return the content of pictures.json."""
-    return {
-        "format": "faultline-bench-pictures/1",
-        "machine": machine(),
-        "command": command,
-        "seed": seed,
-        **pictures_results(flights),
-    }
+    return {**head("pictures/1", command), "seed": seed, **pictures_results(flights)}
 
 
 def keep_pictures(content: Mapping[str, Any], folder: Path) -> None:
     """Write pictures.json and pictures.md."""
-    write_result(folder / "pictures.json", content)
-    write_text(folder / "pictures.md", pictures_page(content))
+    keep_result("pictures", content, pictures_page(content), folder)
 
 
 def _rows(content: Mapping[str, Any]) -> Rows:

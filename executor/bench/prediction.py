@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
@@ -22,7 +22,7 @@ from executor.analysis.planned_and_flown import flown_routes
 from executor.bench.errors import BenchError
 from executor.bench.store import Json
 from executor.bench.virtual.flight import VirtualFlight, fly_virtual
-from executor.bench.virtual.many import each
+from executor.bench.virtual.many import FlightCase
 from executor.bench.virtual.site import AMPLE_AH, over_network, sized, virtual_ground
 from executor.core.parts import OnBoard
 from executor.replay.run import rerun
@@ -53,12 +53,9 @@ SETTLED = 500
 
 
 @dataclass(frozen=True, slots=True)
-class RouteCase:
-    """One flight to be made up and flown."""
+class RouteCase(FlightCase):
+    """One with random routes."""
 
-    number: int
-    seed: int
-    autopilot: str
     network: Path | None
     sizes: tuple[int, ...]
     """Segments of each vehicle's route."""
@@ -300,14 +297,6 @@ def _recorded(run: Path, row: RouteRow) -> FlownRoute:
     figures = Figures(row.planned_s, row.flown_s, row.planned_pct, given_pct)
     segments = sum(leg.phase == Phase.INSPECT.value for leg in row.legs)
     return FlownRoute(run.name, row.vehicle, "", segments, None, None, figures, by_phase(row))
-
-
-def measure_prediction(
-    routes: int, seed: int, autopilots: Sequence[str], networks: Sequence[Path | None], jobs: int,
-    told: Callable[[int, int], None] = lambda *_: None,
-) -> list[Flown]:  # fmt: skip
-    """Fly so many random routes."""
-    return each(fly_case, cases(routes, seed, autopilots, networks), jobs=jobs, told=told)
 
 
 def prediction_errors(routes: Sequence[FlownRoute]) -> Json:

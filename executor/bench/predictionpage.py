@@ -21,10 +21,10 @@ from executor.bench.band import (
     BandFlight,
     band_held,
 )
-from executor.bench.machine import machine, machine_line
-from executor.bench.markdown import figure, markdown_page, markdown_table
+from executor.bench.machine import head, machine, machine_line
+from executor.bench.markdown import Rows, figure, markdown_page, markdown_table
 from executor.bench.prediction import Flown, FlownRoute, phases, prediction_errors
-from executor.bench.store import Json, write_result, write_text
+from executor.bench.store import Json, keep_result
 
 TITLE = "Planned and flown"
 INTRODUCTION = (
@@ -60,9 +60,7 @@ def prediction_document(
     """Return the content of prediction.json."""
     flown_s, took_s = sum(one.flown_s for one in flights), sum(one.took_s for one in flights)
     return {
-        "format": "faultline-bench-prediction/1",
-        "machine": machine(),
-        "command": command,
+        **head("prediction/1", command),
         "seed": seed,
         "networks": list(networks),
         **prediction_errors(routes),
@@ -103,8 +101,7 @@ def keep_prediction(content: Mapping[str, Any], folder: Path) -> None:
     path = folder / "prediction.json"
     if path.exists():
         content = joined(json.loads(path.read_text(encoding="utf-8")), content)
-    write_result(path, content)
-    write_text(folder / "prediction.md", prediction_page(content))
+    keep_result("prediction", content, prediction_page(content), folder)
 
 
 def joined(before: Mapping[str, Any], content: Mapping[str, Any]) -> Json:
@@ -166,7 +163,6 @@ TENTHS = ("of the route flown", "routes", "band held (%)", "band, median (+- poi
 SAID = ("flights that landed", "flights", "warned", "would be a fault", "warned (%)", "fault (%)")
 ROUTES = ("route", "segments", "hills (m)", "wind (m/s)", "planned (s)", "flown (s)", "error (%)", "planned (%)",
           "flown (%)", "error (%)")  # fmt: skip
-Rows = list[tuple[str, ...]]
 
 
 def _errors(content: Mapping[str, Any]) -> Rows:

@@ -63,19 +63,16 @@ def aircraft_of(path: Path, folder: Path, systems: Sequence[int]) -> str:
 
 def judge_log(path: Path, folder: Path) -> Json:
     """Replay one log and hold what is declared against it; whatever is wrong with it is told, not raised."""
-    row: Json = {"log": path.relative_to(folder).as_posix(), "aircraft": aircraft_of(path, folder, ()), "hours": 0.0,
-                 "vehicles": 0, "notes": [], "failed": "", "declared": [], "stated": []}  # fmt: skip
+    row = _unread(path, folder)
     try:
         opened = open_log(path)
         done = replay(opened.file, path, rules_of(None), on_board=opened.on_board)
         simple, _ = few_lines(path)
         told = read_testimony(path)
     except ExecutorError as error:
-        row["notes"] = [str(error).replace(f"{path}: ", "")]
-        return row
+        return row | {"notes": [str(error).replace(f"{path}: ", "")]}
     except Exception as error:  # noqa: BLE001 - a campaign over foreign logs goes on, and counts it
-        row["failed"] = f"{type(error).__name__}: {error}"
-        return row
+        return row | {"failed": f"{type(error).__name__}: {error}"}
     return row | _judged(path, folder, done, simple, told)
 
 
@@ -161,12 +158,13 @@ def _alone(path: Path, folder: Path) -> Json:
         with workers(1) as pool:
             return pool.submit(judge_log, path, folder).result()
     except BrokenProcessPool:
-        return _dead(path, folder)
+        return _unread(path, folder) | {"failed": "its process died"}
 
 
-def _dead(path: Path, folder: Path) -> Json:
+def _unread(path: Path, folder: Path) -> Json:
+    """Return what is known of a log before it is read."""
     return {"log": path.relative_to(folder).as_posix(), "aircraft": aircraft_of(path, folder, ()), "hours": 0.0,
-            "vehicles": 0, "notes": [], "failed": "its process died", "declared": [], "stated": []}  # fmt: skip
+            "vehicles": 0, "notes": [], "failed": "", "declared": [], "stated": []}  # fmt: skip
 
 
 def real_summary(rows: Sequence[Json]) -> Json:

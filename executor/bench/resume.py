@@ -27,6 +27,7 @@ from executor.bench.errors import BenchError
 from executor.bench.fleetsite import site_of, write_network
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import figure, markdown_page, markdown_table
+from executor.bench.store import keep_result
 from executor.core.events import Heard
 from executor.flight import resume
 from executor.flight.checkpointing import EVERY_S
@@ -284,7 +285,5 @@ def make_resume(
     }
     text = resume_report(rows, machine())
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "resume.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        (out / "resume.md").write_text(text, encoding="utf-8")
+        keep_result("resume", content, text, out)
     return content, text

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -20,9 +20,9 @@ import numpy as np
 from executor.bench.day import centres_m, crowded_m
 from executor.bench.store import Json
 from executor.bench.virtual.flight import Onlookers, Sorties, VirtualFlight, fly_virtual
-from executor.bench.virtual.many import each
+from executor.bench.virtual.many import FlightCase
 from executor.errors import ExecutorError
-from executor.simulated.demo_site import SIMULATED_CEILING_M
+from executor.simulated.demo_site import LISTENING, SIMULATED_CEILING_M, vehicle_tables
 from executor.simulator.config import SimVehicle
 from executor.simulator.vehicle import SimulatedVehicle
 from executor.site import assembly
@@ -87,12 +87,9 @@ def sorties_over(network: Path | None, radius_m: float | None) -> SortiesOver:
 
 
 @dataclass(frozen=True, slots=True)
-class SortiesCase:
+class SortiesCase(FlightCase):
     """One day to be flown."""
 
-    number: int
-    seed: int
-    autopilot: str
     iterations: int
     """Of the search for its plan."""
     over: SortiesOver = OWN
@@ -214,11 +211,7 @@ def sorties_site(autopilot: str, over: SortiesOver = OWN) -> dict[str, Any]:
                  name=f"base{number}", vehicles=[names[one] for one in own])
             for number, (place, own) in enumerate(zip(places_m, STANDS, strict=True), 1)
         ],
-        "vehicle": [
-            {"name": name, "connection": f"udpin://127.0.0.1:{14550 + number}", "sysid": number,
-             "autopilot": autopilot}
-            for number, name in enumerate(names, 1)
-        ],
+        "vehicle": vehicle_tables(LISTENING[:VEHICLES], autopilot),
     }  # fmt: skip
 
 
@@ -321,13 +314,6 @@ def _judged(
         took_s=flight.took_s,
         wrong="" if flight.ended else "the supervision did not end",
     )  # fmt: skip
-
-
-def measure_sorties(
-    cases: Sequence[SortiesCase], jobs: int, told: Callable[[int, int], None] = lambda *_: None
-) -> list[SortiesDay]:
-    """Fly so many days; the answers do not depend on the number of processes."""
-    return each(fly_sorties, cases, jobs=jobs, told=told)
 
 
 def went_wrong(day: SortiesDay) -> list[str]:

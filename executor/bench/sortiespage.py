@@ -8,8 +8,8 @@ from typing import Any
 
 from rich.console import Console
 
-from executor.bench.machine import machine, machine_line
-from executor.bench.markdown import figure, markdown_page, markdown_table
+from executor.bench.machine import head, machine_line
+from executor.bench.markdown import Rows, figure, markdown_page, markdown_table
 from executor.bench.predictionpage import print_table
 from executor.bench.sorties import (
     APART_M,
@@ -23,7 +23,7 @@ from executor.bench.sorties import (
     sorties_results,
     went_wrong,
 )
-from executor.bench.store import Json, write_result, write_text
+from executor.bench.store import Json, keep_result
 from executor.bench.virtual.flight import AWAY_S
 
 TITLE = "Days of many sorties, flown"
@@ -37,15 +37,12 @@ INTRODUCTION = (
 )
 COLUMNS = ("day", "autopilot", "sorties", "planned", "hours", "inspected", "named", "least charge (%)", "nearest (m)")
 HAPPENED = ("day", "fell", "ground station died after (s)", "packs that held too little")
-Rows = list[tuple[str, ...]]
 
 
 def sorties_document(days: Sequence[SortiesDay], command: str, seed: int, over: SortiesOver = OWN) -> Json:
     """Return the content of sorties.json."""
     return {
-        "format": "faultline-bench-sorties/1",
-        "machine": machine(),
-        "command": command,
+        **head("sorties/1", command),
         "seed": seed,
         "over": {
             "network": None if over.network is None else over.network.name, "pack_ah": over.pack_ah,
@@ -58,8 +55,7 @@ def sorties_document(days: Sequence[SortiesDay], command: str, seed: int, over: 
 
 def keep_sorties(content: Mapping[str, Any], folder: Path) -> None:
     """Write sorties.json and sorties.md."""
-    write_result(folder / "sorties.json", content)
-    write_text(folder / "sorties.md", sorties_page(content))
+    keep_result("sorties", content, sorties_page(content), folder)
 
 
 def _days(content: Mapping[str, Any]) -> Rows:

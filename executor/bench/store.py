@@ -70,3 +70,13 @@ def write_text(path: Path, text: str) -> None:
         write_whole(path, text.encode())
     except OSError as error:
         raise BenchError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def keep_result(name: str, content: Mapping[str, Any], page: str, folder: Path) -> None:
+    """Write the JSON of a measurement and its page, NAME.json and NAME.md.
+
+    Raises:
+        BenchError: one cannot be written.
+    """
+    write_result(folder / f"{name}.json", content)
+    write_text(folder / f"{name}.md", page)

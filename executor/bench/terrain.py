@@ -22,6 +22,8 @@ from executor.adapters.extras import Extra, need
 from executor.bench.errors import BenchError
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import figure, markdown_page, markdown_table
+from executor.bench.store import keep_result
+from executor.simulated.demo_site import LISTENING, vehicle_tables
 from executor.site import assembly
 from executor.site.config import check_site
 from executor.site.planning import DEFAULT, first_plan
@@ -82,9 +84,7 @@ def make_terrain(out: Path | None, *, spans: int, megacells: float, seconds: flo
     }
     text = terrain_page(content, steps)
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "terrain.md").write_text(text, encoding="utf-8")
-        (out / "terrain.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        keep_result("terrain", content, text, out)
     return content, text
 
 
@@ -194,8 +194,5 @@ def _site() -> dict[str, object]:
         "terrain": {"files": RASTER},
         "inspection": {"ceiling_m": 400.0, "return_ceiling_m": 900.0},
         "energy": {"capacity_ah": 400.0},
-        "vehicle": [
-            {"name": f"uav{n}", "connection": f"udpin://127.0.0.1:{14550 + n}", "sysid": n, "autopilot": "px4"}
-            for n in range(1, VEHICLES + 1)
-        ],
+        "vehicle": vehicle_tables(LISTENING[:VEHICLES], "px4"),
     }

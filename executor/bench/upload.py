@@ -7,7 +7,6 @@ vehicle asks for each when it has the one before.
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import platform
 import socket
@@ -20,7 +19,6 @@ from contextlib import asynccontextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from itertools import product
-from pathlib import Path
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.mavlink import endpoints
@@ -341,10 +339,3 @@ def measure_uploads(
     print(file=sys.stderr)
     content = content_of(measured, repeats, seed)
     return content, markdown_of(measured.rows, content)
-
-
-def keep_uploads(content: dict[str, object], text: str, out: Path) -> None:
-    """Write upload.json and upload.md."""
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "upload.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    (out / "upload.md").write_text(text, encoding="utf-8")

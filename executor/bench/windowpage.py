@@ -8,10 +8,10 @@ from typing import Any
 
 from rich.console import Console
 
-from executor.bench.machine import machine, machine_line
-from executor.bench.markdown import figure, markdown_page, markdown_table
+from executor.bench.machine import head, machine_line
+from executor.bench.markdown import Rows, figure, markdown_page, markdown_table
 from executor.bench.predictionpage import print_table
-from executor.bench.store import Json, write_result, write_text
+from executor.bench.store import Json, keep_result
 from executor.bench.window import WindowSettings
 
 TITLE = "The re-plan window, flown"
@@ -28,9 +28,7 @@ INTRODUCTION = (
 def window_document(settings: WindowSettings, command: str, found: Json) -> Json:
     """Return the content of window.json."""
     return {
-        "format": "faultline-bench-window/2",
-        "machine": machine(),
-        "command": command,
+        **head("window/2", command),
         "seed": settings.seed,
         "network": "default" if settings.network is None else settings.network.name,
         "vehicles": settings.vehicles,
@@ -42,14 +40,12 @@ def window_document(settings: WindowSettings, command: str, found: Json) -> Json
 
 def keep_window(content: Mapping[str, Any], folder: Path) -> None:
     """Write window.json and window.md."""
-    write_result(folder / "window.json", content)
-    write_text(folder / "window.md", window_page(content))
+    keep_result("window", content, window_page(content), folder)
 
 
 LOSSES = ("losses", "flown", "finished", "what is left is named")
 PLANS = ("segments", "tightness", "claimed from (s)", "longest route (s)", "finished after it", "finished before it")
 BROKEN = ("segments", "loss", "when", "why not", "left over")
-Rows = list[tuple[str, ...]]
 
 
 def _losses(content: Mapping[str, Any]) -> Rows:

@@ -209,12 +209,13 @@ def upload(
     as_json: JsonOption = False,
 ) -> None:
     """Upload missions over bad links: faultline's way and MAVSDK's, to simulated vehicles of both autopilots."""
-    from executor.bench.upload import DELAYS_S, ITEMS, LOSSES, keep_uploads, measure_uploads
+    from executor.bench.store import keep_result
+    from executor.bench.upload import DELAYS_S, ITEMS, LOSSES, measure_uploads
 
     need(Extra.MAVSDK, "bench upload")
     content, text = measure_uploads(items or ITEMS, loss or LOSSES, delay or DELAYS_S, repeats=repeats, seed=seed)
     if out is not None:
-        keep_uploads(content, text, out)
+        keep_result("upload", content, text, out)
     print(json.dumps(content) if as_json else text)
 
 

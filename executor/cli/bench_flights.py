@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -16,6 +16,8 @@ from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, Sec
 if TYPE_CHECKING:
     from executor.bench.store import Json
 
+C = TypeVar("C")
+F = TypeVar("F")
 USUAL_RADIUS_M = 700.0
 TIGHTNESS = 0.85
 RadiiOption = Annotated[
@@ -72,23 +74,17 @@ def prediction(
     measure, with 0 routes, is kept in the files of `--out`. Exit 1 if a flight was not nominal: its routes are not
     counted.
     """
-    from executor.bench.band import measure_band
-    from executor.bench.machine import cores
-    from executor.bench.prediction import measure_prediction, recorded_routes
+    from executor.bench.band import band_cases, fly_band
+    from executor.bench.prediction import cases, fly_case, recorded_routes
     from executor.bench.predictionpage import keep_prediction, prediction_document, print_prediction
-    from executor.bench.progress import ShownProgress
 
     if run:
         command = shlex.join(["faultline", "bench", "prediction", *(f"--run={one.name}" for one in run)])
         content = prediction_document(recorded_routes(run), command)
     else:
         autopilots, asked = _named(autopilot)
-        with ShownProgress() as shown:
-            count = jobs or cores()
-            flown = measure_prediction(
-                routes, seed, autopilots, [None, *(network or ())], count, partial(shown.told, "flights")
-            )
-            beside = measure_band(varied, seed, autopilots, count, partial(shown.told, "varied flights"))
+        flown = _flown(fly_case, cases(routes, seed, autopilots, [None, *(network or ())]), jobs)
+        beside = _flown(fly_band, band_cases(varied, seed, autopilots), jobs, "varied flights")
         asked += [part for one in network or () for part in ("--network", one.name)]
         command = shlex.join([
             "faultline", "bench", "prediction", *asked, "--routes", str(routes),
@@ -179,14 +175,12 @@ def distance(
     time. The same seed gives the same figures for any number of processes. Exit 1 if two vehicles came nearer than
     promised, if a segment was inspected elsewhere than said, or if a flight could not be flown.
     """
-    from executor.bench.distance import measure_distance
+    from executor.bench.distance import fly_distance
     from executor.bench.distancepage import distance_document, keep_distance, print_distance
-    from executor.bench.machine import cores
-    from executor.bench.progress import ShownProgress
+    from executor.bench.virtual.many import flight_cases
 
     autopilots, asked = _named(autopilot)
-    with ShownProgress() as shown:
-        flown = measure_distance(flights, seed, autopilots, jobs or cores(), partial(shown.told, "flights"))
+    flown = _flown(fly_distance, flight_cases(flights, seed, autopilots), jobs)
     command = shlex.join(["faultline", "bench", "distance", *asked, "--flights", str(flights), "--seed", str(seed)])
     content = distance_document(flown, command, seed)
     failed = content["too_near"] or content["off"] or content["not_flown"]
@@ -211,14 +205,12 @@ def pictures(
     seconds of a core. The same seed gives the same figures for any number of processes. Exit 1 if an asset is called
     seen that is not, or unseen without being named, if a picture is doubled or a file matched to another picture.
     """
-    from executor.bench.machine import cores
-    from executor.bench.pictures import measure_pictures
+    from executor.bench.pictures import fly_pictures
     from executor.bench.picturespage import keep_pictures, pictures_document, print_pictures
-    from executor.bench.progress import ShownProgress
+    from executor.bench.virtual.many import flight_cases
 
     autopilots, asked = _named(autopilot)
-    with ShownProgress() as shown:
-        flown = measure_pictures(flights, seed, autopilots, jobs or cores(), partial(shown.told, "flights"))
+    flown = _flown(fly_pictures, flight_cases(flights, seed, autopilots), jobs)
     command = shlex.join(["faultline", "bench", "pictures", *asked, "--flights", str(flights), "--seed", str(seed)])
     content = pictures_document(flown, command, seed)
     failed = content["wrong"] or content["not_flown"]
@@ -258,18 +250,15 @@ def sorties(
     same figures for any number of processes. Exit 1 if a counted segment was not flown, if anybody landed below its
     reserve or off its pad, if two vehicles came too near, or if a day did not come to its end.
     """
-    from executor.bench.machine import cores
-    from executor.bench.progress import ShownProgress
-    from executor.bench.sorties import SortiesCase, measure_sorties, sorties_over
+    from executor.bench.sorties import SortiesCase, fly_sorties, sorties_over
     from executor.bench.sortiespage import keep_sorties, print_sorties, sorties_document
 
     autopilots, asked = _named(autopilot)
     over = sorties_over(network, radius)
-    with ShownProgress() as shown:
-        cases = [
-            SortiesCase(number, seed, autopilots[number % len(autopilots)], iterations, over) for number in range(days)
-        ]
-        flown = measure_sorties(cases, jobs or cores(), partial(shown.told, "days"))
+    cases = [
+        SortiesCase(number, seed, autopilots[number % len(autopilots)], iterations, over) for number in range(days)
+    ]
+    flown = _flown(fly_sorties, cases, jobs, "days")
     asked += [] if radius is None else _repeated("--radius", [radius])
     asked += [] if network is None else ["--network", network.name]
     figures = ["--days", str(days), "--seed", str(seed), "--iterations", str(iterations)]
@@ -282,6 +271,16 @@ def _named(autopilot: AutopilotName | None) -> tuple[list[str], list[str]]:
     if autopilot is None:
         return [one.value for one in AutopilotName], []
     return [autopilot.value], ["--autopilot", autopilot.value]
+
+
+def _flown(fly: Callable[[C], F], cases: Sequence[C], jobs: int | None, stage: str = "flights") -> list[F]:
+    """Fly all cases, and show how far that is; the answers do not depend on the number of processes."""
+    from executor.bench.machine import cores
+    from executor.bench.progress import ShownProgress
+    from executor.bench.virtual.many import each
+
+    with ShownProgress() as shown:
+        return each(fly, cases, jobs=jobs or cores(), told=partial(shown.told, stage))
 
 
 def _ended(

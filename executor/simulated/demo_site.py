@@ -24,6 +24,8 @@ USUAL_LOSS = "uav1:silent@450s"
 """After this one a plan chosen by MinComb leaves segments over; one chosen for its window does not."""
 OTHER_LOSS = "uav2:silent@40%"
 SIMULATED_CEILING_M = 1000.0
+LISTENING = range(14_551, 15_000)
+"""Ports of vehicles that are planned for and never opened."""
 ENDS_S = 10.0
 """Real seconds that the simulated fleet may take to end."""
 
@@ -41,16 +43,7 @@ def demo_site(
     site: dict[str, object] = {
         "network": table,
         "flight": {"speedup": speedup, "fly_again": "auto"},  # nobody stands at these pads
-        "vehicle": [
-            {
-                "name": f"uav{number}",
-                "connection": f"udpin://127.0.0.1:{port}",
-                "sysid": number,
-                "autopilot": autopilot,
-                **budget,
-            }
-            for number, port in enumerate(ports or free_ports(vehicles), start=1)
-        ],
+        "vehicle": [table | budget for table in vehicle_tables(ports or free_ports(vehicles), autopilot)],
     }
     inspection: dict[str, object] = {"heights": "flat"} if flat else {}
     if network is not None or vehicles > USUAL_VEHICLES:
@@ -63,6 +56,14 @@ def demo_site(
         frame = read_network(default_network_path()).frame
         site["depot"] = {"lat_deg": frame.lat_deg, "lon_deg": frame.lon_deg, "alt_m": frame.alt_m}
     return site
+
+
+def vehicle_tables(ports: Sequence[int], autopilot: str) -> list[dict[str, object]]:
+    """Return the vehicles of a site file, which answer on these ports of this computer."""
+    return [
+        {"name": f"uav{number}", "connection": f"udpin://127.0.0.1:{port}", "sysid": number, "autopilot": autopilot}
+        for number, port in enumerate(ports, start=1)
+    ]
 
 
 def is_usual(network: Path | None, radius_m: float, vehicles: int) -> bool:

@@ -10,7 +10,7 @@ from executor.bench.parts.setting import Setting
 from executor.bench.peer import pyvrp_installed, solve_pyvrp
 from executor.bench.problems import AUTHORS_S, line_instance
 from executor.bench.store import Json
-from planner import Cost, Instance, Result, Seconds, grasp, solve, warm_up
+from planner import Cost, Seconds, grasp, solve, warm_up
 
 TITLE = "c-MinSum on the authors' matrix"
 VEHICLES = 4
@@ -22,21 +22,17 @@ UNTIL_DONE = Seconds(3600.0)
 def make(setting: Setting) -> Json:
     """Measure all radii."""
     warm_up()
-    rows = []
-    for done, reference in enumerate(CSUM):
-        setting.told(TITLE, done, len(CSUM))
-        settings = {"seed": setting.seed, "quick": setting.quick, "pyvrp": pyvrp_installed()}
-        key = f"csum-{reference.radius_m:g}"
-        rows.append(setting.store.known_or(key, settings, lambda row=reference: _row(setting, row)))  # type: ignore[misc]
-    setting.told(TITLE, len(CSUM), len(CSUM))
-    return {"rows": rows}
+    return {"rows": setting.kept(TITLE, CSUM, lambda one: f"csum-{one.radius_m:g}", _row, pyvrp=pyvrp_installed())}
 
 
 def _row(setting: Setting, reference: CsumReference) -> Json:
     instance = line_instance(
         setting.nechranice(reference.radius_m).ends_m, VEHICLES, AUTHORS_S, float(reference.budget_s)
     )
-    runs = [_single_run(instance, setting.seed + run) for run in range(setting.pieces(GRASP_RUNS, 3))]
+    runs = [
+        grasp(instance, cost=Cost.MINSUM, stop=UNTIL_DONE, seed=setting.seed + run, runs=1)
+        for run in range(setting.pieces(GRASP_RUNS, 3))
+    ]
     values = [run.evaluation.value for run in runs]
     row: Json = {
         "radius_m": reference.radius_m,
@@ -58,10 +54,6 @@ def _row(setting: Setting, reference: CsumReference) -> Json:
         if pyvrp_installed():
             row["pyvrp"][f"{limit_s:g}"] = solve_pyvrp(instance, seconds=seconds, seed=setting.seed).value
     return row
-
-
-def _single_run(instance: Instance, seed: int) -> Result:
-    return grasp(instance, cost=Cost.MINSUM, stop=UNTIL_DONE, seed=seed, runs=1)
 
 
 def report(result: Json) -> str:

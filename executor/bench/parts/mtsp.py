@@ -18,14 +18,10 @@ LIMIT_S = 10.0
 def make(setting: Setting) -> Json:
     """Measure all instances."""
     warm_up()
-    rows = []
     references = mtsp_references(setting.directory)
-    for done, reference in enumerate(references):
-        setting.told(TITLE, done, len(references))
-        settings = {"seed": setting.seed, "quick": setting.quick, "starts": setting.starts}
-        key = f"mtsp-{reference.instance}-{reference.vehicles}"
-        rows.append(setting.store.known_or(key, settings, lambda row=reference: _row(setting, row)))  # type: ignore[misc]
-    setting.told(TITLE, len(references), len(references))
+    rows = setting.kept(
+        TITLE, references, lambda one: f"mtsp-{one.instance}-{one.vehicles}", _row, starts=setting.starts
+    )
     return {"rows": rows}
 
 

@@ -64,13 +64,7 @@ def make(setting: Setting) -> Json:
     warm_up()
     cases = [Case("real", tightness) for tightness in TIGHTNESS] if setting.data is not None else []
     cases += [Case("large", tightness) for tightness in LARGE_TIGHTNESS]
-    rows: list[Json] = []
-    for case in cases:
-        setting.told(TITLE, len(rows), len(cases))
-        settings = {"seed": setting.seed, "quick": setting.quick}
-        key = f"replan-{case.name}-{case.tightness:g}"
-        rows.append(setting.store.known_or(key, settings, lambda case=case: _measured(setting, case)))  # type: ignore[misc]
-    setting.told(TITLE, len(cases), len(cases))
+    rows = setting.kept(TITLE, cases, lambda case: f"replan-{case.name}-{case.tightness:g}", _measured)
     return {"rows": rows, "peer": _peer(setting, rows) if pyvrp_installed() else None}
 
 

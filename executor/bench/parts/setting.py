@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from executor.bench.data import NECHRANICE
 from executor.bench.errors import BenchError
 from executor.bench.machine import cores
-from executor.bench.store import Store
+from executor.bench.store import Json, Store
 from missions import Network
 
+C = TypeVar("C")
 QUICK = 0.1
 """Of all times, where it is only tried."""
 
@@ -26,6 +29,31 @@ class Setting:
     seed: int = 1
     quick: bool = False
     """To try it: a tenth of every time, and fewer pieces."""
+
+    def kept(
+        self,
+        title: str,
+        cases: Sequence[C],
+        key: Callable[[C], str],
+        make: Callable[[Setting, C], Json],
+        **more: object,
+    ) -> list[Json]:
+        """Return the results of all cases: those that are there, and those that are made now.
+
+        Args:
+            title: Of the stage, for who looks on.
+            cases: What is measured.
+            key: Names the result of one.
+            make: Measures one.
+            more: What the results depend on beside seed and haste.
+        """
+        settings = {"seed": self.seed, "quick": self.quick, **more}
+        rows = []
+        for done, case in enumerate(cases):
+            self.told(title, done, len(cases))
+            rows.append(self.store.known_or(key(case), settings, partial(make, self, case)))
+        self.told(title, len(cases), len(cases))
+        return rows
 
     @property
     def starts(self) -> int:

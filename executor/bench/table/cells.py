@@ -46,7 +46,7 @@ class Series:
     @property
     def best(self) -> PlanFigures:
         """The plan with the largest window, the earliest one of those alike."""
-        return best_by_window(self.plans)
+        return max(self.plans, key=lambda plan: (plan.window_pct, -plan.earliest_s))
 
     @property
     def best_earliest_s(self) -> float:
@@ -167,11 +167,6 @@ def summary_of(cells: Sequence[Cell], solver: str) -> Summary:
         open=len(still_open),
         mean_reduction=fmean(one.reduction for one in still_open) if still_open else None,
     )
-
-
-def best_by_window(plans: Sequence[PlanFigures]) -> PlanFigures:
-    """Return the plan with the largest window, of those alike the one with the earliest t*."""
-    return max(plans, key=lambda plan: (plan.window_pct, -plan.earliest_s))
 
 
 def best_mincomb(series: Sequence[Series], solver: str) -> PlanFigures:

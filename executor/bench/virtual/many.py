@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
@@ -12,6 +13,20 @@ from executor.adapters.workers import workers
 
 T = TypeVar("T")
 R = TypeVar("R")
+
+
+@dataclass(frozen=True, slots=True)
+class FlightCase:
+    """One flight to be made up and flown."""
+
+    number: int
+    seed: int
+    autopilot: str
+
+
+def flight_cases(flights: int, seed: int, autopilots: Sequence[str]) -> list[FlightCase]:
+    """Return so many flights, the autopilots by turns."""
+    return [FlightCase(number, seed, autopilots[number % len(autopilots)]) for number in range(flights)]
 
 
 def each(

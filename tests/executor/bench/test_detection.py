@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.bench.detection import KINDS, Pair, Share, campaign, detection_summary, poisson_interval
+from executor.bench.detection import KINDS, Pair, campaign, detection_summary, poisson_interval
 from executor.bench.detectionpage import detection_document, keep_page, print_recorded, print_summary, recorded
 from tests.recorded import BEGAN_USEC, Writer, flight
 
@@ -64,6 +64,5 @@ def test_the_interval_of_a_count_is_garwoods(count: int, low: float, high: float
     assert poisson_interval(count) == pytest.approx((low, high), abs=0.001)
 
 
-def test_the_interval_of_a_share_is_wilsons() -> None:
-    assert Share(9, 10).interval == pytest.approx((0.596, 0.982), abs=0.001)
-    assert Share(0, 0).interval == (0.0, 1.0)
+def test_of_nothing_any_share_is_possible() -> None:
+    assert detection_summary([])["would_break_reserve"] == {"of": 0, "in_time": 0, "rate": 0.0, "rate_95": [0.0, 1.0]}

@@ -12,8 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 from executor.bench import distance
-from executor.bench.distance import DistanceCase, DistanceFlight, distance_cases, distance_results, drawn_faults
+from executor.bench.distance import FAULTS, DistanceFlight, distance_results, drawn_faults
 from executor.bench.distancepage import distance_document, keep_distance, print_distance
+from executor.bench.virtual.many import FlightCase, flight_cases
 from executor.cli.bench import cli
 
 NAMES = ("uav1", "uav2", "uav3")
@@ -25,7 +26,7 @@ GOOD = DistanceFlight(
 
 
 def test_a_small_flight_is_inspected_where_it_says_so() -> None:
-    flown = distance.fly_distance(DistanceCase(0, 2, "ardupilot"))
+    flown = distance.fly_distance(FlightCase(0, 2, "ardupilot"))
     assert (flown.wrong, flown.vehicles, flown.segments) == ("", 3, 13)
     assert flown.off == ()
     assert flown.counted == 13
@@ -34,9 +35,9 @@ def test_a_small_flight_is_inspected_where_it_says_so() -> None:
 
 
 def test_dialects_take_turns_and_faults_follow_the_seed() -> None:
-    assert [case.autopilot for case in distance_cases(3, 1, ["ardupilot", "px4"])] == ["ardupilot", "px4", "ardupilot"]
-    drawn = [drawn_faults(NAMES, np.random.default_rng(seed)) for seed in range(200)]
-    assert drawn == [drawn_faults(NAMES, np.random.default_rng(seed)) for seed in range(200)]
+    assert [case.autopilot for case in flight_cases(3, 1, ["ardupilot", "px4"])] == ["ardupilot", "px4", "ardupilot"]
+    drawn = [drawn_faults(NAMES, FAULTS, np.random.default_rng(seed)) for seed in range(200)]
+    assert drawn == [drawn_faults(NAMES, FAULTS, np.random.default_rng(seed)) for seed in range(200)]
     kinds = {distance.kind_of(fault) for faults in drawn for fault in faults}
     assert kinds == {"crash", "silent", "pilot", "drain"}
     assert max(len({fault.split(":")[0] for fault in faults}) for faults in drawn) == 2
@@ -76,7 +77,7 @@ def test_the_page_names_what_went_wrong(tmp_path: Path, capsys: pytest.CaptureFi
 def test_the_command_says_no_where_anything_was_wrong(
     flown: DistanceFlight, code: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(distance, "measure_distance", lambda *_: [flown])
+    monkeypatch.setattr(distance, "fly_distance", lambda _: flown)
     done = CliRunner().invoke(cli, ["distance", "--flights", "1", "--json"])
     assert done.exit_code == code
     assert json.loads(done.stdout)["command"] == "faultline bench distance --flights 1 --seed 1"

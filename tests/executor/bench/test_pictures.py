@@ -10,8 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from executor.bench import pictures
-from executor.bench.pictures import PicturesCase, PicturesFlight, fly_pictures, pictures_results
+from executor.bench.pictures import PicturesFlight, fly_pictures, pictures_results
 from executor.bench.picturespage import keep_pictures, pictures_document, print_pictures
+from executor.bench.virtual.many import FlightCase
 from executor.cli.bench import cli
 from executor.images.matching import match_files
 
@@ -22,7 +23,7 @@ GOOD = PicturesFlight(
 
 
 def test_a_small_flight_is_what_its_index_and_its_cards_say() -> None:
-    flown = fly_pictures(PicturesCase(1, 1, "px4"))
+    flown = fly_pictures(FlightCase(1, 1, "px4"))
     assert (flown.wrong, flown.not_flown, flown.camera) == ((), "", "speaks")
     assert flown.seen + flown.named == flown.assets > 0
     assert flown.indexed + flown.excused == flown.taken == flown.files > 0
@@ -37,7 +38,7 @@ def test_a_card_of_another_vehicle_is_found_out(monkeypatch: pytest.MonkeyPatch)
         return replace(found, matches=tuple(replace(match, image=index.images[0]) for match in found.matches))
 
     monkeypatch.setattr(pictures, "match_files", confused)
-    flown = fly_pictures(PicturesCase(1, 1, "px4"))
+    flown = fly_pictures(FlightCase(1, 1, "px4"))
     assert len(flown.wrong) >= flown.matched - 1
     assert all("is taken for picture" in line for line in flown.wrong)
 
@@ -60,10 +61,10 @@ def test_what_went_wrong_has_a_line_with_its_flight(tmp_path: Path, capsys: pyte
 
 
 def test_the_command_ends_with_one_where_something_went_wrong(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pictures, "measure_pictures", lambda *_: [GOOD])
+    monkeypatch.setattr(pictures, "fly_pictures", lambda _: GOOD)
     result = CliRunner().invoke(cli, ["pictures", "--flights", "1", "--seed", "5", "-o", str(tmp_path), "--json"])
     assert result.exit_code == 0, result.output
     content = json.loads(result.stdout.strip().splitlines()[-1])
     assert content["command"] == "faultline bench pictures --flights 1 --seed 5"
-    monkeypatch.setattr(pictures, "measure_pictures", lambda *_: [replace(GOOD, wrong=("a",))])
+    monkeypatch.setattr(pictures, "fly_pictures", lambda _: replace(GOOD, wrong=("a",)))
     assert CliRunner().invoke(cli, ["pictures", "--flights", "1"]).exit_code == 1

@@ -84,12 +84,12 @@ def test_the_command_flies_by_turns_and_ends_with_one_where_something_went_wrong
 ) -> None:
     asked: list[SortiesCase] = []
 
-    def flown(cases: list[SortiesCase], *_: object) -> list[SortiesDay]:
-        asked.extend(cases)
-        return [replace(GOOD, number=case.number, autopilot=case.autopilot) for case in cases]
+    def flown(case: SortiesCase) -> SortiesDay:
+        asked.append(case)
+        return replace(GOOD, number=case.number, autopilot=case.autopilot)
 
-    monkeypatch.setattr(sorties, "measure_sorties", flown)
-    command = ["sorties", "--days", "2", "--seed", "5", "--radius", "700", "-o", str(tmp_path), "--json"]
+    monkeypatch.setattr(sorties, "fly_sorties", flown)
+    command = ["sorties", "--days", "2", "--jobs", "1", "--seed", "5", "--radius", "700", "-o", str(tmp_path), "--json"]
     result = CliRunner().invoke(cli, command)
     assert result.exit_code == 0, result.output
     assert [(case.autopilot, case.seed, case.over.radius_m) for case in asked] == [
@@ -98,5 +98,5 @@ def test_the_command_flies_by_turns_and_ends_with_one_where_something_went_wrong
     ]
     content = json.loads(result.stdout.strip().splitlines()[-1])
     assert content["command"] == "faultline bench sorties --radius 700 --days 2 --seed 5 --iterations 20000"
-    monkeypatch.setattr(sorties, "measure_sorties", lambda *_: [replace(GOOD, nearest_m=1.0)])
+    monkeypatch.setattr(sorties, "fly_sorties", lambda _: replace(GOOD, nearest_m=1.0))
     assert CliRunner().invoke(cli, ["sorties", "--days", "1"]).exit_code == 1
