@@ -125,9 +125,9 @@ def plan_day(
     if output is not None:
         writable(output, lambda: write_day_plan(output, content))
     if picture is not None:
-        from executor.analysis.pictures import draw_day
+        from executor.analysis.pictures import gantt_figure, save
 
-        writable(picture, lambda: draw_day(content, picture))
+        writable(picture, lambda: save(gantt_figure(content), picture))
     if as_json:
         print(json.dumps({**day_plan_document(content), **day_document(content, spares, shares, asked.mtbf_h)}))
     else:

@@ -442,16 +442,16 @@ def _show_flight(run: Path, report: FlightReport) -> None:
 
 
 def _draw_flight(run: Path, record: FlightRecord) -> None:
-    from executor.analysis.pictures import draw_battery, draw_map, draw_profile
+    from executor.analysis.pictures import battery_figure, map_figure, profile_figure, save
     from executor.analysis.profile import profiles
     from executor.flight.run_start import beginning
 
-    draw_map(record, RunDirectory(run).map, _kept_ground(run))
-    draw_battery(record, RunDirectory(run).battery)
+    save(map_figure(record, _kept_ground(run)), RunDirectory(run).map)
+    save(battery_figure(record), RunDirectory(run).battery)
     if RunDirectory(run).terrain.exists():
         begun = beginning(run)
         setup, routes = begun.context.setup, assembly.routes_of(begun.ground, begun.plan.task(), begun.plan.plan)
-        draw_profile(profiles(setup, assembly.paths_of(setup, routes).values()), RunDirectory(run).profile)
+        save(profile_figure(profiles(setup, assembly.paths_of(setup, routes).values())), RunDirectory(run).profile)
 
 
 def _kept_ground(run: Path) -> GroundView | None:

@@ -102,9 +102,9 @@ def network(
         text = json.dumps(network_document(understood), ensure_ascii=False, indent=1, allow_nan=False)
         writable(output, lambda: output.write_text(text + "\n", encoding="utf-8"))
     if picture is not None:
-        from executor.analysis.pictures import draw_network
+        from executor.analysis.pictures import network_figure, save
 
-        writable(picture, lambda: draw_network(understood, picture))
+        writable(picture, lambda: save(network_figure(understood), picture))
     if as_json:
         print(json.dumps(_document(understood), allow_nan=False))
     else:

@@ -182,21 +182,21 @@ def _draw(
 ) -> None:
     picture, below = chart
     if picture is not None:
-        from executor.analysis.pictures import draw_plan
+        from executor.analysis.pictures import plan_figure, save
 
-        writable(picture, lambda: draw_plan(content, picture, below))
+        writable(picture, lambda: save(plan_figure(content, below), picture))
     if profile is not None:
         _draw_profile(ground, content, profile)
 
 
 def _draw_profile(ground: assembly.Ground, content: PlanFile, path: Path) -> None:
-    from executor.analysis.pictures import draw_profile
+    from executor.analysis.pictures import profile_figure, save
     from executor.analysis.profile import profiles
 
     setup = assembly.setup_of(ground)
     paths = assembly.paths_of(setup, assembly.routes_of(ground, content.task(), content.plan))
     flown = profiles(setup, paths.values())
-    writable(path, lambda: draw_profile(flown, path))
+    writable(path, lambda: save(profile_figure(flown), path))
 
 
 NOT_BY_DAY = ("cost", "solver", "stretch", "all_vehicles", "search", "front", "profile")
@@ -241,11 +241,11 @@ def _plan_front(
         print(json.dumps({"front": [plan_document(content) for content in plans]}))
     references = {} if as_json and picture is None else planning.reference_plans(ground, wanted)
     if picture is not None:
-        from executor.analysis.pictures import draw_front
+        from executor.analysis.pictures import front_figure, save
 
         points = [_front_point(content) for content in plans]
         others = {name: _front_point(content) for name, content in references.items() if content.window is not None}
-        writable(picture, lambda: draw_front(points, others, picture))
+        writable(picture, lambda: save(front_figure(points, others), picture))
     if not as_json:
         print("         longest route   all energy   any loss from   window")
         for number, content in enumerate(plans, start=1):
@@ -301,11 +301,11 @@ def window(
     content = read_plan(plan)
     found = replan_window(content.instance(), content.plan, seed=seed, fly_again=content.fly_again)
     if picture is not None:
-        from executor.analysis.pictures import draw_window
+        from executor.analysis.pictures import save, window_figure
 
         again = content.fly_again
         repairs = repairs_at(content.instance(), content.plan, found.earliest_s, seed=seed, fly_again=again)
-        writable(picture, lambda: draw_window(content, found, repairs, picture))
+        writable(picture, lambda: save(window_figure(content, found, repairs), picture))
     _print_window(content, found, as_json=as_json)
 
 

@@ -84,9 +84,9 @@ def risk(
             swept = risks(fly, *sweep_mtbf(wanted, seed, flights=samples), done)
     console.progress("")
     if picture is not None:
-        from executor.analysis.pictures import draw_risk
+        from executor.analysis.pictures import risk_figure, save
 
-        writable(picture, lambda: draw_risk(swept, found, picture))
+        writable(picture, lambda: save(risk_figure(swept, found), picture))
     if as_json:
         print(json.dumps(risk_document(wanted, found, names, seed)))
     else:

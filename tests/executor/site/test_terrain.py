@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.pictures import draw_profile
+from executor.analysis.pictures import profile_figure, save
 from executor.analysis.profile import profiles
 from executor.core.preflight import heights
 from executor.core.preflight.checks import Severity
@@ -170,7 +170,7 @@ def test_profiles_are_drawn_over_the_ground(ground: Ground, plan: PlanFile, tmp_
         assert one.lowest[2] > 23.0
         assert one.return_m >= one.flown_m.max() - 0.01
         assert len(one.waypoints_m) > 4
-    draw_profile(drawn, tmp_path / "profile.png")
+    save(profile_figure(drawn), tmp_path / "profile.png")
     assert (tmp_path / "profile.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from executor.analysis.flight_record import FlightRecord
-from executor.analysis.pictures import draw_map, map_figure, plan_figure
+from executor.analysis.pictures import map_figure, plan_figure, save
 from executor.analysis.pictures.below import words_of
 from executor.analysis.pictures.style import DPI
 from executor.analysis.read_run import read_run
@@ -110,5 +110,5 @@ def test_whom_the_ground_is_by_has_room_in_the_strip(record: FlightRecord) -> No
 
 
 def test_a_large_picture_is_drawn_into_a_file(record: FlightRecord, tmp_path: Path) -> None:
-    draw_map(record, tmp_path / "map.png", ground_about(PLACES_M, hills=Hills()))
+    save(map_figure(record, ground_about(PLACES_M, hills=Hills())), tmp_path / "map.png")
     assert (tmp_path / "map.png").stat().st_size > 100_000

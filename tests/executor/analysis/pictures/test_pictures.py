@@ -21,14 +21,10 @@ from executor.analysis.flight_record import FlightRecord, SegmentRecord
 from executor.analysis.pictures import (
     FrontPoint,
     battery_figure,
-    draw_battery,
-    draw_front,
-    draw_map,
-    draw_plan,
-    draw_window,
     front_figure,
     map_figure,
     plan_figure,
+    save,
     window_figure,
 )
 from executor.analysis.pictures.battery import spread
@@ -73,9 +69,9 @@ def drawn(record: FlightRecord, unfinished: FlightRecord) -> list[Figure]:
 
 
 def test_three_files_of_the_promised_size(record: FlightRecord, tmp_path: Path) -> None:
-    draw_plan(first_plan_file(), tmp_path / "plan.png")
-    draw_map(record, tmp_path / "map.png")
-    draw_battery(record, tmp_path / "battery.png")
+    save(plan_figure(first_plan_file()), tmp_path / "plan.png")
+    save(map_figure(record), tmp_path / "map.png")
+    save(battery_figure(record), tmp_path / "battery.png")
     for name in ("plan.png", "map.png", "battery.png"):
         content = (tmp_path / name).read_bytes()
         assert content.startswith(PNG)
@@ -84,7 +80,7 @@ def test_three_files_of_the_promised_size(record: FlightRecord, tmp_path: Path) 
 
 def test_a_picture_that_cannot_be_written_says_so(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="nowhere"):
-        draw_plan(first_plan_file(), tmp_path / "nowhere" / "plan.png")
+        save(plan_figure(first_plan_file()), tmp_path / "nowhere" / "plan.png")
 
 
 def test_the_map_says_who_was_lost_and_who_took_over(record: FlightRecord) -> None:
@@ -272,7 +268,7 @@ def test_the_window_figure_has_the_plan_and_the_replans_at_its_beginning(tmp_pat
     }  # fmt: skip
     assert _legend_words(figure) >= {"plan", "re-plan without uav1", "re-plan without uav2", "re-plan window"}
     assert f"{found.window_pct:.1f} %" in figure.texts[0].get_text()
-    draw_window(content, found, repairs, tmp_path / "window.png")
+    save(window_figure(content, found, repairs), tmp_path / "window.png")
     assert (tmp_path / "window.png").read_bytes().startswith(PNG)
 
 
@@ -289,5 +285,5 @@ def test_the_front_is_numbered_and_has_the_others_beside_it(tmp_path: Path) -> N
     figure.draw_without_rendering()
     boxes = [Text.get_window_extent(text) for text in axes.texts]
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
-    draw_front(front[:1], {}, tmp_path / "front.png")
+    save(front_figure(front[:1], {}), tmp_path / "front.png")
     assert (tmp_path / "front.png").read_bytes().startswith(PNG)
