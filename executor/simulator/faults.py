@@ -101,40 +101,25 @@ PILOT_MODES: Mapping[str, frozenset[str]] = {
 """The modes that a person may choose, by the autopilot's name."""
 
 
-def _mode(what: str) -> _Rule:
-    words = frozenset().union(*PILOT_MODES.values())
-    return _Rule(f"{what}: one of {', '.join(sorted(words))}", words=words)
-
-
+_WORDS = frozenset().union(*PILOT_MODES.values())
+_MODE = _Rule(f"a mode: one of {', '.join(sorted(_WORDS))}", words=_WORDS)
 _SHARE = _Rule("a share from 0 to 1", high=1.0)
-_RULES: dict[InjectionKind, _Rule | None] = {
+_RULES: dict[InjectionKind, _Rule] = {
     InjectionKind.SILENT: _Rule("seconds, such as 20s, or nothing for good", required=False, seconds=True),
     InjectionKind.BATTERY_STEP: _Rule("points of charge from 0 to 100", high=100.0),
     InjectionKind.DRAIN: _Rule("a factor of 0 or more"),
-    InjectionKind.CRASH: None,
     InjectionKind.REBOOT: _Rule("pad, or nothing", required=False, words=frozenset({"pad"})),
-    InjectionKind.REFUSE_UPLOAD: None,
-    InjectionKind.HALF_UPLOAD: None,
     InjectionKind.LOSS: _SHARE,
     InjectionKind.DELAY: _Rule("seconds", seconds=True),
     InjectionKind.DUPLICATE: _SHARE,
     InjectionKind.REORDER: _SHARE,
-    InjectionKind.PILOT: _mode("a mode"),
-    InjectionKind.STATION: _mode("a mode"),
-    InjectionKind.STICKS: None,
-    InjectionKind.KILL: None,
-    InjectionKind.DISARM: None,
-    InjectionKind.WRECK: None,
-    InjectionKind.FENCE: None,
+    InjectionKind.PILOT: _MODE,
+    InjectionKind.STATION: _MODE,
     InjectionKind.EMERGENCY: _Rule("LAND or RTL, or nothing", required=False, words=frozenset({"LAND", "RTL"})),
-    InjectionKind.EKF: None,
-    InjectionKind.CAMERA_SILENT: None,
-    InjectionKind.CAMERA_MUTE: None,
     InjectionKind.CAMERA_LOSS: _SHARE,
-    InjectionKind.CARD_FULL: None,
-    InjectionKind.GIMBAL_STUCK: None,
     InjectionKind.PACK: _Rule("percent that it holds, above 0 to 100, or nothing", 1.0, 100.0, required=False),
 }
+"""Without one a kind takes no value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +190,7 @@ down=False, landings=None, word='')
 
 
 def _parse_value(text: str, kind: InjectionKind, raw: str | None) -> float | str | None:
-    rule = _RULES[kind]
+    rule = _RULES.get(kind)
     if rule is None:
         if raw is not None:
             raise FaultSpecError(f"fault {text!r}: {kind.value} takes no value")

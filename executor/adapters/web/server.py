@@ -181,10 +181,10 @@ class WebServer:
         routes = [
             Route("/", self._page),
             Route("/files/{name}", self._file),
-            Route("/state", self._state),
-            Route("/chart", self._chart),
-            Route("/assets", self._assets),
-            Route("/clock", self._clock),
+            _json_route("/state", self._present.state),
+            _json_route("/chart", self._present.chart),
+            _json_route("/assets", self._present.assets),
+            _json_route("/clock", self._present.clock),
             Route("/ground/{name}", self._ground_file),
             Route("/events", self._events),
             Route("/intents", self._intents, methods=["POST"]),
@@ -295,15 +295,6 @@ class WebServer:
             return PlainTextResponse("there is no such file", 404)
         return Response(_read(name), media_type=FILES[name])
 
-    async def _state(self, request: Request) -> Response:  # noqa: ARG002
-        return Response(self._present.state(), media_type="application/json")
-
-    async def _chart(self, request: Request) -> Response:  # noqa: ARG002
-        return Response(self._present.chart(), media_type="application/json")
-
-    async def _assets(self, request: Request) -> Response:  # noqa: ARG002
-        return Response(self._present.assets(), media_type="application/json")
-
     async def _ground_file(self, request: Request) -> Response:
         """Answer with a file that is the same during the whole flight: a browser that has it is told so."""
         name = request.path_params["name"]
@@ -315,9 +306,6 @@ class WebServer:
             return Response(status_code=304, headers=headers)
         kind = PICTURES.get(name[name.rfind(".") :], "application/json")
         return Response(kept.content, media_type=kind, headers=headers)
-
-    async def _clock(self, request: Request) -> Response:  # noqa: ARG002
-        return Response(self._present.clock(), media_type="application/json")
 
     async def _events(self, request: Request) -> ASGIApp:  # noqa: ARG002
         return EventStream(self._newest, self._limits)
@@ -338,6 +326,13 @@ class WebServer:
         except TimeoutError:
             return PlainTextResponse("the flight does not answer", 503)
         return JSONResponse(_plain(record), STATUS[record.outcome])
+
+
+def _json_route(path: str, content: Callable[[], bytes]) -> Route:
+    async def answer(_: Request) -> Response:
+        return Response(content(), media_type="application/json")
+
+    return Route(path, answer)
 
 
 def _own_address() -> str:
