@@ -19,7 +19,8 @@ from executor.core.preflight.fences import Lists
 from executor.errors import LogError, PreflightFailed
 from executor.flight.flight_order import Console
 from executor.flight.kept_lists import KeptList, ListStage, planned_lists, read_kept_lists, write_lists
-from executor.flight.parameter_changes import AT_ONCE, Links
+from executor.flight.parameter_changes import Links
+from executor.flight.side_by_side import AT_ONCE, in_turns
 from executor.runtime import parameters, preflight
 from executor.runtime.parameters import HEARD_S
 from missions import MissionKind, dialect_for
@@ -30,14 +31,7 @@ async def read_all(context: Context, links: Links, clock: Clock) -> dict[str, Li
     """Read what everybody carries beside its mission; nothing where the site says nothing of fences."""
     if context.fencing is None:
         return {}
-    turn = asyncio.Semaphore(AT_ONCE)
-
-    async def one(name: str) -> Lists:
-        async with turn:
-            return await preflight.read_lists(links[name], clock)
-
-    found = await asyncio.gather(*(one(name) for name in context.vehicles))
-    return dict(zip(context.vehicles, found, strict=True))
+    return await in_turns(context.vehicles, lambda name: preflight.read_lists(links[name], clock))
 
 
 def fences_checked(
@@ -122,24 +116,17 @@ async def put_lists(
     except OSError as error:
         text = f"{RunDirectory(run).fences}: cannot be written: {error.strerror}; no fence was put on board"
         raise PreflightFailed(text) from error
-    turn = asyncio.Semaphore(AT_ONCE)
 
-    async def one(name: str, new: Lists) -> None:
-        async with turn:
-            await preflight.load_lists(name, links[name], clock, context.vehicles[name].dialect, new)
+    async def load(name: str) -> None:
+        new = lists[name]
+        await preflight.load_lists(name, links[name], clock, context.vehicles[name].dialect, new)
         record.stage(name, ListStage.SET)
         rally = "" if new.rally is None else ", and its pad as rally point"
         console.say(
             Level.INFO, f"{name}: fence of {len(new.fence or ())} corners on board{rally}, verified by read-back"
         )
 
-    tasks = [asyncio.ensure_future(one(name, new)) for name, new in lists.items()]
-    try:
-        await asyncio.gather(*tasks)
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+    await in_turns(lists, load)
 
 
 def lists_noted(run: Path, context: Context, command: Upload) -> None:

@@ -29,26 +29,22 @@ from executor.core.words import count_of
 from executor.errors import LogError, PreflightFailed
 from executor.flight.changed_parameters import read_kept, write_kept
 from executor.flight.flight_order import Console
+from executor.flight.side_by_side import AT_ONCE, in_turns
 from executor.runtime import parameters
 from executor.runtime.parameters import HEARD_S, GivenBack
 from executor.site.config import Site
 
-AT_ONCE = 10
-"""Vehicles that are spoken to at the same time: a radio has its limits, and so has a simulator."""
 Links = Mapping[str, OpenLink]
 
 
 async def read_changes(context: Context, links: Links, clock: Clock) -> Proposal:
     """Ask every vehicle what it has, and return what the flight would change; nothing is set."""
-    turn = asyncio.Semaphore(AT_ONCE)
 
-    async def one(name: str) -> Present:
-        async with turn:
-            beside = fences.parameter_names(context, name)
-            return await parameters.read_present(links[name], clock, context.vehicles[name].dialect, beside)
+    async def read(name: str) -> Present:
+        beside = fences.parameter_names(context, name)
+        return await parameters.read_present(links[name], clock, context.vehicles[name].dialect, beside)
 
-    found = await asyncio.gather(*(one(name) for name in context.vehicles))
-    return fences.with_fences(context, propose(context, dict(zip(context.vehicles, found, strict=True))))
+    return fences.with_fences(context, propose(context, await in_turns(context.vehicles, read)))
 
 
 def lines(proposal: Proposal) -> list[str]:

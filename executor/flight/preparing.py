@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
 import shutil
-from collections.abc import Coroutine, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import TypeVar
 
 from executor.adapters.clock import SystemClock
 from executor.core.commands import Level
@@ -20,17 +18,13 @@ from executor.core.preflight.failsafes import link_failsafe
 from executor.core.vehicle import aboard
 from executor.flight.checklist import checklist
 from executor.flight.flight_order import Console, Order
+from executor.flight.side_by_side import in_turns, together
 from executor.runtime import preflight as asking
 from executor.site import assembly, dayflight
 from executor.site.assembly import Ground
 from executor.site.config import Site
 from executor.site.tables.aircraft import VehicleTable
 from missions import FlightSetup, dialect_for, encode, tuned
-
-T = TypeVar("T")
-
-LOADED_AT_ONCE = 10
-"""Vehicles that are given their first mission at the same time: a radio has its limits, and so has a simulator."""
 
 
 async def interviews(
@@ -48,17 +42,6 @@ async def interviews(
         interview_at_link(order.site, table, links[table.name], clock, console) for table in everybody
     )
     return {table.name: fact for table, fact in zip(everybody, facts, strict=True)}
-
-
-async def together(works: Iterable[Coroutine[None, None, T]]) -> list[T]:
-    """Do several things side by side; the first that fails ends the others, and is raised as it is."""
-    tasks = [asyncio.ensure_future(work) for work in works]
-    try:
-        return await asyncio.gather(*tasks)
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def interview_at_link(
@@ -135,16 +118,12 @@ async def load_all(
     Raises:
         VehicleRefused: a vehicle did not take its mission.
     """
-    turn = asyncio.Semaphore(LOADED_AT_ONCE)
+    carried = {name: board for name, board in boards.items() if board is not None}
 
-    async def one(name: str, board: OnBoard) -> None:
-        async with turn:
-            await load(name, board)
-
-    async def load(name: str, board: OnBoard) -> None:
+    async def load(name: str) -> None:
         dialect = context.vehicles[name].dialect
-        mission = encode(board.path, dialect)
+        mission = encode(carried[name].path, dialect)
         await asking.load_mission(name, links[name], clock, dialect, mission, partial(console.say, Level.WARNING))
         console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, verified by read-back")
 
-    await together(one(name, board) for name, board in boards.items() if board is not None)
+    await in_turns(carried, load)
