@@ -187,7 +187,7 @@ def pack_standing(view: View) -> Standing | None:
 
 def battery_failsafe(view: View) -> Finding:
     """The autopilot itself says that it acts on its battery."""
-    said = battery_said(view)
+    said = said_failed(view, "battery")
     if not said:
         return OK
     # A text is the one thing that anybody can send: what it says must show somewhere else as well.
@@ -225,12 +225,6 @@ def battery_critical(view: View) -> Finding:
     if bits:
         return Finding(Verdict.FAIL, f"its battery reports {', '.join(bits)}")
     return OK
-
-
-def battery_said(view: View) -> str:
-    """Return in words what an autopilot said of a battery that it acts on; nothing if it did not."""
-    found = said_failed(view, "battery")
-    return "" if found is None else f"it says: {found}"
 
 
 def _climbs(view: View) -> bool:

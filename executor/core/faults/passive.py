@@ -16,7 +16,7 @@ from executor.core.context import Scene
 from executor.core.custody.actors import changed_by, settled
 from executor.core.events import Heard, Tick
 from executor.core.faults import link_loss, warnings, watchpoints
-from executor.core.faults.watching import View, Watchpoint
+from executor.core.faults.watching import View, Watchpoint, said_failed
 from executor.core.hearing.fold import fold
 from executor.core.messages import Actor, Heartbeat
 from executor.core.state import FleetState
@@ -292,7 +292,7 @@ def _judged(
     if vehicle.stage in _DOWN:
         # It may have disarmed before it says why.
         view = View(scene, setup, vehicle, False, now_s)
-        late = watchpoints.crash_said(view) if now_s - vehicle.sortie.disarmed_s <= LATE_S else ""
+        late = said_failed(view, "crash") if now_s - vehicle.sortie.disarmed_s <= LATE_S else ""
         return vehicle, [(watchpoints.CRASH, late)] if late and "down" not in told.declared else []
     judgement = watchpoints.judge(scene, setup, vehicle, now_s)
     vehicle = watchpoints.remembered(vehicle, judgement)

@@ -6,6 +6,7 @@ What stops is said and asked for again, and is a fault by its own name if it sta
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from executor.core.faults.watching import OK, STALE, Finding, Verdict, View
@@ -73,9 +74,9 @@ def others_come(view: View) -> bool:
     return heard_s is not None and view.now_s - heard_s < view.context.limits.link_stale_s
 
 
-def missing(view: View, stream: Stream) -> str:
+def missing(of: Callable[[View], Stream], view: View) -> str:
     """Return in words what does not come while others do; nothing if it comes."""
-    heard_s = view.state.link.heard_s
+    stream, heard_s = of(view), view.state.link.heard_s
     if not stream.stale or heard_s is None or not others_come(view):
         return ""
     if view.now_s - heard_s > stream.age_s - stream.stale_s:
@@ -92,37 +93,37 @@ def to_be_asked(view: View) -> bool:
 
 def heartbeat_gone(view: View) -> Finding:
     """Its HEARTBEAT stays away."""
-    return _gone(view, heartbeat_stream(view), _patience_s(view))
+    return _gone(view, heartbeat_stream, _patience_s(view))
 
 
 def position_gone(view: View) -> Finding:
     """Its positions stay away."""
-    return _gone(view, positions(view), _patience_s(view))
+    return _gone(view, positions, _patience_s(view))
 
 
 def battery_gone(view: View) -> Finding:
     """It does not say any more what its battery holds."""
-    return _gone(view, battery_stream(view), max(BATTERY_GONE_S, _patience_s(view)))
+    return _gone(view, battery_stream, max(BATTERY_GONE_S, _patience_s(view)))
 
 
 def item_gone(view: View) -> Finding:
     """It does not say any more which waypoint it flies to."""
-    return _gone(view, items(view), _patience_s(view))
+    return _gone(view, items, _patience_s(view))
 
 
 def _patience_s(view: View) -> float:
     return max(LEAST_GONE_S, view.setup.link_timeout_s)
 
 
-def _gone(view: View, stream: Stream, after_s: float) -> Finding:
-    heard_s = view.state.link.heard_s
+def _gone(view: View, of: Callable[[View], Stream], after_s: float) -> Finding:
+    stream, heard_s = of(view), view.state.link.heard_s
     if not view.setup.planned or math.isnan(stream.age_s) or heard_s is None or not others_come(view):
         return STALE
     if stream.age_s < after_s:
         return OK
     if view.now_s - heard_s > stream.age_s - after_s:
         return STALE  # nothing at all came since it was due: that may be the link
-    return Finding(Verdict.FAIL, missing(view, stream))
+    return Finding(Verdict.FAIL, missing(of, view))
 
 
 def unseen_s(view: View) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from executor.core import projection
 from executor.core.faults import batteries, streams
@@ -38,19 +39,9 @@ def silent(view: View) -> str:
     return f"no message for {age_s:.1f} s" if age_s >= view.context.limits.link_stale_s else ""
 
 
-def heartbeat_missing(view: View) -> str:
-    """Others of its messages come, its HEARTBEAT does not."""
-    return streams.missing(view, streams.heartbeat_stream(view))
-
-
-def position_missing(view: View) -> str:
-    """It speaks, and not of where it is."""
-    return streams.missing(view, streams.positions(view))
-
-
 def item_missing(view: View) -> str:
     """It speaks, and not of where it flies to."""
-    return streams.missing(view, streams.items(view)) if view.state.stage is Stage.FLYING else ""
+    return streams.missing(streams.items, view) if view.state.stage is Stage.FLYING else ""
 
 
 def doubtful(view: View) -> str:
@@ -72,11 +63,6 @@ def radio_weak(view: View) -> str:
     """The radio itself complains."""
     quality = view.state.link.quality
     return quality.weak if view.now_s - quality.radio_s <= RADIO_S else ""
-
-
-def battery_silent(view: View) -> str:
-    """It speaks, but not of its battery."""
-    return streams.missing(view, streams.battery_stream(view))
 
 
 def battery_low(view: View) -> str:
@@ -136,13 +122,13 @@ def hangs(view: View) -> str:
 
 TABLE: tuple[Doubt, ...] = (
     Doubt("silent", FaultKind.LINK, silent),
-    Doubt("heartbeat", FaultKind.LINK, heartbeat_missing),
+    Doubt("heartbeat", FaultKind.LINK, partial(streams.missing, streams.heartbeat_stream)),
     Doubt("disarmed", FaultKind.INTERRUPTION, doubtful),
-    Doubt("positions", FaultKind.INTERRUPTION, position_missing),
+    Doubt("positions", FaultKind.INTERRUPTION, partial(streams.missing, streams.positions)),
     Doubt("items", FaultKind.INTERRUPTION, item_missing),
     Doubt("loss", FaultKind.LINK, lossy),
     Doubt("radio", FaultKind.LINK, radio_weak),
-    Doubt("battery-silent", FaultKind.BATTERY, battery_silent),
+    Doubt("battery-silent", FaultKind.BATTERY, partial(streams.missing, streams.battery_stream)),
     Doubt("battery-low", FaultKind.BATTERY, battery_low),
     Doubt("pack", FaultKind.BATTERY, pack_doubtful),
     Doubt("battery-besides", FaultKind.BATTERY, battery_besides),

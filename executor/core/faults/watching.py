@@ -56,9 +56,9 @@ class Watchpoint:
     code: FaultCode
 
 
-def said_failed(view: View, kind: str) -> str | None:
-    """Return in words what an autopilot said has failed and made it act; None if it did not."""
+def said_failed(view: View, kind: str) -> str:
+    """Return in words what an autopilot said has failed and made it act; nothing if it did not."""
     for failed, said_s in view.state.evidence.failed:
         if failed.what == kind and view.now_s - said_s <= view.context.limits.alarm_s and acts(failed):
-            return failed.words
-    return None
+            return f"it says: {failed.words}"
+    return ""

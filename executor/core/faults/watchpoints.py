@@ -149,9 +149,9 @@ def fence_breached(view: View) -> Finding:
     bit = view.setup.planned and state.sortie.took_off and bool(sensors.unhealthy & GEOFENCE_SENSOR)
     told = sensors.fence_breached or bit
     off = off_its_fence(state, view.now_s, view.context.limits.link_stale_s)
-    if said is None and not told and not off:
+    if not said and not told and not off:
         return OK
-    parts = ("its fence is breached", off, "" if said is None else f"it says: {said}")
+    parts = ("its fence is breached", off, said)
     return Finding(Verdict.FAIL, "; ".join(part for part in parts if part))
 
 
@@ -163,7 +163,7 @@ def crashed(view: View) -> Finding:
     """Its autopilot says that it has crashed, or it lies as none flies."""
     if view.setup.planned and view.state.armed:
         return OK  # a text is the one thing that anybody can send
-    if said := crash_said(view):
+    if said := said_failed(view, "crash"):
         return Finding(Verdict.FAIL, said)
     since_s, attitude = view.state.sensors.tilted_since_s, view.state.sensors.attitude
     if view.setup.planned or since_s is None or attitude is None or not view.state.sortie.took_off:
@@ -173,12 +173,6 @@ def crashed(view: View) -> Finding:
         tilt_deg = max(abs(attitude.roll_deg), abs(attitude.pitch_deg))
         return Finding(Verdict.FAIL, f"lies or hangs tilted by {tilt_deg:.0f} degrees")
     return OK
-
-
-def crash_said(view: View) -> str:
-    """Return in words what an autopilot said of a crash in this flight; nothing if it did not."""
-    found = said_failed(view, "crash")
-    return "" if found is None else f"it says: {found}"
 
 
 def _comes_down(view: View) -> bool:
