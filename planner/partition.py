@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from planner import highs
 from planner.cost import Cost
 from planner.model import Instance
 from planner.moves import FloatArray
@@ -118,7 +119,6 @@ def prove(problem: Partition, ceiling: float, ask: Callable[[int], bool]) -> Pro
         ceiling: the cost of a plan that is known.
         ask: called again and again with the number of nodes so far; whether to stop.
     """
-    # Only here: it takes a tenth of a second to load, and few ever ask for a proof.
     import highspy
 
     every = np.arange(len(problem.cost))
@@ -195,27 +195,17 @@ def _run(
     problem: Partition, columns: npt.NDArray[np.int64], ask: Callable[[int], bool], *, integer: bool
 ) -> highspy.Highs:
     """Return HiGHS after it has solved the program with some of its columns, or ``ask`` has stopped it."""
-    import highspy
-
     stopped = ask(0)
-    solver = highspy.Highs()  # type: ignore[no-untyped-call]
-    for option, setting in (("output_flag", False), ("threads", 1), ("mip_rel_gap", 0.0), ("mip_abs_gap", 1e-7)):
-        solver.setOptionValue(option, setting)
     matrix = problem.matrix[columns]
     where, rows = matrix.nonzero()
-    program = highspy.HighsLp()
-    program.num_col_, program.num_row_ = matrix.shape
-    program.col_cost_ = problem.cost[columns]
-    program.col_lower_ = np.zeros(len(columns))
-    program.col_upper_ = np.full(len(columns), highspy.kHighsInf)
-    program.row_lower_, program.row_upper_ = problem.lower, problem.upper
-    program.a_matrix_.format_ = highspy.MatrixFormat.kColwise
-    program.a_matrix_.start_ = np.searchsorted(where, np.arange(len(columns) + 1))
-    program.a_matrix_.index_ = rows
-    program.a_matrix_.value_ = matrix[where, rows]
-    if integer:
-        whole, real = highspy.HighsVarType.kInteger, highspy.HighsVarType.kContinuous
-        program.integrality_ = [real if kind == PEAK else whole for kind in problem.kind[columns]]
+    solver = highs.program(
+        problem.cost[columns],
+        np.full(len(columns), np.inf),
+        (problem.lower, problem.upper),
+        (np.searchsorted(where, np.arange(len(columns) + 1)), rows, matrix[where, rows]),
+        whole=[kind != PEAK for kind in problem.kind[columns]] if integer else (),
+        by_columns=True,
+    )
 
     def on_event(event: highspy.highs.HighsCallbackEvent) -> None:
         nonlocal stopped
@@ -224,7 +214,6 @@ def _run(
             event.interrupt()
 
     (solver.cbMipInterrupt if integer else solver.cbSimplexInterrupt).subscribe(on_event)
-    solver.passModel(program)
     if not stopped:
         solver.run()
     return solver

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planner import highs
 from planner.day.evaluate import TOLERANCE_S
 from planner.day.model import DayInstance, DayPlan, Trip, way_of
 from planner.errors import InstanceError
@@ -247,33 +248,18 @@ def _rings(columns: Sequence[_Column], found: Sequence[float]) -> Iterable[tuple
 
 def _run(instance: DayInstance, program: _Program, cost: dict[int, float]) -> _Choice:
     """Return what HiGHS chooses."""
-    # Only here: it takes a tenth of a second to load, and few ever ask for a proof.
-    import highspy
-
-    fleet, depots = len(instance.vehicles), len(set(instance.depots))
-    columns = len(program.columns)
-    width = columns + 3 * fleet + 1 + fleet * depots
-    solver = highspy.Highs()  # type: ignore[no-untyped-call]
-    for option, setting in (("output_flag", False), ("threads", 1), ("mip_rel_gap", 0.0), ("mip_abs_gap", 1e-7)):
-        solver.setOptionValue(option, setting)
-    solver.setOptionValue("time_limit", max(0.0, program.limit_s - program.stopwatch.seconds))
-    lp = highspy.HighsLp()
-    lp.num_col_, lp.num_row_ = width, len(program.rows)
-    lp.col_cost_ = np.array([cost.get(number, 0.0) for number in range(width)])
-    lp.col_lower_ = np.zeros(width)
+    fleet, depots, columns = len(instance.vehicles), len(set(instance.depots)), len(program.columns)
     # A way without a task may be flown as often as there are tasks.
     most = [1.0 if one.visits else float(len(instance.tasks)) for one in program.columns]
-    lp.col_upper_ = np.array(
-        [*most, *[1.0] * (2 * fleet), *[highspy.kHighsInf] * (fleet + 1), *[1.0] * (fleet * depots)]
+    most += [1.0] * (2 * fleet) + [np.inf] * (fleet + 1) + [1.0] * (fleet * depots)
+    solver = highs.program(
+        [cost.get(number, 0.0) for number in range(len(most))],
+        most,
+        (program.lower, program.upper),
+        highs.by_rows(program.rows),
+        whole=[True] * (columns + 2 * fleet) + [False] * (fleet + 1) + [True] * (fleet * depots),
     )
-    lp.row_lower_, lp.row_upper_ = np.array(program.lower), np.array(program.upper)
-    lp.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
-    lp.a_matrix_.start_ = np.cumsum([0, *(len(row) for row in program.rows)])
-    lp.a_matrix_.index_ = np.array([number for row in program.rows for number in row])
-    lp.a_matrix_.value_ = np.array([weight for row in program.rows for weight in row.values()])
-    whole, real = highspy.HighsVarType.kInteger, highspy.HighsVarType.kContinuous
-    lp.integrality_ = [whole] * (columns + 2 * fleet) + [real] * (fleet + 1) + [whole] * (fleet * depots)
-    solver.passModel(lp)
+    solver.setOptionValue("time_limit", max(0.0, program.limit_s - program.stopwatch.seconds))
     solver.run()
     return _solution(solver)
 

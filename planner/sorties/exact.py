@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner import highs
 from planner.errors import InstanceError
 from planner.sorties.evaluate import TOLERANCE
 from planner.sorties.model import Sortie, SortieInstance, SortiePlan
@@ -205,25 +206,15 @@ def _run(
     columns: int, rows: Sequence[tuple[dict[int, float], float, float]], cost: dict[int, float]
 ) -> list[float] | None:
     """Return what HiGHS chooses: whether each column is taken, and the last landing."""
-    # Only here: it takes a tenth of a second to load, and few ever ask for a proof.
     import highspy
 
-    solver = highspy.Highs()  # type: ignore[no-untyped-call]
-    for option, setting in (("output_flag", False), ("threads", 1), ("mip_rel_gap", 0.0), ("mip_abs_gap", 1e-7)):
-        solver.setOptionValue(option, setting)
-    lp = highspy.HighsLp()
-    lp.num_col_, lp.num_row_ = columns + 1, len(rows)
-    lp.col_cost_ = np.array([cost.get(number, 0.0) for number in range(columns + 1)])
-    lp.col_lower_ = np.zeros(columns + 1)
-    lp.col_upper_ = np.array([1.0] * columns + [highspy.kHighsInf])
-    lp.row_lower_ = np.array([lower for _, lower, _ in rows])
-    lp.row_upper_ = np.array([upper for _, _, upper in rows])
-    lp.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
-    lp.a_matrix_.start_ = np.cumsum([0, *(len(row) for row, _, _ in rows)])
-    lp.a_matrix_.index_ = np.array([number for row, _, _ in rows for number in row])
-    lp.a_matrix_.value_ = np.array([weight for row, _, _ in rows for weight in row.values()])
-    lp.integrality_ = [highspy.HighsVarType.kInteger] * columns + [highspy.HighsVarType.kContinuous]
-    solver.passModel(lp)
+    solver = highs.program(
+        [cost.get(number, 0.0) for number in range(columns + 1)],
+        [1.0] * columns + [np.inf],
+        ([lower for _, lower, _ in rows], [upper for _, _, upper in rows]),
+        highs.by_rows([row for row, _, _ in rows]),
+        whole=[True] * columns + [False],
+    )
     solver.run()
     if solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
         return None
