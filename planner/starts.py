@@ -7,7 +7,7 @@ import numpy as np
 from planner.construct import copy_of, memory_of
 from planner.kernels.anneal import anneal, left_out_value, objective
 from planner.kernels.arrays import Problem, RandomState, State, Weights
-from planner.kernels.tours import copy_route
+from planner.kernels.tours import copy_all
 
 
 class SearchStart:
@@ -31,7 +31,7 @@ class SearchStart:
         """Begin a cycle from the best plan of ``leader``."""
         for state in (self._current, self._trial, self.best):
             if state is not leader.best:
-                _copy(leader.best, state)
+                copy_all(leader.best, state)
         self.key[:] = leader.key
         self._memory.versions[:] += 1
         self._temperature[0] = temperature
@@ -45,9 +45,3 @@ class SearchStart:
         )  # fmt: skip
         self.done += iterations
         return improved
-
-
-def _copy(source: State, target: State) -> None:
-    for route in range(len(source.lengths)):
-        copy_route(source, target, route)
-    target.route_of[:] = source.route_of

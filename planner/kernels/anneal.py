@@ -24,9 +24,9 @@ from planner.kernels.arrays import (
 )
 from planner.kernels.chance import below, uniform
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.insertion import insert_cheapest, peak_of, raised
+from planner.kernels.insertion import insert_cheapest, peak_of, raised, sort_by_key
 from planner.kernels.ruin import remove_strings
-from planner.kernels.tours import copy_route, measure, orient
+from planner.kernels.tours import copy_all, copy_route, excess, measure, orient
 
 
 @kernel(nb.types.UniTuple(nb.float64, 2)(PROBLEM, STATE))
@@ -39,16 +39,6 @@ def left_out_value(problem: Problem, state: State) -> tuple[float, float]:
             value += problem.value[segment]
             prizes += problem.prize[segment]
     return value, prizes
-
-
-@inner(nb.float64(PROBLEM, STATE))
-def excess(problem: Problem, state: State) -> float:
-    """Return what routes with a visit spend beyond their budgets."""
-    total = 0.0
-    for route in range(len(state.lengths)):
-        if state.lengths[route] > 0:
-            total += max(0.0, state.loads[route] - problem.budget[route])
-    return total
 
 
 @kernel(nb.float64(PROBLEM, WEIGHTS, STATE))
@@ -106,16 +96,7 @@ def order_pending(problem: Problem, pending: IntArray, keys: FloatArray, rng: Ra
             keys[place] = -problem.effort[segment]
         else:
             keys[place] = problem.effort[segment]
-    for place in range(1, len(pending)):
-        segment = pending[place]
-        key = keys[place]
-        hole = place
-        while hole > 0 and keys[hole - 1] > key:
-            keys[hole] = keys[hole - 1]
-            pending[hole] = pending[hole - 1]
-            hole -= 1
-        keys[hole] = key
-        pending[hole] = segment
+    sort_by_key(pending, keys)
 
 
 @inner(nb.int64(STATE, INTS, nb.int64, nb.int64, RANDOM))
@@ -148,10 +129,7 @@ def keep_best(problem: Problem, truth: Weights, trial: State, best: State, key: 
         return False
     key[0] = value
     key[1] = cost
-    for route in range(len(trial.lengths)):
-        copy_route(trial, best, route)
-    for segment in range(len(trial.route_of)):
-        best.route_of[segment] = trial.route_of[segment]
+    copy_all(trial, best)
     return True
 
 

@@ -177,6 +177,21 @@ def insert_cheapest(
     return best_route
 
 
+@inner(nb.void(INTS, FLOATS))
+def sort_by_key(pending: IntArray, keys: FloatArray) -> None:
+    """Sort ``pending`` by its ``keys``, at least as many, which are sorted with it."""
+    for place in range(1, len(pending)):
+        segment = pending[place]
+        key = keys[place]
+        hole = place
+        while hole > 0 and keys[hole - 1] > key:
+            keys[hole] = keys[hole - 1]
+            pending[hole] = pending[hole - 1]
+            hole -= 1
+        keys[hole] = key
+        pending[hole] = segment
+
+
 @kernel(nb.void(PROBLEM, WEIGHTS, STATE, INTS, RANDOM), counted=True)
 def insert_by_regret(problem: Problem, weights: Weights, state: State, segments: IntArray, rng: RandomState) -> None:
     """Insert ``segments`` (m,) int64, first those that would lose most by waiting, as far as budgets allow."""

@@ -1,6 +1,6 @@
 """Repairs of a loss: states that visit exactly the open segments.
 
-A repair's *excess* is the energy that its routes lack.
+A repair's *excess* is the energy that its routes lack, in percent of a battery.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from planner.kernels.arrays import (
 )
 from planner.kernels.chance import below, uniform
 from planner.kernels.compiled import inner
-from planner.kernels.insertion import cheapest_place, insert_by_regret
+from planner.kernels.insertion import cheapest_place, insert_by_regret, sort_by_key
 from planner.kernels.loss import LOSS, Loss
 from planner.kernels.ruin import remove_strings
-from planner.kernels.tours import copy_route, insert, measure, orient
+from planner.kernels.tours import copy_all, copy_owners, copy_route, excess, insert, measure, orient
 
 EXCESS_WEIGHT = 1.5
 """What a percent beyond a budget costs a repair besides itself."""
@@ -67,16 +67,6 @@ class Desk(NamedTuple):
 
 
 DESK = nb.types.NamedTuple((INTS, INTS, INTS, FLOATS, INTS, INT_TABLE, INTS, STATE, STATE, STATE), Desk)
-
-
-@inner(nb.float64(PROBLEM, STATE))
-def lacking(problem: Problem, state: State) -> float:
-    """Return the energy that the routes of a repair lack, in percent of a battery."""
-    total = 0.0
-    for route in range(len(state.lengths)):
-        if state.lengths[route] > 0:
-            total += max(0.0, state.loads[route] - problem.budget[route])
-    return total
 
 
 @inner(nb.int64(PROBLEM, STATE, nb.int64, nb.float64, RANDOM))
@@ -184,31 +174,7 @@ def shuffle_pending(problem: Problem, pending: IntArray, count: int, keys: Float
             keys[place] = -problem.effort[pending[place]]
         else:
             keys[place] = problem.effort[pending[place]]
-    for place in range(1, count):
-        segment = pending[place]
-        key = keys[place]
-        hole = place
-        while hole > 0 and keys[hole - 1] > key:
-            keys[hole] = keys[hole - 1]
-            pending[hole] = pending[hole - 1]
-            hole -= 1
-        keys[hole] = key
-        pending[hole] = segment
-
-
-@inner(nb.void(STATE, STATE))
-def copy_owners(source: State, target: State) -> None:
-    """Copy which route visits a segment."""
-    for segment in range(len(source.route_of)):
-        target.route_of[segment] = source.route_of[segment]
-
-
-@inner(nb.void(STATE, STATE))
-def copy_all(source: State, target: State) -> None:
-    """Copy all routes."""
-    for route in range(len(source.lengths)):
-        copy_route(source, target, route)
-    copy_owners(source, target)
+    sort_by_key(pending[:count], keys)
 
 
 @inner(nb.float64(STATE))
@@ -244,7 +210,7 @@ def repair(loss: Loss, best: State, desk: Desk, iterations: int, rng: RandomStat
     pending, touched = desk.pending, desk.touched
     routes = len(current.lengths)
     copy_all(current, best)
-    least = lacking(problem, current)
+    least = excess(problem, current)
     # Routes of one segment alone are the scale of what a repair gains or loses.
     alone = 0.0
     count = 0
@@ -272,7 +238,7 @@ def repair(loss: Loss, best: State, desk: Desk, iterations: int, rng: RandomStat
             if touched[route] == 1:
                 measure(problem, trial, route)
                 orient(problem, trial, route, desk.came_from)
-        lacks = lacking(problem, trial)
+        lacks = excess(problem, trial)
         there = EXCESS_WEIGHT * lacks + routes_energy(trial)
         if lacks < least:
             least = lacks

@@ -31,8 +31,8 @@ from planner.kernels.chance import below, uniform
 from planner.kernels.change import change
 from planner.kernels.compiled import inner, kernel
 from planner.kernels.loss import CLOCK, LOSS, SAME_TIME_S, TIMING, Loss, LossClock, LossTiming, begin_loss, set_clock
-from planner.kernels.repair import DESK, Desk, begin_repair, copy_all, copy_owners, repair, routes_energy
-from planner.kernels.tours import copy_route, measure, orient
+from planner.kernels.repair import DESK, Desk, begin_repair, repair, routes_energy
+from planner.kernels.tours import copy_all, copy_owners, copy_route, measure, orient
 from planner.kernels.window import REPAIRS, Repairs, repair_of, scan
 
 UNKNOWN = 200

@@ -125,6 +125,15 @@ def alone(
     return best, lasts, chosen, number, way, begins, lands
 
 
+@inner(nb.void(SORTIE_STATE, nb.int64, nb.int64, nb.int64))
+def enter(state: SortieState, vehicle: int, number: int, row: int) -> None:
+    """Make a row one of a vehicle's sorties, before the one that is its `number`-th now."""
+    for later in range(state.counts[vehicle], number, -1):
+        state.order[vehicle, later] = state.order[vehicle, later - 1]
+    state.order[vehicle, number] = row
+    state.counts[vehicle] += 1
+
+
 @inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.float64, RANDOM))
 def put_segment(
     problem: SortieProblem, state: SortieState, memory: SortieMemory, segment: int, last: float, rng: RandomState
@@ -149,10 +158,7 @@ def put_segment(
         state.size[row] = 1
         state.visits[row, 0] = way
         state.owner[row], state.base[row], state.land[row] = vehicle, base, land
-        for later in range(state.counts[vehicle], number, -1):
-            state.order[vehicle, later] = state.order[vehicle, later - 1]
-        state.order[vehicle, number] = row
-        state.counts[vehicle] += 1
+        enter(state, vehicle, number, row)
     state.where[segment] = row
     measure_row(problem, state, row)
     settle_row(problem, state, row)

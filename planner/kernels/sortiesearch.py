@@ -9,7 +9,7 @@ import numba as nb
 from planner.kernels.arrays import FLOATS, RANDOM, FloatArray, RandomState
 from planner.kernels.chance import below, uniform
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.sortieinsertion import put_all, settle_touched
+from planner.kernels.sortieinsertion import enter, put_all, settle_touched
 from planner.kernels.sorties import (
     SORTIE_MEMORY,
     SORTIE_PROBLEM,
@@ -178,11 +178,7 @@ def hand_sortie_on(problem: SortieProblem, state: SortieState, memory: SortieMem
     for later in range(number + 1, state.counts[giver]):
         state.order[giver, later - 1] = state.order[giver, later]
     state.counts[giver] -= 1
-    to = below(rng, state.counts[taker] + 1)
-    for later in range(state.counts[taker], to, -1):
-        state.order[taker, later] = state.order[taker, later - 1]
-    state.order[taker, to] = row
-    state.counts[taker] += 1
+    enter(state, taker, below(rng, state.counts[taker] + 1), row)
     state.owner[row] = taker
     measure_row(problem, state, row)
     memory.touched[giver] = 1
@@ -220,11 +216,7 @@ def split_sortie(problem: SortieProblem, state: SortieState, memory: SortieMemor
     for position in range(end, size):
         state.visits[row, position - (end - begin)] = state.visits[row, position]
     state.size[row] = size - (end - begin)
-    to = below(rng, state.counts[taker] + 1)
-    for later in range(state.counts[taker], to, -1):
-        state.order[taker, later] = state.order[taker, later - 1]
-    state.order[taker, to] = new
-    state.counts[taker] += 1
+    enter(state, taker, below(rng, state.counts[taker] + 1), new)
     measure_row(problem, state, row)
     measure_row(problem, state, new)
     memory.touched[giver] = 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba as nb
 
 from planner.kernels.arrays import INT_TABLE, PROBLEM, STATE, IntArray, Problem, State
-from planner.kernels.compiled import kernel
+from planner.kernels.compiled import inner, kernel
 
 
 @kernel(nb.void(PROBLEM, STATE, nb.int64))
@@ -66,6 +66,31 @@ def copy_route(source: State, target: State, route: int) -> None:
         target.visits[route, position] = source.visits[route, position]
         target.legs[route, position] = source.legs[route, position]
     target.legs[route, length] = source.legs[route, length]
+
+
+@inner(nb.void(STATE, STATE))
+def copy_owners(source: State, target: State) -> None:
+    """Copy which route visits a segment."""
+    for segment in range(len(source.route_of)):
+        target.route_of[segment] = source.route_of[segment]
+
+
+@kernel(nb.void(STATE, STATE))
+def copy_all(source: State, target: State) -> None:
+    """Copy all routes."""
+    for route in range(len(source.lengths)):
+        copy_route(source, target, route)
+    copy_owners(source, target)
+
+
+@inner(nb.float64(PROBLEM, STATE))
+def excess(problem: Problem, state: State) -> float:
+    """Return what routes with a visit spend beyond their budgets."""
+    total = 0.0
+    for route in range(len(state.lengths)):
+        if state.lengths[route] > 0:
+            total += max(0.0, state.loads[route] - problem.budget[route])
+    return total
 
 
 @kernel(nb.void(PROBLEM, STATE, nb.int64, INT_TABLE))

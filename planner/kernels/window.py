@@ -24,7 +24,8 @@ from planner.kernels.arrays import (
 )
 from planner.kernels.compiled import inner, kernel
 from planner.kernels.loss import CLOCK, LOSS, SAME_TIME_S, TIMING, Loss, LossClock, LossTiming, begin_loss
-from planner.kernels.repair import DESK, Desk, begin_repair, copy_all, repair
+from planner.kernels.repair import DESK, Desk, begin_repair, repair
+from planner.kernels.tours import copy_all
 
 
 class Repairs(NamedTuple):
