@@ -12,8 +12,7 @@ the hard cycles between choose what to leave out.
 
 from __future__ import annotations
 
-from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import nullcontext
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 from planner.bounds import why_impossible
@@ -32,6 +31,7 @@ from planner.kernels.arrays import Problem, State, Weights
 from planner.model import Instance, Plan
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.result import Result
+from planner.rounds import in_rounds, side_by_side
 from planner.starts import SearchStart
 from planner.stop import Progress, StopRule, Stopwatch
 
@@ -105,20 +105,17 @@ class Search:
 
     def run(self, stop: StopRule) -> Result:
         """Improve until ``stop`` says so."""
-        with ThreadPoolExecutor(len(self._starts)) if len(self._starts) > 1 else nullcontext() as threads:
-            while True:
-                progress = self._progress()
-                verdict = stop(progress)
-                if verdict.allowed <= 0:
-                    break
-                self._advance(min(self._params.batch * len(self._starts), verdict.allowed), threads)
+        batch = self._params.batch * len(self._starts)
+        reason = in_rounds(
+            stop, self._progress, lambda most, threads: self._advance(min(batch, most), threads), len(self._starts)
+        )
         return Result(
             plan=self._plan,
             evaluation=self._evaluation,
-            feasible=progress.feasible,
+            feasible=self._progress().feasible,
             iterations=self._iterations,
             seconds=self._watch.seconds,
-            stopped_by=verdict.reason,
+            stopped_by=reason,
             impossible=self._impossible,
         )
 
@@ -179,10 +176,7 @@ class Search:
                 shares.append((start, self._weights(self._cycle.scale, power, soft=self._cycle.soft), share))
                 given += share
         cooling = self._cycle.cooling
-        if threads is None:
-            found = [start.run(guide, cooling, share) for start, guide, share in shares]
-        else:
-            found = list(threads.map(lambda work: work[0].run(work[1], cooling, work[2]), shares))
+        found = side_by_side(threads, lambda work: work[0].run(work[1], cooling, work[2]), shares)
         self._take_best(max(found))
         self._iterations += given
         if all(start.done == self._cycle.length for start in self._starts):

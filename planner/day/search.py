@@ -7,8 +7,7 @@ round: the seed, the number of starts and of iterations decide the plan.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import nullcontext
+from concurrent.futures import Executor
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +21,7 @@ from planner.kernels.arrays import RandomState
 from planner.kernels.day import NEVER, DayProblem, DayState, divide
 from planner.kernels.dayinsertion import insert_tasks
 from planner.kernels.daysearch import anneal_day, measure_day
+from planner.rounds import in_rounds, side_by_side
 from planner.stop import Progress, StopRule, Stopwatch
 
 BATCH = 250
@@ -127,19 +127,16 @@ class DaySearch:
 
     def run(self, stop: StopRule) -> DayResult:
         """Improve until ``stop`` says so."""
-        with ThreadPoolExecutor(len(self._starts)) if len(self._starts) > 1 else nullcontext() as threads:
-            while not self._idle:
-                verdict = stop(self._progress())
-                if verdict.allowed <= 0:
-                    break
-                self._advance(verdict.allowed, threads)
+        reason = "nothing to do"
+        if not self._idle:
+            reason = in_rounds(stop, self._progress, self._advance, len(self._starts))
         plan = day_plan(self._instance, self._problem, self._leader.best)
         return DayResult(
             plan=plan,
             evaluation=evaluate_day(self._instance, plan),
             iterations=self._iterations,
             seconds=self._watch.seconds,
-            stopped_by="nothing to do" if self._idle else verdict.reason,
+            stopped_by=reason,
         )
 
     def _begin(self) -> None:
@@ -154,10 +151,7 @@ class DaySearch:
         fair = max(1, allowed // len(self._starts))
         share = min(BATCH, fair, self._length - self._done)
         starts = self._starts[: min(len(self._starts), allowed)]
-        if threads is None:
-            found = [start.run(self._cooling, share) for start in starts]
-        else:
-            found = list(threads.map(lambda start: start.run(self._cooling, share), starts))
+        found = side_by_side(threads, lambda start: start.run(self._cooling, share), starts)
         leader = min(self._starts, key=lambda start: start.key.tolist())
         if leader.key.tolist() < self._leader.key.tolist() or max(found) > 0:
             self._leader = leader

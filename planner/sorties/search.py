@@ -7,16 +7,16 @@ round: the seed, the number of starts and of iterations decide the plan.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import nullcontext
+from concurrent.futures import Executor
 
 import numpy as np
 
 from planner.construct import random_state
 from planner.kernels.arrays import RandomState
 from planner.kernels.sortieinsertion import measure_given, put_all, settle_touched
-from planner.kernels.sorties import SortieProblem, SortieState, schedule
+from planner.kernels.sorties import SortieMemory, SortieProblem, SortieState, schedule
 from planner.kernels.sortiesearch import anneal_sorties, better_sums, copy_sorties
+from planner.rounds import in_rounds, side_by_side
 from planner.sorties.construct import (
     MoveTable,
     begin_with,
@@ -114,19 +114,20 @@ class SortieSearch:
         able = self._problem.able.any(axis=0) & (state.where < 0)
         waiting = np.array(sorted(np.flatnonzero(able), key=lambda one: -nearest_s[one]), dtype=np.int64)
         put_all(self._problem, state, memory, waiting, len(waiting), random_state(seed))
-        memory.touched[:] = 1
-        settle_touched(self._problem, state, memory)
-        memory.touched[:] = 0
-        schedule(self._problem, state, memory)
+        self._settle(state, memory)
         if state.sums[0] > 0 and not initial:  # the days are too short: what yields most comes first
             for vehicle, count in enumerate(state.counts):
                 own = state.order[vehicle, :count].copy()
                 state.order[vehicle, :count] = own[np.argsort(-state.size[own] / state.whole[own, 0], kind="stable")]
-            memory.touched[:] = 1
-            settle_touched(self._problem, state, memory)
-            memory.touched[:] = 0
-            schedule(self._problem, state, memory)
+            self._settle(state, memory)
         return state
+
+    def _settle(self, state: SortieState, memory: SortieMemory) -> None:
+        """Divide what every vehicle does into sorties anew, and give them their times."""
+        memory.touched[:] = 1
+        settle_touched(self._problem, state, memory)
+        memory.touched[:] = 0
+        schedule(self._problem, state, memory)
 
     @property
     def complete(self) -> bool:
@@ -137,13 +138,8 @@ class SortieSearch:
     def run(self, stop: StopRule) -> SortieResult:
         """Improve until ``stop`` says so."""
         reason = "nothing to do"
-        with ThreadPoolExecutor(len(self._starts)) if len(self._starts) > 1 else nullcontext() as threads:
-            while not self._idle:
-                verdict = stop(self._progress())
-                reason = verdict.reason
-                if verdict.allowed <= 0:
-                    break
-                self._advance(verdict.allowed, threads)
+        if not self._idle:
+            reason = in_rounds(stop, self._progress, self._advance, len(self._starts))
         plan = sortie_plan(self._instance, self._leader.best)
         return SortieResult(plan, evaluate_sorties(self._instance, plan), self._iterations, self._watch.seconds, reason)
 
@@ -165,10 +161,7 @@ class SortieSearch:
         fair = max(1, allowed // len(self._starts))
         share = min(BATCH, fair, self._length - self._done)
         starts = self._starts[: min(len(self._starts), allowed)]
-        if threads is None:
-            found = [start.run(self._cooling, self._most, share) for start in starts]
-        else:
-            found = list(threads.map(lambda start: start.run(self._cooling, self._most, share), starts))
+        found = side_by_side(threads, lambda start: start.run(self._cooling, self._most, share), starts)
         for start in starts:
             if better_sums(self._problem, start.best.sums, self._leader.best.sums):
                 self._leader = start
