@@ -23,6 +23,22 @@ def data_directory(given: Path | None) -> Path | None:
     return shared_folder(given, "data", f"a directory with {NECHRANICE}")
 
 
+def papers_network(given: Path | None, otherwise: str = "") -> Path:
+    """Return the paper's network in the data.
+
+    Args:
+        given: The directory, as `data_directory` has it.
+        otherwise: What else could be asked for, as it ends a message.
+
+    Raises:
+        BenchError: it is not there.
+    """
+    found = data_directory(given)
+    if found is None or not (found / NECHRANICE).is_file():
+        raise BenchError(f"--data: expected a directory with {NECHRANICE}{otherwise}")
+    return found / NECHRANICE
+
+
 def shared_folder(given: Path | None, name: str, expected: str) -> Path | None:
     """Return the folder given by the option of its name, or else that of ../shared beside the project or from here.
 

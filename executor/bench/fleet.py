@@ -32,10 +32,8 @@ from executor.bench.garbage import FRAMES_S, Flood
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import figure, markdown_page, markdown_table
 from executor.bench.store import keep_result
+from executor.bench.virtual.flight import Quiet
 from executor.core.commands import Level
-from executor.core.context import Context
-from executor.core.preflight.checks import Check
-from executor.core.state import FleetState
 from executor.errors import ExecutorError
 from executor.flight import fly as flying
 from executor.flight.flight_order import Order, keep
@@ -198,7 +196,7 @@ async def _watched(order: Order, watch: _Watch) -> flying.FlightResult:
         watching.cancel()
 
 
-class _Watch:
+class _Watch(Quiet):
     """An operator who says yes, looks at the clock, and leaves when the time is over."""
 
     def __init__(self, lasts_real_s: float, processor: set[int]) -> None:
@@ -260,12 +258,6 @@ class _Watch:
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
         if level is Level.FAULT:
             print(f"{at_s or 0.0:8.1f} s  {text}", file=sys.stderr, flush=True)
-
-    def checks(self, found: Sequence[Check]) -> None:
-        """Show nothing: what stops the flight is raised."""
-
-    def show(self, context: Context, state: FleetState, now_s: float) -> None:
-        """Show nothing: a terminal is not measured here."""
 
 
 def _resident_mib() -> float:

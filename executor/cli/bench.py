@@ -9,12 +9,13 @@ from typing import Annotated
 import typer
 
 from executor.adapters.extras import Extra, need
-from executor.bench.errors import BenchError
 from executor.bench.parts.names import PartName
 from executor.cli import bench_day, bench_failures, bench_flights
 from executor.cli.options import (
     MINMAX_COST,
+    RESULTS,
     CostName,
+    DataOption,
     FaultOption,
     JsonOption,
     SecondsOption,
@@ -34,12 +35,6 @@ cli = typer.Typer(
 )
 
 
-RESULTS = Path("docs") / "results"
-
-DataOption = Annotated[
-    Path | None,
-    typer.Option(metavar="DIR", help="The benchmark data; by default ../shared/data beside the project or from here."),
-]
 OutOption = Annotated[Path, typer.Option(metavar="DIR", help="Directory for the results.")]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Start over; without it existing results are kept.")]
 InstanceOption = Annotated[
@@ -220,14 +215,11 @@ def upload(
 
 
 def _network_path(network: str | None, data: Path | None) -> Path | None:
-    from executor.bench.data import NECHRANICE, data_directory
+    from executor.bench.data import papers_network
 
     if network is not None:
         return None if network == "default" else Path(network)
-    found = data_directory(data)
-    if found is None or not (found / NECHRANICE).is_file():
-        raise BenchError(f"--data: expected a directory with {NECHRANICE}; --network default needs none")
-    return found / NECHRANICE
+    return papers_network(data, "; --network default needs none")
 
 
 def _stop_name(stop: int | dict[str, int | bool]) -> str:

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from executor.cli.options import JsonOption, SecondsOption, SeedOption, finite
+from executor.cli.bench_flights import ended
+from executor.cli.options import RESULTS, DataOption, JsonOption, SecondsOption, SeedOption, finite
 
 if TYPE_CHECKING:
     from executor.bench.failures import SolvedScenario
-
-RESULTS = Path("docs") / "results"
 
 FamilyOption = Annotated[
     str | None, typer.Option(metavar="NAME", help="Only the scenarios whose names begin so, up to the point.")
@@ -50,12 +49,7 @@ def failures(
     seconds: SecondsOption = 0.5,
     seed: SeedOption = 1,
     prove: ProveOption = None,
-    data: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="The benchmark data; by default ../shared/data beside the project or from here."
-        ),
-    ] = None,
+    data: DataOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Re-plan days with several depots and trips when vehicles are lost one after another, beside published figures.
@@ -89,12 +83,8 @@ def failures(
     asked = ("" if prove is None else f" --prove {prove:g}") + ("" if family is None else f" --family {family}")
     command = f"faultline bench failures --seconds {seconds:g} --seed {seed}{asked}"
     content = failures_document(rows, command, seconds, LONG_ENOUGH, seed, prove)
-    keep_failures(content, RESULTS if out is None else out)
-    if as_json:
-        print(json.dumps(content))
-    else:
-        print_failures(content)
-    raise typer.Exit(1 if any(row["left"] or row["wrong"] for row in rows) else 0)
+    failed = any(row["left"] or row["wrong"] for row in rows)
+    ended(content, keep_failures, print_failures, RESULTS if out is None else out, as_json=as_json, failed=failed)
 
 
 def _tell(solved: SolvedScenario) -> None:

@@ -11,7 +11,17 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, SecondsOption, SeedOption
+from executor.cli.options import (
+    FIRST_AUTOPILOT,
+    AutopilotName,
+    AutopilotOption,
+    AutopilotsOption,
+    JsonOption,
+    NetworkOption,
+    SecondsOption,
+    SeedOption,
+    kept_in,
+)
 
 if TYPE_CHECKING:
     from executor.bench.store import Json
@@ -42,9 +52,7 @@ JobsOption = Annotated[int | None, typer.Option(min=1, help="Processes; by defau
 
 
 def prediction(
-    autopilot: Annotated[
-        AutopilotName | None, typer.Option(help="Autopilot that the simulated vehicles behave like; by default both.")
-    ] = None,
+    autopilot: AutopilotsOption = None,
     routes: Annotated[int, typer.Option(min=0, help="Random routes, in flights of 1 to 4 vehicles.")] = 100,
     varied: Annotated[
         int,
@@ -62,9 +70,7 @@ def prediction(
         typer.Option(metavar="DIR", help="Measure the recorded flight of a run directory instead; may be repeated."),
     ] = None,
     jobs: JobsOption = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write prediction.md and prediction.json there.")
-    ] = None,
+    out: Annotated[Path | None, kept_in("prediction.md and prediction.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Measure how well time and energy of routes are predicted: planned against flown.
@@ -93,20 +99,16 @@ def prediction(
         names = ["faultline's own network", *(one.name for one in network or ())]
         found = [route for flight in flown for route in flight.routes]
         content = prediction_document(found, command, seed=seed, flights=flown, networks=names, varied=beside)
-    _ended(content, keep_prediction, print_prediction, out, as_json=as_json, failed=bool(content["not_nominal"]))
+    ended(content, keep_prediction, print_prediction, out, as_json=as_json, failed=bool(content["not_nominal"]))
 
 
 def window(
-    network: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file; by default faultline's own network.")
-    ] = None,
+    network: NetworkOption = None,
     radius: RadiiOption = None,
     losses: Annotated[int, typer.Option(min=0, help="Losses after the claimed times, each a flight.")] = 50,
     before: Annotated[int, typer.Option(min=0, help="Losses before them: what is left over must be named.")] = 0,
     seed: SeedOption = 1,
-    autopilot: Annotated[
-        AutopilotName, typer.Option(help="Autopilot that the simulated vehicles behave like.")
-    ] = FIRST_AUTOPILOT,
+    autopilot: AutopilotOption = FIRST_AUTOPILOT,
     vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = 4,
     tightness: SharesOption = None,
     budget: Annotated[
@@ -114,9 +116,7 @@ def window(
     ] = 28.0,
     seconds: SecondsOption = 20.0,
     jobs: JobsOption = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write window.md and window.json there.")
-    ] = None,
+    out: Annotated[Path | None, kept_in("window.md and window.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Lose vehicles after the claimed time of a plan's re-plan window, and fly each loss to its end in virtual time.
@@ -154,19 +154,15 @@ def window(
     ])  # fmt: skip
     content = window_document(plans[0], command, results(trials))
     kept = content["finished_after"] == content["losses_after"] and content["unnamed_before"] == 0
-    _ended(content, keep_window, print_window, out, as_json=as_json, failed=not kept)
+    ended(content, keep_window, print_window, out, as_json=as_json, failed=not kept)
 
 
 def distance(
     flights: Annotated[int, typer.Option(min=1, help="Flights of 3 to 8 vehicles.")] = 100,
     seed: SeedOption = 1,
-    autopilot: Annotated[
-        AutopilotName | None, typer.Option(help="Autopilot that the simulated vehicles behave like; by default both.")
-    ] = None,
+    autopilot: AutopilotsOption = None,
     jobs: JobsOption = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write distance.md and distance.json there.")
-    ] = None,
+    out: Annotated[Path | None, kept_in("distance.md and distance.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Fly fleets at the asked distance with faults, and measure where they truly inspect and how near they come.
@@ -184,19 +180,15 @@ def distance(
     command = shlex.join(["faultline", "bench", "distance", *asked, "--flights", str(flights), "--seed", str(seed)])
     content = distance_document(flown, command, seed)
     failed = content["too_near"] or content["off"] or content["not_flown"]
-    _ended(content, keep_distance, print_distance, out, as_json=as_json, failed=bool(failed))
+    ended(content, keep_distance, print_distance, out, as_json=as_json, failed=bool(failed))
 
 
 def pictures(
     flights: Annotated[int, typer.Option(min=1, help="Flights of 2 to 4 vehicles.")] = 20,
     seed: SeedOption = 1,
-    autopilot: Annotated[
-        AutopilotName | None, typer.Option(help="Autopilot that the simulated vehicles behave like; by default both.")
-    ] = None,
+    autopilot: AutopilotsOption = None,
     jobs: JobsOption = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write pictures.md and pictures.json there.")
-    ] = None,
+    out: Annotated[Path | None, kept_in("pictures.md and pictures.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Fly fleets with cameras through faults and lost datagrams, and hold index and cards against what was taken.
@@ -214,7 +206,7 @@ def pictures(
     command = shlex.join(["faultline", "bench", "pictures", *asked, "--flights", str(flights), "--seed", str(seed)])
     content = pictures_document(flown, command, seed)
     failed = content["wrong"] or content["not_flown"]
-    _ended(content, keep_pictures, print_pictures, out, as_json=as_json, failed=bool(failed))
+    ended(content, keep_pictures, print_pictures, out, as_json=as_json, failed=bool(failed))
 
 
 def sorties(
@@ -234,13 +226,9 @@ def sorties(
     ] = None,
     seed: SeedOption = 1,
     iterations: Annotated[int, typer.Option(min=1, help="Of the search for each day's plan.")] = 20_000,
-    autopilot: Annotated[
-        AutopilotName | None, typer.Option(help="Autopilot that the simulated vehicles behave like; by default both.")
-    ] = None,
+    autopilot: AutopilotsOption = None,
     jobs: JobsOption = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write sorties.md and sorties.json there.")
-    ] = None,
+    out: Annotated[Path | None, kept_in("sorties.md and sorties.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Fly days of some fifty sorties with losses, bad packs and a ground station that dies, and judge them by truth.
@@ -263,7 +251,7 @@ def sorties(
     asked += [] if network is None else ["--network", network.name]
     figures = ["--days", str(days), "--seed", str(seed), "--iterations", str(iterations)]
     content = sorties_document(flown, shlex.join(["faultline", "bench", "sorties", *asked, *figures]), seed, over)
-    _ended(content, keep_sorties, print_sorties, out, as_json=as_json, failed=bool(content["wrong"]))
+    ended(content, keep_sorties, print_sorties, out, as_json=as_json, failed=bool(content["wrong"]))
 
 
 def _named(autopilot: AutopilotName | None) -> tuple[list[str], list[str]]:
@@ -283,7 +271,7 @@ def _flown(fly: Callable[[C], F], cases: Sequence[C], jobs: int | None, stage: s
         return each(fly, cases, jobs=jobs or cores(), told=partial(shown.told, stage))
 
 
-def _ended(
+def ended(
     content: Json, keep: Callable[[Json, Path], object], show: Callable[[Json], object], out: Path | None,
     *, as_json: bool, failed: bool,
 ) -> None:  # fmt: skip

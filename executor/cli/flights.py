@@ -25,12 +25,13 @@ from executor.cli.options import (
     DEFAULT_STRETCH_PCT,
     FIRST_AUTOPILOT,
     AfterOption,
-    AutopilotName,
+    AutopilotOption,
     EverybodyOption,
     FaultOption,
     FlownPlanOption,
     JsonOption,
     LearnedOption,
+    NetworkOption,
     PlanCostOption,
     QuietOption,
     RunOption,
@@ -91,9 +92,7 @@ DEMO_SEARCHES = 2
 
 
 def demo(
-    network: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file; by default faultline's own network.")
-    ] = None,
+    network: NetworkOption = None,
     radius: Annotated[
         float, typer.Option(min=1, callback=finite, metavar="M", help="Only segments within M metres of the depot.")
     ] = USUAL_RADIUS_M,
@@ -106,9 +105,7 @@ def demo(
     ] = 10.0,
     seed: SeedOption = 1,
     fault: FaultOption = None,
-    autopilot: Annotated[
-        AutopilotName, typer.Option(help="Autopilot that the simulated vehicles behave like.")
-    ] = FIRST_AUTOPILOT,
+    autopilot: AutopilotOption = FIRST_AUTOPILOT,
     cost: PlanCostOption = None,
     flat: Annotated[
         bool, typer.Option("--flat", help="For a network without heights: take its ground to be flat.")

@@ -14,12 +14,13 @@ from executor.cli.network_options import (
     DepotOption,
     LayersOption,
     MaxSpanOption,
+    RadiusOption,
     SnapOption,
     WhereOption,
     depot_of,
     wanted,
 )
-from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, finite
+from executor.cli.options import FIRST_AUTOPILOT, AutopilotName
 from executor.cli.planning import can_be_written, writable
 from executor.errors import SiteError
 from executor.site import assembly, template
@@ -39,10 +40,7 @@ def init(
         typer.Option("-o", "--output", metavar="SITE", help="Write the site file there; it must not exist yet."),
     ] = None,
     depot: DepotOption = None,
-    radius: Annotated[
-        float | None,
-        typer.Option(min=1, callback=finite, metavar="M", help="Only segments within M metres of the depot."),
-    ] = None,
+    radius: RadiusOption = None,
     vehicles: Annotated[int, typer.Option(min=1, max=50, help="Number of vehicles.")] = 3,
     autopilot: Annotated[AutopilotName, typer.Option(help="Autopilot of all vehicles.")] = FIRST_AUTOPILOT,
     layer: LayersOption = None,

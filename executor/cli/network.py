@@ -18,12 +18,13 @@ from executor.cli.network_options import (
     DepotOption,
     LayersOption,
     MaxSpanOption,
+    RadiusOption,
     SnapOption,
     WhereOption,
     depot_of,
     wanted,
 )
-from executor.cli.options import JsonOption, finite
+from executor.cli.options import JsonOption
 from executor.cli.planning import can_be_drawn, can_be_written, writable
 from executor.core import words
 from executor.errors import SiteError
@@ -72,10 +73,7 @@ def network(
     where: WhereOption = None,
     crs: CrsOption = None,
     depot: DepotOption = None,
-    radius: Annotated[
-        float | None,
-        typer.Option(min=1, callback=finite, metavar="M", help="Only segments within M metres of the depot."),
-    ] = None,
+    radius: RadiusOption = None,
     snap: SnapOption = SNAP_M,
     max_span: MaxSpanOption = None,
     as_json: JsonOption = False,

@@ -45,6 +45,10 @@ MaxSpanOption = Annotated[
         help="Divide longer spans, where there are no poles.",
     ),
 ]
+RadiusOption = Annotated[
+    float | None,
+    typer.Option(min=1, callback=finite, metavar="M", help="Only segments within M metres of the depot."),
+]
 DepotOption = Annotated[
     str | None,
     typer.Option(

@@ -136,9 +136,14 @@ def day_wanted(asked: typer.Context, plan: Path | None) -> DayPlanFile | None:
 
 def _as_it_is(asked: typer.Context) -> None:
     for name in PLANNING:
-        source = asked.get_parameter_source(name)
-        if source is not None and source.name != "DEFAULT":
+        if is_given(asked, name):
             raise SiteError(f"--{name.replace('_', '-')}: expected none beside --plan, which is flown as it is")
+
+
+def is_given(asked: typer.Context, name: str) -> bool:
+    """Return whether an option of a command was given, and is not its default."""
+    source = asked.get_parameter_source(name)
+    return source is not None and source.name != "DEFAULT"
 
 
 def plan_and_tell(

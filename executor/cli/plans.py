@@ -49,6 +49,7 @@ from executor.cli.planning import (
     can_be_drawn,
     can_be_written,
     ground_with,
+    is_given,
     plan_and_tell,
     wanted_of,
     writable,
@@ -144,7 +145,7 @@ def plan(
     _can_be_profiled(profile, site, front=front, over_raster=ground.terrain is not None)
     left = None if after is None else next_sortie.segments_left(after, ground)
     if day:
-        seconds = seconds if _is_given(asked, "seconds") else DAY_SECONDS
+        seconds = seconds if is_given(asked, "seconds") else DAY_SECONDS
         wishes = DayAsked(objective, seconds, seed, starts, mtbf_hours, probability, samples, dask, jobs)
         plan_day(ground, console, wishes, output, picture, left, as_json=as_json)
         return
@@ -206,17 +207,12 @@ ONLY_BY_LOSSES = ("dask", "jobs")
 
 def _fit_together(asked: typer.Context, *, day: bool) -> None:
     for name in NOT_BY_DAY if day else ONLY_BY_DAY:
-        if _is_given(asked, name):
+        if is_given(asked, name):
             beside = "none beside --day" if day else "--day beside it"
             raise SiteError(f"--{name.replace('_', '-')}: expected {beside}")
     for name in ONLY_BY_LOSSES:
-        if _is_given(asked, name) and not _is_given(asked, "mtbf_hours"):
+        if is_given(asked, name) and not is_given(asked, "mtbf_hours"):
             raise SiteError(f"--{name}: expected --mtbf-hours beside it")
-
-
-def _is_given(asked: typer.Context, name: str) -> bool:
-    source = asked.get_parameter_source(name)
-    return source is not None and source.name != "DEFAULT"
 
 
 def _plan_front(

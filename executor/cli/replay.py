@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated
@@ -17,7 +18,7 @@ from executor.cli.options import JsonOption
 from executor.cli.planning import writable
 from executor.core.messages import Actor
 from executor.core.recording import Skipped
-from executor.errors import LogError, SiteError
+from executor.errors import LogError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import ReplayRules, replay, rules_of
 from executor.replay.open_log import is_log_by_content, open_log
@@ -118,10 +119,7 @@ def _packs(done: Sequence[_Done], path: Path, site: Site | None) -> PacksDocumen
         tables = () if own is None else own.vehicle
         labels = {table.sysid: table.pack for table in tables if table.pack is not None}
         known = packs_of([one.replay], known, labels)
-    try:
-        known.write(path)
-    except OSError as error:
-        raise SiteError(f"{path}: cannot be written: {error.strerror}") from error
+    writable(path, lambda: known.write(path))
     return known
 
 
@@ -265,11 +263,8 @@ def _write(done: Sequence[_Done], folder: Path) -> None:
     for one in done:
         name = one.replay.path.resolve().name
         picture, page = folder / f"{name}.png", folder / f"{name}.html"
-        try:
-            draw_replay(one.replay, one.truth, picture)
-            write_replay_page(one.replay, one.truth, picture, page)
-        except OSError as error:
-            raise SiteError(f"{folder}: cannot be written: {error.strerror}") from error
+        writable(folder, partial(draw_replay, one.replay, one.truth, picture))
+        writable(folder, partial(write_replay_page, one.replay, one.truth, picture, page))
 
 
 def _learn(paths: Sequence[Path], site: Site | None, output: Path | None, *, as_json: bool) -> None:

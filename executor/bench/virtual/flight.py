@@ -178,7 +178,7 @@ def fly_virtual(
     return replace(flown, took_s=time.perf_counter() - began_s)
 
 
-class _Quiet:
+class Quiet:
     """A console that nobody looks at."""
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
@@ -251,7 +251,7 @@ class _Sky:
             radio.spare()
         beats = asyncio.create_task(keep_heartbeat(links, clock))
         tasks = [asyncio.create_task(live(self._radios.values(), self._look, every_s=STEP_S)), beats]
-        console = _Quiet()
+        console = Quiet()
         try:
             facts = await interviews(self._order, links, clock, console)
             context, boards, found = examined(self._order, facts)
