@@ -29,7 +29,8 @@ from executor.replay.run import rerun
 from executor.simulator.truth import Truth, read_truths
 from executor.site import assembly
 from executor.site.assembly import Ground
-from missions import Network, Phase, PlanFile, Solved, make_plan_file, open_task
+from executor.site.planning import site_plan
+from missions import Network, Phase, PlanFile, Solved, open_task
 from planner import Cost, NoImprovement, Plan, Route, Vehicle, solve
 
 LEAST, MOST = 5, 40
@@ -215,8 +216,7 @@ def plan_with(ground: Ground, routes: Mapping[str, tuple[int, ...]]) -> PlanFile
     plan = Plan(tuple(Route(number, task.from_network(routes[name])) for number, name in enumerate(ground.names)), ())
     solved = Solved(solver="search", seed=1, seconds=0.0)
     task = assembly.asked_task(ground, task, plan)
-    made = make_plan_file(ground.network, task, ground.travel, plan, Cost.MINMAX, solved, inspection=ground.inspection)
-    return replace(made, terrain=assembly.plan_terrain(ground))
+    return site_plan(ground, task, plan, Cost.MINMAX, solved)
 
 
 def planned(board: OnBoard) -> tuple[float, float]:

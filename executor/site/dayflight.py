@@ -13,9 +13,9 @@ from executor.core.parts import SortieAhead
 from executor.core.words import count_of
 from executor.site import assembly
 from executor.site.assembly import Ground
-from executor.site.planning import SAME_PLACE_M, landed_fly_again, same_segments
+from executor.site.planning import SAME_PLACE_M, same_segments, site_plan
 from executor.site.sorties import site_day
-from missions import DayPlanFile, LocalFrame, Pad, PlanFile, PlanFileError, check_day_plan, make_plan_file, place_pads
+from missions import DayPlanFile, LocalFrame, Pad, PlanFile, PlanFileError, check_day_plan, place_pads
 from planner import Cost, Plan, Route, is_reversed, segment_of, visit_of
 from planner.sorties import Sortie
 
@@ -48,10 +48,7 @@ def first_sorties(content: DayPlanFile, ground: Ground) -> PlanFile:
     )
     flown = {segment_of(visit) for route in plan.routes for visit in route.visits}
     plan = replace(plan, uncovered=tuple(one for one in range(len(ids)) if one not in flown))
-    made = make_plan_file(
-        ground.network, task, ground.travel, plan, Cost.MINMAX, content.solved, inspection=ground.inspection
-    )
-    return replace(made, fly_again=landed_fly_again(ground), terrain=assembly.plan_terrain(ground))
+    return site_plan(ground, task, plan, Cost.MINMAX, content.solved)
 
 
 def ahead_of(content: DayPlanFile) -> Mapping[str, tuple[SortieAhead, ...]]:

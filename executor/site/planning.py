@@ -160,8 +160,15 @@ def first_plan(
         if window is not None:
             window = window_in(replan_window(task.instance, plan, fly_again=landed_fly_again(ground)), task.instance)
     solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
+    return site_plan(ground, task, plan, wanted.cost, solved, window)
+
+
+def site_plan(
+    ground: Ground, task: Task, plan: Plan, cost: Cost | None, solved: Solved, window: Window | None = None
+) -> PlanFile:
+    """Return a plan of a site's task as a plan file: with what the site says of its flights and of its ground."""
     content = make_plan_file(
-        ground.network, task, ground.travel, plan, wanted.cost, solved, window=window, inspection=ground.inspection,
+        ground.network, task, ground.travel, plan, cost, solved, window=window, inspection=ground.inspection,
     )  # fmt: skip
     return replace(content, fly_again=landed_fly_again(ground), terrain=assembly.plan_terrain(ground))
 
@@ -185,9 +192,7 @@ def front_plans(
         starts=wanted.threads, params=wanted.params, on_progress=on_progress, fly_again=landed_fly_again(ground),
     )  # fmt: skip
     solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=wanted.seconds)
-    contents = [_of_the_front(ground, task, entry, solved) for entry in found]
-    terrain = assembly.plan_terrain(ground)
-    return tuple(replace(content, fly_again=landed_fly_again(ground), terrain=terrain) for content in contents)
+    return tuple(_of_the_front(ground, task, entry, solved) for entry in found)
 
 
 def _of_the_front(ground: Ground, task: Task, entry: FrontPlan, solved: Solved) -> PlanFile:
@@ -195,10 +200,7 @@ def _of_the_front(ground: Ground, task: Task, entry: FrontPlan, solved: Solved) 
     if ground.inspection.same_distance:
         task = assembly.asked_task(ground, task, entry.plan)
         window = replan_window(task.instance, entry.plan, fly_again=landed_fly_again(ground))
-    return make_plan_file(
-        ground.network, task, ground.travel, entry.plan, None, solved,
-        window=window_in(window, task.instance), inspection=ground.inspection,
-    )  # fmt: skip
+    return site_plan(ground, task, entry.plan, None, solved, window_in(window, task.instance))
 
 
 def reference_plans(ground: Ground, wanted: Wanted) -> Mapping[str, PlanFile]:
@@ -235,10 +237,6 @@ def _solved(instance: Instance, wanted: Wanted, cost: Cost, on_progress: Callabl
 def _ended(wanted: Wanted, settled: StopRule) -> StopRule:
     """Return when a search ends: after its iterations if they are given, and else once it is settled."""
     return any_of(Seconds(wanted.seconds), settled if wanted.iterations is None else Iterations(wanted.iterations))
-
-
-def _settled(seconds: float) -> StopRule:
-    return any_of(Seconds(seconds), NoImprovement(SETTLED))
 
 
 def window_in(found: ReplanWindow, instance: Instance) -> Window:
@@ -401,7 +399,8 @@ def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: f
         raise PlanFileError(f"{plan.source}: --lost: expected one of {', '.join(names)}, got {lost}")
     task = plan.task()
     left = remaining(task.instance, plan.plan, names.index(lost), at_s, fly_again=plan.fly_again)
-    result = replan(left.instance, warm=left.warm, cost=cost, stop=_settled(seconds), seed=seed)
+    stop = any_of(Seconds(seconds), NoImprovement(SETTLED))
+    result = replan(left.instance, warm=left.warm, cost=cost, stop=stop, seed=seed)
     pricing = plan.pricing and plan.pricing.part(left.open_segments, (one.name for one in left.instance.vehicles))
     if pricing is not None and plan.pricing is not None:
         pricing = replace(pricing, low_starts=frozenset(_low_starts(plan.pricing, left)))
