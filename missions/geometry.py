@@ -41,6 +41,22 @@ def place_distances_m(legs_m: FloatArray, places_m: FloatArray) -> FloatArray:
     return nearest_on(places_m, legs_m[:, 0], legs_m[:, 1] - legs_m[:, 0])[0]
 
 
+def bends(places_m: FloatArray, within_m: float) -> list[int]:
+    """Return which of the places between the first and the last a drawn line bends at, by more than a distance."""
+    kept: list[int] = []
+    open_: list[tuple[int, int]] = [(0, len(places_m) - 1)]
+    while open_:
+        first, last = open_.pop()
+        if last - first < 2:
+            continue
+        away_m = place_distances_m(places_m[np.newaxis, [first, last]], places_m[first + 1 : last])[:, 0]
+        farthest = int(away_m.argmax())
+        if away_m[farthest] > within_m:
+            kept.append(first + 1 + farthest)
+            open_ += [(first, first + 1 + farthest), (first + 1 + farthest, last)]
+    return sorted(kept)
+
+
 def leg_distances_m(legs_a: FloatArray, legs_b: FloatArray) -> FloatArray:
     """Return (m, n) float64: least distances between (m, 2, 3) and (n, 2, 3) legs.
 

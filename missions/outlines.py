@@ -9,6 +9,7 @@ import numpy as np
 
 from missions.areas import Ring
 from missions.geo import FloatArray
+from missions.geometry import bends
 
 SHORTEST_M = 0.01
 """Corners nearer to each other are one."""
@@ -87,20 +88,7 @@ def eased(ring: Ring, tolerance_m: float, *, closed: bool) -> Ring:
 
 
 def _kept(corners: FloatArray, tolerance_m: float) -> list[int]:
-    kept, open_ = {0, len(corners) - 1}, [(0, len(corners) - 1)]
-    while open_:
-        first, last = open_.pop()
-        if last - first < 2:
-            continue
-        off, along = corners[first + 1 : last] - corners[first], corners[last] - corners[first]
-        share = np.clip((off @ along) / max(float(along @ along), 1e-12), 0.0, 1.0)
-        away_m = np.hypot(*(off - share[:, np.newaxis] * along).T)
-        worst = int(away_m.argmax())
-        if away_m[worst] > tolerance_m:
-            middle = first + 1 + worst
-            kept.add(middle)
-            open_ += [(first, middle), (middle, last)]
-    return sorted(kept)
+    return sorted({0, *bends(corners, tolerance_m), len(corners) - 1})
 
 
 def _ring(corners: FloatArray) -> Ring:

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from missions.areas import Area, Ring
 from missions.geo import FloatArray
+from missions.geometry import nearest_on
 
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
@@ -85,7 +86,7 @@ class _Shape:
     def hit(self, starts_m: FloatArray, goals_m: FloatArray) -> BoolArray:
         """Return (n,) whether straight legs between places outside come nearer than is kept."""
         along_m = goals_m - starts_m
-        passed_m = _off(self.centre_m[np.newaxis] - starts_m, along_m)
+        passed_m = nearest_on(self.centre_m[np.newaxis], starts_m, along_m)[0][0]
         found = np.zeros(len(starts_m), dtype=np.bool_)
         near = np.flatnonzero(passed_m < self.radius_m)
         step = max(1, AT_ONCE // len(self.begins_m))
@@ -322,12 +323,6 @@ def _oriented(ring: Ring, number: int, *, is_line: bool) -> FloatArray:
     after = np.roll(corners, -1, axis=0)
     area = float((corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0]).sum())
     return corners if (area > 0) is (number == 0) else corners[::-1]
-
-
-def _off(centre_m: FloatArray, along_m: FloatArray) -> FloatArray:
-    """Return (n,) distances of places from legs, both (n, 2) and counted from where the legs begin."""
-    share = (centre_m * along_m).sum(axis=1) / np.maximum((along_m**2).sum(axis=1), 1e-12)
-    return np.asarray(np.hypot(*(centre_m - np.clip(share, 0.0, 1.0)[:, np.newaxis] * along_m).T))
 
 
 def _place(place_m: FloatArray) -> Place:

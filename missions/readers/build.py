@@ -16,11 +16,12 @@ import numpy as np
 
 from missions.errors import NetworkError
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
+from missions.geometry import bends
 from missions.network import SHORTEST_SEGMENT_M, Pylon, Segment
 from missions.readers.aftermath import look_over
 from missions.readers.drawing import Drawing, Line, Matter, Remark, Vertex
 from missions.readers.nodes import SAME_POLE_M, Nodes
-from missions.readers.planar import PlaceIndex, bends
+from missions.readers.planar import PlaceIndex
 
 SNAP_M = 0.5
 STRAIGHT_M = 1.0

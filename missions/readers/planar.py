@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from missions.geo import FloatArray
+from missions.geometry import nearest_on, place_distances_m
 
 IndexArray = npt.NDArray[np.intp]
 
@@ -25,18 +26,9 @@ class PlaceIndex:
         """Return the places near a span: their numbers, how far along it (0 to 1), and how far from it."""
         low, high = sorted((float(a_m[self._axis]), float(b_m[self._axis])))
         first, last = np.searchsorted(self._sorted_m[:, self._axis], (low - within_m, high + within_m))
-        shares, distances_m = along_and_away(self._sorted_m[first:last], a_m, b_m)
-        near = np.flatnonzero(distances_m <= within_m)
-        return self._order[first:last][near], shares[near], distances_m[near]
-
-
-def along_and_away(places_m: FloatArray, a_m: FloatArray, b_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return for (n, 2) places how far along a span (0 to 1) the nearest of its places is, and how far away."""
-    way_m = b_m - a_m
-    squared = np.maximum(np.sum(way_m**2, axis=-1), 1e-12)
-    shares = np.clip(np.sum((places_m - a_m) * way_m, axis=-1) / squared, 0.0, 1.0)
-    away_m = places_m - (a_m + shares[:, None] * way_m)
-    return shares, np.hypot(away_m[:, 0], away_m[:, 1])
+        distances_m, shares = nearest_on(self._sorted_m[first:last], a_m[np.newaxis], (b_m - a_m)[np.newaxis])
+        near = np.flatnonzero(distances_m[:, 0] <= within_m)
+        return self._order[first:last][near], shares[near, 0], distances_m[near, 0]
 
 
 def crossings(ends_m: FloatArray, nodes: IndexArray) -> Iterator[tuple[int, int, tuple[float, float]]]:
@@ -74,28 +66,9 @@ def _met(
         yield pair[0], pair[1], (east_m, north_m)
 
 
-def bends(places_m: FloatArray, within_m: float) -> list[int]:
-    """Return which of the places between the first and the last a drawn line bends at, by more than a distance."""
-    kept: list[int] = []
-    open_: list[tuple[int, int]] = [(0, len(places_m) - 1)]
-    while open_:
-        first, last = open_.pop()
-        if last - first < 2:
-            continue
-        _, away_m = along_and_away(places_m[first + 1 : last], places_m[first], places_m[last])
-        farthest = int(np.argmax(away_m))
-        if away_m[farthest] > within_m:
-            kept.append(first + 1 + farthest)
-            open_ += [(first, first + 1 + farthest), (first + 1 + farthest, last)]
-    return sorted(kept)
-
-
 def nearest_span(place_m: FloatArray, ends_m: FloatArray, but: Sequence[int] = ()) -> tuple[int, float]:
     """Return the nearest of (n, 2, 2) spans to a place and how far away it is; ``but`` are not looked at."""
-    way_m = ends_m[:, 1] - ends_m[:, 0]
-    squared = np.maximum(np.sum(way_m**2, axis=1), 1e-12)
-    shares = np.clip(np.sum((place_m - ends_m[:, 0]) * way_m, axis=1) / squared, 0.0, 1.0)
-    distances_m = np.hypot(*(place_m - (ends_m[:, 0] + shares[:, None] * way_m)).T)
+    distances_m = place_distances_m(ends_m, place_m[np.newaxis])[0]
     distances_m[list(but)] = np.inf
     nearest = int(np.argmin(distances_m))
     return nearest, float(distances_m[nearest])
