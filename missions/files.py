@@ -23,11 +23,18 @@ def read_text(path: Path, what: str, error: type[Exception]) -> str:
         error: What to raise.
     """
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        content = path.read_bytes()
     except OSError as reason:
         raise error(f"{path}: file: expected a readable {what}: {reason.strerror}") from reason
+    return decoded(content, str(path), error)
+
+
+def decoded(content: bytes, source: str, error: type[Exception]) -> str:
+    """Return the text that bytes are in UTF-8, without a byte order mark."""
+    try:
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError as reason:
-        raise error(f"{path}: encoding: expected UTF-8 text, found other bytes at {reason.start}") from reason
+        raise error(f"{source}: encoding: expected UTF-8 text, found other bytes at {reason.start}") from reason
 
 
 def parse_json(text: str, source: str, error: type[Exception]) -> object:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from operator import not_
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -42,14 +43,6 @@ from planner import (
 
 AREA_FIGURES = ("name", "margin_m", "width_m", "eased_m", "max_agl_m", "max_amsl_m")
 """What an area's part has as the area itself has it."""
-
-
-def _is_zero(value: float) -> bool:
-    return value == 0
-
-
-def _is_false(value: bool) -> bool:
-    return not value
 
 
 def _is_nowhere(along_m: Pair) -> bool:
@@ -123,7 +116,7 @@ class VehiclePart(_Part):
     """What it uses relative to the energy model; without it 1."""
     airborne: Flag = False
     """Whether it flies already, and so pays its way home in any case."""
-    start_up_m: Annotated[Figure, Field(exclude_if=_is_zero)] = 0.0
+    start_up_m: Annotated[Figure, Field(exclude_if=not_)] = 0.0
     """In the air: its height there, as `model` counts heights."""
     facing_m: Annotated[Pair, Field(exclude_if=_is_nowhere)] = (0.0, 0.0)
     """In the air: along which it arrived there, metres east and north; without it nobody knows."""
@@ -169,14 +162,10 @@ class InspectionPart(_Part):
     layer_m: Size
     ceiling_m: Size | None = None
     return_ceiling_m: Size | None = None
-    same_distance: Annotated[bool, Field(strict=True, exclude_if=_is_false)] = False
+    same_distance: Annotated[bool, Field(strict=True, exclude_if=not_)] = False
     """Whether vehicles inspect at `height_m`, and not in their layers, wherever no other can meet them there."""
     heights: Literal["flat", "known"] = "known"
     """`flat`: the ground is claimed to be as high as the depot's everywhere."""
-
-
-def _is_empty(value: tuple[object, ...]) -> bool:
-    return not value
 
 
 class VehicleModelPart(_Part):
@@ -186,13 +175,13 @@ class VehicleModelPart(_Part):
     performance: Performance
     pace: Annotated[Pace, Field(exclude_if=_is_modelled)] = AS_MODELLED
     """What was learned of it in flight: factors on the times and energies of its legs."""
-    barred: Annotated[tuple[Id, ...], Field(exclude_if=_is_empty)] = ()
+    barred: Annotated[tuple[Id, ...], Field(exclude_if=not_)] = ()
     """Positions in `segments` of those that it cannot be given, for it lacks a camera that they ask for."""
-    step_m: Annotated[Figure, Field(ge=0, exclude_if=_is_zero)] = 0.0
+    step_m: Annotated[Figure, Field(ge=0, exclude_if=not_)] = 0.0
     """How far it comes down from its layer to a line; without it it inspects in its layer."""
-    layered: Annotated[tuple[Id, ...], Field(exclude_if=_is_empty)] = ()
+    layered: Annotated[tuple[Id, ...], Field(exclude_if=not_)] = ()
     """Positions in `segments` of those that it inspects in its layer all the same, for another could meet it there."""
-    low_start: Annotated[bool, Field(strict=True, exclude_if=_is_false)] = False
+    low_start: Annotated[bool, Field(strict=True, exclude_if=not_)] = False
     """In the air: whether it starts below its layer."""
 
 
@@ -205,9 +194,9 @@ class AreaPart(_Part):
     """Its outline, and after it those of holes, or the middle of a corridor: metres east and north of the depot."""
     margin_m: Above0
     """How far flights keep from it."""
-    width_m: Annotated[Figure, Field(ge=0, exclude_if=_is_zero)] = 0.0
+    width_m: Annotated[Figure, Field(ge=0, exclude_if=not_)] = 0.0
     """Of a corridor."""
-    eased_m: Annotated[Figure, Field(ge=0, exclude_if=_is_zero)] = 0.0
+    eased_m: Annotated[Figure, Field(ge=0, exclude_if=not_)] = 0.0
     """How much more flights keep from it, because its outline is simplified."""
     max_agl_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
     """Of a height limit: over the ground."""
@@ -262,11 +251,11 @@ class ModelPart(_Part):
     """Radius of these columns; 0 where every way is straight."""
     answer_s: Annotated[Figure, Field(ge=0)] = 0.0
     """How long after a loss everybody flies on as planned: until it is known, a re-plan is found and is on board."""
-    areas: Annotated[tuple[AreaPart, ...], Field(exclude_if=_is_empty)] = ()
+    areas: Annotated[tuple[AreaPart, ...], Field(exclude_if=not_)] = ()
     """That ways lead around."""
     relief: Annotated[ReliefPart | None, Field(exclude_if=is_none)] = None
     """Where a raster knows the ground; without it ways rise and fall evenly."""
-    besides_s: Annotated[tuple[tuple[Id, Figure], ...], Field(exclude_if=_is_empty)] = ()
+    besides_s: Annotated[tuple[tuple[Id, Figure], ...], Field(exclude_if=not_)] = ()
     """Positions in `segments` of those that take longer than their tracks, and by how much."""
 
 
@@ -295,7 +284,7 @@ class PlanDocument(_Part):
     """Without it times and energies follow from `travel` and the straight lines between pylons, as the paper has it."""
     fly_again: Annotated[bool, Field(strict=True, exclude_if=bool)] = True
     """False: vehicles that have landed do not fly again after a loss, which the window reckons with."""
-    unreachable: Annotated[tuple[UnreachablePart, ...], Field(exclude_if=_is_empty)] = ()
+    unreachable: Annotated[tuple[UnreachablePart, ...], Field(exclude_if=not_)] = ()
     """What was asked for and is not planned, because it lies in an area or behind one."""
     terrain: Annotated[PlanTerrain | None, Field(exclude_if=is_none)] = None
     """The ground that it was made over, where a raster knows it."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -57,11 +58,7 @@ def flown_sorties(
         moves=FlownMoves(first_m, last_m, profiles),
         bases=tuple(bases),
         vehicles=tuple(
-            SortieVehicle(
-                own.name, own.base, own.budget_pct, own.windows, own.lands, profiles.index(flier), own.consumption,
-                own.ready_s,
-            )
-            for own, flier in zip(vehicles, fliers, strict=True)
+            replace(own, profile=profiles.index(flier)) for own, flier in zip(vehicles, fliers, strict=True)
         ),
         days=tuple(days),
         out_s=out[0], out_pct=out[1], home_s=home[0], home_pct=home[1],

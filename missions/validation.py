@@ -44,11 +44,6 @@ def is_none(value: object) -> bool:
     return value is None
 
 
-def is_empty(value: object) -> bool:
-    """Return whether a list is left out when its model is written."""
-    return value == ()
-
-
 def first_reason(error: ValidationError, *, page: str = "the documents", shown: bool = True) -> str:
     """Return the first of a model's complaints: `key.path[3]: expected ..., got ...`.
 

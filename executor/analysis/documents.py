@@ -5,6 +5,7 @@ All times are seconds since the order to take off.
 
 from __future__ import annotations
 
+from operator import not_
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -15,7 +16,7 @@ from executor.adapters.run_directory import RunDirectory
 from executor.core.check_codes import CheckCode
 from executor.core.preflight.checks import Severity
 from executor.core.vehicle import FaultCode, FaultKind
-from missions.validation import is_empty, is_none
+from missions.validation import is_none
 
 
 class FaultRow(Document):
@@ -329,9 +330,9 @@ class FlightReport(Document):
     not_counted: tuple[NotCountedRow, ...] = ()
     routes: tuple[RouteRow, ...] = ()
     """Planned beside flown, for each mission and each of its legs."""
-    sorties: Annotated[tuple[SortieRow, ...], Field(exclude_if=is_empty)] = ()
+    sorties: Annotated[tuple[SortieRow, ...], Field(exclude_if=not_)] = ()
     """In the order of their take-offs, where packs were changed, or a day of several was flown."""
-    earlier: Annotated[tuple[EarlierRow, ...], Field(exclude_if=is_empty)] = ()
+    earlier: Annotated[tuple[EarlierRow, ...], Field(exclude_if=not_)] = ()
     """Flights before this one, which flies what they left; the first one first."""
 
 
@@ -369,7 +370,7 @@ class AskedVehicles(Document):
     vehicles: tuple[AskedVehicle, ...]
     checks: tuple[CheckRow, ...] = ()
     """The checklist."""
-    earlier: Annotated[tuple[EarlierRow, ...], Field(exclude_if=is_empty)] = ()
+    earlier: Annotated[tuple[EarlierRow, ...], Field(exclude_if=not_)] = ()
     """Flights whose rest is flown."""
 
 

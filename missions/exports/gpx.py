@@ -42,19 +42,15 @@ def _add_spot(root: etree._Element, spot: DrawnPlace) -> None:
     point = _add_position(root, "wpt", spot.position, spot.reference)
     if spot.time is not None:
         add(point, "time", spot.time)
-    add(point, "name", spot.name)
-    words = "; ".join(f"{key}: {value}" for key, value in spot.facts.items() if value is not None)
-    if words:
-        add(point, "desc", words)
-    add(point, "type", spot.kind.value)
+    _add_head(point, spot)
 
 
-def _add_head(parent: etree._Element, way: DrawnWay) -> None:
-    add(parent, "name", way.name)
-    words = "; ".join(f"{key}: {value}" for key, value in way.facts.items() if value is not None)
+def _add_head(parent: etree._Element, drawn: DrawnPlace | DrawnWay) -> None:
+    add(parent, "name", drawn.name)
+    words = "; ".join(f"{key}: {value}" for key, value in drawn.facts.items() if value is not None)
     if words:
         add(parent, "desc", words)
-    add(parent, "type", way.kind.value)
+    add(parent, "type", drawn.kind.value)
 
 
 def _add_route(root: etree._Element, way: DrawnWay) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from missions.errors import NetworkError
-from missions.files import NESTED, parse_json
+from missions.files import NESTED, decoded, parse_json
 from missions.geo import LocalFrame, distance_m
 from missions.network import MAX_DISTANCE_M, Network
 from missions.readers import geojson, geopackage, gpx, kml, osm, shapes, table
@@ -149,10 +149,7 @@ def _drawn(path: Path, choice: Choice) -> Drawing | str:
         return _drawn_archive(content, source, choice)
     if path.suffix.lower() in XML or content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         return _drawn_xml(content, source, choice)
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as reason:
-        raise NetworkError(f"{path}: encoding: expected UTF-8 text, found other bytes at {reason.start}") from reason
+    text = decoded(content, str(path), NetworkError)
     if text.lstrip().startswith("{"):
         return _drawn_json(text.lstrip(), source, choice)
     if "pylons_position" in text:

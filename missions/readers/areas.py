@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from missions.errors import AreaError, NetworkError
-from missions.files import NESTED, parse_json
+from missions.files import NESTED, decoded, parse_json
 from missions.readers import geojson, kml
 from missions.readers.attributes import metres, name_of
 from missions.readers.choice import Choice, Term
@@ -104,10 +104,7 @@ def _read(path: Path, choice: Choice) -> Iterator[ReadArea]:
     if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") or path.suffix.lower() in {".kml", ".kmz"}:
         yield from _of_kml(root_of(content, source), source, choice)
         return
-    try:
-        text = content.decode("utf-8-sig").lstrip()
-    except UnicodeDecodeError as reason:
-        raise AreaError(f"{source}: encoding: expected UTF-8 text, found other bytes at {reason.start}") from reason
+    text = decoded(content, source, AreaError).lstrip()
     if not text.startswith("{"):
         raise AreaError(f"{source}: content: expected {FORMATS}, found none")
     document = parse_json(text, source, AreaError)
