@@ -259,24 +259,14 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
     report = report_of(
         context, flight.state, ended_s, order.truths(clock), frames, seat.said, parameters_report(given_back)
     )
-    writes: Mapping[str, Callable[[], None]] = {
-        "report.json": partial(report.write, RunDirectory(order.run).report),
-        **(
-            {"images": partial(write_index, order.run, index_of(context, flight.state, clock.began_unix_s))}
-            if context.setup.looks
-            else {}
-        ),
-        **(
-            {
-                "packs.json": partial(
-                    flown_packs(flight.state, order.run.name, clock.began_unix_s).write, RunDirectory(order.run).packs
-                )
-            }
-            if report.sorties
-            else {}
-        ),
-        "learned.json": partial(keep_learned, order.run, context, flight.state, order.ground.learned),
-    }
+    kept = RunDirectory(order.run)
+    writes: dict[str, Callable[[], None]] = {"report.json": partial(report.write, kept.report)}
+    if context.setup.looks:
+        writes["images"] = partial(write_index, order.run, index_of(context, flight.state, clock.began_unix_s))
+    if report.sorties:
+        packs = flown_packs(flight.state, order.run.name, clock.began_unix_s)
+        writes["packs.json"] = partial(packs.write, kept.packs)
+    writes["learned.json"] = partial(keep_learned, order.run, context, flight.state, order.ground.learned)
     for name, write in writes.items():
         try:
             write()

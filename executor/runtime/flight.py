@@ -29,7 +29,10 @@ from missions import EncodeError, encode, flag_current
 TICK_S = 0.2
 LEAST_TICK_REAL_S = 0.02
 HEARTBEAT_S = 1.0
-ORDERS = {commands.Hold: Action.HOLD, commands.Resume: Action.RESUME, commands.LandNow: Action.LAND}
+ORDERS = {
+    commands.Hold: Action.HOLD, commands.Resume: Action.RESUME, commands.LandNow: Action.LAND,
+    commands.Disarm: Action.DISARM,
+}  # fmt: skip
 
 Work = Callable[[], Awaitable[Event]]
 """Returns what it came to."""
@@ -238,12 +241,9 @@ class Flight:
                 self._job(vehicle, partial(self._start, vehicle), partial(events.StartEnded, vehicle, False))
             case commands.SendHome(vehicle):
                 self._job(vehicle, partial(self._send_home, vehicle), partial(events.ReturnEnded, vehicle, False))
-            case commands.Hold(vehicle) | commands.Resume(vehicle) | commands.LandNow(vehicle):
-                failed = partial(events.OrderEnded, vehicle, ORDERS[type(command)], False)
-                self._job(vehicle, partial(self._order, command), failed)
-            case commands.Disarm(vehicle):
-                failed = partial(events.OrderEnded, vehicle, Action.DISARM, False)
-                self._job(vehicle, partial(self._disarm, command), failed)
+            case commands.Hold() | commands.Resume() | commands.LandNow() | commands.Disarm():
+                failed = partial(events.OrderEnded, command.vehicle, ORDERS[type(command)], False)
+                self._job(command.vehicle, partial(self._order, command), failed)
             case commands.HandsOff(vehicle):
                 self._hands_off(vehicle)
             case commands.AskStreams(vehicle) | commands.ReadMission(vehicle):
@@ -383,7 +383,7 @@ class Flight:
         done = await procedures.send_home(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
         return events.ReturnEnded(vehicle, done.accepted, done.reason, done.lost, done.refused, done.code)
 
-    async def _order(self, command: commands.Hold | commands.Resume | commands.LandNow) -> Event:
+    async def _order(self, command: commands.Hold | commands.Resume | commands.LandNow | commands.Disarm) -> Event:
         link, dialect = self._links[command.vehicle], self.context.vehicles[command.vehicle].dialect
         match command:
             case commands.Hold():
@@ -392,15 +392,11 @@ class Flight:
                 done = await procedures.resume(link, self._clock, dialect, speed_m_s)
             case commands.LandNow():
                 done = await procedures.land(link, self._clock, dialect)
+            case commands.Disarm(_, force):
+                done = await procedures.disarm(link, self._clock, force=force)
         action = ORDERS[type(command)]
         return events.OrderEnded(
             command.vehicle, action, done.accepted, done.reason, done.lost, done.refused, done.code
-        )
-
-    async def _disarm(self, command: commands.Disarm) -> Event:
-        done = await procedures.disarm(self._links[command.vehicle], self._clock, force=command.force)
-        return events.OrderEnded(
-            command.vehicle, Action.DISARM, done.accepted, done.reason, done.lost, done.refused, done.code
         )
 
     async def _read(self, vehicle: str) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from executor.core.faults.watching import OK, STALE, Finding, Verdict, View
 
@@ -91,32 +92,9 @@ def to_be_asked(view: View) -> bool:
     return any(stream(view).stale for stream in (heartbeat_stream, positions, battery_stream, items))
 
 
-def heartbeat_gone(view: View) -> Finding:
-    """Its HEARTBEAT stays away."""
-    return _gone(view, heartbeat_stream, _patience_s(view))
-
-
-def position_gone(view: View) -> Finding:
-    """Its positions stay away."""
-    return _gone(view, positions, _patience_s(view))
-
-
-def battery_gone(view: View) -> Finding:
-    """It does not say any more what its battery holds."""
-    return _gone(view, battery_stream, max(BATTERY_GONE_S, _patience_s(view)))
-
-
-def item_gone(view: View) -> Finding:
-    """It does not say any more which waypoint it flies to."""
-    return _gone(view, items, _patience_s(view))
-
-
-def _patience_s(view: View) -> float:
-    return max(LEAST_GONE_S, view.setup.link_timeout_s)
-
-
-def _gone(view: View, of: Callable[[View], Stream], after_s: float) -> Finding:
-    stream, heard_s = of(view), view.state.link.heard_s
+def gone(of: Callable[[View], Stream], view: View, least_s: float = LEAST_GONE_S) -> Finding:
+    """Return whether something stays away for longer than is usual, and than a silence of everything lasts."""
+    stream, heard_s, after_s = of(view), view.state.link.heard_s, max(least_s, view.setup.link_timeout_s)
     if not view.setup.planned or math.isnan(stream.age_s) or heard_s is None or not others_come(view):
         return STALE
     if stream.age_s < after_s:
@@ -124,6 +102,16 @@ def _gone(view: View, of: Callable[[View], Stream], after_s: float) -> Finding:
     if view.now_s - heard_s > stream.age_s - after_s:
         return STALE  # nothing at all came since it was due: that may be the link
     return Finding(Verdict.FAIL, missing(of, view))
+
+
+heartbeat_gone = partial(gone, heartbeat_stream)
+"""Its HEARTBEAT stays away."""
+position_gone = partial(gone, positions)
+"""Its positions stay away."""
+battery_gone = partial(gone, battery_stream, least_s=BATTERY_GONE_S)
+"""It does not say any more what its battery holds."""
+item_gone = partial(gone, items)
+"""It does not say any more which waypoint it flies to."""
 
 
 def unseen_s(view: View) -> float:
