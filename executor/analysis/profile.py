@@ -13,8 +13,6 @@ from missions.geo import FloatArray
 from missions.safety import legs_m
 
 STEP_M = 5.0
-BESIDE_M = 10.0
-"""Lines that pass nearer than this below a leg are shown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -196,7 +196,7 @@ def outcome(record: FlightRecord) -> str:
 
 
 def _facts(record: FlightRecord, report: FlightReport) -> str:
-    facts = [_counted(len(record.vehicles), "vehicle"), _counted(len(record.revisions) - 1, "re-plan")]
+    facts = [words.count_of(len(record.vehicles), "vehicle"), words.count_of(len(record.revisions) - 1, "re-plan")]
     if report.min_separation_m is not None:
         facts.append(f"any two vehicles stayed at least {value_words(report.min_separation_m)} m apart")
     facts += [together] if (together := together_words(report)) else []
@@ -290,7 +290,7 @@ def _legs(report: FlightReport) -> Iterator[str]:
             )
             for row in report.routes if row.vehicle == name for leg in row.legs
         ]  # fmt: skip
-        summary = f"{name}: {_counted(len(rows), 'leg')}, by mission and waypoint"
+        summary = f"{name}: {words.count_of(len(rows), 'leg')}, by mission and waypoint"
         yield f"<details>\n<summary>{escape(summary)}</summary>\n{_table(LEGS, rows)}\n</details>\n"
 
 
@@ -344,10 +344,6 @@ def value_words(value: object) -> str:
             return ", ".join(map(value_words, value)) or "none"
         case _:
             return str(value)
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _clock(seconds: float) -> str:

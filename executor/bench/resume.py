@@ -46,7 +46,7 @@ SELDOM_S = 0.2
 """How often it is looked whether the flight is old enough: a checkpoint is read for that."""
 WRITES = 20
 """Checkpoints that are made to see how late the event loop is meanwhile."""
-LOG, PLAN = "events.jsonl", "plan-000.json"
+PLAN = "plan-000.json"
 
 
 @dataclass(frozen=True, slots=True)

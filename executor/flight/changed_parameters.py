@@ -45,11 +45,7 @@ def read_kept(run: Path) -> tuple[Kept, ...] | None:
     if not path.exists():
         return None
     content = _File.read(path, "what was changed on board")
-    return tuple(_kept(row) for row in content.parameters)
-
-
-def _kept(row: _KeptRow) -> Kept:
-    return Kept(**{**row.model_dump(exclude={"state"}), "stage": row.state})
+    return tuple(Kept(**{**row.model_dump(exclude={"state"}), "stage": row.state}) for row in content.parameters)
 
 
 def write_kept(run: Path, kept: Iterable[Kept]) -> None:

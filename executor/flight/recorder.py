@@ -138,10 +138,7 @@ class Keeper:
             self._publication.applied(event, state)
         if self._checkpoints.due(state, now_s):
             # Between two events: what this one decides is in the log by then.
-            asyncio.get_running_loop().call_soon(self._begin_checkpoint, now_s)
-
-    def _begin_checkpoint(self, now_s: float) -> None:
-        self._checkpoints.begin(now_s, self._checkpoint)
+            asyncio.get_running_loop().call_soon(self._checkpoints.begin, now_s, self._checkpoint)
 
     def _checkpoint(self, place: LogPlace) -> Checkpoint:
         if self._state is None:

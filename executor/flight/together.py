@@ -25,16 +25,12 @@ KEPT = 0.9
 """Less than this part of the speed is said."""
 
 
-def _no_date() -> float | None:
-    return None
-
-
 @dataclass(frozen=True, slots=True)
 class FoundTime:
     """A steady clock, and what the time of day is on it."""
 
     steady: Callable[[], float] = steady_s
-    date_unix_s: Callable[[], float | None] = _no_date
+    date_unix_s: Callable[[], float | None] = lambda: None
     """None where the computer's own is as good."""
 
 

@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta, timezone
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 from missions.files import write_whole
@@ -107,9 +107,9 @@ def _degrees(gps: dict[int, object], place: int, side: int, negative: str) -> fl
     return -degrees if str(gps.get(side, "")).strip("\0 ").upper().startswith(negative) else degrees
 
 
-def gps_tags(lat_deg: float, lon_deg: float, alt_m: float, unix_s: float | None = None) -> dict[int, object]:
+def gps_tags(lat_deg: float, lon_deg: float, alt_m: float) -> dict[int, object]:
     """Return a place as EXIF has it."""
-    tags: dict[int, object] = {
+    return {
         0: b"\2\3\0\0",
         1: "N" if lat_deg >= 0 else "S",
         2: _sexagesimal(lat_deg),
@@ -118,10 +118,6 @@ def gps_tags(lat_deg: float, lon_deg: float, alt_m: float, unix_s: float | None 
         5: b"\1" if alt_m < 0 else b"\0",
         6: round(abs(alt_m), 2),
     }
-    if unix_s is not None:
-        when = datetime.fromtimestamp(unix_s, UTC)
-        tags |= {7: (float(when.hour), float(when.minute), float(when.second)), 29: f"{when:%Y:%m:%d}"}
-    return tags
 
 
 def _sexagesimal(angle_deg: float) -> tuple[float, float, float]:

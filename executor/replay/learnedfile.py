@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -114,9 +114,7 @@ def table(found: Aircraft) -> dict[str, Any]:
         if figure is not None:
             content[name] = _row(figure)
     if found.switch is not None:
-        switch = found.switch
-        content["mode_switch"] = {"channel": switch.channel, "source": switch.source, "moved": switch.moved,
-                                  "changes": switch.changes}  # fmt: skip
+        content["mode_switch"] = asdict(found.switch)
     level = []
     for speed, figure in found.level:
         row: dict[str, Any] = {"speed_m_s": round(speed, 2), "current_a": _row(figure)}

@@ -71,11 +71,6 @@ Declared = Sequence[tuple[int, Declaration]]
 """By system."""
 
 
-def score(found: LogReplay, truth: RecordedTruth) -> Score:
-    """Hold what was declared in a log against the truth: the first declaration after the fault must be its kind."""
-    return _scored(_declared(found), truth, sum(vehicle.flown_s for vehicle in found.vehicles))
-
-
 def _declared(found: LogReplay) -> list[tuple[int, Declaration]]:
     return [(vehicle.sysid, one) for vehicle in found.vehicles for one in vehicle.declarations]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -191,10 +191,7 @@ def _near_parts(line: Ring, low: tuple[float, float], high: tuple[float, float])
 
 def _simplified(area: Area, tolerance_m: float) -> Area:
     rings = tuple(eased(ring, tolerance_m, closed=not area.is_line) for ring in area.rings_m)
-    return Area(
-        area.name, area.kind, rings, area.margin_m, area.width_m, tolerance_m if rings != area.rings_m else 0.0,
-        area.max_agl_m, area.max_amsl_m,
-    )  # fmt: skip
+    return replace(area, rings_m=rings, eased_m=tolerance_m if rings != area.rings_m else 0.0)
 
 
 def _corners(areas: list[Area], tolerance_m: float) -> int:

@@ -73,11 +73,6 @@ class Texts:
         self._texts: dict[Source, dict[int, _Text]] = {}
         self._frames: dict[Source, int] = {}
 
-    @property
-    def speakers(self) -> int:
-        """How many are remembered."""
-        return len(self._frames)
-
     def passed(self, source: Source) -> list[StatusText]:
         """Count a frame of any kind; returns its source's texts that were waited for in vain, as far as they came."""
         frame = self._frames[source] = self._frames.pop(source, 0) + 1

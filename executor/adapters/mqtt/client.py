@@ -62,6 +62,14 @@ class Subscriber:
     """Called with every message and whether the broker had kept it; must not wait."""
 
 
+class _Inbox(asyncio.Queue[aiomqtt.Message]):
+    """Leaves out what comes faster than it is taken, where aiomqtt would write a line for each."""
+
+    def put_nowait(self, item: aiomqtt.Message) -> None:
+        if not self.full():
+            super().put_nowait(item)
+
+
 class Client:
     """Keeps one broker informed."""
 
@@ -92,8 +100,6 @@ class Client:
         self._complained = False
         self._dropped_told = 0
         self.connected = False
-        self.ignored = 0
-        """Messages that came faster than they were taken."""
 
     async def run(self) -> None:
         """Connect, and again whenever the connection ends, until `close`."""
@@ -130,7 +136,7 @@ class Client:
             timeout=ANSWER_S,
             keepalive=KEEPALIVE_S,
             max_queued_incoming_messages=INBOX,
-            queue_type=self._inbox(),
+            queue_type=_Inbox,
             logger=_log,
         )
         try:
@@ -182,20 +188,6 @@ class Client:
                     tasks.create_task(one(number, taken.letter), name="mqtt message")
         finally:
             self._outbox.give_back(unsent.values())
-
-    def _inbox(self) -> type[asyncio.Queue[aiomqtt.Message]]:
-        outer = self
-
-        class Inbox(asyncio.Queue[aiomqtt.Message]):
-            """Counts what does not fit, where aiomqtt would write a line for each."""
-
-            def put_nowait(self, item: aiomqtt.Message) -> None:
-                if self.full():
-                    outer.ignored += 1
-                else:
-                    super().put_nowait(item)
-
-        return Inbox
 
     def _arrived(self) -> None:
         self.connected = True

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from executor.core.check_codes import CheckCode
@@ -177,14 +177,9 @@ def _top(context: Context, name: str, said: Present) -> float:
     return float(math.ceil(least)) if said[rule.height].kind != REAL32 else math.ceil(10.0 * least) / 10.0
 
 
-def _values(said: Present) -> Mapping[str, float]:
-    return {name: one.value for name, one in said.items()}
-
-
 def _stands(dialect: Dialect, said: Present) -> bool:
     """Return whether the vehicle keeps to a fence already."""
-    values = _values(said)
-    return any(values.get(one, 0.0) for one in dialect.geofence.enabled_by)
+    return any(one in said and said[one].value for one in dialect.geofence.enabled_by)
 
 
 def _height_counts(dialect: Dialect, said: Present) -> bool:

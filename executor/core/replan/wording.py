@@ -43,11 +43,8 @@ def found_words(event: SolveEnded, names: list[str]) -> str:
         names: Of those who are given one.
     """
     gained = "" if event.gain is None else f": {_gain_words(event.gain, changed=bool(names))}"
-    return f"re-plan {event.revision} found in {event.solve_s:.2f} s{gained}; new missions for {_and_no(names)}"
-
-
-def _and_no(names: list[str]) -> str:
-    return ", ".join(sorted(names)) or "no vehicle"
+    given = ", ".join(sorted(names)) or "no vehicle"
+    return f"re-plan {event.revision} found in {event.solve_s:.2f} s{gained}; new missions for {given}"
 
 
 def _gain_words(gain: Gain, *, changed: bool) -> str:

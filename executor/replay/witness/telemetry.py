@@ -34,7 +34,7 @@ MOVED_US = 250
 """An auxiliary switch that was moved."""
 COPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
 AUTOPILOTS = frozenset({3, 12})
-STATION, NO_AUTOPILOT = 6, 8
+STATION = 6
 MODE_ORDERS = frozenset({11, 16, 17, 18, 19, 20, 21, 22, 85, 176, 185, 192, 193, 252, 300, 400})
 """What changes a mode: SET_MODE, whose acknowledgement has the message's own number (11), and commands."""
 MODE_SWITCH = ("FLTMODE_CH", "RC_MAP_FLTMODE", "RC_MAP_MODE_SW")
