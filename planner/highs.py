@@ -24,7 +24,7 @@ def by_rows(rows: Sequence[Mapping[int, float]]) -> Matrix:
     )
 
 
-def program(
+def posed(
     cost: npt.ArrayLike,
     most: npt.ArrayLike,
     limits: tuple[npt.ArrayLike, npt.ArrayLike],
@@ -33,7 +33,7 @@ def program(
     whole: Sequence[bool] = (),
     by_columns: bool = False,
 ) -> highspy.Highs:
-    """Return HiGHS with a program that it has not solved yet.
+    """Return HiGHS with a program that it is to solve.
 
     Args:
         cost: Of each column.

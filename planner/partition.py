@@ -198,7 +198,7 @@ def _run(
     stopped = ask(0)
     matrix = problem.matrix[columns]
     where, rows = matrix.nonzero()
-    solver = highs.program(
+    solver = highs.posed(
         problem.cost[columns],
         np.full(len(columns), np.inf),
         (problem.lower, problem.upper),

@@ -208,7 +208,7 @@ def _run(
     """Return what HiGHS chooses: whether each column is taken, and the last landing."""
     import highspy
 
-    solver = highs.program(
+    solver = highs.posed(
         [cost.get(number, 0.0) for number in range(columns + 1)],
         [1.0] * columns + [np.inf],
         ([lower for _, lower, _ in rows], [upper for _, _, upper in rows]),
