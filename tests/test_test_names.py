@@ -46,6 +46,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/e2e/test_given_back.py": (
         "executor/cli/restore.py",
         "executor/flight/restore.py",
+        "executor/flight/side_by_side.py",
     ),
     "tests/e2e/test_told_to_end.py": ("executor/flight/leaving.py",),
     "tests/executor/adapters/test_fleet_time.py": ("executor/lockstep/common_time.py",),
@@ -337,7 +338,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/day/model.py",
         "planner/day/solve.py",
     ),
-    "tests/planner/test_exact.py": ("planner/partition.py",),
+    "tests/planner/test_exact.py": (
+        "planner/highs.py",
+        "planner/partition.py",
+    ),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp.py",),
     "tests/planner/test_large.py": (
         "planner/parts.py",
@@ -355,6 +359,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/model.py",
         "planner/result.py",
         "planner/solve.py",
+        "planner/rounds.py",
         "planner/starts.py",
     ),
     "tests/properties/test_planner_day.py": (
