@@ -1,9 +1,10 @@
 """`faultline bench pictures`: flights that have something to see, with faults and lost datagrams, and their cards.
 
 Fleets fly over parts of faultline's own network in virtual time. Spans ask for a picture every so many metres, some
-pylons for viewpoints around them. Vehicles are lost or silent for a while, cameras fail, cards are full, a fifth of all
-datagrams is lost. The simulated cameras write real JPEGs, whose clocks are off by minutes and by time zones. What the
-index says, and which file is matched to which of its rows, is held against what was really taken.
+pylons for viewpoints around them, on half of the flights from beside their insulators. Vehicles are lost or silent for
+a while, cameras fail, cards are full, a fifth of all datagrams is lost. The simulated cameras write real JPEGs, whose
+clocks are off by minutes and by time zones. What the index says, and which file is matched to which of its rows, is
+held against what was really taken.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from executor.bench.store import Json
 from executor.bench.virtual.flight import Onlookers, VirtualFlight, fly_virtual
 from executor.bench.virtual.many import FlightCase
 from executor.bench.virtual.site import AMPLE_AH, dearest_pct, virtual_ground
+from executor.core.payload.aim import apart_deg
 from executor.errors import ExecutorError
 from executor.images.exif import picture_files
 from executor.images.matching import match_files
@@ -36,6 +38,7 @@ from executor.simulator.config import SimVehicle
 from executor.simulator.vehicle import SimulatedVehicle
 from executor.site import assembly
 from executor.site.assembly import Ground
+from missions.cameras import PylonLook
 from missions.geo import LocalFrame
 from missions.geometry import locate
 from planner import Cost, NoImprovement, solve
@@ -73,6 +76,10 @@ PASS_S, DOUBLE = 20.0, 0.2
 """Two pictures of one pass are less than this apart in time; nearer than this share of what was asked is one twice."""
 SPEAKS = {"name": "rgb", "id": 100, "gimbal": True}
 WIRED = {"name": "rgb", "id": 1}
+BELOW = {"distance_m": 14, "heights_m": [2, -6], "target_m": -3}
+"""Of half of the flights: viewpoints from beside the insulators, and half of these with a region of interest."""
+VIEW_M = 5.0
+"""So near to a viewpoint a picture is of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,12 +144,14 @@ def fly_pictures(case: FlightCase) -> PicturesFlight:
     rng = np.random.default_rng([case.seed, 37, case.number])
     vehicles = int(rng.integers(VEHICLES[0], VEHICLES[1] + 1))
     speaks = case.autopilot == "px4" or bool(rng.random() < 0.5)
+    below = BELOW | {"roi": bool(rng.random() < 0.5)} if case.number % 4 > 1 else {}
     tables = {
         "camera": [SPEAKS if speaks else WIRED],
         "look": [
             {"camera": "rgb", "every_m": EVERY_M},
-            {"camera": "rgb", "of": "pylons", "pylons": ["*3"], "bearings_deg": [60, 120], "both_sides": True},
+            {"camera": "rgb", "of": "pylons", "pylons": ["*3"], "bearings_deg": [60, 120], "both_sides": True, **below},
         ],
+        "inspection": {"same_distance": bool(below)},
         "faults": {"camera": str(rng.choice(["home", "on"]))},
     }
     over = partial(virtual_ground, None, float(rng.choice(RADII_M)), vehicles, case.autopilot, tables=tables)
@@ -213,6 +222,7 @@ def _judged(
     wrong += [f"{name} took a picture that the index lacks" for name in unknown if name not in failed]
     wrong += [f"{segment} was not seen, and is not named" for segment in sorted(unseen - uncovered)]
     wrong += _gaps(ground, index, taken)
+    wrong += _misses(ground, flight, index, taken)
     wrong += _doubles(index)
     wrong += [
         f"{match.file.path.parent.name}/{match.file.path.name} is taken for picture {match.image.sequence} of "
@@ -252,6 +262,38 @@ def _gaps(ground: Ground, index: Index, taken: _Taken) -> list[str]:
         if gap_m > GAP * row.every_m + LATE_M + TRUE_M:
             found.append(f"{row.asset} is called seen, and {gap_m:.1f} m of it are in no picture")
     return found
+
+
+def _misses(ground: Ground, flight: VirtualFlight, index: Index, taken: _Taken) -> list[str]:
+    """Return the viewpoints that are called seen, and that no picture was really taken from as they were asked for."""
+    frame, pylons, found = ground.network.frame, ground.setup.looks.pylons, []
+    asked_m = ground.setup.inspection.height_m
+    shots = [
+        ((*frame.to_local_m(shot.lat_deg, shot.lon_deg), shot.alt_msl_m - frame.alt_m), shot)
+        for own in taken.shots.values() for shot, _ in own
+    ]  # fmt: skip
+    for row in index.assets:
+        look = pylons.get(row.segment)
+        if look is None or row.state != "seen":
+            continue
+        low = flight.state.coverage.inspected_at_m.get(row.segment, asked_m) == asked_m
+        for number, point in enumerate(look.points, start=1):
+            up_m = ground.setup.layers.surface.height_m(*point.place_m) - point.below_m
+            near = [
+                (place_m, shot) for place_m, shot in shots
+                if math.dist(place_m[:2], point.place_m) < VIEW_M and (not look.deepest_m or not low
+                                                                       or abs(place_m[2] - up_m) < VIEW_M)
+            ]  # fmt: skip
+            turned = look.roi or ground.setup.looks.cameras[look.camera].gimbal
+            if not any(not turned or _faces(look, place_m, shot) for place_m, shot in near):
+                found.append(f"{row.asset}: viewpoint {number} is called seen, and no picture was taken from it")
+    return found
+
+
+def _faces(look: PylonLook, place_m: tuple[float, float, float], shot: Shot) -> bool:
+    """Return whether a camera looked at what its pylon asks for."""
+    to_deg = math.degrees(math.atan2(look.target_m[0] - place_m[0], look.target_m[1] - place_m[1]))
+    return apart_deg(0.0, shot.yaw_deg, 0.0, to_deg) <= look.aim_deg
 
 
 def _doubles(index: Index) -> list[str]:
