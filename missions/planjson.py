@@ -257,6 +257,8 @@ class ModelPart(_Part):
     """Where a raster knows the ground; without it ways rise and fall evenly."""
     besides_s: Annotated[tuple[tuple[Id, Figure], ...], Field(exclude_if=not_)] = ()
     """Positions in `segments` of those that take longer than their tracks, and by how much."""
+    in_layer_s: Annotated[tuple[tuple[Id, Figure], ...], Field(exclude_if=not_)] = ()
+    """The same of pylons with viewpoints below the surface, for who looks at them from its layer."""
 
 
 class PlanDocument(_Part):
@@ -493,6 +495,7 @@ def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
         ],
         "relief": pricing.relief and _relief(pricing.relief.grid),
         "besides_s": sorted(pricing.besides_s.items()),
+        "in_layer_s": sorted(pricing.in_layer_s.items()),
     }
 
 
@@ -523,6 +526,7 @@ def _pricing(document: PlanDocument) -> Pricing | None:
         else Relief(Grid((relief.east_m, relief.north_m), relief.step_m, np.array(relief.heights_m))),
         barred={name: frozenset(own.barred) for name, own in named.items() if own.barred},
         besides_s=dict(model.besides_s),
+        in_layer_s=dict(model.in_layer_s),
         steps_m={name: own.step_m for name, own in named.items() if own.step_m},
         layered={name: frozenset(own.layered) for name, own in named.items() if own.layered},
         low_starts=frozenset(name for name, own in named.items() if own.low_start),

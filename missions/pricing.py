@@ -213,6 +213,8 @@ class Flier:
 
     besides_s: tuple[tuple[int, float], ...] = ()
     """Segments that take longer than their tracks, and by how much."""
+    in_layer_s: tuple[tuple[int, float], ...] = ()
+    """The same of those whose viewpoints lie below the surface, where it looks at them from its layer."""
     step_m: float = 0.0
     """How far it comes down from its layer to a line; 0 where it inspects in its layer."""
     layered: frozenset[int] = frozenset()
@@ -230,7 +232,8 @@ class Flier:
         That is more than any battery holds where the vehicle is barred from a visit.
         """
         more = np.zeros((2, visits))
-        for segment, seconds in self.besides_s:
+        from_layer = {segment: seconds for segment, seconds in self.in_layer_s if segment in self.layered}
+        for segment, seconds in (dict(self.besides_s) | from_layer).items():
             more[:, 2 * segment : 2 * segment + 2] = [[seconds], [seconds * self.model.hover_pct_per_s]]
         for segment in self.barred:
             more[1, 2 * segment : 2 * segment + 2] += BARRED_PCT
@@ -322,6 +325,8 @@ class Pricing:
     """By the vehicle's name: segments that it cannot be given, for it lacks what they ask for."""
     besides_s: Mapping[int, float] = field(default_factory=dict)
     """Segments that take longer than their tracks, and by how much: pylons with viewpoints."""
+    in_layer_s: Mapping[int, float] = field(default_factory=dict)
+    """The same of viewpoints below the surface, for who looks at them from its layer."""
     steps_m: Mapping[str, float] = field(default_factory=dict)
     """By the vehicle's name: how far it comes down from its layer to inspect as asked; without one it does not."""
     layered: Mapping[str, frozenset[int]] = field(default_factory=dict)
@@ -346,6 +351,7 @@ class Pricing:
                 self.relief,
                 self.barred.get(name, frozenset()),
                 longer,
+                tuple(sorted(self.in_layer_s.items())),
                 self.steps_m.get(name, 0.0),
                 self.layered.get(name, frozenset()),
             )
@@ -368,7 +374,8 @@ class Pricing:
         return replace(
             self,
             tracks_m=self.tracks_m[list(segments)],
-            besides_s={numbers[segment]: seconds for segment, seconds in self.besides_s.items() if segment in numbers},
+            besides_s=_of(numbers, self.besides_s),
+            in_layer_s=_of(numbers, self.in_layer_s),
             barred={
                 name: frozenset(numbers[segment] for segment in self.barred[name] if segment in numbers)
                 for name in names
@@ -383,6 +390,11 @@ class Pricing:
             bases={name: self.bases[name] for name in names},
             models={name: self.models[name] for name in names},
         )
+
+
+def _of(numbers: Mapping[int, int], seconds: Mapping[int, float]) -> dict[int, float]:
+    """Return what some segments take, by their new numbers."""
+    return {numbers[segment]: took_s for segment, took_s in seconds.items() if segment in numbers}
 
 
 @dataclass(frozen=True, slots=True)

@@ -188,19 +188,22 @@ class _Around:
         return low
 
 
-def besides_s(look: PylonLook, performance: Performance, speed_m_s: float) -> float:
+def besides_s(look: PylonLook, performance: Performance, speed_m_s: float, *, in_layer: bool = False) -> float:
     """Return what a pylon takes longer than the straight way from its first viewpoint to its last on the surface.
 
     Args:
         look: Its viewpoints.
         performance: How the vehicle flies.
         speed_m_s: Between them.
+        in_layer: Whether it looks at all of them from its layer.
     """
-    stops = look.stops(reverse=False)
-    ends = [(*stops[end].place_m, 0.0) for end in (0, -1)]
-    # From the surface down to the first, and from the last up to it again.
-    way = [ends[0], *((*stop.place_m, -stop.below_m) for stop in stops), ends[1]]
-    way_m = np.array([place for place, _ in itertools.groupby(way)])
+    ends = [(*look.points[end].place_m, 0.0) for end in (0, -1)]
+    if in_layer:
+        way_m = np.array([(*point.place_m, 0.0) for point in look.points])
+    else:  # from the surface down to the first, and from the last up to it again
+        stops = look.stops(reverse=False)
+        way = [ends[0], *((*stop.place_m, -stop.below_m) for stop in stops), ends[1]]
+        way_m = np.array([place for place, _ in itertools.groupby(way)])
     hover_s = max(0.0, look.hover_s - performance.hold_s) * len(look.points)
     straight_s = _flown_s(np.array(ends), performance, speed_m_s)
     return hover_s + _flown_s(way_m, performance, speed_m_s) - straight_s

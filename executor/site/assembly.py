@@ -340,6 +340,9 @@ def pricing_of(
     slowest = max((model.performance for model in models.values()), key=lambda one: one.hold_s + one.settle_s)
     pylons = setup.looks.pylons.items()
     longer = {segment: besides_s(look, slowest, table.speed_m_s) for segment, look in pylons}
+    from_layer = {
+        segment: besides_s(look, slowest, table.speed_m_s, in_layer=True) for segment, look in pylons if look.deepest_m
+    }
     barred = {name: looks for name in ground.names if (looks := setup.looks.barred(name))}
     return Pricing(
         setup.tracks_up_m,
@@ -352,6 +355,7 @@ def pricing_of(
         relief=setup.layers.relief,
         barred=barred,
         besides_s=longer,
+        in_layer_s=from_layer,
         steps_m=setup.steps_m,
     )
 

@@ -175,16 +175,18 @@ def test_heights_over_a_top_that_nobody_knows_are_refused() -> None:
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 @pytest.mark.parametrize("heights_m", [(), (-8.0,), (3.0, -8.0, -15.0)])
-def test_a_pylon_takes_what_its_flight_takes(autopilot: str, heights_m: tuple[float, ...]) -> None:
+@pytest.mark.parametrize("low", [True, False], ids=["low", "from its layer"])
+def test_a_pylon_takes_what_its_flight_takes(autopilot: str, heights_m: tuple[float, ...], low: bool) -> None:
     setup, _ = looked_at(tall_line_east(), [wish(1, heights_m=heights_m, hover_s=4.0)])
     [(segment, look)] = setup.looks.pylons.items()
     performance = dialect_for(autopilot).performance
     model = FlightModel(performance, POWER, setup.inspection.transit_speed_m_s, setup.inspection.speed_m_s)
-    path = first_paths(setup, {"uav1": (2 * segment,)})["uav1"]
+    path = flight_path(setup, "uav1", (2 * segment,), {segment} if low else ())
+    comes_down = low and bool(heights_m)
     legs = estimate(path, model).legs
     number = next(index for index, point in enumerate(path.waypoints) if point.visit is not None)
     at_home = next(index for index, point in enumerate(path.waypoints) if point.phase is Phase.RETURN)
-    if heights_m:
+    if comes_down:
         at_home += 1  # it goes up to the surface first
     # What the turn from the way there takes is a part of that, and not of the pylon.
     flown_s = sum(leg.duration_s for leg in legs[number + 1 : at_home]) - turned_s(setup, path, number, model)
@@ -193,8 +195,10 @@ def test_a_pylon_takes_what_its_flight_takes(autopilot: str, heights_m: tuple[fl
     tracks_s = float(performance.legs_s(straight, np.zeros(1), np.array([3.0]), np.full(1, 2.0))[0])
     tracks_s += performance.settle_s + performance.hold_s
     # The first stop's own hold, longer than that of any stop, is the leg's that ends there where it need not come down.
-    hover_s = 0.0 if heights_m else 4.0 - performance.hold_s
-    assert besides_s(look, performance, 3.0) + tracks_s - hover_s == pytest.approx(flown_s, rel=0.02, abs=1.0)
+    hover_s = 0.0 if comes_down else 4.0 - performance.hold_s
+    assert besides_s(look, performance, 3.0, in_layer=not low) + tracks_s - hover_s == pytest.approx(
+        flown_s, rel=0.02, abs=1.0
+    )
 
 
 def turned_s(setup: FlightSetup, path: FlightPath, number: int, model: FlightModel) -> float:

@@ -5,18 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from executor.errors import SiteError
 from executor.site import assembly
 from executor.site.assembly import Ground
-from missions import make_plan_file, read_plan, write_plan
+from missions import estimate, make_plan_file, read_plan, write_plan
+from missions.asked import low_segments
 from missions.planfile import Solved
-from planner import Cost, segment_of, solve
+from planner import Cost, Plan, Route, route_duration_s, segment_of, solve
 from planner.stop import Iterations
 from tests.executor.builders import ground_for, site_of
-from tests.missions.builders import line_east
+from tests.missions.builders import line_east, tall_line_east
 
 Table = Mapping[str, object]
 RGB: Table = {"name": "rgb", "id": 100}
@@ -90,3 +92,28 @@ def test_a_pylon_takes_its_own_time() -> None:
     assert pricing.besides_s[4] > 30.0  # four times ten seconds, less the holds
     flown_s = task.instance.start_s[0]
     assert flown_s[8] > 40.0
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_plan_knows_how_long_pylons_take_from_below_and_from_the_layer(autopilot: str) -> None:
+    look = {"camera": "rgb", "of": "pylons", "bearings_deg": [60, 120], "both_sides": True, "distance_m": 14}
+    tables: dict[str, Any] = {
+        "camera": [RGB], "look": [{**look, "pylons": ["p1", "p3"], "heights_m": [2, -10]}],
+        "inspection": {"same_distance": True},
+    }  # fmt: skip
+    made = ground_for(site_of(("uav1", "uav2"), autopilot, **tables), tall_line_east(5))
+    first, second = made.setup.looks.pylons
+    # The lower one flies along all of the line: the higher one's pylon is never free.
+    routes = (Route(0, (0, 2, 4, 6, 2 * first)), Route(1, (2 * second,)))
+    task = assembly.task_of(made)
+    plan = Plan(routes)
+    flown = assembly.asked_task(made, task, plan)
+    paths = assembly.paths_of(made.setup, assembly.routes_of(made, flown, plan))
+    assert first in low_segments(paths["uav1"], routes[0].visits)
+    assert second not in low_segments(paths["uav2"], routes[1].visits)
+    models = assembly.pricing_of(made).models
+    for route, name in zip(routes, made.names, strict=True):
+        planned_s = route_duration_s(flown.instance, route)
+        assert planned_s == pytest.approx(estimate(paths[name], models[name]).duration_s, rel=0.02)
+    pricing = assembly.pricing_of(made)
+    assert pricing.in_layer_s[second] < pricing.besides_s[second] - 60.0
