@@ -42,7 +42,7 @@ class IntentMessage(BaseModel):
     """Counted by the sender; not looked at."""
     timestamp: AwareDatetime
     """When it was written, ISO 8601 with its offset from UTC. An old one is refused."""
-    version: Annotated[str, Field(pattern=r"^1\.\d{1,4}\.\d{1,4}$")] = "1.4.0"
+    version: Annotated[str, Field(pattern=r"^1\.\d{1,4}\.\d{1,4}$")] = "1.5.0"
     """Of these topics and payloads."""
     id: Annotated[str, Field(pattern=ID)]
     """Of the sender's choice, another for every intent: the same id again is answered again, and not carried out."""
