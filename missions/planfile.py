@@ -178,8 +178,10 @@ class PlanFile:
             return None
         if not (self.says_distances and self.inspection.same_distance):
             return None
-        layered = position in self.pricing.layered.get(vehicle, ())
-        return self.inspection.height_m + (self.pricing.steps_m.get(vehicle, 0.0) if layered else 0.0)
+        height_m, pricing = self.inspection.height_m, self.pricing
+        if position not in pricing.layered.get(vehicle, ()):
+            return height_m
+        return height_m + pricing.steps_m.get(vehicle, 0.0) + pricing.deep_m.get(position, 0.0)
 
     def task(self) -> Task:
         """Return the planning problem that the file is about.

@@ -259,6 +259,8 @@ class ModelPart(_Part):
     """Positions in `segments` of those that take longer than their tracks, and by how much."""
     in_layer_s: Annotated[tuple[tuple[Id, Figure], ...], Field(exclude_if=not_)] = ()
     """The same of pylons with viewpoints below the surface, for who looks at them from its layer."""
+    deep_m: Annotated[tuple[tuple[Id, Figure], ...], Field(exclude_if=not_)] = ()
+    """How far below the surface the lowest of these viewpoints lies."""
 
 
 class PlanDocument(_Part):
@@ -496,6 +498,7 @@ def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
         "relief": pricing.relief and _relief(pricing.relief.grid),
         "besides_s": sorted(pricing.besides_s.items()),
         "in_layer_s": sorted(pricing.in_layer_s.items()),
+        "deep_m": sorted(pricing.deep_m.items()),
     }
 
 
@@ -527,6 +530,7 @@ def _pricing(document: PlanDocument) -> Pricing | None:
         barred={name: frozenset(own.barred) for name, own in named.items() if own.barred},
         besides_s=dict(model.besides_s),
         in_layer_s=dict(model.in_layer_s),
+        deep_m=dict(model.deep_m),
         steps_m={name: own.step_m for name, own in named.items() if own.step_m},
         layered={name: frozenset(own.layered) for name, own in named.items() if own.layered},
         low_starts=frozenset(name for name, own in named.items() if own.low_start),

@@ -327,6 +327,8 @@ class Pricing:
     """Segments that take longer than their tracks, and by how much: pylons with viewpoints."""
     in_layer_s: Mapping[int, float] = field(default_factory=dict)
     """The same of viewpoints below the surface, for who looks at them from its layer."""
+    deep_m: Mapping[int, float] = field(default_factory=dict)
+    """How far below the surface the lowest of these viewpoints lies, by segment."""
     steps_m: Mapping[str, float] = field(default_factory=dict)
     """By the vehicle's name: how far it comes down from its layer to inspect as asked; without one it does not."""
     layered: Mapping[str, frozenset[int]] = field(default_factory=dict)
@@ -376,6 +378,7 @@ class Pricing:
             tracks_m=self.tracks_m[list(segments)],
             besides_s=_of(numbers, self.besides_s),
             in_layer_s=_of(numbers, self.in_layer_s),
+            deep_m=_of(numbers, self.deep_m),
             barred={
                 name: frozenset(numbers[segment] for segment in self.barred[name] if segment in numbers)
                 for name in names
@@ -392,9 +395,9 @@ class Pricing:
         )
 
 
-def _of(numbers: Mapping[int, int], seconds: Mapping[int, float]) -> dict[int, float]:
-    """Return what some segments take, by their new numbers."""
-    return {numbers[segment]: took_s for segment, took_s in seconds.items() if segment in numbers}
+def _of(numbers: Mapping[int, int], figures: Mapping[int, float]) -> dict[int, float]:
+    """Return the figures of some segments, by their new numbers."""
+    return {numbers[segment]: figure for segment, figure in figures.items() if segment in numbers}
 
 
 @dataclass(frozen=True, slots=True)

@@ -356,6 +356,7 @@ def pricing_of(
         barred=barred,
         besides_s=longer,
         in_layer_s=from_layer,
+        deep_m={segment: setup.looks.pylons[segment].deepest_m for segment in from_layer},
         steps_m=setup.steps_m,
     )
 

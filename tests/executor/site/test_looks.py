@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from executor.errors import SiteError
-from executor.site import assembly
+from executor.site import assembly, planning
 from executor.site.assembly import Ground
 from missions import estimate, make_plan_file, read_plan, write_plan
-from missions.asked import low_segments
+from missions.asked import inspected_at_m, low_segments
 from missions.planfile import Solved
 from planner import Cost, Plan, Route, route_duration_s, segment_of, solve
 from planner.stop import Iterations
@@ -117,3 +117,7 @@ def test_a_plan_knows_how_long_pylons_take_from_below_and_from_the_layer(autopil
         assert planned_s == pytest.approx(estimate(paths[name], models[name]).duration_s, rel=0.02)
     pricing = assembly.pricing_of(made)
     assert pricing.in_layer_s[second] < pricing.besides_s[second] - 60.0
+    kept = planning.site_plan(made, flown, plan, Cost.MINMAX, Solved(seed=1, solver="search", seconds=0.0))
+    for route, name, segment in zip(routes, made.names, (first, second), strict=True):
+        by_mission_m = inspected_at_m(made.setup, paths[name], route.visits)[segment]
+        assert kept.inspected_at_m(name, segment) == pytest.approx(by_mission_m)
