@@ -109,7 +109,7 @@ def check_pylons(done: Flown) -> None:
                 asked_m = ground.setup.layers.surface.height_m(*point.place_m) + over_m - look.deepest_m
             assert abs(up_m - asked_m) < 2.0, (row, asked_m)
             to_pylon = math.degrees(math.atan2(look.target_m[0] - east_m, look.target_m[1] - north_m))
-            assert abs((float(row["yaw_deg"]) - to_pylon + 180.0) % 360.0 - 180.0) < 15.0, (row, to_pylon)
+            assert abs((float(row["yaw_deg"]) - to_pylon + 180.0) % 360.0 - 180.0) < look.aim_deg + 1.0, (row, to_pylon)
 
 
 @pytest.mark.sitl
