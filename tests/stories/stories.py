@@ -153,6 +153,12 @@ TAKEOVERS = (
 EMERGENCIES = (
     Story("an empty battery lands it on its way", (told(on_segment("uav2"), "uav2:emergency"),), says=(DOWN,)),
     Story("an empty battery brings it home", (told(on_segment("uav2"), "uav2:emergency=RTL"),)),
+    Story(
+        "held by its pilot while an empty battery is about to land it",
+        (told(on_segment("uav2"), "uav2:emergency"), told(after("uav2", "failsafe ", 2), "uav2:pilot={pause}"),
+         told(after("uav2", "failsafe ", 40), "uav2:pilot=LAND")),
+        says=(r"uav2: .*not commanded from here",),
+    ),
     Story("an empty battery over its own pad", (told(low("uav1", 18.0), "uav1:emergency"),)),
     Story("silent for 18 s in its landing", (told(low("uav1", 19.0), "uav1:silent=18s"),)),
     Story(

@@ -35,8 +35,8 @@ _ACTS = re.compile(
     re.IGNORECASE,
 )
 """Texts after which an autopilot changes its mode; "Low battery" alone only warns."""
-CHARGE_EMERGENCY = 4
-"""MAV_BATTERY_CHARGE_STATE_EMERGENCY."""
+CHARGE_CRITICAL, CHARGE_EMERGENCY = 3, 4
+"""MAV_BATTERY_CHARGE_STATE."""
 
 
 def judged(
@@ -80,7 +80,11 @@ def judged(
 def looked_at_again(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> VehicleState:
     """Return a vehicle whose change of mode may be explained by what it said since, or may not be any more."""
     if vehicle.custody.cause is Cause.FAILSAFE and (
-        held_unseen(context, vehicle) or _holds_calmly(context, vehicle, now_s) or by_person(context, vehicle)
+        held_unseen(context, vehicle)
+        or _held_on(context, absences, vehicle, now_s)
+        or _said_to_be_held(context, vehicle)
+        or _holds_calmly(context, vehicle, now_s)
+        or by_person(context, vehicle)
     ):
         return replace(vehicle, custody=replace(vehicle.custody, cause=Cause.PERSON, certain=True))
     if vehicle.custody.cause is Cause.MISSION and _hovers(context, vehicle, now_s):
@@ -283,6 +287,48 @@ def held_unseen(context: Scene, vehicle: VehicleState) -> bool:
     unseen_s = fix.boot_s - (fix.at_s - vehicle.telemetry.mode_since_s) - from_s
     failsafe_s = context.vehicles[vehicle.name].failsafe_s  # until it returns: what it holds before is a part of it
     return unseen_s >= (context.limits.failsafe_hold_s if failsafe_s is None else failsafe_s + HOLDS_ON_S)
+
+
+def held_long(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether it was heard to hold for longer than any failsafe that only holds first, by its HEARTBEATs.
+
+    Who was silent may have stood still, and its clock with it; who sends no HEARTBEAT may have gone on.
+    """
+    beat, link = vehicle.telemetry.heartbeat, vehicle.link
+    if beat is None or beat.custom_mode != context.vehicles[vehicle.name].dialect.modes.hold.custom_mode:
+        return False
+    from_s = max(vehicle.telemetry.mode_since_s, link.excused_s, link.regained_s or 0.0)
+    return (link.heartbeat_s or 0.0) - from_s >= context.limits.failsafe_hold_s
+
+
+def _held_on(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a failsafe that holds before it acts has not acted: somebody told it to hold meanwhile.
+
+    On PX4 that ends what the failsafe had in mind, and no HEARTBEAT shows it: the mode is the same (framework.cpp). A
+    fence, or a lost ground station where no return is set for that, may be answered by a hold alone; an empty battery
+    never is.
+    """
+    setup = context.vehicles[vehicle.name]
+    if setup.dialect.ground_station_failsafe.pause is None or not held_long(context, vehicle):
+        return False
+    if vehicle.power.battery.charge_state >= CHARGE_CRITICAL:
+        return True
+    failed = changed_by(setup, vehicle).failed
+    what = "" if failed is None else failed.what
+    by_fence = vehicle.sensors.fence_breached or bool(off_its_fence(vehicle, now_s, context.limits.link_stale_s))
+    by_link = _unseen(vehicle) or missed_us(context, absences, vehicle, now_s) or what == "ground station"
+    return not by_fence and what != "fence" and (setup.returns or not by_link)
+
+
+def _said_to_be_held(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether it says itself that somebody took over while its failsafe held it: PX4 does, by an event."""
+    beat, (recorded, recorded_s) = vehicle.telemetry.heartbeat, vehicle.evidence.recorded
+    since_s = vehicle.telemetry.mode_since_s
+    if beat is None or beat.custom_mode != context.vehicles[vehicle.name].dialect.modes.hold.custom_mode:
+        return False
+    if recorded is None or recorded.by is not Actor.PILOT or vehicle.orders.ordered_mode_s >= since_s:
+        return False  # what is ordered here is one who takes over, too
+    return recorded_s >= since_s
 
 
 def _unseen(vehicle: VehicleState) -> bool:

@@ -14,7 +14,7 @@ from enum import Enum
 
 from executor.core.commands import Command, LandNow, Level, Say, SendHome
 from executor.core.context import Context
-from executor.core.custody.causes import in_other_hands
+from executor.core.custody.causes import held_long, in_other_hands
 from executor.core.events import OrderEnded, ReturnEnded
 from executor.core.parts import Cause, Errand
 from executor.core.places import kill_switch_on
@@ -96,7 +96,7 @@ def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # 
         return Advice(Answer.LAND)
     if comes_home(context, vehicle) and not errand.force:
         return Advice(Answer.LEAVE, "returning or landing by itself, not commanded")
-    if not errand.force and (failsafe := _failsafe_acts(context, vehicle, now_s)) is not None:
+    if not errand.force and (failsafe := _failsafe_acts(context, vehicle)) is not None:
         return failsafe
     fix = vehicle.motion.fix
     if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
@@ -119,21 +119,14 @@ def _stopped(vehicle: VehicleState, now_s: float) -> bool:
     return kill_switch_on(text) and now_s - said_s < STOPPED_S
 
 
-def _failsafe_acts(context: Context, vehicle: VehicleState, now_s: float) -> Advice | None:
-    """Return how long a failsafe is waited for that holds before it acts; None if none acts.
-
-    It is waited for as long as it is heard: who was silent may have stood still, and its clock with it.
-    """
+def _failsafe_acts(context: Context, vehicle: VehicleState) -> Advice | None:
+    """Return that a failsafe is waited for that holds before it acts; None if none acts."""
     if vehicle.custody.cause is not Cause.FAILSAFE or vehicle.telemetry.heartbeat is None:
         return None
     hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
     if vehicle.telemetry.heartbeat.custom_mode != hold:
         return Advice(Answer.LEAVE, "left to its own failsafe")
-    link = vehicle.link
-    heard_from_s = max(vehicle.telemetry.mode_since_s, link.excused_s, link.regained_s or 0.0)
-    if now_s - heard_from_s < context.limits.failsafe_hold_s:
-        return Advice(Answer.WAIT, "held by its own failsafe, which is waited for")
-    return None
+    return None if held_long(context, vehicle) else Advice(Answer.WAIT, "held by its own failsafe, which is waited for")
 
 
 HANGS_S = 10.0

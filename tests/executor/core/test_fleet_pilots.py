@@ -325,6 +325,20 @@ ROWS = [
         {},
     ),
     Row(
+        "held for longer than a failsafe holds first",
+        replace(with_facts(TAKES, mode_since_s=NOW_S - 15.0), fault=BATTERY_FAULT, stage=Stage.RETURNING),
+        Tick(),
+        [
+            Say(
+                Level.FAULT,
+                "uav1: mode HOLD for 15 s, by its own failsafe or by its pilot since; not commanded from here",
+            ),
+            HandsOff("uav1"),
+        ],
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(since_s=NOW_S - 15.0, given_away=True)}},
+        {},
+    ),
+    Row(
         "taken while a re-plan is solved that counts on it",
         TAKES,
         Tick(),

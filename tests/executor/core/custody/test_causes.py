@@ -10,13 +10,13 @@ from executor.core import carried
 from executor.core.carried import Carried, items_expected
 from executor.core.context import Context
 from executor.core.custody.causes import cause_of, judged, looked_at_again, missed_us, takes_over
-from executor.core.messages import Heartbeat, MissionCurrent
+from executor.core.messages import Actor, Heartbeat, MissionCurrent, ModeChange
 from executor.core.parts import Before, Cause
 from executor.core.resume.blackout import taken_up
 from executor.core.state import Absence, FleetState
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import fleet_of, with_facts
-from tests.executor.core.vehicles import AUTO, CONTEXT, NOW_S, RTL, at, flying, pack
+from tests.executor.core.vehicles import AUTO, CONTEXT, NOW_S, RTL, at, flying, pack, says
 
 LOITER, BRAKE, LAND, SMART_RTL = 5, 17, 9, 21
 HELD = Heartbeat(3, BRAKE, True, 4)
@@ -79,6 +79,81 @@ def test_a_hold_whose_heartbeats_know_of_no_failsafe_is_a_persons(
     told = {"cause": Cause.FAILSAFE, "alarm": ("GCS Failsafe", since_s), "mode_since_s": since_s, "heartbeat_s": NOW_S}
     held = flying(heartbeat=Heartbeat(3, mode, True, status), **(told | changes))
     assert looked_at_again(CONTEXT, (), held, NOW_S).custody.cause is cause
+
+
+PX4_HOLD, PX4_RTL = 50593792, 84148224
+LOW = pack(3.0, charge_state=3)
+OUT_OF_BOUNDS = says("Geofence: exceeding maximum distance to Home", NOW_S - 15.0)
+
+
+def held_first(**changes: object) -> VehicleState:
+    """Return a PX4 that its battery's failsafe has held for 15 s, which is longer than it holds before it acts."""
+    told: dict[str, object] = {"cause": Cause.FAILSAFE, "mode_since_s": NOW_S - 15.0, "heartbeat_s": NOW_S}
+    given = {"heartbeat": Heartbeat(12, PX4_HOLD, True, 5), "battery": LOW, "critical_since_s": NOW_S - 15.0}
+    return flying(**(told | given | changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "cause"),
+    [
+        ({}, Cause.PERSON),
+        ({"heartbeat_s": NOW_S - 0.1}, Cause.FAILSAFE),
+        ({"mode_since_s": NOW_S - 14.9}, Cause.FAILSAFE),
+        ({"regained_s": NOW_S - 14.9}, Cause.FAILSAFE),
+        ({"excused_s": NOW_S - 14.9}, Cause.FAILSAFE),
+        ({"heartbeat": Heartbeat(12, PX4_RTL, True, 5)}, Cause.FAILSAFE),
+        ({"fence_breached": True}, Cause.PERSON),
+        ({"battery": pack(90.0)}, Cause.PERSON),
+        ({"battery": pack(9.0, charge_state=2), "fence_breached": True}, Cause.FAILSAFE),
+        ({"battery": pack(90.0)} | OUT_OF_BOUNDS, Cause.FAILSAFE),
+    ],
+)
+def test_a_failsafe_that_holds_first_and_does_not_act_was_ended_by_a_person(
+    changes: dict[str, object], cause: Cause
+) -> None:
+    """Who tells a PX4 to hold while its failsafe does changes no mode; a fence may be answered by a hold alone."""
+    held = looked_at_again(fleet_of(autopilot="px4").context, (), held_first(**changes), NOW_S).custody
+    assert (held.cause, held.certain) == (cause, cause is Cause.PERSON)
+
+
+@pytest.mark.parametrize(("returns", "cause"), [(True, Cause.PERSON), (False, Cause.FAILSAFE)])
+@pytest.mark.parametrize(
+    "changes", [{"unseen_until_s": NOW_S - 15.0}, says("GCS connection lost", NOW_S - 15.0)], ids=["unseen", "said"]
+)
+def test_a_lost_ground_station_is_answered_by_a_hold_alone_where_no_return_is_set(
+    changes: dict[str, object], *, returns: bool, cause: Cause
+) -> None:
+    context = fleet_of(autopilot="px4").context
+    setup = replace(context.vehicles["uav1"], returns=returns)
+    context = replace(context, vehicles={**context.vehicles, "uav1": setup})
+    held = held_first(battery=pack(90.0), **changes)
+    assert looked_at_again(context, (), held, NOW_S).custody.cause is cause
+
+
+def test_a_hold_of_an_arducopter_is_what_its_failsafe_wanted() -> None:
+    """BATT_FS_CRT_ACT 7 is a BRAKE that stays."""
+    held = held_first(heartbeat=Heartbeat(3, BRAKE, True, 5))
+    assert looked_at_again(CONTEXT, (), held, NOW_S).custody.cause is Cause.FAILSAFE
+
+
+TOOK_OVER = ModeChange(None, Actor.PILOT)
+
+
+@pytest.mark.parametrize(
+    ("changes", "cause"),
+    [
+        ({"recorded": (TOOK_OVER, NOW_S)}, Cause.PERSON),
+        ({"recorded": (TOOK_OVER, NOW_S - 4.0)}, Cause.PERSON),
+        ({"recorded": (TOOK_OVER, NOW_S - 8.0)}, Cause.FAILSAFE),
+        ({"recorded": (ModeChange(None, Actor.MISSION), NOW_S)}, Cause.FAILSAFE),
+        ({"recorded": (TOOK_OVER, NOW_S), "ordered_mode_s": NOW_S - 4.0}, Cause.FAILSAFE),
+        ({"recorded": (TOOK_OVER, NOW_S), "heartbeat": Heartbeat(12, PX4_RTL, True, 5)}, Cause.FAILSAFE),
+        ({}, Cause.FAILSAFE),
+    ],
+)
+def test_who_takes_over_while_a_failsafe_holds_it_is_told_by_an_event(changes: dict[str, object], cause: Cause) -> None:
+    held = held_first(**({"mode_since_s": NOW_S - 4.0} | changes))
+    assert looked_at_again(fleet_of(autopilot="px4").context, (), held, NOW_S).custody.cause is cause
 
 
 @pytest.mark.parametrize(("since_s", "cause"), [(NOW_S - 15.1, Cause.PERSON), (NOW_S - 15.0, Cause.FAILSAFE)])

@@ -82,6 +82,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["wait: held by its own failsafe, which is waited for", "return: "] * 2,
     ),
     (
+        "whose failsafe holds, and whose HEARTBEATs do not come",
+        lambda: [
+            advice(cause=Cause.FAILSAFE, heartbeat=beat(HOLD), mode_since_s=NOW_S - 20.0, heartbeat_s=NOW_S - age_s)
+            for age_s in (5.0, 5.1)
+        ],
+        ["return: ", "wait: held by its own failsafe, which is waited for"],
+    ),
+    (
         "where nobody knows it to be",
         lambda: [
             advice(fix=fix, errand=Errand(NOW_S - since_s))
