@@ -209,6 +209,8 @@ def _beat(context: Context, state: FleetState, before: VehicleState, now_s: floa
             state = state.put(replace(vehicle, orders=replace(vehicle.orders, start_let_go=True)))
     if before.stage is Stage.LOST:
         state, more = _came_back(context, state, vehicle, now_s)
+        if state.progress.finished:  # it is heard in the very moment in which the flight ended without it
+            state = replace(state, progress=replace(state.progress, finished=False))
         return state, (*commands, *more)
     return state, commands
 

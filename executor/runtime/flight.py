@@ -152,12 +152,19 @@ class Flight:
                     tick = tasks.create_task(supervised.keep_going("the tick", self._tick, at_once=True), name="tick")
                     if reopened is None:
                         self.apply(events.LaunchOrdered())
-                    await self._over.wait()
+                    await self._ended_for_all()
                     tick.cancel()
                     for job in (*self._jobs.values(), *self._solving):
                         job.cancel()
         finally:
             self._tasks = None
+
+    async def _ended_for_all(self) -> None:
+        """Wait for the end: who was lost may be heard, in the air, before this is reached."""
+        await self._over.wait()
+        while not (self._leaves or self.state.progress.finished):
+            self._over.clear()
+            await self._over.wait()
 
     @contextmanager
     def listening(self) -> Iterator[None]:

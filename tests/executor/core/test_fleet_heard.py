@@ -60,6 +60,33 @@ ROWS = [
         {},
     ),
     Row(
+        "who was lost and flies, in the moment in which the flight ended without it",
+        GONE,
+        said(beat()),
+        [
+            Say(Level.WARNING, "uav1: link regained; its segments were reassigned, its mission is not resumed"),
+            SendHome("uav1"),
+        ],
+        {"uav1": SENT_HOME | REGAINED | {"flew_mission": True}},
+        {"finished": False},
+        {"finished": True},
+    ),
+    Row(
+        "who was lost and is on its pad, in the moment in which the flight ended without it",
+        LOST_ON_PAD,
+        said(beat(AUTO, armed=False)),
+        [
+            Say(
+                Level.INFO,
+                "uav1: link regained, on the ground; switched to RTL, so that it cannot take off with its old mission",
+            ),
+            SendHome("uav1"),
+        ],
+        {"uav1": REGAINED | {"stage": Stage.LANDED, "heartbeat": beat(armed=False), "ordered_mode_s": NOW_S}},
+        {"finished": False},
+        {"finished": True},
+    ),
+    Row(
         "who was lost and comes home is left to that",
         GONE,
         said(beat(RTL)),

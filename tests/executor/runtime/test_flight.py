@@ -177,6 +177,25 @@ async def test_a_newer_order_takes_the_place_of_an_older_one() -> None:
     assert sky.flyers["uav1"].mode == sky.flyers["uav1"].dialect.modes.return_home
 
 
+async def test_who_is_heard_in_the_moment_of_the_flights_end_is_brought_home() -> None:
+    """Everybody else has landed, and the last that was lost says on its mission that it flies."""
+    async with flying(fleet_of()) as (sky, task):
+        await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
+        sky.links["uav2"].cut = True
+        sky.flight.apply(ReturnAllOrdered())
+        await sky.until(lambda: sky.state.progress.finished)
+        assert sky.state.vehicles["uav2"].stage is Stage.LOST
+        assert sky.flyers["uav2"].armed
+        sky.links["uav2"].cut = False
+        mission = sky.flyers["uav2"].dialect.modes.mission.custom_mode
+        sky.flight.apply(Heard("uav2", Heartbeat(3, mission, True, 4)))
+        assert not sky.state.progress.finished
+        await asyncio.sleep(1.0)
+        assert not task.done()
+    assert {vehicle.stage for vehicle in sky.state.vehicles.values()} == {Stage.LANDED}
+    assert sky.flyers["uav2"].mode == sky.flyers["uav2"].dialect.modes.return_home
+
+
 async def test_who_leaves_leaves_the_vehicles_on_their_missions() -> None:
     async with flying(fleet_of()) as (sky, task):
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
