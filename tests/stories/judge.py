@@ -382,7 +382,9 @@ class Judge:
         if ended and ended[-1] == "landed" and self.from_pad_m(name, at_s) <= self.on_pad_m:
             return "it has landed on its pad"
         armed = re.search(r"\barmed\b", line.text) is not None and "disarmed" not in line.text
-        return "" if armed == self.armed(name, at_s) or not armed else "it is disarmed"
+        # That its motors have stopped comes with its next HEARTBEAT.
+        runs = self.armed(name, at_s) or self.armed(name, at_s - KNOWS_S)
+        return "it is disarmed" if armed and not runs else ""
 
     def _with_pilot(self, found: re.Match[str], at_s: float, line: Say) -> str:
         spans = self.hands(found["name"])

@@ -159,6 +159,11 @@ EMERGENCIES = (
          told(after("uav2", "failsafe ", 40), "uav2:pilot=LAND")),
         says=(r"uav2: .*not commanded from here",),
     ),
+    Story(
+        "held by the crew while an empty battery is about to land it",
+        (wants(on_segment("uav2"), Action.HOLD, "uav2"), told(on_segment("uav3"), "uav2:emergency")),
+        says=(DOWN,),
+    ),
     Story("an empty battery over its own pad", (told(low("uav1", 18.0), "uav1:emergency"),)),
     Story("silent for 18 s in its landing", (told(low("uav1", 19.0), "uav1:silent=18s"),)),
     Story(

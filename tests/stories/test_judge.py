@@ -122,6 +122,14 @@ def test_who_comes_down_elsewhere_is_announced_with_its_place() -> None:
     assert rules(wrong) == ["line"]
 
 
+@pytest.mark.parametrize(("at_s", "found"), [(323.4, []), (323.6, ["line"])])
+def test_that_motors_have_stopped_is_known_with_the_next_heartbeat(at_s: float, found: list[str]) -> None:
+    fault = (100.0, "fault uav1:emergency@40%")
+    told = flown(*BEGUN, fault, *ENDED, away=True)
+    line = "uav1: does not move, down at 49.60200, 15.60000, armed: keep away"
+    assert rules(said(told, at_s, line, Level.FAULT)) == found
+
+
 def test_a_fault_of_nothing_and_a_takeover_by_nobody() -> None:
     calm = flown(*BEGUN, *ENDED)
     assert rules(said(calm, 100.0, "uav1: battery, below its reserve at landing with 100 %", Level.FAULT)) == [

@@ -7,6 +7,7 @@ station. In doubt it is a person's: then nothing is commanded.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -299,6 +300,17 @@ def held_long(context: Scene, vehicle: VehicleState) -> bool:
         return False
     from_s = max(vehicle.telemetry.mode_since_s, link.excused_s, link.regained_s or 0.0)
     return (link.heartbeat_s or 0.0) - from_s >= context.limits.failsafe_hold_s
+
+
+def begins_in_hold(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether a failsafe that holds first has begun in a hold of ours: the mode does not show it."""
+    setup, told = context.vehicles[vehicle.name], vehicle.telemetry
+    if setup.dialect.ground_station_failsafe.pause is None or told.heartbeat is None:
+        return False
+    text, said_s = told.alarm
+    began_s = max(told.critical_since_s or -math.inf, said_s if _ACTS.search(text) else -math.inf)
+    holds = told.heartbeat.custom_mode == setup.dialect.modes.hold.custom_mode and began_s > told.mode_since_s
+    return holds and (vehicle.link.heartbeat_s or 0.0) - began_s < context.limits.failsafe_hold_s
 
 
 def _held_on(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> bool:

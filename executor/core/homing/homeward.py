@@ -14,7 +14,7 @@ from enum import Enum
 
 from executor.core.commands import Command, LandNow, Level, Say, SendHome
 from executor.core.context import Context
-from executor.core.custody.causes import held_long, in_other_hands
+from executor.core.custody.causes import begins_in_hold, held_long, in_other_hands
 from executor.core.events import OrderEnded, ReturnEnded
 from executor.core.parts import Cause, Errand
 from executor.core.places import kill_switch_on
@@ -121,12 +121,15 @@ def _stopped(vehicle: VehicleState, now_s: float) -> bool:
 
 def _failsafe_acts(context: Context, vehicle: VehicleState) -> Advice | None:
     """Return that a failsafe is waited for that holds before it acts; None if none acts."""
+    waited_for = Advice(Answer.WAIT, "held by its own failsafe, which is waited for")
+    if vehicle.custody.cause is Cause.OURS and begins_in_hold(context, vehicle):
+        return waited_for
     if vehicle.custody.cause is not Cause.FAILSAFE or vehicle.telemetry.heartbeat is None:
         return None
     hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
     if vehicle.telemetry.heartbeat.custom_mode != hold:
         return Advice(Answer.LEAVE, "left to its own failsafe")
-    return None if held_long(context, vehicle) else Advice(Answer.WAIT, "held by its own failsafe, which is waited for")
+    return None if held_long(context, vehicle) else waited_for
 
 
 HANGS_S = 10.0

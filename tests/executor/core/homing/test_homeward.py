@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from executor.core.homing import homeward
+from executor.core.messages import Heartbeat
 from executor.core.parts import Cause, Errand
-from tests.executor.builders import with_facts
+from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.steps import HOLD, HOMEWARD, LAND, TAKEN, beat, over_pad, rounded
 from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, RTL, at, flying
 
@@ -153,6 +154,41 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     ("beyond its mission", lambda: advice(waypoint=6), "return: "),
 ]
+
+
+PX4 = fleet_of(autopilot="px4").context
+PX4_HOLD = PX4.vehicles["uav1"].dialect.modes.hold.custom_mode
+EMPTY = "Emergency battery level"
+WAITS = "wait: held by its own failsafe, which is waited for"
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, "return: "),
+        ({"critical_since_s": NOW_S - 14.9}, WAITS),
+        ({"critical_since_s": NOW_S - 15.0}, "return: "),
+        ({"critical_since_s": NOW_S - 40.0}, "return: "),
+        ({"alarm": (EMPTY, NOW_S - 14.9)}, WAITS),
+        ({"alarm": (EMPTY, NOW_S - 15.0)}, "return: "),
+        ({"alarm": (EMPTY, NOW_S - 40.0)}, "return: "),
+        ({"alarm": ("Low battery", NOW_S - 1.0)}, "return: "),
+        ({"alarm": (EMPTY, NOW_S - 40.0), "critical_since_s": NOW_S - 1.0}, WAITS),
+        ({"alarm": (EMPTY, NOW_S - 1.0), "mode_since_s": NOW_S - 0.5}, "return: "),
+        ({"alarm": (EMPTY, NOW_S - 1.0), "heartbeat": Heartbeat(12, 67371008, True, 5)}, "return: "),
+        ({"alarm": (EMPTY, NOW_S - 1.0), "errand": Errand(NOW_S, force=True)}, "return: "),
+    ],
+)
+def test_a_failsafe_that_begins_in_a_hold_of_ours_is_waited_for(given: dict[str, object], expected: str) -> None:
+    """PX4 holds before it lands: the mode is the one that the crew chose, and an order would take its place."""
+    held = {"heartbeat": Heartbeat(12, PX4_HOLD, True, 4), "mode_since_s": NOW_S - 30.0}
+    found = homeward.advice(PX4, with_facts(COMES, **(held | given)), NOW_S)
+    assert f"{found.answer.value}: {found.words}" == expected
+
+
+def test_an_arducopters_failsafe_acts_at_once() -> None:
+    held = advice(heartbeat=beat(HOLD), mode_since_s=NOW_S - 30.0, alarm=("Battery Failsafe", NOW_S - 1.0))
+    assert held == "return: "
 
 
 @pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
