@@ -315,7 +315,15 @@ class StormJudge(Judge):
         name = found["name"]
         lies = self._began(name, frozenset({"forged text"}))
         explained = any(0 <= at_s - began_s <= EXPLAINS_S for began_s, _ in lies)
-        return "" if explained or self._silent(name, at_s, 30.0) else super()._by_itself(found, at_s, line)
+        if explained or self._silent(name, at_s, 30.0) or self._as_its_failsafe(name, at_s):
+            return ""
+        return super()._by_itself(found, at_s, line)
+
+    def _as_its_failsafe(self, name: str, at_s: float) -> bool:
+        """Return whether somebody chose a way home while its failsafe had begun another: nobody tells them apart."""
+        last = [one for one in self.happened(name, "pilot ", "station ") if one.t_s <= at_s][-1:]
+        home = bool(last) and last[0].what.endswith((" RTL", " LAND"))
+        return home and any(span.from_s < last[0].t_s < span.to_s for span in self._acting(name))
 
     def _given(self, found: re.Match[str], at_s: float, line: Say) -> str:
         """Segments may be given to nobody: who could take them may be cut off, or the day over."""

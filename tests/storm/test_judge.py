@@ -101,6 +101,18 @@ def test_who_is_sent_home_while_nothing_comes_from_it_may_have_come_by_its_fails
     assert rules(replace(told, flown=shown)) == found
 
 
+@pytest.mark.parametrize(("acts", "mode", "found"), [
+    (True, "LAND", set()), (True, "LOITER", {"line"}), (False, "LAND", {"line"}),
+])  # fmt: skip
+def test_who_chooses_a_way_home_while_a_failsafe_does_is_not_told_from_it(
+    acts: bool, mode: str, found: set[str]
+) -> None:
+    acted = (("uav1", 100.0, "failsafe fence"),) if acts else ()
+    told = stormed(*acted, ("uav1", 100.7, f"pilot {mode}"), ("uav1", 100.7, f"mode {mode}"))
+    told = said(told, 101.5, "uav1: fence, its fence is breached; returning or landing by itself, not commanded")
+    assert rules(told) & {"line"} == found
+
+
 def test_who_crashes_as_it_boots_says_nothing_more() -> None:
     began = (Happening("frozen", "uav1", 50.0, 48.0),)
     fell = tuple(truth("uav1", 99.0, what, (49.601, 15.6)) for what in ("crash", "disarmed"))
