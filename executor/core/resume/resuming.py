@@ -341,7 +341,9 @@ def _never_started(
     if not flown:
         said = Say(Level.WARNING, f"{name}: had not started yet; it stays on the ground")
     plan = state.replanning.replan
-    state = state.put(moved_to(vehicle, Stage.LANDED if flown else Stage.GROUND))
+    # Nor is that yes one for a start that is planned from now on.
+    stays = replace(vehicle, orders=replace(vehicle.orders, cleared_s=None))
+    state = state.put(moved_to(stays, Stage.LANDED if flown else Stage.GROUND))
     if plan is None or name not in plan.pending:
         return state, _Taken((said,))
     why = "landed" if flown else "had not started"

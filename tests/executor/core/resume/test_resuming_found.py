@@ -368,6 +368,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
     ),
     (
+        "a start has not armed, and the crew's yes to it is from before",
+        lambda: taken_up(with_facts(STARTS, heartbeat=DISARMED, cleared_s=NOW_S - 30.0), found(OURS), context=CREW),
+        (
+            [Say(Level.WARNING, "uav1: had not started yet; it stays on the ground")],
+            (),
+            (),
+            {"uav1": {"stage": Stage.GROUND, "cleared_s": None}},
+            {},
+        ),
+    ),
+    (
         "a start has not armed, and carries another mission",
         lambda: taken_up(with_facts(STARTS, heartbeat=DISARMED), found(THEIRS)),
         (
