@@ -18,131 +18,74 @@ from executor.errors import LogError
 from missions.files import write_whole
 
 
+class _File:
+    """A file of a run directory, which always has the same name."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __get__(self, run: RunDirectory, kind: type[RunDirectory]) -> Path:
+        """Return where it lies in this run directory."""
+        return run.path / self._name
+
+
 @dataclass(frozen=True, slots=True)
 class RunDirectory:
     """Where each file of one flight lies; which of them are there depends on how far it came."""
 
     path: Path
 
-    @property
-    def site(self) -> Path:
-        """Return the site file that it was flown with."""
-        return self.path / "site.toml"
-
-    @property
-    def events(self) -> Path:
-        """Return the event log, from which everything else can be had again."""
-        return self.path / "events.jsonl"
+    site = _File("site.toml")
+    """The site file that it was flown with."""
+    events = _File("events.jsonl")
+    """The event log, from which everything else can be had again."""
+    vehicles = _File("vehicles.json")
+    """Who stood where, and what was on board, before the launch."""
+    parameters = _File("parameters.json")
+    """What was changed on board, and is to be given back."""
+    fences = _File("fences.json")
+    """The fences and rally points that were replaced on board, and are to be given back."""
+    report = _File("report.json")
+    """What the flight came to."""
+    learned = _File("learned.json")
+    """What the flight taught about its vehicles."""
+    learned_before = _File("learned-before.json")
+    """What was known of them before it; not there if nothing was."""
+    page = _File("report.html")
+    """The report to be read by people."""
+    map = _File("map.png")
+    """The map of the plan and of the flight."""
+    profile = _File("profile.png")
+    """The first plan from the side; not there if no raster knew the ground."""
+    battery = _File("battery.png")
+    """The picture of the batteries."""
+    terrain = _File("terrain.npz")
+    """The ground that it was flown over; not there if no raster knew it."""
+    next_sortie = _File("next-sortie.json")
+    """The plan of what was left over."""
+    day_plan = _File("day-plan.json")
+    """The day plan that it was flown by; not there for a single flight."""
+    packs = _File("packs.json")
+    """What its packs gave; not there if none was changed."""
+    truths = _File("truth.jsonl")
+    """What a simulated fleet notes: what really happened, and when."""
+    lock = _File(".lock")
+    """The file that is locked while the directory is flown."""
+    images_csv = _File("images.csv")
+    """The pictures of the flight, as a table."""
+    images_geojson = _File("images.geojson")
+    """The same with the assets, for maps."""
+    images_sqlite = _File("images.sqlite")
+    """The same as tables, which the files of the cards are matched to."""
+    images_files = _File("images-files.csv")
+    """Which file is which picture."""
+    assets = _File("assets.html")
+    """The page of every asset with its pictures."""
 
     @property
     def checkpoints(self) -> tuple[Path, Path]:
         """Return the last two checkpoints: while one is written, the other is whole."""
         return self.path / "checkpoint-a.jsonl", self.path / "checkpoint-b.jsonl"
-
-    @property
-    def vehicles(self) -> Path:
-        """Return who stood where, and what was on board, before the launch."""
-        return self.path / "vehicles.json"
-
-    @property
-    def parameters(self) -> Path:
-        """Return what was changed on board, and is to be given back."""
-        return self.path / "parameters.json"
-
-    @property
-    def fences(self) -> Path:
-        """Return the fences and rally points that were replaced on board, and are to be given back."""
-        return self.path / "fences.json"
-
-    @property
-    def report(self) -> Path:
-        """Return what the flight came to."""
-        return self.path / "report.json"
-
-    @property
-    def learned(self) -> Path:
-        """Return what the flight taught about its vehicles."""
-        return self.path / "learned.json"
-
-    @property
-    def learned_before(self) -> Path:
-        """Return what was known of them before it; not there if nothing was."""
-        return self.path / "learned-before.json"
-
-    @property
-    def page(self) -> Path:
-        """Return the report to be read by people."""
-        return self.path / "report.html"
-
-    @property
-    def map(self) -> Path:
-        """Return the map of the plan and of the flight."""
-        return self.path / "map.png"
-
-    @property
-    def profile(self) -> Path:
-        """Return the first plan from the side; not there if no raster knew the ground."""
-        return self.path / "profile.png"
-
-    @property
-    def battery(self) -> Path:
-        """Return the picture of the batteries."""
-        return self.path / "battery.png"
-
-    @property
-    def terrain(self) -> Path:
-        """Return the ground that it was flown over; not there if no raster knew it."""
-        return self.path / "terrain.npz"
-
-    @property
-    def next_sortie(self) -> Path:
-        """Return the plan of what was left over."""
-        return self.path / "next-sortie.json"
-
-    @property
-    def day_plan(self) -> Path:
-        """Return the day plan that it was flown by; not there for a single flight."""
-        return self.path / "day-plan.json"
-
-    @property
-    def packs(self) -> Path:
-        """Return what its packs gave; not there if none was changed."""
-        return self.path / "packs.json"
-
-    @property
-    def truths(self) -> Path:
-        """Return what a simulated fleet notes: what really happened, and when."""
-        return self.path / "truth.jsonl"
-
-    @property
-    def lock(self) -> Path:
-        """Return the file that is locked while the directory is flown."""
-        return self.path / ".lock"
-
-    @property
-    def images_csv(self) -> Path:
-        """Return the pictures of the flight, as a table."""
-        return self.path / "images.csv"
-
-    @property
-    def images_geojson(self) -> Path:
-        """Return the same with the assets, for maps."""
-        return self.path / "images.geojson"
-
-    @property
-    def images_sqlite(self) -> Path:
-        """Return the same as tables, which the files of the cards are matched to."""
-        return self.path / "images.sqlite"
-
-    @property
-    def images_files(self) -> Path:
-        """Return which file is which picture."""
-        return self.path / "images-files.csv"
-
-    @property
-    def assets(self) -> Path:
-        """Return the page of every asset with its pictures."""
-        return self.path / "assets.html"
 
     def plan(self, revision: int) -> Path:
         """Return a plan: the first is 0, every re-plan one more."""
