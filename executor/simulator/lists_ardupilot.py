@@ -1,4 +1,6 @@
-"""ArduPilot's fence and rally points: each list has a dialogue of its own, and takes effect at its last item.
+"""ArduPilot's lists: how an upload of any of them goes on and ends; and its fence and rally points.
+
+The latter have a dialogue of their own each, and take effect at its last item.
 
 Measured on Copter 4.7-dev unless a line says otherwise.
 """
@@ -10,6 +12,7 @@ from dataclasses import replace
 
 from executor.simulator.enums import MissionResult, Severity
 from executor.simulator.messages import (
+    MISSION_TYPE_MISSION,
     ItemReceived,
     MissionClearAll,
     MissionCount,
@@ -31,23 +34,68 @@ from executor.simulator.mission_store import (
 from missions.items import Frame, MissionItem, Place
 
 FENCE, RALLY = 1, 2
-MOST = {FENCE: 70, RALLY: 20}
+MOST = {MISSION_TYPE_MISSION: 650, FENCE: 70, RALLY: 20}
+"""Items that the board has room for; measured, other boards have room for more."""
 ASK_AGAIN_S = 1.0
 GIVE_UP_S = 8.0
-NAMES = {FENCE: "Fence", RALLY: "Rally"}
+NAMES = {MISSION_TYPE_MISSION: "Mission", FENCE: "Fence", RALLY: "Rally"}
 _SHAPES = frozenset({*Place} - {Place.RALLY_POINT})
 _POLYGONS = frozenset({Place.INCLUSION_VERTEX, Place.EXCLUSION_VERTEX})
 
 
-class ArduPilotList:
-    """A fence, or rally points."""
+class ArduPilotUploads:
+    """The uploads of one list: who sends one, and what is asked for next."""
 
-    def __init__(self, kind: int, patience_s: float = 0.0) -> None:
+    def __init__(self, kind: int, patience_s: float) -> None:
         self.kind = kind
-        self.items: tuple[MissionItem, ...] = ()
         self.fault = UploadFault.NONE
         self._give_up_s = max(GIVE_UP_S, patience_s)
         self._upload: Transfer | None = None
+
+    def tick(self, now_s: float) -> StoreStep:
+        """Ask again after a second, give up after eight or what the simulation demands."""
+        upload = self._upload
+        if upload is None:
+            return StoreStep()
+        if now_s - upload.heard_s >= self._give_up_s:
+            self._upload = None
+            timeout = ((Severity.WARNING, f"{NAMES[self.kind]} upload timeout"),)
+            return self._ack(upload.partner, MissionResult.OPERATION_CANCELLED, timeout)
+        if upload.stalls(self.fault) or now_s - upload.asked_s < ASK_AGAIN_S:
+            return StoreStep()
+        return self._asked(upload, now_s)
+
+    def forget_transfers(self) -> None:
+        """Drop what is under way."""
+        self._upload = None
+
+    def _refusal(self, count: int, sender: Peer) -> StoreStep | None:
+        """Return why an upload of so many items does not begin."""
+        if self.fault is UploadFault.REFUSE:
+            return self._ack(sender, MissionResult.DENIED)
+        if count > MOST[self.kind]:
+            text = ((Severity.WARNING, f"Only {MOST[self.kind]} items are supported"),)
+            return self._ack(sender, MissionResult.NO_SPACE, text)
+        return None
+
+    def _begun(self, count: int, sender: Peer, now_s: float) -> StoreStep:
+        self._upload = Transfer(sender, count, heard_s=now_s, asked_s=now_s, kind=self.kind)
+        return self._asked(self._upload, now_s)
+
+    def _asked(self, upload: Transfer, now_s: float) -> StoreStep:
+        upload.asked_s = now_s
+        return StoreStep((request_message("MISSION_REQUEST", upload.partner, upload.next, self.kind),))
+
+    def _ack(self, sender: Peer, result: MissionResult, texts: tuple[tuple[int, str], ...] = ()) -> StoreStep:
+        return StoreStep((ack(sender, result, self.kind),), texts)
+
+
+class ArduPilotList(ArduPilotUploads):
+    """A fence, or rally points."""
+
+    def __init__(self, kind: int, patience_s: float = 0.0) -> None:
+        super().__init__(kind, patience_s)
+        self.items: tuple[MissionItem, ...] = ()
 
     def handle(self, message: MissionMessage, sender: Peer, now_s: float) -> StoreStep:  # noqa: PLR0911 - one each
         """Follow the protocol."""
@@ -72,35 +120,14 @@ class ArduPilotList:
             case _:
                 return StoreStep()
 
-    def tick(self, now_s: float) -> StoreStep:
-        """Ask again after a second, and give up after eight."""
-        upload = self._upload
-        if upload is None:
-            return StoreStep()
-        if now_s - upload.heard_s >= self._give_up_s:
-            self._upload = None
-            cancelled = ack(upload.partner, MissionResult.OPERATION_CANCELLED, self.kind)
-            return StoreStep((cancelled,), ((Severity.WARNING, f"{NAMES[self.kind]} upload timeout"),))
-        stalled = self.fault is UploadFault.HALF and upload.next >= upload.count // 2
-        if stalled or now_s - upload.asked_s < ASK_AGAIN_S:
-            return StoreStep()
-        return self._asked(upload, now_s)
-
-    def forget_transfers(self) -> None:
-        """Drop what is under way."""
-        self._upload = None
-
     def _begin(self, count: int, sender: Peer, now_s: float) -> StoreStep:
-        if self.fault is UploadFault.REFUSE:
-            return self._ack(sender, MissionResult.DENIED)
-        if count > MOST[self.kind]:
-            text = ((Severity.WARNING, f"Only {MOST[self.kind]} items are supported"),)
-            return replace(self._ack(sender, MissionResult.NO_SPACE), texts=text)
+        refusal = self._refusal(count, sender)
+        if refusal is not None:
+            return refusal
         if count == 0:
             self._upload = None
             return self._replaced((), sender)
-        self._upload = Transfer(sender, count, heard_s=now_s, asked_s=now_s, kind=self.kind)
-        return self._asked(self._upload, now_s)
+        return self._begun(count, sender, now_s)
 
     def _take(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
         upload = self._upload
@@ -115,25 +142,16 @@ class ArduPilotList:
         upload.next += 1
         upload.heard_s = now_s
         if upload.next < upload.count:
-            stalled = self.fault is UploadFault.HALF and upload.next >= upload.count // 2
-            return StoreStep() if stalled else self._asked(upload, now_s)
+            return StoreStep() if upload.stalls(self.fault) else self._asked(upload, now_s)
         self._upload = None
         if self.kind == FENCE and not is_whole(upload.items):
-            text = ((Severity.WARNING, "Fence validation failed"),)
-            return replace(self._ack(sender, MissionResult.ERROR), texts=text)
+            return self._ack(sender, MissionResult.ERROR, ((Severity.WARNING, "Fence validation failed"),))
         return self._replaced(tuple(upload.items), sender)
 
     def _replaced(self, items: tuple[MissionItem, ...], sender: Peer) -> StoreStep:
         self.items = items
         texts = ((Severity.DEBUG, "Fence Indexed OK"),) if self.kind == FENCE else ()
-        return replace(self._ack(sender, MissionResult.ACCEPTED), texts=texts, fenced=self.kind == FENCE)
-
-    def _asked(self, upload: Transfer, now_s: float) -> StoreStep:
-        upload.asked_s = now_s
-        return StoreStep((request_message("MISSION_REQUEST", upload.partner, upload.next, self.kind),))
-
-    def _ack(self, sender: Peer, result: MissionResult) -> StoreStep:
-        return StoreStep((ack(sender, result, self.kind),))
+        return replace(self._ack(sender, MissionResult.ACCEPTED, texts), fenced=self.kind == FENCE)
 
 
 def is_whole(items: Sequence[MissionItem]) -> bool:

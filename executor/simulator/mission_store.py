@@ -66,6 +66,10 @@ class Transfer:
     kind: int = MISSION_TYPE_MISSION
     """MAV_MISSION_TYPE."""
 
+    def stalls(self, fault: UploadFault) -> bool:
+        """Return whether an injected fault keeps the vehicle from asking on."""
+        return fault is UploadFault.HALF and self.next >= self.count // 2
+
 
 class MissionStore(Protocol):
     """The mission on board and the dialogue that changes it."""

@@ -9,7 +9,7 @@ import math
 from dataclasses import replace
 
 from executor.simulator.enums import MissionResult, Severity
-from executor.simulator.lists_ardupilot import FENCE, RALLY, ArduPilotList
+from executor.simulator.lists_ardupilot import FENCE, RALLY, ArduPilotList, ArduPilotUploads
 from executor.simulator.messages import (
     MISSION_TYPE_MISSION,
     ItemReceived,
@@ -19,26 +19,18 @@ from executor.simulator.messages import (
     MissionMessage,
     MissionRequest,
     MissionRequestList,
-    Outbound,
     Peer,
 )
 from executor.simulator.mission_store import (
     StoreStep,
-    Transfer,
-    UploadFault,
     ack,
     count_message,
     is_relative,
     item_message,
-    request_message,
     to_item,
 )
 from missions.items import PAYLOAD, Command, Frame, MissionItem
 
-CAPACITY = 650
-"""Items that the board has room for; measured, other boards have room for more."""
-ASK_AGAIN_S = 1.0
-GIVE_UP_S = 8.0
 _Order = MissionCount | ItemReceived | MissionRequestList | MissionRequest | MissionClearAll
 COMMANDS = frozenset(Command)
 FRAMES = frozenset(Frame)
@@ -47,20 +39,18 @@ REQUEST_ADVICE = "got MISSION_REQUEST; use MISSION_REQUEST_INT!"
 ITEM_ADVICE = "got MISSION_ITEM; GCS should send MISSION_ITEM_INT"
 
 
-class ArduPilotStore:
+class ArduPilotStore(ArduPilotUploads):
     """The mission on board; item 0 is the vehicle's own home and never overwritten."""
 
     mission_id = 0
 
     def __init__(self, home: MissionItem, patience_s: float = 0.0) -> None:
-        self._give_up_s = max(GIVE_UP_S, patience_s)
+        super().__init__(MISSION_TYPE_MISSION, patience_s)
         self._memory: list[MissionItem] = [home]
         """Storage as it is on the board: what lies behind ``_count`` is stale but still there."""
         self._count = 1
-        self._upload: Transfer | None = None
         self._advised: set[str] = set()
         self._lists = {kind: ArduPilotList(kind, patience_s) for kind in (FENCE, RALLY)}
-        self.fault = UploadFault.NONE
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
@@ -102,12 +92,12 @@ class ArduPilotStore:
         if message.mission_type != MISSION_TYPE_MISSION:
             return StoreStep((ack(sender, MissionResult.UNSUPPORTED, message.mission_type),))
         if self._upload is not None and self._upload.partner != sender:
-            return StoreStep((ack(sender, MissionResult.DENIED),))
+            return self._ack(sender, MissionResult.DENIED)
         return self._obey(message, sender, now_s, locked=locked)
 
     def tick(self, now_s: float) -> StoreStep:
-        """Ask again after a second, give up after eight or what the simulation demands."""
-        steps = [self._ticked(now_s), *(one.tick(now_s) for one in self._lists.values())]
+        """Let the uploads of all three lists go on."""
+        steps = [super().tick(now_s), *(one.tick(now_s) for one in self._lists.values())]
         said = [step for step in steps if step.send or step.texts]
         if not said:
             return StoreStep()
@@ -115,23 +105,9 @@ class ArduPilotStore:
             tuple(one for step in said for one in step.send), tuple(one for step in said for one in step.texts)
         )
 
-    def _ticked(self, now_s: float) -> StoreStep:
-        upload = self._upload
-        if upload is None:
-            return StoreStep()
-        if now_s - upload.heard_s >= self._give_up_s:
-            self._upload = None
-            return StoreStep(
-                (ack(upload.partner, MissionResult.OPERATION_CANCELLED),),
-                ((Severity.WARNING, "Mission upload timeout"),),
-            )
-        if self._stalled(upload) or now_s - upload.asked_s < ASK_AGAIN_S:
-            return StoreStep()
-        return StoreStep((self._ask(upload, now_s),))
-
     def forget_transfers(self) -> None:
         """Drop what is under way."""
-        self._upload = None
+        super().forget_transfers()
         for one in self._lists.values():
             one.forget_transfers()
 
@@ -142,43 +118,40 @@ class ArduPilotStore:
             case ItemReceived():
                 return self._store(message, sender, now_s)
             case MissionRequestList() | MissionRequest() if self._upload is not None:
-                return StoreStep((ack(sender, MissionResult.DENIED),))
+                return self._ack(sender, MissionResult.DENIED)
             case MissionRequestList():
                 return StoreStep((count_message(sender, self._count),))
             case MissionRequest():
                 return self._read(message, sender)
             case MissionClearAll():
                 if locked:
-                    return StoreStep((ack(sender, MissionResult.ERROR),))
+                    return self._ack(sender, MissionResult.ERROR)
                 self._count = 0
                 self._upload = None
-                return StoreStep((ack(sender, MissionResult.ACCEPTED),), cleared=True)
+                return replace(self._ack(sender, MissionResult.ACCEPTED), cleared=True)
 
     def _begin(self, message: MissionCount, sender: Peer, now_s: float) -> StoreStep:
-        if self.fault is UploadFault.REFUSE:
-            return StoreStep((ack(sender, MissionResult.DENIED),))
-        if message.count > CAPACITY:
-            text = f"Only {CAPACITY} items are supported"
-            return StoreStep((ack(sender, MissionResult.NO_SPACE),), ((Severity.WARNING, text),))
+        refusal = self._refusal(message.count, sender)
+        if refusal is not None:
+            return refusal
         self._count = min(self._count, message.count)
         if message.count == 0:
             # Measured: accepted in AUTO too, where the vehicle flies on to its old waypoint.
             self._upload = None
-            return StoreStep((ack(sender, MissionResult.ACCEPTED),), RECEIVED, truncated=True)
-        self._upload = Transfer(sender, message.count, heard_s=now_s, asked_s=now_s)
-        return StoreStep((self._ask(self._upload, now_s),), truncated=True)
+            return replace(self._ack(sender, MissionResult.ACCEPTED, RECEIVED), truncated=True)
+        return replace(self._begun(message.count, sender, now_s), truncated=True)
 
     def _store(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
         upload = self._upload
         if upload is None:
-            return StoreStep((ack(sender, MissionResult.ERROR),))
+            return self._ack(sender, MissionResult.ERROR)
         if message.seq != upload.next:
             # A warning only: the upload goes on.
-            return StoreStep((ack(sender, MissionResult.INVALID_SEQUENCE),))
+            return self._ack(sender, MissionResult.INVALID_SEQUENCE)
         if message.frame not in FRAMES or message.command not in COMMANDS:
             self._upload = None
             known = message.frame in FRAMES
-            return StoreStep((ack(sender, MissionResult.UNSUPPORTED if known else MissionResult.UNSUPPORTED_FRAME),))
+            return self._ack(sender, MissionResult.UNSUPPORTED if known else MissionResult.UNSUPPORTED_FRAME)
         if message.seq > 0:
             item = _as_stored(to_item(message))
             self._memory[message.seq : message.seq + 1] = [item]
@@ -189,18 +162,9 @@ class ArduPilotStore:
         advice = () if message.integer else self._advise(ITEM_ADVICE)
         if upload.next == upload.count:
             self._upload = None
-            return StoreStep((ack(sender, MissionResult.ACCEPTED),), (*advice, *RECEIVED), stored=stored)
-        if self._stalled(upload):
-            return StoreStep(texts=advice, stored=stored)
-        return StoreStep((self._ask(upload, now_s),), advice, stored=stored)
-
-    def _stalled(self, upload: Transfer) -> bool:
-        """Return whether an injected fault keeps the vehicle from asking on."""
-        return self.fault is UploadFault.HALF and upload.next >= upload.count // 2
-
-    def _ask(self, upload: Transfer, now_s: float) -> Outbound:
-        upload.asked_s = now_s
-        return request_message("MISSION_REQUEST", upload.partner, upload.next)
+            return replace(self._ack(sender, MissionResult.ACCEPTED, (*advice, *RECEIVED)), stored=stored)
+        asked = StoreStep() if upload.stalls(self.fault) else self._asked(upload, now_s)
+        return replace(asked, texts=advice, stored=stored)
 
     def _read(self, message: MissionRequest, sender: Peer) -> StoreStep:
         item = self.at(message.seq)

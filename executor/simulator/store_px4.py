@@ -139,7 +139,7 @@ class Px4Store:
         if now_s - upload.heard_s >= self._give_up_s:
             self._upload = None
             return StoreStep(texts=(TIMEOUT_TEXT,))
-        if self._stalled(upload) or now_s - upload.asked_s < ASK_AGAIN_S:
+        if upload.stalls(self.fault) or now_s - upload.asked_s < ASK_AGAIN_S:
             return StoreStep()
         return StoreStep((self._ask(upload, now_s),))
 
@@ -205,7 +205,7 @@ class Px4Store:
         upload.next += 1
         if upload.next == upload.count:
             return self._finish(upload)
-        if self._stalled(upload):
+        if upload.stalls(self.fault):
             return StoreStep()
         return StoreStep((self._ask(upload, now_s),))
 
@@ -279,10 +279,6 @@ class Px4Store:
         download.next = message.seq + 1
         item = _in_flavour(self._of(download.kind)[message.seq], integer=message.integer)
         return StoreStep((item_message(sender, item, integer=message.integer, mission_type=download.kind),))
-
-    def _stalled(self, upload: Transfer) -> bool:
-        """Return whether an injected fault keeps the vehicle from asking on."""
-        return self.fault is UploadFault.HALF and upload.next >= upload.count // 2
 
     def _ask(self, upload: Transfer, now_s: float) -> Outbound:
         upload.asked_s = now_s
