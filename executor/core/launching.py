@@ -19,12 +19,10 @@ from executor.core.replan.wording import listed
 from executor.core.roster import killswitch, turnaround
 from executor.core.roster.turnaround import PLACELESS_S
 from executor.core.roster.withdraw import declare
-from executor.core.state import FleetState
+from executor.core.state import FleetState, Stepped
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
 from missions import StartStep
 from planner import segment_of
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 RETRIES = 3
 """How often a start that failed is tried again."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from executor.core.check_codes import CheckCode
-from executor.core.commands import Level, Solve
+from executor.core.commands import Command, Level, Solve
 from executor.core.coverage import SegmentPass
 from executor.core.events import Gain, NewRoute
 from executor.core.intents import IntentRecord
@@ -311,6 +311,10 @@ class FleetState:
     def on_mission(self) -> list[VehicleState]:
         """Vehicles whose remaining visits will be flown, or are kept for them while their pilot has them."""
         return [vehicle for vehicle in self.vehicles.values() if vehicle.fault is None and _keeps_its_work(vehicle)]
+
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+"""What a step comes to: the state after it, and what is to be done."""
 
 
 def _keeps_its_work(vehicle: VehicleState) -> bool:

@@ -13,11 +13,9 @@ from executor.core.homing import homeward
 from executor.core.replan import new_missions, offering
 from executor.core.roster import offers, turnaround
 from executor.core.roster.withdraw import declare
-from executor.core.state import FleetState, NewMission, Replan
+from executor.core.state import FleetState, NewMission, Replan, Stepped
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, aboard, carrying
 from executor.core.words import count_of
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 
 def uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: float) -> Stepped:

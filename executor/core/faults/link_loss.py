@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from executor.core.commands import Command, Level, Say
+from executor.core.commands import Level, Say
 from executor.core.context import Scene
-from executor.core.state import Absence, FleetState
+from executor.core.state import Absence, FleetState, Stepped
 from executor.core.vehicle import Stage, VehicleState
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 SLEPT_S = 2.0
 """A longer pause between two ticks was our own: the vehicles may have spoken and we did not listen."""

@@ -7,14 +7,12 @@ from dataclasses import replace
 from executor.core import leg_times, sorties
 from executor.core.battery import account
 from executor.core.battery.pack import doubted_at_rest
-from executor.core.commands import Command, Level, Say
+from executor.core.commands import Level, Say
 from executor.core.context import Context, FlyAgain
 from executor.core.hearing.charge import facts_of
 from executor.core.places import UNSEEN_S, fell, last_heard, over_its_pad, place_words, sank
-from executor.core.state import FleetState
+from executor.core.state import FleetState, Stepped
 from executor.core.vehicle import Stage, VehicleState, moved_to
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 SEEN_AFTER_S = 0.5
 """A position so much later than the disarming shows where it lies."""

@@ -22,11 +22,9 @@ from executor.core.roster import bases, takeover, turnaround
 from executor.core.roster.service import back_in_service, cleared
 from executor.core.roster.withdraw import declare, left_plan, withdrawn
 from executor.core.seeing import again, proof
-from executor.core.state import FleetState
+from executor.core.state import FleetState, Stepped
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
 from executor.core.words import count_of
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 KEPT_INTENTS = 500
 """Older ones that have come to their end are forgotten."""

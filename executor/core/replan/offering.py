@@ -8,17 +8,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from executor.core.commands import Command, Level, Say
+from executor.core.commands import Level, Say
 from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
 from executor.core.endings import Ending
 from executor.core.events import UploadEnded
 from executor.core.parts import Declined
 from executor.core.replan import survivors
-from executor.core.state import FleetState, NewMission
+from executor.core.state import FleetState, NewMission, Stepped
 from executor.core.vehicle import Stage, VehicleState, aboard
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 OFFERS = 3
 """How often in a row a new mission is offered: who takes none of them is planned around for the rest of the flight."""

@@ -10,17 +10,15 @@ import math
 from collections.abc import Collection
 from dataclasses import replace
 
-from executor.core.commands import Command, Level, Say
+from executor.core.commands import Level, Say
 from executor.core.context import Context, Scene
 from executor.core.homing.homeward import on_mission
 from executor.core.parts import OnBoard
 from executor.core.replan.wording import listed
 from executor.core.resume.inference import flown_meanwhile
 from executor.core.seeing import proof
-from executor.core.state import FleetState
+from executor.core.state import FleetState, Stepped
 from executor.core.vehicle import VehicleState, before_of
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 CATCH_UP_S = 5.0
 """So long a vehicle whose link is regained has to say where it is, in which mode, on which item."""

@@ -21,7 +21,7 @@ from executor.core.replan.wording import listed
 from executor.core.resume.blackout import caught_up
 from executor.core.roster import turnaround
 from executor.core.roster.withdraw import left_plan, withdrawn
-from executor.core.state import Absence, FleetState, NewMission, Replan
+from executor.core.state import Absence, FleetState, NewMission, Replan, Stepped
 from executor.core.vehicle import Stage, VehicleState, aboard, before_of, moved_to
 from missions import MissionItem, alike, encode
 from missions.autopilots.modes import is_mission_mode
@@ -29,8 +29,6 @@ from planner import segment_of
 
 FLOWN_PCT = 3.0
 """A vehicle on the ground that has used more than this since it was told to start has flown."""
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 
 @dataclass(frozen=True, slots=True)

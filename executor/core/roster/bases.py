@@ -13,10 +13,8 @@ from executor.core.commands import Command, SendHome
 from executor.core.context import Context
 from executor.core.replan import new_missions
 from executor.core.roster.withdraw import declare, left_plan, withdrawn
-from executor.core.state import FleetState
+from executor.core.state import FleetState, Stepped
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 
 def base_names(context: Context) -> tuple[str, ...]:

@@ -12,10 +12,8 @@ from executor.core.commands import Command, HandsOff, Level, Say
 from executor.core.messages import StatusText
 from executor.core.places import kill_switch_on
 from executor.core.roster.withdraw import left_plan, withdrawn
-from executor.core.state import FleetState
+from executor.core.state import FleetState, Stepped
 from executor.core.vehicle import Stage, VehicleState
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 _STANDS = frozenset({Stage.GROUND, Stage.LANDED, Stage.STARTING})
 

@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from executor.core.commands import Command, Level, Say
+from executor.core.commands import Level, Say
 from executor.core.context import Context, FlyAgain
 from executor.core.hours import CLEARED_S
 from executor.core.replan import replanning, survivors
 from executor.core.setups import setup_now
-from executor.core.state import FleetState, Offer
+from executor.core.state import FleetState, Offer, Stepped
 from executor.core.vehicle import IN_THE_AIR, FaultKind, Stage, VehicleState
 from executor.core.words import count_of
 from missions import Phase, open_task
 from planner import Vehicle
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 LANDING_S = 180.0
 """For so long at most an offer waits for those that are about to land, so that the work is shared."""

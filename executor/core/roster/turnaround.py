@@ -28,13 +28,11 @@ from executor.core.preflight.packs import PackHeard, Rested, facts_said, history
 from executor.core.replan import replanning, survivors
 from executor.core.roster.service import back_in_service, cleared
 from executor.core.setups import setup_now
-from executor.core.state import FleetState, Replan
+from executor.core.state import FleetState, Replan, Stepped
 from executor.core.vehicle import Stage, VehicleState
 from executor.core.words import count_of, minutes
 from missions import estimate, flight_path
 from planner import segment_of
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 READY_S = 90.0
 """So long after the crew's word a vehicle may take to be ready: it boots, finds its place and settles."""

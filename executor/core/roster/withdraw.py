@@ -11,12 +11,10 @@ from executor.core.homing import homeward
 from executor.core.homing.homeward import Answer
 from executor.core.places import fell, last_heard, mission_over, over_its_pad
 from executor.core.replan import new_missions
-from executor.core.state import FleetState
+from executor.core.state import FleetState, Stepped
 from executor.core.vehicle import Fault, FaultKind, Stage, VehicleState, moved_to
 from executor.core.words import count_of
 from planner import segment_of
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 
 def declare(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
