@@ -2,42 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from executor.analysis.pictures.style import DPI, FAINT, INK, LOSS, PAPER, WIDTH_IN, style_of
-
-Value = tuple[float, float | None, float, int, int, bool]
-"""(value, mean delay in seconds or None, false alarms per flight hour, found, faults, whether it is in use)."""
+from executor.replay.result import Point
 
 
-@dataclass(frozen=True, slots=True)
-class Curve:
-    """One threshold."""
-
-    name: str
-    values: tuple[Value, ...]
-
-
-def draw_tuning(curves: list[Curve], path: Path) -> None:
+def draw_tuning(points: Sequence[Point], path: Path) -> None:
     """Write the picture: left delay against false alarms, right how many faults were found by each value."""
     figure = Figure(figsize=(WIDTH_IN, 5.5), facecolor=PAPER)
     trade, found = figure.subplots(1, 2)
-    for number, curve in enumerate(curves):
-        style = style_of(number)
-        points = [(rate, delay) for _, delay, rate, *_ in curve.values if delay is not None]
+    for number, name in enumerate(dict.fromkeys(point.threshold for point in points)):
+        style, curve = style_of(number), [point for point in points if point.threshold == name]
+        late = [(one.false_per_hour, one.mean_delay_s) for one in curve if one.mean_delay_s is not None]
         trade.plot(
-            [rate for rate, _ in points], [delay for _, delay in points], marker=style.marker, color=style.colour,
-            linestyle=style.dashes, label=curve.name, markersize=5,
+            [rate for rate, _ in late], [delay for _, delay in late], marker=style.marker, color=style.colour,
+            linestyle=style.dashes, label=name, markersize=5,
         )  # fmt: skip
-        for _, delay, rate, *_, chosen in curve.values:
-            if chosen and delay is not None:
-                trade.plot([rate], [delay], marker="o", markersize=11, markerfacecolor="none", markeredgecolor=LOSS)
-        used = next((value for value, *_, chosen in curve.values if chosen), 1.0)
+        for one in curve:
+            if one.chosen and one.mean_delay_s is not None:
+                at = [one.false_per_hour], [one.mean_delay_s]
+                trade.plot(*at, marker="o", markersize=11, markerfacecolor="none", markeredgecolor=LOSS)
+        used = next((one.value for one in curve if one.chosen), 1.0)
         found.plot(
-            [value / used for value, *_ in curve.values], [100 * hits / max(1, of) for *_, hits, of, _ in curve.values],
+            [one.value / used for one in curve], [100 * one.found / max(1, one.faults) for one in curve],
             marker=style.marker, color=style.colour, linestyle=style.dashes, markersize=5,
         )  # fmt: skip
     trade.set_xlabel("false alarms per flight hour", color=INK)

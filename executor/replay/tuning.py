@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from executor.adapters.workers import workers
@@ -20,7 +20,7 @@ from executor.replay.baseline_detector import PERCENT, FewLines
 from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import ReplayRules, replay
 from executor.replay.open_log import open_log
-from executor.replay.result import Declaration, LogReplay, RecordedTruth
+from executor.replay.result import Declaration, LogReplay, Point, RecordedTruth
 from executor.replay.witness import scoring
 from executor.replay.witness.statements import read_testimony, statements
 from executor.replay.witness.testimony import Testimony
@@ -33,27 +33,6 @@ LOOK_USEC = 500_000
 LONGEST_USEC = 120_000_000
 """In a longer pause nothing is said any more that was not said before."""
 THRESHOLDS = (LINK, "battery_excess_pct", "charge_excess_pct", "drain_slack", "voltage_step", "voltage_step_blind")
-
-
-@dataclass(frozen=True, slots=True)
-class Point:
-    """One value of one threshold, over all flights."""
-
-    threshold: str
-    value: float
-    chosen: bool
-    """Whether it is the value in use."""
-    found: int
-    faults: int
-    mean_delay_s: float | None
-    """Of the faults that were found."""
-    false_alarms: int
-    flight_hours: float
-
-    @property
-    def false_per_hour(self) -> float:
-        """False alarms in a flight hour."""
-        return self.false_alarms / self.flight_hours if self.flight_hours else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,25 +191,12 @@ def print_tuning(paths: Sequence[Path], rules: ReplayRules, output: Path | None,
     """Sweep, print, and draw the picture where a folder for it is given."""
     points = sweep_thresholds(paths, rules, os.cpu_count() or 1)
     if output is not None:
-        from executor.replay.pictures_tuning import Curve, draw_tuning
+        from executor.replay.pictures_tuning import draw_tuning
 
         output.mkdir(parents=True, exist_ok=True)
-        names = list(dict.fromkeys(point.threshold for point in points))
-        curves = [
-            Curve(
-                name,
-                tuple(
-                    (one.value, one.mean_delay_s, one.false_per_hour, one.found, one.faults, one.chosen)
-                    for one in points
-                    if one.threshold == name
-                ),
-            )
-            for name in names
-        ]
-        draw_tuning(curves, output / "tuning.png")
+        draw_tuning(points, output / "tuning.png")
     if as_json:
-        keys = ("threshold", "value", "chosen", "found", "faults", "mean_delay_s", "false_alarms", "flight_hours")
-        print(json.dumps({"points": [{key: getattr(point, key) for key in keys} for point in points]}))
+        print(json.dumps({"points": [asdict(point) for point in points]}))
         return
     print("threshold              value   found  mean delay   false alarms per flight hour")
     for point in points:
