@@ -10,7 +10,7 @@ from executor.core.battery.kalman import Projection, projected
 from executor.core.context import Scene, VehicleSetup
 from executor.core.parts import OnBoard
 from executor.core.vehicle import Stage, VehicleState
-from missions import Phase
+from missions import LegEstimate, Phase
 from planner import CLIMB_SHARE_PER_M_S
 
 FAR, PLENTY_PCT = 3.0, 10.0
@@ -21,10 +21,7 @@ UPRIGHT_M = 1.0
 
 def time_to_reach_s(state: VehicleState, waypoint: int) -> float:
     """Return how long the vehicle needs until the end of a waypoint's leg at its own pace; 0 if it has passed."""
-    if state.assignment.board is None or waypoint < state.assignment.waypoint:
-        return 0.0
-    legs = state.assignment.board.legs[: waypoint + 1]
-    return _paced(state, [leg.duration_s for leg in legs[state.assignment.waypoint :]])
+    return _paced(state, [leg.duration_s for leg in _legs_until(state, waypoint)])
 
 
 def modelled_to_reach_pct(state: VehicleState, waypoint: int) -> float:
@@ -33,10 +30,12 @@ def modelled_to_reach_pct(state: VehicleState, waypoint: int) -> float:
     With its pace, as who takes longer draws its power for longer, but without its consumption: that is a factor of
     power, learned by velocities, and comes on top.
     """
-    if state.assignment.board is None or waypoint < state.assignment.waypoint:
-        return 0.0
-    legs = state.assignment.board.legs[: waypoint + 1]
-    return _paced(state, [leg.energy_pct for leg in legs[state.assignment.waypoint :]])
+    return _paced(state, [leg.energy_pct for leg in _legs_until(state, waypoint)])
+
+
+def _legs_until(state: VehicleState, waypoint: int) -> tuple[LegEstimate, ...]:
+    board = state.assignment.board
+    return () if board is None else board.legs[state.assignment.waypoint : waypoint + 1]
 
 
 def to_finish_pct(state: VehicleState) -> float:

@@ -29,12 +29,7 @@ def own_sleep(state: FleetState, now_s: float) -> Stepped:
     state = _excused(state, slept_s, now_s)
     if slept_s <= NOTED_SLEEP_S:
         return state, ()
-    state = replace(
-        state,
-        listening=replace(
-            state.listening, absences=(*state.listening.absences, Absence(now_s, slept_s, restarted=False))
-        ),
-    )
+    state = _away(state, Absence(now_s, slept_s, restarted=False))
     return state, (Say(Level.WARNING, f"the ground station itself stood still for {slept_s:.1f} s"),)
 
 
@@ -60,13 +55,7 @@ def of_all(context: Scene, state: FleetState, now_s: float, *, least: int = 1) -
         pause_s = latest - state.listening.silent_since_s
         state = _over(_excused(state, pause_s, now_s))
         if pause_s > NOTED_SLEEP_S:
-            state = replace(
-                state,
-                listening=replace(
-                    state.listening,
-                    absences=(*state.listening.absences, Absence(now_s, pause_s, restarted=False, deaf=True)),
-                ),
-            )
+            state = _away(state, Absence(now_s, pause_s, restarted=False, deaf=True))
         return state, (Say(Level.INFO, "links regained"),)
     if not state.flying():
         return _over(state), ()
@@ -75,6 +64,10 @@ def of_all(context: Scene, state: FleetState, now_s: float, *, least: int = 1) -
     who = "all links lost at once" if len(expected) > 1 else "no link to any vehicle"
     text = f"{who}: is it our own radio? No re-plan yet"
     return replace(state, listening=replace(state.listening, silent_since_s=latest)), (Say(Level.WARNING, text),)
+
+
+def _away(state: FleetState, absence: Absence) -> FleetState:
+    return replace(state, listening=replace(state.listening, absences=(*state.listening.absences, absence)))
 
 
 def _over(state: FleetState) -> FleetState:

@@ -15,7 +15,7 @@ from executor.core.hearing.strangers import stranger_words
 from executor.core.messages import GROUND_STATION, DoubleHeard, Heartbeat, Position, StationHeard, Version
 from executor.core.preflight import failsafes
 from executor.core.preflight.failsafes import LinkFailsafe, Parameters
-from missions import Dialect, FlightPath, Pad, check_separation, estimate, margin_m
+from missions import Dialect, Estimate, FlightPath, Pad, check_separation, estimate, margin_m
 
 RECORD_BYTES_S = 2500.0
 """Of one vehicle's events and telemetry log: 2300 in a demo flight of four ArduPilot vehicles."""
@@ -239,16 +239,13 @@ def fence(context: Context, facts: Facts, path: FlightPath | None) -> list[Check
 
 def left_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:
     """Return what a flight should leave in the battery; None if there is no flight."""
-    if path is None:
-        return None
-    return (
-        remaining_pct
-        - estimate(path, context.pricing.models[path.vehicle], consumption=_factor(context, path.vehicle)).energy_pct
-    )
+    return None if path is None else remaining_pct - _needed(context, path).energy_pct
 
 
-def _factor(context: Context, name: str) -> float:
-    return context.vehicles[name].prior.factor
+def _needed(context: Context, path: FlightPath) -> Estimate:
+    """Return what a flight should take, with what is known of its vehicle's consumption."""
+    factor = context.vehicles[path.vehicle].prior.factor
+    return estimate(path, context.pricing.models[path.vehicle], consumption=factor)
 
 
 def energy_for_flight(context: Context, name: str, path: FlightPath | None, remaining_pct: float) -> Check:
@@ -258,7 +255,7 @@ def energy_for_flight(context: Context, name: str, path: FlightPath | None, rema
         return Check(
             Severity.OK, name, f"stays on the ground as a spare, battery {remaining_pct:.0f} %", CheckCode.ENERGY
         )
-    needed = estimate(path, context.pricing.models[name], consumption=_factor(context, name))
+    needed = _needed(context, path)
     left = remaining_pct - needed.energy_pct
     text = (
         f"battery {remaining_pct:.0f} %, flight {needed.duration_s / 60:.1f} min and {needed.energy_pct:.0f} %, "

@@ -11,7 +11,7 @@ from executor.core.context import Context
 from executor.core.fencing import top_m
 from executor.core.preflight.checks import Check, Facts, Severity
 from executor.core.preflight.failsafes import Parameters
-from executor.core.preflight.parameters import REAL32, Change, Present, Proposal, number
+from executor.core.preflight.parameters import REAL32, Change, Present, Proposal, number, to_be_set
 from executor.core.words import count_of
 from missions import Dialect, FlightPath, MissionItem
 from missions.fences import first_outside, outlines
@@ -53,11 +53,7 @@ def with_fences(context: Context, proposal: Proposal) -> Proposal:
 
 
 def _told(context: Context, name: str, said: Present, made: Sequence[Change]) -> list[Check]:
-    setting = [
-        Check(Severity.OK, name, f"to be set for the flight: {change.words}", CheckCode.PARAMETER_CHANGE)
-        for change in made
-    ]
-    return [*fence_checks(context, name, said, made), *setting]
+    return [*fence_checks(context, name, said, made), *to_be_set(made)]
 
 
 def fence_changes(context: Context, name: str, said: Present) -> list[Change]:

@@ -105,14 +105,16 @@ def propose(context: Context, present: Mapping[str, Present], *, ceiling_m: floa
         allowed_m = highest_return_m(context.setup, name) if ceiling_m is None else ceiling_m
         own, check = _of_vehicle(context, name, said, allowed_m if name == highest else 0.0)
         changes += own
-        checks += [
-            check,
-            *(
-                Check(Severity.OK, name, f"to be set for the flight: {change.words}", CheckCode.PARAMETER_CHANGE)
-                for change in own
-            ),
-        ]
+        checks += [check, *to_be_set(own)]
     return Proposal(present, tuple(changes), tuple(checks))
+
+
+def to_be_set(changes: Sequence[Change]) -> list[Check]:
+    """Return the lines of the checklist that name changes."""
+    return [
+        Check(Severity.OK, one.vehicle, f"to be set for the flight: {one.words}", CheckCode.PARAMETER_CHANGE)
+        for one in changes
+    ]
 
 
 def _return_up_m(context: Context, name: str) -> float:

@@ -215,18 +215,13 @@ def unplanned(context: Context, state: FleetState) -> frozenset[int]:
 
 def sortie_ahead(state: FleetState, vehicle: VehicleState) -> tuple[int, ...]:
     """Return what is still open of a vehicle's next sortie, or of the first later one of which anything is."""
-    others = {
+    others = frozenset(
         segment_of(visit)
         for one in state.on_mission()
         if one.name != vehicle.name
         for visit in one.remaining_visits()
-    }  # fmt: skip
-    gone = others | set(state.coverage.inspected) | set(state.coverage.unseen) | state.coverage.given_up
-    for sortie in vehicle.turn.ahead:
-        visits = tuple(visit for visit in sortie.visits if segment_of(visit) not in gone)
-        if visits:
-            return visits
-    return ()
+    )  # fmt: skip
+    return next(iter(_ahead(state, vehicle, others)), ())
 
 
 def ahead_words(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
@@ -434,9 +429,9 @@ def taken_over(context: Context, state: FleetState, vehicle: VehicleState) -> tu
     return None
 
 
-def _ahead(state: FleetState, vehicle: VehicleState) -> list[tuple[int, ...]]:
-    """Return what is open of each later sortie of a vehicle of which anything is."""
-    gone = set(state.coverage.inspected) | set(state.coverage.unseen) | state.coverage.given_up
+def _ahead(state: FleetState, vehicle: VehicleState, others: frozenset[int] = frozenset()) -> list[tuple[int, ...]]:
+    """Return what is open of each later sortie of a vehicle of which anything is, but for what others fly now."""
+    gone = others | set(state.coverage.inspected) | set(state.coverage.unseen) | state.coverage.given_up
     sorties = (tuple(one for one in sortie.visits if segment_of(one) not in gone) for sortie in vehicle.turn.ahead)
     return [visits for visits in sorties if visits]
 
