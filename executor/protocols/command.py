@@ -7,7 +7,7 @@ from typing import Self
 
 from executor.core.endings import Ending
 from executor.core.messages import CommandAck, Message, Outgoing, SendCommand
-from executor.protocols.machine import Accepted, BrokenOff, Outcome, Rejected, TimedOut
+from executor.protocols.machine import Accepted, Machine, Rejected, TimedOut
 
 PERIOD_S = 1.0
 TRIES = 5
@@ -21,14 +21,12 @@ _CODES = {
 
 
 @dataclass(frozen=True, slots=True)
-class CommandDialogue:
+class CommandDialogue(Machine):
     """The state of one command."""
 
     command: SendCommand
     what: str
     """The command in words, for reasons."""
-    outcome: Outcome | None = None
-    deadline_s: float = 0.0
     tries: int = 0
     refusal: str = ""
     """What the vehicle said last when it rejected the command for the time being."""
@@ -67,10 +65,3 @@ class CommandDialogue:
             return self._ended(TimedOut(f"{self.what}: no acknowledgement")), ()
         state = replace(self, tries=self.tries + 1, deadline_s=now_s + PERIOD_S)
         return state, (replace(self.command, confirmation=self.tries),)
-
-    def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Give up."""
-        return (self if self.outcome is not None else self._ended(BrokenOff())), ()
-
-    def _ended(self, outcome: Outcome) -> Self:
-        return replace(self, outcome=outcome, deadline_s=float("inf"))

@@ -9,7 +9,7 @@ will be over soon. It is the reason if the question stays without an answer.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self, TypeVar
+from typing import Self
 
 from executor.core.messages import (
     Message,
@@ -21,7 +21,7 @@ from executor.core.messages import (
     SendMissionRequest,
     SendMissionRequestList,
 )
-from executor.protocols.machine import Accepted, BrokenOff, Outcome, TimedOut
+from executor.protocols.machine import Accepted, BrokenOff, Machine, TimedOut
 from executor.protocols.upload import rejected
 from missions.items import MissionItem, MissionKind
 
@@ -30,13 +30,11 @@ TRIES = 8
 
 
 @dataclass(frozen=True, slots=True)
-class DownloadDialogue:
+class DownloadDialogue(Machine):
     """The state of one download."""
 
     kind: MissionKind = MissionKind.MISSION
     """Which of the vehicle's lists: what is said of another is another dialogue's."""
-    outcome: Outcome | None = None
-    deadline_s: float = 0.0
     count: int | None = None
     items: tuple[MissionItem, ...] = ()
     tries: int = 0
@@ -54,9 +52,9 @@ class DownloadDialogue:
             return self, ()
         match message:
             case MissionCount(count, kind) if kind is self.kind and self.count is None:
-                return _ask(replace(self, count=count), now_s)
+                return self._ask(count, self.items, now_s)
             case MissionItemReceived(item, kind) if kind is self.kind and self._is_next(item):
-                return _ask(replace(self, items=(*self.items, item)), now_s)
+                return self._ask(self.count, (*self.items, item), now_s)
             case MissionAck(result, kind) if kind is self.kind and result != 0:
                 return replace(self, refusal=result), ()
             case _:
@@ -85,16 +83,11 @@ class DownloadDialogue:
     def _is_next(self, item: MissionItem) -> bool:
         return self.count is not None and item.seq == len(self.items)
 
-    def _ended(self, outcome: Outcome) -> Self:
-        return replace(self, outcome=outcome, deadline_s=float("inf"))
-
-
-D = TypeVar("D", bound=DownloadDialogue)
-
-
-def _ask(state: D, now_s: float) -> tuple[D, tuple[Outgoing, ...]]:
-    """Ask for the next item, or say that all have come."""
-    if len(state.items) == state.count:
-        return replace(state, outcome=Accepted(), deadline_s=float("inf")), (SendMissionAck(0, state.kind),)
-    asked = replace(state, tries=1, refusal=None, deadline_s=now_s + PERIOD_S)
-    return asked, (SendMissionRequest(len(state.items), state.kind),)
+    def _ask(
+        self, count: int | None, items: tuple[MissionItem, ...], now_s: float
+    ) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Ask for the next item, or say that all have come."""
+        if len(items) == count:
+            return replace(self._ended(Accepted()), count=count, items=items), (SendMissionAck(0, self.kind),)
+        asked = replace(self, count=count, items=items, tries=1, refusal=None, deadline_s=now_s + PERIOD_S)
+        return asked, (SendMissionRequest(len(items), self.kind),)

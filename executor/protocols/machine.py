@@ -6,8 +6,9 @@ send. A state with an outcome is final: whatever comes later leaves it as it is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Protocol, Self
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 from executor.core.endings import Ending
 from executor.core.messages import Message, Outgoing
@@ -42,31 +43,30 @@ class BrokenOff:
 Outcome = Accepted | Rejected | TimedOut | BrokenOff
 
 
-class Machine(Protocol):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Machine(ABC):
     """One dialogue."""
 
-    @property
-    def outcome(self) -> Outcome | None:
-        """The one outcome, once there is one."""
-        ...
+    outcome: Outcome | None = None
+    """The one outcome, once there is one."""
+    deadline_s: float = 0.0
+    """When `on_deadline` wants to be called if nothing comes before."""
 
-    @property
-    def deadline_s(self) -> float:
-        """When `on_deadline` wants to be called if nothing comes before."""
-        ...
-
+    @abstractmethod
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Open the dialogue."""
-        ...
 
+    @abstractmethod
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take a message that may or may not belong to this dialogue."""
-        ...
 
+    @abstractmethod
     def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """`deadline_s` has passed."""
-        ...
 
     def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
         """Give up; what is sent tells the vehicle so where it can be told."""
-        ...
+        return (self if self.outcome is not None else self._ended(BrokenOff())), ()
+
+    def _ended(self, outcome: Outcome) -> Self:
+        return replace(self, outcome=outcome, deadline_s=float("inf"))

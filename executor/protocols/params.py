@@ -8,20 +8,18 @@ from typing import Self
 
 from executor.core.endings import Ending
 from executor.core.messages import Message, Outgoing, ParamValue, SendParamRequest, SendParamSet
-from executor.protocols.machine import Accepted, BrokenOff, Outcome, Rejected, TimedOut
+from executor.protocols.machine import Accepted, Machine, Rejected, TimedOut
 
 PERIOD_S = 1.0
 TRIES = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class Parameter(Machine):
     """The state of one question, or of one change if `wanted` is given."""
 
     name: str
     wanted: SendParamSet | None = None
-    outcome: Outcome | None = None
-    deadline_s: float = 0.0
     tries: int = 0
     value: ParamValue | None = None
 
@@ -35,10 +33,9 @@ class Parameter:
             return self, ()
         match message:
             case ParamValue(name, value) if name == self.name:
-                state = replace(self, value=message)
                 if self.wanted is None or math.isclose(value, self.wanted.value, rel_tol=1e-5, abs_tol=1e-6):
-                    return replace(state, outcome=Accepted(), deadline_s=float("inf")), ()
-                return state, ()
+                    return replace(self._ended(Accepted()), value=message), ()
+                return replace(self, value=message), ()
             case _:
                 return self, ()
 
@@ -52,12 +49,5 @@ class Parameter:
             return self._ended(TimedOut(f"{self.name}: no answer")), ()
         return replace(self, tries=self.tries + 1, deadline_s=now_s + PERIOD_S), (self._question(),)
 
-    def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Give up."""
-        return (self if self.outcome is not None else self._ended(BrokenOff())), ()
-
     def _question(self) -> Outgoing:
         return self.wanted if self.wanted is not None else SendParamRequest(self.name)
-
-    def _ended(self, outcome: Outcome) -> Self:
-        return replace(self, outcome=outcome, deadline_s=float("inf"))

@@ -20,7 +20,7 @@ from executor.core.messages import (
     SendMissionCount,
     SendMissionItem,
 )
-from executor.protocols.machine import Accepted, BrokenOff, Outcome, Rejected, TimedOut
+from executor.protocols.machine import Accepted, BrokenOff, Machine, Rejected, TimedOut
 from missions.items import MissionItem, MissionKind
 
 COUNT_PERIOD_S = 1.5
@@ -48,7 +48,7 @@ _CODES = {
 
 
 @dataclass(frozen=True, slots=True)
-class UploadDialogue:
+class UploadDialogue(Machine):
     """The state of one upload."""
 
     items: tuple[MissionItem, ...]
@@ -58,8 +58,6 @@ class UploadDialogue:
     """MAV_MISSION_RESULTs that this autopilot sends while it goes on (ArduPilot: 13)."""
     kind: MissionKind = MissionKind.MISSION
     """Which of the vehicle's lists: what is said of another is another dialogue's."""
-    outcome: Outcome | None = None
-    deadline_s: float = 0.0
     counts_sent: int = 0
     furthest: int = -1
     """The highest item asked for so far."""
@@ -140,9 +138,6 @@ class UploadDialogue:
             # PX4 says so of a doubled COUNT and goes on. Whether it does, its next request shows.
             return replace(self, refusal=result)
         return self._ended(rejected(what_of(self.kind), result))
-
-    def _ended(self, outcome: Outcome) -> Self:
-        return replace(self, outcome=outcome, deadline_s=float("inf"))
 
 
 def what_of(kind: MissionKind) -> str:
