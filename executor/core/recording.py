@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, field
+from pathlib import Path
 
 from executor.core.messages import Attitude, FlightMessage, RcChannels
 
@@ -47,21 +48,23 @@ class Skipped:
         return {name: getattr(self, name) for name in self.__slots__}
 
 
-class RecordedFile(Protocol):
-    """One log."""
+@dataclass(slots=True)
+class RecordedFile(ABC):
+    """One log, read once from its beginning to its end."""
 
-    skipped: Skipped
-    stations: set[int]
+    path: Path
+    skipped: Skipped = field(default_factory=Skipped, kw_only=True)
+    stations: set[int] = field(default_factory=set, kw_only=True)
     """Systems that sent a ground station's HEARTBEAT."""
-    heard: dict[int, int]
+    heard: dict[int, int] = field(default_factory=dict, kw_only=True)
     """When anything of a system came last, in the log's microseconds, whether or not it was worth a record."""
 
-    notes: list[str]
+    notes: list[str] = field(default_factory=list, kw_only=True)
     """What is odd about it, in words; complete once it was read."""
 
+    @abstractmethod
     def records(self) -> Iterator[Record]:
         """Yield what it says, in its order."""
-        ...
 
 
 MODE_COMMANDS = frozenset({16, 17, 18, 19, 20, 21, 22, 176, 185, 192, 193, 252, 300, 400})

@@ -8,13 +8,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from executor.adapters.logs.ardupilot_boot import NO_MODE, READERS, WANTED, Boot
 from executor.adapters.logs.dataflash_rows import BinaryRows, Fields, Row, TextRows, WantedColumns
 from executor.core.hearing.plausible import plausible
 from executor.core.messages import VehicleSetting
-from executor.core.recording import Record, Skipped
+from executor.core.recording import Record, RecordedFile, Skipped
 from executor.errors import LogError
 
 SYSTEM = 1
@@ -45,15 +44,10 @@ SURVEYED = {
 
 
 @dataclass(slots=True)
-class DataFlashFile:
+class DataFlashFile(RecordedFile):
     """A log being read once."""
 
-    path: Path
     text: bool = False
-    skipped: Skipped = field(default_factory=Skipped)
-    stations: set[int] = field(default_factory=set)
-    heard: dict[int, int] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
     system: int = SYSTEM
     vehicle_type: int = COPTER
     _now_usec: int | None = None

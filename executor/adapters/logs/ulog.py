@@ -10,8 +10,7 @@ import io
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 from pyulog import ULog
@@ -19,7 +18,7 @@ from pyulog import ULog
 from executor.adapters.logs.px4_vehicle import TOPICS, Px4, Told, Topic, status_text
 from executor.core.hearing.plausible import plausible
 from executor.core.messages import VehicleSetting
-from executor.core.recording import Record, Skipped, is_wanted_setting
+from executor.core.recording import Record, RecordedFile, is_wanted_setting
 from executor.errors import LogError
 
 LONGEST_USEC = 3 * 86400 * 1_000_000
@@ -27,14 +26,8 @@ LONGEST_USEC = 3 * 86400 * 1_000_000
 
 
 @dataclass(slots=True)
-class UlogFile:
+class UlogFile(RecordedFile):
     """A .ulg being read."""
-
-    path: Path
-    skipped: Skipped = field(default_factory=Skipped)
-    stations: set[int] = field(default_factory=set)
-    heard: dict[int, int] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
 
     def records(self) -> Iterator[Record]:
         """Yield what the log says, in the order of its time.

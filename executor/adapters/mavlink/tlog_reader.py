@@ -11,7 +11,6 @@ import math
 import struct
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from executor.adapters.mavlink import integers, px4_events
@@ -49,7 +48,7 @@ from executor.core.messages import (
     Traffic,
     VehicleSetting,
 )
-from executor.core.recording import MODE_COMMANDS, RcWatch, Record, Skipped, TiltWatch, is_wanted_setting
+from executor.core.recording import MODE_COMMANDS, RcWatch, Record, RecordedFile, TiltWatch, is_wanted_setting
 from missions import AUTOPILOTS
 
 V1, V2 = 0xFE, 0xFD
@@ -106,17 +105,10 @@ class _Lane:
 
 
 @dataclass(slots=True)
-class TelemetryFile:
+class TelemetryFile(RecordedFile):
     """A .tlog being read once, from its beginning to its end."""
 
-    path: Path
-    skipped: Skipped = field(default_factory=Skipped)
-    stations: set[int] = field(default_factory=set)
-    """Systems that sent a ground station's HEARTBEAT."""
-    heard: dict[int, int] = field(default_factory=dict)
-    """When any frame of a vehicle's autopilot came last, whether or not it was handed on."""
     frames: int = 0
-    notes: list[str] = field(default_factory=list)
     _texts: Texts = field(default_factory=Texts)
     _sources: dict[int, _Source] = field(default_factory=dict)
     _speakers: dict[int, Speaker] = field(default_factory=dict)
