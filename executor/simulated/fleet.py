@@ -6,7 +6,7 @@ import asyncio
 import signal
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -105,7 +105,7 @@ def run_simulation(
         signing = Signing(key, began_ticks, TICKS_PER_S / speedup)
     fleet = fleet_of(ground, speedup=speedup, faults=faults, seed=seed, wind=wind, failsafe=failsafe, signing=signing)
     with ExitStack() as stack:
-        writer = stack.enter_context(TruthWriter(outputs.truth)) if outputs.truth is not None else None
+        writer = stack.enter_context(closing(TruthWriter(outputs.truth))) if outputs.truth is not None else None
         for vehicle in fleet.vehicles:
             print(f"{vehicle.name}: system {vehicle.sysid}, {vehicle.autopilot.value}, {vehicle.connection}")
 
