@@ -25,6 +25,7 @@ from executor.replay.witness.testimony import (
     PowerReport,
     Testimony,
     Whereabouts,
+    note_change,
 )
 
 TYPES = ("MODE", "EV", "ERR", "ARM", "MSG", "BAT", "CURR", "POS", "GPS", "CTUN", "ATT", "RCIN", "PARM", "CMD", "XKF1",
@@ -155,18 +156,13 @@ def _mode(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: A
         told.modes.append(ModeSet(t_usec, number, by, words))
 
 
-def _armed(told: Testimony, t_usec: int, *, armed: bool) -> None:
-    if not told.armed or told.armed[-1][1] is not armed:
-        told.armed.append((t_usec, armed))
-
-
 def _event(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     if row.Id in EV_ARMED or row.Id == EV_DISARMED:
-        _armed(told, t_usec, armed=row.Id != EV_DISARMED)
+        note_change(told.armed, t_usec, row.Id != EV_DISARMED)
 
 
 def _arming(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
-    _armed(told, t_usec, armed=bool(row.ArmState))
+    note_change(told.armed, t_usec, bool(row.ArmState))
 
 
 def _error(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
@@ -178,7 +174,7 @@ def _error(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: 
 
 def _text(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     if row.Message == "Arming motors":
-        _armed(told, t_usec, armed=True)
+        note_change(told.armed, t_usec, True)
     told.texts.append(LogLine(t_usec, str(row.Message).strip()))
 
 

@@ -10,7 +10,17 @@ from typing import Any
 from pyulog import ULog
 
 from executor.replay.witness.onboard import quiet
-from executor.replay.witness.testimony import Failing, Hand, LogLine, ModeSet, Move, PowerReport, Testimony, Whereabouts
+from executor.replay.witness.testimony import (
+    Failing,
+    Hand,
+    LogLine,
+    ModeSet,
+    Move,
+    PowerReport,
+    Testimony,
+    Whereabouts,
+    note_change,
+)
 
 TOPICS = ["vehicle_status", "battery_status", "vehicle_local_position", "vehicle_global_position", "vehicle_attitude",
           "vehicle_command", "manual_control_setpoint", "manual_control_switches", "mission_result"]  # fmt: skip
@@ -63,8 +73,7 @@ def _rows(dataset: Any) -> Iterator[Row]:  # noqa: ANN401 - pyulog is untyped
 def _status(told: Testimony, rows: list[Row]) -> None:
     for row in rows:
         t_usec, armed, mode = int(row["timestamp"]), int(row["arming_state"]) == ARMED, int(row["nav_state"])
-        if not told.armed or told.armed[-1][1] is not armed:
-            told.armed.append((t_usec, armed))
+        note_change(told.armed, t_usec, armed)
         if told.modes and told.modes[-1].mode == mode:
             continue
         failsafe = bool(row["failsafe"])
@@ -129,5 +138,4 @@ def _mission(told: Testimony, rows: list[Row]) -> None:
         number = int(row["seq_current"])
         if bool(row.get("finished", False)):
             told.orders.append(LogLine(int(row["timestamp"]), "mission_result.finished"))
-        if not told.items or told.items[-1][1] != number:
-            told.items.append((int(row["timestamp"]), number))
+        note_change(told.items, int(row["timestamp"]), number)

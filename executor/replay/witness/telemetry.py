@@ -21,6 +21,7 @@ from executor.replay.witness.testimony import (
     Silence,
     Testimony,
     Whereabouts,
+    note_change,
 )
 
 STAMP = 8
@@ -194,13 +195,10 @@ def _beat(vehicle: _Vehicle, t_usec: int, beat: Any) -> None:  # noqa: ANN401
         return
     told = vehicle.told
     _noted(vehicle, "HEARTBEAT", t_usec)
-    armed = bool(beat.base_mode & 128)
-    if not told.armed or told.armed[-1][1] is not armed:
-        told.armed.append((t_usec, armed))
+    note_change(told.armed, t_usec, bool(beat.base_mode & 128))
     if not told.modes or told.modes[-1].mode != beat.custom_mode:
         told.modes.append(ModeSet(t_usec, int(beat.custom_mode)))
-    if not told.statuses or told.statuses[-1][1] != beat.system_status:
-        told.statuses.append((t_usec, int(beat.system_status)))
+    note_change(told.statuses, t_usec, int(beat.system_status))
 
 
 def _text(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
@@ -263,8 +261,7 @@ def _band(value: int) -> int:
 
 def _current(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
     _noted(vehicle, "item", t_usec)
-    if not vehicle.told.items or vehicle.told.items[-1][1] != message.seq:
-        vehicle.told.items.append((t_usec, int(message.seq)))
+    note_change(vehicle.told.items, t_usec, int(message.seq))
 
 
 def _parameter(vehicle: _Vehicle, _: int, message: Any) -> None:  # noqa: ANN401

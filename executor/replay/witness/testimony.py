@@ -179,6 +179,12 @@ def last_before(rows: Sequence[tuple[int, Any]], at_usec: int) -> tuple[int, Any
     return rows[index] if index >= 0 else None
 
 
+def note_change(rows: list[tuple[int, Any]], t_usec: int, value: Any) -> None:  # noqa: ANN401 - of any kind
+    """Add what holds from now on, unless it held before."""
+    if not rows or rows[-1][1] != value:
+        rows.append((t_usec, value))
+
+
 def near(rows: Sequence[Any], at_usec: int, before_s: float, after_s: float) -> Sequence[Any]:
     """Return what lies around a moment."""
     return between(rows, at_usec - round(before_s * SECOND), at_usec + round(after_s * SECOND))
