@@ -8,16 +8,16 @@ from pathlib import Path
 from executor.bench.detection import campaign, detection_summary
 from executor.bench.detectionpage import (
     detection_document,
-    keep_page,
     logs_directory,
+    markdown,
     print_recorded,
     print_summary,
     recorded,
 )
 from executor.bench.progress import ShownProgress
 from executor.bench.reallogs import judge_logs, logs_under
-from executor.bench.reallogspage import keep_real_page, print_real, real_document
-from executor.bench.store import Json
+from executor.bench.reallogspage import print_real, real_document, real_markdown
+from executor.bench.store import Json, keep_result
 
 
 def make_detection(modelled: tuple[int, int] | None, seed: int, jobs: int, logs: Path | None, out: Path | None) -> Json:
@@ -47,13 +47,13 @@ def make_detection(modelled: tuple[int, int] | None, seed: int, jobs: int, logs:
         }
         content |= detection_document(healthy, faulty, seed, figures, rows)
         if out is not None:
-            keep_page(content, out)
+            keep_result("detection", content, markdown(content), out)
     content["recorded"] = rows
     if folder is not None and logs_under(folder):
         with ShownProgress() as shown:
             content["real"] = real_document(folder, judge_logs(folder, jobs, partial(shown.told, "logs")))
         if out is not None:
-            keep_real_page(content["real"], out)
+            keep_result("real-logs", content["real"], real_markdown(content["real"]), out)
     content["skipped"] = "" if folder is not None else "no recorded flights: ../shared/logs is not there"
     return content
 

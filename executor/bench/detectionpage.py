@@ -9,7 +9,7 @@ from typing import Any
 from executor.bench.data import shared_folder
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import MISSING, figure, markdown_page, markdown_table
-from executor.bench.store import Json, keep_result
+from executor.bench.store import Json
 from executor.core.vehicle import FaultKind
 from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import replay, rules_of
@@ -77,11 +77,6 @@ def detection_document(
     """Return the content of detection.json."""
     command = f"faultline bench detection --healthy {healthy} --faulty {faulty} --seed {seed}"
     return {"machine": machine(), "seed": seed, "command": command, **figures, "recorded": list(rows)}
-
-
-def keep_page(content: Mapping[str, Any], folder: Path) -> None:
-    """Write detection.json and detection.md."""
-    keep_result("detection", content, markdown(content), folder)
 
 
 def markdown(content: Mapping[str, Any]) -> str:

@@ -10,7 +10,7 @@ from executor.bench.detectionpage import FEW_LINES, NAMES
 from executor.bench.machine import machine, machine_line
 from executor.bench.markdown import MISSING, figure, markdown_page, markdown_table
 from executor.bench.reallogs import real_summary
-from executor.bench.store import Json, keep_result
+from executor.bench.store import Json
 
 INTRODUCTION = (
     "`faultline bench detection --logs FOLDER`: {logs} logs of real aircraft, not flown as tests, of which "
@@ -33,11 +33,6 @@ STATED = (
 def real_document(folder: Path, rows: Sequence[Json]) -> Json:
     """Return the content of real-logs.json."""
     return {"machine": machine(), "folder": folder.name, **real_summary(rows), "rows": list(rows)}
-
-
-def keep_real_page(content: Mapping[str, Any], folder: Path) -> None:
-    """Write real-logs.json and real-logs.md."""
-    keep_result("real-logs", content, real_markdown(content), folder)
 
 
 def real_markdown(content: Mapping[str, Any]) -> str:

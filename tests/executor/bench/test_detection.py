@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from executor.bench.detection import KINDS, Pair, campaign, detection_summary, poisson_interval
-from executor.bench.detectionpage import detection_document, keep_page, print_recorded, print_summary, recorded
+from executor.bench.detectionpage import detection_document, markdown, print_recorded, print_summary, recorded
+from executor.bench.store import keep_result
 from tests.recorded import BEGAN_USEC, Writer, flight
 
 
@@ -49,7 +50,7 @@ def test_the_page(few: list[Pair], tmp_path: Path, capsys: pytest.CaptureFixture
     figures = {name: detection_summary([getattr(pair, name) for pair in few]) for name in ("watchpoints", "few_lines")}
     [row] = recorded(tmp_path)
     content = detection_document(4, 2, 3, figures, [row])
-    keep_page(content, tmp_path / "out")
+    keep_result("detection", content, markdown(content), tmp_path / "out")
     assert json.loads((tmp_path / "out" / "detection.json").read_text())["seed"] == 3
     text = (tmp_path / "out" / "detection.md").read_text()
     assert "| silent.tlog |" in text

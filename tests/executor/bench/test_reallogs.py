@@ -11,7 +11,8 @@ import pytest
 
 from executor.bench import reallogs
 from executor.bench.reallogs import aircraft_of, clustered_interval, judge_logs, real_summary
-from executor.bench.reallogspage import keep_real_page, print_real, real_document
+from executor.bench.reallogspage import print_real, real_document, real_markdown
+from executor.bench.store import keep_result
 from executor.cli import main
 from executor.replay.witness.statements import read_testimony
 from executor.replay.witness.testimony import Hand
@@ -90,7 +91,7 @@ def test_what_cannot_be_followed_is_counted_with_its_reason(rows: list[dict[str,
 
 def test_the_page(rows: list[dict[str, Any]], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     content = real_document(tmp_path, rows)
-    keep_real_page(content, tmp_path / "out")
+    keep_result("real-logs", content, real_markdown(content), tmp_path / "out")
     read = json.loads((tmp_path / "out" / "real-logs.json").read_text())
     assert read["watchpoints"]["refuted"] == sum(
         one["verdict"] == "refuted" for row in rows for one in row["declared"] if one["by"] == "watchpoints"
