@@ -13,6 +13,7 @@ import numpy as np
 
 from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
 from planner.moves import FloatArray
+from planner.parts import part_of
 from planner.replan import FreeVehicle, Remainder, remaining, replan
 from planner.stop import FirstFeasible, Iterations, any_of
 
@@ -150,29 +151,19 @@ def _rebuilt(
     number = {segment: place for place, segment in enumerate(segments)}
     visits = [visit_of(segment, reverse) for segment in segments for reverse in (False, True)]
     sorties = [_sortie(state, vehicle, again.get(vehicle)) for vehicle in kept]
-    home = np.ix_(kept, visits)
     vehicles = [
         replace(instance.vehicles[vehicle], budget_pct=again[vehicle].budget_left_pct, airborne=False)
         if vehicle in again
         else instance.vehicles[vehicle]
         for vehicle in kept
     ]
-    reduced = Instance(
+    reduced = replace(
+        part_of(instance, kept, segments),
         vehicles=tuple(vehicles),
-        profile=tuple(instance.profile[vehicle] for vehicle in kept),
-        moves=instance.moves.part(visits),
-        start_s=np.array([sortie.start_s[visits] for sortie in sorties]).reshape(home[0].size, home[1].size),
-        home_s=instance.home_s[home],
+        start_s=np.array([sortie.start_s[visits] for sortie in sorties]),
         idle_s=np.array([sortie.idle_s for sortie in sorties]),
-        start_pct=np.array([sortie.start_pct[visits] for sortie in sorties]).reshape(home[0].size, home[1].size),
-        home_pct=instance.home_pct[home],
+        start_pct=np.array([sortie.start_pct[visits] for sortie in sorties]),
         idle_pct=np.array([sortie.idle_pct for sortie in sorties]),
-        depot_s=instance.depot_s[home],
-        depot_pct=instance.depot_pct[home],
-        value=instance.value[segments],
-        end_m=instance.end_m[visits],
-        landing_m=instance.landing_m,
-        answer_s=instance.answer_s,
     )
     plan = Plan(tuple(
         Route(place, tuple(visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in route))

@@ -19,6 +19,7 @@ from planner.errors import PlanError
 from planner.evaluate import completions_s, route_duration_s, route_energy_pct, spent_pct
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 from planner.moves import FloatArray
+from planner.parts import part_of
 from planner.result import Result
 from planner.solve import check_tails, solve
 from planner.stop import StopRule
@@ -164,23 +165,13 @@ def _reduced(instance: Instance, survivors: Sequence[FreeVehicle], open_segments
     visits = [visit_of(segment, reverse) for segment in open_segments for reverse in (False, True)]
     fleet = [survivor.vehicle for survivor in survivors]
     starts = [_start(instance, survivor) for survivor in survivors]
-    home = np.ix_(fleet, visits)
-    return Instance(
+    return replace(
+        part_of(instance, fleet, open_segments),
         vehicles=tuple(start.vehicle for start in starts),
-        profile=tuple(instance.profile[vehicle] for vehicle in fleet),
-        moves=instance.moves.part(visits),
         start_s=np.array([start.row_s[visits] for start in starts]),
-        home_s=instance.home_s[home],
         idle_s=np.array([start.idle_s for start in starts]),
         start_pct=np.array([start.row_pct[visits] for start in starts]),
-        home_pct=instance.home_pct[home],
         idle_pct=np.array([start.idle_pct for start in starts]),
-        depot_s=instance.depot_s[home],
-        depot_pct=instance.depot_pct[home],
-        value=instance.value[list(open_segments)],
-        end_m=instance.end_m[visits],
-        landing_m=instance.landing_m,
-        answer_s=instance.answer_s,
     )
 
 
