@@ -169,13 +169,7 @@ def plan_of(state: State) -> Plan:
 
 def copy_of(state: State) -> State:
     """Return an independent copy."""
-    return State(
-        visits=state.visits.copy(),
-        legs=state.legs.copy(),
-        lengths=state.lengths.copy(),
-        loads=state.loads.copy(),
-        route_of=state.route_of.copy(),
-    )
+    return State._make(array.copy() for array in state)
 
 
 def random_state(seed: int) -> RandomState:

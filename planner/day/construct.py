@@ -103,10 +103,7 @@ def day_state(problem: DayProblem) -> DayState:
 
 def copy_day(state: DayState) -> DayState:
     """Return a copy that shares nothing."""
-    return DayState(
-        state.visits.copy(), state.lengths.copy(), state.trips.copy(), state.begins.copy(), state.place.copy(),
-        state.depot.copy(), state.load.copy(), state.ends.copy(), state.waits.copy(),
-    )  # fmt: skip
+    return DayState._make(array.copy() for array in state)
 
 
 def day_memory(problem: DayProblem) -> DayMemory:
