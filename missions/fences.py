@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from missions.geo import LocalFrame
+from missions.geometry import convex, twice_area
 from missions.items import Frame, MissionItem, Place
 
 Corner = tuple[float, float]
@@ -79,9 +80,7 @@ def hull(places_m: Sequence[Corner]) -> tuple[Corner, ...]:
     ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
     """
     ordered = sorted({(round(east_m, 3), round(north_m, 3)) for east_m, north_m in places_m})
-    if len(ordered) < 3:
-        return tuple(ordered)
-    return (*_chain(ordered), *_chain(ordered[::-1]))
+    return convex(ordered, 1e-9)
 
 
 def fewer(corners_m: Sequence[Corner], most: int = MOST_CORNERS) -> tuple[Corner, ...]:
@@ -194,26 +193,12 @@ def numbered(items: Iterable[MissionItem]) -> tuple[MissionItem, ...]:
     return tuple(replace(item, seq=seq, current=False) for seq, item in enumerate(items))
 
 
-def _chain(ordered: Sequence[Corner]) -> list[Corner]:
-    chain: list[Corner] = []
-    for corner in ordered:
-        while len(chain) >= 2 and _turn(chain[-2], chain[-1], corner) <= 1e-9:
-            chain.pop()
-        chain.append(corner)
-    return chain[:-1]
-
-
-def _turn(a: Corner, b: Corner, c: Corner) -> float:
-    """Return twice the area of a triangle; above 0 where it turns left."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
 def _edges(corners: Sequence[Corner]) -> Iterable[tuple[Corner, Corner]]:
     return zip(corners, (*corners[1:], corners[0]), strict=True)
 
 
 def _inside(corners: Sequence[Corner], place: Corner, slack_m: float) -> bool:
-    return all(_turn(one, other, place) >= -slack_m * math.dist(one, other) for one, other in _edges(corners))
+    return all(twice_area(one, other, place) >= -slack_m * math.dist(one, other) for one, other in _edges(corners))
 
 
 def _within(corners: Sequence[Corner], place: Corner) -> bool:
@@ -246,7 +231,7 @@ def _without_edge(corners: Sequence[Corner], index: int) -> tuple[float, int, Co
         return None  # its neighbours meet on the other side, or nowhere
     share = ((after[0] - before[0]) * onward[1] - (after[1] - before[1]) * onward[0]) / turn
     corner = (before[0] + share * ahead[0], before[1] + share * ahead[1])
-    return abs(_turn(one, corner, other)), index, corner
+    return abs(twice_area(one, corner, other)), index, corner
 
 
 def _e7(frame: LocalFrame, corner: Corner) -> tuple[int, int]:

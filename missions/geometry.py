@@ -7,6 +7,7 @@ without length is a place.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -132,3 +133,27 @@ def locate(
     along = de * east + dn * north
     nearest = min(max(along, 0.0), length)
     return along, math.hypot(de - nearest * east, dn - nearest * north)
+
+
+def twice_area(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    """Return twice the area of a triangle; above 0 where it turns left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def convex(ordered: Sequence[tuple[float, float]], least: float = 0.0) -> tuple[tuple[float, float], ...]:
+    """Return the corners of the convex hull of sorted places, counter-clockwise (the monotone chain).
+
+    A corner at which the triangle with its neighbours is not larger than the least is left out.
+    """
+    if len(ordered) < 3:
+        return tuple(ordered)
+    return (*_chain(ordered, least), *_chain(ordered[::-1], least))
+
+
+def _chain(ordered: Sequence[tuple[float, float]], least: float) -> list[tuple[float, float]]:
+    chain: list[tuple[float, float]] = []
+    for corner in ordered:
+        while len(chain) >= 2 and twice_area(chain[-2], chain[-1], corner) <= least:
+            chain.pop()
+        chain.append(corner)
+    return chain[:-1]

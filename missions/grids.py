@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from missions.geo import FloatArray
+from missions.geometry import convex
 
 DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
 """Steps from node to node, and back: a cone made of them is 2.7 % flatter than a round one at most."""
@@ -98,27 +99,8 @@ def _shifted(count: int, by: int) -> tuple[slice, slice]:
 
 
 def hull_m(places_m: FloatArray) -> FloatArray:
-    """Return (k, 2) the corners of the convex hull of (m, 2) places, counter-clockwise (the monotone chain)."""
-    points = sorted(set(map(tuple, places_m.tolist())))
-    if len(points) < 3:
-        return np.array(points, dtype=np.float64)
-    return np.array(_chain(points)[:-1] + _chain(points[::-1])[:-1], dtype=np.float64)
-
-
-def _chain(points: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
-    chain: list[tuple[float, ...]] = []
-    for point in points:
-        while (
-            len(chain) > 1
-            and (
-                (chain[-1][0] - chain[-2][0]) * (point[1] - chain[-2][1])
-                - (chain[-1][1] - chain[-2][1]) * (point[0] - chain[-2][0])
-            )
-            <= 0
-        ):
-            chain.pop()
-        chain.append(point)
-    return chain
+    """Return (k, 2) the corners of the convex hull of (m, 2) places, counter-clockwise."""
+    return np.array(convex(sorted(set(map(tuple, places_m.tolist())))), dtype=np.float64)
 
 
 def inside(corners_m: FloatArray, places_m: FloatArray, beyond_m: float = 0.0) -> npt.NDArray[np.bool_]:
