@@ -21,7 +21,7 @@ from executor.flight.flight_order import Console
 from executor.flight.kept_lists import KeptList, ListStage, planned_lists, read_kept_lists, write_lists
 from executor.flight.parameter_changes import Links
 from executor.flight.side_by_side import AT_ONCE, in_turns
-from executor.runtime import parameters, preflight
+from executor.runtime import parameters, preflight, procedures
 from executor.runtime.parameters import HEARD_S
 from missions import MissionKind, dialect_for
 from missions.fences import Fence, place_differences
@@ -221,7 +221,7 @@ async def _given_back(
 
 async def _one_given_back(link: OpenLink, clock: Clock, one: KeptList) -> tuple[ListStage | None, str]:
     """Give one list back; returns how far it has come, and why it is not back."""
-    found = await preflight.read_one(link, clock, one.kind)
+    found = await procedures.read_list(link, clock, one.kind)
     if found is None:
         return None, "cannot be read"
     if not place_differences(one.old, found):

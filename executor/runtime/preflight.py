@@ -275,14 +275,9 @@ async def load_mission(
 async def read_lists(link: Link, clock: Clock) -> Lists:
     """Read what a vehicle carries beside its mission."""
     return Lists(
-        await read_one(link, clock, MissionKind.FENCE),
-        await read_one(link, clock, MissionKind.RALLY),
+        await procedures.read_list(link, clock, MissionKind.FENCE),
+        await procedures.read_list(link, clock, MissionKind.RALLY),
     )
-
-
-async def read_one(link: Link, clock: Clock, kind: MissionKind) -> tuple[MissionItem, ...] | None:
-    """Read a vehicle's fence, or its rally points; None if it does not let them be read."""
-    return await procedures.read_list(link, clock, kind)
 
 
 async def put_back(
