@@ -124,11 +124,7 @@ class _Shape:
 
     def distances_m(self, places_m: FloatArray) -> FloatArray:
         """Return (n, e) distances of places from the edges."""
-        edges = self.ends_m - self.begins_m
-        off = places_m[:, np.newaxis] - self.begins_m
-        share = (off * edges).sum(axis=2) / np.maximum((edges**2).sum(axis=1), 1e-12)
-        apart = off - np.clip(share, 0.0, 1.0)[..., np.newaxis] * edges
-        return np.asarray(np.hypot(apart[..., 0], apart[..., 1]))
+        return nearest_on(places_m, self.begins_m, self.ends_m - self.begins_m)[0]
 
     def _enclosed(self, places_m: FloatArray) -> BoolArray:
         if self.is_line:
