@@ -35,6 +35,7 @@ def day_problem(instance: DayInstance, share: float, haste: float) -> DayProblem
     kept = min(GATES, len(depots))
     begun = np.ascontiguousarray(least[: len(depots)].argsort(axis=0, kind="stable")[:kept].T)
     between = times[np.ix_(last, first)].reshape(len(ends), 2, len(ends), 2).min(axis=(1, 3))
+    np.fill_diagonal(between, -1.0)  # each task is the nearest to itself
     return DayProblem(
         into=into,
         out=np.ascontiguousarray(out),
@@ -44,7 +45,7 @@ def day_problem(instance: DayInstance, share: float, haste: float) -> DayProblem
         base=np.concatenate((np.arange(len(depots)), times[np.ix_(starts, depots)].argmin(axis=1))),
         first=begun,
         gates=_gates(out[: len(depots)], home, begun, nearest),
-        near=np.ascontiguousarray(_own_first(between).argsort(axis=1, kind="stable")[:, :NEAR]),
+        near=np.ascontiguousarray(between.argsort(axis=1, kind="stable")[:, :NEAR]),
         able=np.ascontiguousarray(able.astype(np.int64)),
         ready=np.array([own.ready_s for own in instance.vehicles], dtype=np.float64),
         ended=np.array([own.ended_s for own in instance.vehicles], dtype=np.float64),
@@ -53,11 +54,6 @@ def day_problem(instance: DayInstance, share: float, haste: float) -> DayProblem
         share=share,
         haste=haste,
     )
-
-
-def _own_first(between: FloatArray) -> FloatArray:
-    np.fill_diagonal(between, -1.0)
-    return between
 
 
 def _hops(times: FloatArray, places: IntArray, depots: IntArray, instance: DayInstance) -> FloatArray:

@@ -68,7 +68,7 @@ class DayInstance:
         named = [
             *self.depots,
             *(own.place for own in self.vehicles),
-            *(end for one in self.tasks for end in one_ends(one)),
+            *(end for one in self.tasks for end in (one.a, one.b)),
         ]
         unknown = [place for place in named if not 0 <= place < places]
         if unknown:
@@ -83,11 +83,6 @@ class DayInstance:
         for name, values in figures.items():
             if not np.isfinite(values).all() or min(values, default=0.0) < 0:
                 raise InstanceError(f"{name}: expected 0 or more")
-
-
-def one_ends(task: DayTask) -> tuple[int, int]:
-    """Return the two places of a task."""
-    return task.a, task.b
 
 
 @dataclass(frozen=True, slots=True)
