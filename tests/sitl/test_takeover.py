@@ -15,7 +15,7 @@ from executor.core.state import FleetState
 from executor.core.vehicle import VehicleState
 from missions import Phase
 from tests.ports import free_port
-from tests.sitl.custody import LOGGED, nothing_was_commanded, switches
+from tests.sitl.custody import COMMANDS, LOGGED, boot_s, nothing_was_commanded, own_commands, switches
 from tests.sitl.flights import VICTIM, Story, flown
 from tests.sitl.real import ARDUPILOT, BOTH, PX4, Autopilot, RealVehicle
 
@@ -169,3 +169,29 @@ def test_px4s_sticks(tmp_path: Path) -> None:
     assert flight.says(f"{VICTIM}: its pilot has switched it to POSCTL; not commanded from here") is not None, (
         flight.said
     )
+
+
+def empties(vehicle: RealVehicle) -> None:
+    """Have its battery count as all but empty: it holds for five seconds, and lands then."""
+    vehicle.set("BAT_EMERGEN_THR", 0.99)
+
+
+def later(delay_s: float, act: Callable[[RealVehicle], None]) -> Callable[[RealVehicle], None]:
+    return lambda vehicle: threading.Timer(delay_s, act, (vehicle,)).start()
+
+
+@pytest.mark.timeout(580)
+def test_a_pilot_who_holds_px4_in_its_failsafes_hold_has_it(tmp_path: Path) -> None:
+    """The mode does not change by it, and the failsafe does not act any more."""
+    story = story_of(
+        PX4, strike=empties, lift=both(switches(PX4, "loiter"), later(40.0, switches(PX4, "rtl"))), lasts_s=2.0,
+        settings={**LOGGED, "COM_LOW_BAT_ACT": 2.0, "NAV_DLL_ACT": 2.0}, speedup=1.0,
+    )  # fmt: skip
+    flight = flown(PX4, story, tmp_path)
+    assert flight.lifted_s is not None, flight.said
+    has_it_s, home_s = flight.says("not commanded from here"), flight.lifted_s + 40.0
+    assert has_it_s is not None, flight.said
+    assert has_it_s < flight.lifted_s + 20.0, flight.said
+    first_s, last_s = (boot_s(flight, at_s) for at_s in (flight.struck_s or 0.0, home_s))
+    orders = [row for row in own_commands(flight, PX4) if first_s < row[0] < last_s and row[1] in COMMANDS]
+    assert orders == [], flight.said
