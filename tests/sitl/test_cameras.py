@@ -137,6 +137,22 @@ def test_px4_proves_spans_and_pylons_by_the_words_of_a_camera_that_mavsdk_plays(
 
 @pytest.mark.sitl
 @pytest.mark.timeout(580)
+def test_ardupilots_feedback_proves_what_another_took_over_once_each(tmp_path: Path) -> None:
+    """uav2 is lost after its first asset; nothing that it had seen is looked at again."""
+    tables = {"camera": [{"name": "rgb", "id": 1}], "look": [{"camera": "rgb", "every_m": 10.0}]}
+    story = Story(RealVehicle.suspend, settings=SERVO_CAMERA, radius_m=320.0, tables=tables, at=has_seen_one)
+    done = flown(ARDUPILOT, story, tmp_path)
+    assert done.report["finished"], done.said
+    assert done.report["replans"]
+    for row in done.report["seen"]:
+        found = [one for one in pictures_of(done)[row["name"]] if one["vehicle"] == row["vehicle"]]
+        assert len(found) == len({one["sequence"] for one in found}) == row["pictures"], row
+        if row["vehicle"] == "uav2":
+            assert {one["vehicle"] for one in pictures_of(done)[row["name"]]} == {"uav2"}
+
+
+@pytest.mark.sitl
+@pytest.mark.timeout(580)
 def test_ardupilot_turns_its_nose_to_a_pylon_from_below_its_top(tmp_path: Path) -> None:
     tables = {"inspection": {"same_distance": True}, "camera": [{"name": "rgb", "id": 1}], "look": [AROUND]}
     # Who would not come home by itself when it hears nobody stays in its layer.
