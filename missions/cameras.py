@@ -17,6 +17,10 @@ FIRST_COMPONENT = 7
 """Ids from here on are component ids of MAVLink cameras; 1 to 6 are wired to the autopilot, 0 is all of them."""
 
 
+ONE_STOP_M = 1.0
+"""Viewpoints above each other that are flown nearer than this are one stop."""
+
+
 class Trigger(Enum):
     """Who decides when a picture is taken."""
 
@@ -114,8 +118,17 @@ class PylonStop:
 
     place_m: tuple[float, float]
     below_m: float
-    point: int | None
-    """Which viewpoint it is; None where it only goes up, or down again."""
+    points: tuple[int, ...] = ()
+    """Which viewpoints it is, by one picture; none where it only goes up, or down again."""
+
+
+def _is_one(stop: PylonStop, other: PylonStop) -> bool:
+    return stop.place_m == other.place_m and abs(stop.below_m - other.below_m) < ONE_STOP_M
+
+
+def _joined(stop: PylonStop, other: PylonStop) -> PylonStop:
+    """Return two stops as one, at the higher of their places."""
+    return PylonStop(stop.place_m, min(stop.below_m, other.below_m), (*stop.points, *other.points))
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,14 +152,23 @@ class PylonLook:
         """How far its lowest viewpoint lies below the common surface."""
         return max(point.below_m for point in self.points)
 
-    def stops(self, *, reverse: bool) -> list[PylonStop]:
-        """Return the stops of its flight, from the first viewpoint to the last, or the other way."""
+    def stops(self, *, reverse: bool, low: bool) -> list[PylonStop]:
+        """Return the stops of its flight, from the first viewpoint to the last, or the other way.
+
+        Args:
+            reverse: The other way.
+            low: Whether it comes down to viewpoints below the common surface; from its layer those above each other
+                are one place, and one picture.
+        """
         found: list[PylonStop] = []
         for number, point in enumerate(self.points):
-            found.append(PylonStop(point.place_m, point.below_m, number))
-            if point.crosses:
-                ends = (point, self.points[number + 1])
-                found += [PylonStop(one.place_m, 0.0, None) for one in ends if one.below_m > 0]
+            stop = PylonStop(point.place_m, point.below_m if low else 0.0, (number,))
+            if found and found[-1].points and _is_one(found[-1], stop):
+                stop = _joined(found.pop(), stop)
+            found.append(stop)
+            if low and point.crosses:
+                ends = (stop, self.points[number + 1])
+                found += [PylonStop(end.place_m, 0.0) for end in ends if end.below_m > 0]
         return found[::-1] if reverse else found
 
     def pitch_from_deg(self, place_m: tuple[float, float], up_m: float) -> int:
@@ -183,6 +205,8 @@ class Capture:
     """Whether ``yaw_deg`` counts from north."""
     region: Region | None = None
     """What the vehicle's nose is turned to, with ``yaw_deg`` from north: also where no gimbal is."""
+    points: tuple[int, ...] = ()
+    """At a pylon: which of its viewpoints the picture is of."""
 
     @property
     def films(self) -> bool:
@@ -241,20 +265,21 @@ class Looks:
         """How far the lowest viewpoint of all lies below the common surface."""
         return max((look.deepest_m for look in self.pylons.values()), default=0.0)
 
-    def capture_at(self, look: PylonLook, point: Viewpoint, up_m: float, region: Region | None = None) -> Capture:
-        """Return what is done at a viewpoint, once the vehicle has come to rest there.
+    def capture_at(self, look: PylonLook, stop: PylonStop, up_m: float, region: Region | None = None) -> Capture:
+        """Return what is done at a stop, once the vehicle has come to rest there.
 
         Args:
             look: What its pylon asks for.
-            point: The viewpoint.
+            stop: One with viewpoints.
             up_m: The vehicle's height over the depot's ground.
             region: The target, where that is a region of interest.
         """
         camera = self.cameras[look.camera]
-        pitch_deg = look.pitch_from_deg(point.place_m, up_m) if camera.gimbal else None
-        yaw_deg = point.yaw_deg if camera.gimbal or region is not None else None
+        pitch_deg = look.pitch_from_deg(stop.place_m, up_m) if camera.gimbal else None
+        yaw_deg = look.points[stop.points[0]].yaw_deg if camera.gimbal or region is not None else None
         return Capture(
-            camera.name, camera.id, Trigger.ONCE, 0.0, pitch_deg, yaw_deg, look.aim_deg, from_north=True, region=region
+            camera.name, camera.id, Trigger.ONCE, 0.0, pitch_deg, yaw_deg, look.aim_deg, from_north=True, region=region,
+            points=stop.points,
         )  # fmt: skip
 
     def _capture(self, look: SpanLook, below_deg: float, reverse: bool) -> Capture:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missions.cameras import Capture, PylonLook, Region
+from missions.cameras import Capture, PylonLook, PylonStop, Region
 from missions.geo import FloatArray
 from missions.pricing import SAME_PLACE_M
 from missions.setup import FlightSetup
@@ -144,9 +144,7 @@ class _Flight:
         Who does not come down from its layer looks from above every one of them.
         """
         low = segment_of(visit) in self.low
-        stops = look.stops(reverse=is_reversed(visit))
-        if not low:
-            stops = [stop for stop in stops if stop.point is not None]
+        stops = look.stops(reverse=is_reversed(visit), low=low)
         layer_m = self.setup.layers.offset_m(self.vehicle)
         yield from self._to_level(0.0, Phase.TRANSIT, visit=number)
         for index, stop in enumerate(stops):
@@ -163,19 +161,19 @@ class _Flight:
                 for down in self._to_level(below_m, phase, visit=number):
                     yield ends
                     ends = down
-            yield ends if stop.point is None else self._looking(ends, look, stop.point)
+            yield self._looking(ends, look, stop) if stop.points else ends
 
     def _over(self, place_m: tuple[float, float], below_m: float) -> FloatArray:
         """Return (3,) the place so far below the vehicle's layer."""
         return np.array([*place_m, self.setup.layers.height_m(self.vehicle, *place_m) - below_m])
 
-    def _looking(self, waypoint: Waypoint, look: PylonLook, number: int) -> Waypoint:
-        """Return the waypoint of a viewpoint with what cameras do there."""
+    def _looking(self, waypoint: Waypoint, look: PylonLook, stop: PylonStop) -> Waypoint:
+        """Return the waypoint of a stop with what cameras do there."""
         home_up_m = self.setup.frame.up_m(self.setup.pad_of(self.vehicle).alt_m)
         east_m, north_m, up_m = look.target_m
         region = Region(*self.setup.frame.to_wgs84_deg(east_m, north_m), up_m - home_up_m) if look.roi else None
         up_m = waypoint.alt_rel_m + home_up_m
-        capture = self.setup.looks.capture_at(look, look.points[number], up_m, region)
+        capture = self.setup.looks.capture_at(look, stop, up_m, region)
         return replace(waypoint, captures=(capture,), hover_s=look.hover_s)
 
     def _captures(self, visit: int) -> tuple[Capture, ...]:

@@ -198,13 +198,11 @@ def besides_s(look: PylonLook, performance: Performance, speed_m_s: float, *, in
         in_layer: Whether it looks at all of them from its layer.
     """
     ends = [(*look.points[end].place_m, 0.0) for end in (0, -1)]
-    if in_layer:
-        way_m = np.array([(*point.place_m, 0.0) for point in look.points])
-    else:  # from the surface down to the first, and from the last up to it again
-        stops = look.stops(reverse=False)
-        way = [ends[0], *((*stop.place_m, -stop.below_m) for stop in stops), ends[1]]
-        way_m = np.array([place for place, _ in itertools.groupby(way)])
-    hover_s = max(0.0, look.hover_s - performance.hold_s) * len(look.points)
+    stops = look.stops(reverse=False, low=not in_layer)
+    # From the surface down to the first, and from the last up to it again.
+    way = [ends[0], *((*stop.place_m, -stop.below_m) for stop in stops), ends[1]]
+    way_m = np.array([place for place, _ in itertools.groupby(way)])
+    hover_s = max(0.0, look.hover_s - performance.hold_s) * sum(bool(stop.points) for stop in stops)
     straight_s = _flown_s(np.array(ends), performance, speed_m_s)
     return hover_s + _flown_s(way_m, performance, speed_m_s) - straight_s
 

@@ -60,6 +60,7 @@ FAULTS = (
 )  # fmt: skip
 ONLY_SPOKEN = frozenset({"gimbal-stuck", "card-full", "camera-mute"})
 """What does not befall a wired camera."""
+OF_CAMERAS = ONLY_SPOKEN | {"camera-silent", "camera-loss"}
 CLOCK_S = 600.0
 """A camera's clock is off by up to this, and by whole hours of a zone."""
 ZONES_H = (-1, 3)
@@ -221,6 +222,7 @@ def _judged(
     failed |= set(taken.shots) if empty.camera == "wired" else set()
     wrong += [f"{name} took a picture that the index lacks" for name in unknown if name not in failed]
     wrong += [f"{segment} was not seen, and is not named" for segment in sorted(unseen - uncovered)]
+    wrong += [f"the camera of {name} is said to have failed, and did not" for name in _accused(flight, empty.faults)]
     wrong += _gaps(ground, index, taken)
     wrong += _misses(ground, flight, index, taken)
     wrong += _doubles(index)
@@ -244,6 +246,12 @@ def _judged(
         wrong=tuple(wrong),
         flown_s=flight.flown_s,
     )
+
+
+def _accused(flight: VirtualFlight, faults: Sequence[str]) -> list[str]:
+    """Return whose cameras are said to have failed while nothing befell them."""
+    befell = {fault.split(":")[0] for fault in faults if kind_of(fault) in OF_CAMERAS}
+    return [name for name, vehicle in flight.state.vehicles.items() if vehicle.payload.broken and name not in befell]
 
 
 def _gaps(ground: Ground, index: Index, taken: _Taken) -> list[str]:
@@ -284,16 +292,20 @@ def _misses(ground: Ground, flight: VirtualFlight, index: Index, taken: _Taken) 
                 if math.dist(place_m[:2], point.place_m) < VIEW_M and (not look.deepest_m or not low
                                                                        or abs(place_m[2] - up_m) < VIEW_M)
             ]  # fmt: skip
-            turned = look.roi or ground.setup.looks.cameras[look.camera].gimbal
-            if not any(not turned or _faces(look, place_m, shot) for place_m, shot in near):
+            gimbal = ground.setup.looks.cameras[look.camera].gimbal
+            if not any(not (look.roi or gimbal) or _faces(look, place_m, shot, gimbal) for place_m, shot in near):
                 found.append(f"{row.asset}: viewpoint {number} is called seen, and no picture was taken from it")
     return found
 
 
-def _faces(look: PylonLook, place_m: tuple[float, float, float], shot: Shot) -> bool:
-    """Return whether a camera looked at what its pylon asks for."""
-    to_deg = math.degrees(math.atan2(look.target_m[0] - place_m[0], look.target_m[1] - place_m[1]))
-    return apart_deg(0.0, shot.yaw_deg, 0.0, to_deg) <= look.aim_deg
+def _faces(look: PylonLook, place_m: tuple[float, float, float], shot: Shot, gimbal: bool) -> bool:
+    """Return whether a camera looked at what its pylon asks for; one on the nose only turns."""
+    east_m, north_m, up_m = (there - here for there, here in zip(look.target_m, place_m, strict=True))
+    to_deg = math.degrees(math.atan2(east_m, north_m))
+    if not gimbal:
+        return apart_deg(0.0, shot.yaw_deg, 0.0, to_deg) <= look.aim_deg
+    down_deg = math.degrees(math.atan2(up_m, math.hypot(east_m, north_m)))
+    return apart_deg(shot.pitch_deg, shot.yaw_deg, down_deg, to_deg) <= look.aim_deg
 
 
 def _doubles(index: Index) -> list[str]:

@@ -21,7 +21,7 @@ class ImageRow:
     """The span that it shows, by its name; empty where it shows none that asks for it."""
     segment: int | None
     viewpoint: str
-    """Where along the span it was taken, from its first pylon."""
+    """Where along the span it was taken, from its first pylon; at a pylon of which of its viewpoints it is."""
     vehicle: str
     camera: str
     sequence: int
@@ -64,7 +64,7 @@ class AssetRow:
     vehicle: str
     """Who has seen it; empty if nobody has."""
     pictures: int
-    """How many count."""
+    """How many count; at a pylon, how many viewpoints have one."""
     missing: str
     """What no picture shows, in words."""
     line: tuple[tuple[float, float], tuple[float, float]]
@@ -91,7 +91,7 @@ def _image(context: Context, vehicle: str, picture: Picture, began_unix_s: float
     return ImageRow(
         asset="" if picture.segment is None else context.segment_name(picture.segment),
         segment=picture.segment,
-        viewpoint=_viewpoint(context, picture),
+        viewpoint=_viewpoint(picture),
         vehicle=vehicle,
         camera=picture.camera,
         sequence=picture.sequence,
@@ -110,12 +110,10 @@ def _image(context: Context, vehicle: str, picture: Picture, began_unix_s: float
     )
 
 
-def _viewpoint(context: Context, picture: Picture) -> str:
-    if picture.along_m is None or picture.segment is None:
-        return ""
-    if picture.segment in context.setup.looks.pylons:
-        return f"viewpoint {int(picture.along_m) + 1}"
-    return f"{picture.along_m:.1f} m"
+def _viewpoint(picture: Picture) -> str:
+    if picture.points:
+        return f"viewpoint {', '.join(str(number + 1) for number in picture.points)}"
+    return "" if picture.along_m is None else f"{picture.along_m:.1f} m"
 
 
 def asset_rows(context: Context, state: FleetState) -> list[AssetRow]:
@@ -146,7 +144,7 @@ def _assets(context: Context, state: FleetState, looks: Looks) -> Iterator[Asset
                 every_m=every_m,
                 state="seen" if by else "not seen" if caught or segment in past else "not flown",
                 vehicle=by,
-                pictures=sum(one == camera for one, _ in caught),
+                pictures=sum(one == camera for one, _ in (caught if pylon is None else set(caught))),
                 missing="; ".join(words for words in lacks if words.startswith(f"{camera} ")),
                 line=(first, last),
             )

@@ -168,6 +168,24 @@ def test_who_cannot_come_down_looks_from_its_layer_and_says_from_where() -> None
     assert check_asked(setup, [airway(setup, path) for path in paths.values()]) == []
 
 
+@pytest.mark.parametrize("reverse", [0, 1])
+def test_viewpoints_above_each_other_are_one_stop_from_a_layer(reverse: int) -> None:
+    setup, _ = looked_at(tall_line_east(), [wish(1, heights_m=(2.0, -8.0))])
+    [segment] = setup.looks.pylons
+    path = flight_path(setup, "uav3", (2 * segment + reverse,))
+    points = [point.captures[0].points for point in path.waypoints if point.captures]
+    assert points == [(0, 1), (2, 3), (4, 5), (6, 7)][:: -1 if reverse else 1]
+
+
+def test_viewpoints_that_are_flown_higher_together_are_one_stop() -> None:
+    setup, higher = looked_at(tall_line_east(), [wish(1, heights_m=(-8.0, -28.0, -29.0))])
+    [segment] = setup.looks.pylons
+    path = first_paths(setup, {"uav1": (2 * segment,)})["uav1"]
+    stops = [point.captures[0].points for point in path.waypoints if point.captures]
+    assert stops == [(0,), (1, 2), (3, 4), (5,), (6,), (7, 8), (9, 10), (11,)]
+    assert len(higher) == 8  # each of them is named
+
+
 def test_heights_over_a_top_that_nobody_knows_are_refused() -> None:
     with pytest.raises(SafetyError, match="pylon 'p1': expected elevation_m and height_m"):
         with_viewpoints(line_east(3), [wish(1, heights_m=(0.0,))], 5.0)

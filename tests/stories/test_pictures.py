@@ -117,7 +117,7 @@ async def test_a_pylon_is_an_asset_of_its_own_with_its_viewpoints(autopilot: str
     assert names[-1].startswith("pylon")
     assert set(flown.inspected) == flown.wanted, lines(sky)
     known = sky.pictures("uav1")
-    assert [(one.segment, one.along_m, one.flaw) for one in known] == [(2, float(number), "") for number in range(4)]
+    assert [(one.segment, one.points, one.flaw) for one in known] == [(2, (number,), "") for number in range(4)]
 
 
 BELOW = {**AROUND, "distance_m": 14, "heights_m": [-4, -12], "target_m": -6}
@@ -140,7 +140,7 @@ async def test_viewpoints_below_the_top_are_seen_from_where_they_were_asked_for(
     flown = await sky.fly()
     assert set(flown.inspected) == flown.wanted, lines(sky)
     known = sky.pictures("uav1")
-    assert [(one.segment, one.along_m, one.flaw) for one in known] == [(2, float(number), "") for number in range(8)]
+    assert [(one.segment, one.points, one.flaw) for one in known] == [(2, (number,), "") for number in range(8)]
     shots = sky.shots["uav1"]
     assert [round(shot.up_m) for shot in shots] == [26, 18, 18, 26, 26, 18, 18, 26]
     if roi or camera is MAVLINK:  # it looks at the pylon, by its gimbal or with its nose
@@ -187,4 +187,47 @@ async def test_a_pylon_whose_pictures_nobody_likes_is_flown_around_once_more() -
     flown = await sky.fly()
     assert set(flown.inspected) == flown.wanted, lines(sky)
     known = [one for name in fleet for one in sky.pictures(name) if one.segment == 2]
-    assert sorted(one.along_m or 0.0 for one in known if not one.flaw) == [0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0]
+    assert sorted(one.points for one in known if not one.flaw) == [(0,), (0,), (1,), (1,), (2,), (2,), (3,), (3,)]
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+@pytest.mark.parametrize("autopilot", DIALECTS)
+async def test_viewpoints_above_each_other_are_one_picture_for_who_stays_in_its_layer(autopilot: str) -> None:
+    fleet: Routes = {"uav1": (0, 2), "uav2": (4,)}
+    told_so = story(fleet=fleet, inspection={"same_distance": True})
+    sky = Eyes(told_so, autopilot, [MAVLINK], [BELOW], pylons=3, tall=True)
+    flown = await sky.fly()
+    assert set(flown.inspected) == flown.wanted, lines(sky)
+    known = [(one.points, one.flaw) for one in sky.pictures("uav2")]
+    assert known == [((0, 1), ""), ((2, 3), ""), ((4, 5), ""), ((6, 7), "")]
+    assert len(sky.shots["uav2"]) == 4
+
+
+AT_PYLONS = (
+    ("camera-silent", "no picture of 6 viewpoints", MAVLINK),
+    ("camera-mute", "has not said of 6 viewpoints", MAVLINK),
+    ("card-full", "its card is full", MAVLINK),
+    ("gimbal-stuck", "its gimbal pointed elsewhere at 3 viewpoints", MAVLINK),
+    ("camera-silent", "no picture of 6 viewpoints", WIRED),
+)
+"""No camera takes a row of pictures there."""
+
+
+@pytest.mark.asyncio
+@LOOPTIME
+@pytest.mark.parametrize("autopilot", DIALECTS)
+@pytest.mark.parametrize(("fault", "words", "camera"), AT_PYLONS)
+async def test_a_payload_that_fails_at_pylons_is_found_too(
+    autopilot: str, fault: str, words: str, camera: Table
+) -> None:
+    if autopilot == "px4" and camera is WIRED:
+        pytest.skip("PX4 says of such a camera only that it was triggered")
+    around = {**AROUND, "pylons": ["*"]}
+    fleet: Routes = {"uav1": (8, 10, 12, 14, 16), "uav2": (0, 2, 4, 6)}
+    fails = told(share("uav1", 0.3), f"uav1:{fault}")
+    sky = Eyes(story(fails, fleet=fleet), autopilot, [camera], [around], pylons=5)
+    flown = await sky.fly()
+    assert set(flown.inspected) == flown.wanted, lines(sky)
+    assert any(line.startswith("uav1: payload, ") and words in line for line in lines(sky)), lines(sky)
+    assert {segment for segment, by in flown.inspected.items() if by == "uav1"} == {4, 5}

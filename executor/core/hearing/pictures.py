@@ -8,6 +8,7 @@ that they are asked for again.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -19,8 +20,8 @@ from executor.core.payload.aim import apart_deg, bearing_deg
 from executor.core.payload.pictures import CameraMemory, Picture, WantedPicture
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
-from missions import Phase
-from missions.cameras import FIRST_COMPONENT, Camera, Capture, PictureProof, PylonLook, proof_of
+from missions import Phase, Waypoint
+from missions.cameras import FIRST_COMPONENT, Camera, Capture, PictureProof, proof_of
 from planner import is_reversed
 
 MOST_WANTED = 50
@@ -28,8 +29,6 @@ MOST_WANTED = 50
 BEGAN_ANEW = 20
 """A number so much lower than the last is one of a new count."""
 GIMBAL_KNOWN_S = 3.0
-ONE_PLACE_M = 0.5
-"""Viewpoints whose distances from a picture differ by less lie above each other for this vehicle."""
 PICTURES = frozenset({Stage.STARTING, Stage.FLYING, Stage.PILOT, Stage.RETURNING})
 """Where what a camera sees may be of a span; a late word comes while it flies home."""
 
@@ -40,11 +39,10 @@ class _Seen:
 
     visit: int
     track: Track
-    along_m: float
-    """In the direction of the visit; at a pylon the number of the viewpoint."""
-    aside_m: float
-    waypoint: int | None = None
-    """At a pylon: that of the viewpoint."""
+    capture: Capture | None
+    """What it asks of the camera there."""
+    along_m: float = 0.0
+    """In the direction of the visit."""
 
 
 def payload_heard(
@@ -96,9 +94,8 @@ def _status(
     fix = vehicle.motion.fix
     if not message.films or fix is None:
         return state
-    seen = _on(context, state, vehicle, camera, fix.place_m, fix.alt_rel_m)
-    capture = None if seen is None else _asked(vehicle.assignment.board, seen.visit, camera.name)
-    if seen is None or capture is None or not capture.films:
+    seen = _on(context, vehicle, camera, fix.place_m, fix.alt_rel_m)
+    if seen is None or seen.capture is None or not seen.capture.films:
         return state
     return _caught(state, vehicle, camera, seen)
 
@@ -153,15 +150,18 @@ def _picture(
     numbered = _numbered(memory, message.sequence)
     if numbered is None:
         return state  # said before
-    memory = replace(numbered, heard_s=now_s)
+    memory = replace(numbered, heard_s=now_s, left_behind=0)
     if not message.ok:
         memory = replace(memory, failures=memory.failures + 1)
         return state.put(replace(vehicle, payload=vehicle.payload.with_camera(memory)))
     memory = replace(memory, failures=0, picture_s=now_s)
-    payload = vehicle.payload.with_camera(memory)
-    picture, seen = _placed(context, state, vehicle, camera, message, now_s)
+    picture, seen = _placed(context, vehicle, camera, message, now_s)
     if picture is None:
-        return state.put(replace(vehicle, payload=payload))
+        return state.put(replace(vehicle, payload=vehicle.payload.with_camera(memory)))
+    if camera.gimbal and seen is not None and seen.capture is not None:
+        is_beside = _beside_deg(message, picture, seen, seen.capture) > seen.capture.aim_deg
+        memory = replace(memory, beside=memory.beside + 1 if is_beside else 0)
+    payload = vehicle.payload.with_camera(memory)
     vehicle = replace(vehicle, payload=replace(payload, pictures=(*payload.pictures, picture)))
     state = state.put(vehicle)
     return state if picture.flaw or seen is None else _caught(state, vehicle, camera, seen)
@@ -179,7 +179,7 @@ def _numbered(memory: CameraMemory, sequence: int) -> CameraMemory | None:
 
 
 def _placed(
-    context: Context, state: FleetState, vehicle: VehicleState, camera: Camera, message: PictureTaken, now_s: float
+    context: Context, vehicle: VehicleState, camera: Camera, message: PictureTaken, now_s: float
 ) -> tuple[Picture | None, _Seen | None]:
     """Return a picture with its place, and the visit that it is of; None where nobody knows where it was taken."""
     fix = vehicle.motion.fix
@@ -197,8 +197,8 @@ def _placed(
         (east_m, north_m), (east_m_s, north_m_s, _) = fix.place_m, fix.velocity_m_s
         place_m = (east_m + east_m_s * (at_s - fix.at_s), north_m + north_m_s * (at_s - fix.at_s))
     pitch_deg, yaw_deg = _look(vehicle, camera, message, now_s)
-    seen = _on(context, state, vehicle, camera, place_m, alt_rel_m)
-    capture = None if seen is None else _asked_at(vehicle.assignment.board, seen, camera.name)
+    seen = _on(context, vehicle, camera, place_m, alt_rel_m)
+    capture = None if seen is None else seen.capture
     if yaw_deg is None and capture is not None and capture.region is not None:
         yaw_deg = _heading_deg(vehicle, message)  # it sits on the nose
     lat_deg, lon_deg = context.frame.to_wgs84_deg(*place_m)
@@ -218,7 +218,8 @@ def _placed(
         speed_m_s=speed_m_s,
         file=message.file,
         segment=None if seen is None else seen.track.segment,
-        along_m=None if seen is None else _from_a(vehicle.assignment.board, seen),
+        along_m=None if seen is None or seen.track.by_pictures else _from_a(vehicle.assignment.board, seen),
+        points=() if capture is None else capture.points,
     )
     return replace(picture, flaw=_flaw(context, message, picture, seen, capture)), seen
 
@@ -243,68 +244,57 @@ def _look(
 
 
 def _on(
-    context: Context, state: FleetState, vehicle: VehicleState, camera: Camera, place_m: tuple[float, float],
-    alt_rel_m: float,
-) -> _Seen | None:  # fmt: skip
+    context: Context, vehicle: VehicleState, camera: Camera, place_m: tuple[float, float], alt_rel_m: float
+) -> _Seen | None:
     """Return the visit that a place is on, of those that were flown or are being flown and ask for a camera."""
     board, looks = vehicle.assignment.board, context.setup.looks
     if board is None or vehicle.stage not in PICTURES:
         return None
     reached = {point.visit for point in board.path.waypoints[: vehicle.assignment.waypoint + 1]} - {None}
-    best: tuple[float, _Seen] | None = None
+    best: tuple[float, int, float] | None = None
     for visit in sorted((one for one in reached if one is not None), reverse=True):
         track = board.tracks[visit]
         if camera.name not in looks.wanted(track.segment):
             continue
         if track.by_pictures:
-            caught = {int(at_m) for _, at_m in state.coverage.caught.get(track.segment, ())}
-            found = _viewpoint(board, visit, looks.pylons[track.segment], caught, (*place_m, alt_rel_m))
-            if found is not None:
-                waypoint, point = found
-                return _Seen(visit, track, float(point), 0.0, waypoint)
+            stop = _stop(board, visit, (*place_m, alt_rel_m))
+            if stop is not None:
+                return _Seen(visit, track, _of(stop.captures, camera.name))
             continue
         along_m, _ = track.locate(place_m)
         beyond_m, aside_m = max(-along_m, along_m - track.length_m, 0.0), track.aside_m(place_m)
         if beyond_m > END_TOLERANCE_M or aside_m > context.corridor_m:
             continue
         if best is None or beyond_m + aside_m < best[0] - 1.0:
-            best = (beyond_m + aside_m, _Seen(visit, track, along_m, aside_m))
-    return None if best is None else best[1]
+            best = (beyond_m + aside_m, visit, along_m)
+    if best is None:
+        return None
+    _, visit, along_m = best
+    return _Seen(visit, board.tracks[visit], _asked(board, visit, camera.name), along_m)
 
 
-def _viewpoint(
-    board: OnBoard, visit: int, look: PylonLook, caught: set[int], place_m: tuple[float, float, float]
-) -> tuple[int, int] | None:
-    """Return the waypoint and the number of the viewpoint that a place is at; None if it is at none.
-
-    Viewpoints above each other are one place for a vehicle that stays in its layer: they are taken in turn.
-    """
-    stops = [number for number, point in enumerate(board.path.waypoints) if point.visit == visit and point.captures]
-    numbers = range(len(look.points))[:: -1 if is_reversed(board.visits[visit]) else 1]
+def _stop(board: OnBoard, visit: int, place_m: tuple[float, float, float]) -> Waypoint | None:
+    """Return the waypoint with viewpoints of a pylon that a place is at; None if it is at none."""
     near = [
-        (apart_m, stop, number)
-        for stop, number in zip(stops, numbers, strict=True)
-        if (apart_m := math.dist((*board.places_m[stop], board.path.waypoints[stop].alt_rel_m), place_m))
-        <= END_TOLERANCE_M
+        (apart_m, number)
+        for number, point in enumerate(board.path.waypoints)
+        if point.visit == visit
+        and point.captures
+        and (apart_m := math.dist((*board.places_m[number], point.alt_rel_m), place_m)) <= END_TOLERANCE_M
     ]
-    least_m = min((apart_m for apart_m, _, _ in near), default=0.0)
-    same = [(number in caught, stop, number) for apart_m, stop, number in near if apart_m <= least_m + ONE_PLACE_M]
-    return min(same)[1:] if same else None
+    return board.path.waypoints[min(near)[1]] if near else None
 
 
-def _asked(board: OnBoard | None, visit: int, camera: str) -> Capture | None:
-    """Return what a visit asks of a camera."""
-    for point in () if board is None else board.path.waypoints:
+def _asked(board: OnBoard, visit: int, camera: str) -> Capture | None:
+    """Return what a visit asks of a camera all along its span."""
+    for point in board.path.waypoints:
         if point.visit == visit and point.phase is Phase.INSPECT:
-            return next((one for one in point.captures if one.camera == camera), None)
+            return _of(point.captures, camera)
     return None
 
 
-def _asked_at(board: OnBoard | None, seen: _Seen, camera: str) -> Capture | None:
-    """Return what was asked of a camera at the viewpoint of a pylon; elsewhere all along the span."""
-    if board is None or seen.waypoint is None:
-        return _asked(board, seen.visit, camera)
-    return next((one for one in board.path.waypoints[seen.waypoint].captures if one.camera == camera), None)
+def _of(captures: Iterable[Capture], camera: str) -> Capture | None:
+    return next((one for one in captures if one.camera == camera), None)
 
 
 def _flaw(
@@ -315,6 +305,12 @@ def _flaw(
         return "of no span that asks for it"
     if picture.speed_m_s > SPEED_FACTOR * context.inspection_speed_m_s:
         return f"taken at {picture.speed_m_s:.1f} m/s"
+    off_deg = _beside_deg(message, picture, seen, capture)
+    return f"aimed {off_deg:.0f} degrees beside" if off_deg > capture.aim_deg else ""
+
+
+def _beside_deg(message: PictureTaken, picture: Picture, seen: _Seen, capture: Capture) -> float:
+    """Return by how much a picture is aimed beside what was asked, as far as anybody knows."""
     off_deg = 0.0
     if capture.pitch_deg is not None and capture.yaw_deg is not None and picture.pitch_deg is not None:
         nose_deg = 0.0 if capture.from_north else bearing_deg(seen.track.begin_m, seen.track.end_m)
@@ -325,7 +321,7 @@ def _flaw(
         off_deg = max(abs(message.roll_deg), abs(message.pitch_deg))  # of the vehicle, which carries it level
     if capture.pitch_deg is None and capture.yaw_deg is not None and picture.yaw_deg is not None:
         off_deg = max(off_deg, apart_deg(0.0, picture.yaw_deg, 0.0, capture.yaw_deg))
-    return f"aimed {off_deg:.0f} degrees beside" if off_deg > capture.aim_deg else ""
+    return off_deg
 
 
 def _heading_deg(vehicle: VehicleState, message: PictureTaken) -> float | None:
@@ -335,12 +331,13 @@ def _heading_deg(vehicle: VehicleState, message: PictureTaken) -> float | None:
 
 
 def _from_a(board: OnBoard | None, seen: _Seen) -> float:
-    backward = board is not None and is_reversed(board.visits[seen.visit]) and not seen.track.by_pictures
+    backward = board is not None and is_reversed(board.visits[seen.visit])
     return seen.track.length_m - seen.along_m if backward else seen.along_m
 
 
 def _caught(state: FleetState, vehicle: VehicleState, camera: Camera, seen: _Seen) -> FleetState:
-    before = state.coverage.caught.get(seen.track.segment, ())
-    here = (camera.name, round(_from_a(vehicle.assignment.board, seen), 2))
-    caught = MappingProxyType({**state.coverage.caught, seen.track.segment: (*before, here)})
+    segment, points = seen.track.segment, () if seen.capture is None else seen.capture.points
+    places = map(float, points) if points else (round(_from_a(vehicle.assignment.board, seen), 2),)
+    here = ((camera.name, place) for place in places)
+    caught = MappingProxyType({**state.coverage.caught, segment: (*state.coverage.caught.get(segment, ()), *here)})
     return replace(state, coverage=replace(state.coverage, caught=caught))

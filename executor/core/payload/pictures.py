@@ -35,6 +35,8 @@ class Picture:
     """Which span it shows; None where it was taken elsewhere."""
     along_m: float | None
     """Where along the span's flight track, from a."""
+    points: tuple[int, ...] = ()
+    """At a pylon: of which of its viewpoints it is."""
     flaw: str = ""
     """Why it does not count; nothing if it does."""
 
@@ -64,6 +66,10 @@ class CameraMemory:
     wanted: tuple[WantedPicture, ...] = ()
     failures: int = 0
     """Pictures in a row that it says it could not take."""
+    beside: int = 0
+    """Pictures in a row that its gimbal aimed beside what was asked."""
+    left_behind: int = 0
+    """Viewpoints since it last said anything of a picture."""
     films: bool = False
     free_mib: float | None = None
     images: int | None = None

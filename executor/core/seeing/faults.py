@@ -28,10 +28,12 @@ MOVES = 0.5
 """Share of the inspection speed from which on pictures are due."""
 PICTURES_LATE = 4.0
 """So many pictures that did not come are none that got lost."""
+VIEWPOINTS_LATE = 6
+"""The same of single pictures: where a fifth of all frames is lost, of 16,000 viewpoints one is the last of six."""
 LATEST_S = 8.0
 """A camera says once a second that it is there; a word that got lost is asked for three times in this time."""
 HEARD_S = 4.0
-FAILURES = 3
+FAILURES = BESIDE = 3
 LEAST_MIB = 1.0
 OFF_S = 5.0
 """A gimbal has turned after this."""
@@ -52,14 +54,13 @@ def cameras_looked_at(context: Context, state: FleetState, now_s: float) -> Step
 def _of_one(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
     vehicle = _followed(context, state.vehicles[name], now_s)
     state = state.put(vehicle)
-    working = vehicle.payload.working
-    if working is None or vehicle.fault is not None or vehicle.link.stale or in_other_hands(vehicle):
+    if not _on_its_leg(vehicle) or vehicle.fault is not None or vehicle.link.stale or in_other_hands(vehicle):
         return state, ()
     out = vehicle.payload.broken_names()
     for capture in () if vehicle.leg is None else vehicle.leg.captures:
-        if capture.camera in out or (capture.trigger is Trigger.ONCE and not vehicle.payload.off_since_s):
-            continue  # one picture is no row of them; where it is missing, it was not seen
-        found = next(_findings(context, vehicle, capture, working[1], now_s), None)
+        if capture.camera in out:
+            continue
+        found = next(_findings(context, vehicle, capture, now_s), None)
         if found is not None:
             return _told(context, state, vehicle, capture.camera, found, now_s)
     return state, ()
@@ -69,7 +70,7 @@ def _followed(context: Context, vehicle: VehicleState, now_s: float) -> VehicleS
     """Return the vehicle with since when it moves along the span under way, and points wrong."""
     leg, fix, known = vehicle.leg, vehicle.motion.fix, vehicle.payload
     moves = fix is not None and math.hypot(*fix.velocity_m_s[:2]) >= MOVES * context.inspection_speed_m_s
-    if vehicle.stage is not Stage.FLYING or leg is None or not leg.captures or leg.visit is None or not moves:
+    if not _on_its_leg(vehicle) or leg is None or not leg.captures or leg.visit is None or not moves:
         if known.working is None and known.off_since_s is None:
             return vehicle
         return replace(vehicle, payload=replace(known, working=None, off_since_s=None))
@@ -82,6 +83,11 @@ def _followed(context: Context, vehicle: VehicleState, now_s: float) -> VehicleS
     return replace(vehicle, payload=replace(known, working=working, off_since_s=off_s))
 
 
+def _on_its_leg(vehicle: VehicleState) -> bool:
+    """Return whether it flies a leg of its mission, and it is known of which: not while it is given a new one."""
+    return vehicle.stage is Stage.FLYING and vehicle.assignment.pending is None
+
+
 def _is_off(vehicle: VehicleState, capture: Capture, now_s: float) -> bool:
     known = vehicle.payload
     if capture.pitch_deg is None or known.gimbal is None or known.gimbal_s is None or now_s - known.gimbal_s > FRESH_S:
@@ -89,9 +95,7 @@ def _is_off(vehicle: VehicleState, capture: Capture, now_s: float) -> bool:
     return known.gimbal.failed or abs(known.gimbal.pitch_deg - capture.pitch_deg) > capture.aim_deg
 
 
-def _findings(
-    context: Context, vehicle: VehicleState, capture: Capture, since_s: float, now_s: float
-) -> Iterator[Finding]:
+def _findings(context: Context, vehicle: VehicleState, capture: Capture, now_s: float) -> Iterator[Finding]:
     known = vehicle.payload
     memory = known.camera(capture.camera, capture.camera_id)
     name = f"camera {capture.camera}"
@@ -103,7 +107,17 @@ def _findings(
     if memory.failures >= FAILURES:
         yield FaultCode.CARD_FULL, f"{name}: {memory.failures} pictures in a row failed, by its own word"
     if capture.trigger is Trigger.ONCE:
-        return
+        if memory.beside >= BESIDE:
+            yield FaultCode.GIMBAL_STUCK, f"its gimbal pointed elsewhere at {memory.beside} viewpoints in a row"
+        if memory.left_behind >= VIEWPOINTS_LATE:
+            yield _without_words(memory, name, f"of {memory.left_behind} viewpoints", now_s)
+    elif known.working is not None:
+        yield from _late(context, capture, memory, known.working[1], now_s)
+
+
+def _late(context: Context, capture: Capture, memory: CameraMemory, since_s: float, now_s: float) -> Iterator[Finding]:
+    """Yield what is wrong with a camera that is to take a row of pictures, or to film."""
+    name = f"camera {capture.camera}"
     every_s = capture.every_m / context.inspection_speed_m_s
     late_s = LATEST_S if capture.films else max(LATEST_S, PICTURES_LATE * every_s)
     last_s = since_s if memory.picture_s is None else max(since_s, memory.picture_s)
@@ -113,12 +127,14 @@ def _findings(
         return
     if capture.films:
         yield FaultCode.CAMERA_SILENT, f"{name}: it has not filmed for {now_s - last_s:.0f} s"
-        return
-    if _is_there(memory, now_s):
-        text = f"{name}: it is there, and has not said for {now_s - last_s:.0f} s that it took a picture"
-        yield FaultCode.CAMERA_MUTE, text
     else:
-        yield FaultCode.CAMERA_SILENT, f"{name}: no picture for {now_s - last_s:.0f} s"
+        yield _without_words(memory, name, f"for {now_s - last_s:.0f} s", now_s)
+
+
+def _without_words(memory: CameraMemory, name: str, since: str, now_s: float) -> Finding:
+    if _is_there(memory, now_s):
+        return FaultCode.CAMERA_MUTE, f"{name}: it is there, and has not said {since} that it took a picture"
+    return FaultCode.CAMERA_SILENT, f"{name}: no picture {since}"
 
 
 def _is_there(memory: CameraMemory, now_s: float) -> bool:

@@ -74,7 +74,10 @@ def _distances_m(context: Context, vehicle: VehicleState) -> Mapping[int, float]
 
 
 def passed_pylons(context: Context, state: FleetState, before: VehicleState, now_s: float) -> FleetState:
-    """Take pylons for flown once their last viewpoint is behind the vehicle, by its own word."""
+    """Take pylons for flown once their last viewpoint is behind the vehicle, by its own word.
+
+    Of viewpoints that were passed while nothing was heard, one counts as left behind without a picture.
+    """
     vehicle = state.vehicles[before.name]
     board, was, now = vehicle.assignment.board, before.assignment.waypoint, vehicle.assignment.waypoint
     if not context.setup.looks.pylons or board is None or now <= was or before.assignment.board is not board:
@@ -84,6 +87,12 @@ def passed_pylons(context: Context, state: FleetState, before: VehicleState, now
         for point in board.path.waypoints[was:now]
         if point.phase is Phase.INSPECT and point.visit is not None and board.tracks[point.visit].by_pictures
     ]
+    passed = {capture for point in board.path.waypoints[was:now] for capture in point.captures if capture.points}
+    for camera, component in {(one.camera, one.camera_id) for one in passed}:
+        memory = vehicle.payload.camera(camera, component)
+        memory = replace(memory, left_behind=memory.left_behind + 1)
+        vehicle = replace(vehicle, payload=vehicle.payload.with_camera(memory))
+    state = state.put(vehicle) if passed else state
     return was_flown(context, state, vehicle.name, done, now_s) if done else state
 
 

@@ -39,22 +39,24 @@ def flying(*, low: bool, camera: Mapping[str, object] = FIXED, **look: object) -
     return context, with_facts(VehicleState("uav1"), board=board, stage=Stage.FLYING, waypoint=last + 1)
 
 
-def taken(
-    context: Context, vehicle: VehicleState, *, up_m: float, yaw_deg: float, count: int = 1, word: bool = True
-) -> list[Picture]:
-    """Return what is known of pictures from over the first viewpoint: a line due east, seen from the south."""
+def heard(context: Context, vehicle: VehicleState, *, up_m: float, yaw_deg: float, word: bool = True) -> FleetState:
+    """Return the state after a picture from over the first viewpoint: a line due east, seen from the south."""
     point = context.setup.looks.pylons[2].points[0]
     fix = Fix(NOW_S, NOW_S, point.place_m, up_m, up_m + 450.0, (0.0, 0.0, 0.0), yaw_deg)
     vehicle = replace(vehicle, motion=replace(vehicle.motion, fix=fix))
     state = FleetState(vehicles={"uav1": vehicle})
-    for sequence in range(count):
-        own = yaw_deg if word else None
-        message = PictureTaken(
-            PictureProof.FEEDBACK, 1, 1, sequence, True, NOW_S, None, alt_rel_m=up_m, roll_deg=0.0, pitch_deg=0.0,
-            yaw_deg=own,
-        )  # fmt: skip
-        state = payload_heard(context, state, state.vehicles["uav1"], message, NOW_S)
-    return list(state.vehicles["uav1"].payload.pictures)
+    message = PictureTaken(
+        PictureProof.FEEDBACK, 1, 1, 0, True, NOW_S, None, alt_rel_m=up_m, roll_deg=0.0, pitch_deg=0.0,
+        yaw_deg=yaw_deg if word else None,
+    )  # fmt: skip
+    return payload_heard(context, state, state.vehicles["uav1"], message, NOW_S)
+
+
+def taken(
+    context: Context, vehicle: VehicleState, *, up_m: float, yaw_deg: float, word: bool = True
+) -> tuple[Picture, ...]:
+    """Return what is known of it."""
+    return heard(context, vehicle, up_m=up_m, yaw_deg=yaw_deg, word=word).vehicles["uav1"].payload.pictures
 
 
 @pytest.mark.parametrize("word", [True, False], ids=["by its camera", "by its position"])
@@ -63,25 +65,27 @@ def test_a_camera_on_the_nose_counts_where_that_points_at_the_region(beside_deg:
     context, vehicle = flying(low=True, roi=True)
     to_pylon = context.setup.looks.pylons[2].points[0].yaw_deg
     [picture] = taken(context, vehicle, up_m=45.0, yaw_deg=to_pylon + beside_deg, word=word)
-    assert (picture.along_m, picture.flaw) == (0.0, flaw)
+    assert (picture.points, picture.flaw) == ((0,), flaw)
 
 
 def test_without_a_region_the_nose_may_point_anywhere() -> None:
     context, vehicle = flying(low=True)
     [picture] = taken(context, vehicle, up_m=45.0, yaw_deg=200.0)
-    assert (picture.along_m, picture.flaw) == (0.0, "")
+    assert (picture.points, picture.flaw) == ((0,), "")
 
 
-@pytest.mark.parametrize(("up_m", "along_m"), [(32.0, 0.0), (20.0, 1.0), (26.0, None), (45.0, None)])
-def test_a_viewpoint_is_known_by_its_height_too(up_m: float, along_m: float | None) -> None:
+@pytest.mark.parametrize(("up_m", "points"), [(32.0, (0,)), (20.0, (1,)), (26.0, ()), (45.0, ())])
+def test_a_viewpoint_is_known_by_its_height_too(up_m: float, points: tuple[int, ...]) -> None:
     context, vehicle = flying(low=True, heights_m=[2, -10])
     [picture] = taken(context, vehicle, up_m=up_m, yaw_deg=0.0)
-    assert picture.along_m == along_m
+    assert picture.points == points
 
 
-def test_viewpoints_above_each_other_are_taken_in_turn_from_the_layer() -> None:
+def test_one_picture_from_the_layer_is_of_all_viewpoints_above_each_other() -> None:
     context, vehicle = flying(low=False, heights_m=[2, -10])
-    assert [one.along_m for one in taken(context, vehicle, up_m=45.0, yaw_deg=0.0, count=2)] == [0.0, 1.0]
+    state = heard(context, vehicle, up_m=45.0, yaw_deg=0.0)
+    assert [one.points for one in state.vehicles["uav1"].payload.pictures] == [(0, 1)]
+    assert state.coverage.caught[2] == (("rgb", 0.0), ("rgb", 1.0))
 
 
 @pytest.mark.parametrize(
