@@ -117,12 +117,12 @@ def inspected_at_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) 
     """Return at which distance a path inspects each segment of its visits; one from too high by what it is too high."""
     low, offset_m = low_segments(path, visits), setup.layers.offset_m(path.vehicle)
     return {
-        segment: setup.inspection.height_m + (0.0 if segment in low else offset_m + _deep_m(setup, segment))
+        segment: setup.inspection.height_m + (0.0 if segment in low else offset_m + deep_m(setup, segment))
         for segment in map(segment_of, visits)
     }
 
 
-def _deep_m(setup: FlightSetup, segment: int) -> float:
+def deep_m(setup: FlightSetup, segment: int) -> float:
     """Return how far below the common surface the lowest viewpoint of a pylon lies; 0 for a span."""
     look = setup.looks.pylons.get(segment)
     return 0.0 if look is None else look.deepest_m
@@ -149,26 +149,26 @@ def lowered(
     """
     order = setup.layers.vehicles
     radius_m = column_radius_m(setup.inspection.layer_m)
-    closed = _Closed(setup, taken)
+    closed = Closed(setup, taken)
     low: dict[str, frozenset[int]] = {name: frozenset() for name in routes}
     for name in order:
         visits, step_m = list(routes.get(name, ())), setup.layers.offset_m(name)
-        down = [number for number, visit in enumerate(visits) if step_m + _deep_m(setup, segment_of(visit)) > 0]
+        down = [number for number, visit in enumerate(visits) if step_m + deep_m(setup, segment_of(visit)) > 0]
         if name in stays or not down:
             continue
-        ways_m = [_ways_m(setup, segment_of(visits[number])) for number in down]
-        met = closed.to(name, np.concatenate(ways_m), radius_m)
-        ends = np.cumsum([len(way_m) for way_m in ways_m])[:-1]
+        parts_m = [ways_m(setup, segment_of(visits[number])) for number in down]
+        met = closed.to(name, np.concatenate(parts_m), radius_m)
+        ends = np.cumsum([len(part_m) for part_m in parts_m])[:-1]
         free = np.zeros(len(visits), dtype=np.bool_)
         free[down] = [not part.any() for part in np.split(met, ends)]
         chosen = _stretches(setup, visits, free, None if begins_m is None else begins_m.get(name))
         low[name] = frozenset(segment_of(visits[number]) for number in chosen)
         if chosen:
-            closed.add(name, np.concatenate([_ways_m(setup, segment) for segment in sorted(low[name])]))
+            closed.add(name, np.concatenate([ways_m(setup, segment) for segment in sorted(low[name])]))
     return low
 
 
-def _ways_m(setup: FlightSetup, segment: int) -> FloatArray:
+def ways_m(setup: FlightSetup, segment: int) -> FloatArray:
     """Return (n, 2, 2) where a segment is inspected, seen from above: its track, or from viewpoint to viewpoint."""
     look = setup.looks.pylons.get(segment)
     if look is None:
@@ -209,7 +209,7 @@ def walls_around(setup: FlightSetup, vehicle: str, taken: Sequence[Airway]) -> t
     return tuple(Obstacle((line,), radius_m, is_line=True) for line in found)
 
 
-class _Closed:
+class Closed:
     """The air that is not free for a vehicle which comes down to the line."""
 
     def __init__(self, setup: FlightSetup, taken: Sequence[Airway]) -> None:

@@ -167,7 +167,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/stories/test_pictures.py": (
         "executor/core/payload/pictures.py",
-        "executor/core/seeing/faults.py",
         "executor/core/seeing/proof.py",
         "executor/simulator/camera.py",
     ),

@@ -54,7 +54,7 @@ from executor.core.places import (
     place_words,
     seen_at_rest,
 )
-from executor.core.replan import new_missions, offering, replanning, survivors
+from executor.core.replan import closer, new_missions, offering, replanning, survivors
 from executor.core.resume import blackout, resuming
 from executor.core.roster import killswitch, offers, takeover, turnaround
 from executor.core.roster.withdraw import declare
@@ -268,6 +268,8 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     state, more = offering.offered_again(context, state, now_s)
     commands.extend(more)
     state, more = replanning.begin(context, state, now_s)
+    commands.extend(more)
+    state, more = closer.closer(context, state, now_s)
     commands.extend(more)
     state, more = turnaround.turnarounds_pursued(context, state, now_s)
     commands.extend(more)

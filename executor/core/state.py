@@ -57,6 +57,8 @@ class Replan:
     """Vehicles for which it came too late."""
     ordered: bool = False
     """Whether an operator asked for it."""
+    closer: bool = False
+    """Whether everybody's visits stay as they are, and one vehicle comes down to more of the line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,6 +232,8 @@ class Replanning:
     """When the last fault was declared."""
     wait_until_s: float = float("-inf")
     """No re-plan begins before this: the last solve failed."""
+    closer_s: float = float("-inf")
+    """When it was looked at last who may come down to more of the line."""
     ordered: bool = False
     """An operator asked for a re-plan, which begins without need."""
     considered: frozenset[str] = frozenset()

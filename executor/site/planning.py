@@ -26,6 +26,8 @@ from missions import (
     plan_document,
 )
 from missions.areas import Area, AreaKind
+from missions.asked import Routes
+from missions.order import turned
 from planner import (
     DEFAULT_PARAMS,
     Cost,
@@ -43,6 +45,7 @@ from planner import (
     Seconds,
     StopRule,
     any_of,
+    evaluate,
     front,
     grasp,
     remaining,
@@ -63,6 +66,10 @@ WINDOW_UP_TO = 150
 """Segments up to which the window is searched for where nobody asked for a cost: more take longer than a plan may."""
 WINDOW_SETTLED = 30_000
 """The same as `SETTLED` for a search on the window."""
+TURNED = 1.005
+"""A route that is flown the other way may make the plan this much worse: with wind and hills it is not the same."""
+LATE_S = 10.0
+"""Who is this much later than planned is still out of the way of who comes after it."""
 SETTLED = 50_000
 """Iterations without an improvement after which a first plan is good enough."""
 
@@ -156,11 +163,46 @@ def first_plan(
         result = _solved(task.instance, wanted, wanted.cost, on_progress)
         plan, seconds, window = result.plan, result.seconds, None
     if ground.inspection.same_distance:
+        plan = turned_plan(ground, task, plan, wanted.cost or Cost.MINMAX, window)
         task = assembly.asked_task(ground, task, plan)
         if window is not None:
             window = window_in(replan_window(task.instance, plan, fly_again=landed_fly_again(ground)), task.instance)
     solved = Solved(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
     return site_plan(ground, task, plan, wanted.cost, solved, window)
+
+
+def turned_plan(ground: Ground, task: Task, plan: Plan, cost: Cost, window: Window | None = None) -> Plan:
+    """Return a plan of which some routes are flown the other way, so that less is inspected from layers.
+
+    Args:
+        ground: The site, with everybody at the asked distance.
+        task: What was planned.
+        plan: For it.
+        cost: What it was planned by.
+        window: Its re-plan window, which does not become smaller.
+    """
+    if task.pricing is None:
+        return plan
+    fly_again, was = landed_fly_again(ground), evaluate(task.instance, plan, cost)
+
+    def plan_of(routes: Routes) -> Plan:
+        own = (Route(number, task.from_network(routes.get(name, ()))) for number, name in enumerate(ground.names))
+        return Plan(tuple(own), plan.uncovered)
+
+    def may(routes: Routes) -> bool:
+        other = plan_of(routes)
+        found = evaluate(task.instance, other, cost)
+        worse = max(found.value / was.value, found.longest_route_s / was.longest_route_s)
+        if found.violations or worse > TURNED:
+            return False
+        return window is None or (
+            replan_window(task.instance, other, fly_again=fly_again).earliest_s <= window.earliest_s + SAME
+        )
+
+    routes = assembly.routes_of(ground, task, plan)
+    ahead_s = assembly.horizon_s(ground.site) + LATE_S
+    better = turned(ground.setup, routes, task.pricing.models, ahead_s, may)
+    return plan if better == routes else plan_of(better)
 
 
 def site_plan(

@@ -27,7 +27,7 @@ def distances_in_words(asked_m: float, inspected: Iterable[tuple[str, str, float
     if not high:
         return text
     named = first_of([f"{name} at {at_m:.0f} m by {vehicle}" for name, vehicle, at_m in high], NAMED)
-    return f"{text}; from their own layers, where others could meet there: {named}"
+    return f"{text}; from their own layers, unless the others have left by then: {named}"
 
 
 def distance_checks(

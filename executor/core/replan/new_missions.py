@@ -148,6 +148,8 @@ def ended_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Co
     plan = state.replanning.replan
     if plan is None or plan.solve_s is None or plan.pending:
         return state, ()
+    if plan.closer:  # nothing was planned
+        return replace(state, replanning=replace(state.replanning, replan=None)), ()
     record = ReplanRecord(
         revision=plan.solve.revision,
         trigger=plan.solve.trigger,

@@ -1,0 +1,139 @@
+"""Coming down on the way: as soon as nobody else may be there, and never before."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from executor.core import fleet
+from executor.core.commands import Say, Upload
+from executor.core.context import Context
+from executor.core.events import UploadEnded
+from executor.core.link_quality import LinkQuality
+from executor.core.messages import Heartbeat
+from executor.core.parts import Fix
+from executor.core.replan.closer import MOST_LOST, closer
+from executor.core.state import FleetState
+from executor.core.vehicle import Stage, aboard
+from missions.asked import first_paths, inspected_at_m
+from tests.executor.builders import with_facts
+from tests.executor.core.replan.test_apart import CONTEXTS, NAMES, NOW_S, in_flight, nobody_meets, uploads
+from tests.executor.core.vehicles import AUTO, pack
+
+ASKED_M = 15.0
+SHARED = {"uav1": (0, 2), "uav2": (7, 5)}
+"""Two spans each of one line; the second's last span ends where the first's last ends."""
+
+
+def sharing(chosen: Context, first: int = 1) -> FleetState:
+    """Return two vehicles at the beginning of their missions, the second at a waypoint of its own."""
+    paths = first_paths(chosen.setup, SHARED)
+    boards = {name: aboard(chosen, name, 0, paths[name], SHARED[name]) if name in SHARED else None for name in NAMES}
+    state = fleet.initial(boards)
+    for name in SHARED:
+        board = boards[name]
+        assert board is not None
+        place, alt_m = board.places_m[first - 1], board.path.waypoints[first - 1].alt_rel_m
+        facts = {
+            "stage": Stage.FLYING, "heard_s": NOW_S, "heartbeat": Heartbeat(3, AUTO, True, 4), "heartbeat_s": NOW_S,
+            "armed_once": True, "took_off": True, "battery": pack(90.0, 90.0), "waypoint": first,
+            "fix": Fix(NOW_S, NOW_S, place, alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0)),
+        }  # fmt: skip
+        state = state.put(with_facts(state.vehicles[name], **facts))
+    return replace(state, progress=replace(state.progress, launched_s=0.0))
+
+
+def down(state: FleetState) -> FleetState:
+    """Return the fleet with its first vehicle home."""
+    board = state.vehicles["uav1"].assignment.board
+    assert board is not None
+    landed = with_facts(state.vehicles["uav1"], stage=Stage.LANDED, waypoint=len(board.path.waypoints))
+    return state.put(landed)
+
+
+@pytest.mark.parametrize("rises", [False, True])
+def test_who_shared_a_pylon_comes_down_once_the_other_has_left(rises: bool) -> None:
+    chosen = CONTEXTS[rises]
+    state = sharing(chosen)
+    before = state.vehicles["uav2"].assignment.board
+    assert before is not None
+    assert inspected_at_m(chosen.setup, before.path, before.visits)[2] > ASKED_M
+    assert closer(chosen, state, NOW_S - 2.0)[1] == ()
+    state, commands = closer(chosen, down(state), NOW_S)
+    said = [command.text for command in commands if isinstance(command, Say)]
+    assert said == ["uav2: segment 2 at the asked distance now, nobody else is to come there"]
+    [upload] = uploads(commands)
+    assert upload.vehicle == "uav2"
+    assert upload.path.waypoints[:1] == before.path.waypoints[:1]
+    assert inspected_at_m(chosen.setup, upload.path, SHARED["uav2"]) == {2: ASKED_M, 3: ASKED_M}
+    # On board, it is no re-plan, and nothing is left to come down to.
+    ended = UploadEnded("uav2", upload.revision, accepted=True, reason="", mixed=False)
+    state, _ = fleet.step(chosen, state, ended, NOW_S)
+    assert (state.replanning.replan, state.replanning.records) == (None, ())
+    assert closer(chosen, state, NOW_S + 2.0)[1] == ()
+
+
+def test_an_upload_that_fails_is_not_begun_again() -> None:
+    chosen = CONTEXTS[False]
+    state, commands = closer(chosen, down(sharing(chosen)), NOW_S)
+    [upload] = uploads(commands)
+    ended = UploadEnded("uav2", upload.revision, accepted=False, reason="refused", mixed=False)
+    state, _ = fleet.step(chosen, state, ended, NOW_S)
+    assert state.vehicles["uav2"].assignment.board is not None
+    assert state.vehicles["uav2"].fault is None
+    for after_s in (2.0, 5.0, 9.0):
+        assert closer(chosen, state, NOW_S + after_s)[1] == ()
+
+
+@pytest.mark.parametrize("why", ["lossy", "poor", "recalled", "late", "returns_not"])
+def test_it_stays_in_its_layer_where_that_is_better(why: str) -> None:
+    chosen, state = CONTEXTS[False], down(sharing(CONTEXTS[False]))
+    own = state.vehicles["uav2"]
+    board = own.assignment.board
+    assert board is not None
+    match why:
+        case "lossy":  # an upload that breaks off helps nobody
+            bad = LinkQuality(lost=2 * MOST_LOST, usual=0.0)
+            state = state.put(replace(own, link=replace(own.link, quality=bad)))
+        case "poor":
+            state = state.put(with_facts(own, battery=pack(17.0, 17.0)))
+        case "recalled":
+            state = replace(state, progress=replace(state.progress, recalled=True))
+        case "late":  # it is on that span already
+            number = next(index for index, point in enumerate(board.path.waypoints) if point.visit == 1)
+            state = state.put(with_facts(own, waypoint=number))
+        case _:
+            setup = replace(chosen.vehicles["uav2"], returns=False)
+            chosen = replace(chosen, vehicles={**chosen.vehicles, "uav2": setup})
+    assert [one for one in closer(chosen, state, NOW_S)[1] if isinstance(one, Upload)] == []
+
+
+@settings(derandomize=True, deadline=None, max_examples=20, phases=[Phase.explicit, Phase.generate])
+@given(seed=st.integers(0, 2**32 - 1), rises=st.booleans())
+def test_whoever_comes_down_on_the_way_meets_nobody(seed: int, rises: bool) -> None:
+    chosen, rng = CONTEXTS[rises], random.Random(seed)
+    state = in_flight(chosen, rng)
+    for number in range(12):
+        now_s = NOW_S + 2.0 * number
+        state, commands = closer(chosen, state, now_s)
+        for upload in uploads(commands):
+            nobody_meets(chosen, state, {upload.vehicle: upload.path})
+            ended = UploadEnded(upload.vehicle, upload.revision, accepted=rng.random() < 0.8, reason="", mixed=False)
+            state, _ = fleet.step(chosen, state, ended, now_s)
+        nobody_meets(chosen, state, {})
+        name = rng.choice(NAMES)
+        own = state.vehicles[name]
+        board = own.assignment.board
+        if board is None or own.stage is not Stage.FLYING:
+            continue
+        waypoint = min(own.assignment.waypoint + rng.randrange(4), len(board.path.waypoints))
+        if waypoint == len(board.path.waypoints):
+            state = state.put(with_facts(own, stage=Stage.LANDED, waypoint=waypoint))
+            continue
+        place, alt_m = board.places_m[waypoint - 1], board.path.waypoints[waypoint - 1].alt_rel_m
+        fix = Fix(now_s, now_s, place, alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0))
+        state = state.put(with_facts(own, waypoint=waypoint, fix=fix, heard_s=now_s, heartbeat_s=now_s))
