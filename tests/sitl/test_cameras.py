@@ -6,6 +6,7 @@ PX4 takes single pictures of a MAVLink camera by its own driver (camera_trigger)
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import math
 import tomllib
@@ -97,9 +98,11 @@ def check_pylons(done: Flown) -> None:
     assert min(said_m[segment] for segment in ground.setup.looks.pylons) == ground.setup.inspection.height_m
     for segment, look in ground.setup.looks.pylons.items():
         rows = found[ground.network.segment_name(segment)]
-        assert sorted(row["viewpoint"] for row in rows) == [f"viewpoint {number}" for number in range(1, 9)], rows
-        for row in rows:
-            point = look.points[int(row["viewpoint"].split()[1]) - 1]
+        numbers = [[int(one) for one in row["viewpoint"].removeprefix("viewpoint ").split(", ")] for row in rows]
+        assert sorted(itertools.chain(*numbers)) == list(range(1, 9)), rows
+        for row, (first, *others) in zip(rows, numbers, strict=True):
+            point = look.points[first - 1]
+            assert not others or said_m[segment] > ground.setup.inspection.height_m  # one place only from its layer
             east_m, north_m = ground.network.frame.to_local_m(float(row["lat_deg"]), float(row["lon_deg"]))
             assert math.dist((east_m, north_m), point.place_m) < 3.0
             up_m = float(row["alt_msl_m"]) - ground.network.frame.alt_m

@@ -1,0 +1,75 @@
+"""Everybody at the asked distance, on real autopilots: who shares a pylon comes down once the other has left it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from executor.bench.prediction import plan_with
+from executor.site import assembly
+from executor.site.assembly import Ground
+from executor.site.config import check_site
+from missions.asked import first_paths, inspected_at_m
+from missions.geometry import locate
+from tests.e2e.tlog import messages
+from tests.sitl.flights import NAMES, Flown, Prepared, Story, flown
+from tests.sitl.real import BOTH, SOON_HOME, Autopilot
+
+ASKED_M, LAYER_M = 15.0, 5.0
+OFF_M = 1.5
+"""What a real vehicle's height may be off, by its own word."""
+ROUTES = {"uav1": (12, 2, 4), "uav2": (8, 10, 6), "uav3": (1,)}
+"""uav2's last segment, V104.1, ends at the pylon where uav1's first, V104B.1, begins."""
+SHARED = 3
+
+
+def shared(ground: Ground) -> Prepared:
+    """Return the plan in which two share a pylon, of which one has to stay in its layer there at first."""
+    at_m = {
+        name: inspected_at_m(ground.setup, path, ROUTES[name])
+        for name, path in first_paths(ground.setup, ROUTES).items()
+    }
+    assert at_m["uav2"][SHARED] > ASKED_M
+    return Prepared(ground, plan_with(ground, ROUTES), math.inf)
+
+
+def places_m(done: Flown, ground: Ground, name: str) -> list[tuple[float, float, float, float]]:
+    """Return a vehicle's time, east, north and height over the depot's ground, by its own positions."""
+    frame = ground.network.frame
+    return [
+        (stamp_s, *frame.to_local_m(one.lat / 1e7, one.lon / 1e7), frame.up_m(one.alt / 1e3))
+        for stamp_s, one in messages(done.run / f"{name}.tlog", "GLOBAL_POSITION_INT")
+        if one.get_srcComponent() == 1
+    ]
+
+
+@pytest.mark.sitl
+@pytest.mark.timeout(580)
+@BOTH
+def test_who_shares_a_pylon_comes_down_once_the_other_has_left(autopilot: Autopilot, tmp_path: Path) -> None:
+    # Who would not come home by itself when it hears nobody stays in its layer.
+    story = Story(settings=SOON_HOME[autopilot], tables={"inspection": {"same_distance": True}}, prepared=shared)
+    done = flown(autopilot, story, tmp_path)
+    assert done.report["finished"], done.said
+    assert "uav2: V104.1 at the asked distance now" in done.said
+    assert {row["inspected_at_m"] for row in done.report["inspections"]} == {ASKED_M}, done.said
+    assert done.report["replans"] == []
+    ground = assembly.ground_of(check_site(tomllib.loads((done.run / "site.toml").read_text()), "test"), done.run)
+    own = {name: places_m(done, ground, name) for name in NAMES}
+    begin_m, end_m = (tuple(end) for end in ground.setup.tracks_m[SHARED].tolist())
+    over_m = [
+        up_m - ground.setup.layers.surface.height_m(east_m, north_m) + ASKED_M
+        for _, east_m, north_m, up_m in own["uav2"]
+        if (along := locate(begin_m, end_m, (east_m, north_m)))[1] < 3.0
+        and 0.2 < along[0] / math.dist(begin_m, end_m) < 0.8
+    ]
+    assert over_m
+    assert max(abs(at_m - ASKED_M) for at_m in over_m) < OFF_M, over_m
+    for one, other in itertools.combinations(NAMES, 2):
+        at = {round(place[0]): place[1:] for place in own[other]}
+        assert all(math.dist(place[1:], at[now]) > LAYER_M for place in own[one] if (now := round(place[0])) in at
+                   and place[3] > ASKED_M)  # fmt: skip
