@@ -29,6 +29,8 @@ MOST_WANTED = 50
 BEGAN_ANEW = 20
 """A number so much lower than the last is one of a new count."""
 GIMBAL_KNOWN_S = 3.0
+ONE_PASS_S = 20.0
+"""Two pictures of one viewpoint are less than this apart only in one pass around its pylon."""
 PICTURES = frozenset({Stage.STARTING, Stage.FLYING, Stage.PILOT, Stage.RETURNING})
 """Where what a camera sees may be of a span; a late word comes while it flies home."""
 
@@ -162,9 +164,28 @@ def _picture(
         is_beside = _beside_deg(message, picture, seen, seen.capture) > seen.capture.aim_deg
         memory = replace(memory, beside=memory.beside + 1 if is_beside else 0)
     payload = vehicle.payload.with_camera(memory)
-    vehicle = replace(vehicle, payload=replace(payload, pictures=(*payload.pictures, picture)))
+    vehicle = replace(vehicle, payload=replace(payload, pictures=_with(payload.pictures, picture)))
     state = state.put(vehicle)
     return state if picture.flaw or seen is None else _caught(state, vehicle, camera, seen)
+
+
+def _with(pictures: tuple[Picture, ...], new: Picture) -> tuple[Picture, ...]:
+    """Return pictures with one more: of two of one stop in one pass the earlier was taken on the way there.
+
+    Where a new mission came on board in mid-span, whatever triggers along that may still do so at the next pylon.
+    """
+    if not new.points or new.flaw:
+        return (*pictures, new)
+    found = list(pictures)
+    for number, old in enumerate(pictures):
+        same = (old.camera, old.segment, old.points, old.flaw) == (new.camera, new.segment, new.points, "")
+        if same and abs(new.at_s - old.at_s) < ONE_PASS_S:
+            why = f"another one of it follows {abs(new.at_s - old.at_s):.0f} s later"
+            if old.at_s <= new.at_s:
+                found[number] = replace(old, flaw=why)
+            else:
+                new = replace(new, flaw=why)
+    return (*found, new)
 
 
 def _numbered(memory: CameraMemory, sequence: int) -> CameraMemory | None:

@@ -26,10 +26,14 @@ Finding = tuple[FaultCode, str]
 
 MOVES = 0.5
 """Share of the inspection speed from which on pictures are due."""
-PICTURES_LATE = 4.0
-"""So many pictures that did not come are none that got lost."""
+PICTURES_LATE = 4
+"""So many pictures that did not come are none that got lost, unless the link loses many."""
 VIEWPOINTS_LATE = 6
-"""The same of single pictures: where a fifth of all frames is lost, of 16,000 viewpoints one is the last of six."""
+"""The same of single pictures."""
+RARE = 1e-5
+"""Of rows of pictures whose words all got lost: so seldom a camera may be called silent that is not."""
+MOST_LOST = 0.5
+"""A link that loses more does not wait for longer."""
 LATEST_S = 8.0
 """A camera says once a second that it is there; a word that got lost is asked for three times in this time."""
 HEARD_S = 4.0
@@ -92,6 +96,8 @@ def _is_off(vehicle: VehicleState, capture: Capture, now_s: float) -> bool:
     known = vehicle.payload
     if capture.pitch_deg is None or known.gimbal is None or known.gimbal_s is None or now_s - known.gimbal_s > FRESH_S:
         return False
+    if capture.region is not None:
+        return known.gimbal.failed  # it follows the target on the way, and is at that pitch where the picture is taken
     return known.gimbal.failed or abs(known.gimbal.pitch_deg - capture.pitch_deg) > capture.aim_deg
 
 
@@ -109,17 +115,28 @@ def _findings(context: Context, vehicle: VehicleState, capture: Capture, now_s: 
     if capture.trigger is Trigger.ONCE:
         if memory.beside >= BESIDE:
             yield FaultCode.GIMBAL_STUCK, f"its gimbal pointed elsewhere at {memory.beside} viewpoints in a row"
-        if memory.left_behind >= VIEWPOINTS_LATE:
+        if memory.left_behind >= _row(vehicle, memory, VIEWPOINTS_LATE):
             yield _without_words(memory, name, f"of {memory.left_behind} viewpoints", now_s)
     elif known.working is not None:
-        yield from _late(context, capture, memory, known.working[1], now_s)
+        row = _row(vehicle, memory, PICTURES_LATE)
+        yield from _late(context, capture, memory, row, known.working[1], now_s)
 
 
-def _late(context: Context, capture: Capture, memory: CameraMemory, since_s: float, now_s: float) -> Iterator[Finding]:
+def _row(vehicle: VehicleState, memory: CameraMemory, least: int) -> int:
+    """Return how many pictures in a row without a word are none that got lost; a MAVLink camera is asked again."""
+    lost = vehicle.link.quality.lost or 0.0
+    if memory.component >= FIRST_COMPONENT or lost <= 0.0:
+        return least
+    return max(least, math.ceil(math.log(RARE) / math.log(min(lost, MOST_LOST))))
+
+
+def _late(
+    context: Context, capture: Capture, memory: CameraMemory, row: int, since_s: float, now_s: float
+) -> Iterator[Finding]:
     """Yield what is wrong with a camera that is to take a row of pictures, or to film."""
     name = f"camera {capture.camera}"
     every_s = capture.every_m / context.inspection_speed_m_s
-    late_s = LATEST_S if capture.films else max(LATEST_S, PICTURES_LATE * every_s)
+    late_s = LATEST_S if capture.films else max(LATEST_S, row * every_s)
     last_s = since_s if memory.picture_s is None else max(since_s, memory.picture_s)
     if capture.films and memory.films and memory.heard_s is not None:
         last_s = max(last_s, memory.heard_s)

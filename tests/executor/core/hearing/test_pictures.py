@@ -12,7 +12,7 @@ from executor.core.context import Context
 from executor.core.hearing.pictures import payload_heard
 from executor.core.messages import CameraStatus, PictureTaken
 from executor.core.parts import Fix
-from executor.core.payload.pictures import Picture
+from executor.core.payload.pictures import Picture, WantedPicture
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState, aboard
 from executor.site import assembly
@@ -39,17 +39,20 @@ def flying(*, low: bool, camera: Mapping[str, object] = FIXED, **look: object) -
     return context, with_facts(VehicleState("uav1"), board=board, stage=Stage.FLYING, waypoint=last + 1)
 
 
-def heard(context: Context, vehicle: VehicleState, *, up_m: float, yaw_deg: float, word: bool = True) -> FleetState:
+def heard(
+    context: Context, vehicle: VehicleState, *, up_m: float, yaw_deg: float, word: bool = True, at_s: float = NOW_S,
+    sequence: int = 0,
+) -> FleetState:  # fmt: skip
     """Return the state after a picture from over the first viewpoint: a line due east, seen from the south."""
     point = context.setup.looks.pylons[2].points[0]
-    fix = Fix(NOW_S, NOW_S, point.place_m, up_m, up_m + 450.0, (0.0, 0.0, 0.0), yaw_deg)
+    fix = Fix(at_s, at_s, point.place_m, up_m, up_m + 450.0, (0.0, 0.0, 0.0), yaw_deg)
     vehicle = replace(vehicle, motion=replace(vehicle.motion, fix=fix))
     state = FleetState(vehicles={"uav1": vehicle})
     message = PictureTaken(
-        PictureProof.FEEDBACK, 1, 1, 0, True, NOW_S, None, alt_rel_m=up_m, roll_deg=0.0, pitch_deg=0.0,
+        PictureProof.FEEDBACK, 1, 1, sequence, True, at_s, None, alt_rel_m=up_m, roll_deg=0.0, pitch_deg=0.0,
         yaw_deg=yaw_deg if word else None,
     )  # fmt: skip
-    return payload_heard(context, state, state.vehicles["uav1"], message, NOW_S)
+    return payload_heard(context, state, state.vehicles["uav1"], message, at_s)
 
 
 def taken(
@@ -86,6 +89,21 @@ def test_one_picture_from_the_layer_is_of_all_viewpoints_above_each_other() -> N
     state = heard(context, vehicle, up_m=45.0, yaw_deg=0.0)
     assert [one.points for one in state.vehicles["uav1"].payload.pictures] == [(0, 1)]
     assert state.coverage.caught[2] == (("rgb", 0.0), ("rgb", 1.0))
+
+
+@pytest.mark.parametrize(("apart_s", "flaws"), [(4.0, ["another one of it follows 4 s later", ""]), (30.0, ["", ""])])
+@pytest.mark.parametrize("late", [False, True], ids=["in order", "the first one late"])
+def test_of_two_pictures_of_a_stop_in_one_pass_the_last_counts(apart_s: float, flaws: list[str], late: bool) -> None:
+    context, vehicle = flying(low=True)
+    first = heard(context, vehicle, up_m=45.0, yaw_deg=0.0, at_s=NOW_S + (apart_s if late else 0.0), sequence=int(late))
+    own = first.vehicles["uav1"]
+    if late:  # it was passed over, and asked for again
+        memory = replace(own.payload.camera("rgb", 1), wanted=(WantedPicture(0),))
+        own = replace(own, payload=own.payload.with_camera(memory))
+    both = heard(
+        context, own, up_m=45.0, yaw_deg=0.0, at_s=NOW_S + (0.0 if late else apart_s), sequence=int(not late)
+    ).vehicles["uav1"].payload.pictures  # fmt: skip
+    assert [one.flaw for one in sorted(both, key=lambda one: one.at_s)] == flaws
 
 
 @pytest.mark.parametrize(

@@ -13,16 +13,18 @@ from executor.core.parts import Fix
 from executor.core.seeing.faults import BESIDE, OFF_S, VIEWPOINTS_LATE, cameras_looked_at
 from executor.core.state import FleetState
 from executor.core.vehicle import FaultCode, VehicleState
+from missions.cameras import Region
 from tests.executor.builders import with_facts
 from tests.executor.core.hearing.test_pictures import NOW_S, flying
 
-GIMBAL = {"name": "rgb", "id": 100, "gimbal": True}
+GIMBAL: dict[str, object] = {"name": "rgb", "id": 100, "gimbal": True}
+WIRED: dict[str, object] = {"name": "rgb", "id": 1}
 FRESH_S = 1.0
 
 
-def at_a_pylon(**memory: object) -> tuple[Context, VehicleState]:
+def at_a_pylon(carried: dict[str, object] = GIMBAL, **memory: object) -> tuple[Context, VehicleState]:
     """Return a vehicle that flies from viewpoint to viewpoint, and what is remembered of its camera."""
-    context, vehicle = flying(low=True, camera=GIMBAL)
+    context, vehicle = flying(low=True, camera=carried)
     board = vehicle.assignment.board
     assert board is not None
     first = next(index for index, point in enumerate(board.path.waypoints) if point.captures)
@@ -30,8 +32,20 @@ def at_a_pylon(**memory: object) -> tuple[Context, VehicleState]:
     vehicle = with_facts(vehicle, waypoint=first + 1)
     vehicle = replace(vehicle, motion=replace(vehicle.motion, fix=fix))
     vehicle = replace(vehicle, link=replace(vehicle.link, heard_s=NOW_S, stale=False))
-    camera = replace(vehicle.payload.camera("rgb", 100), **memory)  # type: ignore[arg-type]
+    camera = replace(vehicle.payload.camera("rgb", int(str(carried["id"]))), **memory)  # type: ignore[arg-type]
     return context, replace(vehicle, payload=vehicle.payload.with_camera(camera))
+
+
+def at_the_region(context: Context, vehicle: VehicleState) -> VehicleState:
+    """Return a vehicle whose leg under way leads to a region of interest."""
+    board = vehicle.assignment.board
+    assert board is not None
+    region = Region(49.6, 15.6, 20.0)
+    points = tuple(
+        replace(point, captures=tuple(replace(one, region=region) for one in point.captures))
+        for point in board.path.waypoints
+    )
+    return with_facts(vehicle, board=replace(board, path=replace(board.path, waypoints=points)))
 
 
 def said(context: Context, vehicle: VehicleState, *, for_s: float = 0.0) -> list[str]:
@@ -60,8 +74,31 @@ def said(context: Context, vehicle: VehicleState, *, for_s: float = 0.0) -> list
     ],
 )
 def test_a_camera_that_fails_between_viewpoints(memory: dict[str, object], code: FaultCode | None) -> None:
-    found = said(*at_a_pylon(**memory))
+    found = said(*at_a_pylon(GIMBAL, **memory))
     assert found[:1] == ([] if code is None else [code.value])
+
+
+def test_a_gimbal_follows_a_region_on_the_way_there() -> None:
+    context, vehicle = at_a_pylon()
+    level = GimbalAttitude(pitch_deg=-5.0, yaw_deg=0.0, from_north=True, failed=False)
+    vehicle = replace(vehicle, payload=replace(vehicle.payload, gimbal=level, gimbal_s=NOW_S))
+    assert said(context, vehicle, for_s=OFF_S + 1)[:1] == [FaultCode.GIMBAL_STUCK.value]
+    vehicle = at_the_region(context, vehicle)
+    assert said(context, vehicle, for_s=OFF_S + 1) == []
+    failed = replace(vehicle, payload=replace(vehicle.payload, gimbal=replace(level, failed=True)))
+    assert said(context, failed, for_s=OFF_S + 1)[:1] == [FaultCode.GIMBAL_STUCK.value]
+
+
+@pytest.mark.parametrize(
+    ("camera", "lost", "row"),
+    [(WIRED, None, 6), (WIRED, 0.05, 6), (WIRED, 0.2, 8), (WIRED, 0.5, 17), (WIRED, 0.9, 17), (GIMBAL, 0.2, 6)],
+)
+def test_a_link_that_loses_much_is_no_silent_camera(camera: dict[str, object], lost: float | None, row: int) -> None:
+    for left_behind, found in ((row - 1, []), (row, [FaultCode.CAMERA_SILENT.value])):
+        context, vehicle = at_a_pylon(camera, left_behind=left_behind)
+        quality = replace(vehicle.link.quality, lost=lost)
+        vehicle = replace(vehicle, link=replace(vehicle.link, quality=quality))
+        assert said(context, vehicle)[:1] == found
 
 
 @pytest.mark.parametrize("pending", [None, 1])
