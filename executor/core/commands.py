@@ -170,7 +170,8 @@ class Solve:
     sortie: str = ""
     """The vehicle on its base whose next sortie it is; empty for a re-plan."""
     given: tuple[int, ...] = ()
-    """The visits of a sortie that was planned before, and is flown as it is: nothing is to be searched then."""
+    """The visits of a sortie that was planned before, or of who only comes down to more of the line: they are flown as
+    they are, nothing is to be searched then."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,11 +87,12 @@ def _looked_at(context: Context, state: FleetState, vehicle: VehicleState, offer
     low = apart.chosen(context, state, plan, {name: offer.tail}, now_s)[name]
     if not low > before or not _affords(context, vehicle, offer, low):
         return state, ()
-    text = f"{name}: {listed(context, low - before)} at the asked distance now, nobody else is to come there"
+    why = f"{name}: {listed(context, low - before)} at the asked distance now, nobody else is to come there"
+    plan = replace(plan, solve=replace(solve, trigger=why))
     state = replace(state, replanning=replace(state.replanning, revision=revision, replan=plan))
     answer = SolveEnded(revision, (NewRoute(name, offer.tail),), (), 0.0, "")
     state, commands = replanning.solved(context, state, answer, now_s)
-    return state, (Say(Level.INFO, text), *commands)
+    return state, (Say(Level.INFO, why), *commands)
 
 
 def _affords(context: Context, vehicle: VehicleState, offer: Survivor, low: frozenset[int]) -> bool:
