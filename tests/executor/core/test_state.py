@@ -32,6 +32,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "trigger": "",
             "trigger_s": 0.0,
             "wait_until_s": -math.inf,
+            "closer_s": -math.inf,
             "replan": None,
             "records": (),
             "considered": frozenset(),
@@ -74,6 +75,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "failed": (),
             "let_go": (),
             "ordered": False,
+            "closer": False,
         },
     ),
 ]
