@@ -38,6 +38,7 @@ from missions.errors import (
 )
 from missions.estimate import Estimate, LegEstimate, estimate
 from missions.files import NESTED, parse_json, read_text
+from missions.flight_model import Base, FlightModel
 from missions.geo import LocalFrame
 from missions.heights import implausible, with_heights
 from missions.items import Command, Frame, MissionItem, MissionKind
@@ -56,7 +57,7 @@ from missions.planfile import (
     plan_segment,
 )
 from missions.planjson import plan_document, read_plan, write_plan
-from missions.pricing import Base, FlightModel, FlownMoves, Pricing, flown_instance
+from missions.pricing import FlownMoves, Pricing, flown_instance
 from missions.qgc import QgcPlan, parse_qgc_plan, parse_qgc_waypoints, qgc_plan, qgc_waypoints
 from missions.readers import (
     SNAP_M,

@@ -19,10 +19,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from missions.flight_model import SAME_PLACE_M
 from missions.geo import FloatArray
 from missions.geometry import SHORTEST_M2, leg_distances_m, wall_distances_m
 from missions.pads import column_radius_m
-from missions.pricing import SAME_PLACE_M
 from missions.routes import flight_path
 from missions.safety import legs_m
 from missions.setup import FlightSetup

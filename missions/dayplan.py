@@ -11,9 +11,10 @@ import numpy.typing as npt
 from pydantic import Field
 
 from missions.errors import PlanFileError
+from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
 from missions.planfile import PlanSegment, Solved, agrees
-from missions.pricing import Base, Pricing
+from missions.pricing import Pricing
 from missions.sorties import flown_sorties
 from missions.validation import Figure, Text
 from planner import InstanceError

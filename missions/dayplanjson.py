@@ -13,12 +13,13 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 from missions.dayplan import BasePlace, DayPlanFile
 from missions.errors import PlanFileError
 from missions.files import printable, read_text, write_document
+from missions.flight_model import Base, FlightModel, Speed
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
 from missions.planfile import PlanSegment, Solved
 from missions.planjson import DepotPart, VisitPart, WindPart
-from missions.pricing import Base, FlightModel, Pricing, Speed
+from missions.pricing import Pricing
 from missions.validation import Figure, Id, Place, Text, first_reason, is_none
 from planner import PlanError, SteadyWind, is_reversed, segment_of, visit_of
 from planner.sorties import (

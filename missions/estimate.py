@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from missions.flight_model import UNKNOWN, FlightModel
 from missions.geo import FloatArray, LocalFrame
-from missions.pricing import UNKNOWN, FlightModel
 from missions.safety import legs_m
 from missions.waypoints import FlightPath, Phase
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from missions.asked import Closed, Routes, airway, deep_m, first_paths, low_segments, ways_m
 from missions.estimate import estimate
+from missions.flight_model import FlightModel
 from missions.geo import FloatArray
 from missions.pads import column_radius_m
-from missions.pricing import FlightModel
 from missions.setup import FlightSetup
 from missions.waypoints import FlightPath
 from planner import is_reversed, segment_of, visit_of

@@ -17,12 +17,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from missions.areas import Area, AreaKind, KeptOut, Unreachable
 from missions.errors import PlanFileError, SafetyError
 from missions.files import printable, read_text, write_document
+from missions.flight_model import Base, FlightModel
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.grids import Grid
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
 from missions.planfile import WINDOW_COST, PlanFile, PlanSegment, PlanTerrain, Solved, Window
-from missions.pricing import Base, FlightModel, Pricing
+from missions.pricing import Pricing
 from missions.relief import Relief
 from missions.setup import MOST, Inspection
 from missions.validation import Figure, Flag, Id, Pair, Place, Text, first_reason, is_none

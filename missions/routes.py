@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from missions.cameras import Capture, PylonLook, PylonStop, Region
+from missions.flight_model import SAME_PLACE_M
 from missions.geo import FloatArray
-from missions.pricing import SAME_PLACE_M
 from missions.setup import FlightSetup
 from missions.waypoints import FlightPath, Phase, Waypoint
 from planner import is_reversed, segment_of

@@ -11,11 +11,11 @@ from missions.areas import Area, KeptOut, NamedPlace, Unreachable
 from missions.cameras import NO_LOOKS, Looks
 from missions.detours import Columns
 from missions.errors import SafetyError
+from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
 from missions.heights import with_heights
 from missions.network import Network
 from missions.pads import Pad, column_radius_m, place_pads
-from missions.pricing import Base
 from missions.safety import Layers, Over, plan_layers, tracks_m
 from missions.terrain import DETOUR_M, Terrain
 from missions.ways import Obstacle, graph_of, obstacle_of

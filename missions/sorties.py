@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from missions.flight_model import UNKNOWN, Base
 from missions.geo import FloatArray
-from missions.pricing import UNKNOWN, Base, Flier, FlownMoves, Pricing
+from missions.pricing import Flier, FlownMoves, Pricing
 from planner.sorties import SortieBase, SortieInstance, SortieVehicle
 
 Window = tuple[float, float]

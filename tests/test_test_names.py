@@ -330,7 +330,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/planjson.py",
     ),
     "tests/missions/test_routes.py": ("missions/setup.py",),
-    "tests/missions/test_tasks.py": ("missions/pricing.py",),
+    "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),
     "tests/planner/day/test_losses.py": ("planner/day/streets.py",),
     "tests/planner/day/test_search.py": (
         "planner/day/evaluate.py",

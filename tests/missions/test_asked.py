@@ -26,10 +26,11 @@ from missions import (
     flight_setup,
 )
 from missions.asked import Airway, airway, check_asked, first_paths, low_segments, lowered
+from missions.flight_model import FlightModel
 from missions.geo import FloatArray
 from missions.geometry import leg_distances_m, wall_distances_m
 from missions.pads import column_radius_m
-from missions.pricing import FlightModel, Pricing, flown_instance
+from missions.pricing import Pricing, flown_instance
 from missions.readers import default_network_path, read_network
 from missions.safety import legs_m
 from planner import Cost, Plan, Route, SteadyWind, evaluate, segment_of

@@ -7,8 +7,9 @@ import pytest
 
 from missions import Inspection, dialect_for, estimate, flight_path, flight_setup
 from missions.detours import Columns
+from missions.flight_model import FlightModel
 from missions.pads import Pad, column_radius_m, way_around_m
-from missions.pricing import FlightModel, Pricing, flown_instance
+from missions.pricing import Pricing, flown_instance
 from missions.setup import FlightSetup
 from planner import Cost, Plan, Route, SteadyWind, evaluate
 from tests.missions.builders import depot_vehicle, line_east

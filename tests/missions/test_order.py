@@ -6,8 +6,8 @@ import pytest
 
 from missions import FlightSetup, Inspection, dialect_for, flight_setup
 from missions.asked import Routes
+from missions.flight_model import FlightModel
 from missions.order import MOST_VISITS, turned
-from missions.pricing import FlightModel
 from planner import SteadyWind
 from tests.missions.builders import line_east
 

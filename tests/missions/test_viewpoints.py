@@ -18,9 +18,9 @@ from missions import FlightPath, FlightSetup, Inspection, Phase, check_clearance
 from missions.asked import airway, check_asked, first_paths, inspected_at_m
 from missions.cameras import Camera, Looks
 from missions.errors import SafetyError
+from missions.flight_model import FlightModel
 from missions.geo import FloatArray
 from missions.network import Network
-from missions.pricing import FlightModel
 from missions.readers import default_network_path, read_network
 from missions.routes import flight_path
 from missions.safety import legs_m

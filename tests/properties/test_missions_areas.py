@@ -30,9 +30,10 @@ from missions import (
 from missions.areacheck import check_areas
 from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
+from missions.flight_model import FlightModel
 from missions.geo import LocalFrame
 from missions.pads import column_radius_m
-from missions.pricing import FlightModel, Pricing, flown_instance
+from missions.pricing import Pricing, flown_instance
 from missions.reach import within_areas
 from missions.ways import Obstacle, graph_of
 from planner import Cost, Plan, Route, SteadyWind, evaluate
