@@ -88,7 +88,7 @@ def passed_pylons(context: Context, state: FleetState, before: VehicleState, now
         if point.phase is Phase.INSPECT and point.visit is not None and board.tracks[point.visit].by_pictures
     ]
     passed = {capture for point in board.path.waypoints[was:now] for capture in point.captures if capture.points}
-    for camera, component in {(one.camera, one.camera_id) for one in passed}:
+    for camera, component in sorted({(one.camera, one.camera_id) for one in passed}):
         memory = vehicle.payload.camera(camera, component)
         memory = replace(memory, left_behind=memory.left_behind + 1)
         vehicle = replace(vehicle, payload=vehicle.payload.with_camera(memory))
