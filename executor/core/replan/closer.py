@@ -13,6 +13,7 @@ from dataclasses import replace
 from executor.core.commands import Command, Level, Say, Solve, Survivor
 from executor.core.context import Context
 from executor.core.events import NewRoute, SolveEnded
+from executor.core.hours import within_hours
 from executor.core.replan import apart, replanning, survivors
 from executor.core.replan.wording import listed
 from executor.core.state import FleetState, Replan
@@ -66,7 +67,7 @@ def _in_layers(context: Context, state: FleetState, now_s: float) -> Iterator[tu
         if offer is None or not offer.airborne or not offer.tail:
             continue
         if _deep(context, name, {segment_of(visit) for visit in offer.tail} - apart.low_on_board(vehicle, offer)):
-            yield vehicle, offer
+            yield vehicle, within_hours(context, state, offer, now_s)
 
 
 def _deep(context: Context, name: str, segments: set[int] | frozenset[int]) -> frozenset[int]:

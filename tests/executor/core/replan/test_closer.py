@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from executor.core import fleet
 from executor.core.commands import Say, Upload
-from executor.core.context import Context
+from executor.core.context import Context, DayRules
 from executor.core.events import UploadEnded
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Heartbeat
@@ -89,7 +89,7 @@ def test_an_upload_that_fails_is_not_begun_again() -> None:
         assert closer(chosen, state, NOW_S + after_s)[1] == ()
 
 
-@pytest.mark.parametrize("why", ["lossy", "poor", "recalled", "late", "returns_not"])
+@pytest.mark.parametrize("why", ["lossy", "poor", "recalled", "late", "returns_not", "evening"])
 def test_it_stays_in_its_layer_where_that_is_better(why: str) -> None:
     chosen, state = CONTEXTS[False], down(sharing(CONTEXTS[False]))
     own = state.vehicles["uav2"]
@@ -106,6 +106,9 @@ def test_it_stays_in_its_layer_where_that_is_better(why: str) -> None:
         case "late":  # it is on that span already
             number = next(index for index, point in enumerate(board.path.waypoints) if point.visit == 1)
             state = state.put(with_facts(own, waypoint=number))
+        case "evening":  # its hours end
+            ended = ((0.0, NOW_S + 5.0),)
+            chosen = replace(chosen, day=DayRules(0.0, {}, {"uav2": ended}), draws_pct_s=(0.05,))
         case _:
             setup = replace(chosen.vehicles["uav2"], returns=False)
             chosen = replace(chosen, vehicles={**chosen.vehicles, "uav2": setup})
