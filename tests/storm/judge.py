@@ -245,7 +245,13 @@ class StormJudge(Judge):
         if self._forged(name, at_s) or self._silent(name, at_s, 30.0):
             return ""
         why = super()._down(found, at_s, line)
+        if why == "it has landed on its pad" and self._killed_as_it_landed(name):
+            return ""  # it is down by either
         return "" if why == "it is disarmed" and self.armed(name, at_s - ON_ITS_WAY_S) else why
+
+    def _killed_as_it_landed(self, name: str) -> bool:
+        landed = [one.t_s for one in self.happened(name, "landed")]
+        return any(abs(one.t_s - at_s) <= BEAT_S for one in self.happened(name, "kill") for at_s in landed)
 
     def _claims(self) -> Sequence[tuple[re.Pattern[str], Callable[[re.Match[str], float, Say], str]]]:
         name = rf"^(?P<name>{'|'.join(self.names)}): "

@@ -84,6 +84,13 @@ def test_who_is_stopped_low_over_its_pad_and_comes_down_whole_unseen_is_taken_fo
     assert rules(replace(told, flown=shown)) == on_page
 
 
+@pytest.mark.parametrize(("killed_s", "found"), [(320.0, set()), (310.0, {"line"}), (None, {"line"})])
+def test_who_is_killed_in_the_moment_of_its_landing_is_down_by_either(killed_s: float | None, found: set[str]) -> None:
+    kill = () if killed_s is None else (("uav1", killed_s, "kill"),)
+    line = "uav1: down at 49.60000, 15.60000, disarmed"
+    assert rules(said(stormed(*kill), 324.0, line)) == found
+
+
 @pytest.mark.parametrize(("kind", "found"), [("bursts", set()), ("wind", {"page"})])
 def test_who_chooses_in_a_burst_what_a_failsafe_chooses_is_not_known(kind: str, found: set[str]) -> None:
     began = (Happening(kind, "uav1", 95.0, 10.0),)

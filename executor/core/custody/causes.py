@@ -149,7 +149,7 @@ def cause_of(  # noqa: PLR0911 - one return for each cause
         return Cause.OURS if start_overtaken(vehicle, now_s) else Cause.PERSON
     if is_manual_mode(dialect, mode):
         return Cause.PERSON
-    late = now_s - vehicle.orders.ordered_mode_s > FOLLOWED_LATE_S
+    late = now_s - vehicle.orders.ordered_mode_s > FOLLOWED_LATE_S or _turns_back(dialect, before, mode)
     if mode in vehicle.orders.ordered_modes and not late and not _lands_elsewhere(context, before, vehicle):
         return Cause.OURS
     if is_mission_mode(dialect, mode) and vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.LOST}:
@@ -209,6 +209,18 @@ def start_overtaken(vehicle: VehicleState, now_s: float) -> bool:
 
 def _goes_on_down(dialect: Dialect, before: Heartbeat | None, mode: int) -> bool:
     return before is not None and is_home_mode(dialect, before.custom_mode) and mode == dialect.modes.land.custom_mode
+
+
+def _turns_back(dialect: Dialect, before: VehicleState, mode: int) -> bool:
+    """Return whether it leaves a landing for the return that it was a part of: none does so by itself."""
+    old, lands = before.telemetry.heartbeat, dialect.modes.land.custom_mode
+    return (
+        old is not None
+        and old.armed
+        and old.custom_mode == lands != mode
+        and before.orders.ordered_mode_s < before.telemetry.mode_since_s
+        and is_home_mode(dialect, mode)
+    )
 
 
 def _lands_elsewhere(context: Scene, before: VehicleState, vehicle: VehicleState) -> bool:

@@ -182,6 +182,18 @@ def test_an_order_that_was_followed_and_left_again_explains_no_later_mode() -> N
     assert judged(CONTEXT, (), flying(heartbeat=HELD), followed_late, NOW_S).custody.cause is Cause.OURS
 
 
+@pytest.mark.parametrize(("ordered_ago_s", "cause"), [(60.0, Cause.PERSON), (2.0, Cause.OURS)])
+def test_a_landing_that_is_left_for_a_return_is_a_persons_unless_that_was_ordered_since(
+    ordered_ago_s: float, cause: Cause
+) -> None:
+    orders: dict[str, object] = {
+        "stage": Stage.RETURNING, "ordered_modes": frozenset({RTL, LAND}), "ordered_mode_s": NOW_S - ordered_ago_s,
+        "cause": Cause.OURS,
+    }  # fmt: skip
+    lands = flying(heartbeat=Heartbeat(3, LAND, True, 4), mode_since_s=NOW_S - 20.0, **orders)
+    assert judged(CONTEXT, (), lands, went(RTL, **orders), NOW_S).custody.cause is cause
+
+
 def test_a_return_ends_in_a_landing_for_the_same_cause() -> None:
     for mode in (RTL, SMART_RTL):
         home = flying(heartbeat=Heartbeat(3, mode, True, 4), cause=Cause.MISSION)
