@@ -117,15 +117,20 @@ def inspected_at_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) 
     """Return at which distance a path inspects each segment of its visits; one from too high by what it is too high."""
     low, offset_m = low_segments(path, visits), setup.layers.offset_m(path.vehicle)
     return {
-        segment: setup.inspection.height_m + (0.0 if segment in low else offset_m + deep_m(setup, segment))
+        segment: setup.inspection.height_m + (0.0 if segment in low else offset_m + _deep_m(setup, segment))
         for segment in map(segment_of, visits)
     }
 
 
-def deep_m(setup: FlightSetup, segment: int) -> float:
+def _deep_m(setup: FlightSetup, segment: int) -> float:
     """Return how far below the common surface the lowest viewpoint of a pylon lies; 0 for a span."""
     look = setup.looks.pylons.get(segment)
     return 0.0 if look is None else look.deepest_m
+
+
+def lies_lower(setup: FlightSetup, vehicle: str, segment: int) -> bool:
+    """Return whether a vehicle has to leave its layer to inspect a segment as asked."""
+    return setup.layers.offset_m(vehicle) + _deep_m(setup, segment) > 0
 
 
 def lowered(
@@ -152,8 +157,8 @@ def lowered(
     closed = Closed(setup, taken)
     low: dict[str, frozenset[int]] = {name: frozenset() for name in routes}
     for name in order:
-        visits, step_m = list(routes.get(name, ())), setup.layers.offset_m(name)
-        down = [number for number, visit in enumerate(visits) if step_m + deep_m(setup, segment_of(visit)) > 0]
+        visits = list(routes.get(name, ()))
+        down = [number for number, visit in enumerate(visits) if lies_lower(setup, name, segment_of(visit))]
         if name in stays or not down:
             continue
         parts_m = [ways_m(setup, segment_of(visits[number])) for number in down]

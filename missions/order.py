@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from missions.asked import Closed, Routes, airway, deep_m, first_paths, low_segments, ways_m
+from missions.asked import Closed, Routes, airway, first_paths, lies_lower, low_segments, ways_m
 from missions.estimate import estimate
 from missions.flight_model import FlightModel
 from missions.geo import FloatArray
@@ -65,9 +65,9 @@ def _from_layers(setup: FlightSetup, routes: Routes, models: Mapping[str, Flight
     }
     count = 0
     for name, path in paths.items():
-        low, step_m = low_segments(path, routes[name]), setup.layers.offset_m(name)
+        low = low_segments(path, routes[name])
         for number, segment in enumerate(map(segment_of, routes[name])):
-            if segment in low or step_m + deep_m(setup, segment) <= 0:
+            if segment in low or not lies_lower(setup, name, segment):
                 continue
             # What is flown to is not replaced: the first part of a route is flown as it was uploaded.
             at_s = ends_s[name][_last(path, number - 1)] - ahead_s if number else 0.0

@@ -55,7 +55,7 @@ def test_who_shares_a_pylon_comes_down_once_the_other_has_left(autopilot: Autopi
     story = Story(settings=SOON_HOME[autopilot], tables={"inspection": {"same_distance": True}}, prepared=shared)
     done = flown(autopilot, story, tmp_path)
     assert done.report["finished"], done.said
-    assert "uav2: V104.1 at the asked distance now" in done.said
+    assert "uav2: nobody else comes to V104.1 any more; new mission at the asked distance" in done.said
     assert {row["inspected_at_m"] for row in done.report["inspections"]} == {ASKED_M}, done.said
     assert done.report["replans"] == []
     ground = assembly.ground_of(check_site(tomllib.loads((done.run / "site.toml").read_text()), "test"), done.run)

@@ -19,6 +19,7 @@ from executor.core.replan.wording import listed
 from executor.core.state import FleetState, Replan
 from executor.core.vehicle import VehicleState
 from missions import continue_path, estimate
+from missions.asked import lies_lower
 from planner import segment_of
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -61,22 +62,14 @@ def _in_layers(context: Context, state: FleetState, now_s: float) -> Iterator[tu
         board, lost = vehicle.assignment.board, vehicle.link.quality.lost
         if board is None or name in stays or (lost is not None and lost > MOST_LOST):
             continue
-        if not _deep(context, name, {segment_of(visit) for visit in vehicle.remaining_visits()}):
+        if not any(lies_lower(context.setup, name, segment_of(visit)) for visit in vehicle.remaining_visits()):
             continue
         offer = survivors.survivor(context, vehicle, now_s)
         if offer is None or not offer.airborne or not offer.tail:
             continue
-        if _deep(context, name, {segment_of(visit) for visit in offer.tail} - apart.low_on_board(vehicle, offer)):
+        ahead = {segment_of(visit) for visit in offer.tail} - apart.low_on_board(vehicle, offer)
+        if any(lies_lower(context.setup, name, segment) for segment in ahead):
             yield vehicle, within_hours(context, state, offer, now_s)
-
-
-def _deep(context: Context, name: str, segments: set[int] | frozenset[int]) -> frozenset[int]:
-    """Return which segments lie below a vehicle's layer."""
-    setup = context.setup
-    if setup.layers.offset_m(name) > 0:
-        return frozenset(segments)
-    looks = setup.looks.pylons
-    return frozenset(one for one in segments if one in looks and looks[one].deepest_m > 0)
 
 
 def _looked_at(context: Context, state: FleetState, vehicle: VehicleState, offer: Survivor, now_s: float) -> Stepped:
@@ -88,7 +81,7 @@ def _looked_at(context: Context, state: FleetState, vehicle: VehicleState, offer
     low = apart.chosen(context, state, plan, {name: offer.tail}, now_s)[name]
     if not low > before or not _affords(context, vehicle, offer, low):
         return state, ()
-    why = f"{name}: {listed(context, low - before)} at the asked distance now, nobody else is to come there"
+    why = f"{name}: nobody else comes to {listed(context, low - before)} any more; new mission at the asked distance"
     plan = replace(plan, solve=replace(solve, trigger=why))
     state = replace(state, replanning=replace(state.replanning, revision=revision, replan=plan))
     answer = SolveEnded(revision, (NewRoute(name, offer.tail),), (), 0.0, "")

@@ -19,7 +19,7 @@ from executor.core.parts import Fix
 from executor.core.preflight.failsafes import LinkFailsafe
 from executor.core.replan import apart, replanning
 from executor.core.state import FleetState
-from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, aboard
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, aboard
 from executor.site import assembly
 from missions import FlightPath
 from missions.asked import airway, check_asked, first_paths, inspected_at_m
@@ -60,6 +60,19 @@ def dealt(rng: random.Random, segments: list[int]) -> dict[str, tuple[int, ...]]
     return dict(zip(NAMES, parts, strict=True))
 
 
+def flying_to(vehicle: VehicleState, waypoint: int, now_s: float = NOW_S) -> VehicleState:
+    """Return a vehicle that has just set out for a waypoint of its mission."""
+    board = vehicle.assignment.board
+    assert board is not None
+    place, alt_m = board.places_m[waypoint - 1], board.path.waypoints[waypoint - 1].alt_rel_m
+    facts = {
+        "stage": Stage.FLYING, "heard_s": now_s, "heartbeat": Heartbeat(3, AUTO, True, 4), "heartbeat_s": now_s,
+        "armed_once": True, "took_off": True, "battery": pack(90.0, 90.0), "waypoint": waypoint,
+        "fix": Fix(now_s, now_s, place, alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0)),
+    }  # fmt: skip
+    return with_facts(vehicle, **facts)
+
+
 def in_flight(chosen: Context, rng: random.Random) -> FleetState:
     """Return a fleet in the midst of its missions."""
     routes = dealt(rng, list(range(4 * SPANS)))
@@ -69,14 +82,7 @@ def in_flight(chosen: Context, rng: random.Random) -> FleetState:
     for name, board in boards.items():
         if board is None:
             continue
-        waypoint = rng.randrange(1, len(board.path.waypoints) - 1)
-        place, alt_m = board.places_m[waypoint - 1], board.path.waypoints[waypoint - 1].alt_rel_m
-        facts = {
-            "stage": Stage.FLYING, "heard_s": NOW_S, "heartbeat": Heartbeat(3, AUTO, True, 4), "heartbeat_s": NOW_S,
-            "armed_once": True, "took_off": True, "battery": pack(90.0, 90.0), "waypoint": waypoint,
-            "fix": Fix(NOW_S, NOW_S, place, alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0)),
-        }  # fmt: skip
-        state = state.put(with_facts(state.vehicles[name], **facts))
+        state = state.put(flying_to(state.vehicles[name], rng.randrange(1, len(board.path.waypoints) - 1)))
     return replace(state, progress=replace(state.progress, launched_s=0.0))
 
 

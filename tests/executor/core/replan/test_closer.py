@@ -14,36 +14,26 @@ from executor.core.commands import Say, Upload
 from executor.core.context import Context, DayRules
 from executor.core.events import UploadEnded
 from executor.core.link_quality import LinkQuality
-from executor.core.messages import Heartbeat
-from executor.core.parts import Fix
 from executor.core.replan.closer import MOST_LOST, closer
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, aboard
 from missions.asked import first_paths, inspected_at_m
 from tests.executor.builders import with_facts
-from tests.executor.core.replan.test_apart import CONTEXTS, NAMES, NOW_S, in_flight, nobody_meets, uploads
-from tests.executor.core.vehicles import AUTO, pack
+from tests.executor.core.replan.test_apart import CONTEXTS, NAMES, NOW_S, flying_to, in_flight, nobody_meets, uploads
+from tests.executor.core.vehicles import pack
 
 ASKED_M = 15.0
 SHARED = {"uav1": (0, 2), "uav2": (7, 5)}
 """Two spans each of one line; the second's last span ends where the first's last ends."""
 
 
-def sharing(chosen: Context, first: int = 1) -> FleetState:
-    """Return two vehicles at the beginning of their missions, the second at a waypoint of its own."""
+def sharing(chosen: Context) -> FleetState:
+    """Return two vehicles at the beginning of their missions."""
     paths = first_paths(chosen.setup, SHARED)
     boards = {name: aboard(chosen, name, 0, paths[name], SHARED[name]) if name in SHARED else None for name in NAMES}
     state = fleet.initial(boards)
     for name in SHARED:
-        board = boards[name]
-        assert board is not None
-        place, alt_m = board.places_m[first - 1], board.path.waypoints[first - 1].alt_rel_m
-        facts = {
-            "stage": Stage.FLYING, "heard_s": NOW_S, "heartbeat": Heartbeat(3, AUTO, True, 4), "heartbeat_s": NOW_S,
-            "armed_once": True, "took_off": True, "battery": pack(90.0, 90.0), "waypoint": first,
-            "fix": Fix(NOW_S, NOW_S, place, alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0)),
-        }  # fmt: skip
-        state = state.put(with_facts(state.vehicles[name], **facts))
+        state = state.put(flying_to(state.vehicles[name], 1))
     return replace(state, progress=replace(state.progress, launched_s=0.0))
 
 
@@ -65,7 +55,7 @@ def test_who_shared_a_pylon_comes_down_once_the_other_has_left(rises: bool) -> N
     assert closer(chosen, state, NOW_S - 2.0)[1] == ()
     state, commands = closer(chosen, down(state), NOW_S)
     said = [command.text for command in commands if isinstance(command, Say)]
-    assert said == ["uav2: segment 2 at the asked distance now, nobody else is to come there"]
+    assert said == ["uav2: nobody else comes to segment 2 any more; new mission at the asked distance"]
     [upload] = uploads(commands)
     assert upload.vehicle == "uav2"
     assert upload.path.waypoints[:1] == before.path.waypoints[:1]
@@ -137,6 +127,4 @@ def test_whoever_comes_down_on_the_way_meets_nobody(seed: int, rises: bool) -> N
         if waypoint == len(board.path.waypoints):
             state = state.put(with_facts(own, stage=Stage.LANDED, waypoint=waypoint))
             continue
-        place, alt_m = board.places_m[waypoint - 1], board.path.waypoints[waypoint - 1].alt_rel_m
-        fix = Fix(now_s, now_s, place, alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0))
-        state = state.put(with_facts(own, waypoint=waypoint, fix=fix, heard_s=now_s, heartbeat_s=now_s))
+        state = state.put(flying_to(own, waypoint, now_s))
