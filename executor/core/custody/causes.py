@@ -367,7 +367,9 @@ HOLDS_ON_S = 5.0
 REACTS_S = 30.0
 """PX4 holds before it returns, and reports the change of mode a second later."""
 AT_ONCE_S = 5.0
-"""What it does because we were away it has done, or begun with a hold, when it hears us again."""
+"""What it does because we were away it does, or begins with a hold, when its time is over, and reports it by then."""
+COMES_LATE_S = 2.5
+"""What it did while we were away comes late: two heartbeats, and some of their way."""
 BEAT_S = 1.0
 """Our last heartbeat was sent up to a second before we stopped."""
 
@@ -384,7 +386,8 @@ def missed_us(context: Scene, absences: Sequence[Absence], vehicle: VehicleState
     dialect, mode_before = context.vehicles[vehicle.name].dialect, vehicle.telemetry.mode_before
     holds = dialect.ground_station_failsafe.pause is not None
     straight = not holds or (mode_before is not None and is_mission_mode(dialect, mode_before))
-    if straight and not _unseen(vehicle) and vehicle.telemetry.mode_since_s - away.until_s > AT_ONCE_S:
+    due_s = began_s + (failsafe_s or 0.0) + AT_ONCE_S
+    if straight and not _unseen(vehicle) and vehicle.telemetry.mode_since_s > max(due_s, away.until_s + COMES_LATE_S):
         return False  # it was heard on its mission since: its failsafe would have acted, or held it first
     acted = failsafe_s is not None and away.pause_s >= failsafe_s - BEAT_S
     return acted and vehicle.telemetry.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S

@@ -311,9 +311,13 @@ WITH_FAILSAFE = with_failsafe("ardupilot")
     [
         (4.0, 1.0, 0.0, True),
         (3.9, 1.0, 0.0, False),
-        (10.0, 30.0, 25.0, True),
-        (10.0, 30.1, 25.1, False),
+        (10.0, 30.0, 27.5, True),
+        (10.0, 30.1, 27.6, False),
         (10.0, 6.0, 0.9, False),
+        (10.0, 3.0, 0.5, True),
+        (10.0, 3.0, 0.4, False),  # it was heard on its mission until then
+        (5.5, 5.0, 0.6, True),
+        (5.5, 5.0, 0.4, False),
         (10.0, 1.0, 11.0, True),
         (10.0, 1.0, 11.1, False),
     ],
@@ -351,8 +355,8 @@ def test_who_was_heard_on_its_mission_when_we_were_back_did_not_miss_us() -> Non
     landing = modes.land.custom_mode
     assert missed_us(px4, away, went(landing, mode_before=held), NOW_S)
     assert not missed_us(px4, away, went(landing, mode_before=on_mission), NOW_S)
-    assert missed_us(px4, away, went(landing, mode_before=on_mission, mode_since_s=NOW_S - 8.0), NOW_S)
-    assert not missed_us(px4, away, went(landing, mode_before=on_mission, mode_since_s=NOW_S - 7.9), NOW_S)
+    assert missed_us(px4, away, went(landing, mode_before=on_mission, mode_since_s=NOW_S - 10.5), NOW_S)
+    assert not missed_us(px4, away, went(landing, mode_before=on_mission, mode_since_s=NOW_S - 10.4), NOW_S)
     silent_till_now = went(landing, mode_before=on_mission, unseen_until_s=NOW_S)
     assert missed_us(px4, away, silent_till_now, NOW_S), "nobody heard it in its hold"
 
