@@ -8,11 +8,12 @@ import multiprocessing
 import os
 import sys
 import time
+from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 
 from executor.adapters.interrupts import held_back
 from tests.stories.judge import told_in
-from tests.storm.compose import composed
+from tests.storm.compose import close, composed
 from tests.storm.judge import findings
 from tests.storm.plot import Plot, from_json
 from tests.storm.shrink import Shrunk
@@ -30,9 +31,9 @@ def _show(short: Shrunk) -> None:
     print(f"  again: ./scripts/storm --story '{short.plot.to_json()}'", flush=True)
 
 
-def storm(stories: int, seed: int, seconds: float, jobs: int, *, shrinks: bool) -> Table:
-    """Fly stories until there are enough, or the time is over, or Ctrl-C; print what fails, shrunk."""
-    table, began_s, seeds = Table(), time.monotonic(), iter(range(seed, seed + stories))
+def storm(plots: Iterator[Plot], seconds: float, jobs: int, *, shrinks: bool) -> Table:
+    """Fly stories until there are no more, or the time is over, or Ctrl-C; print what fails, shrunk."""
+    table, began_s = Table(), time.monotonic()
     pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=quiet)
     waiting: set[Future[Judged | Shrunk]] = set()
     told_s = began_s
@@ -40,8 +41,8 @@ def storm(stories: int, seed: int, seconds: float, jobs: int, *, shrinks: bool) 
         while True:
             late = time.monotonic() - began_s >= seconds
             with held_back():
-                while len(waiting) < jobs * AHEAD and not late and (number := next(seeds, None)) is not None:
-                    waiting.add(pool.submit(done, number))
+                while len(waiting) < jobs * AHEAD and not late and (plot := next(plots, None)) is not None:
+                    waiting.add(pool.submit(done, plot))
             if not waiting:
                 break
             ended, waiting = wait(waiting, timeout=1.0, return_when=FIRST_COMPLETED)
@@ -92,14 +93,17 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=float("inf"), help="no new story after this")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--one", type=int, metavar="SEED", help="fly one story again, and tell all of it")
+    parser.add_argument("--close", action="store_true", help="of one vehicle: what happens to it comes close together")
     parser.add_argument("--story", metavar="JSON", help="the same for a story that was shrunk")
     parser.add_argument("--as-it-is", action="store_true", help="do not shrink what fails")
     given = parser.parse_args()
     if given.story is not None:
         return _one(from_json(given.story))
+    tells = close if given.close else composed
     if given.one is not None:
-        return _one(composed(given.one))
-    return 1 if storm(given.stories, given.seed, given.seconds, given.jobs, shrinks=not given.as_it_is).failed else 0
+        return _one(tells(given.one))
+    plots = map(tells, range(given.seed, given.seed + given.stories))
+    return 1 if storm(plots, given.seconds, given.jobs, shrinks=not given.as_it_is).failed else 0
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from executor.core.intents import Action
 from tests.stories.story import MISSION
@@ -161,6 +161,8 @@ KINDS: Mapping[str, Draw] = {
     "ctrl-c": _ground("ctrl-c", 0.0, 0.0, "once", "twice", "twice"),
 }
 """Everything that may happen."""
+BY_HAND = ("pilot", "pilot", "pilot", "station", "sticks", "wish", "wish", "wish")
+"""Drawn more often where a story is of one vehicle: the commonest question is who has it."""
 LIKELY = ("crash", "silent", "wish", "wish", "pilot")
 """Drawn more often: they make re-plans, which the others meet then."""
 
@@ -179,6 +181,30 @@ def composed(seed: int) -> Plot:
         fly_again=rng.choice(["ask", "ask", "auto", "never"]), pilot_return=rng.choice(["ask", "ask", "auto"]),
         answers=rng.random() < 0.5, charge_pct=rng.choice([100.0, 100.0, 70.0, 35.0]),
         solve_s=rng.choice([0.3, 1.0, 4.0]),
+    )  # fmt: skip
+
+
+CLOSE_S = 30.0
+"""What happens in a story of one vehicle happens within this of each other."""
+
+
+def close(seed: int) -> Plot:
+    """Return a story of one vehicle with one segment, to which things happen close together: where rules meet.
+
+    It takes a sixth of the processor that a fleet's story takes, and what fails is short as it is.
+    """
+    rng = random.Random(f"close {seed}")
+    autopilot, network = rng.choice(sorted(MISSION)), rng.choice(sorted(SITES))
+    name, segment = "uav1", rng.randrange(len(SITES[network][1]))
+    chance = Chance(rng, (name,), autopilot)
+    first_s = rng.uniform(0.0, AGO_S)
+    kinds = [rng.choice([*KINDS, *BY_HAND]) for _ in range(rng.choice([2, 2, 3, 3, 4]))]
+    drawn = [replace(KINDS[kind](chance), at_s=round(first_s + rng.uniform(0.0, CLOSE_S), 1)) for kind in kinds]
+    return Plot(
+        seed, autopilot, network, {name: (2 * segment + rng.randrange(2),)},
+        tuple(sorted(drawn, key=lambda one: (one.at_s, one.kind))),
+        fly_again=rng.choice(["ask", "auto", "never"]), pilot_return=rng.choice(["ask", "auto"]),
+        answers=rng.random() < 0.5, charge_pct=rng.choice([100.0, 100.0, 35.0]), solve_s=1.0,
     )  # fmt: skip
 
 

@@ -8,7 +8,6 @@ import time
 
 from executor.adapters.interrupts import end_with_parent
 from tests.stories.judge import Finding
-from tests.storm.compose import composed
 from tests.storm.judge import findings
 from tests.storm.plot import Plot
 from tests.storm.shrink import Shrunk, shrunk
@@ -48,13 +47,12 @@ def judged(plot: Plot) -> tuple[Finding, ...]:
         gc.freeze()  # what is there now stays: to look through it after every story takes a fifth of the time
 
 
-def done(order: int | tuple[Plot, Finding]) -> Judged | Shrunk:
-    """Fly the story of a seed; or shrink a story that fails."""
+def done(order: Plot | tuple[Plot, Finding]) -> Judged | Shrunk:
+    """Fly a story; or shrink one that fails."""
     if isinstance(order, tuple):
         return shrunk(*order, judged)
     began_s = time.process_time()
-    plot = composed(order)
-    return plot, judged(plot), time.process_time() - began_s
+    return order, judged(order), time.process_time() - began_s
 
 
 def quiet() -> None:
