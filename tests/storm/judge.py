@@ -41,6 +41,8 @@ BEAT_S = 1.0
 """A silence is over for the ground with the next HEARTBEAT."""
 ON_ITS_WAY_S = 2.5
 """What was true so long ago may still be said."""
+EDGE_M = 0.5
+"""Of what is on its pad: how far from it a place was said to be, and was, differ by less."""
 AIRBORNE_M = 1.0
 OVER = frozenset({"landed", "down", "lost", "ground", "pilot"})
 """States in which the end of a vehicle is known, or openly unknown."""
@@ -55,7 +57,7 @@ BATTERY_S = 240.0
 class StormJudge(Judge):
     """One flight through a storm, looked at afterwards."""
 
-    on_pad_m = 15.0
+    on_pad_m = 15.0 + EDGE_M
 
     def __init__(self, stormed: Stormed) -> None:
         super().__init__(stormed.flown)
@@ -245,13 +247,23 @@ class StormJudge(Judge):
         if self._forged(name, at_s) or self._silent(name, at_s, 30.0):
             return ""
         why = super()._down(found, at_s, line)
-        if why == "it has landed on its pad" and self._killed_as_it_landed(name):
+        edge = self.from_pad_m(name, at_s) > self.on_pad_m - 2.0 * EDGE_M
+        if why == "it has landed on its pad" and (edge or self._killed_as_it_landed(name)):
             return ""  # it is down by either
         return "" if why == "it is disarmed" and self.armed(name, at_s - ON_ITS_WAY_S) else why
 
     def _killed_as_it_landed(self, name: str) -> bool:
         landed = [one.t_s for one in self.happened(name, "landed")]
         return any(abs(one.t_s - at_s) <= BEAT_S for one in self.happened(name, "kill") for at_s in landed)
+
+    def _has_it_already(self, name: str, cause: Truth) -> bool:
+        return super()._has_it_already(name, cause) or self._lands_anyway(name, cause)
+
+    def _lands_anyway(self, name: str, cause: Truth) -> bool:
+        """Return whether a pilot chose LAND in a landing of its mission's own: PX4 may show that mode then itself."""
+        before = [one.what for one in self.happened(name, "mode ", "descends") if one.t_s < cause.t_s]
+        itself = before[-2:] == ["mode MISSION", "descends"]
+        return self.flown.autopilot == "px4" and cause.what == "pilot LAND" and itself
 
     def _claims(self) -> Sequence[tuple[re.Pattern[str], Callable[[re.Match[str], float, Say], str]]]:
         name = rf"^(?P<name>{'|'.join(self.names)}): "
