@@ -1,13 +1,15 @@
-"""In which direction routes are flown where vehicles share pylons: so that who inspects from its layer need not.
+"""Who flies what, in which order and direction, where vehicles share pylons: so that nobody need stay in its layer.
 
 Where two may meet over the line one has the air there, and the other inspects from its layer (`asked`), unless the
-first has left before it comes: then it is let down on its way. A route takes about as long in either direction, so the
-direction decides who comes first. Nothing is promised by it: who is late finds the other still there.
+first has left before it comes: then it is let down on its way. Routes of which the sum or the longest is about the same
+differ much in who comes when. Nothing is promised by it: who is late finds the other still there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
@@ -22,48 +24,95 @@ from planner import is_reversed, segment_of, visit_of
 
 MOST_VISITS = 300
 """Of all routes together: for more it would take longer than a plan may."""
-PASSES = 2
+MOST_PRICED = 3000
+MOST_FLOWN = 300
+"""Of the routes that are tried, all together: what a second or two is enough for."""
+
+Visit = tuple[str, int]
+"""Whose, and its position in its route."""
+Visits = dict[str, tuple[int, ...]]
 
 
-def turned(
+def rearranged(
     setup: FlightSetup,
     routes: Routes,
     models: Mapping[str, FlightModel],
     ahead_s: float,
+    cost_of: Callable[[Routes], float],
     may: Callable[[Routes], bool],
 ) -> dict[str, tuple[int, ...]]:
-    """Return routes of which some are flown the other way round, where less is inspected from layers then.
+    """Return routes by which less is inspected from layers.
+
+    Routes are turned around and exchanged, and what would be inspected from a layer is flown at another time or by
+    another vehicle: one change after another, each time the cheapest one by which less is inspected from layers.
 
     Args:
         setup: Heights and pads.
         routes: Visits of the setup's network, by the vehicle's name.
         models: How each of them flies.
         ahead_s: How long before it begins a part of the line a vehicle must be let down to it.
-        may: Whether routes that are better in this are as good in everything else.
+        cost_of: What routes cost; infinity for those that are too dear, or that nobody can fly.
+        may: Whether routes that cost little enough are as good in everything else.
     """
     best = {name: tuple(visits) for name, visits in routes.items()}
     if sum(map(len, best.values())) > MOST_VISITS:
         return best
-    least = _from_layers(setup, best, models, ahead_s)
-    for name in list(best) * PASSES:
-        if not least:
-            break
-        back = tuple(visit_of(segment_of(visit), not is_reversed(visit)) for visit in reversed(best[name]))
-        other = {**best, name: back}
-        found = _from_layers(setup, other, models, ahead_s)
-        if found < least and may(other):
-            best, least = other, found
+    high = from_layers(setup, best, models, ahead_s)
+    priced, flown, going_on = 0, 0, True
+    while high and going_on:
+        going_on = False
+        near = list(itertools.islice(_neighbours(best, high), MOST_PRICED - priced))
+        priced += len(near)
+        costs = [cost_of(other) for other in near]
+        for number in sorted(range(len(near)), key=costs.__getitem__)[: MOST_FLOWN - flown]:
+            if math.isinf(costs[number]):
+                break
+            flown += 1
+            found = from_layers(setup, near[number], models, ahead_s)
+            if len(found) < len(high) and may(near[number]):
+                best, high, going_on = near[number], found, True
+                break
     return best
 
 
-def _from_layers(setup: FlightSetup, routes: Routes, models: Mapping[str, FlightModel], ahead_s: float) -> int:
-    """Return how many segments are inspected from layers, if everybody flies as planned."""
+def _neighbours(routes: Visits, high: list[Visit]) -> Iterator[Visits]:
+    """Yield routes that differ by one change; nobody who flies stays on the ground then."""
+    for name, visits in routes.items():
+        if visits:
+            yield {**routes, name: _back(visits)}
+    for one, other in itertools.combinations(routes, 2):
+        for own, others in itertools.product({routes[one], _back(routes[one])}, {routes[other], _back(routes[other])}):
+            yield {**routes, one: others, other: own}
+    for name, position in high:
+        yield from _elsewhere(routes, name, position)
+
+
+def _elsewhere(routes: Visits, name: str, position: int) -> Iterator[Visits]:
+    """Yield routes in which one visit stands at another place."""
+    visits, moved = routes[name], routes[name][position : position + 1]
+    left = (*visits[:position], *visits[position + 1 :])
+    for other, theirs in routes.items():
+        rest = left if other == name else theirs
+        if left and rest:
+            for place, visit in itertools.product(range(len(rest) + 1), {one[0] for one in (moved, _back(moved))}):
+                yield {**routes, name: left, other: (*rest[:place], visit, *rest[place:])}
+    for end in range(len(visits)):
+        first, last = sorted((end, position))
+        yield {**routes, name: (*visits[:first], *_back(visits[first : last + 1]), *visits[last + 1 :])}
+
+
+def _back(visits: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(visit_of(segment_of(visit), not is_reversed(visit)) for visit in reversed(visits))
+
+
+def from_layers(setup: FlightSetup, routes: Routes, models: Mapping[str, FlightModel], ahead_s: float) -> list[Visit]:
+    """Return what is inspected from layers, if everybody flies as planned."""
     paths = first_paths(setup, routes)
     ends_s = {
         name: np.cumsum([leg.duration_s for leg in estimate(path, models[name]).legs], dtype=np.float64)
         for name, path in paths.items()
     }
-    count = 0
+    high = []
     for name, path in paths.items():
         low = low_segments(path, routes[name])
         for number, segment in enumerate(map(segment_of, routes[name])):
@@ -72,8 +121,8 @@ def _from_layers(setup: FlightSetup, routes: Routes, models: Mapping[str, Flight
             # What is flown to is not replaced: the first part of a route is flown as it was uploaded.
             at_s = ends_s[name][_last(path, number - 1)] - ahead_s if number else 0.0
             if number == 0 or _is_closed(setup, name, segment, paths, ends_s, at_s):
-                count += 1
-    return count
+                high.append((name, number))
+    return high
 
 
 def _last(path: FlightPath, visit: int) -> int:

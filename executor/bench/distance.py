@@ -27,7 +27,7 @@ from executor.errors import ExecutorError
 from executor.simulator.vehicle import SimulatedVehicle
 from executor.site import assembly
 from executor.site.assembly import Ground
-from executor.site.planning import turned_plan
+from executor.site.planning import rearranged_plan
 from missions import PlanFile
 from missions.geometry import locate
 from planner import Cost, NoImprovement, segment_of, solve
@@ -193,7 +193,7 @@ def _planned(
     )
     task = assembly.task_of(ground, range(len(ground.network.segments)))
     plan = solve(task.instance, cost=Cost.MINMAX, stop=NoImprovement(SETTLED), seed=seed).plan
-    routes = assembly.routes_of(ground, task, turned_plan(ground, task, plan, Cost.MINMAX))
+    routes = assembly.routes_of(ground, task, rearranged_plan(ground, task, plan, Cost.MINMAX))
     ground = sized(ground, plan_with(ground, routes), USES_PCT)
     layered = virtual_ground(
         None, radius_m, vehicles, case.autopilot, wind_m_s=wind_m_s, capacity_ah=ground.drone.capacity_ah

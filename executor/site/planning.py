@@ -27,7 +27,7 @@ from missions import (
 )
 from missions.areas import Area, AreaKind
 from missions.asked import Routes
-from missions.order import turned
+from missions.order import rearranged
 from planner import (
     DEFAULT_PARAMS,
     Cost,
@@ -66,8 +66,8 @@ WINDOW_UP_TO = 150
 """Segments up to which the window is searched for where nobody asked for a cost: more take longer than a plan may."""
 WINDOW_SETTLED = 30_000
 """The same as `SETTLED` for a search on the window."""
-TURNED = 1.005
-"""A route that is flown the other way may make the plan this much worse: with wind and hills it is not the same."""
+REARRANGED = 1.05
+"""Routes by which less is inspected from layers may make the plan this much worse."""
 LATE_S = 10.0
 """Who is this much later than planned is still out of the way of who comes after it."""
 SETTLED = 50_000
@@ -163,7 +163,7 @@ def first_plan(
         result = _solved(task.instance, wanted, wanted.cost, on_progress)
         plan, seconds, window = result.plan, result.seconds, None
     if ground.inspection.same_distance:
-        plan = turned_plan(ground, task, plan, wanted.cost or Cost.MINMAX, window)
+        plan = rearranged_plan(ground, task, plan, wanted.cost or Cost.MINMAX, window)
         task = assembly.asked_task(ground, task, plan)
         if window is not None:
             window = window_in(replan_window(task.instance, plan, fly_again=landed_fly_again(ground)), task.instance)
@@ -171,8 +171,8 @@ def first_plan(
     return site_plan(ground, task, plan, wanted.cost, solved, window)
 
 
-def turned_plan(ground: Ground, task: Task, plan: Plan, cost: Cost, window: Window | None = None) -> Plan:
-    """Return a plan of which some routes are flown the other way, so that less is inspected from layers.
+def rearranged_plan(ground: Ground, task: Task, plan: Plan, cost: Cost, window: Window | None = None) -> Plan:
+    """Return a plan of which routes are changed a little, so that less is inspected from layers.
 
     Args:
         ground: The site, with everybody at the asked distance.
@@ -189,19 +189,19 @@ def turned_plan(ground: Ground, task: Task, plan: Plan, cost: Cost, window: Wind
         own = (Route(number, task.from_network(routes.get(name, ()))) for number, name in enumerate(ground.names))
         return Plan(tuple(own), plan.uncovered)
 
-    def may(routes: Routes) -> bool:
-        other = plan_of(routes)
-        found = evaluate(task.instance, other, cost)
+    def cost_of(routes: Routes) -> float:
+        found = evaluate(task.instance, plan_of(routes), cost)
         worse = max(found.value / was.value, found.longest_route_s / was.longest_route_s)
-        if found.violations or worse > TURNED:
-            return False
+        return math.inf if found.violations or worse > REARRANGED else worse
+
+    def may(routes: Routes) -> bool:
         return window is None or (
-            replan_window(task.instance, other, fly_again=fly_again).earliest_s <= window.earliest_s + SAME
+            replan_window(task.instance, plan_of(routes), fly_again=fly_again).earliest_s <= window.earliest_s + SAME
         )
 
     routes = assembly.routes_of(ground, task, plan)
     ahead_s = assembly.horizon_s(ground.site) + LATE_S
-    better = turned(ground.setup, routes, task.pricing.models, ahead_s, may)
+    better = rearranged(ground.setup, routes, task.pricing.models, ahead_s, cost_of, may)
     return plan if better == routes else plan_of(better)
 
 
