@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +32,8 @@ from planner import is_reversed, segment_of
 
 BoolArray = npt.NDArray[np.bool_]
 Routes = Mapping[str, Sequence[int]]
+PathMaker = Callable[..., FlightPath]
+"""`flight_path`, or what answers like it."""
 NOBODY: frozenset[str] = frozenset()
 ROUNDING_M = 1e-3
 """Coordinates of waypoints are rounded to less."""
@@ -88,20 +90,22 @@ def airway(setup: FlightSetup, path: FlightPath, first: int = 0) -> Airway:
     return Airway(path.vehicle, legs[first:], np.column_stack((below_m[:-1], below_m[1:]))[first:])
 
 
-def first_paths(setup: FlightSetup, routes: Routes, stays: Collection[str] = NOBODY) -> dict[str, FlightPath]:
+def first_paths(
+    setup: FlightSetup, routes: Routes, stays: Collection[str] = NOBODY, made_by: PathMaker = flight_path
+) -> dict[str, FlightPath]:
     """Return the whole flight of every vehicle that has something to do.
 
     Args:
         setup: Heights and pads.
         routes: Visits of the setup's network, by the vehicle's name.
         stays: Vehicles that inspect in their layers: nobody knows that they leave the line when they are lost.
+        made_by: What makes the path of a vehicle's visits; who tries many routes keeps those that it has made.
     """
-    paths = {name: flight_path(setup, name, visits) for name, visits in routes.items() if visits}
+    paths = {name: made_by(setup, name, visits) for name, visits in routes.items() if visits}
     if not setup.inspection.same_distance:
         return paths
     low = lowered(setup, routes, [airway(setup, path) for path in paths.values()], stays)
-    return {name: flight_path(setup, name, routes[name], low[name]) if low[name] else path
-            for name, path in paths.items()}  # fmt: skip
+    return {name: made_by(setup, name, routes[name], low[name]) if low[name] else path for name, path in paths.items()}
 
 
 def low_segments(path: FlightPath, visits: Sequence[int]) -> frozenset[int]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from missions.estimate import estimate
 from missions.flight_model import FlightModel
 from missions.geo import FloatArray
 from missions.pads import column_radius_m
+from missions.routes import flight_path
 from missions.setup import FlightSetup
 from missions.waypoints import FlightPath
 from planner import is_reversed, segment_of, visit_of
@@ -57,7 +59,8 @@ def rearranged(
     best = {name: tuple(visits) for name, visits in routes.items()}
     if sum(map(len, best.values())) > MOST_VISITS:
         return best
-    high = from_layers(setup, best, models, ahead_s)
+    times = Times(setup, models, ahead_s)
+    high = times.from_layers(best)
     priced, flown, going_on = 0, 0, True
     while high and going_on:
         going_on = False
@@ -68,7 +71,7 @@ def rearranged(
             if math.isinf(costs[number]):
                 break
             flown += 1
-            found = from_layers(setup, near[number], models, ahead_s)
+            found = times.from_layers(near[number])
             if len(found) < len(high) and may(near[number]):
                 best, high, going_on = near[number], found, True
                 break
@@ -105,24 +108,46 @@ def _back(visits: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(visit_of(segment_of(visit), not is_reversed(visit)) for visit in reversed(visits))
 
 
-def from_layers(setup: FlightSetup, routes: Routes, models: Mapping[str, FlightModel], ahead_s: float) -> list[Visit]:
-    """Return what is inspected from layers, if everybody flies as planned."""
-    paths = first_paths(setup, routes)
-    ends_s = {
-        name: np.cumsum([leg.duration_s for leg in estimate(path, models[name]).legs], dtype=np.float64)
-        for name, path in paths.items()
-    }
-    high = []
-    for name, path in paths.items():
-        low = low_segments(path, routes[name])
-        for number, segment in enumerate(map(segment_of, routes[name])):
-            if segment in low or not lies_lower(setup, name, segment):
-                continue
-            # What is flown to is not replaced: the first part of a route is flown as it was uploaded.
-            at_s = ends_s[name][_last(path, number - 1)] - ahead_s if number else 0.0
-            if number == 0 or _is_closed(setup, name, segment, paths, ends_s, at_s):
-                high.append((name, number))
-    return high
+@dataclass(frozen=True, slots=True, eq=False)
+class Times:
+    """When routes come where, if everybody flies as planned; what was reckoned for one stays for the next."""
+
+    setup: FlightSetup
+    models: Mapping[str, FlightModel]
+    ahead_s: float
+    _paths: dict[object, FlightPath] = field(default_factory=dict)
+    _ends_s: dict[int, FloatArray] = field(default_factory=dict)
+    """By the path's identity."""
+
+    def from_layers(self, routes: Routes) -> list[Visit]:
+        """Return what is inspected from layers."""
+        paths = first_paths(self.setup, routes, made_by=self._path)
+        ends_s = {name: self._ends(path) for name, path in paths.items()}
+        high = []
+        for name, path in paths.items():
+            low = low_segments(path, routes[name])
+            for number, segment in enumerate(map(segment_of, routes[name])):
+                if segment in low or not lies_lower(self.setup, name, segment):
+                    continue
+                # What is flown to is not replaced: the first part of a route is flown as it was uploaded.
+                at_s = ends_s[name][_last(path, number - 1)] - self.ahead_s if number else 0.0
+                if number == 0 or _is_closed(self.setup, name, segment, paths, ends_s, at_s):
+                    high.append((name, number))
+        return high
+
+    def _path(
+        self, setup: FlightSetup, name: str, visits: tuple[int, ...], low: frozenset[int] = frozenset()
+    ) -> FlightPath:
+        key = (name, visits, low)
+        if key not in self._paths:
+            self._paths[key] = flight_path(setup, name, visits, low)
+        return self._paths[key]
+
+    def _ends(self, path: FlightPath) -> FloatArray:
+        if id(path) not in self._ends_s:
+            legs = estimate(path, self.models[path.vehicle]).legs
+            self._ends_s[id(path)] = np.cumsum([leg.duration_s for leg in legs], dtype=np.float64)
+        return self._ends_s[id(path)]
 
 
 def _last(path: FlightPath, visit: int) -> int:

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from missions import FlightSetup, Inspection, dialect_for, flight_setup
 from missions.asked import Routes
 from missions.flight_model import FlightModel
-from missions.order import MOST_VISITS, rearranged
-from missions.order import from_layers as from_layers_of
+from missions.order import MOST_VISITS, Times, rearranged
 from planner import SteadyWind, segment_of
 from tests.missions.builders import line_east
 
@@ -41,7 +40,7 @@ def chosen(
 
 
 def from_layers(routes: Routes) -> int:
-    return len(from_layers_of(SETUP, routes, dict.fromkeys(NAMES, MODEL), AHEAD_S))
+    return len(Times(SETUP, dict.fromkeys(NAMES, MODEL), AHEAD_S).from_layers(routes))
 
 
 OUT, BACK = (6, 8, 10), (11, 9, 7)
