@@ -22,7 +22,7 @@ from executor.bench.prediction import plan_with
 from executor.bench.store import Json
 from executor.bench.virtual.flight import Onlookers, VirtualFlight, fly_virtual
 from executor.bench.virtual.many import FlightCase
-from executor.bench.virtual.site import AMPLE_AH, sized, virtual_ground
+from executor.bench.virtual.site import AMPLE_AH, sized, virtual_ground, with_budgets
 from executor.errors import ExecutorError
 from executor.simulator.vehicle import SimulatedVehicle
 from executor.site import assembly
@@ -40,6 +40,8 @@ SLOWER = 0.2
 """A vehicle flies up to this share slower than it is told: it is late by a minute and more."""
 USES_PCT = 45.0
 """Of its battery, the dearest route."""
+BUDGET_PCT = 75.0
+"""What a vehicle may use: enough to take over another's part, and to come down to the line for it."""
 SETTLED = 500
 FAULTS = ("crash", "silent", "silent=30", "pilot=RTL", "drain=4", "")
 """What befalls a vehicle, one as often as another; the last is nothing."""
@@ -194,7 +196,7 @@ def _planned(
     task = assembly.task_of(ground, range(len(ground.network.segments)))
     plan = solve(task.instance, cost=Cost.MINMAX, stop=NoImprovement(SETTLED), seed=seed).plan
     routes = assembly.routes_of(ground, task, rearranged_plan(ground, task, plan, Cost.MINMAX))
-    ground = sized(ground, plan_with(ground, routes), USES_PCT)
+    ground = with_budgets(sized(ground, plan_with(ground, routes), USES_PCT), BUDGET_PCT)
     layered = virtual_ground(
         None, radius_m, vehicles, case.autopilot, wind_m_s=wind_m_s, capacity_ah=ground.drone.capacity_ah
     )

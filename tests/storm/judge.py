@@ -259,12 +259,6 @@ class StormJudge(Judge):
     def _has_it_already(self, name: str, cause: Truth) -> bool:
         return super()._has_it_already(name, cause) or self._lands_anyway(name, cause)
 
-    def _lands_anyway(self, name: str, cause: Truth) -> bool:
-        """Return whether a pilot chose LAND in a landing of its mission's own: PX4 may show that mode then itself."""
-        before = [one.what for one in self.happened(name, "mode ", "descends") if one.t_s < cause.t_s]
-        itself = before[-2:] == ["mode MISSION", "descends"]
-        return self.flown.autopilot == "px4" and cause.what == "pilot LAND" and itself
-
     def _claims(self) -> Sequence[tuple[re.Pattern[str], Callable[[re.Match[str], float, Say], str]]]:
         name = rf"^(?P<name>{'|'.join(self.names)}): "
         return [

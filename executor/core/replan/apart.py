@@ -19,6 +19,7 @@ from executor.core.state import FleetState, Replan
 from executor.core.vehicle import Stage, VehicleState
 from missions import FlightModel, FlightPath, FlightSetup, continue_path, flight_path
 from missions.asked import Airway, airway, check_asked, low_segments, lowered, near_ways_home, too_near, walls_around
+from missions.autopilots.modes import is_home_mode
 from missions.pads import column_radius_m
 from planner import segment_of
 
@@ -82,6 +83,20 @@ def _is_up(context: Context, vehicle: VehicleState) -> bool:
     return context.setup.up_m(vehicle.name, fix.alt_rel_m) >= layer_m - UP_M
 
 
+def _way_home(context: Context, vehicle: VehicleState, now_s: float) -> Airway | None:
+    """Return the straight way home of a vehicle that is seen to fly it; None for one of which it is not known."""
+    beat, fix, setup = vehicle.telemetry.heartbeat, vehicle.motion.fix, context.setup
+    if vehicle.stage is not Stage.RETURNING or beat is None or fix is None or not _is_up(context, vehicle):
+        return None
+    returns = is_home_mode(context.vehicles[vehicle.name].dialect, beat.custom_mode)
+    if not returns or vehicle.link.stale or now_s - fix.at_s >= context.limits.link_stale_s:
+        return None
+    pad = setup.pad_of(vehicle.name)
+    ends_m = [(*fix.place_m, setup.up_m(vehicle.name, fix.alt_rel_m))]
+    ends_m.append((pad.east_m, pad.north_m, setup.layers.height_m(vehicle.name, pad.east_m, pad.north_m)))
+    return Airway(vehicle.name, np.array([ends_m]), np.zeros((1, 2)))
+
+
 def _left(context: Context, vehicle: VehicleState) -> Airway | None:
     """Return what a vehicle may fly of what it has on board; None for one on the ground."""
     board = vehicle.assignment.board
@@ -106,7 +121,8 @@ def taken_by_others(context: Context, state: FleetState, offers: Iterable[Surviv
                 found.append(airway(context.setup, begun, first))
         elif vehicle.stage in {Stage.LOST, Stage.RETURNING} and not _leaves_the_line(context, vehicle, now_s):
             # It is on its way home in its layer, from wherever it was.
-            found.append(left.in_layer())
+            home = _way_home(context, vehicle, now_s)
+            found.append(left.in_layer() if home is None else home)
         else:
             found.append(left)
     return found

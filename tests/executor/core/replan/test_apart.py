@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import random
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import Phase, given, settings
@@ -203,6 +204,45 @@ def test_a_return_is_waited_for_until_it_is_seen_in_its_layer() -> None:
     for up_m, waits in ((15.0, True), (layer_m, False)):
         up = state.put(with_facts(back, fix=replace(low, alt_rel_m=up_m)))
         assert apart.closing(chosen, up, NOW_S) is waits
+
+
+@pytest.mark.parametrize(
+    ("facts", "ago_s", "up_m", "straight"),
+    [
+        ({}, 0.0, 0.0, True),
+        ({"stage": Stage.LOST}, 0.0, 0.0, False),
+        ({"stage": Stage.PILOT}, 0.0, 0.0, False),
+        ({"heartbeat": Heartbeat(3, AUTO, True, 4)}, 0.0, 0.0, False),
+        ({"stale": True}, 0.0, 0.0, False),
+        ({}, 10.0, 0.0, False),
+        ({}, 0.0, -5.0, False),
+    ],
+)
+def test_who_is_seen_on_its_way_home_closes_that_alone(
+    facts: dict[str, Any], ago_s: float, up_m: float, *, straight: bool
+) -> None:
+    """Its mission is over; who is not seen, or was taken by its pilot, may still fly all that is left of it."""
+    chosen = CONTEXTS[False]
+    state, name = with_somebody_low(chosen)
+    vehicle = state.vehicles[name]
+    fault = Fault(FaultKind.BATTERY, "low", NOW_S - 90.0, FaultCode.BATTERY_LOW)
+    fix = vehicle.motion.fix
+    assert fix is not None
+    alt_m = chosen.setup.layers.offset_m(name) + 15.0 + up_m
+    back = with_facts(
+        replace(vehicle, fault=fault),
+        **{
+            "stage": Stage.RETURNING,
+            "heartbeat": Heartbeat(3, RTL, True, 4),
+            "fix": replace(fix, alt_rel_m=alt_m, at_s=NOW_S - ago_s),
+            **facts,
+        },
+    )
+    [taken] = [one for one in apart.taken_by_others(chosen, state.put(back), (), NOW_S) if one.vehicle == name]
+    pad = chosen.setup.pad_of(name)
+    way_m = [[*fix.place_m], [pad.east_m, pad.north_m]]
+    assert (taken.over_ground_m.tolist() == [way_m]) is straight
+    assert straight or len(taken.legs_m) > 1
 
 
 @pytest.mark.parametrize("stage", [Stage.LOST, Stage.RETURNING])
