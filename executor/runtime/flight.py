@@ -160,8 +160,10 @@ class Flight:
             self._tasks = None
 
     async def _ended_for_all(self) -> None:
-        """Wait for the end: who was lost may be heard, in the air, before this is reached."""
-        await self._over.wait()
+        """Wait for the end: who was lost may be heard, in the air, before this is reached.
+
+        A flight whose ground station was killed as it ended is over when it is taken up.
+        """
         while not (self._leaves or self.state.progress.finished):
             self._over.clear()
             await self._over.wait()

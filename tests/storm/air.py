@@ -220,7 +220,7 @@ def suffers(air: Air, one: Happening, now_s: float) -> bool:
         case "bursts":
             trouble.bursts_s = until_s
         case "frozen":
-            trouble.frozen_s = until_s
+            trouble.frozen_s = max(trouble.frozen_s, until_s)
         case "garbage":
             trouble.garbage_s = until_s
         case "gps jump":

@@ -41,6 +41,8 @@ BEAT_S = 1.0
 """A silence is over for the ground with the next HEARTBEAT."""
 ON_ITS_WAY_S = 2.5
 """What was true so long ago may still be said."""
+SEVERAL_S = 5.0
+"""Failsafes that act within this are one to who hears of them."""
 EDGE_M = 0.5
 """Of what is on its pad: how far from it a place was said to be, and was, differ by less."""
 AIRBORNE_M = 1.0
@@ -100,6 +102,12 @@ class StormJudge(Judge):
     def _lags(self, name: str) -> list[tuple[float, float]]:
         """Return when it was frozen, and for how long."""
         return [(at_s, one.for_s) for at_s, one in self._began(name, frozenset({"frozen"}))]
+
+    def _unseen_or_late(self, name: str, at_s: float) -> bool:
+        """Return whether nothing came from it, or all of it late."""
+        bursts = self._began(name, frozenset({"bursts"}))
+        late = any(began_s <= at_s <= began_s + one.for_s + AFTER_S for began_s, one in bursts)
+        return late or super()._silent(name, at_s)
 
     def _muddles(self, name: str) -> list[Span]:
         return [Span(at_s, at_s + one.for_s + AFTER_S, one.kind) for at_s, one in self._began(name, MUDDLES)]
@@ -183,8 +191,8 @@ class StormJudge(Judge):
         """Return whether somebody chose what its GCS failsafe leads to while nobody was heard, or in that moment."""
         if any(-2.5 <= one.t_s - span.to_s <= BEAT_S for span in self.silences(name)):
             return one.what.endswith((" RTL", " HOLD"))
-        unheard = [*self._began(name, frozenset({"bursts", "frozen"}))]
-        home = one.what.endswith((" RTL", " LAND"))
+        unheard = [*self._began(name, frozenset({"bursts", "frozen", "downlink lost", "held up"}))]
+        home = one.what.endswith((" RTL", " LAND") if self.flown.autopilot == "px4" else " RTL")
         return home and any(at_s <= one.t_s <= at_s + of.for_s for at_s, of in unheard)
 
     def _unheard_until_s(self, name: str, at_s: float) -> float:
@@ -217,7 +225,8 @@ class StormJudge(Judge):
             return ""
         if self._fell_unseen(found["name"], at_s):
             return ""  # it stands where it would have landed, and nobody saw how that came
-        if self._came_down(found["name"], at_s)[-1:] == ["on_pad"] and self._put_unseen(found["name"], at_s):
+        ended = [one.what for one in self.happened(found["name"], "on_pad", "took_off", "landed") if one.t_s <= at_s]
+        if ended[-1:] == ["on_pad"] and self._put_unseen(found["name"], at_s):
             return ""  # it stands where it would have landed
         why = super()._landed(found, at_s, line)
         downs = [one.t_s for one in self.happened(found["name"], "disarmed") if one.t_s <= at_s]
@@ -231,7 +240,7 @@ class StormJudge(Judge):
         stops = [one for one in self.happened(name, "kill") if one.t_s <= at_s]
         whole = self._came_down(name, at_s)[-1:] == ["fell"]  # from no height that breaks it
         low = bool(stops) and (whole or (stops[-1].up_m or 0.0) <= FALLS_FROM_M)
-        return low and super()._silent(name, stops[-1].t_s)
+        return low and self._unseen_or_late(name, stops[-1].t_s)
 
     def _landed_untrue(self, name: str, at_s: float) -> str:
         return "" if self._fell_unseen(name, at_s) else super()._landed_untrue(name, at_s)
@@ -239,7 +248,7 @@ class StormJudge(Judge):
     def _put_unseen(self, name: str, at_s: float) -> bool:
         """Return whether it was put on its pad while it fell or nobody saw it: no story of this world."""
         put_s = max(one.t_s for one in self.happened(name, "on_pad") if one.t_s <= at_s)
-        fell = any(one.t_s <= put_s for one in self.happened(name, f"fault {name}:crash"))
+        fell = any(one.t_s <= put_s for one in self.happened(name, f"fault {name}:crash", "kill"))
         return fell or super()._silent(name, put_s + 1.0, 0.0)
 
     def _down(self, found: re.Match[str], at_s: float, line: Say) -> str:
@@ -268,6 +277,9 @@ class StormJudge(Judge):
         ]
 
     def _others_come(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        forged = self._began(found["name"], FORGERIES)
+        if any(0.0 <= at_s - began_s <= BEAT_S for began_s, _ in forged):
+            return ""  # that came
         cut = frozenset({"downlink lost", "frozen"})
         spans = [span for span in super().silences(found["name"]) if span.what == "silent"]
         spans += [Span(at, at + one.for_s, one.kind) for at, one in self._began(found["name"], cut)]
@@ -329,7 +341,12 @@ class StormJudge(Judge):
         explained = any(0 <= at_s - began_s <= EXPLAINS_S for began_s, _ in lies)
         if explained or self._silent(name, at_s, 30.0) or self._as_its_failsafe(name, at_s):
             return ""
-        return super()._by_itself(found, at_s, line)
+        why = super()._by_itself(found, at_s, line)
+        acted = [one for one in self.happened(name, "failsafe ") if at_s - SEVERAL_S <= one.t_s <= at_s]
+        if why == "it was its fence" and len(acted) > 1:
+            return ""  # it was that, too
+        known = [one for one in self.happened(name, "pilot ", "station ") if one.t_s <= at_s - BEAT_S]
+        return "" if why.startswith("somebody did it") and not known else why
 
     def _as_its_failsafe(self, name: str, at_s: float) -> bool:
         """Return whether somebody chose a way home while its failsafe had begun another: nobody tells them apart."""

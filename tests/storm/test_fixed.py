@@ -103,3 +103,12 @@ def test_who_comes_back_with_work_that_another_was_given_is_planned_for(autopilo
     assert findings(stormed) == []
     assert not any("trying again" in line.text for _, line in stormed.flown.said)
     assert sum(line.text.startswith("re-plan 2 found") for _, line in stormed.flown.said) == 1
+
+
+def test_a_ground_station_that_is_killed_as_the_flight_ends_finds_it_over() -> None:
+    """What was found last, that it lies on its back, ended the flight; the same step was the last that was kept."""
+    late, wreck = Happening("bursts", "uav1", 60.0, 10.0), Happening("wreck", "uav1", 67.0)
+    killed = Happening("ground killed", GROUND, 73.4, 10.0)
+    stormed = fly(Plot(8766, "ardupilot", "apart", {"uav1": (2,)}, (late, wreck, killed)))
+    assert findings(stormed) == []
+    assert stormed.flown.ended_s is not None

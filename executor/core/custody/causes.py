@@ -154,9 +154,10 @@ def cause_of(  # noqa: PLR0911 - one return for each cause
         return Cause.OURS
     if is_mission_mode(dialect, mode) and vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.LOST}:
         return Cause.OURS
-    if _goes_on_down(dialect, before.telemetry.heartbeat, mode) and not _lands_elsewhere(context, before, vehicle):
+    goes_down = dialect.ends_in_other_mode and _goes_on_down(dialect, before.telemetry.heartbeat, mode)
+    if goes_down and not _lands_elsewhere(context, before, vehicle):
         return before.custody.cause  # a return ends in a landing
-    if _ends_its_mission(context, vehicle, mode):
+    if before.custody.cause is not Cause.PERSON and _ends_its_mission(context, before, vehicle, mode):
         return Cause.MISSION
     if _persons_still(context, before, vehicle) or by_person(context, vehicle):
         return Cause.PERSON
@@ -242,13 +243,19 @@ def _lands_elsewhere(context: Scene, before: VehicleState, vehicle: VehicleState
     return not ordered and not home
 
 
-def _ends_its_mission(context: Scene, vehicle: VehicleState, mode: int) -> bool:
-    """Return whether a mission's own last items lead to this mode: PX4 leaves mission mode for a landing."""
+def _ends_its_mission(context: Scene, before: VehicleState, vehicle: VehicleState, mode: int) -> bool:
+    """Return whether a mission's own last items lead to this mode.
+
+    PX4 leaves mission mode for a landing, and holds when it stands on the ground: nothing follows on that.
+    """
     dialect, leg = context.vehicles[vehicle.name].dialect, vehicle.leg
     if vehicle.stage is not Stage.FLYING or leg is None or not dialect.ends_in_other_mode:
         return False
-    low = vehicle.motion.fix is not None and vehicle.motion.fix.alt_rel_m <= context.limits.airborne_m
-    itself = is_home_mode(dialect, mode) or (mode == dialect.modes.hold.custom_mode and low)
+    beat, old, fix = vehicle.telemetry.heartbeat, before.telemetry.heartbeat, vehicle.motion.fix
+    held = old is not None and old.custom_mode == dialect.modes.hold.custom_mode
+    low = fix is not None and fix.alt_rel_m <= context.limits.airborne_m
+    calm = beat is not None and beat.system_status < CRITICAL  # a failsafe holds it in its landing as anywhere else
+    itself = (is_home_mode(dialect, mode) and not held) or (mode == dialect.modes.hold.custom_mode and low and calm)
     return itself and leg.phase is Phase.LAND
 
 
@@ -270,7 +277,7 @@ def _explained(context: Scene, absences: Sequence[Absence], vehicle: VehicleStat
         or vehicle.sensors.fence_breached
         or bool(off_its_fence(vehicle, now_s, context.limits.link_stale_s))
         or vehicle.power.battery.charge_state >= CHARGE_EMERGENCY
-        or _unseen(vehicle)
+        or (_unseen(vehicle) and _silence_leads_to(context, vehicle, beat.custom_mode))
         or missed_us(context, absences, vehicle, now_s)
     )
 
@@ -362,6 +369,17 @@ def _unseen(vehicle: VehicleState) -> bool:
     )
 
 
+def _silence_leads_to(context: Scene, vehicle: VehicleState, mode: int) -> bool:
+    """Return whether its GCS failsafe leads to a mode, as far as it is known; or its mission, over its pad."""
+    setup = context.vehicles[vehicle.name]
+    dialect = setup.dialect
+    if not setup.returns:
+        return True
+    if mode == dialect.modes.land.custom_mode:
+        return dialect.ends_in_other_mode and over_its_pad(context, vehicle)
+    return mode != dialect.modes.hold.custom_mode or dialect.ground_station_failsafe.pause is not None
+
+
 HOLDS_ON_S = 5.0
 """PX4's clock and ours differ by what its link adds."""
 REACTS_S = 30.0
@@ -376,7 +394,8 @@ BEAT_S = 1.0
 
 def missed_us(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle's GCS failsafe acts because the ground station was not there, or could not be heard."""
-    if not absences:
+    beat = vehicle.telemetry.heartbeat
+    if not absences or (beat is not None and not _silence_leads_to(context, vehicle, beat.custom_mode)):
         return False
     away = absences[-1]
     failsafe_s = context.vehicles[vehicle.name].failsafe_s

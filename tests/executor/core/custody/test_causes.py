@@ -15,7 +15,7 @@ from executor.core.parts import Before, Cause
 from executor.core.resume.blackout import taken_up
 from executor.core.state import Absence, FleetState
 from executor.core.vehicle import Stage, VehicleState
-from tests.executor.builders import fleet_of, with_facts
+from tests.executor.builders import fleet_of, vehicle, with_facts
 from tests.executor.core.vehicles import AUTO, CONTEXT, NOW_S, RTL, at, flying, pack, says
 
 LOITER, BRAKE, LAND, SMART_RTL = 5, 17, 9, 21
@@ -81,7 +81,7 @@ def test_a_hold_whose_heartbeats_know_of_no_failsafe_is_a_persons(
     assert looked_at_again(CONTEXT, (), held, NOW_S).custody.cause is cause
 
 
-PX4_HOLD, PX4_RTL = 50593792, 84148224
+PX4_MISSION, PX4_HOLD, PX4_RTL = 67371008, 50593792, 84148224
 LOW = pack(3.0, charge_state=3)
 OUT_OF_BOUNDS = says("Geofence: exceeding maximum distance to Home", NOW_S - 15.0)
 
@@ -194,22 +194,121 @@ def test_a_landing_that_is_left_for_a_return_is_a_persons_unless_that_was_ordere
     assert judged(CONTEXT, (), lands, went(RTL, **orders), NOW_S).custody.cause is cause
 
 
-def test_a_return_ends_in_a_landing_for_the_same_cause() -> None:
+PX4_LAND = 100925440
+
+
+def on_px4(mode: int, **changes: object) -> VehicleState:
+    """Return the same for a PX4."""
+    return went(mode, **{"heartbeat": Heartbeat(12, mode, True, 4)} | changes)
+
+
+def test_a_return_of_a_px4_ends_in_a_landing_for_the_same_cause() -> None:
+    px4 = fleet_of(autopilot="px4").context
+    home = flying(heartbeat=Heartbeat(12, PX4_RTL, True, 4), cause=Cause.MISSION)
+    assert cause_of(px4, (), home, on_px4(PX4_LAND, fix=at(east_m=3.0)), NOW_S) is Cause.MISSION
+    assert cause_of(px4, (), home, on_px4(PX4_HOLD, fix=at(east_m=3.0)), NOW_S) is Cause.PERSON
+    assert cause_of(px4, (), flying(cause=Cause.MISSION), on_px4(PX4_LAND), NOW_S) is Cause.PERSON
+
+
+@pytest.mark.parametrize("cause", [Cause.OURS, Cause.FAILSAFE, Cause.MISSION])
+def test_a_return_of_an_arducopter_ends_in_its_own_mode(cause: Cause) -> None:
+    """Whoever chooses LAND over the pad is a person; a failsafe that does says why."""
     for mode in (RTL, SMART_RTL):
-        home = flying(heartbeat=Heartbeat(3, mode, True, 4), cause=Cause.MISSION)
-        assert cause_of(CONTEXT, (), home, went(LAND, fix=at(east_m=3.0)), NOW_S) is Cause.MISSION
-        assert cause_of(CONTEXT, (), home, went(BRAKE, fix=at(east_m=3.0)), NOW_S) is Cause.PERSON
-    assert cause_of(CONTEXT, (), flying(cause=Cause.MISSION), went(LAND), NOW_S) is Cause.PERSON
+        home = flying(heartbeat=Heartbeat(3, mode, True, 4), cause=cause)
+        landing = went(LAND, fix=at(east_m=3.0))
+        assert cause_of(CONTEXT, (), home, landing, NOW_S) is Cause.PERSON
+        said_why = with_facts(landing, alarm=("Battery Failsafe", NOW_S))
+        assert cause_of(CONTEXT, (), home, said_why, NOW_S) is Cause.FAILSAFE
 
 
 @pytest.mark.parametrize(("age_s", "cause"), [(3.0, Cause.MISSION), (3.1, Cause.PERSON)])
 def test_over_the_pad_is_who_has_just_said_so(age_s: float, cause: Cause) -> None:
     """Its last position before it went silent is that of its pad, and it has flown for half a minute since."""
-    home = flying(heartbeat=Heartbeat(3, RTL, True, 4), cause=Cause.MISSION)
-    landing = went(LAND, fix=at(east_m=3.0, age_s=age_s))
-    assert cause_of(CONTEXT, (), home, landing, NOW_S) is cause
+    px4 = fleet_of(autopilot="px4").context
+    home = flying(heartbeat=Heartbeat(12, PX4_RTL, True, 4), cause=Cause.MISSION)
+    landing = on_px4(PX4_LAND, fix=at(east_m=3.0, age_s=age_s))
+    assert cause_of(px4, (), home, landing, NOW_S) is cause
     said_why = with_facts(landing, alarm=("EKF Failsafe", NOW_S))
-    assert cause_of(CONTEXT, (), home, said_why, NOW_S) is (Cause.FAILSAFE if age_s > 3.0 else cause)
+    assert cause_of(px4, (), home, said_why, NOW_S) is (Cause.FAILSAFE if age_s > 3.0 else cause)
+
+
+def landing_px4(**changes: object) -> VehicleState:
+    """Return a PX4 at the end of its mission, just above its pad."""
+    px4 = fleet_of(autopilot="px4")
+    given = {
+        "stage": Stage.FLYING,
+        "heartbeat": Heartbeat(12, PX4_MISSION, True, 4),
+        "waypoint": 5,
+        "fix": at(up_m=1.0),
+    }
+    return vehicle(px4, "uav1", **given | changes)
+
+
+@pytest.mark.parametrize(
+    ("mode", "status", "before", "cause"),
+    [
+        (PX4_LAND, 4, Cause.OURS, Cause.MISSION),
+        (PX4_HOLD, 4, Cause.OURS, Cause.MISSION),
+        (PX4_HOLD, 5, Cause.OURS, Cause.FAILSAFE),
+        (PX4_LAND, 4, Cause.PERSON, Cause.PERSON),
+        (PX4_RTL, 4, Cause.PERSON, Cause.PERSON),
+    ],
+)
+def test_the_end_of_a_mission_is_no_failsafes_hold_and_no_pilots(
+    mode: int, status: int, before: Cause, cause: Cause
+) -> None:
+    """A failsafe that holds it in its landing goes on by itself; who took it there goes on having it."""
+    assert caused_at_the_end(mode, status, before) is cause
+
+
+@pytest.mark.parametrize("mode", [PX4_LAND, PX4_RTL])
+def test_who_holds_at_the_end_of_its_mission_goes_nowhere_by_itself(mode: int) -> None:
+    assert caused_at_the_end(mode, 4, Cause.MISSION, Heartbeat(12, PX4_HOLD, True, 4)) is Cause.PERSON
+
+
+ON_ITS_MISSION = Heartbeat(12, PX4_MISSION, True, 4)
+
+
+def caused_at_the_end(mode: int, status: int, before: Cause, old: Heartbeat = ON_ITS_MISSION) -> Cause:
+    px4 = fleet_of(autopilot="px4").context
+    told = {"heartbeat": Heartbeat(12, mode, True, status), "mode_since_s": NOW_S}
+    found = landing_px4(**told, critical_since_s=NOW_S if status == 5 else None)
+    earlier = landing_px4(heartbeat=old, cause=before, mode_since_s=NOW_S - 1.0)
+    return cause_of(px4, (), earlier, found, NOW_S)
+
+
+def returning_in_silence(autopilot: str) -> Context:
+    """Return a flight in which uav1's GCS failsafe is known to be an RTL."""
+    context = with_failsafe(autopilot)
+    return replace(context, vehicles={**context.vehicles, "uav1": replace(context.vehicles["uav1"], returns=True)})
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "mode", "east_m", "cause"),
+    [
+        ("ardupilot", RTL, 90.0, Cause.FAILSAFE),
+        ("ardupilot", SMART_RTL, 90.0, Cause.FAILSAFE),
+        ("ardupilot", LAND, 90.0, Cause.PERSON),
+        ("ardupilot", LAND, 3.0, Cause.PERSON),
+        ("ardupilot", BRAKE, 90.0, Cause.PERSON),
+        ("px4", PX4_RTL, 90.0, Cause.FAILSAFE),
+        ("px4", PX4_HOLD, 90.0, Cause.FAILSAFE),
+        ("px4", PX4_LAND, 90.0, Cause.PERSON),
+        ("px4", PX4_LAND, 3.0, Cause.FAILSAFE),
+    ],
+)
+def test_a_silence_explains_what_its_failsafe_leads_to(autopilot: str, mode: int, east_m: float, cause: Cause) -> None:
+    """A landing or a hold that was found after it is somebody's, unless a failsafe's HEARTBEAT or text says more."""
+    context, away = returning_in_silence(autopilot), (Absence(NOW_S - 1.0, 10.0, restarted=False, deaf=True),)
+    autopilot_id = 12 if autopilot == "px4" else 3
+    found = went(mode, heartbeat=Heartbeat(autopilot_id, mode, True, 4), unseen_until_s=NOW_S, fix=at(east_m=east_m))
+    before = flying(
+        heartbeat=Heartbeat(autopilot_id, context.vehicles["uav1"].dialect.modes.mission.custom_mode, True, 4)
+    )
+    assert cause_of(context, away, before, found, NOW_S) is cause
+    assert missed_us(context, away, found, NOW_S) is (cause is Cause.FAILSAFE)
+    critical = with_facts(found, heartbeat=Heartbeat(autopilot_id, mode, True, 5), critical_since_s=NOW_S)
+    assert cause_of(context, away, before, critical, NOW_S) is Cause.FAILSAFE
 
 
 def test_whoever_holds_an_arducopter_on_the_return_that_was_ordered_is_a_person() -> None:

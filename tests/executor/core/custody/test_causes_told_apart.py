@@ -125,9 +125,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ["person", "ours", "ours", "person", "person", "person", "person", "ours"],
     ),
     (
-        "a return that ends in a landing",
+        "a return that is broken off for a landing at home",
         lambda: [caused(LAND, flying(heartbeat=beat(RTL), cause=cause, fix=at(east_m=0.0))) for cause in Cause],
-        ["ours", "mission", "failsafe", "person, for certain"],
+        ["person", "person", "person", "person, for certain"],
     ),
     (
         "a return that is broken off for a landing elsewhere",
