@@ -41,6 +41,8 @@ BEAT_S = 1.0
 """A silence is over for the ground with the next HEARTBEAT."""
 ON_ITS_WAY_S = 2.5
 """What was true so long ago may still be said."""
+CROSSES_S = 0.5
+"""What happens so shortly before a line is said crosses it on its way."""
 SEVERAL_S = 5.0
 """Failsafes that act within this are one to who hears of them."""
 EDGE_M = 0.5
@@ -345,7 +347,7 @@ class StormJudge(Judge):
         acted = [one for one in self.happened(name, "failsafe ") if at_s - SEVERAL_S <= one.t_s <= at_s]
         if why == "it was its fence" and len(acted) > 1:
             return ""  # it was that, too
-        known = [one for one in self.happened(name, "pilot ", "station ") if one.t_s <= at_s - BEAT_S]
+        known = [one for one in self.happened(name, "pilot ", "station ") if one.t_s <= at_s - CROSSES_S]
         return "" if why.startswith("somebody did it") and not known else why
 
     def _as_its_failsafe(self, name: str, at_s: float) -> bool:
