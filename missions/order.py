@@ -59,8 +59,8 @@ def rearranged(
     best = {name: tuple(visits) for name, visits in routes.items()}
     if sum(map(len, best.values())) > MOST_VISITS:
         return best
-    times = Times(setup, models, ahead_s)
-    high = times.from_layers(best)
+    timetable = Timetable(setup, models, ahead_s)
+    high = timetable.from_layers(best)
     priced, flown, going_on = 0, 0, True
     while high and going_on:
         going_on = False
@@ -71,7 +71,7 @@ def rearranged(
             if math.isinf(costs[number]):
                 break
             flown += 1
-            found = times.from_layers(near[number])
+            found = timetable.from_layers(near[number])
             if len(found) < len(high) and may(near[number]):
                 best, high, going_on = near[number], found, True
                 break
@@ -109,7 +109,7 @@ def _back(visits: tuple[int, ...]) -> tuple[int, ...]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Times:
+class Timetable:
     """When routes come where, if everybody flies as planned; what was reckoned for one stays for the next."""
 
     setup: FlightSetup

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from missions import FlightSetup, Inspection, dialect_for, flight_setup
 from missions.asked import Routes
 from missions.flight_model import FlightModel
-from missions.order import MOST_VISITS, Times, rearranged
+from missions.order import MOST_VISITS, Timetable, rearranged
 from planner import SteadyWind, segment_of
 from tests.missions.builders import line_east
 
@@ -40,7 +40,7 @@ def chosen(
 
 
 def from_layers(routes: Routes) -> int:
-    return len(Times(SETUP, dict.fromkeys(NAMES, MODEL), AHEAD_S).from_layers(routes))
+    return len(Timetable(SETUP, dict.fromkeys(NAMES, MODEL), AHEAD_S).from_layers(routes))
 
 
 OUT, BACK = (6, 8, 10), (11, 9, 7)
