@@ -89,6 +89,14 @@ def place_words(context: Scene, vehicle: VehicleState) -> str:
     return f"down at {coordinates(context, vehicle)}, {state}"
 
 
+def lean_words(vehicle: VehicleState) -> str:
+    """Return how a vehicle leans that stands or flies as none does; empty if it does not."""
+    attitude = vehicle.sensors.attitude
+    if vehicle.sensors.tilted_since_s is None or attitude is None:
+        return ""
+    return f"leans by {max(abs(attitude.roll_deg), abs(attitude.pitch_deg)):.0f} degrees"
+
+
 def over_its_pad(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether it is where it may land, seen from above."""
     fix = vehicle.motion.fix

@@ -6,7 +6,7 @@ import math
 
 from executor.core.context import Context
 from executor.core.homing.homeward import comes_home
-from executor.core.places import coordinates, over_its_pad, place_words
+from executor.core.places import coordinates, lean_words, over_its_pad, place_words
 from executor.core.vehicle import Stage, VehicleState
 
 _SEEN = frozenset({Stage.FLYING, Stage.RETURNING, Stage.PILOT})
@@ -23,9 +23,7 @@ def found_down(context: Context, vehicle: VehicleState, now_s: float) -> str:
     if vehicle.stage not in _SEEN or not vehicle.armed or fix is None:
         return ""
     if vehicle.sensors.tilted_since_s is not None and now_s - vehicle.sensors.tilted_since_s >= limits.tilt_s:
-        tilt = vehicle.sensors.attitude
-        angle_deg = 0.0 if tilt is None else max(abs(tilt.roll_deg), abs(tilt.pitch_deg))
-        return f"leans by {angle_deg:.0f} degrees, {place_words(context, vehicle)}"
+        return f"{lean_words(vehicle)}, {place_words(context, vehicle)}"
     if now_s - fix.at_s > limits.link_stale_s:
         return ""
     if vehicle.stage is not Stage.RETURNING or not _still(context, vehicle, now_s):

@@ -10,7 +10,7 @@ from executor.core.battery.pack import doubted_at_rest
 from executor.core.commands import Level, Say
 from executor.core.context import Context, FlyAgain
 from executor.core.hearing.charge import facts_of
-from executor.core.places import UNSEEN_S, fell, last_heard, over_its_pad, place_words, sank
+from executor.core.places import UNSEEN_S, fell, last_heard, lean_words, over_its_pad, place_words, sank
 from executor.core.state import FleetState, Stepped
 from executor.core.vehicle import Stage, VehicleState, moved_to
 
@@ -30,6 +30,8 @@ def _fell(context: Context, vehicle: VehicleState, now_s: float) -> bool | None:
     fix = vehicle.motion.fix
     if not vehicle.sortie.took_off or fix is None:
         return False
+    if vehicle.sensors.tilted_since_s is not None:
+        return True
     if fix.at_s < vehicle.sortie.disarmed_s + SEEN_AFTER_S and now_s - vehicle.sortie.disarmed_s < UNSEEN_S:
         return True if fix.alt_rel_m > context.limits.off_pad_up_m and not vehicle.orders.lands else None
     # A commanded landing may end on a hill.
@@ -51,7 +53,8 @@ def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now
     if came_down is None:
         return state, ()
     if came_down:
-        text = f"{vehicle.name}: came down, but not in a landing; {last_heard(context, vehicle)}"
+        leans = f"; {lean}" if (lean := lean_words(vehicle)) else ""
+        text = f"{vehicle.name}: came down, but not in a landing{leans}; {last_heard(context, vehicle)}"
         lies = replace(
             moved_to(vehicle, Stage.DOWN),
             assignment=replace(vehicle.assignment, run=None),

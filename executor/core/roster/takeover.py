@@ -15,7 +15,7 @@ from executor.core.custody.causes import held_long, held_unseen
 from executor.core.homing.homeward import on_mission
 from executor.core.messages import Actor
 from executor.core.parts import Cause, TakenOver
-from executor.core.places import killed, last_heard, over_its_pad, place_words
+from executor.core.places import killed, last_heard, lean_words, over_its_pad, place_words
 from executor.core.replan import new_missions
 from executor.core.roster.withdraw import withdrawn
 from executor.core.state import FleetState
@@ -135,7 +135,8 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepp
     fix = vehicle.motion.fix
     # Who has landed may be switched off by its kill switch too.
     in_the_air = killed(context, vehicle) and vehicle.telemetry.on_ground is False
-    fell = fix is not None and (fix.alt_rel_m > context.limits.off_pad_up_m or in_the_air)
+    lean = lean_words(vehicle) if vehicle.sortie.took_off else ""
+    fell = bool(lean) or (fix is not None and (fix.alt_rel_m > context.limits.off_pad_up_m or in_the_air))
     place = "" if over_its_pad(context, vehicle) and not fell else f", {place_words(context, vehicle)}"
     stage = Stage.DOWN if place else Stage.LANDED
     vehicle = vehicle if place else sorties.sortie_ended(vehicle, vehicle.link.heard_s or 0.0)
@@ -151,7 +152,8 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepp
     text = f"{vehicle.name}: is on the ground, landed or disarmed by its pilot{place}"
     if fell:
         # A landing on a hill, or motors that were stopped in the air: the position of that moment does not tell.
-        text = f"{vehicle.name}: disarmed with its pilot; {last_heard(context, vehicle)}"
+        leans = f"; {lean}" if lean else ""
+        text = f"{vehicle.name}: disarmed with its pilot{leans}; {last_heard(context, vehicle)}"
     if not place and not vehicle.sortie.took_off:
         text = f"{vehicle.name}: disarmed by its pilot on its pad; it stays there until it is included"
     elif not place and vehicle.sortie.rebooted_s is not None:

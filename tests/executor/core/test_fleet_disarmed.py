@@ -7,7 +7,7 @@ import pytest
 from executor.core.battery.account import BatteryState
 from executor.core.commands import AskStreams, Level, Say
 from executor.core.events import Tick
-from executor.core.messages import Heartbeat
+from executor.core.messages import Attitude, Heartbeat
 from executor.core.parts import Cause, Errand
 from executor.core.state import Told
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
@@ -251,6 +251,40 @@ ROWS = [
         [Say(Level.INFO, "uav1: landed with 90 %")],
         {"uav1": {"stage": Stage.LANDED}},
         {"considered": frozenset({"uav1"})},
+    ),
+    Row(
+        "who lies on its back has not landed",
+        landed(stage=Stage.RETURNING, tilted_since_s=NOW_S - 1.0, attitude=Attitude(170.0, 5.0)),
+        Tick(),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: came down, but not in a landing; leans by 170 degrees; last position 49.600138, "
+                    "15.599467, 0 m over its home"
+                ),
+            )
+        ],
+        {"uav1": {"stage": Stage.DOWN, "anchor": LOW}},
+        {},
+    ),
+    Row(
+        "who lies on its back in its pilot's hands has not landed",
+        landed(
+            stage=Stage.PILOT, taken=TAKEN, cause=Cause.PERSON, tilted_since_s=NOW_S - 1.0, attitude=Attitude(1.0, 95.0)
+        ),
+        Tick(),
+        [
+            Say(
+                Level.FAULT,
+                (
+                    "uav1: disarmed with its pilot; leans by 95 degrees; last position 49.600138, 15.599467, 0 m "
+                    "over its home"
+                ),
+            )
+        ],
+        {"uav1": {"stage": Stage.DOWN, "excluded": True, "taken": None}},
+        {"urgent": True, "trigger": "uav1: landed by its pilot", "trigger_s": NOW_S},
     ),
     Row(
         "who disarms without a take-off has not landed",
