@@ -75,6 +75,8 @@ class Airframe:
         self.highest_m = 0.0
         self._turns_over = False
         """Whether the fall under way ends on its back."""
+        self._stops = False
+        """Whether it was disarmed as the fall began."""
         self._bears_m_s = HARD_LANDING_M_S
         """How hard the fall under way may end."""
         self._descending = False
@@ -136,7 +138,7 @@ class Airframe:
     def arm(self) -> None:
         """Start the motors."""
         if not self.armed:
-            self.armed = True
+            self.armed, self._stops = True, False
             self._ground_s = 0.0
             self.happened("armed")
 
@@ -145,7 +147,7 @@ class Airframe:
         if not self.armed:
             return
         if not self.body.on_ground and not self.wrecked:
-            self._falling = True
+            self._falling = self._stops = True
             return
         self._motors_off()
         self.pilot.fly([])
@@ -160,13 +162,13 @@ class Airframe:
         self.pilot.fly([])
 
     def wreck(self) -> None:
-        """Fall, and lie on its back from then on, with the motors on."""
+        """Fall, and lie on its back from then on; with the motors on, if it was not disarmed."""
         self._turns_over = True
         self._falling = True
 
     def put_on_pad(self) -> None:
         """Stand on its pad as if nothing had been, as a simulator does that is restarted."""
-        self._falling = self.wrecked = self._turns_over = False
+        self._falling = self.wrecked = self._turns_over = self._stops = False
         self.crashed_s = None
         self.body.east_m = self.body.north_m = self.body.up_m = 0.0
         self.body.stop()
@@ -236,6 +238,8 @@ class Airframe:
         self.body.stop()
         self.body.up_m, self.body.roll_rad = WRECK_UP_M, WRECK_ROLL_RAD
         self.happened("wreck")
+        if self._stops:
+            self._motors_off()
 
     def _fly(self, dt_s: float) -> None:
         self.pilot.step(dt_s)

@@ -8,24 +8,20 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived, LaunchOrdered
-from executor.core.intents import Action, Outcome
-from executor.simulator.autopilot import LAST_WORDS_S, STEP_S
+from executor.core.intents import Action
+from executor.simulator.autopilot import STEP_S
 from executor.simulator.faults import InjectionKind, parse_fault
 from executor.simulator.truth import Truth
-from tests.stories.story import MISSION
+from tests.stories.record import KNOWS_S, Record, Span, distance_m, last_words_s, place
 from tests.stories.world import Flown
 
-OURS = 255
-KNOWS_S = 1.5
 BEGUN_AGAIN_S = 13.0
 """A broken-off upload is begun again within this: ArduPilot frees the transfer after 8 s."""
-"""Until a change on board is known on the ground, and what was on its way has arrived."""
 ON_ITS_WAY_S = 0.3
 """A command that was sent before it happened arrives within this."""
 LANDING_KNOWN_S = 3.0
@@ -34,10 +30,7 @@ OBEYS_S = 60.0
 """An order that a person asked for is given within this, tries included."""
 LAUNCH_S = 75.0
 """The launch is the crew's word for a take-off this soon after it; whoever starts later needs another."""
-ON_PAD_M = 6.0
 PLACE_M = 12.0
-FALLS_FROM_M = 2.0
-"""Who stops lower than this stands where it was."""
 """What is said of a place is true within this."""
 SHOWN_S = 4.0
 """The page shows a takeover, or a wreck, within this."""
@@ -48,11 +41,8 @@ AWAKE_S = 2.0
 """A ground station that stood still, or was not there, says within this what it finds."""
 GIVEN_S = 240.0
 """Segments that are given to others go on board of somebody within this."""
-HARMLESS = frozenset({"401", "410", "510", "511", "512", "520", "42428"})
-"""Commands that ask for messages and reasons, and move nothing."""
 MOVES = ("order command 400 1", "order command 300", "order command 22")
 COORDINATES = re.compile(r"-?\d{1,3}\.\d{4,}")
-EARTH_M_DEG = 111_195.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,47 +57,8 @@ class Finding:
         return f"[{self.rule}] {self.at_s:.1f} s: {self.text}"
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
-    """A time in which a vehicle was in a state of its own."""
-
-    from_s: float
-    to_s: float
-    what: str
-
-
-def distance_m(one: tuple[float, float], two: tuple[float, float]) -> float:
-    """Return how far two places on the globe are apart; near enough over a few kilometres."""
-    north = (one[0] - two[0]) * EARTH_M_DEG
-    east = (one[1] - two[1]) * EARTH_M_DEG * math.cos(math.radians(one[0]))
-    return math.hypot(north, east)
-
-
-def place(truth: Truth) -> tuple[float, float]:
-    """Return where the vehicle was."""
-    assert truth.lat_deg is not None
-    assert truth.lon_deg is not None
-    return truth.lat_deg, truth.lon_deg
-
-
-class Judge:
+class Judge(Record):
     """One story's flight, looked at afterwards."""
-
-    on_pad_m = ON_PAD_M
-
-    def __init__(self, flown: Flown) -> None:
-        self.flown = flown
-        self.end_s = flown.given_up_s
-        self.names = tuple(flown.sysids)
-        self._of = {
-            name: tuple(sorted((one for one in flown.truths if one.vehicle == name), key=lambda one: one.t_s))
-            for name in self.names
-        }
-        self._events = {name: tuple(one for one in of if one.what != "at") for name, of in self._of.items()}
-        self._times = {name: [one.t_s for one in of] for name, of in self._of.items()}
-        self._found: dict[tuple[str, ...], list[Truth]] = {}
-        self._asked = tuple((at_s, event.intent) for at_s, event in flown.log if isinstance(event, IntentReceived))
-        self._refused = {record.intent.id for record in flown.intents if record.outcome is Outcome.REFUSED}
 
     def findings(self) -> list[Finding]:
         """Return everything that must not be, in the order of its time."""
@@ -120,115 +71,6 @@ class Judge:
     def _own_rules(self) -> Sequence[Callable[[], Iterator[Finding]]]:
         """Return what else is held against the truth."""
         return ()
-
-    # What really happened.
-
-    def happened(self, name: str, *prefixes: str) -> list[Truth]:
-        """Return a vehicle's truths that begin so."""
-        key = (name, *prefixes)
-        if key not in self._found:
-            self._found[key] = [one for one in self._events[name] if one.what.startswith(prefixes)]
-        return self._found[key]
-
-    def orders(self, name: str) -> list[Truth]:
-        """Return what this ground station commanded after the launch."""
-        return [
-            one
-            for one in self.happened(name, "order ")
-            if one.sender == OURS
-            and one.t_s >= self.flown.began_s
-            and not (one.what.startswith("order command ") and one.what.split()[2] in HARMLESS)
-        ]
-
-    def hands(self, name: str) -> list[Span]:
-        """Return when somebody else had it: from the takeover until it was returned and the crew took it back."""
-        mission, auto = MISSION[self.flown.autopilot]["mission"], self._returned_suffices()
-        happened = [(one.t_s, one.what) for one in self._by_others(name)]
-        happened += [(at_s, "included") for at_s in (*self._included(name), *self._taken_back(name))]
-        spans: list[Span] = []
-        taken: tuple[float, str] | None = None
-        for at_s, what in sorted(happened):
-            back = what.endswith(f" {mission}")
-            if taken is None and not back and what != "included":
-                taken = (at_s, what)
-            elif taken is not None and (what == "included" or (back and auto)):
-                spans.append(Span(taken[0], at_s, taken[1]))
-                taken = None
-        return [*spans, Span(taken[0], self.end_s, taken[1])] if taken is not None else spans
-
-    def _by_others(self, name: str) -> list[Truth]:
-        """Return what others did to it; who chooses the mode that is flown already does nothing that is to be seen."""
-        modes = [one.t_s for one in self.happened(name, "mode ")]
-        return [
-            one
-            for one in self.happened(name, "pilot ", "station ", "kill")
-            if one.what == "kill" or any(0 <= at_s - one.t_s < 0.1 for at_s in modes)
-        ]
-
-    def _taken_back(self, name: str) -> list[float]:
-        """Return when the crew took it out of its pilot's hands, asked twice."""
-        commands = {Action.HOLD, Action.RESUME, Action.RETURN, Action.LAND}
-        return [
-            at_s
-            for at_s, intent in self._asked
-            if intent.action in commands
-            and intent.vehicle == name
-            and intent.confirmed
-            and intent.id not in self._refused
-        ]
-
-    def _returned_suffices(self) -> bool:
-        return self.flown.story.tables.get("flight", {}).get("pilot_return") == "auto"
-
-    def _included(self, name: str) -> list[float]:
-        """Return when the crew took a vehicle back into the plan."""
-        return [
-            at_s
-            for at_s, intent in self._asked
-            if intent.action is Action.INCLUDE and intent.vehicle == name and intent.id not in self._refused
-        ]
-
-    def silences(self, name: str) -> list[Span]:
-        """Return when nothing came from it."""
-        spans: list[Span] = []
-        for one in self.happened(name, "fault "):
-            fault = parse_fault(one.what.removeprefix("fault "))
-            if fault.kind is InjectionKind.SILENT:
-                # A later one takes the place of one that goes on.
-                spans = [replace(span, to_s=min(span.to_s, one.t_s)) for span in spans]
-                spans.append(Span(one.t_s, one.t_s + (fault.value or math.inf), "silent"))
-            if fault.kind is InjectionKind.REBOOT:
-                spans.append(Span(one.t_s, one.t_s + 12.0, "reboot"))
-        put = [one.t_s for one in self.happened(name, "on_pad")]
-        spans += [
-            Span(one.t_s, min((at_s for at_s in put if at_s > one.t_s), default=math.inf), "crash")
-            for one in self.happened(name, "crash")
-        ]
-        return spans
-
-    def _silent(self, name: str, at_s: float, slack_s: float = 2.0) -> bool:
-        return any(span.from_s - slack_s <= at_s <= span.to_s + slack_s for span in self.silences(name))
-
-    def _known_s(self, name: str, at_s: float) -> float:
-        """Return when the ground can know what happened: not before a silence is over."""
-        for span in self.silences(name):
-            if span.from_s <= at_s <= span.to_s:
-                at_s = span.to_s + 1.0
-        return at_s
-
-    def at(self, name: str, at_s: float) -> Truth:
-        """Return the last truth of a vehicle by then: where it was, and what its battery held."""
-        behind = bisect_right(self._times[name], at_s + 0.05)
-        return self._of[name][max(0, behind - 1)]
-
-    def armed(self, name: str, at_s: float) -> bool:
-        """Return whether its motors were on."""
-        changes = [one for one in self.happened(name, "armed", "disarmed") if one.t_s <= at_s + 0.05]
-        return bool(changes) and changes[-1].what == "armed"
-
-    def from_pad_m(self, name: str, at_s: float) -> float:
-        """Return how far from its pad it was."""
-        return distance_m(place(self.at(name, at_s)), self.flown.pads[name])
 
     # Who commanded what.
 
@@ -506,28 +348,6 @@ class Judge:
         before = [one for one in causes if one.t_s <= at_s]
         return bool(before) and max(before, key=lambda one: one.t_s).what.startswith("failsafe")
 
-    def _came_down(self, name: str, at_s: float) -> list[str]:
-        """Return how it came down; a motor that stops where it stands after its landing is no fall."""
-        ends: list[str] = []
-        falls = True
-        first_s = min((one.t_s for one in self.happened(name, "took_off")), default=math.inf)
-        for one in self.happened(name, "kill", "crash", f"fault {name}:crash", "on_pad", "landed", "fell"):
-            if one.what == "fell" and one.t_s < first_s:
-                falls = False  # its motors stopped as they began to lift it
-            if one.what not in {"on_pad", "landed", "fell"}:
-                falls = one.up_m is None or one.up_m > FALLS_FROM_M
-            if one.what == "on_pad" and not self.armed(name, one.t_s - 0.1):
-                continue  # it stood there
-            if one.what.startswith("fault "):
-                continue  # its thrust goes there; how it comes down follows
-            if one.t_s > at_s:
-                continue
-            if falls or one.what in {"on_pad", "landed"}:
-                ends.append(one.what)
-            elif one.what == "fell":
-                ends.append("landed")  # by less than a hand's breadth
-        return ends
-
     def _landed_untrue(self, name: str, at_s: float) -> str:
         ended = [what for what in self._came_down(name, at_s) if what != "on_pad"]
         return f"it did not land, it was: {ended[-1]}" if ended and ended[-1] != "landed" else ""
@@ -575,11 +395,6 @@ class Judge:
         missing = flown.wanted - set(flown.inspected)
         if flown.story.completes and missing:
             yield Finding("completes", self.end_s, f"segments {sorted(missing)} are not inspected")
-
-
-def last_words_s(span: Span) -> float:
-    """Return how long into a silence it may still be said to be heard."""
-    return LAST_WORDS_S + KNOWS_S if span.what == "crash" else 0.0
 
 
 def told_in(flown: Flown) -> str:

@@ -14,7 +14,8 @@ from executor.core.intents import Action
 from executor.core.messages import Heartbeat
 from executor.simulator.autopilot import STEP_S
 from executor.simulator.truth import Truth
-from tests.stories.judge import FALLS_FROM_M, KNOWS_S, SHOWN_S, Finding, Judge, Span, distance_m, last_words_s, place
+from tests.stories.judge import SHOWN_S, Finding, Judge
+from tests.stories.record import FALLS_FROM_M, KNOWS_S, Span, distance_m, last_words_s, place
 from tests.stories.story import MISSION
 from tests.storm.plot import BEARS_S, Happening
 from tests.storm.sky import Stormed
@@ -274,9 +275,13 @@ class StormJudge(Judge):
         name = rf"^(?P<name>{'|'.join(self.names)}): "
         return [
             *super()._claims(),
-            (re.compile(name + r"radio signal"), lambda *_: "there is no such radio on its link"),
+            (re.compile(name + r"radio signal"), self._has_radio),
             (re.compile(name + r".*while other messages come"), self._others_come),
         ]
+
+    def _has_radio(self, found: re.Match[str], at_s: float, line: Say) -> str:
+        # Who spoke as the vehicle before is at an address of its own from then on.
+        return "" if self._lied(found["name"], at_s, "forged disarmed") else "there is no such radio on its link"
 
     def _others_come(self, found: re.Match[str], at_s: float, line: Say) -> str:
         forged = self._began(found["name"], FORGERIES)
@@ -297,7 +302,8 @@ class StormJudge(Judge):
             for span in super().silences(name)
             if _quiet_s(span, self._lags(name)) + max(1.0, last_words_s(span)) < at_s < span.to_s - STEP_S
         ]
-        late = [began_s + one.for_s for began_s, one in self._began(name, frozenset({"held up"}))]
+        # A ground station that slept reads then what came in that time.
+        late = [began_s + one.for_s for began_s, one in self._began(name, frozenset({"held up", "ground sleeps"}))]
         if any(0.0 <= at_s - came_s < 2.0 for came_s in late):
             return ""  # it is heard with what was said before
         bursts = any(began_s <= at_s for began_s, _ in self._began(name, frozenset({"bursts", "bad link"})))
@@ -345,7 +351,8 @@ class StormJudge(Judge):
             return ""
         why = super()._by_itself(found, at_s, line)
         acted = [one for one in self.happened(name, "failsafe ") if at_s - SEVERAL_S <= one.t_s <= at_s]
-        if why == "it was its fence" and len(acted) > 1:
+        wrecked = [one for one in self.happened(name, f"fault {name}:wreck") if at_s - SEVERAL_S <= one.t_s <= at_s]
+        if why == "it was its fence" and len(acted) + len(wrecked) > 1:
             return ""  # it was that, too
         known = [one for one in self.happened(name, "pilot ", "station ") if one.t_s <= at_s - CROSSES_S]
         return "" if why.startswith("somebody did it") and not known else why
@@ -379,6 +386,10 @@ class StormJudge(Judge):
         if never_armed or self._forged(name, at_s) or (state in {"returning", "landing"} and self._sent(name, at_s)):
             return ""
         return super()._untrue(name, state, at_s)
+
+    def _overruled(self, name: str, at_s: float) -> bool:
+        """Return whether a failsafe acts, or acted until just now, although somebody has it."""
+        return super()._overruled(name, at_s) or super()._overruled(name, at_s - SHOWN_S)
 
     def _sent(self, name: str, at_s: float) -> bool:
         """Return whether somebody sent it home while nothing came from it: its failsafe might have done the same."""

@@ -168,3 +168,42 @@ def test_what_comes_late_over_a_bad_link_is_heard(kind: str, found: set[str]) ->
     began = (Happening(kind, "uav1", 90.0, 60.0),)
     told = stormed(("uav1", 100.0, "crash"), ("uav1", 100.0, "disarmed"), began=began, ended=("uav2",))
     assert rules(said(told, 104.7, "uav1: link regained")) & {"line"} == found
+
+
+@pytest.mark.parametrize(("hovers_m", "found"), [(0.2, set()), (9.0, {"line"})])
+def test_who_hovers_a_hands_breadth_over_its_pad_until_its_battery_is_empty_has_landed(
+    hovers_m: float, found: set[str]
+) -> None:
+    hover = tuple(truth("uav1", at_s, "at", PADS["uav1"], hovers_m) for at_s in (118.0, 119.0))
+    told = stormed(("uav1", 120.0, "fell"), ("uav1", 120.0, "disarmed"), truths=hover, ended=("uav2",))
+    assert rules(said(told, 120.5, "uav1: landed by its pilot")) & {"line"} == found
+
+
+@pytest.mark.parametrize(("wrecked", "found"), [(True, set()), (False, {"line"})])
+def test_who_falls_and_leaves_its_fence_is_named_for_either(wrecked: bool, found: set[str]) -> None:
+    wreck = (("uav1", 99.0, "fault uav1:wreck@0s"),) if wrecked else ()
+    told = stormed(*wreck, ("uav1", 100.0, "failsafe fence"))
+    line = "uav1: interruption, falls at 10.8 m/s; returning or landing by itself, not commanded"
+    assert rules(said(told, 100.3, line)) & {"line"} == found
+
+
+@pytest.mark.parametrize(("lied", "found"), [(True, set()), (False, {"line"})])
+def test_a_radio_is_where_somebody_speaks_as_the_vehicle(lied: bool, found: set[str]) -> None:
+    began = (Happening("forged disarmed", "uav1", 98.0, word="1"),) if lied else ()
+    told = said(stormed(began=began), 100.0, "uav1: radio signal 5 over noise 200 here")
+    assert rules(told) & {"line"} == found
+
+
+@pytest.mark.parametrize(("asleep_s", "found"), [(40.0, set()), (20.0, {"line"})])
+def test_a_ground_station_that_slept_hears_what_came_in_that_time(asleep_s: float, found: set[str]) -> None:
+    began = (Happening("ground sleeps", "ground", 100.0, asleep_s),)
+    told = stormed(("uav1", 99.0, "crash"), ("uav1", 99.0, "disarmed"), began=began, ended=("uav2",))
+    assert rules(said(told, 140.1, "uav1: link regained")) & {"line"} == found
+
+
+@pytest.mark.parametrize(("late_s", "found"), [(1.0, set()), (5.0, {"page"})])
+def test_who_takes_what_a_failsafe_had_is_shown_a_moment_later(late_s: float, found: set[str]) -> None:
+    taken = (("uav1", 99.9, "pilot LOITER"), ("uav1", 99.9, "mode LOITER"), ("uav1", 100.2, "failsafe ekf"))
+    told = stormed(*taken, ("uav1", 110.0, "station BRAKE"), ("uav1", 110.0, "mode BRAKE"))
+    shown = replace(told.flown, shown=(Shown(110.0 + late_s, "uav1", "returning"),))
+    assert rules(replace(told, flown=shown)) & {"page"} == found

@@ -144,6 +144,15 @@ def test_a_wreck_lies_armed_in_its_mode_and_goes_on_talking(kind: AutopilotKind)
 
 
 @KINDS
+def test_a_wreck_that_restarted_as_it_fell_lies_disarmed(kind: AutopilotKind) -> None:
+    flight = flying(kind, "uav1:reboot@40s", "uav1:wreck@40s")
+    flight.run_until(lambda: "wreck" in flight.what())
+    flight.run(20.0)
+    assert not flight.vehicle.autopilot.frame.armed
+    assert not flight.heard("HEARTBEAT")[-1].base_mode & 128
+
+
+@KINDS
 def test_a_wreck_is_disarmed_by_force_alone(kind: AutopilotKind) -> None:
     flight = flying(kind, "uav1:wreck@40s")
     flight.run_until(lambda: "wreck" in flight.what())
