@@ -104,14 +104,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 (2.9, Attitude(80.0, 0.0)),
                 (3.0, Attitude(80.0, 0.0)),
                 (3.0, Attitude(-80.0, 85.0)),
-                (3.0, None),
             )
         ],
         [
             "",
             "leans by 80 degrees, down at 49.600138, 15.603617, armed: keep away",
             "leans by 85 degrees, down at 49.600138, 15.603617, armed: keep away",
-            "leans by 0 degrees, down at 49.600138, 15.603617, armed: keep away",
         ],
     ),
     (
