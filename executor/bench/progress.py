@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from types import TracebackType
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
+TOLD_S = 60.0
+
 
 class ShownProgress:
-    """A bar for each stage; where there is no terminal, a line for each stage that is done."""
+    """A bar for each stage; where there is no terminal, a line a minute, and one for each stage that is done."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
+        self._clock_s = clock_s
+        self._told_s = clock_s()
         self._console = Console(stderr=True)
         self._bars = Progress(
             TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
@@ -33,5 +39,9 @@ class ShownProgress:
         if stage not in self._stages:
             self._stages[stage] = self._bars.add_task(stage, total=total)
         self._bars.update(self._stages[stage], completed=done)
-        if done == total and not self._console.is_terminal:
-            self._console.print(f"{stage}: {total} of {total}", highlight=False)
+        if self._console.is_terminal:
+            return
+        now_s = self._clock_s()
+        if done == total or now_s - self._told_s >= TOLD_S:
+            self._told_s = now_s
+            self._console.print(f"{stage}: {done} of {total}", highlight=False)
