@@ -62,6 +62,8 @@ class VehicleSetup:
     """Silence of ours after which it ends its mission by itself; None if it does not, or did not say so."""
     returns: bool = False
     """Whether it then climbs to the height of its return, and comes home: nothing else leaves the line."""
+    holds_s: float = 0.0
+    """How long it holds before a failsafe of its own acts, if it said so."""
     planned: bool = True
     """Whether its plan is known: without one neither where it lands nor how long it stays somewhere says anything."""
     prior: Prior = NO_PRIOR

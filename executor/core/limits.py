@@ -99,4 +99,8 @@ class Limits:
     pad_m: float = 6.0
     """Nearer to its pad than this, seen from above, a vehicle that comes down lands on it."""
     failsafe_hold_s: float = 15.0
-    """PX4 holds for COM_FAIL_ACT_T, 5 s by default, before its failsafe acts; after this nobody acts."""
+    """PX4 holds for COM_FAIL_ACT_T, 5 s by default, before its failsafe acts; after this nobody acts.
+
+    One that says of itself that it holds longer is waited for `failsafe_late_s` longer than that.
+    """
+    failsafe_late_s: float = 10.0

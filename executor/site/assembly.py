@@ -469,6 +469,7 @@ def context_of(
             pad_m=(pad.east_m, pad.north_m),
             failsafe_s=failsafe.after_s if failsafe is not None and failsafe.acts else None,
             returns=failsafe is not None and failsafe.returns,
+            holds_s=failsafe.holds_s if failsafe is not None else 0.0,
             prior=NO_PRIOR if known is None else known.prior,
             start=UNKNOWN if known is None else known.start,
             pack=pack_of(site),

@@ -306,7 +306,13 @@ def held_unseen(context: Scene, vehicle: VehicleState) -> bool:
         return False
     unseen_s = fix.boot_s - (fix.at_s - vehicle.telemetry.mode_since_s) - from_s
     failsafe_s = context.vehicles[vehicle.name].failsafe_s  # until it returns: what it holds before is a part of it
-    return unseen_s >= (context.limits.failsafe_hold_s if failsafe_s is None else failsafe_s + HOLDS_ON_S)
+    return unseen_s >= (holds_most_s(context, vehicle.name) if failsafe_s is None else failsafe_s + HOLDS_ON_S)
+
+
+def holds_most_s(context: Scene, name: str) -> float:
+    """Return how long a vehicle may hold before a failsafe of its own acts: COM_FAIL_ACT_T may be set to 25 s."""
+    limits = context.limits
+    return max(limits.failsafe_hold_s, context.vehicles[name].holds_s + limits.failsafe_late_s)
 
 
 def held_long(context: Scene, vehicle: VehicleState) -> bool:
@@ -318,7 +324,7 @@ def held_long(context: Scene, vehicle: VehicleState) -> bool:
     if beat is None or beat.custom_mode != context.vehicles[vehicle.name].dialect.modes.hold.custom_mode:
         return False
     from_s = max(vehicle.telemetry.mode_since_s, link.excused_s, link.regained_s or 0.0)
-    return (link.heartbeat_s or 0.0) - from_s >= context.limits.failsafe_hold_s
+    return (link.heartbeat_s or 0.0) - from_s >= holds_most_s(context, vehicle.name)
 
 
 def begins_in_hold(context: Scene, vehicle: VehicleState) -> bool:
@@ -329,7 +335,7 @@ def begins_in_hold(context: Scene, vehicle: VehicleState) -> bool:
     text, said_s = told.alarm
     began_s = max(told.critical_since_s or -math.inf, said_s if _ACTS.search(text) else -math.inf)
     holds = told.heartbeat.custom_mode == setup.dialect.modes.hold.custom_mode and began_s > told.mode_since_s
-    return holds and (vehicle.link.heartbeat_s or 0.0) - began_s < context.limits.failsafe_hold_s
+    return holds and (vehicle.link.heartbeat_s or 0.0) - began_s < holds_most_s(context, vehicle.name)
 
 
 def _held_on(context: Scene, absences: Sequence[Absence], vehicle: VehicleState, now_s: float) -> bool:

@@ -43,6 +43,8 @@ class LinkFailsafe:
     words: str
     returns: bool = False
     """Whether that is a straight return, up to its height first."""
+    holds_s: float = 0.0
+    """How long it holds before this and its other failsafes act; by its autopilot's defaults if it did not say."""
 
 
 def link_failsafe(dialect: Dialect, parameters: Parameters) -> LinkFailsafe:
@@ -53,19 +55,19 @@ def link_failsafe(dialect: Dialect, parameters: Parameters) -> LinkFailsafe:
     after_s = parameters.get(rule.timeout, rule.timeout_s) + slack_s + holds_s
     action = parameters.get(rule.action)
     if action is None:
-        return LinkFailsafe(None, after_s, f"GCS failsafe not known: no answer for {rule.action}")
+        words = f"GCS failsafe not known: no answer for {rule.action}"
+        return LinkFailsafe(None, after_s, words, holds_s=holds_s)
     setting = f"{rule.action}={action:g}"
     if action == 0:
-        return LinkFailsafe(
-            False, after_s, f"no GCS failsafe ({setting}): without a link it flies its mission to the end"
-        )
+        words = f"no GCS failsafe ({setting}): without a link it flies its mission to the end"
+        return LinkFailsafe(False, after_s, words, holds_s=holds_s)
     name, bit = rule.exception
     if int(parameters.get(name, 0.0)) & bit:
         words = f"no GCS failsafe in a mission ({setting}, but {name}={parameters[name]:g})"
-        return LinkFailsafe(False, after_s, words)
+        return LinkFailsafe(False, after_s, words, holds_s=holds_s)
     does = dict(rule.actions).get(int(action), "unknown action")
     words = f"GCS failsafe: {does} after {after_s:g} s ({setting})"
-    return LinkFailsafe(True, after_s, words, returns=int(action) == rule.action_return)
+    return LinkFailsafe(True, after_s, words, returns=int(action) == rule.action_return, holds_s=holds_s)
 
 
 def declared_lost_after_s(

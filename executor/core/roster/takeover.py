@@ -11,7 +11,7 @@ from executor.core import sorties
 from executor.core.commands import CancelSolve, Command, HandsOff, Level, Resume, Say
 from executor.core.context import Context
 from executor.core.custody.actors import changed_by
-from executor.core.custody.causes import held_long, held_unseen
+from executor.core.custody.causes import held_long, held_unseen, holds_most_s
 from executor.core.homing.homeward import on_mission
 from executor.core.messages import Actor
 from executor.core.parts import Cause, TakenOver
@@ -61,7 +61,7 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped
         whose = f"mode {mode} set while there was no link, by its pilot or a failsafe"
         text = f"{vehicle.name}: {whose}; not commanded from here{kept}"
     elif held_long(context, vehicle):
-        whose = f"mode {mode} for {context.limits.failsafe_hold_s:g} s, by its own failsafe or by its pilot since"
+        whose = f"mode {mode} for {holds_most_s(context, vehicle.name):g} s, by its own failsafe or by its pilot since"
         text = f"{vehicle.name}: {whose}; not commanded from here{kept}"
     return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
 

@@ -62,6 +62,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "on_ground_s": 5.0,
             "pad_m": 6.0,
             "failsafe_hold_s": 15.0,
+            "failsafe_late_s": 10.0,
         },
     ),
 ]

@@ -116,6 +116,26 @@ def test_a_failsafe_that_holds_first_and_does_not_act_was_ended_by_a_person(
     assert (held.cause, held.certain) == (cause, cause is Cause.PERSON)
 
 
+@pytest.mark.parametrize(
+    ("holds_s", "held_s", "cause"),
+    [
+        (5.0, 15.0, Cause.PERSON),
+        (2.0, 14.9, Cause.FAILSAFE),
+        (25.0, 15.0, Cause.FAILSAFE),
+        (25.0, 34.9, Cause.FAILSAFE),
+        (25.0, 35.0, Cause.PERSON),
+    ],
+)
+def test_a_failsafe_that_says_that_it_holds_for_longer_is_waited_for(
+    holds_s: float, held_s: float, cause: Cause
+) -> None:
+    context = fleet_of(autopilot="px4").context
+    setup = replace(context.vehicles["uav1"], holds_s=holds_s)
+    context = replace(context, vehicles={**context.vehicles, "uav1": setup})
+    held = held_first(mode_since_s=NOW_S - held_s, critical_since_s=NOW_S - held_s)
+    assert looked_at_again(context, (), held, NOW_S).custody.cause is cause
+
+
 @pytest.mark.parametrize(("returns", "cause"), [(True, Cause.PERSON), (False, Cause.FAILSAFE)])
 @pytest.mark.parametrize(
     "changes", [{"unseen_until_s": NOW_S - 15.0}, says("GCS connection lost", NOW_S - 15.0)], ids=["unseen", "said"]

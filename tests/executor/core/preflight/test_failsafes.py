@@ -76,18 +76,26 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            LinkFailsafe(acts=None, after_s=17.0, words="GCS failsafe not known: no answer for NAV_DLL_ACT"),
-            LinkFailsafe(acts=True, after_s=17.0, words="GCS failsafe: RTL after 17 s (NAV_DLL_ACT=2)", returns=True),
-            LinkFailsafe(acts=True, after_s=29.0, words="GCS failsafe: RTL after 29 s (NAV_DLL_ACT=2)", returns=True),
+            LinkFailsafe(
+                acts=None, after_s=17.0, words="GCS failsafe not known: no answer for NAV_DLL_ACT", holds_s=5.0
+            ),
+            LinkFailsafe(
+                acts=True, after_s=17.0, words="GCS failsafe: RTL after 17 s (NAV_DLL_ACT=2)", returns=True, holds_s=5.0
+            ),
+            LinkFailsafe(
+                acts=True, after_s=29.0, words="GCS failsafe: RTL after 29 s (NAV_DLL_ACT=2)", returns=True, holds_s=7.0
+            ),
             LinkFailsafe(
                 acts=False,
                 after_s=17.0,
                 words=("no GCS failsafe (NAV_DLL_ACT=0): without a link it flies its mission to the end"),
+                holds_s=5.0,
             ),
             LinkFailsafe(
                 acts=False,
                 after_s=17.0,
                 words="no GCS failsafe in a mission (NAV_DLL_ACT=2, but COM_DLL_EXCEPT=1)",
+                holds_s=5.0,
             ),
         ],
     ),
