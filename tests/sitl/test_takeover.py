@@ -195,3 +195,21 @@ def test_a_pilot_who_holds_px4_in_its_failsafes_hold_has_it(tmp_path: Path) -> N
     first_s, last_s = (boot_s(flight, at_s) for at_s in (flight.struck_s or 0.0, home_s))
     orders = [row for row in own_commands(flight, PX4) if first_s < row[0] < last_s and row[1] in COMMANDS]
     assert orders == [], flight.said
+
+
+@pytest.mark.timeout(580)
+def test_px4s_failsafe_that_holds_for_longer_than_usual_is_waited_for(tmp_path: Path) -> None:
+    """It holds for what COM_FAIL_ACT_T says, and lands then: nobody has it meanwhile."""
+    holds_s = 22.0
+    story = story_of(
+        PX4, strike=empties, lift=lambda _: None, lasts_s=2.0,
+        settings={**LOGGED, "COM_LOW_BAT_ACT": 2.0, "NAV_DLL_ACT": 2.0, "COM_FAIL_ACT_T": holds_s}, speedup=1.0,
+    )  # fmt: skip
+    flight = flown(PX4, story, tmp_path)
+    assert flight.struck_s is not None, flight.said
+    acts_s = flight.says(f"{VICTIM}: battery")
+    assert acts_s is not None, flight.said
+    assert flight.says("its pilot") is None, flight.said
+    first_s = boot_s(flight, flight.struck_s)
+    orders = [row for row in own_commands(flight, PX4) if first_s < row[0] and row[1] in COMMANDS]
+    assert orders == [], flight.said
