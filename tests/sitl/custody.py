@@ -57,11 +57,17 @@ def boot_s(flight: Flown, at_s: float) -> float:
     return float(min((abs(stamp_s - zero_s - at_s), row.time_boot_ms / 1e3) for stamp_s, row in rows)[1])
 
 
-def nothing_was_commanded(flight: Flown, autopilot: Autopilot) -> None:
-    """Check, by uav2's own log, that nothing was commanded from the takeover until it was given back."""
+def nothing_was_commanded(flight: Flown, autopilot: Autopilot, within_s: float = 5.0) -> None:
+    """Check, by uav2's own log, that nothing was commanded from the takeover until it was given back.
+
+    Args:
+        flight: What became of it.
+        autopilot: Whose log it is.
+        within_s: How soon after it was struck it must be known to be taken.
+    """
     assert flight.struck_s is not None
     began_s, until_s = taken_s(flight)
-    assert began_s - flight.struck_s < 5.0, flight.said
+    assert began_s - flight.struck_s < within_s, flight.said
     first_s = boot_s(flight, flight.struck_s)
     last_s = 1e9 if until_s == 1e9 else boot_s(flight, until_s)
     commands = own_commands(flight, autopilot)

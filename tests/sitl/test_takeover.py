@@ -165,7 +165,8 @@ def test_px4s_sticks(tmp_path: Path) -> None:
     settings = {**LOGGED, "COM_RC_IN_MODE": 1.0, "COM_RC_OVERRIDE": 3.0, "COM_RC_LOSS_T": 35.0}
     story = story_of(PX4, strike=push, lift=switches(PX4, "rtl"), lasts_s=20.0, settings=settings)
     flight = flown(PX4, story, tmp_path)
-    nothing_was_commanded(flight, PX4)
+    # They rest first, by the wall's clock.
+    nothing_was_commanded(flight, PX4, within_s=5.0 + 2.0 * story.speedup)
     assert flight.says(f"{VICTIM}: its pilot has switched it to POSCTL; not commanded from here") is not None, (
         flight.said
     )
