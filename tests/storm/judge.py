@@ -389,7 +389,8 @@ class StormJudge(Judge):
 
     def _overruled(self, name: str, at_s: float) -> bool:
         """Return whether a failsafe acts, or acted until just now, although somebody has it."""
-        return super()._overruled(name, at_s) or super()._overruled(name, at_s - SHOWN_S)
+        acted = [one.t_s for one in self.happened(name, "failsafe ") if at_s - SHOWN_S <= one.t_s <= at_s]
+        return any(super(StormJudge, self)._overruled(name, looked_s) for looked_s in (at_s, at_s - SHOWN_S, *acted))
 
     def _sent(self, name: str, at_s: float) -> bool:
         """Return whether somebody sent it home while nothing came from it: its failsafe might have done the same."""

@@ -201,9 +201,14 @@ def test_a_ground_station_that_slept_hears_what_came_in_that_time(asleep_s: floa
     assert rules(said(told, 140.1, "uav1: link regained")) & {"line"} == found
 
 
-@pytest.mark.parametrize(("late_s", "found"), [(1.0, set()), (5.0, {"page"})])
-def test_who_takes_what_a_failsafe_had_is_shown_a_moment_later(late_s: float, found: set[str]) -> None:
-    taken = (("uav1", 99.9, "pilot LOITER"), ("uav1", 99.9, "mode LOITER"), ("uav1", 100.2, "failsafe ekf"))
+@pytest.mark.parametrize(("acted_s", "late_s", "found"), [
+    (100.2, 1.0, set()), (100.2, 5.0, {"page"}), (107.0, 1.0, set()), (None, 1.0, {"page"}),
+])  # fmt: skip
+def test_who_takes_what_a_failsafe_had_is_shown_a_moment_later(
+    acted_s: float | None, late_s: float, found: set[str]
+) -> None:
+    acted = () if acted_s is None else (("uav1", acted_s, "failsafe ekf"),)
+    taken = (("uav1", 99.9, "pilot LOITER"), ("uav1", 99.9, "mode LOITER"), *acted)
     told = stormed(*taken, ("uav1", 110.0, "station BRAKE"), ("uav1", 110.0, "mode BRAKE"))
     shown = replace(told.flown, shown=(Shown(110.0 + late_s, "uav1", "returning"),))
     assert rules(replace(told, flown=shown)) & {"page"} == found
