@@ -235,6 +235,11 @@ class StormJudge(Judge):
         downs = [one.t_s for one in self.happened(found["name"], "disarmed") if one.t_s <= at_s]
         if why.endswith("never in the air") and downs and super()._silent(found["name"], downs[-1], 0.0):
             return ""  # it stopped on its pad within its first seconds, and nobody saw whether it flew
+        unsaid = self._began(found["name"], frozenset({"no battery"}))
+        if why.startswith("its battery holds") and any(
+            0 <= at_s - began_s <= one.for_s + AFTER_S for began_s, one in unsaid
+        ):
+            return ""  # its last report was that
         emptied = any(one.t_s <= at_s for one in self.happened(found["name"], f"fault {found['name']}:battery-step"))
         return "" if why.startswith("its battery holds") and emptied and not self.armed(found["name"], at_s) else why
 
@@ -352,7 +357,7 @@ class StormJudge(Judge):
         why = super()._by_itself(found, at_s, line)
         acted = [one for one in self.happened(name, "failsafe ") if at_s - SEVERAL_S <= one.t_s <= at_s]
         wrecked = [one for one in self.happened(name, f"fault {name}:wreck") if at_s - SEVERAL_S <= one.t_s <= at_s]
-        if why == "it was its fence" and len(acted) + len(wrecked) > 1:
+        if why == "it was its fence" and (len(acted) + len(wrecked) > 1 or ": operator, " in line.text):
             return ""  # it was that, too
         known = [one for one in self.happened(name, "pilot ", "station ") if one.t_s <= at_s - CROSSES_S]
         return "" if why.startswith("somebody did it") and not known else why

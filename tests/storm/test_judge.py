@@ -212,3 +212,16 @@ def test_who_takes_what_a_failsafe_had_is_shown_a_moment_later(
     told = stormed(*taken, ("uav1", 110.0, "station BRAKE"), ("uav1", 110.0, "mode BRAKE"))
     shown = replace(told.flown, shown=(Shown(110.0 + late_s, "uav1", "returning"),))
     assert rules(replace(told, flown=shown)) & {"page"} == found
+
+
+@pytest.mark.parametrize(("who", "found"), [("operator, excluded", set()), ("interruption, LAND", {"line"})])
+def test_whom_the_crew_excludes_as_its_fence_acts_is_out_by_their_word(who: str, found: set[str]) -> None:
+    told = stormed(("uav1", 100.0, "failsafe fence"))
+    line = f"uav1: {who}; returning or landing by itself, not commanded"
+    assert rules(said(told, 100.5, line)) & {"line"} == found
+
+
+@pytest.mark.parametrize(("kind", "found"), [("no battery", set()), ("wind", {"line"})])
+def test_what_its_battery_held_is_what_was_reported_last(kind: str, found: set[str]) -> None:
+    told = stormed(began=(Happening(kind, "uav1", 315.0, 10.0),))
+    assert rules(said(told, 323.0, "uav1: landed with 12 %")) & {"line"} == found
