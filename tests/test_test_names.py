@@ -123,7 +123,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/bench/parts/setting.py",
         "executor/bench/parts/start.py",
         "executor/bench/peer.py",
-        "executor/bench/progress.py",
     ),
     "tests/executor/bench/test_single.py": (
         "executor/bench/data.py",
