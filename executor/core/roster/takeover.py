@@ -161,7 +161,7 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepp
     elif not place:
         text = f"{vehicle.name}: landed by its pilot; it stays on the ground until it is included"
     hold = vehicle.custody.taken
-    trigger = f"{vehicle.name}: landed by its pilot"
+    trigger = f"{vehicle.name}: {'disarmed with' if fell else 'landed by'} its pilot"
     if hold is not None and not hold.given_away:
         state = replace(
             state,

@@ -284,7 +284,7 @@ ROWS = [
             )
         ],
         {"uav1": {"stage": Stage.DOWN, "excluded": True, "taken": None}},
-        {"urgent": True, "trigger": "uav1: landed by its pilot", "trigger_s": NOW_S},
+        {"urgent": True, "trigger": "uav1: disarmed with its pilot", "trigger_s": NOW_S},
     ),
     Row(
         "who disarms without a take-off has not landed",

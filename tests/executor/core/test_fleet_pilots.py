@@ -234,7 +234,7 @@ ROWS = [
             )
         ],
         {"uav1": {"stage": Stage.DOWN, "excluded": True, "taken": None}},
-        {"urgent": True, "trigger": "uav1: landed by its pilot", "trigger_s": NOW_S},
+        {"urgent": True, "trigger": "uav1: disarmed with its pilot", "trigger_s": NOW_S},
     ),
     Row(
         "killed low over its pad",
@@ -247,7 +247,7 @@ ROWS = [
             )
         ],
         {"uav1": {"stage": Stage.DOWN, "excluded": True, "taken": None}},
-        {"urgent": True, "trigger": "uav1: landed by its pilot", "trigger_s": NOW_S},
+        {"urgent": True, "trigger": "uav1: disarmed with its pilot", "trigger_s": NOW_S},
     ),
     Row(
         "killed where it had landed",
