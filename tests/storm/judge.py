@@ -450,11 +450,13 @@ class StormJudge(Judge):
     def _obeys(self, name: str, at_s: float) -> bool:
         """Return whether it flies a mission of ours, and nothing was done to it."""
         modes = [one.what for one in self.happened(name, "mode ") if one.t_s <= at_s]
+        empty = any(one.t_s <= at_s and one.charge_pct is not None and one.charge_pct <= 0.0 for one in self._of[name])
         # From then on it falls: motors stop where a flight controller restarts.
         falls = (f"fault {name}:crash", f"fault {name}:wreck", f"fault {name}:reboot")
         done = self.happened(name, "pilot ", "station ", "kill", "failsafe ", "crash", "wreck", "storm ", *falls)
         mission = MISSION[self.flown.autopilot]["mission"]
-        return bool(modes) and modes[-1] == f"mode {mission}" and not any(one.t_s <= at_s for one in done)
+        over = empty or any(one.t_s <= at_s for one in done)
+        return bool(modes) and modes[-1] == f"mode {mission}" and not over
 
     def _reserve(self) -> Iterator[Finding]:
         """Nobody comes home with less than its reserve by a decision from here."""

@@ -69,6 +69,13 @@ def test_who_falls_through_anothers_layer_did_not_fly_there(falls: str | None, f
     assert rules(stormed(*fault, truths=near)) == found
 
 
+@pytest.mark.parametrize(("left_pct", "found"), [(1.0, {"apart"}), (0.0, set())])
+def test_who_falls_with_an_empty_battery_does_not_fly_through_anothers_layer(left_pct: float, found: set[str]) -> None:
+    at = {name: truth(name, 120.0, "at", PADS["uav1"], 30.0) for name in PADS}
+    at["uav2"] = replace(at["uav2"], charge_pct=left_pct)
+    assert {one.rule for one in findings(stormed(truths=tuple(at.values())))} == found
+
+
 @pytest.mark.parametrize(("unseen", "ends", "found", "on_page"), [
     (True, "fell", set(), set()), (False, "fell", {"line"}, {"page"}), (True, "crash", {"line"}, set()),
 ])  # fmt: skip

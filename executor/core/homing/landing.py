@@ -13,6 +13,7 @@ from executor.core.hearing.charge import facts_of
 from executor.core.places import UNSEEN_S, fell, last_heard, lean_words, over_its_pad, place_words, sank
 from executor.core.state import FleetState, Stepped
 from executor.core.vehicle import Stage, VehicleState, moved_to
+from missions.autopilots.modes import is_manual_mode, mode_name
 
 SEEN_AFTER_S = 0.5
 """A position so much later than the disarming shows where it lies."""
@@ -89,7 +90,17 @@ def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now
         text = f"{vehicle.name}: is disarmed on its pad{left}; its autopilot has rebooted"
         return state, (Say(Level.INFO, text),)
     place = "" if over_its_pad(context, vehicle) else f" away from its pad, {place_words(context, vehicle)}"
-    return state, (Say(Level.INFO if not place else Level.FAULT, f"{vehicle.name}: landed{left}{place}"),)
+    hand = _in_hand_words(context, vehicle)
+    level = Level.FAULT if place else Level.WARNING if hand else Level.INFO
+    return state, (Say(level, f"{vehicle.name}: landed{left}{place}{hand}"),)
+
+
+def _in_hand_words(context: Context, vehicle: VehicleState) -> str:
+    """Return what is said of a mode that only a person sets, where nobody would be asked before the next take-off."""
+    beat, dialect = vehicle.telemetry.heartbeat, context.vehicles[vehicle.name].dialect
+    if context.fly_again is not FlyAgain.AUTO or beat is None or not is_manual_mode(dialect, beat.custom_mode):
+        return ""
+    return f"; mode {mode_name(dialect, beat.custom_mode)}: it stays on the ground until it is included"
 
 
 def _left_in_its_pack(context: Context, vehicle: VehicleState, now_s: float) -> str:

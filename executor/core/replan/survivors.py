@@ -12,7 +12,7 @@ from executor.core.parts import Cause
 from executor.core.setups import setup_now
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
-from missions.autopilots.modes import is_mission_mode
+from missions.autopilots.modes import is_manual_mode, is_mission_mode
 from missions.pace import AS_MODELLED
 
 CLEARED_S = 60.0
@@ -43,7 +43,7 @@ def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | 
     if state.stage in {Stage.GROUND, Stage.LANDED}:
         if state.sensors.tilted_since_s is not None or state.orders.base_closed:
             return None  # it lies on its side, or nobody takes off from there
-        if context.fly_again is not FlyAgain.AUTO and not _cleared(state, now_s):
+        if not (nobody_is_asked(context, state) or _cleared(state, now_s)):
             return None
         return from_its_pad(context, state)
     if state.stage not in {Stage.FLYING, Stage.STARTING} or state.assignment.board is None or state.motion.fix is None:
@@ -98,6 +98,17 @@ def _on_its_mission(context: Context, state: VehicleState, now_s: float) -> bool
     if beat is None or beat_s is None or now_s - beat_s >= context.limits.heartbeat_stale_s:
         return False
     return state.stage is Stage.STARTING or is_mission_mode(context.vehicles[state.name].dialect, beat.custom_mode)
+
+
+def nobody_is_asked(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle on the ground takes off without the crew's word.
+
+    Not where somebody has set a mode on it since it landed that only a person flies in.
+    """
+    beat = vehicle.telemetry.heartbeat
+    dialect = context.vehicles[vehicle.name].dialect
+    in_hand = vehicle.stage is Stage.LANDED and beat is not None and is_manual_mode(dialect, beat.custom_mode)
+    return context.fly_again is FlyAgain.AUTO and not in_hand
 
 
 def _cleared(state: VehicleState, now_s: float) -> bool:

@@ -25,7 +25,7 @@ _ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
 
 def may_take_off(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle on the ground may take off by the clearance that it has."""
-    if context.fly_again is FlyAgain.AUTO:
+    if survivors.nobody_is_asked(context, vehicle):
         return True
     return vehicle.orders.cleared_s is not None and now_s - vehicle.orders.cleared_s <= CLEARED_S
 

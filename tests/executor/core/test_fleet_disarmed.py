@@ -40,6 +40,14 @@ ROWS = [
         {"considered": frozenset({"uav1"})},
     ),
     Row(
+        "a landing with somebody's hand on it, where nobody is asked before it flies again",
+        landed(heartbeat=beat(0, armed=False)),
+        Tick(),
+        [Say(Level.WARNING, "uav1: landed with 90 %; mode STABILIZE: it stays on the ground until it is included")],
+        {"uav1": {"stage": Stage.LANDED}},
+        {"considered": frozenset({"uav1"})},
+    ),
+    Row(
         "a landing of an unknown battery",
         landed(battery=BatteryState()),
         Tick(),

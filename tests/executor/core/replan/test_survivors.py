@@ -15,6 +15,7 @@ from executor.core.context import Context
 from executor.core.learning import Learned, PaceEstimate
 from executor.core.parts import Cause, Fix
 from executor.core.replan import replanning, survivors, wording
+from executor.core.roster import offers
 from executor.core.vehicle import Stage, VehicleState
 from missions import Pace
 from missions.pace import AS_MODELLED
@@ -57,6 +58,20 @@ def test_what_a_vehicle_has_shown_of_its_pace_is_a_part_of_its_offer() -> None:
     assert (unknown.pace, known.pace) == (AS_MODELLED, Pace(1.1, 1.05))
     # Its way to where the new mission takes over is flown at its own pace too.
     assert known.budget_pct < unknown.budget_pct
+
+
+STABILIZE = 0
+IN_HAND = replace(STANDS, telemetry=replace(STANDS.telemetry, heartbeat=beat(STABILIZE, armed=False)))
+
+
+def test_whose_mode_somebody_set_since_it_landed_takes_off_by_the_crews_word_alone() -> None:
+    assert offered(IN_HAND) is None
+    assert not offers.may_take_off(CONTEXT, IN_HAND, NOW_S)
+    said = with_facts(IN_HAND, cleared_s=NOW_S - 1.0)
+    assert offered(said) is not None
+    assert offers.may_take_off(CONTEXT, said, NOW_S)
+    # Before its start a vehicle may stand in any mode.
+    assert offered(replace(IN_HAND, stage=Stage.GROUND)) is not None
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
