@@ -70,6 +70,14 @@ class Resume:
 
 
 @dataclass(frozen=True, slots=True)
+class ChangeSpeed:
+    """Tell the vehicle a speed over ground, in the mode that it is in; it is seen to follow, and not asked."""
+
+    vehicle: str
+    speed_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class LandNow:
     """Order the vehicle to land where it is."""
 
@@ -202,6 +210,7 @@ Command = (
     | SendHome
     | Hold
     | Resume
+    | ChangeSpeed
     | LandNow
     | Disarm
     | HandsOff

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from executor.core import launching, leg_times
+from executor.core import giving_way, launching, leg_times
 from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
 from executor.core.context import Context
 from executor.core.coverage import GAP_S
@@ -270,6 +270,8 @@ def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
     state, more = replanning.begin(context, state, now_s)
     commands.extend(more)
     state, more = closer.closer(context, state, now_s)
+    commands.extend(more)
+    state, more = giving_way.giving_way(context, state, now_s)
     commands.extend(more)
     state, more = turnaround.turnarounds_pursued(context, state, now_s)
     commands.extend(more)

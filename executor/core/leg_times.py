@@ -102,7 +102,9 @@ def _undisturbed(state: VehicleState, since_s: float) -> bool:
     """Return whether a vehicle has flown this mission of its own, heard all the time, since then."""
     link, assignment = state.link, state.assignment
     silent = max(link.excused_s, link.regained_s or float("-inf"))
-    changed = max(state.telemetry.mode_since_s, assignment.carried.ours_s, state.orders.hold_asked_s)
+    changed = max(
+        state.telemetry.mode_since_s, assignment.carried.ours_s, state.orders.hold_asked_s, state.orders.gave_way_s
+    )
     return (
         state.stage in {Stage.STARTING, Stage.FLYING}
         and state.fault is None

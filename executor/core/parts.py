@@ -319,6 +319,22 @@ class Assignment:
     """What they say of the vehicle; None as long as they say nothing."""
 
 
+@dataclass(frozen=True, slots=True)
+class GivesWay:
+    """A vehicle flies slowly, as somebody climbs ahead of it."""
+
+    to: str
+    since_s: float
+    told_s: float
+    """When it was last told a speed."""
+    followed: bool = False
+    """Whether it was seen to be slow since."""
+    over_s: float | None = None
+    """Since when it is to be at its leg's speed again."""
+    leg: int | None = None
+    """The waypoint that it flew to then."""
+
+
 FOLLOWED_LATE_S = 120.0
 """An order may be followed, or answered, this late: a radio keeps it, or only the answers were lost."""
 
@@ -335,6 +351,9 @@ class Orders:
     """Since when it holds by the operator's order; None if it does not."""
     hold_asked_s: float = float("-inf")
     """When a hold was commanded last, and no resume since: it may follow late."""
+    gives_way: GivesWay | None = None
+    gave_way_s: float = float("-inf")
+    """When it last gave way to anybody: what its legs take says nothing of its pace then."""
     excluded: bool = False
     """Whether the operator took it out of the plan: it is given nothing until it is included."""
     base_closed: bool = False

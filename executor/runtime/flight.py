@@ -264,6 +264,8 @@ class Flight:
             case commands.AskPicture(vehicle, component, sequence):
                 # Its answer is heard like any other picture, and asked for again where none comes.
                 self._links[vehicle].send(orders.picture(component, sequence))
+            case commands.ChangeSpeed(vehicle, speed_m_s):
+                self._links[vehicle].send(orders.change_speed(speed_m_s))
             case commands.Solve(given=visits) if visits:
                 routes = (events.NewRoute(command.sortie, visits),)
                 planned = events.SolveEnded(command.revision, routes, (), 0.0, "planned before")

@@ -17,6 +17,7 @@ from executor.core import fleet
 from executor.core.commands import (
     AskStreams,
     CancelSolve,
+    ChangeSpeed,
     Command,
     Compose,
     Disarm,
@@ -87,6 +88,8 @@ class Craft:
     """What it uses relative to the energy model."""
     speed: float = 1.0
     """How fast it flies relative to what was asked for."""
+    told_m_s: float | None = None
+    """A speed that it was told on this leg; the next one with another speed, or mode, forgets it."""
     aside_m: float = 0.0
     """How far north of where it should be it flies."""
     said_leg: int = -1
@@ -108,6 +111,10 @@ class Craft:
     """It does not move any more, whatever it says."""
     asked_again: int = 0
     """How often it was asked for its streams again."""
+    climbs_m_s: float = 0.0
+    """How fast it climbs to the height of its return before it comes home; 0 if it does not."""
+    deaf_to_speeds: bool = False
+    """No speed that it is told arrives."""
     stubborn: bool = False
     """It acknowledges a return and goes on."""
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -132,11 +139,11 @@ class Craft:
 
     def go_home(self) -> None:
         """Fly straight home and land."""
-        self.mode = self.context.vehicles[self.name].dialect.modes.return_home.custom_mode
+        self.go_to(self.context.vehicles[self.name].dialect.modes.return_home.custom_mode)
 
     def go_to(self, mode: int) -> None:
         """Change the mode."""
-        self.mode = mode
+        self.mode, self.told_m_s = mode, None
 
     def advance(self, step_s: float) -> None:
         """Fly on."""
@@ -159,12 +166,13 @@ class Craft:
             self.wait_s -= step_s
             return
         point = self.path.waypoints[self.leg]
-        speed_m_s = self._landing_m_s() if point.phase is Phase.LAND else point.speed_m_s
+        speed_m_s = self._landing_m_s() if point.phase is Phase.LAND else self.told_m_s or point.speed_m_s
         if not self._toward(self.goals_m[self.leg], speed_m_s * self.speed, step_s):
             return
         self.wait_s = HOLD_S if point.hold else 0.0
         if self.leg + 1 < len(self.path.waypoints):
             self.leg += 1
+            self.told_m_s = self.told_m_s if self.path.waypoints[self.leg].speed_m_s == point.speed_m_s else None
         else:
             self.armed = False
 
@@ -174,8 +182,10 @@ class Craft:
         return float(drop_m / self.context.pricing.models[self.name].performance.landing_s(np.array(drop_m)))
 
     def _home(self, step_s: float) -> None:
-        pad = self.context.vehicles[self.name].pad_m
-        if math.dist(self.place_m, pad) > 0.1:
+        pad, top_m = self.context.vehicles[self.name].pad_m, self.context.return_height_m(self.name)
+        if math.dist(self.place_m, pad) > 0.1 and self.climbs_m_s and self.up_m < top_m:
+            self._toward((*self.place_m, top_m), self.climbs_m_s, step_s)
+        elif math.dist(self.place_m, pad) > 0.1:
             self._toward((*pad, self.up_m), 8.0, step_s)
         elif self._toward((*pad, 0.0), 1.0, step_s):
             self.armed = False
@@ -404,6 +414,9 @@ class Story:
                 self.later(0.6, lambda: self._read(name))
             case AskStreams(name):
                 self.crafts[name].asked_again += 1
+            case ChangeSpeed(name, speed_m_s):
+                craft = self.crafts[name]
+                craft.told_m_s = craft.told_m_s if craft.mute or craft.deaf_to_speeds else speed_m_s
             case Say() | CancelSolve():
                 pass
 
