@@ -48,8 +48,8 @@ class Prepared:
 
     ground: Ground
     plan: PlanFile
-    at_s: float
-    """When it happens, since uav2 began its mission."""
+    at_s: float | None
+    """When it happens, since uav2 began its mission; None: when the story says so."""
 
 
 @dataclass(frozen=True)

@@ -182,7 +182,7 @@ class Judge(Record):
     def _claims(self) -> Sequence[tuple[re.Pattern[str], Callable[[re.Match[str], float, Say], str]]]:
         name = rf"^(?P<name>{'|'.join(self.names)}): "
         return [
-            (re.compile(name + r"(?!.*(says|not landed|has not)).*\blanded\b"), self._landed),
+            (re.compile(name + r"(?!.*(says|not landed|has not|taken to have)).*\blanded\b"), self._landed),
             (re.compile(name + r".*down at (?P<lat>-?\d+\.\d+)\D+?(?P<lon>-?\d+\.\d+)"), self._down),
             (re.compile(name + r".*with its pilot"), self._with_pilot),
             (re.compile(name + r".*segments? to be reassigned"), self._given),

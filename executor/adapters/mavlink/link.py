@@ -14,6 +14,8 @@ MOST_SOURCES = 8
 """Addresses, or strange systems, that are remembered."""
 ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many, as from a log."""
+LATE_FRAMES = 32
+"""A frame that is this far behind the newest may have been overtaken: links reorder within some tenths of a second."""
 
 Write = Callable[[bytes], bool]
 """Sends one frame without waiting; says whether it went anywhere."""
@@ -47,6 +49,8 @@ class VehicleLink:
         """Every address that its frames came from."""
         self._told_places: tuple[str, ...] = ()
         self._last_seq: int | None = None
+        self._beat_seq: int | None = None
+        """Of the newest HEARTBEAT."""
         self._absent: set[int] = set()
         """Sequence numbers that were passed over, as long as they may still come."""
 
@@ -79,6 +83,8 @@ class VehicleLink:
             self._log.write(received.frame)
         self._count(received)
         if isinstance(received.message, Heartbeat):
+            if self._overtaken(received):
+                return
             if received.own:
                 self._beat_source = source
             self._tell_traffic(received.compid)
@@ -126,6 +132,21 @@ class VehicleLink:
             self.component = component
         for listener in tuple(self._listeners):
             listener(message)
+
+    def _overtaken(self, received: Received) -> bool:
+        """Return whether a HEARTBEAT is older than one that came before it: its mode is one that was.
+
+        A vehicle that has rebooted counts anew: only what is just behind its newest frame was overtaken.
+        """
+        if not received.own:
+            return False
+        last, newest = self._beat_seq, self._last_seq
+        if last is not None and newest is not None:
+            older = 0 < (last - received.seq) % 256 < 128
+            if older and (newest - received.seq) % 256 <= LATE_FRAMES:
+                return True
+        self._beat_seq = received.seq
+        return False
 
     def _count(self, received: Received) -> None:
         self.counts.received += 1

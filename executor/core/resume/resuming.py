@@ -335,9 +335,10 @@ def _never_started(
     if context.fly_again is FlyAgain.AUTO and ours and not flown:
         state = state.put(replace(vehicle, orders=replace(vehicle.orders, ordered_mode_s=now_s)))
         return state, _Taken((Say(Level.INFO, f"{name}: had not started yet; trying again"), Start(name)))
-    said: Command = Say(Level.INFO, f"{name}: has flown and landed meanwhile")
-    if not flown:
-        said = Say(Level.WARNING, f"{name}: had not started yet; it stays on the ground")
+    said: Command = Say(Level.WARNING, f"{name}: had not started yet; it stays on the ground")
+    if flown and had_pct is not None and has_pct is not None:
+        lost = f"its battery has lost {had_pct - has_pct:.0f} % meanwhile"
+        said = Say(Level.INFO, f"{name}: {lost}: taken to have flown, and to have landed")
     plan = state.replanning.replan
     # Nor is that yes one for a start that is planned from now on.
     stays = replace(vehicle, orders=replace(vehicle.orders, cleared_s=None))

@@ -117,6 +117,33 @@ def test_losses_are_counted_whatever_is_overtaken(lost: set[int], swaps: set[int
     assert link.counts == LinkCounts(received=len(numbers), missing=500 - len(numbers))
 
 
+def beats(*numbered: tuple[int, int]) -> list[bytes]:
+    """Return one HEARTBEAT for each sequence number and mode."""
+    vehicle, packed = Vehicle(), []
+    for number, mode in numbered:
+        vehicle.mav.seq = number % 256
+        packed.append(vehicle.pack(mav.MAVLink_heartbeat_message(2, 3, 209, mode, 4, 3)))
+    return packed
+
+
+@pytest.mark.parametrize(
+    ("told", "modes"),
+    [
+        ([(40, 3), (80, 6), (79, 3), (120, 6)], [3, 6, 6]),  # it was overtaken by the first one of another mode
+        ([(250, 3), (3, 6), (1, 3)], [3, 6]),
+        ([(40, 3), (80, 6), (40, 3)], [3, 6, 3]),  # so far behind it has begun to count anew
+        ([(200, 3), (0, 6), (1, 6)], [3, 6, 6]),
+        ([(40, 3), (40, 3)], [3, 3]),
+    ],
+)
+def test_a_heartbeat_that_was_overtaken_says_nothing(told: list[tuple[int, int]], modes: list[int]) -> None:
+    behind, link, heard = link_of()
+    for frame in beats(*told):
+        behind.feed(frame)
+    assert [one.custom_mode for one in heard if isinstance(one, Heartbeat)] == modes
+    assert link.counts.received == len(told)
+
+
 def test_frames_of_other_systems_are_foreign() -> None:
     behind, link, heard = link_of()
     other = mav.MAVLink(None, srcSystem=8, srcComponent=1)

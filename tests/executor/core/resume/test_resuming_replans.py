@@ -350,7 +350,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
         (
             [
-                Say(Level.INFO, "uav1: has flown and landed meanwhile"),
+                Say(Level.INFO, "uav1: its battery has lost 3 % meanwhile: taken to have flown, and to have landed"),
                 Say(Level.INFO, "uav1: landed when its new mission came; re-plan 4 is planned again for it"),
                 Say(Level.INFO, "re-plan 4 ended; no mission has changed"),
             ],

@@ -1,0 +1,75 @@
+"""Who flies above a climbing RTL waits for it, on real autopilots: by their own positions."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from executor.bench.prediction import plan_with
+from executor.core.state import FleetState
+from executor.core.vehicle import VehicleState
+from executor.site.assembly import Ground
+from missions import Phase
+from tests.e2e.flights import began_unix_s
+from tests.e2e.tlog import messages
+from tests.sitl.custody import switches
+from tests.sitl.flights import VICTIM, Flown, Prepared, Story, flown
+from tests.sitl.real import BOTH, Autopilot
+
+ROUTES = {"uav1": (11, 12), VICTIM: (8, 0), "uav3": (6, 3)}
+"""uav3's way to its second segment leads over uav2, a layer above it."""
+ABOVE = "uav3"
+AHEAD_M, ASIDE_M = (45.0, 75.0), 6.0
+LAYER_M, SLOW_M_S, FAST_M_S = 5.0, 1.5, 5.0
+
+
+def routed(ground: Ground) -> Prepared:
+    return Prepared(ground, plan_with(ground, ROUTES), None)
+
+
+def above_comes_near(vehicle: VehicleState, state: FleetState) -> bool:
+    """Whether uav3 comes towards uav2, above it."""
+    own, other, leg = vehicle.motion.fix, state.vehicles[ABOVE].motion.fix, state.vehicles[ABOVE].leg
+    if own is None or other is None or leg is None or leg.phase not in {Phase.TRANSIT, Phase.RETURN}:
+        return False
+    east_m_s, north_m_s, _ = other.velocity_m_s
+    speed_m_s = math.hypot(east_m_s, north_m_s)
+    if speed_m_s < FAST_M_S or other.alt_msl_m < own.alt_msl_m + LAYER_M:
+        return False
+    east_m, north_m = own.place_m[0] - other.place_m[0], own.place_m[1] - other.place_m[1]
+    ahead_m = (east_m * east_m_s + north_m * north_m_s) / speed_m_s
+    aside_m = abs(east_m * north_m_s - north_m * east_m_s) / speed_m_s
+    return AHEAD_M[0] < ahead_m < AHEAD_M[1] and aside_m < ASIDE_M
+
+
+def speeds_m_s(done: Flown, name: str, from_s: float, to_s: float) -> list[float]:
+    """Return a vehicle's speeds over ground between two times of the flight, by its own positions."""
+    began_s = began_unix_s(done.run)
+    return [
+        math.hypot(one.vx, one.vy) / 100.0
+        for stamp_s, one in messages(done.run / f"{name}.tlog", "GLOBAL_POSITION_INT")
+        if one.get_srcComponent() == 1 and from_s <= stamp_s - began_s <= to_s
+    ]
+
+
+@pytest.mark.sitl
+@pytest.mark.timeout(580)
+@BOTH
+def test_who_flies_above_a_climbing_rtl_is_slow_until_it_is_over(autopilot: Autopilot, tmp_path: Path) -> None:
+    story = Story(
+        strike=switches(autopilot, "rtl"), at=above_comes_near, prepared=routed,
+        flight={"fly_again": "ask", "pilot_grace_s": 15.0},
+    )  # fmt: skip
+    done = flown(autopilot, story, tmp_path)
+    assert done.struck_s is not None, done.said
+    waits_s = done.says(f"{ABOVE}: slows down, {VICTIM} climbs in its RTL ahead of it")
+    over_s = done.says(f"{ABOVE}: flies on at ")
+    assert waits_s is not None, done.said
+    assert over_s is not None, done.said
+    assert over_s > waits_s
+    assert min(speeds_m_s(done, ABOVE, waits_s, over_s + 2.0)) < SLOW_M_S, "it has slowed down"
+    assert max(speeds_m_s(done, ABOVE, over_s, over_s + 15.0)) > FAST_M_S, "and it is as fast as before again"
+    assert done.report["min_separation_m"] >= LAYER_M
+    assert done.vehicle(ABOVE)["landed"], done.said
