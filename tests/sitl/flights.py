@@ -61,6 +61,8 @@ class Story:
     """What ends it."""
     lasts_s: float = 0.0
     """Of the flight's time, from the one to the other."""
+    lift_at: Callable[[VehicleState, FleetState], bool] | None = None
+    """When that is, by the state instead of the time."""
     settings: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     """Parameters of every vehicle."""
     struck: tuple[str, ...] = (VICTIM,)
@@ -141,10 +143,14 @@ class WatchfulConsole:
                 self.struck_s = now_s
                 for name in story.struck:
                     story.strike(self.running[name])
-        elif story.lift is not None and self.lifted_s is None and now_s - self.struck_s >= story.lasts_s:
+        elif story.lift is not None and self.lifted_s is None and self._over(vehicle, state, now_s - self.struck_s):
             self.lifted_s = now_s
             for name in story.struck:
                 story.lift(self.running[name])
+
+    def _over(self, vehicle: VehicleState, state: FleetState, since_s: float) -> bool:
+        lift_at = self._story.lift_at
+        return since_s >= self._story.lasts_s if lift_at is None else lift_at(vehicle, state)
 
     def _due(self, vehicle: VehicleState, state: FleetState, now_s: float) -> bool:
         if self.at_s is None:

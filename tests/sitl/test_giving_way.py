@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 
@@ -12,21 +13,39 @@ from executor.core.state import FleetState
 from executor.core.vehicle import VehicleState
 from executor.site.assembly import Ground
 from missions import Phase
+from missions.geometry import locate
 from tests.e2e.flights import began_unix_s
 from tests.e2e.tlog import messages
 from tests.sitl.custody import switches
 from tests.sitl.flights import VICTIM, Flown, Prepared, Story, flown
 from tests.sitl.real import BOTH, Autopilot
 
-ROUTES = {"uav1": (11, 12), VICTIM: (8, 0), "uav3": (6, 3)}
-"""uav3's way to its second segment leads over uav2, a layer above it."""
+ROUTES = {"uav1": (6,), VICTIM: (9, 1), "uav3": (2, 10, 4)}
+"""uav3's way leads over where uav2 inspects, a layer above it."""
 ABOVE = "uav3"
-AHEAD_M, ASIDE_M = (45.0, 75.0), 6.0
+AHEAD_M, ASIDE_M, UNDER_M = (45.0, 75.0), 8.0, 3.0
 LAYER_M, SLOW_M_S, FAST_M_S = 5.0, 1.5, 5.0
 
 
 def routed(ground: Ground) -> Prepared:
     return Prepared(ground, plan_with(ground, ROUTES), None)
+
+
+def is_under_its_way(vehicle: VehicleState, state: FleetState) -> bool:
+    """Whether uav2 inspects where uav3 will pass above it."""
+    own, other = vehicle.motion.fix, state.vehicles[ABOVE]
+    board, fix = other.assignment.board, other.motion.fix
+    if own is None or fix is None or board is None or vehicle.assignment.run is None:
+        return False
+    ways = list(zip(board.path.waypoints, board.places_m, strict=True))[other.assignment.waypoint :]
+    along_m = math.dist(fix.place_m, ways[0][1]) if ways else 0.0
+    for (_, begin_m), (waypoint, end_m) in itertools.pairwise(ways):
+        if waypoint.phase in {Phase.TRANSIT, Phase.RETURN} and math.dist(begin_m, end_m) > 2.0 * AHEAD_M[1]:
+            at_m, aside_m = locate(begin_m, end_m, own.place_m)
+            if aside_m < UNDER_M and at_m > AHEAD_M[1] and along_m + at_m > AHEAD_M[1]:
+                return waypoint.alt_rel_m > own.alt_rel_m + LAYER_M
+        along_m += math.dist(begin_m, end_m)
+    return False
 
 
 def above_comes_near(vehicle: VehicleState, state: FleetState) -> bool:
@@ -59,11 +78,11 @@ def speeds_m_s(done: Flown, name: str, from_s: float, to_s: float) -> list[float
 @BOTH
 def test_who_flies_above_a_climbing_rtl_is_slow_until_it_is_over(autopilot: Autopilot, tmp_path: Path) -> None:
     story = Story(
-        strike=switches(autopilot, "rtl"), at=above_comes_near, prepared=routed,
-        flight={"fly_again": "ask", "pilot_grace_s": 15.0},
+        strike=switches(autopilot, "loiter"), at=is_under_its_way, lift=switches(autopilot, "rtl"),
+        lift_at=above_comes_near, prepared=routed, flight={"fly_again": "ask", "pilot_grace_s": 600.0},
     )  # fmt: skip
     done = flown(autopilot, story, tmp_path)
-    assert done.struck_s is not None, done.said
+    assert done.lifted_s is not None, done.said
     waits_s = done.says(f"{ABOVE}: slows down, {VICTIM} climbs in its RTL ahead of it")
     over_s = done.says(f"{ABOVE}: flies on at ")
     assert waits_s is not None, done.said
