@@ -12,8 +12,8 @@ from tests.e2e.tlog import messages
 from tests.sitl.flights import VICTIM, Flown
 from tests.sitl.real import ARDUPILOT, Autopilot, RealVehicle
 
-MODES = {"ardupilot": {"loiter": (5, 0), "mission": (3, 0), "rtl": (6, 0)},
-         "px4": {"loiter": (4, 3), "mission": (4, 4), "rtl": (4, 5)}}  # fmt: skip
+MODES = {"ardupilot": {"loiter": (5, 0), "mission": (3, 0), "rtl": (6, 0), "stands": (17, 0)},
+         "px4": {"loiter": (4, 3), "mission": (4, 4), "rtl": (4, 5), "stands": (4, 3)}}  # fmt: skip
 LOGGED = {"SDLOG_BACKEND": 1.0, "SDLOG_MODE": 0.0}
 COMMANDS = {176, 178, 20, 21, 22, 300, 400, 192, 193}
 """Modes, speeds, returns, landings, take-offs, starts, arming, repositions, pauses."""

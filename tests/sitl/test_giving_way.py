@@ -78,7 +78,7 @@ def speeds_m_s(done: Flown, name: str, from_s: float, to_s: float) -> list[float
 @BOTH
 def test_who_flies_above_a_climbing_rtl_is_slow_until_it_is_over(autopilot: Autopilot, tmp_path: Path) -> None:
     story = Story(
-        strike=switches(autopilot, "loiter"), at=is_under_its_way, lift=switches(autopilot, "rtl"),
+        strike=switches(autopilot, "stands"), at=is_under_its_way, lift=switches(autopilot, "rtl"),
         lift_at=above_comes_near, prepared=routed, flight={"fly_again": "ask", "pilot_grace_s": 600.0},
     )  # fmt: skip
     done = flown(autopilot, story, tmp_path)
