@@ -24,7 +24,7 @@ ROUTES = {"uav1": (6,), VICTIM: (9, 1), "uav3": (2, 10, 4)}
 """uav3's way leads over where uav2 inspects, a layer above it."""
 ABOVE = "uav3"
 AHEAD_M, ASIDE_M, UNDER_M = (45.0, 75.0), 8.0, 3.0
-LAYER_M, SLOW_M_S, FAST_M_S = 5.0, 1.5, 5.0
+LAYER_M, SLOW_M_S, FAST_M_S = 5.0, 4.0, 5.0
 
 
 def routed(ground: Ground) -> Prepared:

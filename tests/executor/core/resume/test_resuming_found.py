@@ -393,13 +393,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "a start has become a landing",
         lambda: taken_up(with_facts(STARTS, heartbeat=DISARMED, began_pct=93.1), found(OURS)),
         (
-            (
-                [Say(Level.INFO, "uav1: its battery has lost 3 % meanwhile: taken to have flown, and to have landed")],
-                (),
-                (),
-                {"uav1": {"stage": Stage.LANDED}},
-                {},
-            ),
+            [Say(Level.INFO, "uav1: its battery has lost 3 % meanwhile: taken to have flown, and to have landed")],
             (),
             (),
             {"uav1": {"stage": Stage.LANDED}},
