@@ -136,7 +136,7 @@ def _looked_at(
 
 
 def _words(vehicle: VehicleState, climb: Climb) -> str:
-    does = "climbs in its RTL" if climb.seen else "is silent, and may climb in an RTL of its own"
+    does = "climbs in its RTL" if climb.seen else "has no link and may climb in its failsafe RTL"
     return f"{vehicle.name}: slows down, {climb.vehicle} {does} ahead of it"
 
 

@@ -160,7 +160,7 @@ def test_who_is_silent_is_waited_for_where_its_own_failsafe_would_climb() -> Non
     flight.crafts["uav1"].mute = True
     flight.later(5.0, lambda: returns(flight))
     nearest_m(flight, 60.0)
-    assert "uav3: slows down, uav1 is silent, and may climb in an RTL of its own ahead of it" in flight.said()
+    assert "uav3: slows down, uav1 has no link and may climb in its failsafe RTL ahead of it" in flight.said()
     assert PASSES in flight.said()
     assert flight.stage("uav3") is Stage.FLYING
 
