@@ -34,6 +34,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "mode_before": None,
             "critical_since_s": None,
             "ordered_mode_s": -math.inf,
+            "gives_way": None,
+            "gave_way_s": -math.inf,
             "armed_once": False,
             "disarmed_s": -math.inf,
             "fix": None,
