@@ -17,7 +17,7 @@ import numpy as np
 from executor.core.commands import ChangeSpeed, Command, Level, Say
 from executor.core.context import Context
 from executor.core.custody.causes import in_other_hands
-from executor.core.homing.homeward import comes_home, on_mission
+from executor.core.homing.homeward import SINKS_M_S, comes_home, on_mission
 from executor.core.parts import Cause, GivesWay, OnBoard
 from executor.core.state import FleetState, Stepped
 from executor.core.vehicle import IN_THE_AIR, Stage, VehicleState
@@ -293,7 +293,10 @@ def _rises_m_s(context: Context, vehicle: VehicleState) -> tuple[float, float]:
 
 
 def _seen(context: Context, vehicle: VehicleState) -> Climb | None:
-    """Return the climb of a vehicle that says that it comes home, or is told to; it stops first, and then rises."""
+    """Return the climb of a vehicle that says that it comes home, or is told to; it stops first, and then rises.
+
+    Who sinks is in its landing, and who stands over its pad is about to be.
+    """
     fix, beat = vehicle.motion.fix, vehicle.telemetry.heartbeat
     lands = context.vehicles[vehicle.name].dialect.modes.land.custom_mode
     told = vehicle.stage is Stage.RETURNING and vehicle.orders.errand is not None and not vehicle.orders.lands
@@ -301,12 +304,14 @@ def _seen(context: Context, vehicle: VehicleState) -> Climb | None:
     if fix is None or not (told or returns) or fix.alt_rel_m < context.limits.airborne_m:
         return None
     up_m, top_m = context.setup.up_m(vehicle.name, fix.alt_rel_m), _top_m(context, vehicle)
-    if up_m > top_m - RISES_M:
+    up_m_s, pad_m = fix.velocity_m_s[2], context.vehicles[vehicle.name].pad_m
+    rises = up_m_s > context.limits.climbs_m_s
+    lands_now = up_m_s < -SINKS_M_S or (not rises and math.dist(fix.place_m, pad_m) <= context.limits.pad_m)
+    if lands_now or up_m > top_m - RISES_M:
         return None
     here = np.array(fix.place_m)
     velocity = np.array(fix.velocity_m_s[:2])
     stops = here + velocity * (float(np.hypot(*velocity)) / (2.0 * BRAKES_M_S2))
-    rises = fix.velocity_m_s[2] > context.limits.climbs_m_s
     begins_s = (fix.at_s, fix.at_s if rises else fix.at_s + TURNS_S)
     places = np.array([here, stops])
     return Climb(vehicle.name, True, places, (up_m, up_m), top_m, begins_s, _rises_m_s(context, vehicle))

@@ -153,6 +153,14 @@ def test_who_cannot_stop_in_time_goes_on() -> None:
     assert speeds(flight) == []
 
 
+def test_who_comes_down_is_no_climb() -> None:
+    flight = story()
+    returns(flight)
+    flight.crafts["uav1"].climbs_m_s = -1.0
+    nearest_m(flight, 20.0)
+    assert speeds(flight) == []
+
+
 def test_who_is_silent_is_waited_for_where_its_own_failsafe_would_climb() -> None:
     ready = over_a_ridge()
     alone = replace(ready.context.vehicles["uav1"], failsafe_s=5.0, returns=True)
