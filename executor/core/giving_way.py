@@ -23,12 +23,14 @@ from executor.core.state import FleetState, Stepped
 from executor.core.vehicle import IN_THE_AIR, Stage, VehicleState
 from missions import Phase
 from missions.geo import FloatArray
+from missions.geometry import place_distances_m
 
 SLOW_M_S = 0.5
 """As good as standing still; ArduPilot takes no speed below 0.2 (AC_WPNav.h, WPNAV_WP_SPEED_MIN)."""
 BRAKES_M_S2 = 1.5
 """Both brake harder by their defaults: WPNAV_ACCEL and MPC_ACC_HOR are 2.5 and 3, and take a second to begin."""
 TOLD_LATE_S = 1.5
+"""From the decision until it begins to brake."""
 SPARE_S = 3.0
 """It is told so much before it has to brake: one order in two may be lost."""
 AROUND_M = 6.0
@@ -36,6 +38,7 @@ AROUND_M = 6.0
 LOOK_S = 40.0
 """So far ahead a mission is looked at: a climb through all layers takes as long."""
 STEP_S = 0.5
+"""Between places on a way."""
 FASTER, SLOWER, STOP_S = 0.8, 1.3, 5.0
 """Shares of the time that a way takes by its legs' speeds, and what a stop may take."""
 RISES_FASTER, RISES_SLOWER = 1.25, 0.65
@@ -68,7 +71,7 @@ class Climb:
     vehicle: str
     seen: bool
     places_m: FloatArray
-    """(n, 2) places along which it may stand, east and north."""
+    """(n, 2) places along which it may stand, east and north; two at least."""
     up_m: tuple[float, float]
     """Between which heights it begins, over the depot's ground."""
     top_m: float
@@ -124,7 +127,8 @@ def _looked_at(
     if waits is None or waits.over_s is not None:
         if found is None or not _has_to_brake(vehicle, found[1]):
             return (vehicle, ()) if waits is None else _flies_on(vehicle, waits, now_s)
-        return _told(vehicle, GivesWay(found[0].vehicle, now_s, now_s), _words(vehicle, found[0]), now_s)
+        told = Say(Level.INFO, _words(vehicle, found[0])), ChangeSpeed(vehicle.name, SLOW_M_S)
+        return _with(vehicle, GivesWay(now_s, now_s), now_s), told
     if found is not None and now_s - waits.since_s < MOST_S:
         return _kept_slow(vehicle, waits, now_s)
     if _ends_its_leg(vehicle):
@@ -138,10 +142,6 @@ def _looked_at(
 def _words(vehicle: VehicleState, climb: Climb) -> str:
     does = "climbs in its RTL" if climb.seen else "has no link and may climb in its failsafe RTL"
     return f"{vehicle.name}: slows down, {climb.vehicle} {does} ahead of it"
-
-
-def _told(vehicle: VehicleState, waits: GivesWay, text: str, now_s: float) -> tuple[VehicleState, tuple[Command, ...]]:
-    return _with(vehicle, waits, now_s), (Say(Level.INFO, text), ChangeSpeed(vehicle.name, SLOW_M_S))
 
 
 def _kept_slow(vehicle: VehicleState, waits: GivesWay, now_s: float) -> tuple[VehicleState, tuple[Command, ...]]:
@@ -228,21 +228,11 @@ def _in_its_way(
 
 def _flies_into(ahead: Ahead, climb: Climb, spacing_m: float) -> float | None:
     """Return how far ahead a way comes near to a climb, in place and in time; None if it does not."""
-    near = _from_line_m(climb.places_m, ahead.places_m[:, :2]) < spacing_m + AROUND_M
+    parts_m = np.stack((climb.places_m[:-1], climb.places_m[1:]), axis=1)
+    near = place_distances_m(parts_m, ahead.places_m[:, :2]).min(axis=1) < spacing_m + AROUND_M
     from_s, to_s = climb.window_s(ahead.places_m[:, 2], spacing_m)
     meets = near & (ahead.soonest_s <= to_s) & (ahead.latest_s >= from_s)
     return float(ahead.along_m[int(meets.argmax())]) if meets.any() else None
-
-
-def _from_line_m(line_m: FloatArray, places_m: FloatArray) -> FloatArray:
-    """Return (m,) distances of places (m, 2) from a line of straight parts (n, 2)."""
-    if len(line_m) == 1:
-        return np.asarray(np.hypot(*(places_m - line_m[0]).T))
-    begins, parts = line_m[:-1], np.diff(line_m, axis=0)
-    lengths = np.maximum((parts**2).sum(axis=1), 1e-9)
-    to_m = places_m[:, None, :] - begins[None, :, :]
-    share = np.clip((to_m * parts).sum(axis=2) / lengths, 0.0, 1.0)
-    return np.asarray(np.hypot(*np.moveaxis(to_m - share[..., None] * parts, 2, 0)).min(axis=1))
 
 
 def _ahead(context: Context, vehicle: VehicleState, board: OnBoard, until_s: float) -> Ahead | None:
@@ -332,6 +322,7 @@ def _expected(context: Context, vehicle: VehicleState, now_s: float) -> Climb | 
     if not there.any():
         return None
     places_m = ahead.places_m[there]
+    places_m = np.concatenate((places_m, places_m[-1:]))
     up_m = (float(places_m[:, 2].min()), float(places_m[:, 2].max()))
     waits_s = (begins_s[0], begins_s[1] + TURNS_S)
     rises_m_s = _rises_m_s(context, vehicle)

@@ -323,7 +323,6 @@ class Assignment:
 class GivesWay:
     """A vehicle flies slowly, as somebody climbs ahead of it."""
 
-    to: str
     since_s: float
     told_s: float
     """When it was last told a speed."""

@@ -82,13 +82,12 @@ class VehicleLink:
         if self._log is not None:
             self._log.write(received.frame)
         self._count(received)
-        if isinstance(received.message, Heartbeat):
-            if self._overtaken(received):
-                return
+        told = None if self._overtaken(received) else received.message
+        if isinstance(told, Heartbeat):
             if received.own:
                 self._beat_source = source
             self._tell_traffic(received.compid)
-        for message in (received.message, *received.more):
+        for message in (told, *received.more):
             if message is not None:
                 self._hand_on(message, received.compid)
 
@@ -138,7 +137,7 @@ class VehicleLink:
 
         A vehicle that has rebooted counts anew: only what is just behind its newest frame was overtaken.
         """
-        if not received.own:
+        if not received.own or not isinstance(received.message, Heartbeat):
             return False
         last, newest = self._beat_seq, self._last_seq
         if last is not None and newest is not None:

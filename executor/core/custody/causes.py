@@ -423,6 +423,12 @@ def in_other_hands(vehicle: VehicleState) -> bool:
     return vehicle.custody.taken is not None or (vehicle.armed and vehicle.custody.cause is Cause.PERSON)
 
 
+def in_hand(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether it stands in a mode that only a person flies in."""
+    beat = vehicle.telemetry.heartbeat
+    return beat is not None and is_manual_mode(context.vehicles[vehicle.name].dialect, beat.custom_mode)
+
+
 def takes_over(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether it is certain that a person has taken it."""
     return (

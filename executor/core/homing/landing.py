@@ -9,11 +9,12 @@ from executor.core.battery import account
 from executor.core.battery.pack import doubted_at_rest
 from executor.core.commands import Level, Say
 from executor.core.context import Context, FlyAgain
+from executor.core.custody.causes import in_hand
 from executor.core.hearing.charge import facts_of
 from executor.core.places import UNSEEN_S, fell, last_heard, lean_words, over_its_pad, place_words, sank
 from executor.core.state import FleetState, Stepped
 from executor.core.vehicle import Stage, VehicleState, moved_to
-from missions.autopilots.modes import is_manual_mode, mode_name
+from missions.autopilots.modes import mode_name
 
 SEEN_AFTER_S = 0.5
 """A position so much later than the disarming shows where it lies."""
@@ -98,7 +99,7 @@ def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now
 def _in_hand_words(context: Context, vehicle: VehicleState) -> str:
     """Return what is said of a mode that only a person sets, where nobody would be asked before the next take-off."""
     beat, dialect = vehicle.telemetry.heartbeat, context.vehicles[vehicle.name].dialect
-    if context.fly_again is not FlyAgain.AUTO or beat is None or not is_manual_mode(dialect, beat.custom_mode):
+    if context.fly_again is not FlyAgain.AUTO or beat is None or not in_hand(context, vehicle):
         return ""
     return f"; mode {mode_name(dialect, beat.custom_mode)}: it stays on the ground until it is included"
 

@@ -8,11 +8,12 @@ from executor.core import projection
 from executor.core.battery import account
 from executor.core.commands import Survivor
 from executor.core.context import Context, FlyAgain
+from executor.core.custody.causes import in_hand
 from executor.core.parts import Cause
 from executor.core.setups import setup_now
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
-from missions.autopilots.modes import is_manual_mode, is_mission_mode
+from missions.autopilots.modes import is_mission_mode
 from missions.pace import AS_MODELLED
 
 CLEARED_S = 60.0
@@ -105,10 +106,8 @@ def nobody_is_asked(context: Context, vehicle: VehicleState) -> bool:
 
     Not where somebody has set a mode on it since it landed that only a person flies in.
     """
-    beat = vehicle.telemetry.heartbeat
-    dialect = context.vehicles[vehicle.name].dialect
-    in_hand = vehicle.stage is Stage.LANDED and beat is not None and is_manual_mode(dialect, beat.custom_mode)
-    return context.fly_again is FlyAgain.AUTO and not in_hand
+    held = vehicle.stage is Stage.LANDED and in_hand(context, vehicle)
+    return context.fly_again is FlyAgain.AUTO and not held
 
 
 def _cleared(state: VehicleState, now_s: float) -> bool:

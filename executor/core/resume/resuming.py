@@ -327,7 +327,8 @@ def _never_started(
     vehicle = replace(vehicle, assignment=replace(vehicle.assignment, before=None))
     state = state.put(vehicle)
     had_pct, has_pct = vehicle.power.began_pct, vehicle.power.battery.remaining_pct
-    flown = not vehicle.armed and had_pct is not None and has_pct is not None and had_pct - has_pct > FLOWN_PCT
+    lost_pct = 0.0 if had_pct is None or has_pct is None else had_pct - has_pct
+    flown = not vehicle.armed and lost_pct > FLOWN_PCT
     if vehicle.armed and (context.fly_again is not FlyAgain.AUTO or not ours):
         # The crew's yes is from before: somebody may stand at the pad by now.
         why = "was armed and had not taken off when the ground station went away"
@@ -336,8 +337,8 @@ def _never_started(
         state = state.put(replace(vehicle, orders=replace(vehicle.orders, ordered_mode_s=now_s)))
         return state, _Taken((Say(Level.INFO, f"{name}: had not started yet; trying again"), Start(name)))
     said: Command = Say(Level.WARNING, f"{name}: had not started yet; it stays on the ground")
-    if flown and had_pct is not None and has_pct is not None:
-        lost = f"its battery has lost {had_pct - has_pct:.0f} % meanwhile"
+    if flown:
+        lost = f"its battery has lost {lost_pct:.0f} % meanwhile"
         said = Say(Level.INFO, f"{name}: {lost}: taken to have flown, and to have landed")
     plan = state.replanning.replan
     # Nor is that yes one for a start that is planned from now on.

@@ -144,6 +144,18 @@ def test_a_heartbeat_that_was_overtaken_says_nothing(told: list[tuple[int, int]]
     assert link.counts.received == len(told)
 
 
+def test_what_an_overtaken_heartbeat_brings_to_an_end_is_handed_on() -> None:
+    behind, _, heard = link_of()
+    vehicle = Vehicle()
+    newer, older = beats((80, 6), (79, 3))
+    vehicle.mav.seq = 78
+    behind.feed(newer)
+    behind.feed(vehicle.pack(mav.MAVLink_statustext_message(4, b"x" * 50, 7, 0)))
+    for _ in range(60):
+        behind.feed(older)
+    assert [type(one) for one in heard] == [Heartbeat, StatusText]
+
+
 def test_frames_of_other_systems_are_foreign() -> None:
     behind, link, heard = link_of()
     other = mav.MAVLink(None, srcSystem=8, srcComponent=1)
