@@ -67,6 +67,7 @@ class StormJudge(Judge):
     def __init__(self, stormed: Stormed) -> None:
         super().__init__(stormed.flown)
         self.stormed = stormed
+        self._taken: dict[str, list[Truth]] = {}
 
     def _own_rules(self) -> Sequence[Callable[[], Iterator[Finding]]]:
         return (self._mistakes, self._apart, self._reserve, self._ends)
@@ -139,12 +140,14 @@ class StormJudge(Judge):
 
     def _by_others(self, name: str) -> list[Truth]:
         """Return what others did to it; a switch that is moved while the motors are off takes nothing."""
-        return [
-            one
-            for one in super()._by_others(name)
-            if not self._nobody_saw(name, one)
-            and (one.what == "kill" or (self.armed(name, one.t_s) and not self._lands_anyway(name, one)))
-        ]
+        if name not in self._taken:  # asked at every look: a tenth of a story's time
+            self._taken[name] = [
+                one
+                for one in super()._by_others(name)
+                if not self._nobody_saw(name, one)
+                and (one.what == "kill" or (self.armed(name, one.t_s) and not self._lands_anyway(name, one)))
+            ]
+        return self._taken[name]
 
     def _nobody_saw(self, name: str, one: Truth) -> bool:
         """Return whether nobody on the ground can ever know of it.
