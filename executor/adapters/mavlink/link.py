@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 
 from executor.adapters.mavlink.codec import Codec, Received
@@ -16,6 +17,8 @@ ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many, as from a log."""
 LATE_FRAMES = 32
 """A frame that is this far behind the newest may have been overtaken: links reorder within some tenths of a second."""
+KEPT_BEATS = 8
+"""HEARTBEATs of which a copy that comes late is known."""
 
 Write = Callable[[bytes], bool]
 """Sends one frame without waiting; says whether it went anywhere."""
@@ -51,6 +54,8 @@ class VehicleLink:
         self._last_seq: int | None = None
         self._beat_seq: int | None = None
         """Of the newest HEARTBEAT."""
+        self._beats: deque[bytes] = deque(maxlen=KEPT_BEATS)
+        """The last HEARTBEATs as they came."""
         self._absent: set[int] = set()
         """Sequence numbers that were passed over, as long as they may still come."""
 
@@ -81,8 +86,8 @@ class VehicleLink:
             self._moved(source)
         if self._log is not None:
             self._log.write(received.frame)
-        self._count(received)
         told = None if self._overtaken(received) else received.message
+        self._count(received)
         if isinstance(told, Heartbeat):
             if received.own:
                 self._beat_source = source
@@ -135,12 +140,15 @@ class VehicleLink:
     def _overtaken(self, received: Received) -> bool:
         """Return whether a HEARTBEAT is older than one that came before it: its mode is one that was.
 
-        A vehicle that has rebooted counts anew: only what is just behind its newest frame was overtaken.
+        It was passed over, or it is a copy. Whatever else seems to be behind counts anew: after a silence of any number
+        of frames, or after a reboot.
         """
         if not received.own or not isinstance(received.message, Heartbeat):
             return False
-        last, newest = self._beat_seq, self._last_seq
-        if last is not None and newest is not None:
+        last, newest, came = self._beat_seq, self._last_seq, received.frame in self._beats
+        if not came:
+            self._beats.append(received.frame)
+        if last is not None and newest is not None and (came or received.seq in self._absent):
             older = 0 < (last - received.seq) % 256 < 128
             if older and (newest - received.seq) % 256 <= LATE_FRAMES:
                 return True

@@ -134,6 +134,8 @@ def beats(*numbered: tuple[int, int]) -> list[bytes]:
         ([(40, 3), (80, 6), (40, 3)], [3, 6, 3]),  # so far behind it has begun to count anew
         ([(200, 3), (0, 6), (1, 6)], [3, 6, 6]),
         ([(40, 3), (40, 3)], [3, 3]),
+        ([(40, 3), (60, 6), (40, 3)], [3, 6]),  # a copy that came late
+        ([(80, 6), (80, 6), (79, 3)], [6, 6, 3]),  # nothing was passed over: it counts anew
     ],
 )
 def test_a_heartbeat_that_was_overtaken_says_nothing(told: list[tuple[int, int]], modes: list[int]) -> None:
@@ -144,16 +146,27 @@ def test_a_heartbeat_that_was_overtaken_says_nothing(told: list[tuple[int, int]]
     assert link.counts.received == len(told)
 
 
+@pytest.mark.parametrize("silent", range(100, 612, 8))
+def test_the_first_heartbeat_after_a_silence_counts_however_many_frames_were_not_heard(silent: int) -> None:
+    """A counter of 256 numbers says nothing of what was before a silence."""
+    behind, _, heard = link_of()
+    before = [beats((number, 3))[0] if number % 10 == 0 else frames([number])[0] for number in range(100)]
+    for frame in (*before, *beats((100 + silent, 6))):
+        behind.feed(frame)
+    assert [one.custom_mode for one in heard if isinstance(one, Heartbeat)] == [*[3] * 10, 6]
+
+
 def test_what_an_overtaken_heartbeat_brings_to_an_end_is_handed_on() -> None:
     behind, _, heard = link_of()
     vehicle = Vehicle()
     newer, older = beats((80, 6), (79, 3))
     vehicle.mav.seq = 78
+    behind.feed(frames([77])[0])
     behind.feed(newer)
     behind.feed(vehicle.pack(mav.MAVLink_statustext_message(4, b"x" * 50, 7, 0)))
     for _ in range(60):
         behind.feed(older)
-    assert [type(one) for one in heard] == [Heartbeat, StatusText]
+    assert [type(one) for one in heard] == [MissionCurrent, Heartbeat, StatusText]
 
 
 def test_frames_of_other_systems_are_foreign() -> None:
