@@ -110,20 +110,33 @@ def first_paths(
 
 def low_segments(path: FlightPath, visits: Sequence[int]) -> frozenset[int]:
     """Return which segments of its visits a path inspects below its vehicle's layer."""
+    return frozenset(segment_of(visits[visit]) for visit in _low_visits(path))
+
+
+def _low_visits(path: FlightPath) -> frozenset[int]:
     return frozenset(
-        segment_of(visits[point.visit])
+        point.visit
         for point in path.waypoints
         if point.visit is not None and point.below_m > 0 and (point.phase is Phase.INSPECT or point.captures)
     )
 
 
+def visits_at_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> tuple[float, ...]:
+    """Return at which distance a path makes each of its visits; one from too high by what it is too high."""
+    low, offset_m = _low_visits(path), setup.layers.offset_m(path.vehicle)
+    return tuple(
+        setup.inspection.height_m + (0.0 if number in low else offset_m + _deep_m(setup, segment_of(visit)))
+        for number, visit in enumerate(visits)
+    )
+
+
 def inspected_at_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> dict[int, float]:
-    """Return at which distance a path inspects each segment of its visits; one from too high by what it is too high."""
-    low, offset_m = low_segments(path, visits), setup.layers.offset_m(path.vehicle)
-    return {
-        segment: setup.inspection.height_m + (0.0 if segment in low else offset_m + _deep_m(setup, segment))
-        for segment in map(segment_of, visits)
-    }
+    """Return at which distance a path inspects each segment of its visits: the nearest, if it comes there twice."""
+    found: dict[int, float] = {}
+    for visit, at_m in zip(visits, visits_at_m(setup, path, visits), strict=True):
+        segment = segment_of(visit)
+        found[segment] = min(at_m, found.get(segment, at_m))
+    return found
 
 
 def _deep_m(setup: FlightSetup, segment: int) -> float:

@@ -166,7 +166,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/stories/test_pictures.py": (
         "executor/core/payload/pictures.py",
-        "executor/core/seeing/proof.py",
         "executor/simulator/camera.py",
     ),
     "tests/peers/test_mavsdk_cameras.py": ("executor/simulator/gimbal.py",),

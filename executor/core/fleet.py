@@ -184,7 +184,7 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
         commands.extend(more)
         state, more = killswitch.kill_heard(state, state.vehicles[event.vehicle], folded.text, now_s)
         commands.extend(more)
-    if folded.inspected is not None and folded.inspected not in state.coverage.inspected:
+    if folded.inspected is not None:
         state = proof.was_flown(context, state, event.vehicle, [(folded.inspected, folded.flown)], now_s)
     state = proof.passed_pylons(context, state, before, now_s)
     if folded.state.assignment.runs_broken is not before.assignment.runs_broken:

@@ -58,7 +58,7 @@ class Replan:
     ordered: bool = False
     """Whether an operator asked for it."""
     closer: bool = False
-    """Whether everybody's visits stay as they are, and one vehicle comes down to more of the line."""
+    """Whether nobody's work changes: one vehicle comes down to more of the line, or flies there once more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,6 +187,10 @@ class FlightProgress:
     separation: Separation | None = None
 
 
+SAME_M = 0.5
+"""Distances to the line that differ by less are one."""
+
+
 @dataclass(frozen=True, slots=True)
 class Coverage:
     """What became of each segment."""
@@ -208,10 +212,17 @@ class Coverage:
     """Segments of which the whole or a part was flown in a silence: nobody saw it, everything fits."""
     caught: Mapping[int, tuple[tuple[str, float], ...]] = field(default_factory=lambda: MappingProxyType({}))
     """Of segments that ask for pictures: the camera, and metres along the flight track from a, of each that counts."""
+    caught_nearer: Mapping[int, tuple[tuple[str, float], ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """The same of segments that count, taken from nearer: they take the others' place once they show all of it."""
     unseen: Mapping[int, Unseen] = field(default_factory=lambda: MappingProxyType({}))
     """Segments that were flown, and whose pictures are waited for."""
     not_seen: tuple[NotSeen, ...] = ()
     """Segments that were flown but not seen, in the order of time; some were seen later."""
+
+    def would_be_nearer(self, segment: int, at_m: float | None) -> bool:
+        """Return whether a segment that counts was inspected from farther away than this."""
+        counted_m = self.inspected_at_m.get(segment) if segment in self.inspected else None
+        return counted_m is not None and at_m is not None and at_m < counted_m - SAME_M
 
     def unproven(self) -> frozenset[int]:
         """Return the segments that count as inspected by evidence alone."""
@@ -233,7 +244,7 @@ class Replanning:
     wait_until_s: float = float("-inf")
     """No re-plan begins before this: the last solve failed."""
     closer_s: float = float("-inf")
-    """When it was looked at last who may come down to more of the line."""
+    """When it was looked at last who may come down to more of the line, or fly there once more."""
     ordered: bool = False
     """An operator asked for a re-plan, which begins without need."""
     considered: frozenset[str] = frozenset()

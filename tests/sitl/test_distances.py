@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -24,17 +25,19 @@ OFF_M = 1.5
 """What a real vehicle's height may be off, by its own word."""
 ROUTES = {"uav1": (12, 2, 4), "uav2": (8, 10, 6), "uav3": (1,)}
 """uav2's last segment, V104.1, ends at the pylon where uav1's first, V104B.1, begins."""
+FIRST = {"uav1": (2, 4, 12), "uav2": (6, 8, 10), "uav3": (1,)}
+"""The same, with V104.1 the first of uav2's, so that nobody has left it yet."""
 SHARED = 3
 
 
-def shared(ground: Ground) -> Prepared:
+def shared(ground: Ground, routes: Mapping[str, tuple[int, ...]]) -> Prepared:
     """Return the plan in which two share a pylon, of which one has to stay in its layer there at first."""
     at_m = {
-        name: inspected_at_m(ground.setup, path, ROUTES[name])
-        for name, path in first_paths(ground.setup, ROUTES).items()
+        name: inspected_at_m(ground.setup, path, routes[name])
+        for name, path in first_paths(ground.setup, routes).items()
     }
     assert at_m["uav2"][SHARED] > ASKED_M
-    return Prepared(ground, plan_with(ground, ROUTES), math.inf)
+    return Prepared(ground, plan_with(ground, routes), math.inf)
 
 
 def places_m(done: Flown, ground: Ground, name: str) -> list[tuple[float, float, float, float]]:
@@ -47,15 +50,15 @@ def places_m(done: Flown, ground: Ground, name: str) -> list[tuple[float, float,
     ]
 
 
-@pytest.mark.sitl
-@pytest.mark.timeout(580)
-@BOTH
-def test_who_shares_a_pylon_comes_down_once_the_other_has_left(autopilot: Autopilot, tmp_path: Path) -> None:
+def all_as_asked(autopilot: Autopilot, tmp_path: Path, routes: Mapping[str, tuple[int, ...]], by: str) -> Flown:
+    """Fly it, and hold who inspected the shared segment at last, and how near anybody came, against their positions."""
     # Who would not come home by itself when it hears nobody stays in its layer.
-    story = Story(settings=SOON_HOME[autopilot], tables={"inspection": {"same_distance": True}}, prepared=shared)
+    story = Story(
+        settings=SOON_HOME[autopilot], tables={"inspection": {"same_distance": True}},
+        prepared=lambda ground: shared(ground, routes),
+    )  # fmt: skip
     done = flown(autopilot, story, tmp_path)
     assert done.report["finished"], done.said
-    assert "uav2: nobody else comes to V104.1 any more; new mission at the asked distance" in done.said
     assert {row["inspected_at_m"] for row in done.report["inspections"]} == {ASKED_M}, done.said
     assert done.report["replans"] == []
     ground = assembly.ground_of(check_site(tomllib.loads((done.run / "site.toml").read_text()), "test"), done.run)
@@ -63,7 +66,7 @@ def test_who_shares_a_pylon_comes_down_once_the_other_has_left(autopilot: Autopi
     begin_m, end_m = (tuple(end) for end in ground.setup.tracks_m[SHARED].tolist())
     over_m = [
         up_m - ground.setup.layers.surface.height_m(east_m, north_m) + ASKED_M
-        for _, east_m, north_m, up_m in own["uav2"]
+        for _, east_m, north_m, up_m in own[by]
         if (along := locate(begin_m, end_m, (east_m, north_m)))[1] < 3.0
         and 0.2 < along[0] / math.dist(begin_m, end_m) < 0.8
     ]
@@ -73,3 +76,22 @@ def test_who_shares_a_pylon_comes_down_once_the_other_has_left(autopilot: Autopi
         at = {round(place[0]): place[1:] for place in own[other]}
         assert all(math.dist(place[1:], at[now]) > LAYER_M for place in own[one] if (now := round(place[0])) in at
                    and place[3] > ASKED_M)  # fmt: skip
+    return done
+
+
+@pytest.mark.sitl
+@pytest.mark.timeout(580)
+@BOTH
+def test_who_shares_a_pylon_comes_down_once_the_other_has_left(autopilot: Autopilot, tmp_path: Path) -> None:
+    done = all_as_asked(autopilot, tmp_path, ROUTES, "uav2")
+    assert "uav2: nobody else comes to V104.1 any more; new mission at the asked distance" in done.said
+
+
+@pytest.mark.sitl
+@pytest.mark.timeout(580)
+@BOTH
+def test_what_counts_from_a_layer_is_flown_again_before_the_way_home(autopilot: Autopilot, tmp_path: Path) -> None:
+    done = all_as_asked(autopilot, tmp_path, FIRST, "uav1")
+    assert "uav1: flies V104.1 again, at the asked distance; new mission before its way home" in done.said
+    by = {row["segment"]: row["vehicle"] for row in done.report["inspections"]}
+    assert by[SHARED] == "uav1"

@@ -21,6 +21,7 @@ from executor.core.payload.pictures import CameraMemory, Picture, WantedPicture
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase, Waypoint
+from missions.asked import visits_at_m
 from missions.cameras import FIRST_COMPONENT, Camera, Capture, PictureProof, proof_of
 from planner import is_reversed
 
@@ -99,7 +100,7 @@ def _status(
     seen = _on(context, vehicle, camera, fix.place_m, fix.alt_rel_m)
     if seen is None or seen.capture is None or not seen.capture.films:
         return state
-    return _caught(state, vehicle, camera, seen)
+    return _caught(context, state, vehicle, camera, seen)
 
 
 def _free_mib(memory: CameraMemory, message: CameraStatus) -> float | None:
@@ -166,7 +167,7 @@ def _picture(
     payload = vehicle.payload.with_camera(memory)
     vehicle = replace(vehicle, payload=replace(payload, pictures=_with(payload.pictures, picture)))
     state = state.put(vehicle)
-    return state if picture.flaw or seen is None else _caught(state, vehicle, camera, seen)
+    return state if picture.flaw or seen is None else _caught(context, state, vehicle, camera, seen)
 
 
 def _with(pictures: tuple[Picture, ...], new: Picture) -> tuple[Picture, ...]:
@@ -356,9 +357,22 @@ def _from_a(board: OnBoard | None, seen: _Seen) -> float:
     return seen.track.length_m - seen.along_m if backward else seen.along_m
 
 
-def _caught(state: FleetState, vehicle: VehicleState, camera: Camera, seen: _Seen) -> FleetState:
+def _caught(context: Context, state: FleetState, vehicle: VehicleState, camera: Camera, seen: _Seen) -> FleetState:
     segment, points = seen.track.segment, () if seen.capture is None else seen.capture.points
     places = map(float, points) if points else (round(_from_a(vehicle.assignment.board, seen), 2),)
-    here = ((camera.name, place) for place in places)
-    caught = MappingProxyType({**state.coverage.caught, segment: (*state.coverage.caught.get(segment, ()), *here)})
-    return replace(state, coverage=replace(state.coverage, caught=caught))
+    here, coverage = tuple((camera.name, place) for place in places), state.coverage
+    if coverage.would_be_nearer(segment, _at_m(context, vehicle, seen)):
+        caught = MappingProxyType(
+            {**coverage.caught_nearer, segment: (*coverage.caught_nearer.get(segment, ()), *here)}
+        )
+        return replace(state, coverage=replace(coverage, caught_nearer=caught))
+    caught = MappingProxyType({**coverage.caught, segment: (*coverage.caught.get(segment, ()), *here)})
+    return replace(state, coverage=replace(coverage, caught=caught))
+
+
+def _at_m(context: Context, vehicle: VehicleState, seen: _Seen) -> float | None:
+    """Return from how far away a visit looks; None where every vehicle does so from its layer."""
+    board = vehicle.assignment.board
+    if board is None or not context.setup.inspection.same_distance:
+        return None
+    return visits_at_m(context.setup, board.path, board.visits)[seen.visit]

@@ -121,6 +121,8 @@ class Unseen:
 
     vehicle: str
     since_s: float
+    nearer_m: float | None = None
+    """The distance of one that counts already, from farther away."""
 
 
 @dataclass(frozen=True, slots=True)

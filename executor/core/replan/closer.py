@@ -2,11 +2,13 @@
 
 What others may still fly becomes less with each leg. As soon as a vehicle may come down to a part of the line ahead of
 it, it is given the same visits again with that part at the asked distance. Nothing depends on when anybody flies: until
-then, and where the new mission does not come on board, it inspects from its layer.
+then, and where the new mission does not come on board, it inspects from its layer. What was inspected so is flown once
+more by who has done its own part (`once_more`).
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -14,23 +16,25 @@ from executor.core.commands import Command, Level, Say, Solve, Survivor
 from executor.core.context import Context
 from executor.core.events import NewRoute, SolveEnded
 from executor.core.hours import within_hours
-from executor.core.replan import apart, replanning, survivors
+from executor.core.replan import apart, once_more, replanning, survivors
 from executor.core.replan.wording import listed
 from executor.core.state import FleetState, Replan
 from executor.core.vehicle import VehicleState
 from missions import continue_path, estimate
 from missions.asked import lies_lower
-from planner import segment_of
+from planner import is_reversed, segment_of
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
 LOOKED_S = 1.0
+LOOKED_AT = 3
+"""Vehicles at once: it takes some milliseconds for each."""
 MOST_LOST = 0.05
 """Of a vehicle's frames: a mission that nobody needs is not sent over a link on which its upload may break off."""
 
 
 def closer(context: Context, state: FleetState, now_s: float) -> Stepped:
-    """Give a vehicle the mission on which it comes down to more of the line, if there is one for whom that is free."""
+    """Give a vehicle a mission on which it comes nearer to the line, if there is one for whom that is free."""
     known = state.replanning
     if (
         not apart.leaves_layers(context)
@@ -47,53 +51,113 @@ def closer(context: Context, state: FleetState, now_s: float) -> Stepped:
     ):
         return state, ()
     state = replace(state, replanning=replace(known, closer_s=now_s))
-    found = next(_in_layers(context, state, now_s), None)
-    if found is None:
-        return state, ()
-    return _looked_at(context, state, *found, now_s)
+    for offer in itertools.islice(_may_come_nearer(context, state, now_s), LOOKED_AT):
+        found = _on_the_way(context, state, offer, now_s) or _once_more(context, state, offer, now_s)
+        if found is not None:
+            return found
+    return state, ()
 
 
-def _in_layers(context: Context, state: FleetState, now_s: float) -> Iterator[tuple[VehicleState, Survivor]]:
-    """Yield who has something ahead that it inspects from its layer; each second another one comes first."""
+def _may_come_nearer(context: Context, state: FleetState, now_s: float) -> Iterator[Survivor]:
+    """Yield who inspects from its layer, or may look again at what was; each second another one comes first."""
     names = list(state.vehicles)
     stays, first = apart.stays_in_layer(context.vehicles), int(now_s) % len(names)
     for name in (*names[first:], *names[:first]):
         vehicle = state.vehicles[name]
-        board, lost = vehicle.assignment.board, vehicle.link.quality.lost
-        if board is None or name in stays or (lost is not None and lost > MOST_LOST):
+        lost = vehicle.link.quality.lost
+        if vehicle.assignment.board is None or (lost is not None and lost > MOST_LOST):
             continue
-        if not any(lies_lower(context.setup, name, segment_of(visit)) for visit in vehicle.remaining_visits()):
+        ahead = () if name in stays else map(segment_of, vehicle.remaining_visits())
+        lower = any(lies_lower(context.setup, name, segment) for segment in ahead)
+        if not lower and not once_more.too_high(context, state, vehicle):
             continue
         offer = survivors.survivor(context, vehicle, now_s)
-        if offer is None or not offer.airborne or not offer.tail:
+        if offer is None or not offer.airborne:
             continue
-        ahead = {segment_of(visit) for visit in offer.tail} - apart.low_on_board(vehicle, offer)
-        if any(lies_lower(context.setup, name, segment) for segment in ahead):
-            yield vehicle, within_hours(context, state, offer, now_s)
+        not_low = {segment_of(visit) for visit in offer.tail} - apart.low_on_board(vehicle, offer)
+        lower = name not in stays and any(lies_lower(context.setup, name, segment) for segment in not_low)
+        if lower or once_more.has_done_its_part(state, vehicle, offer):
+            yield within_hours(context, state, offer, now_s)
 
 
-def _looked_at(context: Context, state: FleetState, vehicle: VehicleState, offer: Survivor, now_s: float) -> Stepped:
-    name, before = vehicle.name, apart.low_on_board(vehicle, offer)
-    [offer] = apart.kept_apart(context, state, [offer], (), now_s)
+def _on_the_way(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Stepped | None:
+    """Return what follows where a vehicle comes down to more of what it has before it."""
+    vehicle = state.vehicles[offer.vehicle]
+    before = apart.low_on_board(vehicle, offer)
+    if not offer.tail:
+        return None
+    plan = _plan(context, state, offer, offer.tail, now_s)
+    low = _low(context, state, plan, now_s)
+    if not low > before or not _affords(context, vehicle, plan, low):
+        return None
+    names = listed(context, low - before)
+    why = f"{offer.vehicle}: nobody else comes to {names} any more; new mission at the asked distance"
+    return _given(context, state, plan, why, now_s)
+
+
+def _once_more(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Stepped | None:
+    """Return what follows where a vehicle that has done its part can inspect more at the asked distance."""
+    name, vehicle = offer.vehicle, state.vehicles[offer.vehicle]
+    again = once_more.too_high(context, state, vehicle)
+    if not again or not once_more.has_done_its_part(state, vehicle, offer):
+        return None
+    [kept] = apart.kept_apart(context, state, [offer], again, now_s)
+    begin_m = offer.start_m if not offer.tail else _end_of(context, offer)
+    more = once_more.in_their_order(context, begin_m, again - set(kept.barred))
+    while more:
+        plan = _plan(context, state, offer, (*offer.tail, *more), now_s)
+        low = _low(context, state, plan, now_s)
+        stay = tuple(
+            one for one in more if segment_of(one) in low or not lies_lower(context.setup, name, segment_of(one))
+        )
+        if stay != more:
+            more = stay  # where one goes away, the others may be flown in one go, or not any more
+        elif _affords(context, vehicle, plan, low, once_more.SPARE_PCT):
+            names = listed(context, frozenset(map(segment_of, more)))
+            why = f"{name}: flies {names} again, at the asked distance; new mission before its way home"
+            return _given(context, state, plan, why, now_s)
+        else:
+            more = more[:-1]
+    return None
+
+
+def _end_of(context: Context, offer: Survivor) -> tuple[float, float]:
+    last = offer.tail[-1]
+    east_m, north_m = context.setup.tracks_m[segment_of(last)][0 if is_reversed(last) else 1].tolist()
+    return east_m, north_m
+
+
+def _plan(context: Context, state: FleetState, offer: Survivor, visits: tuple[int, ...], now_s: float) -> Replan:
+    [offer] = apart.kept_apart(context, state, [offer], map(segment_of, visits), now_s)
     revision = state.replanning.revision + 1
-    solve = Solve(revision, tuple(sorted(map(segment_of, offer.tail))), (offer,), "", given=offer.tail)
-    plan = Replan(solve, now_s, closer=True)
-    low = apart.chosen(context, state, plan, {name: offer.tail}, now_s)[name]
-    if not low > before or not _affords(context, vehicle, offer, low):
-        return state, ()
-    why = f"{name}: nobody else comes to {listed(context, low - before)} any more; new mission at the asked distance"
-    plan = replace(plan, solve=replace(solve, trigger=why))
+    solve = Solve(revision, tuple(sorted(map(segment_of, visits))), (offer,), "", given=visits)
+    return Replan(solve, now_s, closer=True)
+
+
+def _low(context: Context, state: FleetState, plan: Replan, now_s: float) -> frozenset[int]:
+    [offer] = plan.solve.survivors
+    return apart.chosen(context, state, plan, {offer.vehicle: plan.solve.given}, now_s)[offer.vehicle]
+
+
+def _given(context: Context, state: FleetState, plan: Replan, why: str, now_s: float) -> Stepped:
+    [offer], revision = plan.solve.survivors, plan.solve.revision
+    plan = replace(plan, solve=replace(plan.solve, trigger=why))
     state = replace(state, replanning=replace(state.replanning, revision=revision, replan=plan))
-    answer = SolveEnded(revision, (NewRoute(name, offer.tail),), (), 0.0, "")
+    answer = SolveEnded(revision, (NewRoute(offer.vehicle, plan.solve.given),), (), 0.0, "")
     state, commands = replanning.solved(context, state, answer, now_s)
     return state, (Say(Level.INFO, why), *commands)
 
 
-def _affords(context: Context, vehicle: VehicleState, offer: Survivor, low: frozenset[int]) -> bool:
+def _affords(
+    context: Context, vehicle: VehicleState, plan: Replan, low: frozenset[int], spare_pct: float = 0.0
+) -> bool:
     """Return whether what is left of a vehicle's budget takes it down there and home."""
-    board = vehicle.assignment.board
+    [offer], board = plan.solve.survivors, vehicle.assignment.board
     if board is None:
         return False
-    path = continue_path(apart.around(context, (offer,)), board.path, offer.kept, offer.tail, low)
+    path = continue_path(apart.around(context, (offer,)), board.path, offer.kept, plan.solve.given, low)
     legs = estimate(path, context.pricing.models[vehicle.name]).legs[offer.kept :]
-    return sum(leg.energy_pct for leg in legs) * offer.consumption <= offer.budget_pct
+    phases = (point.phase for point in path.waypoints[offer.kept :])
+    needs_pct = sum(offer.pace.of(phase) * leg.energy_pct for phase, leg in zip(phases, legs, strict=True))
+    needs_pct = offer.consumption * needs_pct + once_more.turning_pct(vehicle, offer)
+    return needs_pct + spare_pct <= offer.budget_pct

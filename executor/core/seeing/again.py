@@ -60,6 +60,7 @@ def unproven(coverage: Coverage, again: frozenset[int]) -> Coverage:
         inferred=coverage.inferred - again,
         given_up=coverage.given_up - again,
         caught=MappingProxyType({one: seen for one, seen in coverage.caught.items() if one not in again}),
+        caught_nearer=MappingProxyType({one: seen for one, seen in coverage.caught_nearer.items() if one not in again}),
     )
 
 

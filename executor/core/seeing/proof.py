@@ -40,15 +40,25 @@ def asks(context: Context, segment: int) -> bool:
 def was_flown(
     context: Context, state: FleetState, vehicle: str, segments: Iterable[tuple[int, SegmentPass | None]], now_s: float
 ) -> FleetState:
-    """Take what was flown: it is inspected, or waits for its pictures."""
+    """Take what was flown: it is inspected, or waits for its pictures.
+
+    What counts already counts by the nearer of two.
+    """
     coverage = state.coverage
     inspected, passes, unseen = dict(coverage.inspected), dict(coverage.flown), dict(coverage.unseen)
     distances_m, by_mission_m = dict(coverage.inspected_at_m), _distances_m(context, state.vehicles[vehicle])
+    again: set[int] = set()
     for segment, how in segments:
+        at_m = by_mission_m.get(segment)
         if segment in inspected:
-            continue
-        if segment in by_mission_m:
-            distances_m[segment] = by_mission_m[segment]
+            if not coverage.would_be_nearer(segment, at_m):
+                continue
+            if asks(context, segment):
+                unseen[segment] = Unseen(vehicle, now_s, at_m)
+                continue
+            again.add(segment)
+        if at_m is not None:
+            distances_m[segment] = at_m
         if how is not None:
             passes[segment] = how
         if asks(context, segment):
@@ -60,7 +70,8 @@ def was_flown(
         inspected=MappingProxyType(inspected),
         flown=MappingProxyType(passes),
         inspected_at_m=MappingProxyType(distances_m),
-        unseen=MappingProxyType(unseen) if len(unseen) != len(coverage.unseen) else coverage.unseen,
+        inferred=coverage.inferred - again,
+        unseen=MappingProxyType(unseen) if unseen else coverage.unseen,
     )
     return replace(state, coverage=coverage)
 
@@ -98,14 +109,17 @@ def passed_pylons(context: Context, state: FleetState, before: VehicleState, now
 
 def unshown(context: Context, state: FleetState, segment: int) -> list[str]:
     """Return in words what pictures do not show of a segment; nothing where they show all of it."""
+    return _not_in(context, segment, state.coverage.caught.get(segment, ()))
+
+
+def _not_in(context: Context, segment: int, caught: Iterable[tuple[str, float]]) -> list[str]:
     pylon = context.setup.looks.pylons.get(segment)
     if pylon is not None:
-        had = {int(at_m) for camera, at_m in state.coverage.caught.get(segment, ()) if camera == pylon.camera}
+        had = {int(at_m) for camera, at_m in caught if camera == pylon.camera}
         gone = [str(number + 1) for number in range(len(pylon.points)) if number not in had]
         return [f"{pylon.camera} has no picture from viewpoint {', '.join(gone)}"] if gone else []
     begin_m, end_m = context.setup.tracks_m[segment]
     length_m = float(((end_m - begin_m) ** 2).sum() ** 0.5)
-    caught = state.coverage.caught.get(segment, ())
     words = []
     for look in context.setup.looks.spans.get(segment, ()):
         places = [at_m for camera, at_m in caught if camera == look.camera]
@@ -118,7 +132,11 @@ def unshown(context: Context, state: FleetState, segment: int) -> list[str]:
 
 def missed(context: Context, state: FleetState) -> frozenset[int]:
     """Return what was flown and is not seen: at once, while the words of pictures may still come."""
-    waiting = {segment for segment in state.coverage.unseen if unshown(context, state, segment)}
+    waiting = {
+        segment
+        for segment in set(state.coverage.unseen) - set(state.coverage.inspected)
+        if unshown(context, state, segment)
+    }
     return frozenset(waiting | {one.segment for one in state.coverage.not_seen} - set(state.coverage.inspected))
 
 
@@ -129,10 +147,14 @@ def pictures_judged(context: Context, state: FleetState, now_s: float) -> Steppe
     state, asked = _asked_again(state, now_s)
     commands: list[Command] = list(asked)
     for segment, waits in state.coverage.unseen.items():
-        why = unshown(context, state, segment)
+        nearer = state.coverage.caught_nearer.get(segment, ())
+        why = unshown(context, state, segment) if waits.nearer_m is None else _not_in(context, segment, nearer)
         if why and now_s - waits.since_s < WAITS_S:
             continue
-        state, more = _judged(context, state, segment, waits, why, now_s)
+        if waits.nearer_m is None:
+            state, more = _judged(context, state, segment, waits, why, now_s)
+        else:
+            state, more = _judged_again(context, state, segment, waits, why)
         commands.extend(more)
     return state, tuple(commands)
 
@@ -149,6 +171,28 @@ def _judged(context: Context, state: FleetState, segment: int, waits: Unseen, wh
     coverage = replace(coverage, unseen=unseen, flown=passes, not_seen=(*coverage.not_seen, found))
     text = f"{waits.vehicle}: {context.segment_name(segment)} is flown but not seen: {words}"
     return replace(state, coverage=coverage), (Say(Level.WARNING, text),)
+
+
+def _judged_again(context: Context, state: FleetState, segment: int, waits: Unseen, why: list[str]) -> Stepped:
+    """Judge what counts already: by pictures from nearer, where they show all of it."""
+    coverage = state.coverage
+    nearer = coverage.caught_nearer.get(segment, ())
+    coverage = replace(
+        coverage,
+        unseen=MappingProxyType({one: other for one, other in coverage.unseen.items() if one != segment}),
+        caught_nearer=MappingProxyType({one: had for one, had in coverage.caught_nearer.items() if one != segment}),
+    )
+    if why or waits.nearer_m is None or segment not in coverage.inspected:
+        text = f"{waits.vehicle}: {context.segment_name(segment)} counts as before: from nearer, {'; '.join(why)}"
+        return replace(state, coverage=coverage), (Say(Level.INFO, text),)
+    coverage = replace(
+        coverage,
+        inspected=MappingProxyType({**coverage.inspected, segment: waits.vehicle}),
+        inspected_at_m=MappingProxyType({**coverage.inspected_at_m, segment: waits.nearer_m}),
+        caught=MappingProxyType({**coverage.caught, segment: nearer}),
+        inferred=coverage.inferred - {segment},
+    )
+    return replace(state, coverage=coverage), ()
 
 
 def _asked_again(state: FleetState, now_s: float) -> Stepped:

@@ -23,6 +23,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "given_up": frozenset(),
             "left_over": frozenset(),
             "inspected_at_m": {},
+            "caught_nearer": {},
             "attempts": {},
             "revision": 0,
             "launched_s": None,

@@ -20,6 +20,7 @@ from executor.site.assembly import Ground
 from executor.site.config import check_site
 from missions import PlanFile
 from missions.geometry import locate
+from planner import segment_of
 from tests.missions.builders import FRAME
 
 LAYER_M = 5.0
@@ -140,3 +141,22 @@ def test_a_silent_vehicle_is_taken_over_from_without_a_meeting(tmp_path: Path, a
     judged(chosen, flight, seen)
     assert flight.report.finished
     assert [fault.vehicle for fault in flight.report.faults] == [lost]
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_what_is_inspected_from_a_layer_is_flown_again_before_the_way_home(tmp_path: Path, autopilot: str) -> None:
+    """uav1 begins beside the depot, at the end of a line of which the other half is uav2's."""
+    chosen = ground(tmp_path, autopilot)
+    plan = plan_with(chosen, {"uav1": (2, 0), "uav2": (4, 6), "uav3": (8,)})
+    from_layers = {
+        segment_of(visit)
+        for own, route in zip(plan.vehicles, plan.plan.routes, strict=True)
+        for visit in route.visits
+        if plan.inspected_at_m(own.name, segment_of(visit)) != 15.0
+    }
+    assert from_layers
+    flight, seen = flown(chosen, plan)
+    assert set(judged(chosen, flight, seen)) == {15.0}
+    assert (flight.report.finished, flight.report.replans) == (True, ())
+    again = [line.text for line in flight.state.crew.said if "at the asked distance" in line.text]
+    assert len(again) == 1

@@ -40,14 +40,14 @@ def flying(*, low: bool, camera: Mapping[str, object] = FIXED, **look: object) -
 
 
 def heard(
-    context: Context, vehicle: VehicleState, *, up_m: float, yaw_deg: float, word: bool = True, at_s: float = NOW_S,
-    sequence: int = 0,
+    context: Context, vehicle: VehicleState, known: FleetState | None = None, *, up_m: float, yaw_deg: float,
+    word: bool = True, at_s: float = NOW_S, sequence: int = 0, point: int = 0,
 ) -> FleetState:  # fmt: skip
-    """Return the state after a picture from over the first viewpoint: a line due east, seen from the south."""
-    point = context.setup.looks.pylons[2].points[0]
-    fix = Fix(at_s, at_s, point.place_m, up_m, up_m + 450.0, (0.0, 0.0, 0.0), yaw_deg)
+    """Return the state after a picture from over a viewpoint: a line due east, seen from the south."""
+    place_m = context.setup.looks.pylons[2].points[point].place_m
+    fix = Fix(at_s, at_s, place_m, up_m, up_m + 450.0, (0.0, 0.0, 0.0), yaw_deg)
     vehicle = replace(vehicle, motion=replace(vehicle.motion, fix=fix))
-    state = FleetState(vehicles={"uav1": vehicle})
+    state = (FleetState(vehicles={"uav1": vehicle}) if known is None else known).put(vehicle)
     message = PictureTaken(
         PictureProof.FEEDBACK, 1, 1, sequence, True, at_s, None, alt_rel_m=up_m, roll_deg=0.0, pitch_deg=0.0,
         yaw_deg=yaw_deg if word else None,

@@ -1,0 +1,217 @@
+"""Once more at the asked distance: by whom, when, and never before others have left or instead of what is open."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from types import MappingProxyType
+
+import pytest
+from hypothesis import Phase as Explicit
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from executor.core import fleet
+from executor.core.commands import Command, Say
+from executor.core.context import Context
+from executor.core.events import UploadEnded
+from executor.core.link_quality import LinkQuality
+from executor.core.parts import Fix, SortieAhead
+from executor.core.replan.closer import MOST_LOST, closer
+from executor.core.replan.once_more import AT_ONCE, SPARE_PCT
+from executor.core.state import FleetState
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, aboard
+from missions import Phase
+from missions.asked import first_paths, inspected_at_m, visits_at_m
+from planner import segment_of
+from tests.executor.builders import with_facts
+from tests.executor.core.replan.test_apart import CONTEXTS, NAMES, NOW_S, flying_to, in_flight, nobody_meets, uploads
+from tests.executor.core.vehicles import pack
+
+ASKED_M = 15.0
+FROM_M = 20.0
+ROUTES = {"uav1": (0, 2), "uav2": (7, 5), "uav3": (8, 10)}
+"""Two spans each; the first two share a pylon, so that uav2 inspects segment 2 from its layer."""
+
+
+def going_home(chosen: Context, who: str = "uav2", share: float = 0.2) -> FleetState:
+    """Return a fleet of which one is on its way home, and the others have landed; segment 2 counts from a layer."""
+    paths = first_paths(chosen.setup, ROUTES)
+    boards = {name: aboard(chosen, name, 0, paths[name], ROUTES[name]) if name in ROUTES else None for name in NAMES}
+    state = fleet.initial(boards)
+    for name in ROUTES:
+        board = boards[name]
+        assert board is not None
+        last = len(board.path.waypoints)
+        if name != who:
+            state = state.put(with_facts(state.vehicles[name], stage=Stage.LANDED, waypoint=last))
+            continue
+        leg = max(number for number, point in enumerate(board.path.waypoints) if point.phase is Phase.RETURN)
+        state = state.put(on_leg(state.vehicles[name], leg, share))
+    by = {segment_of(visit): name for name, visits in ROUTES.items() for visit in visits}
+    distances = {segment: FROM_M if segment == 2 else ASKED_M for segment in by}
+    coverage = replace(
+        state.coverage, inspected=MappingProxyType(by), inspected_at_m=MappingProxyType(distances),
+        given_up=frozenset(chosen.wanted) - set(by),
+    )  # fmt: skip
+    return replace(state, coverage=coverage, progress=replace(state.progress, launched_s=0.0))
+
+
+def on_leg(vehicle: VehicleState, waypoint: int, share: float, now_s: float = NOW_S) -> VehicleState:
+    """Return a vehicle that has flown a share of a leg."""
+    vehicle, board = flying_to(vehicle, waypoint, now_s), vehicle.assignment.board
+    assert board is not None
+    begin, end = board.places_m[waypoint - 1], board.places_m[waypoint]
+    place = (begin[0] + share * (end[0] - begin[0]), begin[1] + share * (end[1] - begin[1]))
+    alt_m = board.path.waypoints[waypoint].alt_rel_m
+    return with_facts(vehicle, fix=Fix(now_s, now_s, place, alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0)))
+
+
+def said(commands: tuple[Command, ...]) -> list[str]:
+    return [command.text for command in commands if isinstance(command, Say)]
+
+
+@pytest.mark.parametrize("rises", [False, True])
+@pytest.mark.parametrize("who", ["uav1", "uav2", "uav3"])
+def test_who_is_on_its_way_home_flies_again_what_counts_from_a_layer(who: str, rises: bool) -> None:
+    chosen = CONTEXTS[rises]
+    state = going_home(chosen, who)
+    before = state.vehicles[who].assignment.board
+    assert before is not None
+    state, commands = closer(chosen, state, NOW_S)
+    assert said(commands) == [f"{who}: flies segment 2 again, at the asked distance; new mission before its way home"]
+    [upload] = uploads(commands)
+    assert upload.vehicle == who
+    kept = state.vehicles[who].assignment.waypoint
+    assert upload.path.waypoints[:kept] == before.path.waypoints[:kept]
+    ended = UploadEnded(who, upload.revision, accepted=True, reason="", mixed=False)
+    state, _ = fleet.step(chosen, state, ended, NOW_S)
+    board = state.vehicles[who].assignment.board
+    assert board is not None
+    assert segment_of(board.visits[-1]) == 2
+    assert visits_at_m(chosen.setup, board.path, board.visits)[-1] == ASKED_M
+    # It is no re-plan, and what counts goes on counting meanwhile.
+    assert (state.replanning.replan, state.replanning.records) == (None, ())
+    assert state.coverage.inspected[2] == "uav2"
+    assert closer(chosen, state, NOW_S + 2.0)[1] == ()
+
+
+@pytest.mark.parametrize("why", [
+    "open", "another", "lossy", "poor", "recalled", "urgent", "tried", "far", "sortie", "fault", "as asked",
+])  # fmt: skip
+def test_it_flies_home_where_that_is_better(why: str) -> None:
+    chosen, state = CONTEXTS[False], going_home(CONTEXTS[False])
+    own = state.vehicles["uav2"]
+    board = own.assignment.board
+    assert board is not None
+    match why:
+        case "open":  # something else of its own is before it
+            state = state.put(on_leg(own, 1, 0.2))
+            open_too = {segment: by for segment, by in state.coverage.inspected.items() if segment != 3}
+            state = replace(state, coverage=replace(state.coverage, inspected=MappingProxyType(open_too)))
+        case "another":  # it has that before it already
+            route = (4,)
+            path = first_paths(chosen.setup, {"uav4": route})["uav4"]
+            other = with_facts(state.vehicles["uav4"], board=aboard(chosen, "uav4", 0, path, route))
+            state = state.put(flying_to(other, 1))
+        case "lossy":
+            bad = LinkQuality(lost=2 * MOST_LOST, usual=0.0)
+            state = state.put(replace(own, link=replace(own.link, quality=bad)))
+        case "poor":
+            state = state.put(with_facts(own, battery=pack(18.0, 18.0)))
+        case "recalled":
+            state = replace(state, progress=replace(state.progress, recalled=True))
+        case "urgent":
+            state = replace(state, replanning=replace(state.replanning, urgent=True))
+        case "tried":  # it flew there at the asked distance, and that was not proven
+            route = (*ROUTES["uav2"], 4)
+            path = first_paths(chosen.setup, {"uav2": route})["uav2"]
+            assert inspected_at_m(chosen.setup, path, route)[2] == ASKED_M
+            last = max(number for number, point in enumerate(path.waypoints) if point.phase is Phase.RETURN)
+            state = state.put(on_leg(with_facts(own, board=aboard(chosen, "uav2", 0, path, route)), last, 0.2))
+        case "far":  # it is over its pad
+            state = state.put(on_leg(own, len(board.path.waypoints) - 1, 0.2))
+        case "sortie":  # it is to come home for its next one
+            ahead = (SortieAhead((6,), 900.0),)
+            state = state.put(replace(own, turn=replace(own.turn, ahead=ahead)))
+        case "fault":
+            fault = Fault(FaultKind.LINK, "silent", NOW_S - 200.0, FaultCode.LINK_LOST)
+            state = state.put(replace(own, stage=Stage.LOST, fault=fault))
+        case "as asked":
+            at_m = dict.fromkeys(state.coverage.inspected_at_m, ASKED_M)
+            state = replace(state, coverage=replace(state.coverage, inspected_at_m=MappingProxyType(at_m)))
+    assert [line for line in said(closer(chosen, state, NOW_S)[1]) if " again, " in line] == []
+
+
+def test_it_keeps_more_than_its_reserve_and_the_way_back_counts() -> None:
+    """The same battery takes it there from near, and not from farther along its way home."""
+    chosen = CONTEXTS[False]
+
+    def least_pct(share: float) -> float:
+        for left in range(10, 91):
+            state = going_home(chosen, share=share)
+            state = state.put(with_facts(state.vehicles["uav2"], battery=pack(float(left), float(left))))
+            if uploads(closer(chosen, state, NOW_S)[1]):
+                return left
+        raise AssertionError
+
+    near, far = least_pct(0.1), least_pct(0.6)
+    assert 18 + SPARE_PCT < near < far
+
+
+def test_of_many_the_nearest_are_flown_first() -> None:
+    chosen, state = CONTEXTS[False], going_home(CONTEXTS[False])
+    everything = sorted(chosen.wanted)
+    coverage = replace(
+        state.coverage, given_up=frozenset(), inspected=MappingProxyType(dict.fromkeys(everything, "uav4")),
+        inspected_at_m=MappingProxyType(dict.fromkeys(everything, FROM_M)),
+    )  # fmt: skip
+    state, commands = closer(chosen, replace(state, coverage=coverage), NOW_S)
+    assert len(uploads(commands)) == 1
+    assert state.replanning.replan is not None
+    given_again = [segment_of(visit) for visit in state.replanning.replan.solve.given]
+    assert len(given_again) == AT_ONCE
+    assert set(given_again[:2]) == {1, 2}
+
+
+@settings(derandomize=True, deadline=None, max_examples=20, phases=[Explicit.explicit, Explicit.generate])
+@given(seed=st.integers(0, 2**32 - 1), rises=st.booleans())
+def test_who_flies_again_meets_nobody(seed: int, rises: bool) -> None:
+    chosen, rng = CONTEXTS[rises], random.Random(seed)
+    state, given_again = in_flight(chosen, rng), 0
+    for number in range(16):
+        now_s = NOW_S + 2.0 * number
+        state = flown_by_now(chosen, state)
+        state, commands = closer(chosen, state, now_s)
+        given_again += any(" again, " in line for line in said(commands))
+        for upload in uploads(commands):
+            nobody_meets(chosen, state, {upload.vehicle: upload.path})
+            ended = UploadEnded(upload.vehicle, upload.revision, accepted=rng.random() < 0.8, reason="", mixed=False)
+            state, _ = fleet.step(chosen, state, ended, now_s)
+        nobody_meets(chosen, state, {})
+        name = rng.choice(NAMES)
+        own = state.vehicles[name]
+        board = own.assignment.board
+        if board is None or own.stage is not Stage.FLYING:
+            continue
+        waypoint = min(own.assignment.waypoint + rng.randrange(4), len(board.path.waypoints))
+        if waypoint == len(board.path.waypoints):
+            state = state.put(with_facts(own, stage=Stage.LANDED, waypoint=waypoint))
+            continue
+        state = state.put(flying_to(own, waypoint, now_s))
+
+
+def flown_by_now(chosen: Context, state: FleetState) -> FleetState:
+    """Return the state in which all that is behind vehicles counts, from where they were then."""
+    inspected, at_m = dict(state.coverage.inspected), dict(state.coverage.inspected_at_m)
+    for name, vehicle in state.vehicles.items():
+        board = vehicle.assignment.board
+        if board is None:
+            continue
+        ahead = {point.visit for point in board.path.waypoints[vehicle.assignment.waypoint :]}
+        for number, here_m in enumerate(visits_at_m(chosen.setup, board.path, board.visits)):
+            segment = segment_of(board.visits[number])
+            if number not in ahead and here_m < at_m.get(segment, 1000.0):
+                inspected[segment], at_m[segment] = name, here_m
+    coverage = replace(state.coverage, inspected=MappingProxyType(inspected), inspected_at_m=MappingProxyType(at_m))
+    return replace(state, coverage=coverage)
