@@ -475,7 +475,7 @@ def _finish(context: Context, state: FleetState, now_s: float) -> Stepped:
         return state, ()
     if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or offers.awaits_answer(state):
         return state, ()
-    if turnaround.awaited(context, state, now_s):
+    if turnaround.awaited(context, state, now_s) or closer.waits(context, state, now_s):
         return state, ()
     if not state.progress.recalled and replanning.orphans(context, state):
         return state, ()

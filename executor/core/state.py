@@ -149,6 +149,8 @@ class Offer:
     segments: tuple[int, ...]
     """What nobody flies and they could."""
     since_s: float
+    again: bool = False
+    """Whether all of it counts, from farther away than asked."""
     alone_since_s: float | None = None
     """Since when nothing else is waited for."""
 

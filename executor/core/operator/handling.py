@@ -18,7 +18,7 @@ from executor.core.parts import Cause
 from executor.core.places import place_words
 from executor.core.replan import replanning
 from executor.core.replan.wording import listed
-from executor.core.roster import bases, takeover, turnaround
+from executor.core.roster import bases, offers, takeover, turnaround
 from executor.core.roster.service import back_in_service, cleared
 from executor.core.roster.withdraw import declare, left_plan, withdrawn
 from executor.core.seeing import again, proof
@@ -236,6 +236,7 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
         state, more = takeover.given_back(context, state, vehicle, now_s)
         return _Ordered(state, "it is back in the plan", more)
     left = replanning.left_over(state)
+    again = offers.flies_again(state, vehicle)
     state, ready = back_in_service(state, vehicle)
     state = cleared(state, ready, now_s)
     if state.crew.offer is not None and len(state.crew.offer.vehicles) > 1:
@@ -246,6 +247,8 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
         )
     if replanning.orphans(context, state) or left:
         return _Ordered(state, "it is back in the plan; re-planning with it")
+    if again:
+        return _Ordered(state, "it flies again what counts from farther away than asked")
     return _Ordered(state, "it is back in the plan; no segment is left over, a re-plan would share the others")
 
 

@@ -8,6 +8,7 @@ anything. Where a new mission crosses what a vehicle above it has on board still
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -27,6 +28,8 @@ UP_M = 2.0
 """Who is this near to its layer is in it."""
 TURNS_S = 5.0
 """A return by itself begins with a stop."""
+DOWN_FACTOR, DOWN_MORE_S = 1.5, 60.0
+"""A vehicle that nobody hears is down after so much more than the rest of its flight takes by the model."""
 SEEN_UP_S = 60.0
 """Who is not seen up in its layer so long after its RTL began may be anywhere on its way."""
 ROUNDING_M = 0.05
@@ -74,6 +77,19 @@ def _leaves_the_line(context: Context, vehicle: VehicleState, now_s: float) -> b
     return vehicle.stage is Stage.LOST or not _is_up(context, vehicle)
 
 
+def _is_down_by_now(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle that nobody hears must have landed: by its failsafe, or at the end of its mission."""
+    board, fault, fix = vehicle.assignment.board, vehicle.fault, vehicle.motion.fix
+    lost = vehicle.stage is Stage.LOST and context.vehicles[vehicle.name].returns
+    if not lost or board is None or fault is None or fix is None:
+        return False
+    pad, model = context.setup.pad_of(vehicle.name), context.pricing.models[vehicle.name]
+    away_m, up_m = math.dist(fix.place_m, (pad.east_m, pad.north_m)), context.return_height_m(vehicle.name)
+    home_s = sum(model.performance.return_s(away_m, up_m, up_m))
+    rest_s = sum(leg.duration_s for leg in board.legs[vehicle.assignment.waypoint :])
+    return now_s - fault.detected_s >= DOWN_FACTOR * max(home_s, rest_s) + DOWN_MORE_S
+
+
 def _is_up(context: Context, vehicle: VehicleState) -> bool:
     """Return whether it is seen in its layer, or above it."""
     fix = vehicle.motion.fix
@@ -119,6 +135,8 @@ def taken_by_others(context: Context, state: FleetState, offers: Iterable[Surviv
                 first = min(vehicle.assignment.waypoint, offer.kept)
                 begun = FlightPath(vehicle.name, board.path.waypoints[: offer.kept])
                 found.append(airway(context.setup, begun, first))
+        elif _is_down_by_now(context, vehicle, now_s):
+            continue
         elif vehicle.stage in {Stage.LOST, Stage.RETURNING} and not _leaves_the_line(context, vehicle, now_s):
             # It is on its way home in its layer, from wherever it was.
             home = _way_home(context, vehicle, now_s)

@@ -20,7 +20,7 @@ from executor.core.replan import apart, once_more, replanning, survivors
 from executor.core.replan.wording import listed
 from executor.core.state import FleetState, Replan
 from executor.core.vehicle import VehicleState
-from missions import continue_path, estimate
+from missions import continue_path, estimate, flight_path
 from missions.asked import lies_lower
 from planner import is_reversed, segment_of
 
@@ -46,7 +46,8 @@ def closer(context: Context, state: FleetState, now_s: float) -> Stepped:
         or state.progress.finished
         or state.progress.launched_s is None
         or state.listening.silent_since_s is not None
-        or now_s < max(known.wait_until_s, known.closer_s + LOOKED_S)
+        or now_s < known.wait_until_s
+        or (now_s < known.closer_s + LOOKED_S and not once_more.all_down(state))
         or apart.closing(context, state, now_s)
     ):
         return state, ()
@@ -56,6 +57,17 @@ def closer(context: Context, state: FleetState, now_s: float) -> Stepped:
         if found is not None:
             return found
     return state, ()
+
+
+def waits(context: Context, state: FleetState, now_s: float) -> bool:
+    """Return whether somebody on the ground was just cleared to fly there once more, and others may be in a moment."""
+    if not apart.leaves_layers(context) or state.progress.recalled or now_s >= state.replanning.wait_until_s:
+        return False
+    return any(
+        vehicle.orders.cleared_s is not None and once_more.too_high(context, state, vehicle)
+        for vehicle in state.vehicles.values()
+        if survivors.survivor(context, vehicle, now_s) is not None
+    )
 
 
 def _may_come_nearer(context: Context, state: FleetState, now_s: float) -> Iterator[Survivor]:
@@ -72,7 +84,7 @@ def _may_come_nearer(context: Context, state: FleetState, now_s: float) -> Itera
         if not lower and not once_more.too_high(context, state, vehicle):
             continue
         offer = survivors.survivor(context, vehicle, now_s)
-        if offer is None or not offer.airborne:
+        if offer is None or not (offer.airborne or (context.day is None and once_more.all_down(state))):
             continue
         not_low = {segment_of(visit) for visit in offer.tail} - apart.low_on_board(vehicle, offer)
         lower = name not in stays and any(lies_lower(context.setup, name, segment) for segment in not_low)
@@ -97,6 +109,16 @@ def _on_the_way(context: Context, state: FleetState, offer: Survivor, now_s: flo
 
 def _once_more(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Stepped | None:
     """Return what follows where a vehicle that has done its part can inspect more at the asked distance."""
+    plan = flown_again(context, state, offer, now_s)
+    if plan is None:
+        return None
+    names = listed(context, frozenset(map(segment_of, plan.solve.given)) - set(map(segment_of, offer.tail)))
+    when = "new mission before its way home" if offer.airborne else "it takes off once its mission is on board"
+    return _given(context, state, plan, f"{offer.vehicle}: flies {names} again, at the asked distance; {when}", now_s)
+
+
+def flown_again(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Replan | None:
+    """Return the plan by which a vehicle that has done its part inspects more at the asked distance, if it can."""
     name, vehicle = offer.vehicle, state.vehicles[offer.vehicle]
     again = once_more.too_high(context, state, vehicle)
     if not again or not once_more.has_done_its_part(state, vehicle, offer):
@@ -113,9 +135,7 @@ def _once_more(context: Context, state: FleetState, offer: Survivor, now_s: floa
         if stay != more:
             more = stay  # where one goes away, the others may be flown in one go, or not any more
         elif _affords(context, vehicle, plan, low, once_more.SPARE_PCT):
-            names = listed(context, frozenset(map(segment_of, more)))
-            why = f"{name}: flies {names} again, at the asked distance; new mission before its way home"
-            return _given(context, state, plan, why, now_s)
+            return plan
         else:
             more = more[:-1]
     return None
@@ -152,12 +172,14 @@ def _affords(
     context: Context, vehicle: VehicleState, plan: Replan, low: frozenset[int], spare_pct: float = 0.0
 ) -> bool:
     """Return whether what is left of a vehicle's budget takes it down there and home."""
-    [offer], board = plan.solve.survivors, vehicle.assignment.board
-    if board is None:
-        return False
-    path = continue_path(apart.around(context, (offer,)), board.path, offer.kept, plan.solve.given, low)
-    legs = estimate(path, context.pricing.models[vehicle.name]).legs[offer.kept :]
-    phases = (point.phase for point in path.waypoints[offer.kept :])
+    [offer], board, model = plan.solve.survivors, vehicle.assignment.board, context.pricing.models[vehicle.name]
+    setup, visits, kept = apart.around(context, (offer,)), plan.solve.given, offer.kept if offer.airborne else 0
+    if offer.airborne and board is not None:
+        path = continue_path(setup, board.path, kept, visits, low)
+    else:
+        path = flight_path(setup, vehicle.name, visits, low)
+    legs = estimate(path, model).legs[kept:]
+    phases = (point.phase for point in path.waypoints[kept:])
     needs_pct = sum(offer.pace.of(phase) * leg.energy_pct for phase, leg in zip(phases, legs, strict=True))
     needs_pct = offer.consumption * needs_pct + once_more.turning_pct(vehicle, offer)
     return needs_pct + spare_pct <= offer.budget_pct

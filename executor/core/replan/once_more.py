@@ -2,7 +2,8 @@
 
 Where others' ways were in the way, a segment was inspected from its vehicle's layer. It counts; but when they have
 left, who is about to fly home with enough in its battery comes by again, lower. That is no re-plan: nothing is open,
-what counts goes on counting, and whatever does become open comes before it.
+what counts goes on counting, and whatever does become open comes before it. When everybody is down, who has enough left
+may take off for it, as for anything else: by the crew's word, or where the site says that nobody is asked.
 """
 
 from __future__ import annotations
@@ -15,10 +16,11 @@ from executor.core.commands import Survivor
 from executor.core.context import Context
 from executor.core.replan import survivors
 from executor.core.state import FleetState
-from executor.core.vehicle import VehicleState
+from executor.core.vehicle import Stage, VehicleState
 from missions.asked import visits_at_m
 from planner import segment_of, visit_of
 
+_DOWN = frozenset({Stage.GROUND, Stage.LANDED, Stage.DOWN, Stage.LOST})
 AT_ONCE = 5
 """Segments that it goes to again; more of them afterwards."""
 SPARE_PCT = 5.0
@@ -26,8 +28,13 @@ SPARE_PCT = 5.0
 
 
 def has_done_its_part(state: FleetState, vehicle: VehicleState, offer: Survivor) -> bool:
-    """Return whether all that a vehicle would be given anew counts already, and this is its last sortie."""
+    """Return whether all that a vehicle would be given anew counts already, and it has no sortie ahead."""
     return not vehicle.turn.ahead and all(segment_of(visit) in state.coverage.inspected for visit in offer.tail)
+
+
+def all_down(state: FleetState) -> bool:
+    """Return whether nobody is in the air, or about to be, but for who is lost."""
+    return all(vehicle.stage in _DOWN for vehicle in state.vehicles.values())
 
 
 def too_high(context: Context, state: FleetState, vehicle: VehicleState) -> frozenset[int]:
@@ -77,7 +84,7 @@ def in_their_order(context: Context, begin_m: tuple[float, float], segments: Ite
 def turning_pct(vehicle: VehicleState, offer: Survivor) -> float:
     """Return what turning back costs a vehicle on its way home: as much as it has flown of that leg."""
     board = vehicle.assignment.board
-    if board is None or offer.kept > vehicle.assignment.waypoint:
+    if board is None or not offer.airborne or offer.kept > vehicle.assignment.waypoint:
         return 0.0
     whole_pct = offer.pace.of(board.path.waypoints[offer.kept].phase) * board.legs[offer.kept].energy_pct
     return offer.consumption * max(0.0, whole_pct - projection.modelled_to_reach_pct(vehicle, offer.kept))

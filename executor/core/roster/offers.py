@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from executor.core.commands import Level, Say
 from executor.core.context import Context, FlyAgain
 from executor.core.hours import CLEARED_S
-from executor.core.replan import replanning, survivors
+from executor.core.replan import apart, closer, once_more, replanning, survivors
 from executor.core.setups import setup_now
 from executor.core.state import FleetState, Offer, Stepped
 from executor.core.vehicle import IN_THE_AIR, FaultKind, Stage, VehicleState
 from executor.core.words import count_of
 from missions import Phase, open_task
-from planner import Vehicle
+from planner import Vehicle, segment_of
 
 LANDING_S = 180.0
 """For so long at most an offer waits for those that are about to land, so that the work is shared."""
@@ -93,19 +94,44 @@ def looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:
         return state, ()
     ready = [one for one in state.vehicles.values() if idle(context, one, now_s) and one.orders.cleared_s is None]
     wanted = open_segments(context, state)
+    again = not wanted and once_more.all_down(state)
     able = {one.name: reach for one in ready if wanted and (reach := within_reach(context, one, wanted))}
-    if not able or _others_will(context, state, now_s):
+    if again:
+        able = _again_by(context, state, ready, now_s)
+    if not able or (not again and _others_will(context, state, now_s)):
         return _without(state), ()
     if state.crew.offer is None and _lands_soon(state) and now_s - (state.crew.offer_wanted_s or now_s) < LANDING_S:
         return replace(state, crew=replace(state.crew, offer_wanted_s=state.crew.offer_wanted_s or now_s)), ()
     segments = tuple(sorted(frozenset[int]().union(*able.values())))
-    if state.crew.offer is not None and state.crew.offer.vehicles == tuple(able):
+    if state.crew.offer is not None and (state.crew.offer.vehicles, state.crew.offer.again) == (tuple(able), again):
         if state.crew.offer.segments != segments:
             state = replace(state, crew=replace(state.crew, offer=replace(state.crew.offer, segments=segments)))
         return _expired(context, state, now_s)
-    offer = Offer(tuple(able), segments, now_s)
+    offer = Offer(tuple(able), segments, now_s, again)
     state = replace(state, crew=replace(state.crew, offer=offer, offer_wanted_s=state.crew.offer_wanted_s or now_s))
     return state, (Say(Level.FAULT, f"{offer_words(context, offer)}; include each that may take off"),)
+
+
+def _again_by(
+    context: Context, state: FleetState, ready: Sequence[VehicleState], now_s: float
+) -> dict[str, frozenset[int]]:
+    """Return who could fly again what counts from farther away than asked, and what of it."""
+    if not apart.leaves_layers(context):
+        return {}
+    known = state.crew.offer
+    if known is not None and known.again:  # nothing changes while everybody is down, but who is asked
+        return {one.name: frozenset(known.segments) for one in ready if one.name in known.vehicles}
+    found = {}
+    for one in ready:
+        plan = closer.flown_again(context, state, survivors.from_its_pad(context, one), now_s)
+        if one.fault is None and one.assignment.board is not None and plan is not None:
+            found[one.name] = frozenset(map(segment_of, plan.solve.given))
+    return found
+
+
+def flies_again(state: FleetState, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle is offered for what counts already, from farther away than asked."""
+    return state.crew.offer is not None and state.crew.offer.again and vehicle.name in state.crew.offer.vehicles
 
 
 def awaits_answer(state: FleetState) -> bool:
@@ -120,7 +146,8 @@ def offer_words(context: Context, offer: Offer) -> str:
     pads = f"are the pads of {names}" if len(offer.vehicles) > 1 else f"is the pad of {names}"
     listed = ", ".join(context.segment_name(segment) for segment in offer.segments[:6])
     more = ", ..." if len(offer.segments) > 6 else ""
-    return f"{names} can take over {count} ({listed}{more}): {pads} clear of people?"
+    what = f"fly {count} again, at the asked distance" if offer.again else f"take over {count}"
+    return f"{names} can {what} ({listed}{more}): {pads} clear of people?"
 
 
 def _without(state: FleetState) -> FleetState:
@@ -165,6 +192,9 @@ def _expired(context: Context, state: FleetState, now_s: float) -> Stepped:
     if now_s - offer.alone_since_s < context.offer_s:
         return state, ()
     left = open_segments(context, state)
+    if offer.again:
+        text = f"no vehicle was cleared to take off again within {context.offer_s:g} s; {_stay_words(offer)}"
+        return replace(state, crew=replace(state.crew, offer=None, offers_over=True)), (Say(Level.INFO, text),)
     state = replace(
         state,
         crew=replace(state.crew, offer=None, offers_over=True),
@@ -173,3 +203,8 @@ def _expired(context: Context, state: FleetState, now_s: float) -> Stepped:
     over = f"{count_of(len(left), 'segment')} {'is' if len(left) == 1 else 'are'} left over"
     text = f"no vehicle was cleared to take off again within {context.offer_s:g} s; {over}"
     return state, (Say(Level.WARNING, text),)
+
+
+def _stay_words(offer: Offer) -> str:
+    count = count_of(len(offer.segments), "segment")
+    return f"{count} {'counts' if len(offer.segments) == 1 else 'count'} from farther away than asked"

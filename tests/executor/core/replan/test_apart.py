@@ -253,3 +253,23 @@ def test_layers_alone_are_waited_for_by_nobody(stage: Stage) -> None:
     state = lose(in_flight(chosen, random.Random(3)), "uav4", 0.0)
     state = state.put(replace(state.vehicles["uav4"], stage=stage))
     assert not apart.closing(usual, state, NOW_S)
+
+
+@pytest.mark.parametrize("returns", [True, False])
+def test_who_is_lost_is_down_when_it_must_have_landed(returns: bool) -> None:
+    chosen = CONTEXTS[False]
+    state, name = with_somebody_low(chosen)
+    setups = {**chosen.vehicles, name: replace(chosen.vehicles[name], returns=returns)}
+    chosen = replace(chosen, vehicles=setups)
+    vehicle = state.vehicles[name]
+    board = vehicle.assignment.board
+    assert board is not None
+    rest_s = sum(leg.duration_s for leg in board.legs[vehicle.assignment.waypoint :])
+
+    def may_be_there(since_s: float) -> bool:
+        taken = apart.taken_by_others(chosen, lose(state, name, since_s), (), NOW_S)
+        return name in {one.vehicle for one in taken}
+
+    assert may_be_there(apart.DOWN_FACTOR * rest_s)
+    # One that would not come home by itself may be anywhere, for as long as its battery lasts.
+    assert may_be_there(apart.DOWN_FACTOR * (rest_s + 300.0) + apart.DOWN_MORE_S) is not returns

@@ -12,10 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executor.core import fleet
-from executor.core.commands import Command, Say
-from executor.core.context import Context
-from executor.core.events import UploadEnded
+from executor.core.commands import Command, Say, Start
+from executor.core.context import Context, FlyAgain
+from executor.core.events import IntentReceived, Tick, UploadEnded
+from executor.core.intents import Action, Intent
 from executor.core.link_quality import LinkQuality
+from executor.core.messages import Heartbeat
 from executor.core.parts import Fix, SortieAhead
 from executor.core.replan.closer import MOST_LOST, closer
 from executor.core.replan.once_more import AT_ONCE, SPARE_PCT
@@ -26,7 +28,7 @@ from missions.asked import first_paths, inspected_at_m, visits_at_m
 from planner import segment_of
 from tests.executor.builders import with_facts
 from tests.executor.core.replan.test_apart import CONTEXTS, NAMES, NOW_S, flying_to, in_flight, nobody_meets, uploads
-from tests.executor.core.vehicles import pack
+from tests.executor.core.vehicles import AUTO, pack
 
 ASKED_M = 15.0
 FROM_M = 20.0
@@ -124,11 +126,11 @@ def test_it_flies_home_where_that_is_better(why: str) -> None:
         case "urgent":
             state = replace(state, replanning=replace(state.replanning, urgent=True))
         case "tried":  # it flew there at the asked distance, and that was not proven
-            route = (*ROUTES["uav2"], 4)
-            path = first_paths(chosen.setup, {"uav2": route})["uav2"]
-            assert inspected_at_m(chosen.setup, path, route)[2] == ASKED_M
+            longer = (*ROUTES["uav2"], 4)
+            path = first_paths(chosen.setup, {"uav2": longer})["uav2"]
+            assert inspected_at_m(chosen.setup, path, longer)[2] == ASKED_M
             last = max(number for number, point in enumerate(path.waypoints) if point.phase is Phase.RETURN)
-            state = state.put(on_leg(with_facts(own, board=aboard(chosen, "uav2", 0, path, route)), last, 0.2))
+            state = state.put(on_leg(with_facts(own, board=aboard(chosen, "uav2", 0, path, longer)), last, 0.2))
         case "far":  # it is over its pad
             state = state.put(on_leg(own, len(board.path.waypoints) - 1, 0.2))
         case "sortie":  # it is to come home for its next one
@@ -172,6 +174,111 @@ def test_of_many_the_nearest_are_flown_first() -> None:
     given_again = [segment_of(visit) for visit in state.replanning.replan.solve.given]
     assert len(given_again) == AT_ONCE
     assert set(given_again[:2]) == {1, 2}
+
+
+def all_landed(chosen: Context) -> FleetState:
+    """Return a fleet on its pads, with battery left, of which segment 2 counts from a layer."""
+    state = going_home(chosen)
+    for name in ROUTES:
+        own = state.vehicles[name]
+        board = own.assignment.board
+        assert board is not None
+        pad_m = chosen.vehicles[name].pad_m
+        facts = {
+            "stage": Stage.LANDED, "heard_s": NOW_S, "heartbeat": Heartbeat(3, AUTO, False, 4), "heartbeat_s": NOW_S,
+            "battery": pack(70.0, 70.0), "waypoint": len(board.path.waypoints), "armed_once": True, "took_off": True,
+            "fix": Fix(NOW_S, NOW_S, pad_m, 0.0, 450.0, (0.0, 0.0, 0.0)),
+        }  # fmt: skip
+        state = state.put(with_facts(own, **facts))
+    everything = {segment: state.coverage.inspected.get(segment, "uav3") for segment in chosen.wanted}
+    at_m = dict.fromkeys(chosen.wanted, ASKED_M) | {2: FROM_M}
+    coverage = replace(
+        state.coverage, inspected=MappingProxyType(everything), inspected_at_m=MappingProxyType(at_m),
+        given_up=frozenset(),
+    )  # fmt: skip
+    return replace(state, coverage=coverage)
+
+
+def test_where_nobody_is_asked_one_takes_off_for_it_once_everybody_is_down() -> None:
+    chosen = replace(CONTEXTS[False], fly_again=FlyAgain.AUTO)
+    state = all_landed(chosen)
+    state, commands = fleet.step(chosen, state, Tick(), NOW_S)
+    [upload] = uploads(commands)
+    who = upload.vehicle
+    assert f"{who}: flies segment 2 again, at the asked distance; it takes off once its mission is on board" in said(
+        commands
+    )
+    assert (upload.airborne, state.progress.finished) == (False, False)
+    state, commands = fleet.step(
+        chosen, state, UploadEnded(who, upload.revision, accepted=True, reason="", mixed=False), NOW_S + 1.0
+    )
+    assert Start(who) in commands
+    assert state.vehicles[who].stage is Stage.STARTING
+    # The others stay where they are.
+    state, commands = fleet.step(chosen, state, Tick(), NOW_S + 2.0)
+    assert uploads(commands) == []
+
+
+def test_nobody_takes_off_for_it_while_others_fly() -> None:
+    chosen = replace(CONTEXTS[False], fly_again=FlyAgain.AUTO)
+    state = going_home(chosen)
+    flies = with_facts(state.vehicles["uav2"], battery=pack(18.0, 18.0))  # it has not enough left itself
+    state = all_landed(chosen).put(flies)
+    assert uploads(closer(chosen, state, NOW_S)[1]) == []
+
+
+def test_the_crew_is_asked_and_its_yes_is_what_starts_one() -> None:
+    chosen = replace(CONTEXTS[False], fly_again=FlyAgain.ASK)
+    state, commands = fleet.step(chosen, all_landed(chosen), Tick(), NOW_S)
+    assert uploads(commands) == []
+    [line] = said(commands)
+    assert line.startswith(
+        "uav1 and uav2 and uav3 can fly 1 segment again, at the asked distance (segment 2): are the "
+    )
+    assert (state.crew.offer is not None and state.crew.offer.again, state.progress.finished) == (True, False)
+    yes = IntentReceived(Intent("yes", Action.INCLUDE, "uav3", "page", confirmed=True))
+    state, commands = fleet.step(chosen, state, yes, NOW_S + 1.0)
+    assert said(commands) == ["page asks: include uav3; it flies again what counts from farther away than asked"]
+    state, sent = ticked(chosen, state, NOW_S + 2.0, NOW_S + 30.0)
+    [upload] = uploads(sent)
+    assert (upload.vehicle, upload.airborne, state.progress.finished) == ("uav3", False, False)
+
+
+def test_without_a_yes_the_flight_ends_and_everything_goes_on_counting() -> None:
+    chosen = replace(CONTEXTS[False], fly_again=FlyAgain.ASK, offer_s=20.0)
+    state, sent = ticked(chosen, all_landed(chosen), NOW_S, NOW_S + 30.0)
+    assert uploads(sent) == []
+    late = "no vehicle was cleared to take off again within 20 s; 1 segment counts from farther away than asked"
+    assert late in said(sent)
+    assert state.progress.finished
+    assert state.coverage.inspected[2] == "uav2"
+
+
+@pytest.mark.parametrize("fly_again", [FlyAgain.NEVER, FlyAgain.ASK])
+def test_nobody_is_asked_where_nobody_could(fly_again: FlyAgain) -> None:
+    chosen = replace(CONTEXTS[False], fly_again=fly_again)
+    state = all_landed(chosen)
+    if fly_again is FlyAgain.ASK:
+        for name in ROUTES:
+            state = state.put(with_facts(state.vehicles[name], battery=pack(24.0, 24.0)))
+    state, commands = fleet.step(chosen, state, Tick(), NOW_S)
+    assert (state.crew.offer, state.progress.finished) == (None, True)
+    assert uploads(commands) == []
+
+
+def ticked(chosen: Context, state: FleetState, from_s: float, until_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+    """Let time pass, with everybody heard all along."""
+    commands: list[Command] = []
+    for number in range(int(until_s - from_s) + 1):
+        now_s = from_s + number
+        for name in ROUTES:
+            own = state.vehicles[name]
+            fix = own.motion.fix
+            assert fix is not None
+            state = state.put(with_facts(own, heard_s=now_s, heartbeat_s=now_s, fix=replace(fix, at_s=now_s)))
+        state, more = fleet.step(chosen, state, Tick(), now_s)
+        commands.extend(more)
+    return state, tuple(commands)
 
 
 @settings(derandomize=True, deadline=None, max_examples=20, phases=[Explicit.explicit, Explicit.generate])
