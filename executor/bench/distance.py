@@ -94,6 +94,11 @@ class DistanceFlight:
         """By how much the longest route is longer than with everybody in its layer."""
         return 100.0 * (self.longest_s / self.longest_in_layers_s - 1.0)
 
+    @property
+    def lasted_longer_pct(self) -> float:
+        """By how much the flight lasted longer than the longest route is planned for: by what is flown again."""
+        return 100.0 * (self.flown_s / self.longest_s - 1.0)
+
 
 @dataclass(slots=True)
 class _Watched:
@@ -233,6 +238,7 @@ def distance_results(flights: Sequence[DistanceFlight]) -> Json:
     flown = [one for one in flights if not one.wrong]
     longer_pct = [one.longer_pct for one in flown]
     near = [one for one in flown if one.nearest_m < one.promised_m]
+    calm = [one for one in flown if not one.faults]
     return {
         "flights": len(flown),
         "by_autopilot": dict(sorted(Counter(one.autopilot for one in flown).items())),
@@ -254,6 +260,10 @@ def distance_results(flights: Sequence[DistanceFlight]) -> Json:
         "longer_pct": {
             "median": round(median(longer_pct), 2) if longer_pct else None,
             "most": round(max(longer_pct), 2) if longer_pct else None,
+        },
+        "undisturbed": {
+            "flights": len(calm),
+            "lasted_longer_pct": round(median(one.lasted_longer_pct for one in calm), 2) if calm else None,
         },
         "by_vehicles": [_fleet(flown, count) for count in sorted({one.vehicles for one in flown})],
         "not_flown": [f"flight {one.number}: {one.wrong}" for one in flights if one.wrong],

@@ -69,6 +69,14 @@ def _told(content: Mapping[str, Any]) -> str:
     return TOLD.format(**content, off_m=OFF_M, off_count=len(content["off"]), near_count=len(content["too_near"]))
 
 
+def _lasted(calm: Mapping[str, Any]) -> str:
+    """Return what flying there once more takes, where nothing else befell anybody."""
+    if not calm["flights"]:
+        return ""
+    longer = figure(calm["lasted_longer_pct"])
+    return f"The {calm['flights']} flights in which nothing befell anybody lasted {longer} % longer than that."
+
+
 def _named(content: Mapping[str, Any]) -> list[str]:
     """Return what went wrong, line by line."""
     return [*content["too_near"], *content["off"], *(f"not flown: {line}" for line in content["not_flown"])]
@@ -87,7 +95,7 @@ def distance_page(content: Mapping[str, Any]) -> str:
         about,
         _told(content),
         f"The longest route is {figure(longer['median'])} % longer in the median than with everybody in its layer, "
-        f"{figure(longer['most'])} % at most.",
+        f"{figure(longer['most'])} % at most. {_lasted(content['undisturbed'])}".rstrip(),
         markdown_table(FLEETS, _fleets(content)),
         markdown_table(("what befell vehicles", "times"), [(kind, str(n)) for kind, n in content["faults"].items()]),
         "## By name" if named else "",

@@ -21,8 +21,8 @@ class FlightTable(SiteTable):
     ready_timeout_s: Positive = 120.0
     """Before the flight: how long a vehicle may take until it is ready to arm, in the vehicle's time."""
     fly_again: Literal["ask", "never", "auto"] = "ask"
-    """Whether a vehicle on the ground takes off for a re-plan: `ask`, once the crew says that its pad is clear; `never`
-    after it has landed; `auto`, by itself, for simulation only."""
+    """Whether a vehicle on the ground takes off for a re-plan, or to fly again what was inspected from a layer: `ask`,
+    once the crew says that its pad is clear; `never` after it has landed; `auto`, by itself, for simulation only."""
     offer_s: Positive = 300.0
     """How long the crew may take to answer such an offer once no vehicle flies any more."""
     pilot_grace_s: Annotated[float, Field(ge=0, le=3600)] = 30.0

@@ -47,7 +47,10 @@ def test_what_comes_too_near_or_is_elsewhere_has_a_line_of_its_own() -> None:
     near = replace(GOOD, number=5, nearest_m=4.9)
     off = replace(GOOD, number=6, off=("3 by uav2: 20.2 m, said 15 m",), vehicles=4)
     lost = replace(GOOD, number=7, wrong="the supervision did not end")
+    calm = replace(GOOD, number=8, faults=(), flown_s=363.0)
+    assert distance_results([GOOD, calm])["undisturbed"] == {"flights": 1, "lasted_longer_pct": 10.0}
     found = distance_results([GOOD, near, off, lost])
+    assert found["undisturbed"] == {"flights": 0, "lasted_longer_pct": None}
     assert (found["flights"], found["segments"], found["planned_asked"]) == (3, 39, 36)
     assert found["faults"] == {"crash": 3, "silent": 3}
     assert found["too_near"] == ["flight 5 (px4, uav1:silent=30@40%, uav2:crash@50%): 4.90 m, uav1 and uav2 after 60 s"]
