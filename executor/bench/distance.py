@@ -39,7 +39,7 @@ WIND_M_S = 6.0
 SLOWER = 0.2
 """A vehicle flies up to this share slower than it is told: it is late by a minute and more."""
 USES_PCT = 45.0
-"""Of its battery, the dearest route."""
+"""Of its battery, the dearest route, unless something else is asked for."""
 BUDGET_PCT = 75.0
 """What a vehicle may use: enough to take over another's part, and to come down to the line for it."""
 SETTLED = 500
@@ -144,13 +144,20 @@ class _Watched:
         return found
 
 
-def fly_distance(case: FlightCase) -> DistanceFlight:
-    """Make up a flight, fly it, and hold it against the truth; the same case gives the same figures."""
+def fly_distance(case: FlightCase, *, uses_pct: float = USES_PCT) -> DistanceFlight:
+    """Make up a flight, fly it, and hold it against the truth; the same case gives the same figures.
+
+    Args:
+        case: Which one.
+        uses_pct: What the dearest route uses of a battery: batteries are as large as that makes them.
+    """
     rng = np.random.default_rng([case.seed, 29, case.number])
     count = int(rng.integers(VEHICLES[0], VEHICLES[1] + 1))
     speed_m_s, course = float(rng.uniform(0.0, WIND_M_S)), float(rng.uniform(0.0, 2.0 * math.pi))
     wind_m_s = (speed_m_s * math.sin(course), speed_m_s * math.cos(course))
-    ground, plan, layered_s = _planned(case, count, float(rng.choice(RADII_M)), wind_m_s, int(rng.integers(1 << 30)))
+    ground, plan, layered_s = _planned(
+        case, count, float(rng.choice(RADII_M)), wind_m_s, int(rng.integers(1 << 30)), uses_pct
+    )
     faults = drawn_faults(ground.names, FAULTS, rng)
     slower = {name: 1.0 - SLOWER * float(rng.random()) * (rng.random() < SECOND) for name in ground.names}
     watched, asked_m = _Watched(ground), ground.setup.inspection.height_m
@@ -192,7 +199,7 @@ def kind_of(fault: str) -> str:
 
 
 def _planned(
-    case: FlightCase, vehicles: int, radius_m: float, wind_m_s: tuple[float, float], seed: int
+    case: FlightCase, vehicles: int, radius_m: float, wind_m_s: tuple[float, float], seed: int, uses_pct: float
 ) -> tuple[Ground, PlanFile, float]:
     """Return a site, a plan at the asked distance, and how long its longest route is with everybody in its layer."""
     ground = virtual_ground(
@@ -201,7 +208,7 @@ def _planned(
     task = assembly.task_of(ground, range(len(ground.network.segments)))
     plan = solve(task.instance, cost=Cost.MINMAX, stop=NoImprovement(SETTLED), seed=seed).plan
     routes = assembly.routes_of(ground, task, rearranged_plan(ground, task, plan, Cost.MINMAX))
-    ground = with_budgets(sized(ground, plan_with(ground, routes), USES_PCT), BUDGET_PCT)
+    ground = with_budgets(sized(ground, plan_with(ground, routes), uses_pct), BUDGET_PCT)
     layered = virtual_ground(
         None, radius_m, vehicles, case.autopilot, wind_m_s=wind_m_s, capacity_ah=ground.drone.capacity_ah
     )

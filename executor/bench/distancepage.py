@@ -9,10 +9,12 @@ from typing import Any
 from rich.console import Console
 
 from executor.bench.distance import (
+    BUDGET_PCT,
     OFF_M,
     RADII_M,
     SECOND,
     SLOWER,
+    USES_PCT,
     VEHICLES,
     WIND_M_S,
     DistanceFlight,
@@ -30,7 +32,8 @@ INTRODUCTION = (
     " moves with up to {wind:g} m/s; three vehicles of ten are up to {slower:.0%} slower than they are told. One"
     " vehicle, and in {second:.0%} of the flights two, crash, fall silent for good or for 30 s, are brought home by a"
     " pilot, or use four times as much, at a random part of their routes; or nothing happens. Ten times a second it is"
-    " looked at where everybody truly is."
+    " looked at where everybody truly is. The dearest route of a plan uses {uses_pct:g}% of a battery, of which"
+    " {budget:g}% may be used."
 )
 TOLD = (
     "Inspected at the asked distance are {planned_asked} of {segments} segments as planned, and {counted_asked} of the"
@@ -45,9 +48,9 @@ FLEETS = (
 )  # fmt: skip
 
 
-def distance_document(flights: Sequence[DistanceFlight], command: str, seed: int) -> Json:
+def distance_document(flights: Sequence[DistanceFlight], command: str, seed: int, uses_pct: float = USES_PCT) -> Json:
     """Return the content of distance.json."""
-    return {**head("distance/1", command), "seed": seed, **distance_results(flights)}
+    return {**head("distance/1", command), "seed": seed, "uses_pct": uses_pct, **distance_results(flights)}
 
 
 def keep_distance(content: Mapping[str, Any], folder: Path) -> None:
@@ -86,7 +89,7 @@ def distance_page(content: Mapping[str, Any]) -> str:
     """Return the page."""
     about = INTRODUCTION.format(
         **content, least=VEHICLES[0], most=VEHICLES[1], near=RADII_M[0], far=RADII_M[-1], wind=WIND_M_S, slower=SLOWER,
-        second=SECOND,
+        second=SECOND, budget=BUDGET_PCT,
     )  # fmt: skip
     named, longer = _named(content), content["longer_pct"]
     return markdown_page(

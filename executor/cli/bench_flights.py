@@ -160,6 +160,9 @@ def window(
 def distance(
     flights: Annotated[int, typer.Option(min=1, help="Flights of 3 to 8 vehicles.")] = 100,
     seed: SeedOption = 1,
+    uses: Annotated[
+        float, typer.Option(min=5, max=60, help="Percent of a battery that the dearest route uses; 75 may be used.")
+    ] = 45.0,
     autopilot: AutopilotsOption = None,
     jobs: JobsOption = None,
     out: Annotated[Path | None, kept_in("distance.md and distance.json")] = None,
@@ -171,14 +174,17 @@ def distance(
     time. The same seed gives the same figures for any number of processes. Exit 1 if two vehicles came nearer than
     promised, if a segment was inspected elsewhere than said, or if a flight could not be flown.
     """
-    from executor.bench.distance import fly_distance
+    from executor.bench.distance import USES_PCT, fly_distance
     from executor.bench.distancepage import distance_document, keep_distance, print_distance
     from executor.bench.virtual.many import flight_cases
 
     autopilots, asked = _named(autopilot)
-    flown = _flown(fly_distance, flight_cases(flights, seed, autopilots), jobs)
-    command = shlex.join(["faultline", "bench", "distance", *asked, "--flights", str(flights), "--seed", str(seed)])
-    content = distance_document(flown, command, seed)
+    flown = _flown(partial(fly_distance, uses_pct=uses), flight_cases(flights, seed, autopilots), jobs)
+    used = [] if uses == USES_PCT else ["--uses", f"{uses:g}"]
+    command = shlex.join([
+        "faultline", "bench", "distance", *asked, "--flights", str(flights), "--seed", str(seed), *used
+    ])  # fmt: skip
+    content = distance_document(flown, command, seed, uses)
     failed = content["too_near"] or content["off"] or content["not_flown"]
     ended(content, keep_distance, print_distance, out, as_json=as_json, failed=bool(failed))
 

@@ -80,7 +80,7 @@ def test_the_page_names_what_went_wrong(tmp_path: Path, capsys: pytest.CaptureFi
 def test_the_command_says_no_where_anything_was_wrong(
     flown: DistanceFlight, code: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(distance, "fly_distance", lambda _: flown)
+    monkeypatch.setattr(distance, "fly_distance", lambda _case, **_: flown)
     done = CliRunner().invoke(cli, ["distance", "--flights", "1", "--json"])
     assert done.exit_code == code
     assert json.loads(done.stdout)["command"] == "faultline bench distance --flights 1 --seed 1"
