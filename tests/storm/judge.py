@@ -312,7 +312,7 @@ class StormJudge(Judge):
         ]
         # A ground station that slept reads then what came in that time.
         late = [began_s + one.for_s for began_s, one in self._began(name, frozenset({"held up", "ground sleeps"}))]
-        if any(0.0 <= at_s - came_s < 2.0 for came_s in late):
+        if any(-STEP_S < at_s - came_s < 2.0 for came_s in late):
             return ""  # it is heard with what was said before
         bursts = any(began_s <= at_s for began_s, _ in self._began(name, frozenset({"bursts", "bad link"})))
         spans = [span for span in spans if not (bursts and at_s - span.from_s < AFTER_S)]  # nor is it there at once
