@@ -109,7 +109,8 @@ def looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:
         return _expired(context, state, now_s)
     offer = Offer(tuple(able), segments, now_s, again)
     state = replace(state, crew=replace(state.crew, offer=offer, offer_wanted_s=state.crew.offer_wanted_s or now_s))
-    return state, (Say(Level.FAULT, f"{offer_words(context, offer)}; include each that may take off"),)
+    level = Level.WARNING if again else Level.FAULT  # nothing is left open by a no
+    return state, (Say(level, f"{offer_words(context, offer)}; include each that may take off"),)
 
 
 def _again_by(

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executor.core import fleet
-from executor.core.commands import Command, Say, Start
+from executor.core.commands import Command, Level, Say, Start
 from executor.core.context import Context, FlyAgain
 from executor.core.events import IntentReceived, Tick, UploadEnded
 from executor.core.intents import Action, Intent
@@ -232,6 +232,7 @@ def test_the_crew_is_asked_and_its_yes_is_what_starts_one() -> None:
     state, commands = fleet.step(chosen, all_landed(chosen), Tick(), NOW_S)
     assert uploads(commands) == []
     [line] = said(commands)
+    assert {command.level for command in commands if isinstance(command, Say)} == {Level.WARNING}
     assert line.startswith(
         "uav1 and uav2 and uav3 can fly 1 segment again, at the asked distance (segment 2): are the "
     )
