@@ -28,7 +28,7 @@ const CALM_M_S = 0.5;
 const FOUND = new Set(["lost", "down", "pilot"]);
 
 const TEMPLATE = `
-  <div class="top"><h3></h3><span class="state"></span><span class="offered">can take over</span><span class="eta"></span></div>
+  <div class="top"><h3></h3><span class="state"></span><span class="offered">can take off</span><span class="eta"></span></div>
   <p class="where"></p>
   <p class="why"></p>
   <p class="hands"></p>
