@@ -27,8 +27,8 @@ from planner import is_reversed, segment_of
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
 LOOKED_S = 1.0
-LOOKED_AT = 3
-"""Vehicles at once: it takes some milliseconds for each."""
+PAIRS_AT_ONCE = 24
+"""Of one that may come nearer and all others: some 15 ms, however many there are."""
 MOST_LOST = 0.05
 """Of a vehicle's frames: a mission that nobody needs is not sent over a link on which its upload may break off."""
 
@@ -52,7 +52,8 @@ def closer(context: Context, state: FleetState, now_s: float) -> Stepped:
     ):
         return state, ()
     state = replace(state, replanning=replace(known, closer_s=now_s))
-    for offer in itertools.islice(_may_come_nearer(context, state, now_s), LOOKED_AT):
+    most = max(1, PAIRS_AT_ONCE // len(state.vehicles))
+    for offer in itertools.islice(_may_come_nearer(context, state, now_s), most):
         found = _on_the_way(context, state, offer, now_s) or _once_more(context, state, offer, now_s)
         if found is not None:
             return found
