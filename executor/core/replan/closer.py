@@ -28,7 +28,7 @@ Stepped = tuple[FleetState, tuple[Command, ...]]
 
 LOOKED_S = 1.0
 PAIRS_AT_ONCE = 24
-"""Of one that may come nearer and all others: some 15 ms, however many there are."""
+"""Of one that may come nearer and each of the others; one is looked at in the largest fleet too."""
 MOST_LOST = 0.05
 """Of a vehicle's frames: a mission that nobody needs is not sent over a link on which its upload may break off."""
 
