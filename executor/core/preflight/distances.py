@@ -27,7 +27,8 @@ def distances_in_words(asked_m: float, inspected: Iterable[tuple[str, str, float
     if not high:
         return text
     named = first_of([f"{name} at {at_m:.0f} m by {vehicle}" for name, vehicle, at_m in high], NAMED)
-    return f"{text}; from their own layers, unless the others have left by then: {named}"
+    unless = "unless the others have left by then (flown again afterwards, as budgets allow)"
+    return f"{text}; from their own layers, {unless}: {named}"
 
 
 def distance_checks(

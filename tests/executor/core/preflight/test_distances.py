@@ -17,8 +17,8 @@ def test_what_is_inspected_from_a_layer_is_named_with_its_distance() -> None:
     assert (line.severity, line.subject) == (Severity.OK, "distance")
     name = setup.network.segment_name(3)
     assert line.text == (
-        "5 of 6 segments are inspected at the asked 15 m; from their own layers, unless the others have left by then: "
-        f"{name} at 21 m by uav2"
+        "5 of 6 segments are inspected at the asked 15 m; from their own layers, unless the others have left by then "
+        f"(flown again afterwards, as budgets allow): {name} at 21 m by uav2"
     )
 
 
