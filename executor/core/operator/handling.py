@@ -236,7 +236,7 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
         state, more = takeover.given_back(context, state, vehicle, now_s)
         return _Ordered(state, "it is back in the plan", more)
     left = replanning.left_over(state)
-    again = offers.flies_again(state, vehicle)
+    again = offers.takes_off_again(state, vehicle)
     state, ready = back_in_service(state, vehicle)
     state = cleared(state, ready, now_s)
     if state.crew.offer is not None and len(state.crew.offer.vehicles) > 1:

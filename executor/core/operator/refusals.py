@@ -15,7 +15,7 @@ from executor.core.places import where
 from executor.core.replan import replanning, survivors
 from executor.core.roster import turnaround
 from executor.core.roster.bases import base_names, is_closed
-from executor.core.roster.offers import flies_again, open_segments
+from executor.core.roster.offers import takes_off_again, open_segments
 from executor.core.seeing import again, proof
 from executor.core.setups import setup_now
 from executor.core.state import FleetState
@@ -213,7 +213,7 @@ def _include(  # noqa: PLR0911 - one return for each reason
         and not vehicle.orders.excluded
         and not vehicle.assignment.stubborn
         and not open_segments(context, state)
-        and not flies_again(state, vehicle)
+        and not takes_off_again(state, vehicle)
     ):
         return IntentReason.IN_PLAN, "it is in the plan already, and no segment is left over"
     if vehicle.motion.fix is None or math.dist(vehicle.motion.fix.place_m, setup.pad_m) > context.limits.off_pad_m:

@@ -130,7 +130,7 @@ def _again_by(
     return found
 
 
-def flies_again(state: FleetState, vehicle: VehicleState) -> bool:
+def takes_off_again(state: FleetState, vehicle: VehicleState) -> bool:
     """Return whether a vehicle is offered for what counts already, from farther away than asked."""
     return state.crew.offer is not None and state.crew.offer.again and vehicle.name in state.crew.offer.vehicles
 
