@@ -15,7 +15,7 @@ from executor.core.places import where
 from executor.core.replan import replanning, survivors
 from executor.core.roster import turnaround
 from executor.core.roster.bases import base_names, is_closed
-from executor.core.roster.offers import takes_off_again, open_segments
+from executor.core.roster.offers import open_segments, takes_off_again
 from executor.core.seeing import again, proof
 from executor.core.setups import setup_now
 from executor.core.state import FleetState
