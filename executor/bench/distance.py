@@ -96,7 +96,7 @@ class DistanceFlight:
 
     @property
     def lasted_longer_pct(self) -> float:
-        """By how much the flight lasted longer than the longest route is planned for: by what is flown again."""
+        """By how much the flight lasted longer than the longest route is planned for."""
         return 100.0 * (self.flown_s / self.longest_s - 1.0)
 
 

@@ -77,7 +77,10 @@ def _lasted(calm: Mapping[str, Any]) -> str:
     if not calm["flights"]:
         return ""
     longer = figure(calm["lasted_longer_pct"])
-    return f"The {calm['flights']} flights in which nothing befell anybody lasted {longer} % longer than that."
+    return (
+        f"The {calm['flights']} flights in which nothing befell anybody lasted, from the launch to the last landing, "
+        f"{longer} % longer in the median than their longest route is planned for."
+    )
 
 
 def _named(content: Mapping[str, Any]) -> list[str]:
