@@ -239,7 +239,7 @@ def offered(ready: Fleet) -> Scene:
     words = {
         "#offered": "uav1 can take over 2 spans",
         "#takers": "uav1: pad is clear",
-        ".strip:nth-child(1) .offered": "can take over",
+        ".strip:nth-child(1) .offered": "can take off",
         ".strip:nth-child(3) .state": "lost",
         ".strip:nth-child(3) .place": "49.60",
     }
