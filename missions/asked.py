@@ -131,12 +131,8 @@ def visits_at_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> 
 
 
 def inspected_at_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> dict[int, float]:
-    """Return at which distance a path inspects each segment of its visits: the nearest, if it comes there twice."""
-    found: dict[int, float] = {}
-    for visit, at_m in zip(visits, visits_at_m(setup, path, visits), strict=True):
-        segment = segment_of(visit)
-        found[segment] = min(at_m, found.get(segment, at_m))
-    return found
+    """Return at which distance a path inspects each segment of its visits, the last time if it comes there twice."""
+    return dict(zip(map(segment_of, visits), visits_at_m(setup, path, visits), strict=True))
 
 
 def _deep_m(setup: FlightSetup, segment: int) -> float:

@@ -73,7 +73,7 @@ def _told(content: Mapping[str, Any]) -> str:
 
 
 def _lasted(calm: Mapping[str, Any]) -> str:
-    """Return what flying there once more takes, where nothing else befell anybody."""
+    """Return how much longer than planned flights last in which nothing befalls anybody, as parts are flown again."""
     if not calm["flights"]:
         return ""
     longer = figure(calm["lasted_longer_pct"])

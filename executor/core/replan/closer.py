@@ -27,8 +27,8 @@ from planner import is_reversed, segment_of
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
 LOOKED_S = 1.0
-PAIRS_AT_ONCE = 24
-"""Of one that may come nearer and each of the others; one is looked at in the largest fleet too."""
+LOOKED_AT, PAIRS_AT_ONCE = 3, 24
+"""Vehicles at once, in a large fleet fewer: each is held against all others."""
 MOST_LOST = 0.05
 """Of a vehicle's frames: a mission that nobody needs is not sent over a link on which its upload may break off."""
 
@@ -52,7 +52,7 @@ def closer(context: Context, state: FleetState, now_s: float) -> Stepped:
     ):
         return state, ()
     state = replace(state, replanning=replace(known, closer_s=now_s))
-    most = max(1, PAIRS_AT_ONCE // len(state.vehicles))
+    most = max(1, min(LOOKED_AT, PAIRS_AT_ONCE // len(state.vehicles)))
     for offer in itertools.islice(_may_come_nearer(context, state, now_s), most):
         found = _on_the_way(context, state, offer, now_s) or _once_more(context, state, offer, now_s)
         if found is not None:

@@ -124,8 +124,10 @@ def _again_by(
         return {one.name: frozenset(known.segments) for one in ready if one.name in known.vehicles}
     found = {}
     for one in ready:
+        if one.fault is not None or one.assignment.board is None:
+            continue
         plan = closer.flown_again(context, state, survivors.from_its_pad(context, one), now_s)
-        if one.fault is None and one.assignment.board is not None and plan is not None:
+        if plan is not None:
             found[one.name] = frozenset(map(segment_of, plan.solve.given))
     return found
 

@@ -18,8 +18,9 @@ from executor.core.payload.spans import most_apart_m, unseen_m
 from executor.core.state import FleetState
 from executor.core.vehicle import IN_THE_AIR, VehicleState
 from missions import Phase
-from missions.asked import inspected_at_m
+from missions.asked import visits_at_m
 from missions.cameras import FIRST_COMPONENT
+from planner import segment_of
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
@@ -77,11 +78,19 @@ def was_flown(
 
 
 def _distances_m(context: Context, vehicle: VehicleState) -> Mapping[int, float]:
-    """Return at which distances the mission on board inspects; nothing where every vehicle does so in its layer."""
-    board = vehicle.assignment.board
+    """Return at which distances the mission on board inspects; nothing where every vehicle does so in its layer.
+
+    Of a segment that it has before it once more, from where it was the first time.
+    """
+    board, found = vehicle.assignment.board, dict[int, float]()
     if board is None or not context.setup.inspection.same_distance:
-        return {}
-    return inspected_at_m(context.setup, board.path, board.visits)
+        return found
+    come_to = {point.visit for point in board.path.waypoints[: vehicle.assignment.waypoint + 1]}
+    for number, at_m in enumerate(visits_at_m(context.setup, board.path, board.visits)):
+        segment = segment_of(board.visits[number])
+        if segment not in found or number in come_to:
+            found[segment] = at_m
+    return found
 
 
 def passed_pylons(context: Context, state: FleetState, before: VehicleState, now_s: float) -> FleetState:
@@ -154,7 +163,7 @@ def pictures_judged(context: Context, state: FleetState, now_s: float) -> Steppe
         if waits.nearer_m is None:
             state, more = _judged(context, state, segment, waits, why, now_s)
         else:
-            state, more = _judged_again(context, state, segment, waits, why)
+            state, more = _judged_again(context, state, segment, waits, waits.nearer_m, why)
         commands.extend(more)
     return state, tuple(commands)
 
@@ -173,8 +182,10 @@ def _judged(context: Context, state: FleetState, segment: int, waits: Unseen, wh
     return replace(state, coverage=coverage), (Say(Level.WARNING, text),)
 
 
-def _judged_again(context: Context, state: FleetState, segment: int, waits: Unseen, why: list[str]) -> Stepped:
-    """Judge what counts already: by pictures from nearer, where they show all of it."""
+def _judged_again(
+    context: Context, state: FleetState, segment: int, waits: Unseen, at_m: float, why: list[str]
+) -> Stepped:
+    """Judge what counted already: by pictures from nearer, where they show all of it."""
     coverage = state.coverage
     nearer = coverage.caught_nearer.get(segment, ())
     coverage = replace(
@@ -182,13 +193,17 @@ def _judged_again(context: Context, state: FleetState, segment: int, waits: Unse
         unseen=MappingProxyType({one: other for one, other in coverage.unseen.items() if one != segment}),
         caught_nearer=MappingProxyType({one: had for one, had in coverage.caught_nearer.items() if one != segment}),
     )
-    if why or waits.nearer_m is None or segment not in coverage.inspected:
-        text = f"{waits.vehicle}: {context.segment_name(segment)} counts as before: from nearer, {'; '.join(why)}"
-        return replace(state, coverage=coverage), (Say(Level.INFO, text),)
+    if why:
+        state = replace(state, coverage=coverage)
+        if segment not in coverage.inspected:
+            return state, ()  # somebody has it open again meanwhile
+        name = context.segment_name(segment)
+        text = f"{waits.vehicle}: {name} counts as before, it is not seen from nearer: {'; '.join(why)}"
+        return state, (Say(Level.INFO, text),)
     coverage = replace(
         coverage,
         inspected=MappingProxyType({**coverage.inspected, segment: waits.vehicle}),
-        inspected_at_m=MappingProxyType({**coverage.inspected_at_m, segment: waits.nearer_m}),
+        inspected_at_m=MappingProxyType({**coverage.inspected_at_m, segment: at_m}),
         caught=MappingProxyType({**coverage.caught, segment: nearer}),
         inferred=coverage.inferred - {segment},
     )

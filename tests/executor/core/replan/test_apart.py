@@ -87,6 +87,18 @@ def in_flight(chosen: Context, rng: random.Random) -> FleetState:
     return replace(state, progress=replace(state.progress, launched_s=0.0))
 
 
+def one_flies_on(state: FleetState, rng: random.Random, now_s: float) -> FleetState:
+    """Return a fleet of which one vehicle is some waypoints farther on its mission, or down at its end."""
+    own = state.vehicles[rng.choice(NAMES)]
+    board = own.assignment.board
+    if board is None or own.stage is not Stage.FLYING:
+        return state
+    waypoint = min(own.assignment.waypoint + rng.randrange(4), len(board.path.waypoints))
+    if waypoint == len(board.path.waypoints):
+        return state.put(with_facts(own, stage=Stage.LANDED, waypoint=waypoint))
+    return state.put(flying_to(own, waypoint, now_s))
+
+
 def lose(state: FleetState, name: str, since_s: float = 120.0) -> FleetState:
     """Return the fleet with a vehicle that has been silent for some time."""
     fault = Fault(FaultKind.LINK, "silent", NOW_S - since_s, FaultCode.LINK_LOST)

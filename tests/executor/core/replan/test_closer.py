@@ -19,7 +19,16 @@ from executor.core.state import FleetState
 from executor.core.vehicle import Stage, aboard
 from missions.asked import first_paths, inspected_at_m
 from tests.executor.builders import with_facts
-from tests.executor.core.replan.test_apart import CONTEXTS, NAMES, NOW_S, flying_to, in_flight, nobody_meets, uploads
+from tests.executor.core.replan.test_apart import (
+    CONTEXTS,
+    NAMES,
+    NOW_S,
+    flying_to,
+    in_flight,
+    nobody_meets,
+    one_flies_on,
+    uploads,
+)
 from tests.executor.core.vehicles import pack
 
 ASKED_M = 15.0
@@ -118,13 +127,4 @@ def test_whoever_comes_down_on_the_way_meets_nobody(seed: int, rises: bool) -> N
             ended = UploadEnded(upload.vehicle, upload.revision, accepted=rng.random() < 0.8, reason="", mixed=False)
             state, _ = fleet.step(chosen, state, ended, now_s)
         nobody_meets(chosen, state, {})
-        name = rng.choice(NAMES)
-        own = state.vehicles[name]
-        board = own.assignment.board
-        if board is None or own.stage is not Stage.FLYING:
-            continue
-        waypoint = min(own.assignment.waypoint + rng.randrange(4), len(board.path.waypoints))
-        if waypoint == len(board.path.waypoints):
-            state = state.put(with_facts(own, stage=Stage.LANDED, waypoint=waypoint))
-            continue
-        state = state.put(flying_to(own, waypoint, now_s))
+        state = one_flies_on(state, rng, now_s)

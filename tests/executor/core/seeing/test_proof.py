@@ -15,6 +15,7 @@ from executor.core.replan.replanning import orphans
 from executor.core.seeing.proof import WAITS_S, missed, passed_pylons, pictures_judged, was_flown
 from executor.core.state import Coverage, FleetState
 from executor.core.vehicle import aboard
+from missions import Phase, continue_path, flight_path
 from missions.asked import first_paths
 from tests.executor.builders import with_facts
 from tests.executor.core.hearing.test_pictures import NOW_S, flying, heard
@@ -81,9 +82,38 @@ def test_nearer_pictures_that_lack_a_viewpoint_take_nothing_away() -> None:
     state, commands = pictures_judged(context, state, NOW_S + WAITS_S + 0.1)
     [line] = [command for command in commands if isinstance(command, Say)]
     assert line.level is Level.INFO
-    assert line.text == "uav1: pylon p1 counts as before: from nearer, rgb has no picture from viewpoint 1"
+    assert (
+        line.text == "uav1: pylon p1 counts as before, it is not seen from nearer: rgb has no picture from viewpoint 1"
+    )
     assert (state.coverage.inspected, state.coverage.inspected_at_m, state.coverage.caught) == counted
     assert (state.coverage.caught_nearer, state.coverage.unseen, state.coverage.not_seen) == ({}, {}, ())
+
+
+@pytest.mark.parametrize(("seen", "by"), [((1,), None), ((0, 1), "uav1")])
+def test_what_was_opened_meanwhile_counts_by_what_nearer_pictures_show(seen: tuple[int, ...], by: str | None) -> None:
+    """An operator asks for proof of what counts by evidence alone, while its nearer pictures are waited for."""
+    context, state = around_again(*seen)
+    state = replace(state, coverage=replace(state.coverage, inspected=MappingProxyType({})))
+    state, commands = pictures_judged(context, state, NOW_S + WAITS_S + 0.1)
+    assert commands == ()
+    assert state.coverage.inspected.get(PYLON) == by
+    assert state.coverage.unseen == {}
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_a_pass_counts_from_where_the_vehicle_was_in_it(again: bool) -> None:
+    """uav2's mission leads there from its layer first, and at the asked distance in the end."""
+    chosen = CONTEXTS[False]
+    first = flight_path(chosen.setup, "uav2", (4,))
+    kept = 1 + next(number for number, point in enumerate(first.waypoints) if point.phase is Phase.INSPECT)
+    path = continue_path(chosen.setup, first, kept, (4,), frozenset({2}))
+    board = aboard(chosen, "uav2", 1, path, (4, 4))
+    lands = len(path.waypoints) - 1
+    state = fleet.initial({"uav2": board})
+    state = state.put(with_facts(state.vehicles["uav2"], waypoint=lands if again else kept - 1))
+    state = was_flown(chosen, state, "uav2", [(2, HOW)], NOW_S)
+    above_m = 0.0 if again else chosen.setup.layers.offset_m("uav2")
+    assert state.coverage.inspected_at_m[2] == ASKED_M + above_m
 
 
 def test_who_flies_it_for_the_first_time_waits_for_its_pictures() -> None:
