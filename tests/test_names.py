@@ -8,17 +8,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("planner", "missions", "executor")
-APART = ("executor/simulator/", "executor/cli/")
+PACKAGES = ("planner", "missions", "simulator", "executor", "benchmarks")
+APART = ("simulator/", "executor/cli/", "benchmarks/")
 """The simulator shares nothing with what flies it: it speaks the same protocol in words of its own. A function of the
-command line is called as the agreement calls its command."""
+command line is called as the agreement calls its command. Benchmarks are never imported by what they measure."""
 REASONS = {
     "Mode": "each simulated autopilot has its own",
     "land_goal": "each simulated autopilot has its own",
     "make": "what every part of the measurements has",
     "report": "what every part of the measurements has",
-    "resume": "the agreement calls two commands so: of a flight, and of its measurement",
-    "window": "the agreement calls two commands so: of a plan, and of its measurement",
     "Sortie": "one of a day's plan, and what has become of the one in flight",
     "disarm": "the order, and the dialogue that gives it",
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from functools import cache
 from pathlib import Path
 
@@ -10,15 +11,15 @@ from tests.test_architecture import PACKAGES, ROOT, modules
 
 SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/flight/test_fencing.py": ("executor/flight/kept_lists.py",),
-    "tests/executor/simulator/test_fences.py": ("executor/simulator/fence.py", "executor/simulator/lists_ardupilot.py"),
-    "tests/executor/bench/test_reallogs.py": (
-        "executor/bench/detectionbench.py",
-        "executor/bench/reallogspage.py",
+    "tests/simulator/test_fences.py": ("simulator/fence.py", "simulator/lists_ardupilot.py"),
+    "tests/benchmarks/test_reallogs.py": (
+        "benchmarks/detectionbench.py",
+        "benchmarks/reallogspage.py",
         "executor/replay/witness/onboard.py",
         "executor/replay/witness/px4.py",
-        "executor/replay/witness/scoring.py",
+        "benchmarks/witness/scoring.py",
     ),
-    "tests/executor/bench/virtual/test_areas.py": ("executor/core/preflight/areas.py", "missions/areacheck.py"),
+    "tests/executor/virtual/test_areas.py": ("executor/core/preflight/areas.py", "missions/areacheck.py"),
     "tests/executor/cli/test_areas.py": (
         "executor/site/areas.py",
         "executor/site/tables/areas.py",
@@ -28,9 +29,9 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/properties/test_missions_areas.py": ("missions/areas.py", "missions/ways.py"),
     "tests/executor/replay/test_learning.py": ("executor/replay/learnedfile.py",),
-    "tests/executor/replay/witness/test_verdicts.py": (
-        "executor/replay/witness/hands.py",
-        "executor/replay/witness/packs.py",
+    "tests/benchmarks/witness/test_verdicts.py": (
+        "benchmarks/witness/hands.py",
+        "benchmarks/witness/packs.py",
         "executor/replay/witness/statements.py",
         "executor/replay/witness/telemetry.py",
         "executor/replay/witness/testimony.py",
@@ -49,7 +50,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/flight/side_by_side.py",
     ),
     "tests/e2e/test_told_to_end.py": ("executor/flight/leaving.py",),
-    "tests/executor/adapters/test_fleet_time.py": ("executor/lockstep/common_time.py",),
+    "tests/executor/adapters/test_fleet_time.py": ("simulator/common_time.py",),
     "tests/executor/adapters/logs/test_damaged_logs.py": (
         "executor/adapters/logs/dataflash.py",
         "executor/adapters/logs/ulog.py",
@@ -91,47 +92,47 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/analysis/pictures/window.py",
     ),
     "tests/executor/analysis/test_report.py": ("executor/adapters/document.py", "executor/analysis/documents.py"),
-    "tests/executor/bench/virtual/test_learned.py": ("executor/analysis/learned.py",),
-    "tests/executor/bench/table/test_cells.py": (
-        "executor/bench/machine.py",
-        "executor/bench/markdown.py",
-        "executor/bench/table/report.py",
-        "executor/bench/table/settings.py",
+    "tests/executor/virtual/test_learned.py": ("executor/analysis/learned.py",),
+    "tests/benchmarks/table/test_cells.py": (
+        "benchmarks/machine.py",
+        "benchmarks/markdown.py",
+        "benchmarks/table/report.py",
+        "benchmarks/table/settings.py",
     ),
-    "tests/executor/bench/table/test_make.py": (
-        "executor/bench/table/command.py",
-        "executor/bench/table/picture.py",
-        "executor/bench/table/tasks.py",
+    "tests/benchmarks/table/test_make.py": (
+        "benchmarks/table/command.py",
+        "benchmarks/table/picture.py",
+        "benchmarks/table/tasks.py",
     ),
-    "tests/executor/bench/test_detection.py": (
-        "executor/bench/detectionpage.py",
-        "executor/bench/flightmodel.py",
+    "tests/benchmarks/test_detection.py": (
+        "benchmarks/detectionpage.py",
+        "benchmarks/flightmodel.py",
     ),
-    "tests/executor/bench/test_fleet.py": (
+    "tests/benchmarks/test_fleet.py": (
         "executor/adapters/mavlink/bare.py",
-        "executor/bench/browser.py",
-        "executor/bench/fleetsite.py",
-        "executor/bench/garbage.py",
+        "benchmarks/browser.py",
+        "benchmarks/fleetsite.py",
+        "benchmarks/garbage.py",
     ),
-    "tests/executor/bench/test_parts.py": (
-        "executor/bench/all_parts.py",
-        "executor/bench/parts/csum.py",
-        "executor/bench/parts/exact.py",
-        "executor/bench/parts/mtsp.py",
-        "executor/bench/parts/replan.py",
-        "executor/bench/parts/scale.py",
-        "executor/bench/parts/setting.py",
-        "executor/bench/parts/start.py",
-        "executor/bench/peer.py",
+    "tests/benchmarks/test_parts.py": (
+        "benchmarks/all_parts.py",
+        "benchmarks/parts/csum.py",
+        "benchmarks/parts/exact.py",
+        "benchmarks/parts/mtsp.py",
+        "benchmarks/parts/replan.py",
+        "benchmarks/parts/scale.py",
+        "benchmarks/parts/setting.py",
+        "benchmarks/parts/start.py",
+        "benchmarks/peer.py",
     ),
-    "tests/executor/bench/test_single.py": (
-        "executor/bench/data.py",
-        "executor/bench/problems.py",
-        "executor/bench/solvers.py",
+    "tests/benchmarks/test_single.py": (
+        "benchmarks/data.py",
+        "benchmarks/problems.py",
+        "benchmarks/solvers.py",
     ),
-    "tests/executor/bench/test_upload.py": (
+    "tests/benchmarks/test_upload.py": (
         "executor/adapters/mavsdk/upload.py",
-        "executor/cli/bench.py",
+        "benchmarks/commands.py",
     ),
     "tests/executor/cli/test_network.py": (
         "executor/analysis/pictures/network.py",
@@ -166,9 +167,9 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/stories/test_pictures.py": (
         "executor/core/payload/pictures.py",
-        "executor/simulator/camera.py",
+        "simulator/camera.py",
     ),
-    "tests/peers/test_mavsdk_cameras.py": ("executor/simulator/gimbal.py",),
+    "tests/peers/test_mavsdk_cameras.py": ("simulator/gimbal.py",),
     "tests/executor/images/test_matching.py": (
         "executor/cli/images.py",
         "executor/images/clocks.py",
@@ -253,53 +254,53 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/core/sorties.py",
         "executor/runtime/examination.py",
     ),
-    "tests/executor/bench/test_distance.py": ("executor/bench/distancepage.py",),
-    "tests/executor/bench/test_pictures.py": ("executor/bench/picturespage.py",),
-    "tests/executor/bench/test_sorties.py": ("executor/bench/sortiespage.py", "executor/bench/virtual/crew.py"),
-    "tests/executor/bench/test_prediction.py": ("executor/bench/predictionpage.py",),
-    "tests/executor/bench/test_failures.py": (
-        "executor/bench/failurespage.py",
-        "executor/bench/least.py",
-        "executor/bench/scenario.py",
-        "executor/cli/bench_failures.py",
+    "tests/benchmarks/test_distance.py": ("benchmarks/distancepage.py",),
+    "tests/benchmarks/test_pictures.py": ("benchmarks/picturespage.py",),
+    "tests/benchmarks/test_sorties.py": ("benchmarks/sortiespage.py", "executor/virtual/crew.py"),
+    "tests/benchmarks/test_prediction.py": ("benchmarks/predictionpage.py",),
+    "tests/benchmarks/test_failures.py": (
+        "benchmarks/failurespage.py",
+        "benchmarks/least.py",
+        "benchmarks/scenario.py",
+        "benchmarks/failures_command.py",
     ),
-    "tests/executor/bench/test_window.py": (
-        "executor/bench/virtual/branches.py",
-        "executor/bench/virtual/site.py",
-        "executor/bench/windowpage.py",
-        "executor/cli/bench_flights.py",
+    "tests/benchmarks/test_window.py": (
+        "executor/virtual/branches.py",
+        "executor/virtual/site.py",
+        "benchmarks/windowpage.py",
+        "benchmarks/flight_commands.py",
     ),
-    "tests/executor/bench/virtual/test_flight.py": (
-        "executor/bench/virtual/radio.py",
-        "executor/bench/virtual/solver.py",
+    "tests/executor/virtual/test_flight.py": (
+        "executor/virtual/radio.py",
+        "executor/virtual/solver.py",
     ),
-    "tests/executor/replay/test_tuning.py": (
-        "executor/replay/baseline_detector.py",
-        "executor/replay/pictures_tuning.py",
+    "tests/benchmarks/test_tuning.py": (
+        "benchmarks/few_lines_detector.py",
+        "benchmarks/tuning_picture.py",
     ),
     "tests/executor/runtime/test_preflight.py": ("executor/runtime/streams.py",),
     "tests/executor/simulated/test_demo_site.py": ("executor/simulated/fleet.py",),
-    "tests/executor/simulator/test_ardupilot.py": ("executor/simulator/mission_ardupilot.py",),
-    "tests/executor/simulator/test_leg_times.py": (
-        "executor/simulator/curves.py",
-        "executor/simulator/gliding.py",
-        "executor/simulator/smoothing.py",
-        "executor/simulator/wander.py",
+    "tests/simulator/test_ardupilot.py": ("simulator/mission_ardupilot.py",),
+    "tests/simulator/test_leg_times.py": (
+        "simulator/curves.py",
+        "simulator/gliding.py",
+        "simulator/smoothing.py",
+        "simulator/wander.py",
     ),
-    "tests/executor/simulator/test_physics.py": ("executor/simulator/guidance.py",),
-    "tests/executor/simulator/test_px4.py": (
-        "executor/simulator/mission_px4.py",
-        "executor/simulator/modes_px4.py",
+    "tests/simulator/test_physics.py": ("simulator/guidance.py",),
+    "tests/simulator/test_px4.py": (
+        "simulator/mission_px4.py",
+        "simulator/modes_px4.py",
     ),
-    "tests/executor/simulator/test_vehicle.py": (
-        "executor/simulator/airframe.py",
-        "executor/simulator/messages.py",
-        "executor/simulator/mission_store.py",
-        "executor/simulator/route.py",
-        "executor/simulator/telemetry.py",
-        "executor/simulator/voice.py",
+    "tests/simulator/test_vehicle.py": (
+        "simulator/airframe.py",
+        "simulator/messages.py",
+        "simulator/mission_store.py",
+        "simulator/route.py",
+        "simulator/telemetry.py",
+        "simulator/voice.py",
     ),
-    "tests/executor/simulator/test_wire.py": ("executor/simulator/streams.py",),
+    "tests/simulator/test_wire.py": ("simulator/streams.py",),
     "tests/executor/site/test_config.py": (
         "executor/site/tables/aircraft.py",
         "executor/site/tables/ground.py",
@@ -329,11 +330,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/missions/test_routes.py": ("missions/setup.py",),
     "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),
-    "tests/planner/day/test_losses.py": ("planner/day/streets.py",),
-    "tests/planner/day/test_search.py": (
-        "planner/day/evaluate.py",
-        "planner/day/model.py",
-        "planner/day/solve.py",
+    "tests/benchmarks/scenarios/test_losses.py": ("planner/streets.py",),
+    "tests/benchmarks/scenarios/test_search.py": (
+        "benchmarks/scenarios/evaluate.py",
+        "benchmarks/scenarios/model.py",
+        "benchmarks/scenarios/solve.py",
     ),
     "tests/planner/test_exact.py": (
         "planner/highs.py",
@@ -359,11 +360,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/rounds.py",
         "planner/starts.py",
     ),
-    "tests/properties/test_planner_day.py": (
-        "planner/day/construct.py",
-        "planner/kernels/day.py",
-        "planner/kernels/dayinsertion.py",
-        "planner/kernels/daysearch.py",
+    "tests/benchmarks/scenarios/test_properties.py": (
+        "benchmarks/scenarios/construct.py",
+        "benchmarks/scenarios/kernels/day.py",
+        "benchmarks/scenarios/kernels/dayinsertion.py",
+        "benchmarks/scenarios/kernels/daysearch.py",
     ),
     "tests/planner/test_window.py": (
         "planner/kernels/loss.py",
@@ -402,21 +403,24 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/dayplanjson.py",
         "missions/sorties.py",
     ),
-    "tests/executor/bench/test_day.py": (
-        "executor/bench/daypage.py",
-        "executor/cli/bench_day.py",
+    "tests/benchmarks/test_day.py": (
+        "benchmarks/daypage.py",
+        "benchmarks/day_command.py",
     ),
     "tests/properties/test_planner_subsets.py": (
         "planner/kernels/subsets.py",
         "planner/subsets.py",
     ),
     "tests/test_docs.py": (
-        "executor/cli/reference.py",
-        "executor/cli/states_page.py",
+        "scripts/pages/reference.py",
+        "scripts/pages/states.py",
     ),
     "tests/test_extras.py": ("executor/adapters/extras.py",),
 }
 """By a test file, the modules that it shows beside what it is called after."""
+
+
+COMMANDS = ROOT / "executor" / "cli" / "commandline.py"
 
 
 def does(path: Path) -> bool:
@@ -447,6 +451,10 @@ def imported(path: Path) -> frozenset[Path]:
     places = [ROOT.joinpath(*name.split(".")) for name in names]
     files = [file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")]
     found = frozenset(file for file in files if file.is_file())
+    if path == COMMANDS:  # it imports a command once that is called
+        text = path.read_text(encoding="utf-8")
+        named = re.findall(r'"((?:executor|benchmarks)(?:\.\w+)+)"', text)
+        found |= {ROOT.joinpath(*name.split(".")).with_suffix(".py") for name in named}
     # The flights' tests start the program itself.
     return found | {ROOT / "executor" / "__main__.py"} if path.parent == ROOT / "tests" / "e2e" else found
 
@@ -463,7 +471,11 @@ def reached(path: Path) -> frozenset[Path]:
     return frozenset(found)
 
 
-ALL = {str(path.relative_to(ROOT)) for path in modules(*PACKAGES) if path.name not in ("__init__.py", "__main__.py")}
+ALL = {
+    str(path.relative_to(ROOT))
+    for path in modules(*PACKAGES, "scripts")
+    if path.name not in ("__init__.py", "__main__.py")
+}
 LISTED = [(test, module) for test, listed in SHOWN_ELSEWHERE.items() for module in listed]
 
 

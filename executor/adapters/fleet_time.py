@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import cast
 
-from executor.lockstep.common_time import AHEAD_S, HERE, Greeting, Lines, Turn, greeting_in, time_in, time_line
+from simulator.common_time import AHEAD_S, HERE, Greeting, Lines, Turn, greeting_in, time_in, time_line
 
 GREETS_REAL_S = 1.0
 """Who does not greet within this is no fleet of ours."""

@@ -1,38 +1,172 @@
-"""All commands as one: what `faultline` understands."""
+"""All commands as one: what `faultline` understands. A command's module is imported only once the command is called."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
 import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
 
-from executor.cli import exports, flights, images, init_site, network, plans, replay, restore, risk
-from executor.cli.bench import cli as bench
+from executor.errors import ExecutorError
 
-cli = typer.Typer(
+ROOT = Path(__file__).resolve().parents[2]
+BENCHMARKS = "benchmarks.commands"
+ONLY_IN_A_CHECKOUT = (
+    "bench: not part of the installed package; run ./scripts/bench in a checkout of the project's repository"
+)
+
+
+class NotInstalled(ExecutorError):
+    """A command needs what only a checkout of the project has."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where a command is defined, and its line in the overview (a test holds it to the command's own help)."""
+
+    module: str
+    attribute: str
+    help: str
+
+
+COMMANDS: Mapping[str, _Place] = {
+    "demo": _Place(
+        "executor.cli.flights",
+        "demo",
+        "Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures.",
+    ),
+    "init": _Place(
+        "executor.cli.init_site",
+        "init",
+        "Write a commented site file to start from.",
+    ),
+    "network": _Place(
+        "executor.cli.network",
+        "network",
+        "Show what is understood of a network's file, what was mended, and what is worth a look; no depot is needed.",
+    ),
+    "plan": _Place(
+        "executor.cli.plans",
+        "plan",
+        "Plan a route for each vehicle within its budget; exit 1 if segments are left over.",
+    ),
+    "check": _Place(
+        "executor.cli.plans",
+        "check",
+        "Recompute every figure of a plan file, or a day plan, from its own network, and say what is wrong.",
+    ),
+    "window": _Place(
+        "executor.cli.plans",
+        "window",
+        "Compute how early any one vehicle may be lost with the others still able to finish, and what breaks it "
+        "before.",
+    ),
+    "replan": _Place(
+        "executor.cli.plans",
+        "replan",
+        "Plan what the others would do if one vehicle were lost at a given time; exit 1 if segments are left over.",
+    ),
+    "export": _Place(
+        "executor.cli.exports",
+        "export",
+        "Write a plan for other ground stations, or a plan or a flight for maps.",
+    ),
+    "risk": _Place(
+        "executor.cli.risk",
+        "risk",
+        "Estimate how likely it is that everything gets inspected, as planned and with re-plans after losses.",
+    ),
+    "simulate": _Place(
+        "executor.cli.flights",
+        "simulate",
+        "Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C.",
+    ),
+    "fly": _Place(
+        "executor.cli.flights",
+        "fly",
+        "Connect, check, upload, fly and supervise; re-plan when a vehicle is lost.",
+    ),
+    "preflight": _Place(
+        "executor.cli.flights",
+        "preflight",
+        "Read out every vehicle and run the checklist; nothing is uploaded, nothing moves.",
+    ),
+    "resume": _Place(
+        "executor.cli.flights",
+        "resume",
+        "Resume a flight whose ground station died, from its run directory; on another computer too.",
+    ),
+    "restore": _Place(
+        "executor.cli.restore",
+        "restore",
+        "Restore the parameters, fences and rally points that the flight of a run directory changed on its vehicles.",
+    ),
+    "images": _Place(
+        "executor.cli.images",
+        "images",
+        "Match the files of cameras to the pictures of a flight, by time and place; says what is missing.",
+    ),
+    "day": _Place(
+        "executor.cli.flights",
+        "fly_day",
+        "Plan a working day of sorties from the bases of the site, and fly it.",
+    ),
+    "replay": _Place(
+        "executor.cli.replay",
+        "replay_logs",
+        "Run recorded flights through the fault detection of a live flight: what it declares, when and why.",
+    ),
+    "bench": _Place(
+        BENCHMARKS,
+        "cli",
+        "Measure: the planner against published figures, other solvers and the clock; uploads against MAVSDK; what a "
+        "fleet costs; how soon a flight is taken up again; what the watchpoints detect; what is flown against what was "
+        "planned.",
+    ),
+}
+
+
+def load_command(name: str) -> Any:  # noqa: ANN401 - typer does not export what its commands are
+    """Import a command and return it, ready to be called.
+
+    Raises:
+        NotInstalled: it is `bench`, and this is no checkout.
+    """
+    place = COMMANDS[name]
+    if place.module == BENCHMARKS and not _is_checkout():
+        raise NotInstalled(ONLY_IN_A_CHECKOUT)
+    defined = getattr(import_module(place.module), place.attribute)
+    if isinstance(defined, typer.Typer):
+        return get_command(defined)
+    app = typer.Typer(add_completion=False, rich_markup_mode=None)
+    app.command(name)(defined)
+    return get_command(app)
+
+
+def _is_checkout() -> bool:
+    """Return whether the benchmarks lie beside this program: another package may have their name."""
+    found = find_spec(BENCHMARKS.partition(".")[0])
+    return found is not None and found.origin is not None and Path(found.origin).resolve().parents[1] == ROOT
+
+
+class _Unloaded(TyperCommand):
+    """A command whose module is not imported yet."""
+
+    def make_context(self, info_name: str | None, args: list[str], *more: Any, **named: Any) -> Any:  # noqa: ANN401
+        """Import the command, and hand the arguments on to it."""
+        return load_command(str(self.name)).make_context(info_name, args, *more, **named)
+
+
+cli = TyperGroup(
     name="faultline",
     help="Flies a fleet of UAVs along a power line, and finishes the inspection when one of them is lost.",
     no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    commands=[_Unloaded(name, help=place.help, rich_markup_mode=None) for name, place in COMMANDS.items()],
 )
-for command in (
-    flights.demo,
-    init_site.init,
-    network.network,
-    plans.plan,
-    plans.check,
-    plans.window,
-    plans.replan,
-    exports.export,
-    risk.risk,
-    flights.simulate,
-    flights.fly,
-    flights.preflight,
-    flights.resume,
-    restore.restore,
-    images.images,
-):
-    cli.command()(command)
-cli.command("day")(flights.fly_day)
-cli.command("replay")(replay.replay_logs)
-cli.add_typer(bench)

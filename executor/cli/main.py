@@ -94,14 +94,11 @@ def _run(given: Sequence[str]) -> int:
     from typer.exceptions import TyperException
 
     from executor.cli.commandline import cli
-    from executor.cli.errors import OUR_ERRORS
 
     try:
         return int(cli(args=list(given), standalone_mode=False) or 0)
-    except OUR_ERRORS as error:
-        _fail(str(error), _code(error))
     except BaseExceptionGroup as group:
-        _several(group, OUR_ERRORS)
+        _several(group, _our_errors())
     except TyperException as error:
         # What a command line can be wrong about; the base class does not promise the method that all of them have.
         said = error.format_message() if isinstance(error, typer.BadParameter) else str(error)
@@ -115,7 +112,16 @@ def _run(given: Sequence[str]) -> int:
             raise
         _internal(error)
     except Exception as error:  # noqa: BLE001 - the last place where it can become one line
+        if isinstance(error, _our_errors()):
+            _fail(str(error), _code(error))
         _internal(error)
+
+
+def _our_errors() -> tuple[type[Exception], ...]:
+    """Import the errors that have a line of their own: only once one was raised, `--help` needs none."""
+    from executor.cli.errors import OUR_ERRORS
+
+    return OUR_ERRORS
 
 
 def _several(group: BaseExceptionGroup[BaseException], known: tuple[type[Exception], ...]) -> NoReturn:

@@ -58,12 +58,6 @@ def replay_logs(
             "-o", "--output", metavar="DIR", help="Directory for a timeline and a page per log; with --learn the file."
         ),
     ] = None,
-    tune: Annotated[
-        bool,
-        typer.Option(
-            "--tune", help="Sweep the thresholds over logs, by truths beside them or by what the logs themselves state."
-        ),
-    ] = False,
     learn: Annotated[
         bool,
         typer.Option(
@@ -81,18 +75,13 @@ def replay_logs(
     For a run directory every decision is made again; exit 1 if one differs from the flight's.
     """
     known = None if site is None else read_site(site)
-    paths = [path for given in logs for path in _logs_in(given)]
+    paths = [path for given in logs for path in logs_in(given)]
     if learn:
         _learn(paths, known, output, as_json=as_json)
         return
     if output is not None:
         need(Extra.PICTURES, "--output")
     rules = rules_of(known)
-    if tune:
-        from executor.replay.tuning import print_tuning
-
-        print_tuning(paths, rules, output, as_json=as_json)
-        return
     # Of many logs one that cannot be read must not cost the others.
     done = [_replayed(path, rules) if len(paths) == 1 else _replayed_or_named(path, rules) for path in paths]
     if output is not None:
@@ -123,7 +112,12 @@ def _packs(done: Sequence[_Done], path: Path, site: Site | None) -> PacksDocumen
     return known
 
 
-def _logs_in(path: Path) -> list[Path]:
+def logs_in(path: Path) -> list[Path]:
+    """Return the logs that a path names: itself, a run directory, or what lies in a folder.
+
+    Raises:
+        LogError: there is none.
+    """
     if not path.exists():
         raise LogError(f"{path}: no such file; expected a log, a run directory or a folder of logs")
     if not path.is_dir() or RunDirectory(path).events.exists():

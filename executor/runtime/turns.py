@@ -9,7 +9,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from typing import Any, ParamSpec, Protocol, TypeVar
 
-from executor.lockstep.common_time import LOOK_REAL_S
+from simulator.common_time import LOOK_REAL_S
 
 T = TypeVar("T")
 P = ParamSpec("P")

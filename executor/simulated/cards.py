@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from executor.images.exif import DETAILS, EXPOSURE, GPS, MAKE, MODEL, OFFSET, ORIGINAL, SERIAL, SUBSECOND, gps_tags
-from executor.simulator.camera import Shot, file_name
 from missions import Network
 from missions.geo import FloatArray
+from simulator.camera import Shot, file_name
 
 SIZE_PX = (160, 120)
 VIEW_DEG = 70.0

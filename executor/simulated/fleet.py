@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from executor.simulated.cards import Cards
-from executor.simulator.config import AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle
-from executor.simulator.faults import parse_fault
-from executor.simulator.fleet import run_fleet
-from executor.simulator.truth import Truth, TruthWriter
-from executor.simulator.vehicle import SimulatedVehicle
 from executor.site import assembly, dayflight
 from executor.site.assembly import Ground
 from missions import dialect_for
+from simulator.config import AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle
+from simulator.faults import parse_fault
+from simulator.fleet import run_fleet
+from simulator.truth import Truth, TruthWriter
+from simulator.vehicle import SimulatedVehicle
 
 SIGNING_EPOCH_UNIX_S = 1420070400
 """2015-01-01: the times of signatures count from there."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from executor.adapters.clock import SystemClock
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.report import Happening
-from executor.simulator.truth import Truth, read_truths
+from simulator.truth import Truth, read_truths
 
 KINDS = {
     "silent": "link",

@@ -18,7 +18,6 @@ from missions import Base, BasePlace, DayPlanFile, Solved, plan_segment
 from missions.geo import FloatArray
 from missions.setup import LOWEST_FLIGHT_M
 from planner import Progress, StopRule, steady_wind, top_speed_m_s
-from planner.day import streets
 from planner.sorties import (
     Objective,
     SortieBase,
@@ -28,6 +27,7 @@ from planner.sorties import (
     parted_windows,
     solve_sorties,
 )
+from planner.streets import streets
 
 DAY_S = 86_400.0
 DEPOT = "depot"

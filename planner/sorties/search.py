@@ -1,6 +1,6 @@
 """The search for days of sorties: cycles of annealing around the kernel, starts side by side, the stop rule.
 
-As in ``planner.day`` cycles grow, each from the best plan so far, and starts wait for each other at the end of each
+As in ``planner.search`` cycles grow, each from the best plan so far, and starts wait for each other at the end of each
 round: the seed, the number of starts and of iterations decide the plan.
 """
 

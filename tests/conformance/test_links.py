@@ -15,8 +15,8 @@ from executor.runtime import preflight, procedures
 from executor.runtime.dialogue import converse
 from missions import differences
 from tests.conformance.ways import WAYS, Ground, Way, route, station
-from tests.executor.simulator.harness import LAT_DEG, LON_DEG
 from tests.ports import free_port
+from tests.simulator.harness import LAT_DEG, LON_DEG
 
 pytestmark = pytest.mark.asyncio
 every_way = pytest.mark.parametrize("way", WAYS, ids=str)

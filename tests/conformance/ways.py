@@ -28,11 +28,11 @@ from executor.adapters.mavsdk.library import load
 from executor.core.connection import parse_connection
 from executor.core.ports import LinkOrder, OpenLink
 from executor.runtime.flight import keep_heartbeat
-from executor.simulator.config import AutopilotKind, SimFleet
-from executor.simulator.faults import parse_fault
 from missions import ARDUPILOT, PX4, Dialect, MissionItem
-from tests.executor.simulator.flying import flying
-from tests.executor.simulator.harness import (
+from simulator.config import AutopilotKind, SimFleet
+from simulator.faults import parse_fault
+from tests.simulator.flying import flying
+from tests.simulator.harness import (
     ALT_M,
     LAT_DEG,
     LON_DEG,

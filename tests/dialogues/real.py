@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tests.dialogues.wires import UdpWire
-from tests.executor.simulator.harness import ALT_M, LAT_DEG, LON_DEG
+from tests.simulator.harness import ALT_M, LAT_DEG, LON_DEG
 from tests.sitl.real import COPTER_PARAMETERS, PX4_ENVIRONMENT
 
 INSTANCE = 6

@@ -7,7 +7,7 @@ from dataclasses import replace
 from missions import Dialect, MissionItem, ModeNumber
 from missions.autopilots.dialect import StartStep
 from tests.dialogues.acts import Act, Chapter, Download, Look, Say, Step, Until, Upload, What
-from tests.executor.simulator.harness import land, numbered, speed, takeoff, waypoint
+from tests.simulator.harness import land, numbered, speed, takeoff, waypoint
 
 KNOWN_PARAMETER = {"ardupilot": "FS_GCS_TIMEOUT", "px4": "COM_DL_LOSS_T"}
 UNKNOWN_PARAMETER = "NO_SUCH_PARAM"

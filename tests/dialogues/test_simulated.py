@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from executor.simulator.config import AutopilotKind
 from missions import dialect_for
+from simulator.config import AutopilotKind
 from tests.dialogues import facts
 from tests.dialogues.script import CHAPTERS
 from tests.dialogues.station import Station

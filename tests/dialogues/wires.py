@@ -6,10 +6,10 @@ import socket
 import time
 from typing import Protocol
 
-from executor.simulator.autopilot import STEP_S
-from executor.simulator.config import AutopilotKind
-from executor.simulator.vehicle import SimulatedVehicle
-from tests.executor.simulator.harness import sim_vehicle
+from simulator.autopilot import STEP_S
+from simulator.config import AutopilotKind
+from simulator.vehicle import SimulatedVehicle
+from tests.simulator.harness import sim_vehicle
 
 SLICE_S = STEP_S
 

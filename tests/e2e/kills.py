@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 
 from executor.simulated.fleet import fleet_of
-from executor.simulator.fleet import run_fleet
-from executor.simulator.vehicle import SimulatedVehicle
 from executor.site import assembly, planning
 from executor.site.assembly import Ground
 from executor.site.config import read_site
 from missions import Pad, write_plan
 from planner import Cost
+from simulator.fleet import run_fleet
+from simulator.vehicle import SimulatedVehicle
 from tests.e2e.flights import called, ended, notes, said_in, site_file
 from tests.e2e.judge import passes, segments_of
 

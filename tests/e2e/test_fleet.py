@@ -17,8 +17,8 @@ from executor.analysis.learned import document_of, read_learned
 from executor.core.battery.kalman import Prior
 from executor.core.learning import Known, PaceEstimate
 from executor.replay.run import rerun
-from executor.simulator.truth import read_truths
 from planner import PRESETS
+from simulator.truth import read_truths
 from tests.e2e.flights import (
     PATIENCE_S,
     Flown,
@@ -34,7 +34,7 @@ from tests.e2e.flights import (
     site_file,
 )
 from tests.e2e.judge import wrongly_counted
-from tests.executor.cli.test_schemas import validator
+from tests.scripts.test_schemas import validator
 
 pytestmark = pytest.mark.asyncio
 

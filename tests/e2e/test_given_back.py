@@ -14,11 +14,11 @@ from typing import Any
 import pytest
 
 from executor.simulated.fleet import fleet_of
-from executor.simulator.config import SimFleet
-from executor.simulator.fleet import run_fleet
-from executor.simulator.vehicle import SimulatedVehicle
 from executor.site import assembly
 from executor.site.config import read_site
+from simulator.config import SimFleet
+from simulator.fleet import run_fleet
+from simulator.vehicle import SimulatedVehicle
 from tests.e2e.flights import called, ended, said_in, site_file
 
 pytestmark = pytest.mark.asyncio

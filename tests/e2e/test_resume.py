@@ -14,7 +14,7 @@ import pytest
 
 from executor.adapters.run_directory import RunDirectory
 from executor.replay.run import rerun
-from executor.simulator.truth import read_truths
+from simulator.truth import read_truths
 from tests.e2e.flights import called, ended, notes, said_in, site_file
 from tests.e2e.judge import wrongly_counted
 

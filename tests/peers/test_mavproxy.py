@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from executor.simulator.config import AutopilotKind, SimFleet
 from missions.items import Command
-from tests.executor.simulator.flying import flying
-from tests.executor.simulator.harness import numbered, on_wire, rtl, sim_vehicle, speed, takeoff, waypoint
-from tests.executor.simulator.station import Station
+from simulator.config import AutopilotKind, SimFleet
 from tests.ports import free_port
+from tests.simulator.flying import flying
+from tests.simulator.harness import numbered, on_wire, rtl, sim_vehicle, speed, takeoff, waypoint
+from tests.simulator.station import Station
 
 PATIENCE_S = 60
 LISTING = "mission.txt"

@@ -16,11 +16,11 @@ from mavsdk.asyncio.system import System
 from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.telemetry import FlightMode
 
-from executor.simulator.config import AutopilotKind, SimCamera, SimFleet
 from missions.items import MissionItem
-from tests.executor.simulator.flying import flying
-from tests.executor.simulator.harness import LAT_DEG, LON_DEG, numbered, rtl, sim_vehicle, speed, takeoff, waypoint
+from simulator.config import AutopilotKind, SimCamera, SimFleet
 from tests.ports import free_port
+from tests.simulator.flying import flying
+from tests.simulator.harness import LAT_DEG, LON_DEG, numbered, rtl, sim_vehicle, speed, takeoff, waypoint
 
 T = TypeVar("T")
 SPEEDUP = 2.0

@@ -10,9 +10,9 @@ from mavsdk.asyncio.plugins.gimbal import GimbalAsync
 from mavsdk.plugins.camera import CaptureInfo
 from mavsdk.plugins.gimbal import ControlMode, GimbalMode, SendMode
 
-from executor.simulator.config import AutopilotKind, SimCamera
-from tests.executor.simulator.harness import LAT_DEG, LON_DEG
+from simulator.config import AutopilotKind, SimCamera
 from tests.peers.test_mavsdk import connected, wait_for
+from tests.simulator.harness import LAT_DEG, LON_DEG
 
 CAMERA = 100
 """MAV_COMP_ID_CAMERA."""

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from executor.bench.virtual.site import AMPLE_AH, sized, with_budgets, with_capacity
 from executor.site.assembly import Ground
 from executor.site.planning import Wanted, first_plan
+from executor.virtual.site import AMPLE_AH, sized, with_budgets, with_capacity
 from planner import Cost
 from tests.sitl.flights import NAMES, VICTIM, Flown, Prepared, Story, flown
 from tests.sitl.real import ARDUPILOT, BOTH, Autopilot

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.bench.prediction import plan_with
+from benchmarks.prediction import plan_with
 from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.config import check_site

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.bench.prediction import plan_with
+from benchmarks.prediction import plan_with
 from executor.core.state import FleetState
 from executor.core.vehicle import VehicleState
 from executor.site.assembly import Ground

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from executor.bench.virtual.site import AMPLE_AH, dearest_pct, sized, with_budgets, with_capacity
 from executor.site.assembly import Ground
 from executor.site.planning import Wanted, first_plan
+from executor.virtual.site import AMPLE_AH, dearest_pct, sized, with_budgets, with_capacity
 from planner import Cost
 from planner.evaluate import completions_s
 from tests.sitl.flights import VICTIM, Prepared, Story, flown

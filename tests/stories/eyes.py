@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from executor.bench.virtual.radio import MemoryRadio
 from executor.core.commands import Solve
 from executor.core.events import NewRoute, SolveEnded
 from executor.core.payload.pictures import Picture
-from executor.simulator.camera import Shot
-from executor.simulator.config import SimCamera
-from executor.simulator.vehicle import SimulatedVehicle
+from executor.virtual.radio import MemoryRadio
 from missions import Network
+from simulator.camera import Shot
+from simulator.config import SimCamera
+from simulator.vehicle import SimulatedVehicle
 from tests.fakes.solver import FakeSolver
 from tests.missions.builders import line_east, tall_line_east
 from tests.stories.story import Story

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived, LaunchOrdered
 from executor.core.intents import Action
-from executor.simulator.autopilot import STEP_S
-from executor.simulator.faults import InjectionKind, parse_fault
-from executor.simulator.truth import Truth
+from simulator.autopilot import STEP_S
+from simulator.faults import InjectionKind, parse_fault
+from simulator.truth import Truth
 from tests.stories.record import KNOWS_S, Record, Span, distance_m, last_words_s, place
 from tests.stories.world import Flown
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 from executor.core.events import IntentReceived
 from executor.core.intents import Action, Outcome
-from executor.simulator.autopilot import LAST_WORDS_S
-from executor.simulator.faults import InjectionKind, parse_fault
-from executor.simulator.truth import Truth
+from simulator.autopilot import LAST_WORDS_S
+from simulator.faults import InjectionKind, parse_fault
+from simulator.truth import Truth
 from tests.stories.story import MISSION
 from tests.stories.world import Flown
 

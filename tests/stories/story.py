@@ -9,7 +9,7 @@ from enum import Enum
 
 from executor.core.intents import Action, IntentRecord
 from executor.core.state import FleetState
-from executor.simulator.vehicle import SimulatedVehicle
+from simulator.vehicle import SimulatedVehicle
 
 MISSION = {
     "ardupilot": {"hold": "LOITER", "soft": "ALT_HOLD", "pause": "BRAKE", "mission": "AUTO"},

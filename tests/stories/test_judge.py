@@ -9,7 +9,7 @@ import pytest
 from executor.core.commands import Level, Say
 from executor.core.events import Event, IntentReceived, LaunchOrdered
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
-from executor.simulator.truth import Truth
+from simulator.truth import Truth
 from tests.stories.judge import Judge
 from tests.stories.story import Story
 from tests.stories.world import Flown, Shown

@@ -14,7 +14,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from executor.adapters.mavlink.link import VehicleLink
-from executor.bench.virtual.radio import MemoryRadio, live
 from executor.core import fleet
 from executor.core.commands import Say
 from executor.core.context import Context
@@ -28,13 +27,14 @@ from executor.core.vehicle import aboard
 from executor.core.view import FleetView, fleet_view
 from executor.runtime import preflight
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
-from executor.simulator.config import AutopilotKind, SimVehicle
-from executor.simulator.faults import parse_fault
-from executor.simulator.truth import Truth
-from executor.simulator.vehicle import SimulatedVehicle
 from executor.site import assembly
+from executor.virtual.radio import MemoryRadio, live
 from missions import Network, dialect_for, encode
 from planner import PRESETS
+from simulator.config import AutopilotKind, SimVehicle
+from simulator.faults import parse_fault
+from simulator.truth import Truth
+from simulator.vehicle import SimulatedVehicle
 from tests.executor.builders import ground_for, site_of
 from tests.fakes.clock import LoopClock
 from tests.fakes.solver import FakeSolver

@@ -12,17 +12,17 @@ from executor.adapters.mavlink.codec import Codec, Received
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink, nowhere
 from executor.core.messages import Battery, Heartbeat, Message, Position, SystemStatus
-from executor.simulator.messages import (
+from simulator.messages import (
     ItemReceived,
     MissionCount,
     Outbound,
     Peer,
     out,
 )
-from executor.simulator.messages import Received as Order
-from executor.simulator.truth import Truth
-from executor.simulator.vehicle import STATION, SimulatedVehicle
-from executor.simulator.wire import Codec as Transmitter
+from simulator.messages import Received as Order
+from simulator.truth import Truth
+from simulator.vehicle import STATION, SimulatedVehicle
+from simulator.wire import Codec as Transmitter
 from tests.storm.plot import Happening
 
 STEP_S = 0.1

@@ -12,8 +12,8 @@ from executor.core.commands import Say
 from executor.core.events import Heard
 from executor.core.intents import Action
 from executor.core.messages import Heartbeat
-from executor.simulator.autopilot import STEP_S
-from executor.simulator.truth import Truth
+from simulator.autopilot import STEP_S
+from simulator.truth import Truth
 from tests.stories.judge import SHOWN_S, Finding, Judge
 from tests.stories.record import FALLS_FROM_M, KNOWS_S, Span, distance_m, last_words_s, place
 from tests.stories.story import MISSION

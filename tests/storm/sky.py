@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from executor.bench.virtual.loop import VirtualLoop, run_virtual
 from executor.core import fleet
 from executor.core.commands import Level, Say
 from executor.core.context import Context
@@ -23,9 +22,10 @@ from executor.core.vehicle import aboard
 from executor.errors import ConnectionFailed
 from executor.runtime import preflight
 from executor.runtime.flight import Flight, Observer, keep_heartbeat
-from executor.simulator.faults import parse_fault
 from executor.site import assembly
+from executor.virtual.loop import VirtualLoop, run_virtual
 from missions import Network, dialect_for, encode, flight_path
+from simulator.faults import parse_fault
 from tests.stories.story import Answers, Story
 from tests.stories.world import Flown, Sky
 from tests.storm.air import STEP_S, Air, suffers

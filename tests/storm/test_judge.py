@@ -8,7 +8,7 @@ import pytest
 
 from executor.core.commands import Level, Say
 from executor.core.events import LaunchOrdered
-from executor.simulator.truth import Truth
+from simulator.truth import Truth
 from tests.stories.story import Story
 from tests.stories.world import Flown, Shown
 from tests.storm.judge import findings

@@ -10,7 +10,7 @@ import pytest
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.fleet_time import BUSY_REAL_S, FleetTime
-from executor.lockstep.common_time import (
+from simulator.common_time import (
     AHEAD_S,
     LOOK_REAL_S,
     NAME,

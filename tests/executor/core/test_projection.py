@@ -13,11 +13,11 @@ from executor.core.battery.kalman import BatteryEstimate
 from executor.core.learning import Learned, PaceEstimate
 from executor.core.resume import blackout
 from executor.core.vehicle import Stage, VehicleState
-from executor.simulator.config import AutopilotKind
 from missions import Phase, dialect_for, tuned
+from simulator.config import AutopilotKind
 from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.vehicles import CONTEXT, NOW_S, SETUP, at, flying, mission, pack
-from tests.executor.simulator.harness import PX4_RTL, RTL, Operator, numbered, speed, takeoff, waypoint
+from tests.simulator.harness import PX4_RTL, RTL, Operator, numbered, speed, takeoff, waypoint
 
 BOARD = mission()
 LAST = len(BOARD.legs) - 1

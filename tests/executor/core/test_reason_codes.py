@@ -10,7 +10,6 @@ from enum import StrEnum
 import pytest
 
 from executor.adapters.eventlog import from_plain, to_plain
-from executor.cli.reference import DOMAINS
 from executor.core.context import Context
 from executor.core.endings import Ending
 from executor.core.events import UploadEnded
@@ -24,6 +23,7 @@ from executor.protocols import upload
 from executor.protocols.command import CommandDialogue
 from executor.protocols.machine import Rejected
 from executor.protocols.orders import arm
+from scripts.pages.reference import DOMAINS
 from tests.executor.core.operator.test_refusals import ROWS, grounded, state_of
 from tests.executor.core.steps import plan_of
 from tests.executor.core.vehicles import CONTEXT, NOW_S, flying

@@ -24,9 +24,9 @@ from executor.runtime import turns
 from executor.runtime.procedures import wait_for
 from executor.simulated.demo_site import demo_site
 from executor.simulated.fleet import fleet_of
-from executor.simulator.fleet import run_fleet
 from executor.site import assembly
 from executor.site.config import Site, check_site
+from simulator.fleet import run_fleet
 
 SPEEDUP = 20.0
 STALL_REAL_S = 0.4

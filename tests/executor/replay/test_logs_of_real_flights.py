@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.tuning import few_lines
 from executor.core.vehicle import FaultKind
 from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.logs import replay, rules_of
 from executor.replay.open_log import open_log
 from executor.replay.result import LogReplay, RecordedTruth
-from executor.replay.tuning import few_lines
 from tests.recorded import LOGS, real_logs
 
 TELEMETRY = sorted(LOGS.glob("*.tlog")) if LOGS.is_dir() else []

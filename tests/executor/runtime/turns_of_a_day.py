@@ -8,9 +8,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from executor.adapters.eventlog import from_plain, to_plain
-from executor.bench.virtual.crew import PadCrew
-from executor.bench.virtual.radio import MemoryRadio, live
-from executor.bench.virtual.solver import SolverHere
 from executor.core import fleet
 from executor.core.battery.history import PackHistory
 from executor.core.commands import Say, Solve
@@ -21,6 +18,9 @@ from executor.core.parts import OnBoard, SortieAhead
 from executor.core.preflight.checks import Facts
 from executor.core.state import FleetState
 from executor.runtime.flight import Flight, Observer
+from executor.virtual.crew import PadCrew
+from executor.virtual.radio import MemoryRadio, live
+from executor.virtual.solver import SolverHere
 from missions import Network, Pricing
 from tests.fakes.solver import FakeSolver
 from tests.missions.builders import line_east

@@ -10,8 +10,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from executor.adapters.mavlink.cameras import angles_deg
 from executor.adapters.mavlink.codec import Codec
 from executor.core.messages import CameraHeard, CameraStatus, GimbalAttitude, Message, PictureTaken, SendCommand
-from executor.simulator.gimbal import quaternion
 from missions.cameras import PictureProof
+from simulator.gimbal import quaternion
 
 NOWHERE = (0.0, 0.0, 0.0, 0.0)
 

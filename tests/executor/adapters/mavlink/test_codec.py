@@ -51,9 +51,9 @@ from executor.core.messages import (
     Version,
     Wind,
 )
-from executor.simulator.messages import out
-from executor.simulator.wire import Codec as SimCodec
 from missions import MissionItem, MissionKind
+from simulator.messages import out
+from simulator.wire import Codec as SimCodec
 
 ARDUPILOT, PX4 = 3, 12
 UNUSED = 65535

@@ -12,9 +12,9 @@ from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
 from executor.adapters.mavlink.signing import EPOCH_UNIX_S, TICKS_PER_S, Distrust, Signing
 from executor.core.messages import Heartbeat, MissionCurrent, OrderSeen, Radio, SendHeartbeat, SendMissionCount
-from executor.simulator.config import Signing as SimSigning
-from executor.simulator.messages import MissionCount, out
-from executor.simulator.wire import Codec as SimCodec
+from simulator.config import Signing as SimSigning
+from simulator.messages import MissionCount, out
+from simulator.wire import Codec as SimCodec
 from tests.executor.adapters.mavlink.test_link import into
 
 KEY = bytes(range(32))

@@ -15,13 +15,13 @@ from executor.adapters.mqtt.intake import RefusedMessage
 from executor.adapters.mqtt.outbox import Letter, Outbox
 from executor.adapters.mqtt.publisher import ASSETS_EVERY_S, AT_LEAST_EVERY_S, Publisher
 from executor.adapters.mqtt.reasons import IntakeReason
-from executor.cli.schemas import schemas
 from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived, Tick
 from executor.core.intents import Action, Outcome
 from executor.core.seeing.assets import AssetState, AssetView
 from executor.core.view import fleet_view
 from missions import plan_document
+from scripts.pages.schemas import schemas
 from tests.executor.core.stories import story, under_way
 from tests.executor.flights import first_plan_file
 from tests.fakes.flight import Story

@@ -1,0 +1,70 @@
+"""All parts of the measurements: each makes its page and its JSON."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.errors import BenchError
+from benchmarks.machine import machine, machine_line
+from benchmarks.markdown import markdown_page
+from benchmarks.parts import csum, exact, mtsp, replan, scale, start
+from benchmarks.parts.names import PartName
+from benchmarks.parts.setting import Setting
+from benchmarks.progress import ShownProgress
+from benchmarks.store import Json, Store, write_result, write_text
+from executor.adapters.extras import Extra, need
+
+
+@dataclass(frozen=True, slots=True)
+class _Work:
+    title: str
+    make: Callable[[Setting], Json]
+    report: Callable[[Json], str]
+    draw: Callable[[Json, Path], None] | None = None
+
+
+WORK = {
+    PartName.CSUM: _Work(csum.TITLE, csum.make, csum.report),
+    PartName.MTSP: _Work(mtsp.TITLE, mtsp.make, mtsp.report),
+    PartName.EXACT: _Work(exact.TITLE, exact.make, exact.report),
+    PartName.REPLAN: _Work(replan.TITLE, replan.make, replan.report),
+    PartName.SCALE: _Work(scale.TITLE, scale.make, scale.report, scale.draw_scale),
+    PartName.START: _Work(start.TITLE, start.make, start.report),
+}
+NEED_DATA = frozenset({PartName.CSUM, PartName.MTSP})
+
+
+def make_parts(parts: Sequence[PartName], data: Path | None, out: Path, *, seed: int, quick: bool, fresh: bool) -> None:
+    """Measure the parts one after the other, and write solvers-<part>.md and .json of each.
+
+    Raises:
+        ExtraMissing: one of them is drawn, and nothing is installed to draw with.
+        BenchError: something that was measured cannot be, or the directory cannot be written.
+    """
+    for part in parts:
+        if WORK[part].draw is not None:
+            need(Extra.PICTURES, f"bench solvers --part {part.value}")
+    for part in parts:
+        if data is None and part in NEED_DATA:
+            missing = "no ../shared/data beside the project or from here; --data DIR names it"
+            print(f"faultline: {part.value} is left out: {missing}", file=sys.stderr)
+            continue
+        work = WORK[part]
+        store = Store(out / "solvers" / part.value, fresh=fresh)
+        with ShownProgress() as shown:
+            result = work.make(Setting(data, store, shown.told, seed, quick))
+        about = machine()
+        write_result(out / f"solvers-{part.value}.json", {"machine": about, "seed": seed, "quick": quick, **result})
+        tried = "**Only tried: a tenth of every time, and fewer pieces.**" if quick else ""
+        write_text(
+            out / f"solvers-{part.value}.md", markdown_page(work.title, machine_line(about), tried, work.report(result))
+        )
+        if work.draw is not None:
+            try:
+                work.draw(result, out / f"solvers-{part.value}.png")
+            except OSError as error:
+                raise BenchError(f"{out}: cannot be written: {error.strerror}") from error
+        print(f"{out / f'solvers-{part.value}.md'} is written")

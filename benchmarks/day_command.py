@@ -1,0 +1,38 @@
+"""The command `faultline bench day`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchmarks.flight_commands import ended
+from executor.cli.options import DataOption, JsonOption, SecondsOption, SeedOption, kept_in
+
+
+def day(
+    seconds: SecondsOption = 290.0,
+    samples: Annotated[int, typer.Option(min=1, help="Times that the days are flown for each fleet.")] = 200,
+    seed: SeedOption = 1,
+    data: DataOption = None,
+    out: Annotated[Path | None, kept_in("day.md and day.json")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Plan days of many sorties: small ones beside proven optima, the paper's whole network, fleets that lose vehicles.
+
+    The network of 1693 segments is planned within --seconds, everything included.
+    """
+    from benchmarks.data import papers_network
+    from benchmarks.day import day_figures
+    from benchmarks.daypage import day_document, day_page, keep_day
+    from benchmarks.progress import ShownProgress
+
+    network = papers_network(data)
+    with ShownProgress() as shown:
+        content = day_figures(network, seconds=seconds, samples=samples, seed=seed, told=shown.told)
+    command = f"faultline bench day --seconds {seconds:g} --samples {samples} --seed {seed}"
+    document = day_document(content, command, samples)
+    whole = content["network"]
+    failed = whole["uncovered"] or whole["wrong"] or not all(row["same"] for row in content["exact"])
+    ended(document, keep_day, lambda done: print(day_page(done)), out, as_json=as_json, failed=bool(failed))

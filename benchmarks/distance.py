@@ -1,0 +1,292 @@
+"""`faultline bench distance`: at which distance the line is inspected, and how near vehicles come, flown with faults.
+
+With `same_distance` everybody inspects at the asked distance wherever no other vehicle's way crosses. Fleets are flown
+over parts of the network in virtual time, in wind, some of them slower than planned; vehicles crash, fall silent, are
+brought home by their pilots, or use too much. What is said of each segment, and how near any two come, is held against
+the simulator's own places.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from statistics import median
+
+import numpy as np
+
+from benchmarks.prediction import plan_with
+from benchmarks.store import Json
+from executor.errors import ExecutorError
+from executor.site import assembly
+from executor.site.assembly import Ground
+from executor.site.planning import rearranged_plan
+from executor.virtual.flight import Onlookers, VirtualFlight, fly_virtual
+from executor.virtual.many import FlightCase
+from executor.virtual.site import AMPLE_AH, sized, virtual_ground, with_budgets
+from missions import PlanFile
+from missions.geometry import locate
+from planner import Cost, NoImprovement, segment_of, solve
+from simulator.vehicle import SimulatedVehicle
+
+VEHICLES = (3, 8)
+RADII_M = (400.0, 500.0, 600.0, 700.0)
+"""About the depot: 13 to 33 segments of faultline's own network."""
+WIND_M_S = 6.0
+SLOWER = 0.2
+"""A vehicle flies up to this share slower than it is told: it is late by a minute and more."""
+USES_PCT = 45.0
+"""Of its battery, the dearest route, unless something else is asked for."""
+BUDGET_PCT = 75.0
+"""What a vehicle may use: enough to take over another's part, and to come down to the line for it."""
+SETTLED = 500
+FAULTS = ("crash", "silent", "silent=30", "pilot=RTL", "drain=4", "")
+"""What befalls a vehicle, one as often as another; the last is nothing."""
+SECOND = 0.3
+"""Of the flights, those in which something befalls another vehicle too."""
+AIRBORNE_M = 1.0
+OFF_M = 1.0
+"""What the distance may be off."""
+ALONG = 0.1
+"""Of a segment, at both ends, where a vehicle may still go up or down."""
+ASIDE_M = 3.0
+FAST = 1.35
+"""More than this times the inspection's speed is a transit."""
+
+
+@dataclass(frozen=True, slots=True)
+class DistanceFlight:
+    """What became of it."""
+
+    number: int
+    autopilot: str
+    vehicles: int
+    segments: int
+    faults: tuple[str, ...]
+    planned_asked: int
+    """Segments that the plan inspects at the asked distance."""
+    counted: int
+    """Segments that count."""
+    counted_asked: int
+    """Those of which the report says the asked distance."""
+    untold: int
+    """Those of which it says none."""
+    off: tuple[str, ...]
+    """Where the vehicle truly was farther off than is said."""
+    replans: int
+    nearest_m: float
+    """Any two in the air, by the simulator."""
+    promised_m: float
+    nearest: str
+    """Who, and when."""
+    longest_s: float
+    longest_in_layers_s: float
+    """The longest route of the same plan, with everybody in its layer all the time."""
+    flown_s: float
+    wrong: str = ""
+    """Why there was no flight, or it did not end."""
+
+    @property
+    def longer_pct(self) -> float:
+        """By how much the longest route is longer than with everybody in its layer."""
+        return 100.0 * (self.longest_s / self.longest_in_layers_s - 1.0)
+
+    @property
+    def lasted_longer_pct(self) -> float:
+        """By how much the flight lasted longer than the longest route is planned for."""
+        return 100.0 * (self.flown_s / self.longest_s - 1.0)
+
+
+@dataclass(slots=True)
+class _Watched:
+    """Where everybody truly was, ten times a second."""
+
+    ground: Ground
+    nearest_m: float = math.inf
+    nearest: str = ""
+    places_m: dict[str, list[tuple[float, float, float, float]]] = field(default_factory=dict)
+    """East, north, up and the speed over ground."""
+    steps: int = 0
+
+    def look(self, vehicles: Mapping[str, SimulatedVehicle]) -> None:
+        """Keep where they are now; who has crashed falls where it falls."""
+        up: dict[str, tuple[float, float, float]] = {}
+        self.steps += 1
+        for name, vehicle in vehicles.items():
+            frame, pad = vehicle.autopilot.frame, self.ground.setup.pad_of(name)
+            body, pad_m = frame.body, self.ground.network.frame.up_m(pad.alt_m)
+            place_m = (pad.east_m + body.east_m, pad.north_m + body.north_m, pad_m + body.up_m)
+            if body.up_m > AIRBORNE_M and frame.crashed_s is None and not frame.wrecked:
+                up[name] = place_m
+                speed_m_s = math.hypot(body.v_east_m_s, body.v_north_m_s)
+                self.places_m.setdefault(name, []).append((*place_m, speed_m_s))
+        for (one, one_m), (other, other_m) in itertools.combinations(up.items(), 2):
+            apart_m = math.dist(one_m, other_m)
+            if apart_m < self.nearest_m:
+                self.nearest_m, self.nearest = apart_m, f"{one} and {other} after {self.steps / 10:.0f} s"
+
+    def inspected_at_m(self, vehicle: str, segment: int) -> list[float]:
+        """Return the distances at which a vehicle flew along a segment at inspection speed."""
+        setup = self.ground.setup
+        (begin_east_m, begin_north_m), (end_east_m, end_north_m) = setup.tracks_m[segment].tolist()
+        begin_m, end_m = (begin_east_m, begin_north_m), (end_east_m, end_north_m)
+        length_m, inspection = math.dist(begin_m, end_m), setup.inspection
+        found = []
+        for east_m, north_m, up_m, speed_m_s in self.places_m.get(vehicle, ()):
+            along_m, aside_m = locate(begin_m, end_m, (east_m, north_m))
+            inside = ALONG * length_m < along_m < (1.0 - ALONG) * length_m and aside_m < ASIDE_M
+            if inside and speed_m_s < FAST * inspection.speed_m_s:
+                surface_m = setup.layers.surface.height_m(east_m, north_m)
+                found.append(up_m - surface_m + inspection.height_m)
+        return found
+
+
+def fly_distance(case: FlightCase, *, uses_pct: float = USES_PCT) -> DistanceFlight:
+    """Make up a flight, fly it, and hold it against the truth; the same case gives the same figures.
+
+    Args:
+        case: Which one.
+        uses_pct: What the dearest route uses of a battery: batteries are as large as that makes them.
+    """
+    rng = np.random.default_rng([case.seed, 29, case.number])
+    count = int(rng.integers(VEHICLES[0], VEHICLES[1] + 1))
+    speed_m_s, course = float(rng.uniform(0.0, WIND_M_S)), float(rng.uniform(0.0, 2.0 * math.pi))
+    wind_m_s = (speed_m_s * math.sin(course), speed_m_s * math.cos(course))
+    ground, plan, layered_s = _planned(
+        case, count, float(rng.choice(RADII_M)), wind_m_s, int(rng.integers(1 << 30)), uses_pct
+    )
+    faults = drawn_faults(ground.names, FAULTS, rng)
+    slower = {name: 1.0 - SLOWER * float(rng.random()) * (rng.random() < SECOND) for name in ground.names}
+    watched, asked_m = _Watched(ground), ground.setup.inspection.height_m
+    planned_asked = sum(
+        plan.inspected_at_m(own.name, segment_of(visit)) == asked_m
+        for own, route in zip(plan.vehicles, plan.plan.routes, strict=True)
+        for visit in route.visits
+    )
+    empty = DistanceFlight(
+        case.number, case.autopilot, count, len(plan.segments), faults, planned_asked, 0, 0, 0, (), 0, math.inf,
+        ground.setup.inspection.layer_m, "", max(plan.durations_s), layered_s, 0.0,
+    )  # fmt: skip
+    try:
+        flight = fly_virtual(
+            ground, plan, faults=faults, seed=case.number, onlookers=Onlookers(lived=watched.look),
+            craft=lambda one: replace(one, wind_m_s=wind_m_s, speed_reached=slower[one.name]),
+        )  # fmt: skip
+    except ExecutorError as error:
+        return replace(empty, wrong=str(error))
+    return _judged(empty, flight, watched)
+
+
+def drawn_faults(
+    names: Sequence[str], kinds: Sequence[str], rng: np.random.Generator, between_pct: tuple[int, int] = (10, 95)
+) -> tuple[str, ...]:
+    """Draw what befalls one vehicle, and sometimes another one but never all, as ``--fault`` takes it."""
+    count = 2 if rng.random() < SECOND else 1
+    found = []
+    for name in rng.choice(names, size=min(count, len(names) - 1), replace=False):
+        kind = str(rng.choice(kinds))
+        if kind:
+            found.append(f"{name}:{kind}@{int(rng.integers(*between_pct))}%")
+    return tuple(found)
+
+
+def kind_of(fault: str) -> str:
+    """Return the kind of a fault as ``--fault`` takes it."""
+    return re.split("[:=@]", fault)[1]
+
+
+def _planned(
+    case: FlightCase, vehicles: int, radius_m: float, wind_m_s: tuple[float, float], seed: int, uses_pct: float
+) -> tuple[Ground, PlanFile, float]:
+    """Return a site, a plan at the asked distance, and how long its longest route is with everybody in its layer."""
+    ground = virtual_ground(
+        None, radius_m, vehicles, case.autopilot, wind_m_s=wind_m_s, capacity_ah=AMPLE_AH, same_distance=True
+    )
+    task = assembly.task_of(ground, range(len(ground.network.segments)))
+    plan = solve(task.instance, cost=Cost.MINMAX, stop=NoImprovement(SETTLED), seed=seed).plan
+    routes = assembly.routes_of(ground, task, rearranged_plan(ground, task, plan, Cost.MINMAX))
+    ground = with_budgets(sized(ground, plan_with(ground, routes), uses_pct), BUDGET_PCT)
+    layered = virtual_ground(
+        None, radius_m, vehicles, case.autopilot, wind_m_s=wind_m_s, capacity_ah=ground.drone.capacity_ah
+    )
+    return ground, plan_with(ground, routes), max(plan_with(layered, routes).durations_s)
+
+
+def _judged(empty: DistanceFlight, flight: VirtualFlight, watched: _Watched) -> DistanceFlight:
+    """Hold a flight against the simulator's places."""
+    asked_m, rows = watched.ground.setup.inspection.height_m, flight.report.inspections
+    off = []
+    for row in rows:
+        if row.inspected_at_m is None:
+            continue
+        really_m = watched.inspected_at_m(row.vehicle, row.segment)
+        if not any(abs(at_m - row.inspected_at_m) <= OFF_M for at_m in really_m):
+            nearest = min(really_m, key=lambda at_m: abs(at_m - (row.inspected_at_m or 0.0)), default=math.nan)
+            off.append(f"{row.segment} by {row.vehicle}: {nearest:.1f} m, said {row.inspected_at_m:g} m")
+    return replace(
+        empty,
+        counted=len(rows),
+        counted_asked=sum(row.inspected_at_m == asked_m for row in rows),
+        untold=sum(row.inspected_at_m is None for row in rows),
+        off=tuple(off),
+        replans=len(flight.report.replans),
+        nearest_m=watched.nearest_m,
+        nearest=watched.nearest,
+        flown_s=flight.flown_s,
+        wrong="" if flight.ended else "the supervision did not end",
+    )
+
+
+def distance_results(flights: Sequence[DistanceFlight]) -> Json:
+    """Return the figures."""
+    flown = [one for one in flights if not one.wrong]
+    longer_pct = [one.longer_pct for one in flown]
+    near = [one for one in flown if one.nearest_m < one.promised_m]
+    calm = [one for one in flown if not one.faults]
+    return {
+        "flights": len(flown),
+        "by_autopilot": dict(sorted(Counter(one.autopilot for one in flown).items())),
+        "faults": dict(sorted(Counter(kind_of(fault) for one in flown for fault in one.faults).items())),
+        "replans": sum(one.replans for one in flown),
+        "segments": sum(one.segments for one in flown),
+        "planned_asked": sum(one.planned_asked for one in flown),
+        "counted": sum(one.counted for one in flown),
+        "counted_asked": sum(one.counted_asked for one in flown),
+        "untold": sum(one.untold for one in flown),
+        "off": [f"flight {one.number}: {line}" for one in flown for line in one.off],
+        "promised_m": min((one.promised_m for one in flown), default=None),
+        "nearest_m": round(min((one.nearest_m for one in flown), default=math.inf), 2),
+        "too_near": [
+            f"flight {one.number} ({one.autopilot}, {', '.join(one.faults) or 'no fault'}): {one.nearest_m:.2f} m, "
+            f"{one.nearest}"
+            for one in near
+        ],
+        "longer_pct": {
+            "median": round(median(longer_pct), 2) if longer_pct else None,
+            "most": round(max(longer_pct), 2) if longer_pct else None,
+        },
+        "undisturbed": {
+            "flights": len(calm),
+            "lasted_longer_pct": round(median(one.lasted_longer_pct for one in calm), 2) if calm else None,
+        },
+        "by_vehicles": [_fleet(flown, count) for count in sorted({one.vehicles for one in flown})],
+        "not_flown": [f"flight {one.number}: {one.wrong}" for one in flights if one.wrong],
+        "flown_s": round(sum(one.flown_s for one in flown), 1),
+    }  # fmt: skip
+
+
+def _fleet(flown: Sequence[DistanceFlight], vehicles: int) -> Json:
+    own = [one for one in flown if one.vehicles == vehicles]
+    return {
+        "vehicles": vehicles,
+        "flights": len(own),
+        "planned_asked": round(sum(one.planned_asked for one in own) / sum(one.segments for one in own), 3),
+        "counted_asked": round(
+            sum(one.counted_asked for one in own) / max(1, sum(one.counted - one.untold for one in own)), 3
+        ),
+        "nearest_m": round(min(one.nearest_m for one in own), 2),
+        "longer_pct": round(median(one.longer_pct for one in own), 2),
+    }

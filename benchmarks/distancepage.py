@@ -1,0 +1,118 @@
+"""What `faultline bench distance` shows: on a terminal, as JSON, and as a page of the results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from benchmarks.distance import (
+    BUDGET_PCT,
+    OFF_M,
+    RADII_M,
+    SECOND,
+    SLOWER,
+    USES_PCT,
+    VEHICLES,
+    WIND_M_S,
+    DistanceFlight,
+    distance_results,
+)
+from benchmarks.machine import head, machine_line
+from benchmarks.markdown import Rows, figure, markdown_page, markdown_table
+from benchmarks.predictionpage import print_table
+from benchmarks.store import Json, keep_result
+
+TITLE = "Everybody at the asked distance"
+INTRODUCTION = (
+    "`{command}`: {flights} flights with `same_distance` in virtual time, of {least} to {most} vehicles over the"
+    " segments of faultline's own network within {near:g} to {far:g} m of the depot, both dialects in turn. The air"
+    " moves with up to {wind:g} m/s; three vehicles of ten are up to {slower:.0%} slower than they are told. One"
+    " vehicle, and in {second:.0%} of the flights two, crash, fall silent for good or for 30 s, are brought home by a"
+    " pilot, or use four times as much, at a random part of their routes; or nothing happens. Ten times a second it is"
+    " looked at where everybody truly is. The dearest route of a plan uses {uses_pct:g}% of a battery, of which"
+    " {budget:g}% may be used."
+)
+TOLD = (
+    "Inspected at the asked distance are {planned_asked} of {segments} segments as planned, and {counted_asked} of the"
+    " {counted} that counted in the end, {replans} re-plans later; the others are inspected from their vehicle's layer,"
+    " and said so. More than {off_m:g} m off what is said: {off_count}. The nearest two vehicles in the air were"
+    " {nearest_m} m apart, where {promised_m:g} m are promised; nearer than that in {near_count} flights. Who has"
+    " crashed is not counted as it falls."
+)
+FLEETS = (
+    "vehicles", "flights", "planned at the asked distance", "inspected at it", "nearest two (m)",
+    "longest route, more than in layers (%)",
+)  # fmt: skip
+
+
+def distance_document(flights: Sequence[DistanceFlight], command: str, seed: int, uses_pct: float = USES_PCT) -> Json:
+    """Return the content of distance.json."""
+    return {**head("distance/1", command), "seed": seed, "uses_pct": uses_pct, **distance_results(flights)}
+
+
+def keep_distance(content: Mapping[str, Any], folder: Path) -> None:
+    """Write distance.json and distance.md."""
+    keep_result("distance", content, distance_page(content), folder)
+
+
+def _fleets(content: Mapping[str, Any]) -> Rows:
+    return [
+        (
+            str(row["vehicles"]), str(row["flights"]), f"{row['planned_asked']:.1%}", f"{row['counted_asked']:.1%}",
+            figure(row["nearest_m"], 2), figure(row["longer_pct"], 2),
+        )
+        for row in content["by_vehicles"]
+    ]  # fmt: skip
+
+
+def _told(content: Mapping[str, Any]) -> str:
+    return TOLD.format(**content, off_m=OFF_M, off_count=len(content["off"]), near_count=len(content["too_near"]))
+
+
+def _lasted(calm: Mapping[str, Any]) -> str:
+    """Return how much longer than planned flights last in which nothing befalls anybody, as parts are flown again."""
+    if not calm["flights"]:
+        return ""
+    longer = figure(calm["lasted_longer_pct"])
+    return (
+        f"The {calm['flights']} flights in which nothing befell anybody lasted, from the launch to the last landing, "
+        f"{longer} % longer in the median than their longest route is planned for."
+    )
+
+
+def _named(content: Mapping[str, Any]) -> list[str]:
+    """Return what went wrong, line by line."""
+    return [*content["too_near"], *content["off"], *(f"not flown: {line}" for line in content["not_flown"])]
+
+
+def distance_page(content: Mapping[str, Any]) -> str:
+    """Return the page."""
+    about = INTRODUCTION.format(
+        **content, least=VEHICLES[0], most=VEHICLES[1], near=RADII_M[0], far=RADII_M[-1], wind=WIND_M_S, slower=SLOWER,
+        second=SECOND, budget=BUDGET_PCT,
+    )  # fmt: skip
+    named, longer = _named(content), content["longer_pct"]
+    return markdown_page(
+        TITLE,
+        machine_line(content["machine"]),
+        about,
+        _told(content),
+        f"The longest route is {figure(longer['median'])} % longer in the median than with everybody in its layer, "
+        f"{figure(longer['most'])} % at most. {_lasted(content['undisturbed'])}".rstrip(),
+        markdown_table(FLEETS, _fleets(content)),
+        markdown_table(("what befell vehicles", "times"), [(kind, str(n)) for kind, n in content["faults"].items()]),
+        "## By name" if named else "",
+        "\n".join(f"- {line}" for line in named),
+        f"The flights lasted {figure(content['flown_s'] / 3600)} hours together.",
+    )
+
+
+def print_distance(content: Mapping[str, Any]) -> None:
+    """Print the tables."""
+    console = Console()
+    print_table(console, TITLE, FLEETS, _fleets(content))
+    for line in (_told(content), *_named(content)):
+        console.print(line, markup=False, highlight=False)

@@ -1,0 +1,146 @@
+"""`faultline bench failures`: public scenarios of vehicles lost one after another, beside the published figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+from benchmarks.errors import BenchError
+from benchmarks.least import SAME, least_value
+from benchmarks.machine import cores
+from benchmarks.scenario import Scenario, day_of, initial_timelines, read_scenario, solution_of, wrong_with
+from benchmarks.scenarios import DayInstance, DayLeft, DayResult, open_tasks, replan_losses, solve_day, warm_up_day
+from benchmarks.store import Json
+from planner import NoImprovement, Seconds, StopRule, any_of
+
+FOLDER = "failures"
+LONG_ENOUGH = 100_000
+"""Iterations without a better plan after which a re-plan is not searched any longer."""
+
+
+@dataclass(frozen=True, slots=True)
+class SolvedScenario:
+    """One scenario's answer."""
+
+    scenario: Scenario
+    value_s: float
+    """The end of the last trip that counts."""
+    replan_s: tuple[float, ...]
+    """From each loss to the plan after it."""
+    left: int
+    """Required edges on no trip that counts."""
+    least_s: float | None
+    """What no answer's value can fall below, if it was asked for."""
+    wrong: tuple[str, ...]
+    solution: Json
+
+    @property
+    def row(self) -> Json:
+        """Its figures."""
+        return {
+            "name": self.scenario.name,
+            "value": self.value_s,
+            "published": self.scenario.published.after,
+            "replan_s": [round(seconds, 4) for seconds in self.replan_s],
+            "published_s": self.scenario.published.seconds,
+            "losses": len(self.replan_s),
+            "left": self.left,
+            "least": self.least_s,
+            "wrong": list(self.wrong),
+        }
+
+
+def stop_after(seconds: float) -> StopRule:
+    """Return when a re-plan's search ends."""
+    return any_of(Seconds(seconds), NoImprovement(LONG_ENOUGH))
+
+
+def solve_scenario(scenario: Scenario, stop: StopRule, seed: int, prove_s: float | None = None) -> SolvedScenario:
+    """Fly a scenario's day on paper: at each loss a new plan, from what is known then.
+
+    Args:
+        scenario: the day and its losses.
+        stop: when the search of a re-plan ends.
+        seed: of the searches.
+        prove_s: seconds to prove afterwards what no answer can fall below; None for no proof.
+    """
+    starts = cores()
+    warm_up_day(starts)
+    day = day_of(scenario)
+    first = initial_timelines(scenario, day)
+    took: list[float] = []
+
+    def solve(left: DayLeft, instance: DayInstance) -> DayResult:
+        return solve_day(instance, stop=stop, seed=seed, starts=starts, initial=left.tails)
+
+    history = replan_losses(day, first, [(one.vehicle - 1, one.at) for one in scenario.losses], solve, took.append)
+    entries = (first, *history)
+    return SolvedScenario(
+        scenario=scenario,
+        value_s=max((trip.end_s for own in entries[-1] for trip in own), default=0.0),
+        replan_s=tuple(took),
+        left=len(open_tasks(day, entries[-1])),
+        least_s=None if prove_s is None else least_value(scenario, prove_s),
+        wrong=tuple(wrong_with(scenario, day, entries)),
+        solution=solution_of(scenario, entries),
+    )
+
+
+def scenario_files(data: Path, family: str = "*") -> list[Path]:
+    """Return the scenarios in a directory of the data, of one family or all, by family and number.
+
+    Raises:
+        BenchError: there is none.
+    """
+    files = sorted((data / FOLDER).glob(f"{family}.*json"), key=_order)
+    if not files:
+        raise BenchError(f"{data / FOLDER}: expected failure scenarios ({family}.*json)")
+    return files
+
+
+def _order(path: Path) -> tuple[str, int, str]:
+    family, _, number = path.stem.partition(".")
+    return family, int(number) if number.isdigit() else 0, path.stem
+
+
+def solve_all(
+    files: list[Path], seconds: float, seed: int, told: Callable[[int, int], None], prove_s: float | None = None
+) -> list[Json]:
+    """Return the figures of each scenario."""
+    rows: list[Json] = []
+    for done, path in enumerate(files):
+        told(done, len(files))
+        rows.append(solve_scenario(read_scenario(path), stop_after(seconds), seed, prove_s).row)
+    told(len(files), len(files))
+    return rows
+
+
+def families(rows: list[Json]) -> list[Json]:
+    """Return the figures of each family: a name's part before the point."""
+    names = dict.fromkeys(row["name"].partition(".")[0] for row in rows)
+    return [_family(name, [row for row in rows if row["name"].partition(".")[0] == name]) for name in names]
+
+
+def _family(name: str, rows: list[Json]) -> Json:
+    known = [row for row in rows if row["published"] is not None]
+    took = [seconds for row in rows for seconds in row["replan_s"]]
+    proven = [row for row in rows if row["least"] is not None]
+    published_s = [row["published_s"] for row in rows if row["published_s"] is not None]
+    return {
+        "family": name,
+        "scenarios": len(rows),
+        "valid": sum(not row["wrong"] and not row["left"] for row in rows),
+        "compared": len(known),
+        "not_longer": sum(row["value"] <= row["published"] + 1e-9 for row in known),
+        "sum": sum(row["value"] for row in known),
+        "published_sum": sum(row["published"] for row in known),
+        "proven": len(proven),
+        "least_possible": sum(row["value"] <= row["least"] + SAME for row in proven),
+        "least_sum": sum(row["least"] for row in proven if row["published"] is not None),
+        "replan_median_s": median(took) if took else None,
+        "replan_max_s": max(took, default=None),
+        "published_median_s": median(published_s) if published_s else None,
+        "published_max_s": max(published_s, default=None),
+    }

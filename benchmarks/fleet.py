@@ -1,0 +1,368 @@
+"""What a fleet costs the ground station: one flight for each number of vehicles, the executor held to one processor.
+
+Each flight runs the whole executor as `faultline fly` does, in a process of its own that may use one processor; the
+simulated vehicles have the others. What is measured is the work of listening, deciding and recording; with a fault,
+that of re-planning for a fleet, too.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import resource
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass, replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from benchmarks.browser import browser, oldest_shown_s
+from benchmarks.errors import BenchError
+from benchmarks.fleetsite import site_of, write_network
+from benchmarks.garbage import FRAMES_S, Flood
+from benchmarks.machine import machine, machine_line
+from benchmarks.markdown import figure, markdown_page, markdown_table
+from benchmarks.store import keep_result
+from executor.adapters.eventlog import Head, read_head
+from executor.adapters.mavlink.bare import bare_codec_s
+from executor.adapters.run_directory import RunDirectory
+from executor.adapters.workers import workers
+from executor.core.commands import Level
+from executor.errors import ExecutorError
+from executor.flight import fly as flying
+from executor.flight.flight_order import Order, keep
+from executor.runtime import turns
+from executor.simulated.demo_site import simulated_fleet
+from executor.site import assembly
+from executor.site.config import Site, check_site
+from executor.site.planning import DEFAULT, first_plan
+from executor.virtual.flight import Quiet
+
+COUNTS = (1, 10, 20, 50, 100)
+PLAN_S = 5.0
+WATCH_S = 0.005
+"""Pause of the watch on the event loop: what it is late beyond that, the loop was blocked."""
+ENDS_S = 10.0
+"""Real seconds that a browser may take to say what it saw, once the page has ended."""
+LOOKS = 12
+"""How often memory is looked at, spread over a flight."""
+
+
+@dataclass(frozen=True, slots=True)
+class Burden:
+    """What a flight has to bear beside its own."""
+
+    faults: tuple[str, ...] = ()
+    """As `faultline simulate` has them."""
+    garbage: float = 0.0
+    """Datagrams that no vehicle sent, for each frame of the fleet's telemetry."""
+    browsers: int = 0
+    """How many follow the page."""
+
+
+NOTHING = Burden()
+
+
+@dataclass(frozen=True, slots=True)
+class FleetFlight:
+    """One flight, measured from the take-off to the moment when supervision ends."""
+
+    vehicles: int
+    minutes: float
+    """Of the flight's time."""
+    speedup: float
+    frames: int
+    """Received from all vehicles."""
+    missing: int
+    """Frames that the sequence numbers say were sent and never arrived."""
+    events: int
+    """In the event log."""
+    faults: int
+    """Declared."""
+    replans: int
+    cpu_s: float
+    """Processor time of the executor's process."""
+    codec_s: float
+    """Processor time of pymavlink alone for decoding the same frames, in the same process."""
+    blocked_ms: tuple[float, float, float]
+    """How late the watch woke: 99 %, 99.99 % and the longest."""
+    memory_mib: tuple[float, ...]
+    """Resident memory, evenly spread over the flight."""
+    garbage: int = 0
+    """Datagrams that no vehicle sent, to the vehicles' ports."""
+    shown_s: float | None = None
+    """How old a state grew at most in a browser before the next one, in real seconds; None if nobody looked."""
+
+    @property
+    def cpu_ms(self) -> float:
+        """Processor time for a vehicle and second of flight, in milliseconds."""
+        return 1e3 * self.cpu_s / (60.0 * self.minutes * self.vehicles)
+
+    @property
+    def growth_mib(self) -> float:
+        """How much memory grew from the end of the first quarter to the end."""
+        return self.memory_mib[-1] - self.memory_mib[len(self.memory_mib) // 4]
+
+
+def measure_fleet(
+    counts: Sequence[int], *, minutes: float, speedup: float, seed: int, burden: Burden = NOTHING
+) -> list[FleetFlight]:
+    """Fly once for each number of vehicles.
+
+    A flight that could not begin is said and left out.
+
+    Raises:
+        BenchError: none could.
+    """
+    flights = []
+    for count in counts:
+        print(f"{count} vehicles, {minutes:g} minutes at {speedup:g} times real time", file=sys.stderr, flush=True)
+        # A process for each flight: what one leaves behind must not be in the next one's figures.
+        with workers(1) as pool:
+            try:
+                flights.append(pool.submit(fly_one, count, minutes, speedup, seed, burden).result())
+            except ExecutorError as error:
+                print(f"{count} vehicles: {error}", file=sys.stderr)
+    if not flights:
+        raise BenchError("fleet: expected at least one flight that could begin")
+    return flights
+
+
+def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Burden = NOTHING) -> FleetFlight:
+    """Fly one fleet; this runs in a process of its own."""
+    with tempfile.TemporaryDirectory(prefix="faultline-fleet-") as folder:
+        base, run = Path(folder), Path(folder) / "run"
+        run.mkdir()
+        write_network(base / "network.graph", vehicles, minutes, seed)
+        site = check_site(site_of("network.graph", vehicles, speedup), "bench fleet")
+        ground = assembly.ground_of(site, base)
+        plan = first_plan(ground, replace(DEFAULT, seconds=PLAN_S, seed=seed, all_vehicles=True), lambda _: None)
+        order = Order(ground.site, base, ground, plan, run, lambda _: ())
+        keep(order)
+        ours, others = _processors()
+        watch = _Watch(minutes * 60.0 / speedup, ours)
+        # The simulation and the planner's process begin here, and stay off the executor's processor.
+        os.sched_setaffinity(0, others)
+        with simulated_fleet(run, burden.faults, seed), _borne(site, burden, watch.flood, seed) as browsers:
+            flown = turns.run(_watched(order, watch), turns.at_the_computers_pace)
+            seen = [told.recv() for told in browsers if told.poll(ENDS_S)]
+        head, launched_s, events = _launched(RunDirectory(run).events)
+        began_usec = 1e6 * (head.began_unix_s + launched_s)
+        rows = flown.report.vehicles
+        return FleetFlight(
+            vehicles=vehicles,
+            minutes=watch.taken_s * speedup / 60.0,
+            speedup=speedup,
+            frames=sum(row.frames_received or 0 for row in rows),
+            missing=sum(row.frames_missing or 0 for row in rows),
+            events=events,
+            faults=len(flown.report.faults),
+            replans=len(flown.report.replans),
+            cpu_s=watch.cpu_s,
+            codec_s=bare_codec_s(sorted(run.glob("*.tlog")), began_usec),
+            blocked_ms=watch.blocked_ms(),
+            memory_mib=tuple(watch.memory_mib),
+            garbage=watch.garbage,
+            shown_s=max((oldest_shown_s(one, head.began_unix_s, speedup, launched_s) for one in seen), default=None),
+        )
+
+
+@contextmanager
+def _borne(site: Site, burden: Burden, flood: Flood, seed: int) -> Iterator[list[Connection]]:
+    """Have a flood ready, and browsers open; yields where they tell what they saw."""
+    with ExitStack() as stack:
+        if burden.garbage > 0:
+            a_second = burden.garbage * FRAMES_S * site.flight.speedup * len(site.vehicle)
+            stack.enter_context(flood.ready([one.link.number for one in site.vehicle], a_second, seed))
+        yield [stack.enter_context(browser(site.web.port)) for _ in range(burden.browsers)]
+
+
+def _processors() -> tuple[set[int], set[int]]:
+    """Return one processor for the executor and those for everything else."""
+    every = sorted(os.sched_getaffinity(0))
+    return {every[0]}, set(every[1:]) or {every[0]}
+
+
+async def _watched(order: Order, watch: _Watch) -> flying.FlightResult:
+    watching = asyncio.create_task(watch.run())
+    try:
+        return await flying.fly(order, watch)
+    finally:
+        watching.cancel()
+
+
+class _Watch(Quiet):
+    """An operator who says yes, looks at the clock, and leaves when the time is over."""
+
+    def __init__(self, lasts_real_s: float, processor: set[int]) -> None:
+        self._lasts_s = lasts_real_s
+        self._processor = processor
+        self._began_s: float | None = None
+        self._cpu_began_s = 0.0
+        self._late_ms: list[float] = []
+        self._left = False
+        self._ended = False
+        self.taken_s = 0.0
+        self.cpu_s = 0.0
+        self.flood = Flood()
+        """It begins with the flight."""
+        self.garbage = 0
+        self.memory_mib: list[float] = []
+
+    def blocked_ms(self) -> tuple[float, float, float]:
+        """Return how late the watch woke: 99 %, 99.99 % and the longest."""
+        late = sorted(self._late_ms)
+        return late[int(0.99 * len(late))], late[int(0.9999 * len(late))], late[-1]
+
+    async def run(self) -> None:
+        while True:
+            asked_s = time.perf_counter()
+            await asyncio.sleep(WATCH_S)
+            # What the loop was blocked for before the operator's yes is no part of the flight.
+            if self._began_s is not None and asked_s >= self._began_s and not self._ended:
+                now_s = time.perf_counter()
+                self._late_ms.append(1e3 * (now_s - asked_s - WATCH_S))
+                self._look(now_s - self._began_s)
+
+    def _look(self, passed_s: float) -> None:
+        while len(self.memory_mib) < LOOKS and passed_s >= (len(self.memory_mib) + 1) * self._lasts_s / LOOKS:
+            self.memory_mib.append(_resident_mib())
+        if passed_s >= self._lasts_s and not self._left:
+            self._left = True
+            os.kill(os.getpid(), signal.SIGINT)
+
+    async def ask(self, question: str) -> bool:
+        """Say yes; what is measured begins with the last question."""
+        return self.confirm(question) if "Take off" in question else True
+
+    def confirm(self, question: str) -> bool:  # noqa: ARG002 - the console's signature
+        for thread in Path("/proc/self/task").iterdir():  # the page's too
+            os.sched_setaffinity(int(thread.name), self._processor)
+        self._began_s, self._cpu_began_s = time.perf_counter(), time.process_time()
+        self.flood.begin()
+        return True
+
+    def done(self) -> None:
+        if self._began_s is not None and not self._ended:
+            self._ended = True
+            self.taken_s = time.perf_counter() - self._began_s
+            self.cpu_s = time.process_time() - self._cpu_began_s
+            self.garbage = self.flood.sent()
+            self.memory_mib.append(_resident_mib())
+
+    def say(self, level: Level, text: str, at_s: float | None = None) -> None:
+        if level is Level.FAULT:
+            print(f"{at_s or 0.0:8.1f} s  {text}", file=sys.stderr, flush=True)
+
+
+def _resident_mib() -> float:
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return pages * resource.getpagesize() / 2**20
+
+
+def _launched(log: Path) -> tuple[Head, float, int]:
+    """Return how a log begins, when its flight was launched, and the events since."""
+    launched_s, events = 0.0, 0
+    with log.open("rb") as file:
+        for line in file:
+            if b'"LaunchOrdered"' in line[:100]:
+                launched_s, events = json.loads(line)["t_s"], 0
+            events += b'"event":' in line[:60]
+    return read_head(log), launched_s, events
+
+
+COLUMNS = (
+    "vehicles", "minutes", "faults", "re-plans", "frames a second", "frames lost", "events", "ms a vehicle and second",
+    "times pymavlink alone", "of one core, %", "blocked at most, ms", "99.99 %, ms", "memory at a quarter, MiB",
+    "at the end, MiB", "garbage a second", "state shown at most, s old",
+)  # fmt: skip
+
+
+def fleet_report(flights: Sequence[FleetFlight], content: dict[str, object]) -> str:
+    """Return the page."""
+    rows = [
+        (
+            one.vehicles, figure(one.minutes), one.faults, one.replans, figure(one.frames / (60 * one.minutes), 0),
+            one.missing, one.events,
+            figure(one.cpu_ms, 2), figure(one.cpu_s / one.codec_s, 1), figure(0.1 * one.cpu_ms * one.vehicles),
+            figure(one.blocked_ms[2], 0), figure(one.blocked_ms[1], 0),
+            figure(one.memory_mib[len(one.memory_mib) // 4], 0), figure(one.memory_mib[-1], 0),
+            figure(one.garbage / (60 * one.minutes), 0), "" if one.shown_s is None else figure(one.shown_s, 2),
+        )
+        for one in flights
+    ]  # fmt: skip
+    said = (
+        "One flight for each number of simulated ArduPilot vehicles, from the take-off on, with everything that "
+        "`faultline fly` does but the drawing on a terminal. The executor may use one core; the simulation and the "
+        f"planner's process have the others. At {flights[0].speedup:g} times real time, so that a second of the "
+        "computer's holds as many of the flight's; a core's share is for real time. `times pymavlink alone` is the "
+        "executor's processor time over what "
+        "pymavlink needs to decode the same frames and nothing else. `Blocked` is how late a task woke that sleeps for "
+        f"{1e3 * WATCH_S:g} ms at a time, in the computer's time: it holds what other programs took. "
+        "`Garbage` are datagrams of noise, of damaged frames and of frames of strangers, a third each, that come from "
+        "a process of their own to the vehicles' ports; `state shown` is how old a state grew in a browser, in the "
+        "computer's time, before the next one came."
+    )
+    parts = [machine_line(content), said, markdown_table(COLUMNS, rows)]
+    if len(flights) > 1:
+        parts.append("![Processor time, delays of the event loop and memory over the number of vehicles](fleet.png)")
+    return markdown_page("A fleet and its ground station", *parts)
+
+
+def make_fleet(
+    counts: Sequence[int], out: Path | None, *, minutes: float, speedup: float, seed: int, burden: Burden = NOTHING
+) -> tuple[dict[str, object], str]:
+    """Measure, and write fleet.md and fleet.json, with a picture of several, where wanted; returns their content."""
+    flights = measure_fleet(counts, minutes=minutes, speedup=speedup, seed=seed, burden=burden)
+    rows = [asdict(one) | {"cpu_ms": one.cpu_ms, "growth_mib": one.growth_mib} for one in flights]
+    content: dict[str, object] = {
+        "format": "faultline-bench-fleet/1",
+        "machine": machine(),
+        "seed": seed,
+        "ordered": list(burden.faults),
+        "garbage": burden.garbage,
+        "browsers": burden.browsers,
+        "rows": rows,
+    }
+    text = fleet_report(flights, machine())
+    if out is not None:
+        keep_result("fleet", content, text, out)
+        if len(flights) > 1:
+            draw_growth(flights, out / "fleet.png")
+    return content, text
+
+
+def draw_growth(flights: Sequence[FleetFlight], path: Path) -> None:
+    """Draw processor time, the loop's delays and memory over the number of vehicles."""
+    from matplotlib.figure import Figure
+
+    from executor.analysis.pictures.style import COLOURS, DPI, FAINT, MARKERS, PAPER
+
+    figure = Figure(figsize=(12.0, 3.8), facecolor=PAPER, layout="constrained")
+    counts = [one.vehicles for one in flights]
+    rows = (
+        ("of one core at real time, %", {"": [0.1 * one.cpu_ms * one.vehicles for one in flights]}),
+        ("the event loop blocked, ms", {
+            "at most": [one.blocked_ms[2] for one in flights], "99.99 %": [one.blocked_ms[1] for one in flights],
+            "99 %": [one.blocked_ms[0] for one in flights],
+        }),
+        ("resident memory at the end, MiB", {"": [one.memory_mib[-1] for one in flights]}),
+    )  # fmt: skip
+    for axes, (label, lines) in zip(figure.subplots(1, 3), rows, strict=True):
+        for place, (name, values) in enumerate(lines.items()):
+            axes.plot(counts, values, color=COLOURS[place], marker=MARKERS[place], label=name)
+        axes.set(xlabel="vehicles", ylabel=label)
+        axes.set_xlim(left=0)
+        axes.set_ylim(bottom=0)
+        axes.grid(color=FAINT, alpha=0.3, lw=0.5)
+        if len(lines) > 1:
+            axes.legend(frameon=False)
+    figure.savefig(path, dpi=DPI)

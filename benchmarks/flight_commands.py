@@ -1,0 +1,299 @@
+"""The commands `faultline bench prediction`, `window` and `distance`: whole flights in virtual time."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeVar
+
+import typer
+
+from executor.cli.options import (
+    FIRST_AUTOPILOT,
+    AutopilotName,
+    AutopilotOption,
+    AutopilotsOption,
+    JsonOption,
+    NetworkOption,
+    SecondsOption,
+    SeedOption,
+    kept_in,
+)
+
+if TYPE_CHECKING:
+    from benchmarks.store import Json
+
+C = TypeVar("C")
+F = TypeVar("F")
+USUAL_RADIUS_M = 700.0
+TIGHTNESS = 0.85
+RadiiOption = Annotated[
+    list[float] | None,
+    typer.Option(
+        min=1,
+        metavar="M",
+        help="Only segments within M metres of the depot; by default 700. Each one given is a plan.",
+    ),
+]
+SharesOption = Annotated[
+    list[float] | None,
+    typer.Option(
+        min=0.01,
+        max=1,
+        metavar="SHARE",
+        help="What the best MinMax plan's dearest route takes of the budget; by default 0.85. Plans take several "
+        "in turn.",
+    ),
+]
+JobsOption = Annotated[int | None, typer.Option(min=1, help="Processes; by default one per processor.")]
+
+
+def prediction(
+    autopilot: AutopilotsOption = None,
+    routes: Annotated[int, typer.Option(min=0, help="Random routes, in flights of 1 to 4 vehicles.")] = 100,
+    varied: Annotated[
+        int,
+        typer.Option(
+            min=0, help="More of them, with vehicles that differ from their models: how often the predicted band held."
+        ),
+    ] = 0,
+    seed: SeedOption = 1,
+    network: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="A network beside faultline's own; may be repeated."),
+    ] = None,
+    run: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DIR", help="Measure the recorded flight of a run directory instead; may be repeated."),
+    ] = None,
+    jobs: JobsOption = None,
+    out: Annotated[Path | None, kept_in("prediction.md and prediction.json")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure how well time and energy of routes are predicted: planned against flown.
+
+    Random routes of 5 to 40 segments, in wind and over hills, are flown nominally by the executor against simulated
+    vehicles in virtual time. The same seed gives the same figures for any number of processes. What a run does not
+    measure, with 0 routes, is kept in the files of `--out`. Exit 1 if a flight was not nominal: its routes are not
+    counted.
+    """
+    from benchmarks.band import band_cases, fly_band
+    from benchmarks.prediction import cases, fly_case, recorded_routes
+    from benchmarks.predictionpage import keep_prediction, prediction_document, print_prediction
+
+    if run:
+        command = shlex.join(["faultline", "bench", "prediction", *(f"--run={one.name}" for one in run)])
+        content = prediction_document(recorded_routes(run), command)
+    else:
+        autopilots, asked = _named(autopilot)
+        flown = _flown(fly_case, cases(routes, seed, autopilots, [None, *(network or ())]), jobs)
+        beside = _flown(fly_band, band_cases(varied, seed, autopilots), jobs, "varied flights")
+        asked += [part for one in network or () for part in ("--network", one.name)]
+        command = shlex.join([
+            "faultline", "bench", "prediction", *asked, "--routes", str(routes),
+            *(["--varied", str(varied)] if varied else []), "--seed", str(seed),
+        ])  # fmt: skip
+        names = ["faultline's own network", *(one.name for one in network or ())]
+        found = [route for flight in flown for route in flight.routes]
+        content = prediction_document(found, command, seed=seed, flights=flown, networks=names, varied=beside)
+    ended(content, keep_prediction, print_prediction, out, as_json=as_json, failed=bool(content["not_nominal"]))
+
+
+def window(
+    network: NetworkOption = None,
+    radius: RadiiOption = None,
+    losses: Annotated[int, typer.Option(min=0, help="Losses after the claimed times, each a flight.")] = 50,
+    before: Annotated[int, typer.Option(min=0, help="Losses before them: what is left over must be named.")] = 0,
+    seed: SeedOption = 1,
+    autopilot: AutopilotOption = FIRST_AUTOPILOT,
+    vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = 4,
+    tightness: SharesOption = None,
+    budget: Annotated[
+        float, typer.Option(min=1, max=100, metavar="PCT", help="Of a full battery, of each vehicle.")
+    ] = 28.0,
+    seconds: SecondsOption = 20.0,
+    jobs: JobsOption = None,
+    out: Annotated[Path | None, kept_in("window.md and window.json")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Lose vehicles after the claimed time of a plan's re-plan window, and fly each loss to its end in virtual time.
+
+    A flight has kept the claim if everything was inspected and every other vehicle stands on its pad above its reserve.
+    Exit 1 if one has not, or if something that was left over before the claimed time is not named.
+    """
+    from benchmarks.machine import cores
+    from benchmarks.progress import ShownProgress
+    from benchmarks.window import WindowSettings, results, tried
+    from benchmarks.windowpage import keep_window, print_window, window_document
+
+    count, radius, tightness = jobs or cores(), radius or [USUAL_RADIUS_M], tightness or [TIGHTNESS]
+    plans = [
+        WindowSettings(
+            network,
+            within_m,
+            autopilot.value,
+            vehicles,
+            tightness[number % len(tightness)],
+            budget,
+            seconds,
+            seed,
+            count,
+        )
+        for number, within_m in enumerate(radius)
+    ]
+    with ShownProgress() as shown:
+        trials = tried(plans, losses, before, count, partial(shown.told, "plans"))
+    command = shlex.join([
+        "faultline", "bench", "window", *([] if network is None else ["--network", network.name]),
+        *_repeated("--radius", radius), "--losses", str(losses), "--before", str(before), "--seed", str(seed),
+        "--autopilot", autopilot.value, "--vehicles", str(vehicles), *_repeated("--tightness", tightness),
+        "--budget", f"{budget:g}",
+    ])  # fmt: skip
+    content = window_document(plans[0], command, results(trials))
+    kept = content["finished_after"] == content["losses_after"] and content["unnamed_before"] == 0
+    ended(content, keep_window, print_window, out, as_json=as_json, failed=not kept)
+
+
+def distance(
+    flights: Annotated[int, typer.Option(min=1, help="Flights of 3 to 8 vehicles.")] = 100,
+    seed: SeedOption = 1,
+    uses: Annotated[
+        float, typer.Option(min=5, max=60, help="Percent of a battery that the dearest route uses; 75 may be used.")
+    ] = 45.0,
+    autopilot: AutopilotsOption = None,
+    jobs: JobsOption = None,
+    out: Annotated[Path | None, kept_in("distance.md and distance.json")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly fleets at the asked distance with faults, and measure where they truly inspect and how near they come.
+
+    The site says `same_distance`; vehicles are late, crash, fall silent and are brought home by pilots, in virtual
+    time. The same seed gives the same figures for any number of processes. Exit 1 if two vehicles came nearer than
+    promised, if a segment was inspected elsewhere than said, or if a flight could not be flown.
+    """
+    from benchmarks.distance import USES_PCT, fly_distance
+    from benchmarks.distancepage import distance_document, keep_distance, print_distance
+    from executor.virtual.many import flight_cases
+
+    autopilots, asked = _named(autopilot)
+    flown = _flown(partial(fly_distance, uses_pct=uses), flight_cases(flights, seed, autopilots), jobs)
+    used = [] if uses == USES_PCT else ["--uses", f"{uses:g}"]
+    command = shlex.join([
+        "faultline", "bench", "distance", *asked, "--flights", str(flights), "--seed", str(seed), *used
+    ])  # fmt: skip
+    content = distance_document(flown, command, seed, uses)
+    failed = content["too_near"] or content["off"] or content["not_flown"]
+    ended(content, keep_distance, print_distance, out, as_json=as_json, failed=bool(failed))
+
+
+def pictures(
+    flights: Annotated[int, typer.Option(min=1, help="Flights of 2 to 4 vehicles.")] = 20,
+    seed: SeedOption = 1,
+    autopilot: AutopilotsOption = None,
+    jobs: JobsOption = None,
+    out: Annotated[Path | None, kept_in("pictures.md and pictures.json")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly fleets with cameras through faults and lost datagrams, and hold index and cards against what was taken.
+
+    Simulated cameras write JPEGs by clocks that are off; `faultline images` is given them. A flight takes some ten
+    seconds of a core. The same seed gives the same figures for any number of processes. Exit 1 if an asset is called
+    seen that is not, or unseen without being named, if a picture is doubled or a file matched to another picture.
+    """
+    from benchmarks.pictures import fly_pictures
+    from benchmarks.picturespage import keep_pictures, pictures_document, print_pictures
+    from executor.virtual.many import flight_cases
+
+    autopilots, asked = _named(autopilot)
+    flown = _flown(fly_pictures, flight_cases(flights, seed, autopilots), jobs)
+    command = shlex.join(["faultline", "bench", "pictures", *asked, "--flights", str(flights), "--seed", str(seed)])
+    content = pictures_document(flown, command, seed)
+    failed = content["wrong"] or content["not_flown"]
+    ended(content, keep_pictures, print_pictures, out, as_json=as_json, failed=bool(failed))
+
+
+def sorties(
+    days: Annotated[int, typer.Option(min=1, help="Days of six vehicles from four bases.")] = 2,
+    radius: Annotated[
+        float | None,
+        typer.Option(min=1.0, metavar="M", help="Only what is within this of the network's middle; by default all."),
+    ] = None,
+    network: Annotated[
+        Path | None,
+        typer.Option(
+            exists=True,
+            dir_okay=False,
+            metavar="FILE",
+            help="Another network: eight hours from the four places with most within 5 km, packs for some 50 minutes.",
+        ),
+    ] = None,
+    seed: SeedOption = 1,
+    iterations: Annotated[int, typer.Option(min=1, help="Of the search for each day's plan.")] = 20_000,
+    autopilot: AutopilotsOption = None,
+    jobs: JobsOption = None,
+    out: Annotated[Path | None, kept_in("sorties.md and sorties.json")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly days of some fifty sorties with losses, bad packs and a ground station that dies, and judge them by truth.
+
+    Each day is planned as `plan --day` does and flown in virtual time: a crew changes packs at four bases, three
+    vehicles fall, the ground station is killed once. A day takes about two minutes of a core. The same seed gives the
+    same figures for any number of processes. Exit 1 if a counted segment was not flown, if anybody landed below its
+    reserve or off its pad, if two vehicles came too near, or if a day did not come to its end.
+    """
+    from benchmarks.sorties import SortiesCase, fly_sorties, sorties_over
+    from benchmarks.sortiespage import keep_sorties, print_sorties, sorties_document
+
+    autopilots, asked = _named(autopilot)
+    over = sorties_over(network, radius)
+    cases = [
+        SortiesCase(number, seed, autopilots[number % len(autopilots)], iterations, over) for number in range(days)
+    ]
+    flown = _flown(fly_sorties, cases, jobs, "days")
+    asked += [] if radius is None else _repeated("--radius", [radius])
+    asked += [] if network is None else ["--network", network.name]
+    figures = ["--days", str(days), "--seed", str(seed), "--iterations", str(iterations)]
+    content = sorties_document(flown, shlex.join(["faultline", "bench", "sorties", *asked, *figures]), seed, over)
+    ended(content, keep_sorties, print_sorties, out, as_json=as_json, failed=bool(content["wrong"]))
+
+
+def _named(autopilot: AutopilotName | None) -> tuple[list[str], list[str]]:
+    """Return the autopilots that are meant, and the option that asks for them."""
+    if autopilot is None:
+        return [one.value for one in AutopilotName], []
+    return [autopilot.value], ["--autopilot", autopilot.value]
+
+
+def _flown(fly: Callable[[C], F], cases: Sequence[C], jobs: int | None, stage: str = "flights") -> list[F]:
+    """Fly all cases, and show how far that is; the answers do not depend on the number of processes."""
+    from benchmarks.machine import cores
+    from benchmarks.progress import ShownProgress
+    from executor.virtual.many import each
+
+    with ShownProgress() as shown:
+        return each(fly, cases, jobs=jobs or cores(), told=partial(shown.told, stage))
+
+
+def ended(
+    content: Json, keep: Callable[[Json, Path], object], show: Callable[[Json], object], out: Path | None,
+    *, as_json: bool, failed: bool,
+) -> None:  # fmt: skip
+    """Keep and show what was measured, and end.
+
+    Raises:
+        typer.Exit: always; with 1 if it is not as it should be.
+    """
+    if out is not None:
+        keep(content, out)
+    if as_json:
+        print(json.dumps(content))
+    else:
+        show(content)
+    raise typer.Exit(1 if failed else 0)
+
+
+def _repeated(option: str, values: Sequence[float]) -> list[str]:
+    return [part for value in values for part in (option, f"{value:g}")]

@@ -1,0 +1,91 @@
+"""What `faultline bench pictures` shows: on a terminal, as JSON, and as a page of the results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from benchmarks.machine import head, machine_line
+from benchmarks.markdown import Rows, figure, markdown_page, markdown_table
+from benchmarks.pictures import CLOCK_S, EVERY_M, LOST_SHARE, VEHICLES, PicturesFlight, pictures_results
+from benchmarks.predictionpage import print_table
+from benchmarks.store import Json, keep_result
+
+TITLE = "Flights that have something to see"
+INTRODUCTION = (
+    "`{command}`: {flights} flights in virtual time of {least} to {most} vehicles over parts of faultline's own"
+    " network, both dialects by turns, with a camera of the MAVLink protocol on a gimbal or, on ArduPilot, one that the"
+    " autopilot triggers. Every span asks for a picture each {every_m:g} m, some pylons for viewpoints around them;"
+    " on half of the flights these lie 2 m above and 6 m below the tops, and on half of those the vehicle turns its"
+    " nose to a region of interest."
+    " {lost:.0%} of all datagrams are lost each way; one or two vehicles crash, fall silent, are brought home, or their"
+    " cameras, cards and gimbals fail. The cameras write JPEGs, half of the fleets with no position in them, by clocks"
+    " that are off by up to {clock_min:g} minutes and by whole hours of a zone; all cameras have one name and number."
+)
+COLUMNS = ("what", "count")
+
+
+def pictures_document(flights: Sequence[PicturesFlight], command: str, seed: int) -> Json:
+    """Return the content of pictures.json."""
+    return {**head("pictures/1", command), "seed": seed, **pictures_results(flights)}
+
+
+def keep_pictures(content: Mapping[str, Any], folder: Path) -> None:
+    """Write pictures.json and pictures.md."""
+    keep_result("pictures", content, pictures_page(content), folder)
+
+
+def _rows(content: Mapping[str, Any]) -> Rows:
+    told = (
+        ("assets (spans, and pylons with viewpoints)", "assets"),
+        ("of them seen, by pictures that were really taken along all of them", "seen"),
+        ("not seen, and named as left over", "named"),
+        ("pictures on the cards", "taken"),
+        ("of them in the index", "indexed"),
+        ("lacking, of a vehicle or camera that is said to have failed, or said once by a wired one", "excused"),
+        ("files matched to their own row of the index", "matched"),
+    )
+    return [(words, str(content[name])) for words, name in told]
+
+
+def _told(content: Mapping[str, Any]) -> str:
+    wrong = len(content["wrong"]) + len(content["not_flown"])
+    return (
+        "Held against the pictures that were really taken: no asset called seen that they do not show, none unseen "
+        "and unnamed, no row of a picture that nobody took, none taken twice in one pass, no file matched to another "
+        f"picture, none of a known picture left out. {wrong or 'Nothing'} went wrong."
+    )
+
+
+def _named(content: Mapping[str, Any]) -> list[str]:
+    return [*content["wrong"], *(f"not flown: {line}" for line in content["not_flown"])]
+
+
+def pictures_page(content: Mapping[str, Any]) -> str:
+    """Return the page."""
+    about = INTRODUCTION.format(
+        **content, least=VEHICLES[0], most=VEHICLES[1], every_m=EVERY_M, lost=LOST_SHARE, clock_min=CLOCK_S / 60.0
+    )
+    named = _named(content)
+    return markdown_page(
+        TITLE,
+        machine_line(content["machine"]),
+        about,
+        _told(content),
+        markdown_table(COLUMNS, _rows(content)),
+        markdown_table(("what befell vehicles", "times"), [(kind, str(n)) for kind, n in content["faults"].items()]),
+        "## By name" if named else "",
+        "\n".join(f"- {line}" for line in named),
+        f"The flights lasted {figure(content['flown_s'] / 3600)} hours together.",
+    )
+
+
+def print_pictures(content: Mapping[str, Any]) -> None:
+    """Print the table."""
+    console = Console()
+    print_table(console, TITLE, COLUMNS, _rows(content))
+    for line in (_told(content), *_named(content)):
+        console.print(line, markup=False, highlight=False)

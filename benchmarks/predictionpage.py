@@ -1,0 +1,246 @@
+"""What `faultline bench prediction` shows: on a terminal, as JSON, and as a page of the results."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.band import (
+    CAPACITY_SD,
+    CONSUMPTION_SD,
+    MARGIN_PCT,
+    MOST_SD,
+    SEGMENTS,
+    SLOWER,
+    WIND_SD_M_S,
+    BandFlight,
+    band_held,
+)
+from benchmarks.machine import head, machine, machine_line
+from benchmarks.markdown import Rows, figure, markdown_page, markdown_table
+from benchmarks.prediction import Flown, FlownRoute, phases, prediction_errors
+from benchmarks.store import Json, keep_result
+
+TITLE = "Planned and flown"
+INTRODUCTION = (
+    "`{command}`: {routes} routes of 5 to 40 segments over {networks}, flown by the executor against simulated "
+    "vehicles in virtual time; half of the flights in a wind of 1 to 6 m/s, half of those over a network that knows "
+    "its heights over made-up hills of 10 to 60 m. Time is from arming to disarming, energy all that the simulated"
+    " battery really gave. What is planned is the estimate of every leg of the mission on board. An error is the size"
+    " of flown / planned - 1. The planner's own figures, which plan files hold, are beside it."
+)
+VARIED = (
+    "`{command}`: {routes} more routes, of {segments} segments, with vehicles that differ from what is known of them,"
+    " each drawn anew by the seed: what it uses is normal about the energy model's figure with {consumption:g} % (cut"
+    " off at {most:g} standard deviations), what its pack holds about the data sheet's with {capacity:g} %; it flies"
+    " up to {slower:g} % slower than it is told, evenly; each component of the wind is normal about what the site says"
+    " with {wind:g} m/s, and the site says 0 to 6 m/s; it starts with 90 to 100 % and says whole percents, rounded by"
+    " PX4 and cut off by ArduPilot. The band is the one shown with the landing percentage, which should hold nine"
+    " flights of ten; what comes in is what the simulated battery really has left when the motors stop. A tenth is"
+    " taken at the first end of a leg in it."
+)
+SAYINGS = (
+    "The reserve lies {low:g} to {high:g} points below the landing that the plan promises, evenly. Said is what the"
+    " ground station says at any time of a flight: its warning, and what would be a fault; nobody acts on it here."
+)
+RECORDED = "`{command}`: whole routes of recorded flights, as their reports have them."
+WORST = 10
+"""Routes with the largest errors that are named."""
+
+
+def prediction_document(
+    routes: Sequence[FlownRoute], command: str, *, seed: int | None = None, flights: Sequence[Flown] = (),
+    networks: Sequence[str] = (), varied: Sequence[BandFlight] = (),
+) -> Json:  # fmt: skip
+    """Return the content of prediction.json."""
+    flown_s, took_s = sum(one.flown_s for one in flights), sum(one.took_s for one in flights)
+    return {
+        **head("prediction/1", command),
+        "seed": seed,
+        "networks": list(networks),
+        **prediction_errors(routes),
+        "by_autopilot": {
+            name: prediction_errors([one for one in routes if one.autopilot == name])
+            for name in sorted({one.autopilot for one in routes} - {""})
+        },
+        "phases": phases(routes),
+        "not_nominal": [one.wrong for one in flights if one.wrong],
+        "flown_s": round(flown_s, 1),
+        "flown_s_per_s": round(flown_s / took_s, 1) if took_s else None,
+        "rows": [_row(one) for one in routes],
+        "band": {"machine": machine(), "command": command, **band_held(varied)} if varied else None,
+    }
+
+
+def _row(route: FlownRoute) -> Json:
+    figures = route.figures
+    energy = figures.energy_error_pct
+    return {
+        "flight": route.flight,
+        "vehicle": route.vehicle,
+        "autopilot": route.autopilot or None,
+        "segments": route.segments,
+        "relief_m": None if route.relief_m is None else round(route.relief_m, 1),
+        "wind_m_s": None if route.wind_m_s is None else round(route.wind_m_s, 1),
+        "planned_s": round(figures.planned_s, 1),
+        "flown_s": round(figures.flown_s, 1),
+        "planned_pct": round(figures.planned_pct, 2),
+        "flown_pct": None if figures.flown_pct is None else round(figures.flown_pct, 2),
+        "time_error_pct": round(figures.time_error_pct, 2),
+        "energy_error_pct": None if energy is None else round(energy, 2),
+    }
+
+
+def keep_prediction(content: Mapping[str, Any], folder: Path) -> None:
+    """Write prediction.json and prediction.md."""
+    path = folder / "prediction.json"
+    if path.exists():
+        content = joined(json.loads(path.read_text(encoding="utf-8")), content)
+    keep_result("prediction", content, prediction_page(content), folder)
+
+
+def joined(before: Mapping[str, Any], content: Mapping[str, Any]) -> Json:
+    """Return the content of a page with what another run of the command measured, and this one did not."""
+    if content["routes"] == 0 and before["routes"]:
+        return {**before, "band": content["band"]}
+    return {**content, "band": content["band"] or before.get("band")}
+
+
+def prediction_page(content: Mapping[str, Any]) -> str:
+    """Return the page."""
+    nominal = _nominal(content) if content["routes"] else ()
+    return markdown_page(TITLE, *nominal, *_band(content["band"]))
+
+
+def _nominal(content: Mapping[str, Any]) -> tuple[str, ...]:
+    recorded = content["seed"] is None
+    said = RECORDED if recorded else INTRODUCTION
+    wrong = content["not_nominal"]
+    return (
+        machine_line(content["machine"]),
+        said.format(command=content["command"], routes=content["routes"], networks=", ".join(content["networks"])),
+        markdown_table(ERRORS, _errors(content)),
+        "## By what a leg is for",
+        "Sums over all routes, as the ground station heard legs begin and end; battery by what was reported of it.",
+        markdown_table(PHASES, _phases(content)),
+        "## The largest errors",
+        markdown_table(ROUTES, _worst(content)),
+        f"**{len(wrong)} flights were not nominal, and are not counted: {'; '.join(wrong)}.**" if wrong else "",
+        "" if recorded else f"{figure(content['flown_s'] / 3600)} hours were flown, {content['flown_s_per_s']} s of "
+        "flight in a second of each process.",
+    )  # fmt: skip
+
+
+def _band(band: Mapping[str, Any] | None) -> tuple[str, ...]:
+    if band is None:
+        return ()
+    wrong = band["not_counted"]
+    return (
+        "## Whether the band of the landing percentage holds",
+        machine_line(band["machine"]),
+        VARIED.format(
+            command=band["command"], routes=band["routes"], segments=f"{SEGMENTS[0]} to {SEGMENTS[1]}",
+            consumption=100 * CONSUMPTION_SD, capacity=100 * CAPACITY_SD, most=MOST_SD, slower=100 * SLOWER,
+            wind=WIND_SD_M_S,
+        ),
+        markdown_table(TENTHS, _tenths(band)),
+        '## "Below its reserve"',
+        SAYINGS.format(low=MARGIN_PCT[0], high=MARGIN_PCT[1]),
+        markdown_table(SAID, _said(band)),
+        f"{len(wrong)} flights did not end as planned, and are not counted: {'; '.join(wrong)}." if wrong else "",
+    )  # fmt: skip
+
+
+ERRORS = ("error of", "median (%)", "largest (%)", "median with its sign (%)")
+PHASES = ("legs", "planned (s)", "flown (s)", "time error (%)", "energy error (%)")
+TENTHS = ("of the route flown", "routes", "band held (%)", "band, median (+- points)", "off, median (points)",
+          "off with its sign, median (points)")  # fmt: skip
+SAID = ("flights that landed", "flights", "warned", "would be a fault", "warned (%)", "fault (%)")
+ROUTES = ("route", "segments", "hills (m)", "wind (m/s)", "planned (s)", "flown (s)", "error (%)", "planned (%)",
+          "flown (%)", "error (%)")  # fmt: skip
+
+
+def _errors(content: Mapping[str, Any]) -> Rows:
+    parts = {"": content, **{f", {name}": part for name, part in content["by_autopilot"].items()}}
+    if content["plan_file"] is not None:
+        parts[", by the planner's own figures"] = content["plan_file"]
+    rows: Rows = []
+    for what, key in (("time", "time_error_pct"), ("energy", "energy_error_pct")):
+        for name, part in parts.items():
+            found = part[key] or {}
+            rows.append((what + name, *(figure(found.get(word), 2) for word in ("median", "max", "median_signed"))))
+    return rows
+
+
+def _phases(content: Mapping[str, Any]) -> Rows:
+    return [
+        (
+            phase, figure(row["planned_s"], 0), figure(row["flown_s"], 0), figure(row["time_error_pct"], 2),
+            figure(row["energy_error_pct"], 2),
+        )
+        for phase, row in content["phases"].items()
+    ]  # fmt: skip
+
+
+def _tenths(band: Mapping[str, Any]) -> Rows:
+    return [
+        (
+            f"{row['tenth']}/10", str(row["routes"]), figure(None if row["held"] is None else 100 * row["held"]),
+            figure(row["band_pct"], 2), figure(row["error_pct"], 2), figure(row["bias_pct"], 2),
+        )
+        for row in band["tenths"]
+    ]  # fmt: skip
+
+
+def _said(band: Mapping[str, Any]) -> Rows:
+    rows: Rows = []
+    for name, part in (("above their reserve", band["above"]), ("below it", band["below"])):
+        counts = (part["warned"], part["faults"])
+        shares = (figure(100 * count / part["routes"]) if part["routes"] else "" for count in counts)
+        rows.append((name, str(part["routes"]), *map(str, counts), *shares))
+    return rows
+
+
+def _worst(content: Mapping[str, Any]) -> Rows:
+    def size(row: Mapping[str, Any]) -> float:
+        return max(abs(float(row[key] or 0.0)) for key in ("time_error_pct", "energy_error_pct"))
+
+    return [
+        (
+            " ".join(filter(None, (row["flight"], row["vehicle"], row["autopilot"]))), str(row["segments"]),
+            figure(row["relief_m"], 0), figure(row["wind_m_s"]), figure(row["planned_s"], 0), figure(row["flown_s"], 0),
+            figure(row["time_error_pct"], 2), figure(row["planned_pct"]), figure(row["flown_pct"]),
+            figure(row["energy_error_pct"], 2),
+        )
+        for row in sorted(content["rows"], key=size, reverse=True)[:WORST]
+    ]  # fmt: skip
+
+
+def print_prediction(content: Mapping[str, Any]) -> None:
+    """Print the tables."""
+    console = Console()
+    if content["band"] is not None:
+        print_table(console, "Whether the band of the landing percentage holds", TENTHS, _tenths(content["band"]))
+        print_table(console, '"Below its reserve"', SAID, _said(content["band"]))
+    if not content["routes"]:
+        return
+    print_table(console, f"{TITLE}: {content['routes']} routes", ERRORS, _errors(content))
+    print_table(console, "By what a leg is for", PHASES, _phases(content))
+    print_table(console, "The largest errors", ROUTES, _worst(content))
+    for wrong in content["not_nominal"]:
+        console.print(f"not nominal, not counted: {wrong}", markup=False, highlight=False)
+
+
+def print_table(console: Console, title: str, columns: Sequence[str], rows: Rows) -> None:
+    """Print one table, its figures to the right."""
+    table = Table(title=title, title_justify="left")
+    for number, column in enumerate(columns):
+        table.add_column(column, justify="right" if number else "left")
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)

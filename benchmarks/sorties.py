@@ -1,0 +1,349 @@
+"""`faultline bench sorties`: a day of many sorties, flown with losses, bad packs and a ground station that dies.
+
+Six vehicles stand at four bases of one network, with packs that are good for some segments each. Their day is planned
+as `plan --day` plans it and flown by the executor's own runtime in virtual time: a crew changes the packs and says so,
+some of the packs hold much less than they should, vehicles fall, and the ground station is killed and taken up again
+from what its checkpoint would hold. What came of it is held against the simulator's own places and charges.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.day import centres_m, crowded_m
+from benchmarks.store import Json
+from executor.errors import ExecutorError
+from executor.simulated.demo_site import LISTENING, SIMULATED_CEILING_M, vehicle_tables
+from executor.site import assembly
+from executor.site.assembly import Ground
+from executor.site.config import check_site
+from executor.site.dayflight import first_sorties, morning_pads
+from executor.site.sorties import DayWanted, planned_day, site_day
+from executor.virtual.flight import Onlookers, Sorties, VirtualFlight, fly_virtual
+from executor.virtual.many import FlightCase
+from missions import LocalFrame, default_network_path, read_network
+from missions.geometry import locate
+from planner import Iterations
+from planner.sorties import Objective
+from simulator.config import SimVehicle
+from simulator.vehicle import SimulatedVehicle
+
+VEHICLES = 6
+STANDS = ((0, 1), (2, 3), (4,), (5,))
+"""Whose base is which, the base with most to inspect around it first."""
+LOSSES = 3
+BAD_PCT = (18.0, 40.0)
+"""What packs hold that should be full: one is too poor for a sortie, the other one shortens it."""
+FULL_PCT = 100.0
+DEATHS = 1
+MIDDLE = (0.1, 0.8)
+"""Of the planned day, in which losses and deaths come."""
+PATIENT_S = 120.0
+"""How long vehicles fly on without a ground station."""
+APART_M, ON_PAD_M, LOW_M = 5.0, 5.0, 0.3
+"""Promised between any two in the air; how far from its own pad one may stand; below this it stands."""
+FALLS_M_S = 1.0
+"""Who comes down faster than this so near the ground does not stand there, but falls."""
+END_SHARE = 0.1
+"""Of a segment, at both ends: where a vehicle may still be turning."""
+ASIDE_M = 3.0
+EVERY = 5
+"""Of the looks at where everybody is, those that are kept: two a second."""
+
+
+@dataclass(frozen=True, slots=True)
+class SortiesOver:
+    """What is flown over, and with what."""
+
+    network: Path | None = None
+    """faultline's own if None."""
+    radius_m: float | None = None
+    """About the network's middle: what is inspected; None for all of it."""
+    pack_ah: float = 2.0
+    """Good for some segments of faultline's own network, which is five kilometres wide."""
+    speed_m_s: float = 1.2
+    """Of the inspection: slow, for pictures of every insulator."""
+    hours: int = 4
+    """Of the day, of which a plan takes a part."""
+    reach_m: float | None = None
+    """Each base stands where most is within this of it; None for the middles of the network's parts."""
+
+
+OWN = SortiesOver()
+
+
+def sorties_over(network: Path | None, radius_m: float | None) -> SortiesOver:
+    """Return how a network is flown over: a large one in a working day of sorties of some fifty minutes."""
+    if network is None:
+        return SortiesOver(radius_m=radius_m)
+    return SortiesOver(network, radius_m, pack_ah=6.5, speed_m_s=1.0, hours=8, reach_m=5000.0)
+
+
+@dataclass(frozen=True, slots=True)
+class SortiesCase(FlightCase):
+    """One day to be flown."""
+
+    iterations: int
+    """Of the search for its plan."""
+    over: SortiesOver = OWN
+
+
+@dataclass(frozen=True, slots=True)
+class SortiesDay:
+    """What became of it."""
+
+    number: int
+    autopilot: str
+    segments: int
+    planned_sorties: int
+    planned_s: float
+    """From the first take-off to the last landing."""
+    losses: tuple[str, ...] = ()
+    """Who fell, and when."""
+    died_s: tuple[float, ...] = ()
+    """When the ground station did."""
+    bad_packs: tuple[str, ...] = ()
+    """Which packs were put in that hold too little, and what each was held for."""
+    sorties: int = 0
+    """Flown, by the simulator."""
+    swaps: int = 0
+    inspected: int = 0
+    named: int = 0
+    """Segments that were not inspected and are named as left over."""
+    unproven: tuple[int, ...] = ()
+    """Counted, and by the simulator nobody flew along them."""
+    replans: int = 0
+    least_pct: float = math.inf
+    """Held at any landing."""
+    reserve_pct: float = 0.0
+    below: tuple[str, ...] = ()
+    """Landings below the reserve."""
+    nearest_m: float = math.inf
+    nearest: str = ""
+    strays: tuple[str, ...] = ()
+    """Who stood away from its own pad."""
+    mistakes: tuple[str, ...] = ()
+    """Lines of a mistake of the program's own."""
+    flown_s: float = 0.0
+    took_s: float = 0.0
+    """Of real time."""
+    wrong: str = ""
+    """Why there was no day, or it did not end."""
+
+
+@dataclass(slots=True)
+class _Watched:
+    """Where everybody truly was."""
+
+    frame: LocalFrame
+    """Of the network: each vehicle has one of its own, about its pad."""
+    pads_m: Mapping[str, tuple[float, float, float]]
+    nearest_m: float = math.inf
+    nearest: str = ""
+    strays: dict[str, str] = field(default_factory=dict)
+    tracks_m: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+    looks: int = 0
+
+    def look(self, vehicles: Mapping[str, SimulatedVehicle]) -> None:
+        """Keep where they are now; who has crashed falls where it falls."""
+        self.looks += 1
+        up: dict[str, tuple[float, float, float]] = {}
+        for name, vehicle in vehicles.items():
+            frame = vehicle.autopilot.frame
+            if frame.crashed_s is not None or frame.wrecked:
+                continue
+            body, pad_m = frame.body, self.pads_m[name][2]
+            if body.up_m > LOW_M:
+                lat_e7, lon_e7 = vehicle.autopilot.home.lat_lon_e7(body.east_m, body.north_m)
+                place_m = (*self.frame.to_local_m(1e-7 * lat_e7, 1e-7 * lon_e7), pad_m + body.up_m)
+                up[name] = place_m
+                if self.looks % EVERY == 0:
+                    self.tracks_m.setdefault(name, []).append(place_m[:2])
+            elif abs(body.v_up_m_s) < FALLS_M_S and math.hypot(body.east_m, body.north_m) > ON_PAD_M:
+                self.strays.setdefault(name, f"{name} stood {math.hypot(body.east_m, body.north_m):.1f} m from its pad")
+        for (one, one_m), (other, other_m) in itertools.combinations(up.items(), 2):
+            apart_m = math.dist(one_m, other_m)
+            if apart_m < self.nearest_m:
+                self.nearest_m, self.nearest = apart_m, f"{one} and {other} after {self.looks / 10:.0f} s"
+
+    def flew_along(self, vehicle: str, begin_m: tuple[float, float], end_m: tuple[float, float]) -> bool:
+        """Return whether a vehicle was along all of a segment, between its ends."""
+        length_m = math.dist(begin_m, end_m)
+        along_m = []
+        for place_m in self.tracks_m.get(vehicle, ()):
+            at_m, aside_m = locate(begin_m, end_m, place_m)
+            if aside_m < ASIDE_M:
+                along_m.append(at_m)
+        return min(along_m, default=math.inf) < END_SHARE * length_m and (
+            max(along_m, default=-math.inf) > (1.0 - END_SHARE) * length_m
+        )
+
+
+def sorties_site(autopilot: str, over: SortiesOver = OWN) -> dict[str, Any]:
+    """Return a site with six vehicles at four bases: in the middle of a network's parts, or where most is near."""
+    network = read_network(default_network_path(), radius_m=over.radius_m)
+    frame, table = network.frame, {"file": "default"}
+    if over.network is not None:
+        network = read_network(over.network, depot=(frame.lat_deg, frame.lon_deg, frame.alt_m), radius_m=over.radius_m)
+        table = {"file": str(over.network.resolve())}
+    middles_m = network.ends_m.mean(axis=1)
+    count, reach_m = len(STANDS), over.reach_m
+    places_m = (centres_m(middles_m, count) if reach_m is None else crowded_m(middles_m, count, reach_m)).tolist()
+    names = [f"uav{number}" for number in range(1, VEHICLES + 1)]
+    return {
+        "depot": {"lat_deg": frame.lat_deg, "lon_deg": frame.lon_deg, "alt_m": frame.alt_m},
+        "network": {**table, **({} if over.radius_m is None else {"radius_m": over.radius_m})},
+        "inspection": {
+            "ceiling_m": SIMULATED_CEILING_M, "speed_m_s": over.speed_m_s,
+            **({} if over.network is None else {"heights": "flat"}),
+        },
+        "energy": {"capacity_ah": over.pack_ah},
+        "day": {"begin": "08:00", "end": f"{8 + over.hours:02d}:00", "days": 1, "lands": "own"},
+        "base": [
+            dict(zip(("lat_deg", "lon_deg"), frame.to_wgs84_deg(*place), strict=True),
+                 name=f"base{number}", vehicles=[names[one] for one in own])
+            for number, (place, own) in enumerate(zip(places_m, STANDS, strict=True), 1)
+        ],
+        "vehicle": vehicle_tables(LISTENING[:VEHICLES], autopilot),
+    }  # fmt: skip
+
+
+def fly_sorties(case: SortiesCase) -> SortiesDay:
+    """Plan a day, fly it, and hold it against the truth; the same case gives the same figures."""
+    ground = assembly.ground_of(check_site(sorties_site(case.autopilot, case.over), "bench sorties"), Path())
+    content = planned_day(
+        site_day(ground), DayWanted(Objective.FINISH, Iterations(case.iterations), case.seed + case.number, 1)
+    )
+    planned_s = content.evaluation.finish_s - min(one.start_s for own in content.plan.sorties for one in own)
+    empty = SortiesDay(
+        case.number, case.autopilot, len(content.segments), sum(len(own) for own in content.plan.sorties), planned_s
+    )
+    rng = np.random.default_rng([case.seed, 31, case.number])
+    low_s, high_s = (share * planned_s for share in MIDDLE)
+    fall = rng.choice(ground.names, size=LOSSES, replace=False)
+    losses = tuple((float(rng.uniform(low_s, high_s)), str(name)) for name in fall)
+    away_s = tuple(float(rng.uniform(low_s, high_s)) for _ in range(DEATHS))
+    packs = _Packs(ground.names, rng)
+    watched = _Watched(ground.network.frame, _pads_m(ground))
+    sorties = Sorties(content, packs.next, losses, away_s)
+    try:
+        flight = fly_virtual(
+            ground, first_sorties(content, ground), seed=case.number, craft=_patient, sorties=sorties,
+            onlookers=Onlookers(lived=watched.look), limit_s=3 * planned_s + 3600.0 * case.over.hours,
+        )  # fmt: skip
+    except ExecutorError as error:
+        return replace(empty, wrong=str(error))
+    return _judged(empty, ground, flight, watched, packs, away_s)
+
+
+class _Packs:
+    """What the crew has: full packs, and among the first ones some that hold too little."""
+
+    def __init__(self, names: Sequence[str], rng: np.random.Generator) -> None:
+        self.given: dict[str, float] = {}
+        self._numbers: Iterator[int] = itertools.count(1)
+        self._bad = dict(
+            zip(rng.choice(np.arange(2, 2 * len(names)), len(BAD_PCT), replace=False), BAD_PCT, strict=True)
+        )
+
+    def next(self, _: str) -> tuple[str, float]:
+        """Give the next pack."""
+        number = next(self._numbers)
+        held_pct = self._bad.get(number, FULL_PCT)
+        self.given[f"P{number}"] = held_pct
+        return f"P{number}", held_pct
+
+
+def _patient(vehicle: SimVehicle) -> SimVehicle:
+    """Let a vehicle fly on while the ground station is away, which is for less than this."""
+    names = {name: PATIENT_S for name in ("FS_GCS_TIMEOUT", "COM_DL_LOSS_T") if name in vehicle.parameters}
+    return replace(vehicle, parameters={**vehicle.parameters, **names})
+
+
+def _pads_m(ground: Ground) -> dict[str, tuple[float, float, float]]:
+    """Return where everybody stands in the morning: local east, north and up."""
+    setup, elsewhere = assembly.setup_of(ground), morning_pads(ground)
+    pads = {name: elsewhere.get(name) or setup.pad_of(name) for name in ground.names}
+    return {name: (pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for name, pad in pads.items()}
+
+
+def _judged(
+    empty: SortiesDay, ground: Ground, flight: VirtualFlight, watched: _Watched, packs: _Packs,
+    away_s: tuple[float, ...],
+) -> SortiesDay:  # fmt: skip
+    """Hold a day against the simulator's places and charges."""
+    report, tracks_m, reserve_pct = flight.report, ground.setup.tracks_m.tolist(), ground.site.vehicle[0].reserve_pct
+    landings = [truth for truth in flight.truths if truth.what == "landed" and truth.charge_pct is not None]
+    counted = {row.segment: row.vehicle for row in report.inspections}
+    named = set(report.segments_uncovered)
+    inspected = set(range(report.segments_total)) - named
+    fell = [truth for truth in flight.truths if truth.what == f"fault {truth.vehicle}:crash@0s"]
+    mistakes = tuple(line.text for _, line in flight.said if "internal mistake" in line.text)
+    return replace(
+        empty,
+        losses=tuple(f"{truth.vehicle} after {truth.t_s - flight.launched_s:.0f} s" for truth in fell),
+        died_s=away_s,
+        bad_packs=tuple(f"{name}: {held_pct:g} %" for name, held_pct in packs.given.items() if held_pct < FULL_PCT),
+        sorties=sum(truth.what == "took_off" for truth in flight.truths),
+        swaps=len(packs.given),
+        inspected=len(inspected),
+        named=len(named),
+        unproven=tuple(
+            segment for segment, vehicle in counted.items()
+            if not watched.flew_along(vehicle, tuple(tracks_m[segment][0]), tuple(tracks_m[segment][1]))
+        ),
+        replans=len(report.replans),
+        least_pct=min((truth.charge_pct or 0.0 for truth in landings), default=math.inf),
+        reserve_pct=reserve_pct,
+        below=tuple(
+            f"{truth.vehicle} after {truth.t_s - flight.launched_s:.0f} s with {truth.charge_pct:.1f} %"
+            for truth in landings if (truth.charge_pct or 0.0) < reserve_pct
+        ),
+        nearest_m=watched.nearest_m,
+        nearest=watched.nearest,
+        strays=tuple(watched.strays.values()),
+        mistakes=mistakes,
+        flown_s=flight.flown_s,
+        took_s=flight.took_s,
+        wrong="" if flight.ended else "the supervision did not end",
+    )  # fmt: skip
+
+
+def went_wrong(day: SortiesDay) -> list[str]:
+    """Return, line by line, what should not have come of a day."""
+    lines = [day.wrong] if day.wrong else []
+    lines += [f"segment {segment} counts, and nobody flew along it" for segment in day.unproven]
+    lines += [f"below its reserve of {day.reserve_pct:g} %: {landing}" for landing in day.below]
+    lines += [*day.strays, *day.mistakes]
+    if day.nearest_m < APART_M:
+        lines.append(f"{day.nearest_m:.2f} m apart: {day.nearest}")
+    if not day.wrong and day.inspected + day.named != day.segments:
+        lines.append(f"{day.segments - day.inspected - day.named} segments neither inspected nor named")
+    return [f"day {day.number + 1} ({day.autopilot}): {line}" for line in lines]
+
+
+def sorties_results(days: Sequence[SortiesDay]) -> Json:
+    """Return the figures."""
+    return {
+        "days": [
+            {
+                "number": one.number, "autopilot": one.autopilot, "segments": one.segments,
+                "planned_sorties": one.planned_sorties, "planned_s": round(one.planned_s, 1), "sorties": one.sorties,
+                "flown_s": round(one.flown_s, 1), "swaps": one.swaps, "losses": list(one.losses),
+                "died_s": [round(at_s, 1) for at_s in one.died_s], "bad_packs": list(one.bad_packs),
+                "replans": one.replans, "inspected": one.inspected, "named": one.named,
+                "unproven": list(one.unproven), "least_pct": round(one.least_pct, 1), "reserve_pct": one.reserve_pct,
+                "below": list(one.below), "nearest_m": round(one.nearest_m, 2), "nearest": one.nearest,
+                "strays": list(one.strays), "mistakes": list(one.mistakes), "took_s": round(one.took_s, 1),
+                "wrong": one.wrong,
+            }
+            for one in days
+        ],
+    }  # fmt: skip

@@ -1,0 +1,119 @@
+"""What `faultline bench sorties` shows: on a terminal, as JSON, and as a page of the results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from benchmarks.machine import head, machine_line
+from benchmarks.markdown import Rows, figure, markdown_page, markdown_table
+from benchmarks.predictionpage import print_table
+from benchmarks.sorties import (
+    APART_M,
+    BAD_PCT,
+    LOSSES,
+    OWN,
+    STANDS,
+    VEHICLES,
+    SortiesDay,
+    SortiesOver,
+    sorties_results,
+    went_wrong,
+)
+from benchmarks.store import Json, keep_result
+from executor.virtual.flight import AWAY_S
+
+TITLE = "Days of many sorties, flown"
+INTRODUCTION = (
+    "`{command}`: days planned as `plan --day` plans them and flown by the executor's own runtime in virtual time,"
+    " dialects by turns. {vehicles} vehicles stand at {bases} bases of {network}, with packs of {pack_ah:g} Ah, and"
+    " inspect at {speed_m_s:g} m/s; a day has {hours} hours. A crew changes packs and says so; two packs hold {poor:g}"
+    " and {short:g} % where full ones are expected. {losses} vehicles fall at random times, and once the ground"
+    " station dies for {away_s:g} s and is taken up again from its state as a checkpoint keeps it. What came of it is"
+    " held against the simulator's own places and charges."
+)
+COLUMNS = ("day", "autopilot", "sorties", "planned", "hours", "inspected", "named", "least charge (%)", "nearest (m)")
+HAPPENED = ("day", "fell", "ground station died after (s)", "packs that held too little")
+
+
+def sorties_document(days: Sequence[SortiesDay], command: str, seed: int, over: SortiesOver = OWN) -> Json:
+    """Return the content of sorties.json."""
+    return {
+        **head("sorties/1", command),
+        "seed": seed,
+        "over": {
+            "network": None if over.network is None else over.network.name, "pack_ah": over.pack_ah,
+            "speed_m_s": over.speed_m_s, "hours": over.hours,
+        },
+        **sorties_results(days),
+        "wrong": [line for one in days for line in went_wrong(one)],
+    }  # fmt: skip
+
+
+def keep_sorties(content: Mapping[str, Any], folder: Path) -> None:
+    """Write sorties.json and sorties.md."""
+    keep_result("sorties", content, sorties_page(content), folder)
+
+
+def _days(content: Mapping[str, Any]) -> Rows:
+    return [
+        (
+            str(day["number"] + 1), day["autopilot"], str(day["sorties"]), str(day["planned_sorties"]),
+            figure(day["flown_s"] / 3600.0), f"{day['inspected']} of {day['segments']}", str(day["named"]),
+            figure(day["least_pct"]), figure(day["nearest_m"]),
+        )
+        for day in content["days"]
+    ]  # fmt: skip
+
+
+def _happened(content: Mapping[str, Any]) -> Rows:
+    return [
+        (
+            str(day["number"] + 1), ", ".join(day["losses"]), ", ".join(f"{at_s:.0f}" for at_s in day["died_s"]),
+            ", ".join(day["bad_packs"]),
+        )
+        for day in content["days"]
+    ]  # fmt: skip
+
+
+def _told(content: Mapping[str, Any]) -> str:
+    wrong, days = len(content["wrong"]), content["days"]
+    replans, swaps = (sum(day[what] for day in days) for what in ("replans", "swaps"))
+    return (
+        f"The charge is the least at any landing, the distance that of the nearest two in the air. Held against the "
+        f"simulator: every counted segment flown end to end by who is said to have, nobody below the "
+        f"reserve at a landing, any two at least {APART_M:g} m apart in the air, everybody on its own pad, every "
+        f"segment inspected or named. {replans} re-plans, {swaps} packs changed. {wrong or 'Nothing'} went wrong."
+    )
+
+
+def sorties_page(content: Mapping[str, Any]) -> str:
+    """Return the page."""
+    over = content["over"]
+    about = INTRODUCTION.format(
+        command=content["command"], vehicles=VEHICLES, bases=len(STANDS), pack_ah=over["pack_ah"],
+        speed_m_s=over["speed_m_s"], hours=over["hours"], network=over["network"] or "faultline's own network",
+        poor=BAD_PCT[0], short=BAD_PCT[1], losses=LOSSES, away_s=AWAY_S,
+    )  # fmt: skip
+    return markdown_page(
+        TITLE,
+        machine_line(content["machine"]),
+        about,
+        _told(content),
+        markdown_table(COLUMNS, _days(content)),
+        markdown_table(HAPPENED, _happened(content)),
+        "## What went wrong" if content["wrong"] else "",
+        "\n".join(f"- {line}" for line in content["wrong"]),
+    )
+
+
+def print_sorties(content: Mapping[str, Any]) -> None:
+    """Print the tables."""
+    console = Console()
+    print_table(console, TITLE, COLUMNS, _days(content))
+    print_table(console, "What happened", HAPPENED, _happened(content))
+    for line in (_told(content), *content["wrong"]):
+        console.print(line, markup=False, highlight=False)

@@ -1,0 +1,174 @@
+"""The cells of a table, and what is read off them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from statistics import fmean
+
+from benchmarks.store import Json
+from planner import Cost
+
+NEAR_S = 1e-6
+"""Two times that differ by less are the same."""
+LEAVES = 0.15
+"""A bound leaves something to gain where t* can be lowered by this share of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanFigures:
+    """The figures of one plan."""
+
+    window_pct: float
+    earliest_s: float
+    """t*."""
+    certified_earliest_s: float
+    """No window of this plan begins earlier."""
+    longest_s: float
+    longest_pct: float
+    feasible: bool
+    """Whether everything is inspected within the budgets; the window of any other plan is empty."""
+
+    @classmethod
+    def of(cls, content: Json) -> PlanFigures:
+        """Read the figures of a result."""
+        return cls(**{field.name: content[field.name] for field in fields(cls)})
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """The plans of one solver by one cost function, one for each seed."""
+
+    solver: str
+    cost: str
+    plans: tuple[PlanFigures, ...]
+
+    @property
+    def best(self) -> PlanFigures:
+        """The plan with the largest window, the earliest one of those alike."""
+        return max(self.plans, key=lambda plan: (plan.window_pct, -plan.earliest_s))
+
+    @property
+    def best_earliest_s(self) -> float:
+        """The least t*, whichever plan's."""
+        return min(plan.earliest_s for plan in self.plans)
+
+    @property
+    def mean_window_pct(self) -> float:
+        """Over all seeds."""
+        return fmean(plan.window_pct for plan in self.plans)
+
+    @property
+    def mean_earliest_s(self) -> float:
+        """Over all seeds."""
+        return fmean(plan.earliest_s for plan in self.plans)
+
+
+@dataclass(frozen=True, slots=True)
+class Stretched:
+    """A plan chosen for its window."""
+
+    stretch: float
+    """How much longer its longest route may be than that of the best MinMax plan."""
+    plan: PlanFigures
+
+
+@dataclass(frozen=True, slots=True)
+class Against:
+    """The best MinComb plan of a solver, and a plan chosen for its window that takes no longer."""
+
+    solver: str
+    mincomb: PlanFigures
+    """Best by its window, over all seeds."""
+    chosen: Stretched
+    """At the stretch that the MinComb plan takes."""
+    least_earliest_s: float
+    """No window of any plan begins earlier."""
+
+    @property
+    def earlier(self) -> bool:
+        """Whether the plan chosen for its window may lose a vehicle earlier than the MinComb plan."""
+        return self.chosen.plan.earliest_s < self.mincomb.earliest_s - NEAR_S
+
+    @property
+    def gains(self) -> bool:
+        """Whether its window is also the larger share of its longest route, which may be shorter."""
+        return self.earlier and self.chosen.plan.window_pct > self.mincomb.window_pct
+
+    @property
+    def reduction(self) -> float:
+        """How much earlier its t* is, as a share of the MinComb plan's."""
+        theirs = self.mincomb.earliest_s
+        return 0.0 if theirs <= NEAR_S else 1.0 - self.chosen.plan.earliest_s / theirs
+
+    @property
+    def most_reduction(self) -> float:
+        """What the bound leaves of such a reduction."""
+        theirs = self.mincomb.earliest_s
+        return 0.0 if theirs <= NEAR_S else max(0.0, 1.0 - self.least_earliest_s / theirs)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the MinComb plan is as good as the bound allows: nothing is left to gain."""
+        return self.mincomb.earliest_s <= self.least_earliest_s + NEAR_S
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One radius with one budget."""
+
+    radius_m: float
+    segments: int
+    tightness: float
+    c_max_pct: float
+    minmax_s: float
+    """The longest route of the best MinMax plan."""
+    series: tuple[Series, ...]
+    windows: tuple[Stretched, ...]
+    """At the fixed stretches."""
+    against: tuple[Against, ...]
+    """For each solver, its best MinComb plan against one chosen for its window."""
+    least_earliest_s: float
+    """No window of any plan begins earlier."""
+
+    def versus(self, solver: str) -> Against:
+        """Return the comparison with a solver's MinComb plans."""
+        return next(one for one in self.against if one.solver == solver)
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """The comparisons with one solver's MinComb plans in a few figures."""
+
+    solver: str
+    cells: int
+    earlier: int
+    """Cells where the plan chosen for its window has an earlier t* than the best MinComb plan at the same stretch."""
+    gains: int
+    """Cells where its window is also the larger share of its longest route."""
+    settled: int
+    """Cells where nothing is left to gain."""
+    open: int
+    """Cells where the bound leaves at least LEAVES."""
+    mean_reduction: float | None
+    """Of t*, over those; None if there are none."""
+
+
+def summary_of(cells: Sequence[Cell], solver: str) -> Summary:
+    """Return the figures of a table against a solver's MinComb plans."""
+    against = [cell.versus(solver) for cell in cells]
+    still_open = [one for one in against if one.most_reduction >= LEAVES]
+    return Summary(
+        solver=solver,
+        cells=len(against),
+        earlier=sum(one.earlier for one in against),
+        gains=sum(one.gains for one in against),
+        settled=sum(one.settled for one in against),
+        open=len(still_open),
+        mean_reduction=fmean(one.reduction for one in still_open) if still_open else None,
+    )
+
+
+def best_mincomb(series: Sequence[Series], solver: str) -> PlanFigures:
+    """Return a solver's best MinComb plan by its window."""
+    return next(one.best for one in series if (one.cost, one.solver) == (Cost.MINCOMB.value, solver))

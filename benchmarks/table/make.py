@@ -1,0 +1,181 @@
+"""Makes a table: stage by stage, the pieces of a stage on all cores, each kept as soon as it is there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import as_completed
+from dataclasses import dataclass
+
+from benchmarks.problems import network_of
+from benchmarks.store import Json, Store
+from benchmarks.table.cells import Against, Cell, PlanFigures, Series, Stretched, best_mincomb
+from benchmarks.table.settings import COSTS, SOLVERS, STRETCHES, TableSettings
+from benchmarks.table.tasks import Routes, TableTask, TaskKind, do
+from executor.adapters.workers import workers
+from executor.site.planning import PlanSolver
+from planner import Cost, warm_up
+
+Results = dict[TableTask, Json]
+Told = Callable[[str, int, int], None]
+"""Called with the stage, and how many of its pieces are done of how many."""
+
+
+@dataclass(frozen=True, slots=True)
+class Maker:
+    """Does the tasks of a table that have not been done."""
+
+    table: TableSettings
+    store: Store
+    jobs: int
+    told: Told
+
+    def all(self, stage: str, tasks: Sequence[TableTask]) -> Results:
+        """Return the results of all tasks: those that are there, and those that are made now."""
+        found = {task: self.store.known(task.key, task.settings(self.table)) for task in tasks}
+        results = {task: result for task, result in found.items() if result is not None}
+        self.told(stage, len(results), len(tasks))
+        for task, result in self._made([task for task in tasks if task not in results]):
+            results[task] = self.store.keep(task.key, task.settings(self.table), result)
+            self.told(stage, len(results), len(tasks))
+        return {task: results[task] for task in tasks}
+
+    def _made(self, tasks: Sequence[TableTask]) -> Iterator[tuple[TableTask, Json]]:
+        if self.jobs == 1 or len(tasks) < 2:
+            for task in tasks:
+                yield task, do(task, self.table)
+            return
+        warm_up()  # so that the processes find compiled kernels
+        pool = workers(self.jobs)
+        try:
+            futures = {pool.submit(do, task, self.table): task for task in tasks}
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def make(maker: Maker) -> tuple[Cell, ...]:
+    """Return all cells of a table."""
+    table = maker.table
+    free = maker.all("MinMax without budgets", [
+        TableTask(TaskKind.PLAN, radius, solver=solver, cost=Cost.MINMAX, seed=seed)
+        for radius in table.radii_m for solver in SOLVERS for seed in range(table.seeds)
+    ])  # fmt: skip
+    frames = [_frame(radius, tightness, free) for radius in table.radii_m for tightness in table.tightness]
+    plans = maker.all("plans and their windows", [task for frame in frames for task in _plan_tasks(frame, free, table)])
+    bounds = maker.all("bounds", [frame.task(TaskKind.BOUND) for frame in frames])
+    series = {frame: _series(frame, plans) for frame in frames}
+    chosen = maker.all("plans chosen for their window", [
+        *(_robust_task(frame, stretch, frame.best_routes) for frame in frames for stretch in STRETCHES),
+        *(
+            _robust_task(frame, _taken(frame, series[frame], solver), _mincomb_routes(frame, plans, solver))
+            for frame in frames for solver in SOLVERS
+        ),
+    ])  # fmt: skip
+    return tuple(
+        _cell(frame, table, series[frame], chosen, bounds[frame.task(TaskKind.BOUND)]["least_earliest_s"])
+        for frame in frames
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """A cell before anything is in it."""
+
+    radius_m: float
+    tightness: float
+    budget_pct: float
+    best_routes: Routes
+    """Of the best MinMax plan that any solver found."""
+    best_s: float
+
+    def task(self, kind: TaskKind) -> TableTask:
+        return TableTask(kind, self.radius_m, self.tightness, self.budget_pct)
+
+
+def _frame(radius_m: float, tightness: float, free: Results) -> _Frame:
+    of_radius = [result for task, result in free.items() if task.radius_m == radius_m]
+    best = min(of_radius, key=lambda result: float(result["longest_pct"]))
+    return _Frame(radius_m, tightness, best["longest_pct"] / tightness, _routes(best), best["longest_s"])
+
+
+def _plan_tasks(frame: _Frame, free: Results, table: TableSettings) -> Iterator[TableTask]:
+    """Yield the plans of a cell; a MinMax plan does not depend on the budget, its window does."""
+    radius, tightness, budget = frame.radius_m, frame.tightness, frame.budget_pct
+    for task, result in free.items():
+        if task.radius_m == radius:
+            yield TableTask(
+                TaskKind.WINDOW, radius, tightness, budget, task.solver, task.cost, task.seed, routes=_routes(result)
+            )
+    for solver in SOLVERS:
+        for cost in COSTS[1:]:
+            for seed in range(table.seeds):
+                yield TableTask(TaskKind.PLAN, radius, tightness, budget, solver, cost, seed)
+
+
+def _robust_task(frame: _Frame, stretch: float, initial: Routes) -> TableTask:
+    return TableTask(
+        TaskKind.ROBUST, frame.radius_m, frame.tightness, frame.budget_pct,
+        stretch=stretch, routes=initial, longest_s=frame.best_s,
+    )  # fmt: skip
+
+
+def _mincomb_routes(frame: _Frame, plans: Results, solver: PlanSolver) -> Routes:
+    """Return the routes of a solver's best MinComb plan."""
+    wanted = (frame.radius_m, frame.tightness, Cost.MINCOMB, solver)
+    results = [
+        result for task, result in plans.items() if (task.radius_m, task.tightness, task.cost, task.solver) == wanted
+    ]
+    return _routes(max(results, key=lambda result: (result["window_pct"], -float(result["earliest_s"]))))
+
+
+def _series(frame: _Frame, plans: Results) -> tuple[Series, ...]:
+    def of(solver: PlanSolver, cost: Cost) -> tuple[PlanFigures, ...]:
+        wanted = (frame.radius_m, frame.tightness, solver, cost)
+        return tuple(
+            PlanFigures.of(result)
+            for task, result in plans.items()
+            if (task.radius_m, task.tightness, task.solver, task.cost) == wanted
+        )
+
+    return tuple(Series(solver.value, cost.value, of(solver, cost)) for solver in SOLVERS for cost in COSTS)
+
+
+def _taken(frame: _Frame, series: Sequence[Series], solver: PlanSolver) -> float:
+    """Return the stretch that a solver's best MinComb plan takes; one that is shorter than MinMax takes none."""
+    longest_s = best_mincomb(series, solver.value).longest_s
+    return max(0.0, longest_s / frame.best_s - 1.0)
+
+
+def _cell(
+    frame: _Frame, table: TableSettings, series: tuple[Series, ...], chosen: Results, least_earliest_s: float
+) -> Cell:
+    def at(stretch: float) -> Stretched:
+        # What was found for a shorter longest route is a plan for a longer one too.
+        fitting = (
+            PlanFigures.of(result)
+            for task, result in chosen.items()
+            if (task.radius_m, task.tightness) == (frame.radius_m, frame.tightness) and (task.stretch or 0.0) <= stretch
+        )
+        return Stretched(stretch, min(fitting, key=lambda plan: (plan.earliest_s, -plan.window_pct)))
+
+    return Cell(
+        radius_m=frame.radius_m,
+        segments=len(network_of(table.network, frame.radius_m).segments),
+        tightness=frame.tightness,
+        c_max_pct=frame.budget_pct,
+        minmax_s=frame.best_s,
+        series=series,
+        windows=tuple(at(stretch) for stretch in STRETCHES),
+        against=tuple(
+            Against(
+                solver.value, best_mincomb(series, solver.value), at(_taken(frame, series, solver)), least_earliest_s
+            )
+            for solver in SOLVERS
+        ),
+        least_earliest_s=least_earliest_s,
+    )
+
+
+def _routes(result: Json) -> Routes:
+    return tuple(tuple(route) for route in result["routes"])

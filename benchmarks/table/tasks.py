@@ -1,0 +1,160 @@
+"""The pieces of work of a table: each alone makes one plan and its figures, in a process of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import lru_cache
+from pathlib import Path
+
+from benchmarks.problems import line_instance, network_of, with_budget
+from benchmarks.solvers import run_solver
+from benchmarks.store import Json
+from benchmarks.table.settings import DRONE, INSPECTION_M_S, TRANSIT_M_S, VEHICLES, TableSettings
+from executor.site.planning import PlanSolver
+from planner import (
+    PRESETS,
+    Cost,
+    Instance,
+    Plan,
+    ReplanWindow,
+    Route,
+    evaluate,
+    least_earliest_s,
+    replan_window,
+    solve_window,
+    travel_for,
+)
+
+Routes = tuple[tuple[int, ...], ...]
+
+
+class TaskKind(StrEnum):
+    """What is done."""
+
+    PLAN = "plan"
+    """A plan by a cost function, and its window if there is a budget."""
+    WINDOW = "window"
+    """The window of a plan that is there."""
+    ROBUST = "robust"
+    """A plan chosen for its window."""
+    BOUND = "bound"
+    """The earliest time that no window of any plan begins before."""
+
+
+@dataclass(frozen=True, slots=True)
+class TableTask:
+    """One piece of work."""
+
+    kind: TaskKind
+    radius_m: float
+    tightness: float | None = None
+    """None: without a budget."""
+    budget_pct: float | None = None
+    solver: PlanSolver | None = None
+    cost: Cost | None = None
+    seed: int = 0
+    stretch: float | None = None
+    """How much longer the longest route may be than that of the best MinMax plan."""
+    routes: Routes = ()
+    """The plan whose window is asked for, or one to begin with."""
+    longest_s: float = 0.0
+    """Of the best MinMax plan."""
+
+    @property
+    def key(self) -> str:
+        """Names it among all of a table."""
+        parts: list[object] = [self.kind.value, f"{self.radius_m:g}"]
+        parts += [] if self.tightness is None else [f"{self.tightness:g}"]
+        parts += [part.value for part in (self.solver, self.cost) if part is not None]
+        return "-".join(map(str, [*parts, self.seed if self.stretch is None else f"{self.stretch:.4f}"]))
+
+    def settings(self, table: TableSettings) -> Mapping[str, object]:
+        """Return all that the result depends on."""
+        content: dict[str, object] = {
+            "network": table.network.name if table.network is not None else "own",
+            "budget_pct": self.budget_pct,
+            "routes": self.routes,
+            "longest_s": self.longest_s,
+            "seed": self.seed,
+        }
+        if self.kind is TaskKind.PLAN:
+            content |= {"seconds": table.seconds, "iterations": table.iterations}
+        if self.kind is TaskKind.ROBUST:
+            content |= {"window_seconds": table.window_seconds, "iterations": table.iterations}
+        return content
+
+
+def do(task: TableTask, table: TableSettings) -> Json:
+    """Do a piece of work; its figures are recomputed from the definition for every plan."""
+    instance = _instance(table.network, task.radius_m)
+    if task.budget_pct is not None:
+        instance = with_budget(instance, task.budget_pct)
+    match task.kind:
+        case TaskKind.PLAN:
+            return _plan(task, table, instance)
+        case TaskKind.WINDOW:
+            return _figures(instance, _plan_of(task.routes))
+        case TaskKind.ROBUST:
+            return _robust(task, table, instance)
+        case TaskKind.BOUND:
+            return {"least_earliest_s": least_earliest_s(instance)}
+
+
+def _plan(task: TableTask, table: TableSettings, instance: Instance) -> Json:
+    if task.solver is None or task.cost is None:
+        raise AssertionError(f"{task.key}: a plan is made by a solver, by a cost")
+    result = run_solver(task.solver, instance, cost=task.cost, stop=table.stop(), seed=task.seed, all_vehicles=True)
+    return {
+        "value": result.evaluation.value,
+        "seconds": result.seconds,
+        "iterations": result.iterations,
+        "stopped_by": result.stopped_by,
+        **(_figures(instance, result.plan) if task.budget_pct is not None else _lengths(instance, result.plan)),
+    }
+
+
+def _robust(task: TableTask, table: TableSettings, instance: Instance) -> Json:
+    result = solve_window(
+        instance,
+        stretch=task.stretch or 0.0,
+        stop=table.window_stop(),
+        seed=task.seed,
+        all_vehicles=True,
+        longest_s=task.longest_s,
+        initial=[_plan_of(task.routes)] if task.routes else (),
+    )
+    return _figures(instance, result.plan, result.window)
+
+
+def _figures(instance: Instance, plan: Plan, window: ReplanWindow | None = None) -> Json:
+    """Return a plan with its figures and its window."""
+    window = replan_window(instance, plan) if window is None else window
+    return {
+        **_lengths(instance, plan),
+        "window_pct": window.window_pct,
+        "earliest_s": window.earliest_s,
+        "certified_earliest_s": window.certified_earliest_s,
+    }
+
+
+def _lengths(instance: Instance, plan: Plan) -> Json:
+    evaluation = evaluate(instance, plan, Cost.MINMAX)
+    return {
+        "routes": [list(route.visits) for route in plan.routes],
+        "feasible": not plan.uncovered and not evaluation.violations,
+        "longest_pct": evaluation.value,
+        "longest_s": evaluation.longest_route_s,
+        "total_pct": sum(evaluation.energies_pct),
+    }
+
+
+def _plan_of(routes: Sequence[Sequence[int]]) -> Plan:
+    return Plan(tuple(Route(vehicle, tuple(visits)) for vehicle, visits in enumerate(routes)))
+
+
+@lru_cache(maxsize=8)
+def _instance(network: Path | None, radius_m: float) -> Instance:
+    travel = travel_for(PRESETS[DRONE], TRANSIT_M_S, INSPECTION_M_S)
+    return line_instance(network_of(network, radius_m).ends_m, VEHICLES, travel)

@@ -1,0 +1,247 @@
+"""Declarations held against what the log says: confirmed, refuted by one of its lines, or undecided."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+
+from benchmarks.witness.hands import hand_of
+from benchmarks.witness.packs import pack_verdict
+from executor.core.vehicle import FaultKind
+from executor.replay.result import Declaration
+from executor.replay.witness.statements import CRASH, EKF, EMERGENCY_STATES, Stated, statements
+from executor.replay.witness.testimony import (
+    SECOND,
+    Hand,
+    Testimony,
+    Whereabouts,
+    between,
+    last_before,
+    near,
+    pairs_between,
+)
+
+
+class Stand(StrEnum):
+    """How a declaration stands against the log."""
+
+    CONFIRMED = "confirmed"
+    REFUTED = "refuted"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True, slots=True)
+class Ruling:
+    """Of one declaration."""
+
+    outcome: Stand
+    because: str
+    """The line of the log that says so."""
+
+
+GROUND_M = 1.5
+TUMBLED_DEG = 65.0
+FLOWN_ON_S = 10.0
+STREAM_S = 3.0
+JUMP_M = 10.0
+STILL_M = 5.0
+STILL_S = 25.0
+SAID_S = 10.0
+FALLS_M_S, DROPS_M_S = 2.5, 8.0
+"""Sinking that somebody may have ordered, and sinking that no copter does by itself."""
+LANDED_M = 2.5
+HIGH_M = 5.0
+
+
+def confirmed(because: str) -> Ruling:
+    """Return that the log says the same."""
+    return Ruling(Stand.CONFIRMED, because)
+
+
+def refuted(because: str) -> Ruling:
+    """Return that the log says otherwise."""
+    return Ruling(Stand.REFUTED, because)
+
+
+def undecided(because: str) -> Ruling:
+    """Return that the log does not say."""
+    return Ruling(Stand.UNDECIDED, because)
+
+
+def hold_against(declared: Declaration, told: Testimony, link_timeout_s: float) -> Ruling:
+    """Hold one declaration against what the log says of its vehicle."""
+    at = declared.t_usec
+    if declared.kind is FaultKind.LINK:
+        return _link(told, at, link_timeout_s)
+    crash = _near_statement(told, Stated.CRASH, at, 5.0, 15.0)
+    if declared.kind is FaultKind.BATTERY:
+        return pack_verdict(declared, told, confirmed, refuted, undecided)
+    if declared.reason in STREAMS:
+        return _stream(told, at, STREAMS[declared.reason])
+    if declared.reason in CRASHES or declared.kind is FaultKind.DOWN:
+        return confirmed(crash) if crash else _down(told, at, falls=declared.reason == "falling")
+    if declared.reason in BY_REASON:
+        return BY_REASON[declared.reason](told, at)
+    if "mode" in declared.reason or _names_hand(declared) is not None:
+        return _mode(declared, told)
+    return _said(declared, told)
+
+
+def _near_statement(told: Testimony, what: Stated, at: int, before_s: float, after_s: float) -> str:
+    for one in statements(told, math.inf):
+        if one.what is what and at - before_s * SECOND <= one.t_usec <= at + after_s * SECOND:
+            return one.words
+    return ""
+
+
+def _link(told: Testimony, at: int, timeout_s: float) -> Ruling:
+    for one in told.silences:
+        if one.from_usec <= at <= one.to_usec + SECOND:
+            if one.others is False:
+                return refuted(f"nobody at all was recorded for {one.lasted_s:.1f} s: the recorder paused")
+            if one.lasted_s >= timeout_s - 0.1:
+                return confirmed(f"nothing of it for {one.lasted_s:.1f} s")
+            return refuted(f"nothing of it for {one.lasted_s:.1f} s only, the time-out is {timeout_s:g} s")
+    return refuted("its frames came all the time")
+
+
+def _stream(told: Testimony, at: int, stream: str) -> Ruling:
+    times = told.streams.get(stream, [])
+    before = [t_usec for t_usec in times if t_usec <= at]
+    if not before:
+        return refuted(f"no {stream} ever came before")
+    age_s = (at - before[-1]) / 1e6
+    if age_s >= STREAM_S:
+        return confirmed(f"no {stream} for {age_s:.1f} s")
+    return refuted(f"{stream} came {age_s:.1f} s before")
+
+
+def _names_hand(declared: Declaration) -> Hand | None:
+    """Return whom a declaration itself names as who changed the mode."""
+    words = f"{declared.reason} {declared.evidence.partition('; it says')[0]}".lower()
+    for hand, name in ((Hand.PILOT, "pilot"), (Hand.STATION, "station"), (Hand.FAILSAFE, "failsafe")):
+        if name in words:
+            return hand
+    return None
+
+
+def _mode(declared: Declaration, told: Testimony) -> Ruling:
+    changes = [one for one in told.modes if one.t_usec <= declared.t_usec + SECOND // 2]
+    if len(changes) < 2:
+        return refuted("its mode never changed")
+    change = changes[-1]
+    hand, words = hand_of(told, change)
+    when = f"mode {change.mode} {(declared.t_usec - change.t_usec) / 1e6:.1f} s before"
+    claimed = _names_hand(declared)
+    if hand is Hand.NOBODY:
+        return undecided(f"{when}, and the log names nobody")
+    if hand is claimed or (claimed is None and hand is Hand.FAILSAFE):
+        return confirmed(f"{when}: {words}")
+    return refuted(f"{when} by {hand.value}: {words}")
+
+
+def _down(told: Testimony, at: int, *, falls: bool) -> Ruling:
+    tilted = max((tilt for _, tilt in pairs_between(told.tilts, at - 3 * SECOND, at + 3 * SECOND)), default=0.0)
+    where, since = told.moment_at(at), told.armed_since(at - SECOND)
+    flown = [one.height_m or 0.0 for one in between(told.moments, since or told.began_usec, at)]
+    if flown and max(flown) < GROUND_M:
+        return refuted(f"it had not left the ground: {max(flown):.1f} m at most since it was armed")
+    if tilted >= TUMBLED_DEG:
+        return confirmed(f"tilted by {tilted:.0f} degrees")
+    sinks = min((one.climb_m_s for one in near(told.moments, at, 4.0, FLOWN_ON_S + 2.0)), default=0.0)
+    if sinks <= -DROPS_M_S:
+        return confirmed(f"sinks at {-sinks:.0f} m/s")
+    later = told.moment_at(at + round(FLOWN_ON_S * SECOND))
+    if told.is_armed(at + round(FLOWN_ON_S * SECOND)) and later is not None and (later.height_m or 0.0) > GROUND_M:
+        return refuted(f"it flew on, {later.height_m:.0f} m high {FLOWN_ON_S:g} s later")
+    if falls:
+        sunk = min((one.climb_m_s for one in near(told.moments, at, 4.0, 0.5)), default=0.0)
+        return (
+            confirmed(f"sank at {-sunk:.1f} m/s") if sunk < -FALLS_M_S else refuted(f"sank at {-sunk:.1f} m/s at most")
+        )
+    return _disarmed(where)
+
+
+def _disarmed(where: Whereabouts | None) -> Ruling:
+    if where is None or where.height_m is None:
+        return undecided("where it was is not in the log")
+    if where.height_m >= HIGH_M and (where.climb_m_s < -1.0 or where.speed_m_s > 1.0):
+        return confirmed(f"disarmed {where.height_m:.0f} m high")
+    if where.height_m < LANDED_M or (abs(where.climb_m_s) < 0.4 and where.speed_m_s < 0.5):
+        return refuted(f"{where.height_m:.1f} m high, {where.speed_m_s:.1f} m/s over ground: it had landed")
+    return undecided(f"{where.height_m:.1f} m high at {where.speed_m_s:.1f} m/s")
+
+
+def _terminated(told: Testimony, at: int) -> Ruling:
+    known = last_before(told.statuses, at)
+    if known is not None and known[1] in EMERGENCY_STATES:
+        return confirmed(f"HEARTBEAT.system_status {known[1]}")
+    return refuted(f"HEARTBEAT.system_status {known[1] if known else 'unknown'}")
+
+
+def _jumped(told: Testimony, at: int) -> Ruling:
+    seen = near(told.moments, at, 6.0, 0.5)
+    most = 0.0
+    for before, after in pairwise(seen):
+        elapsed_s = (after.t_usec - before.t_usec) / 1e6
+        most = max(most, _apart_m(before, after) - max(before.speed_m_s, after.speed_m_s) * elapsed_s)
+    return confirmed(f"jumped by {most:.0f} m") if most >= JUMP_M else refuted(f"jumped by {most:.1f} m at most")
+
+
+def _stood(told: Testimony, at: int) -> Ruling:
+    since = told.armed_since(at)
+    if since is None:
+        return refuted("it was not armed")
+    seen = between(told.moments, max(since, at - round(STILL_S * SECOND)), at)
+    if not seen:
+        return undecided("where it was is not in the log")
+    if max(one.height_m or 0.0 for one in between(told.moments, since, at)) < GROUND_M:
+        return refuted("it stood on the ground, and had not taken off")
+    span_m = max(_apart_m(seen[0], one) for one in seen)
+    return confirmed(f"moved {span_m:.1f} m in {STILL_S:g} s") if span_m < STILL_M else refuted(f"moved {span_m:.0f} m")
+
+
+def _apart_m(one: object, other: object) -> float:
+    """Return how far apart two moments are."""
+    lat, lon = getattr(one, "lat_deg", 0.0), getattr(one, "lon_deg", 0.0)
+    north = (getattr(other, "lat_deg", 0.0) - lat) * 111_320.0
+    east = (getattr(other, "lon_deg", 0.0) - lon) * 111_320.0 * math.cos(math.radians(lat))
+    return math.hypot(north, east)
+
+
+def _said(declared: Declaration, told: Testimony) -> Ruling:
+    """Look for the autopilot's own words of that kind."""
+    pattern = next((one for name, one in SAID.items() if name in declared.reason), None)
+    failed = [one for one in near(told.failings, declared.t_usec, SAID_S, 2.0) if one.kind in declared.reason]
+    if failed:
+        return confirmed(failed[0].words)
+    texts = [one.words for one in near(told.texts, declared.t_usec, SAID_S, 2.0)]
+    said = next((words for words in texts if pattern is not None and pattern.search(words)), "")
+    if said:
+        return confirmed(said)
+    if pattern is not None:
+        return refuted(f"no text and no record of it within {SAID_S:g} s")
+    return undecided("no rule for it")
+
+
+STREAMS = {"heartbeat": "HEARTBEAT", "positions": "position", "items": "item", "battery-reports": "battery"}
+CRASHES = frozenset({"off-pad", "falling", "crash", "crashed", "tumbled", "attitude"})
+BY_REASON: Mapping[str, Callable[[Testimony, int], Ruling]] = {
+    "terminated": _terminated, "position": _jumped, "stall": _stood,
+}  # fmt: skip
+SAID: Mapping[str, re.Pattern[str]] = {
+    "crash": CRASH,
+    "ekf": EKF,
+    "gps": re.compile(r"gps|glitch", re.IGNORECASE),
+    "compass": re.compile(r"compass|mag", re.IGNORECASE),
+    "motor": re.compile(r"motor|thrust|esc\b", re.IGNORECASE),
+    "vibration": re.compile(r"vib", re.IGNORECASE),
+    "fence": re.compile(r"fence|breach", re.IGNORECASE),
+    "rc": re.compile(r"radio|\brc\b|throttle|manual control", re.IGNORECASE),
+    "failsafe": re.compile(r"fail ?safe|lost|variance|breach|crash|low battery|critical", re.IGNORECASE),
+}
+"""What the autopilots write when they act by themselves, by the names that watchpoints may have."""

@@ -1,0 +1,1 @@
+"""Pages and schemas of the documents that are made from the program."""

@@ -1,0 +1,265 @@
+"""The vehicle without its brain: it flies goals, uses its battery, takes off, lands, falls and breaks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from simulator.battery import Battery
+from simulator.config import SimVehicle
+from simulator.enums import LandedState
+from simulator.guidance import Climb, Goal, Hover, Land, Leg, Pilot, Wait, stopping_place
+from simulator.physics import HARD_LANDING_M_S, Body, Limits, Place
+from simulator.wander import Wander
+
+AIRBORNE_M = 0.3
+SETTLES_M_S = 8.6
+"""A fall from less than four metres, which a vehicle with killed motors survives; its legs bend."""
+WRECK_ROLL_RAD = math.radians(170.0)
+WRECK_UP_M = 0.1
+"""How high its middle lies, as such vehicles report it."""
+IDLE_DISARM_S = 10.0
+"""Armed on the ground without anything to do: DISARM_DELAY, COM_DISARM_PRFLT."""
+
+
+PAD = Place(0.0, 0.0, 0.0)
+PLAIN_CLIMB = Climb(PAD, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that really happened, in the words of ``Truth``."""
+
+    what: str
+    t_s: float
+    sender: int | None = None
+    """The system that gave the order, where it is one."""
+    place: Place = PAD
+    charge_pct: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Manners:
+    """What the autopilot asks of the airframe."""
+
+    limits: Limits
+    spool_s: float
+    """Motors on until lift-off."""
+    disarm_landed_s: float
+    """Touch-down until the motors are off."""
+    climb: Climb = PLAIN_CLIMB
+    """How it takes off, but for the place and the speeds."""
+    wander_m: float = 0.0
+    """How far it swings about its place, one standard deviation each way."""
+
+
+class Airframe:
+    """Body, battery and motors of one vehicle."""
+
+    def __init__(self, vehicle: SimVehicle, manners: Manners) -> None:
+        self.body = Body()
+        self.pilot = Pilot(self.body, manners.limits, Wander(manners.wander_m, f"{vehicle.seed}:{vehicle.name}:wander"))
+        self.battery = Battery(
+            vehicle.drone, charge_pct=vehicle.charge_pct, health=vehicle.health, consumption=vehicle.consumption
+        )
+        self._wind_m_s = vehicle.wind_m_s
+        self._reaches = vehicle.speed_reached
+        self.armed = False
+        self.crashed_s: float | None = None
+        """When it was destroyed."""
+        self.climbing_out = False
+        """Whether the climb under way is a take-off."""
+        self.wrecked = False
+        """Whether it lies on its back, and goes on talking."""
+        self.highest_m = 0.0
+        self._turns_over = False
+        """Whether the fall under way ends on its back."""
+        self._stops = False
+        """Whether it was disarmed as the fall began."""
+        self._bears_m_s = HARD_LANDING_M_S
+        """How hard the fall under way may end."""
+        self._descending = False
+        self._manners = manners
+        self._climbed_to: Place | None = None
+        self._falling = False
+        self._airborne = False
+        self._ground_s = 0.0
+        self._now_s = 0.0
+        self._events: list[Event] = []
+
+    @property
+    def motors_on(self) -> bool:
+        """Whether the motors turn."""
+        return self.armed and not self._falling
+
+    @property
+    def _air_speed_m_s(self) -> float:
+        """Horizontal speed through the air: over ground it flies as it is told, whatever the wind."""
+        if self.body.on_ground:
+            return 0.0
+        east, north = self._wind_m_s
+        return math.hypot(self.body.v_east_m_s - east, self.body.v_north_m_s - north)
+
+    def reached_m_s(self, asked_m_s: float) -> float:
+        """Return the speed over ground that it flies at when it is asked for one."""
+        return self._reaches * asked_m_s
+
+    @property
+    def landed_state(self) -> LandedState:
+        """MAV_LANDED_STATE."""
+        if self.body.on_ground:
+            return LandedState.ON_GROUND
+        match self.pilot.goal:
+            case Climb() if self.climbing_out:
+                return LandedState.TAKEOFF
+            case Land():
+                return LandedState.LANDING
+            case _:
+                return LandedState.IN_AIR
+
+    @property
+    def climbed_to(self) -> Place | None:
+        """Where the last take-off was to end, until another kind of flight begins; the next leg begins there."""
+        return self._climbed_to if self.climbing_out else None
+
+    def step(self, now_s: float, dt_s: float) -> None:
+        """Live for ``dt_s``, until ``now_s``."""
+        self._now_s = now_s
+        self.battery.step(dt_s, motors=self.motors_on, speed_m_s=self._air_speed_m_s, climb_m_s=self.body.v_up_m_s)
+        self.highest_m = max(self.highest_m, self.body.up_m)
+        if self._falling:
+            self._fall(dt_s)
+        elif self.armed and not self.wrecked:
+            self._fly(dt_s)
+            if self.battery.empty:
+                self.lose_thrust()
+
+    def arm(self) -> None:
+        """Start the motors."""
+        if not self.armed:
+            self.armed, self._stops = True, False
+            self._ground_s = 0.0
+            self.happened("armed")
+
+    def disarm(self) -> None:
+        """Stop the motors; in the air that is a fall."""
+        if not self.armed:
+            return
+        if not self.body.on_ground and not self.wrecked:
+            self._falling = self._stops = True
+            return
+        self._motors_off()
+        self.pilot.fly([])
+
+    def kill(self) -> None:
+        """Stop the motors and be disarmed at once, wherever it is: from three metres it comes down whole."""
+        if not self.armed:
+            return
+        self._falling = not self.body.on_ground and not self.wrecked
+        self._bears_m_s = SETTLES_M_S
+        self._motors_off()
+        self.pilot.fly([])
+
+    def wreck(self) -> None:
+        """Fall, and lie on its back from then on; with the motors on, if it was not disarmed."""
+        self._turns_over = True
+        self._falling = True
+
+    def put_on_pad(self) -> None:
+        """Stand on its pad as if nothing had been, as a simulator does that is restarted."""
+        self._falling = self.wrecked = self._turns_over = self._stops = False
+        self.crashed_s = None
+        self.body.east_m = self.body.north_m = self.body.up_m = 0.0
+        self.body.stop()
+        self.disarm()
+        self.happened("on_pad")
+
+    def lose_thrust(self) -> None:
+        """Fall; on the ground, break down. Who lies destroyed has nothing to lose, and no last words again."""
+        if self.crashed_s is not None:
+            return
+        if self.body.on_ground:
+            self._break()
+        else:
+            self._falling = True
+
+    def happened(self, what: str, sender: int | None = None) -> None:
+        """Note an event, or an order of a system."""
+        self._events.append(Event(what, self._now_s, sender, self.body.place, self.battery.charge_pct))
+
+    def drain_events(self) -> list[Event]:
+        """Take away what happened."""
+        events, self._events = self._events, []
+        return events
+
+    def take_off(self, up_m: float, climb_m_s: float, slow_m_s: float = math.inf) -> Iterator[Goal]:
+        """Yield a vertical take-off to a height, with a lower speed near the ground if its manners have it so."""
+        self.climbing_out = True
+        self._climbed_to = Place(self.body.east_m, self.body.north_m, up_m)
+        if self.body.on_ground:
+            yield Wait(self._manners.spool_s)
+        yield replace(self._manners.climb, place=self._climbed_to, speed_m_s=climb_m_s, slow_m_s=slow_m_s)
+
+    def go_home(self, up_m: float, *, speed_m_s: float, linger_s: float, land: Land, to: Place = PAD) -> Iterator[Goal]:
+        """Yield the way home: climb if need be, straight to the pad or a rally point, linger, land."""
+        self.climbing_out = False
+        here = stopping_place(self.body, self._manners.limits)
+        if not self.body.on_ground:
+            above = Place(here.east_m, here.north_m, max(here.up_m, up_m))
+            if above.up_m > here.up_m + AIRBORNE_M:
+                yield Climb(above, self._manners.limits.climb_m_s)
+            over = Place(to.east_m, to.north_m, above.up_m)
+            yield Leg(above, over, self.reached_m_s(speed_m_s), accept_m=0.0)
+            yield Hover(over, linger_s)
+        yield land
+
+    def _motors_off(self) -> None:
+        self.armed = self._airborne = self.climbing_out = self._descending = False
+        self._ground_s = 0.0
+        self.happened("disarmed")
+
+    def _fall(self, dt_s: float) -> None:
+        impact_m_s = self.body.fall(dt_s)
+        if not self.body.on_ground:
+            return
+        if self._turns_over:
+            self._lie()
+        elif impact_m_s > self._bears_m_s:
+            self._break()
+        else:
+            self._falling = False
+            self.happened("fell")
+            self.disarm()
+
+    def _lie(self) -> None:
+        self._falling = self._turns_over = False
+        self.wrecked = True
+        self.body.stop()
+        self.body.up_m, self.body.roll_rad = WRECK_UP_M, WRECK_ROLL_RAD
+        self.happened("wreck")
+        if self._stops:
+            self._motors_off()
+
+    def _fly(self, dt_s: float) -> None:
+        self.pilot.step(dt_s)
+        if self._descending != isinstance(self.pilot.goal, Land):
+            self._descending = not self._descending
+            if self._descending and not self.body.on_ground:
+                self.happened("descends")
+        if self.body.up_m > AIRBORNE_M and not self._airborne:
+            self._airborne = True
+            self.happened("took_off")
+        rests = self.body.on_ground and not isinstance(self.pilot.goal, Wait | Climb)
+        if rests and self._airborne and self._ground_s == 0.0:
+            self.happened("landed")
+        self._ground_s = self._ground_s + dt_s if rests else 0.0
+        if self._ground_s >= (self._manners.disarm_landed_s if self._airborne else IDLE_DISARM_S):
+            self.disarm()
+
+    def _break(self) -> None:
+        self.crashed_s = self._now_s
+        self._falling = False
+        self.body.stop()
+        self.happened("crash")
+        self.disarm()

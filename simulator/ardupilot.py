@@ -1,0 +1,457 @@
+"""ArduPilot Copter 4.7-dev as measured: modes, arming, failsafes, what it reports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import IntEnum
+from typing import ClassVar
+
+from missions.items import Command as ItemCommand
+from missions.items import Frame, MissionItem
+from simulator import telemetry
+from simulator.airframe import Manners
+from simulator.autopilot import Autopilot
+from simulator.config import SimVehicle
+from simulator.enums import MavCommand, MissionState, Result, Severity
+from simulator.fence import Shape, distance_outside_m, is_inside, shapes_of, way_home_ends
+from simulator.guidance import Sink, stopping_place
+from simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, out
+from simulator.mission_ardupilot import ArduPilotMission, home_goals, land_goal
+from simulator.mission_store import StoreStep
+from simulator.physics import Home, Limits
+from simulator.store_ardupilot import ArduPilotStore
+
+MAV_AUTOPILOT_ARDUPILOT = 3
+LIMITS = Limits(accelerate_m_s2=1.5, brake_m_s2=2.0, climb_m_s=2.5, descend_m_s=2.5, vertical_m_s2=1.0, corner_m_s2=2.5)
+"""Recorded: 0 to 4.3 m/s in 3 s; a right angle at 3.4 m/s; 2.49 m/s up; LOITER without a stick sinks at 2.5 m/s."""
+MANNERS = Manners(LIMITS, spool_s=3.0, disarm_landed_s=2.2)
+SINK_M_S = 2.5
+SILENT_BATTERY_S = 2.0
+"""After boot SYS_STATUS says 0 V, -1, -1: no fault."""
+CAPABILITIES = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 3 | 1 << 13
+"""Missions in float and int, parameters as floats, COMMAND_INT, MAVLink 2."""
+SENSORS_BOOT = (0x5371FC0F, 0x52419C0F, 0x47519C0F)
+SENSORS_IDLE = (0x5371FC2F, 0x53619C2F, 0x57719C2F)
+SENSORS_ARMED = (0x5371FC2F, 0x5361FC2F, 0x5771FC2F)
+"""From the recorded flights: (present, enabled, healthy)."""
+BATTERY_BIT = 0x02000000
+FENCE_BIT = 0x00100000
+GIVES_UP_M = 100.0
+"""AC_FENCE_GIVE_UP_DISTANCE."""
+EKF_READY, EKF_BOOT = 831, 1024
+"""Flags of EKF_STATUS_REPORT: as recorded in flight, and 'uninitialised'."""
+LOW, CRITICAL = 1, 2
+EMERGENCY_PCT = 8.0
+"""What an emergency leaves of the charge: enough to land."""
+DEV = 0
+"""FIRMWARE_VERSION_TYPE."""
+
+
+class Mode(IntEnum):
+    """custom_mode, as far as simulated."""
+
+    STABILIZE = 0
+    ALT_HOLD = 2
+    AUTO = 3
+    GUIDED = 4
+    LOITER = 5
+    RTL = 6
+    LAND = 9
+    POSHOLD = 16
+    BRAKE = 17
+
+
+STICK_MODES = frozenset({Mode.STABILIZE, Mode.ALT_HOLD, Mode.LOITER, Mode.POSHOLD})
+"""Without a remote control their throttle is low: in the air they sink."""
+ARMABLE = frozenset({*STICK_MODES, Mode.GUIDED})
+FS_LAND, FS_RTL = 1, frozenset({2, 3, 4})
+"""BATT_FS_*_ACT; SmartRTL has no path to follow here and is RTL."""
+
+
+class ArduPilot(Autopilot):
+    """One vehicle."""
+
+    STREAMS_S: ClassVar = {"HEARTBEAT": 1.0, "TIMESYNC": 10.0}
+    REFUSED: ClassVar = Result.FAILED
+    NO_MESSAGE: ClassVar = Result.FAILED
+    ACKNOWLEDGES_FIRST: ClassVar = True
+    ON_ITS_BACK: ClassVar = "Arm: Leaning"
+    KILLED: ClassVar = "Arm: Motors Emergency Stopped"
+
+    def __init__(self, vehicle: SimVehicle) -> None:
+        home = Home(vehicle.home_lat_deg, vehicle.home_lon_deg, vehicle.home_alt_m)
+        lat, lon = home.lat_lon_e7(0.0, 0.0)
+        item = MissionItem(0, Frame.GLOBAL, ItemCommand.NAV_WAYPOINT, x=lat, y=lon, z=home.alt_m)
+        store = ArduPilotStore(item, vehicle.transfer_patience_s)
+        super().__init__(vehicle, MANNERS, store, home)
+        self.mission = ArduPilotMission(self.frame, store, home, self.params, self.voice, self.carry_out)
+        self._gcs_failsafe = self._ekf_failsafe = False
+        self._breached, self._breaches = False, 0
+        self._shapes: tuple[Shape, ...] = ()
+        self._outside = False
+        """Whether it is outside its fence by its own place; a breach may also be injected."""
+        self._battery_level = 0
+        self._low_since_s: dict[int, float] = {}
+        self._gauge_offset_pct = 0.0
+        """The coulomb counter begins at 100 % with every boot, whatever the pack holds."""
+
+    def _own_commands(self) -> dict[int, Callable[[Command], Result]]:
+        return {
+            MavCommand.DO_SET_MODE: lambda command: self.set_mode(command.integer(1)),
+            MavCommand.MISSION_START: self._start_mission,
+            MavCommand.DO_SET_MISSION_CURRENT: lambda command: (
+                Result.ACCEPTED if self.select_item(command.integer(0)) else Result.DENIED
+            ),
+            MavCommand.DO_PAUSE_CONTINUE: self._pause_continue,
+            MavCommand.NAV_RETURN_TO_LAUNCH: lambda _: self.set_mode(Mode.RTL),
+            MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
+            MavCommand.NAV_TAKEOFF: self._take_off,
+            MavCommand.DO_CHANGE_SPEED: self._change_speed,
+        }
+
+    # Modes.
+
+    def set_mode(self, mode: int) -> Result:
+        """Change the mode; the one that is set already is set once more without effect."""
+        if mode not in set(Mode):
+            self.voice.say(Severity.WARNING, f"No such mode {mode}")
+            return Result.FAILED
+        if mode == self.mode:
+            return Result.ACCEPTED
+        if mode == Mode.AUTO and not self._may_enter_auto():
+            return Result.FAILED
+        if self.mode == Mode.AUTO:
+            self.mission.leave()
+        self.mode = Mode(mode)
+        self.frame.happened(f"mode {Mode(mode).name}")
+        self.streams.soon("HEARTBEAT", self.now_s)
+        if self.frame.wrecked:
+            if mode == Mode.LAND:
+                self.frame.disarm()
+        elif self.frame.armed:
+            self._enter(Mode(mode))
+        return Result.ACCEPTED
+
+    def mode_of(self, word: str) -> int:
+        """Return the number of a mode that a person chooses."""
+        return Mode[word]
+
+    def mode_order(self, word: str) -> Command:
+        """Return the order of a mode as a ground station gives it."""
+        return Command(MavCommand.DO_SET_MODE, (1.0, float(Mode[word]), 0.0, 0.0, 0.0, 0.0, 0.0))
+
+    def _may_enter_auto(self) -> bool:
+        if not self.frame.armed:
+            return True
+        if self.mission.state == MissionState.NO_MISSION:
+            return False
+        if self.frame.body.on_ground and not self.mission.begins_with_takeoff():
+            self.voice.say(Severity.CRITICAL, "Auto: Missing Takeoff Cmd")
+            return False
+        return True
+
+    def _enter(self, mode: Mode) -> None:
+        pilot = self.frame.pilot
+        self.frame.climbing_out = False
+        match mode:
+            case Mode.AUTO:
+                self.begin_mission()
+                self.mission.enter()
+            case Mode.RTL:
+                far_m = 1000.0 * self.params["RALLY_LIMIT_KM"] or math.inf
+                to = way_home_ends(self.store.rally, self.home, self.frame.body.place, far_m)
+                pilot.fly(home_goals(self.frame, self.params, to))
+            case Mode.LAND:
+                pilot.fly([land_goal(stopping_place(self.frame.body, LIMITS), self.params)])
+            case Mode.GUIDED | Mode.BRAKE:
+                pilot.hold()
+            case Mode.LOITER | Mode.POSHOLD if self.hands:
+                pilot.hold()
+            case _ if self.hands:
+                self.drift()
+            case _:
+                pilot.fly([Sink(stopping_place(self.frame.body, LIMITS), SINK_M_S)])
+
+    def _start_mission(self, command: Command) -> Result:
+        """Follow MISSION_START: AUTO, and the mission from where it is; it does not arm."""
+        if command.params[0] or command.params[1]:
+            return Result.DENIED
+        if self.mode == Mode.AUTO and self.frame.armed and not self.mission.running:
+            if not self._may_enter_auto():
+                return Result.FAILED
+            self._enter(Mode.AUTO)
+            return Result.ACCEPTED
+        return self.set_mode(Mode.AUTO)
+
+    def _pause_continue(self, command: Command) -> Result:
+        if command.params[0] == 0:
+            if self.mode == Mode.AUTO and self.frame.armed and self.mission.pause():
+                return Result.ACCEPTED
+            self.voice.say(Severity.INFO, "Failed to pause")
+            return Result.FAILED
+        if self.mode != Mode.AUTO:
+            self.voice.say(Severity.INFO, "Failed to resume")
+            return Result.FAILED
+        self.mission.go_on()
+        return Result.ACCEPTED
+
+    def _take_off(self, command: Command) -> Result:
+        if self.mode != Mode.GUIDED or not self.frame.armed or not self.frame.body.on_ground:
+            return Result.FAILED
+        self.frame.pilot.fly(self.frame.take_off(command.params[6], LIMITS.climb_m_s))
+        return Result.ACCEPTED
+
+    def _change_speed(self, command: Command) -> Result:
+        if command.params[1] <= 0:
+            return Result.FAILED
+        self.mission.asked_m_s = command.params[1]
+        self.frame.pilot.change_speed(self.mission.speed_m_s)
+        return Result.ACCEPTED
+
+    def _refuse_arming(self) -> str | None:
+        if not self.ready:
+            return "Arm: Need Position Estimate"
+        if self.mode not in ARMABLE:
+            return "Arm: Mode not armable"
+        if self._battery_level:
+            return "PreArm: Battery failsafe"
+        return None
+
+    def _set_mode_message(self, message: SetMode) -> None:
+        self.set_mode(message.custom_mode & 0xFF)
+
+    def _on_no_interval(self, number: int) -> Result:
+        self.voice.say(Severity.WARNING, f"No ap_message for mavlink id ({number})")
+        return Result.DENIED
+
+    def _on_armed(self) -> None:
+        self.voice.say(Severity.INFO, "Arming motors")
+
+    def _on_disarmed(self) -> None:
+        self.voice.say(Severity.INFO, "Disarming motors")
+        self._breached = self._outside = False
+        self.mission.disarmed()
+
+    def _sticks_moved(self) -> None:
+        """Go on: in AUTO the sticks move nothing."""
+
+    def _on_kill(self) -> None:
+        self.voice.say(Severity.CRITICAL, "RC: Motors Emergency Stopped")
+
+    def _on_breach(self) -> None:
+        self._breached, self._breaches = True, self._breaches + 1
+        self.voice.say(Severity.NOTICE, "Circle fence breached")
+        self.streams.soon("FENCE_STATUS", self.now_s)
+        self.set_mode(Mode.RTL)
+
+    def _on_emergency(self, mode: int) -> None:
+        self.frame.battery.charge_pct = min(self.frame.battery.charge_pct, EMERGENCY_PCT)
+        self._raise_battery(CRITICAL, FS_LAND if mode == Mode.LAND else min(FS_RTL))
+
+    def _on_lost_estimate(self) -> None:
+        self._ekf_failsafe = True
+        self.voice.say(Severity.CRITICAL, "EKF variance: over thresholds")
+        self.voice.say(Severity.CRITICAL, "EKF Failsafe: changed to Land Mode")
+        self.set_mode(Mode.LAND)
+
+    def _on_boot(self) -> None:
+        self.mode = Mode.STABILIZE
+        self.hands = self._breached = False
+        self._gcs_failsafe = self._ekf_failsafe = False
+        self._battery_level = 0
+        self._low_since_s.clear()
+        self._gauge_offset_pct = 100.0 - self.frame.battery.charge_pct
+        self.mission.rebooted()
+
+    # The mission on board.
+
+    def _mission_locked(self) -> bool:
+        return self.frame.armed and self.mode == Mode.AUTO
+
+    def _on_store(self, step: StoreStep) -> None:
+        if step.fenced:
+            self._shapes = shapes_of(self.store.fence, self.home)
+        if step.truncated:
+            self.mission.truncated()
+        if step.stored:
+            self.mission.stored()
+        if step.cleared and not self._mission_locked():
+            self.mission.cleared()
+
+    def _set_current(self, seq: int) -> bool:
+        return self.mission.set_current(seq)
+
+    # Failsafes.
+
+    def _decide(self) -> None:
+        self.mission.step()
+        if self.frame.armed:
+            self._watch_gcs()
+            self._watch_battery()
+            self._watch_fence()
+
+    def _counts_as_gcs(self, sender: Peer, heartbeat: Heartbeat) -> bool:  # noqa: ARG002 - only the id counts
+        return sender.sysid == self.params["MAV_GCS_SYSID"]
+
+    def _on_gcs(self) -> None:
+        if self._gcs_failsafe:
+            # It stays in the mode that the failsafe chose.
+            self._gcs_failsafe = False
+            self.voice.say(Severity.WARNING, "GCS Failsafe Cleared")
+
+    def _watch_fence(self) -> None:
+        """Act once at a breach; more than 100 m outside it lands, whatever it is set to do."""
+        if not self.params["FENCE_ENABLE"] or self.frame.body.on_ground:
+            return
+        place, kinds, was_outside = self.frame.body.place, int(self.params["FENCE_TYPE"]), self._outside
+        found = [
+            name
+            for bit, name, out in (
+                (1, "Max Alt", place.up_m > self.params["FENCE_ALT_MAX"]),
+                (2, "Circle", math.hypot(place.east_m, place.north_m) > self.params["FENCE_RADIUS"]),
+                (4, "Polygon", not is_inside(self._shapes, place)),
+            )
+            if kinds & bit and out
+        ]
+        self._outside = bool(found)
+        if was_outside and not found:
+            self._breached = False
+            self.voice.say(Severity.NOTICE, "Fence breach cleared")
+        if was_outside or not found:
+            return
+        self.frame.happened("failsafe fence")
+        self._breached, self._breaches = True, self._breaches + 1
+        self.voice.say(Severity.NOTICE, f"{' and '.join(found)} fence breached")
+        self.streams.soon("FENCE_STATUS", self.now_s)
+        self.streams.soon("SYS_STATUS", self.now_s)
+        action = int(self.params["FENCE_ACTION"])
+        if action == 0:
+            return
+        self.voice.say(Severity.INFO, "Manual recovery started")
+        far = distance_outside_m(self._shapes, place) > GIVES_UP_M
+        self.set_mode(Mode.LAND if far or action == 2 else Mode.BRAKE if action == 4 else Mode.RTL)
+
+    def _watch_gcs(self) -> None:
+        action, silence_s = int(self.params["FS_GCS_ENABLE"]), self.gcs_silence_s
+        if self._gcs_failsafe or action == 0 or silence_s is None or silence_s < self.params["FS_GCS_TIMEOUT"]:
+            return
+        if int(self.params["FS_OPTIONS"]) & 2 and self.mode == Mode.AUTO:
+            return
+        self._gcs_failsafe = True
+        self.frame.happened("failsafe link")
+        self.voice.say(Severity.WARNING, "GCS Failsafe")
+        if self.frame.body.on_ground:
+            self.frame.disarm()
+        elif self.mode not in {Mode.RTL, Mode.LAND}:
+            self.set_mode(Mode.LAND if action == 5 else Mode.RTL)
+
+    def _watch_battery(self) -> None:
+        """Raise the battery failsafe, and never lower it: low voltage must last, low charge acts at once."""
+        for level, prefix in ((LOW, "LOW"), (CRITICAL, "CRT")):
+            if self._battery_level >= level:
+                continue
+            low_v = self.frame.battery.voltage_v < self.params[f"BATT_{prefix}_VOLT"]
+            since_s = self._low_since_s.setdefault(level, self.now_s) if low_v else self.now_s
+            if not low_v:
+                self._low_since_s.pop(level, None)
+            left_mah = self.params["BATT_CAPACITY"] - self._consumed_mah()
+            if self.now_s - since_s >= self.params["BATT_LOW_TIMER"] or left_mah < self.params[f"BATT_{prefix}_MAH"]:
+                self._raise_battery(level, int(self.params[f"BATT_FS_{prefix}_ACT"]))
+
+    def _raise_battery(self, level: int, action: int) -> None:
+        self._battery_level = level
+        self.frame.happened("failsafe battery" if action else "low battery")
+        word = "low" if level == LOW else "critical"
+        volts, used = self.frame.battery.voltage_v, self._consumed_mah()
+        self.voice.say(Severity.WARNING, f"Battery 1 is {word} {volts:.2f}V used {used:.0f} mAh")
+        self.voice.say(Severity.WARNING, "Battery Failsafe")
+        if self.frame.body.on_ground:
+            self.frame.disarm()
+        elif action == FS_LAND:
+            self.set_mode(Mode.LAND)
+        elif action in FS_RTL and self.mode != Mode.LAND:
+            self.set_mode(Mode.RTL)
+
+    # Reports.
+
+    def _gauge_pct(self) -> float:
+        return min(self.frame.battery.charge_pct + self._gauge_offset_pct, 100.0)
+
+    def _consumed_mah(self) -> float:
+        return (100.0 - self._gauge_pct()) / 100 * self.frame.battery.capacity_mah
+
+    def _remaining_pct(self) -> int:
+        """Return the percentage as reported: what the counter leaves of the capacity it was told, cut off."""
+        capacity_mah = self.params["BATT_CAPACITY"]
+        if self.params["BATT_MONITOR"] != 4 or capacity_mah <= 10:
+            return -1
+        return max(0, min(100, int(100 * (capacity_mah - self._consumed_mah()) / capacity_mah + 1e-6)))
+
+    def _system_status(self) -> int:
+        if self.now_s - self.boot_s < SILENT_BATTERY_S:
+            return 1
+        if self._gcs_failsafe or self._battery_level or self._ekf_failsafe:
+            return 5
+        return 4 if self.frame.armed and not self.frame.body.on_ground else 3
+
+    def _sensors(self) -> tuple[int, int, int]:
+        if not self.ready:
+            return SENSORS_BOOT
+        present, enabled, healthy = SENSORS_ARMED if self.frame.armed else SENSORS_IDLE
+        if self.params["FENCE_ENABLE"]:
+            enabled |= FENCE_BIT
+            healthy = healthy & ~FENCE_BIT if self._outside else healthy | FENCE_BIT
+        return present, enabled, healthy & ~BATTERY_BIT if self._battery_level else healthy
+
+    def _build_own(self, name: str) -> Outbound | None:
+        battery = self.frame.battery
+        current = round(battery.current_a * 100) if self.params["BATT_MONITOR"] == 4 else -1
+        booting = self.now_s - self.boot_s < SILENT_BATTERY_S
+        match name:
+            case "HEARTBEAT":
+                base = (
+                    1 | 16 | 64 | (8 if self.mode in {Mode.AUTO, Mode.GUIDED, Mode.RTL, Mode.LAND, Mode.BRAKE} else 0)
+                )
+                return telemetry.heartbeat(
+                    autopilot=MAV_AUTOPILOT_ARDUPILOT, base_mode=base | (128 if self.frame.armed else 0),
+                    custom_mode=int(self.mode), system_status=self._system_status(),
+                )  # fmt: skip
+            case "SYS_STATUS":
+                return telemetry.sys_status(
+                    self._sensors(), voltage_v=0.0 if booting else battery.voltage_v,
+                    current_ca=-1 if booting else current, remaining_pct=-1 if booting else self._remaining_pct(),
+                )  # fmt: skip
+            case "BATTERY_STATUS":
+                consumed = self._consumed_mah()
+                known = current >= 0
+                return telemetry.battery_status(
+                    voltage_v=battery.voltage_v, current_ca=current, consumed_mah=round(consumed) if known else -1,
+                    energy_hj=round(consumed * battery.rest_v * 0.036) if known else -1,
+                    remaining_pct=self._remaining_pct(), charge_state=1 + self._battery_level, kind=0,
+                )  # fmt: skip
+            case "EKF_STATUS_REPORT":
+                return telemetry.ekf_status(EKF_READY if self.ready else EKF_BOOT)
+            case "GPS_RAW_INT":
+                return telemetry.gps_raw(self.home, self.frame.body, self.boot_ms, fix=6 if self.ready else 1)
+            case "MISSION_CURRENT":
+                # The count leaves home out, so it is the last item's number.
+                return out(
+                    "MISSION_CURRENT", seq=self.mission.index, total=max(len(self.store.items) - 1, 0),
+                    mission_state=int(self.mission.state), mission_mode=int(self.mode == Mode.AUTO), mission_id=0,
+                )  # fmt: skip
+            case "AUTOPILOT_VERSION":
+                return telemetry.autopilot_version(
+                    capabilities=CAPABILITIES, version=(4, 7, 0, DEV), uid=self.vehicle.sysid
+                )
+            case _:
+                return self._build_rare(name)
+
+    def _build_rare(self, name: str) -> Outbound | None:
+        match name:
+            case "WIND":
+                return telemetry.wind(self.vehicle.wind_m_s)
+            case "FENCE_STATUS":
+                return telemetry.fence_status(self.boot_ms, self._breaches, breached=self._breached)
+            case _:
+                return None

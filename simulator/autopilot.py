@@ -1,0 +1,522 @@
+"""What ArduPilot and PX4 have in common: time, telemetry on schedule, the dispatch of what is heard.
+
+A vehicle is advanced in fixed steps of its own time, and everything it does follows that time. It knows no socket, no
+wall clock and no chance: ``advance`` and ``receive`` go in, ``voice.drain()`` and ``frame.drain_events()`` come out.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar
+
+from simulator import telemetry
+from simulator.airframe import Airframe, Manners
+from simulator.camera import Payload
+from simulator.config import AutopilotKind, SimVehicle
+from simulator.enums import MavCommand, Result, Severity
+from simulator.faults import PAYLOAD_FAULTS, InjectionKind
+from simulator.guidance import Hover, Leg, stopping_place
+from simulator.messages import (
+    Body,
+    Command,
+    Heartbeat,
+    MissionMessage,
+    MissionSetCurrent,
+    Outbound,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+    Peer,
+    Ping,
+    Received,
+    RequestDataStream,
+    SetMode,
+    Timesync,
+    order_words,
+    out,
+)
+from simulator.mission_store import MissionStore, StoreStep
+from simulator.params import ParamTable, defaults_for
+from simulator.physics import Home, Place
+from simulator.route import mission_length_m
+from simulator.streams import MESSAGE_IDS, MESSAGE_NAMES, Streams
+from simulator.voice import Voice
+
+STEP_S = 0.05
+"""Physics and decisions, simulated."""
+BOOT_S = 5.0
+"""Silence of a restart."""
+FULL_PCT = 100.0
+WALK_S = 15.0
+"""Until somebody is beside a vehicle that has landed."""
+PACK_S = 20.0
+"""Without power, and until it has booted."""
+BOOT_ANEW_S = 8.0
+"""Measured: PX4's simulator, killed and restarted, answers again from its pad."""
+DRIFT_M, DRIFT_M_S = 4.0, 0.5
+"""How far and how fast the air carries a vehicle that holds its height alone."""
+LAST_WORDS_S = 2.0
+"""How long a crashed vehicle still reports that it is disarmed."""
+FORCE = 21196
+"""param2 of COMPONENT_ARM_DISARM that stops the motors in flight."""
+
+
+class Autopilot(ABC):
+    """One vehicle."""
+
+    STREAMS_S: ClassVar[Mapping[str, float]]
+    """What is sent without being asked for, and its interval."""
+    REFUSED: ClassVar[Result]
+    """The result of arming or disarming that is refused."""
+    NO_MESSAGE: ClassVar[Result]
+    """The result of a request for a message that it does not have."""
+    ACKNOWLEDGES_FIRST: ClassVar[bool]
+    """Whether a message that was requested comes behind the acknowledgement."""
+    ON_ITS_BACK: ClassVar[str]
+    """Why a wreck is not armed again."""
+    KILLED: ClassVar[str]
+    """Why it is not armed while its kill switch is on."""
+
+    def __init__(self, vehicle: SimVehicle, manners: Manners, store: MissionStore, home: Home) -> None:
+        self.vehicle = vehicle
+        self.home = home
+        self.frame = Airframe(vehicle, manners)
+        px4 = vehicle.autopilot is AutopilotKind.PX4
+        self.params = ParamTable(defaults_for(vehicle, self.frame.battery.capacity_mah), bytewise=px4)
+        self.store = store
+        self.voice = Voice(tab=px4)
+        self.now_s = 0.0
+        self.boot_s = 0.0
+        self.mode = 0
+        self.killed = False
+        """Whether a person keeps the kill switch on: it does not arm then."""
+        self.hands = False
+        """Whether a person holds the sticks: a mode that follows them keeps its height then."""
+        self.streams = Streams(self.STREAMS_S, 0.0)
+        self.gcs_heard_s: float | None = None
+        """When the ground station that counts was last heard; None before it ever was."""
+        self._mission_began_s: float | None = None
+        self._mission_length_m = 0.0
+        self._odometer_m = 0.0
+        self._rebooting_until_s: float | None = None
+        self._was_armed = self._was_up = False
+        self.landings = 0
+        """How often it has come to rest after a flight, and somebody is beside it."""
+        self._rests_s: float | None = None
+        """Since when nobody has come to it after its last landing."""
+        self.told_to_disarm = False
+        """Whether a command stopped the motors last."""
+        self.payload = Payload(vehicle, home, self.frame.body) if vehicle.cameras else None
+        self._partner = Peer(0, 0)
+        """Who gave the command that is being obeyed."""
+        self._after_ack: list[Outbound] = []
+        self._commands: Mapping[int, Callable[[Command], Result]] = {
+            MavCommand.COMPONENT_ARM_DISARM: self._arm_command,
+            MavCommand.SET_MESSAGE_INTERVAL: self._interval_command,
+            MavCommand.GET_MESSAGE_INTERVAL: self._get_interval_command,
+            MavCommand.REQUEST_MESSAGE: lambda command: self._send_named(command.integer(0)),
+            MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda _: self._send_named(MESSAGE_IDS["AUTOPILOT_VERSION"]),
+            MavCommand.PREFLIGHT_REBOOT_SHUTDOWN: self._reboot_command,
+            MavCommand.DO_GIMBAL_MANAGER_CONFIGURE: self._gimbal_command,
+            **self._own_commands(),
+        }
+        body = self.frame.body
+        self._builders: Mapping[str, Callable[[], Outbound]] = {
+            "GLOBAL_POSITION_INT": lambda: telemetry.global_position(home, body, self.boot_ms),
+            "LOCAL_POSITION_NED": lambda: telemetry.local_position(body, self.boot_ms),
+            "ATTITUDE": lambda: telemetry.attitude(body, self.boot_ms),
+            "VFR_HUD": lambda: telemetry.vfr_hud(home, body, motors=self.frame.motors_on),
+            "HOME_POSITION": lambda: telemetry.home_position(home, self.boot_ms),
+            # Without a satellite clock the time of day is unknown, and unknown is 0.
+            "SYSTEM_TIME": lambda: out("SYSTEM_TIME", time_unix_usec=0, time_boot_ms=self.boot_ms),
+            "TIMESYNC": lambda: out("TIMESYNC", tc1=0, ts1=self.boot_ms * 1_000_000),
+            "EXTENDED_SYS_STATE": lambda: out(
+                "EXTENDED_SYS_STATE", vtol_state=0, landed_state=int(self.frame.landed_state)
+            ),
+        }
+
+    # What goes in.
+
+    def advance(self, until_s: float) -> None:
+        """Live until a simulated time, in whole steps."""
+        while self.now_s + STEP_S <= until_s + 1e-9:
+            self.now_s += STEP_S
+            self._step()
+
+    def receive(self, received: Received) -> None:
+        """React to a message at once."""
+        if self.frame.crashed_s is None and self._rebooting_until_s is None:
+            self._dispatch(received.sender, received.body)
+
+    def reboot(self, *, on_pad: bool = False) -> None:
+        """Restart; the motors stop. A simulator that is restarted may stand on its pad again."""
+        self._rebooting_until_s = self.now_s + (BOOT_ANEW_S if on_pad else BOOT_S)
+        if on_pad:
+            self.frame.put_on_pad()
+        self.frame.disarm()
+
+    def taken(self, word: str) -> None:
+        """Follow a person who switches the mode by remote control, and holds the sticks."""
+        self.frame.happened(f"pilot {word}")
+        self.hands, self.killed = True, False
+        self.set_mode(self.mode_of(word))
+
+    def drift(self) -> None:
+        """Hold the height alone: the air carries it a few metres away."""
+        here = stopping_place(self.frame.body, self.frame.pilot.limits)
+        there = Place(here.east_m + DRIFT_M, here.north_m, here.up_m)
+        self.frame.pilot.fly([Leg(here, there, DRIFT_M_S, accept_m=0.5), Hover(there)])
+
+    def befalls(self, kind: InjectionKind, word: str, value: float) -> None:
+        """Suffer what people, fences, batteries, estimators and cameras do."""
+        if kind in PAYLOAD_FAULTS and self.payload is not None:
+            self.payload.befall(kind.value, value)
+        match kind:
+            case InjectionKind.PILOT:
+                self.taken(word)
+            case InjectionKind.STICKS:
+                self._sticks_moved()
+            case InjectionKind.KILL:
+                self.frame.happened("kill")
+                self.killed = True
+                self._on_kill()
+                self.frame.kill()
+            case InjectionKind.DISARM | InjectionKind.PACK if self.frame.body.on_ground:
+                self._handled(kind, value)
+            case InjectionKind.WRECK:
+                self.frame.wreck()
+            case InjectionKind.FENCE:
+                self.frame.happened("failsafe fence")
+                self._on_breach()
+            case InjectionKind.EMERGENCY:
+                self._on_emergency(self.mode_of(word or "LAND"))
+            case InjectionKind.EKF if self.frame.armed:  # disarmed, neither autopilot looks at it
+                self.frame.happened("failsafe ekf")
+                self._on_lost_estimate()
+
+    def _handled(self, kind: InjectionKind, value: float) -> None:
+        """Have somebody beside it, who disarms it, or gives it another pack while its motors stand still."""
+        if kind is InjectionKind.DISARM:
+            self.frame.happened("pilot DISARM")
+            self.frame.disarm()
+        elif not self.frame.armed:
+            self.frame.battery.change(value or FULL_PCT)
+            self._rebooting_until_s = self.now_s + PACK_S
+
+    # What others may ask.
+
+    @property
+    def mission_s(self) -> float | None:
+        """Seconds since the vehicle began its mission; None before."""
+        return None if self._mission_began_s is None else self.now_s - self._mission_began_s
+
+    @property
+    def flown_share(self) -> float | None:
+        """Distance flown since the mission began over its length then; None before."""
+        if self._mission_began_s is None or self._mission_length_m <= 0:
+            return None
+        return (self.frame.body.flown_m - self._odometer_m) / self._mission_length_m
+
+    @property
+    def mute(self) -> bool:
+        """Whether nothing is sent at all: restarting, or dead."""
+        crashed_s = self.frame.crashed_s
+        return self._rebooting_until_s is not None or (crashed_s is not None and self.now_s > crashed_s + LAST_WORDS_S)
+
+    @property
+    def boot_ms(self) -> int:
+        """time_boot_ms."""
+        return round((self.now_s - self.boot_s) * 1000)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the vehicle has booted far enough to be armed."""
+        return self.now_s - self.boot_s >= self.vehicle.ready_after_s
+
+    @property
+    def gcs_silence_s(self) -> float | None:
+        """Seconds since the ground station was heard; None before it ever was."""
+        return None if self.gcs_heard_s is None else self.now_s - self.gcs_heard_s
+
+    def begin_mission(self) -> None:
+        """Note that a mission begins; the first one is what faults count from."""
+        if self._mission_began_s is None:
+            self._mission_began_s = self.now_s
+            self._mission_length_m = mission_length_m(self.store.items, self.home)
+            self._odometer_m = self.frame.body.flown_m
+            self.frame.happened("mission_started")
+
+    def select_item(self, seq: int) -> bool:
+        """Make an item the current one and tell everybody; False when there is none."""
+        selected = self._set_current(seq)
+        message = self._build("MISSION_CURRENT") if selected else None
+        if message is not None:
+            self.voice.send([message])
+        return selected
+
+    def carry_out(self, number: int, params: Sequence[float]) -> bool:
+        """Do what a mission item or a command wants of the payload; returns whether there is one for it."""
+        return self.payload is not None and self.payload.obey(number, params)
+
+    def arm(self) -> bool:
+        """Arm, unless something speaks against it; then say what."""
+        if self.frame.armed:
+            return True
+        reason = self.ON_ITS_BACK if self.frame.wrecked else self.KILLED if self.killed else self._refuse_arming()
+        if reason is not None:
+            self.voice.say(Severity.CRITICAL, reason)
+            return False
+        self.frame.arm()
+        self._was_armed = True
+        self._on_armed()
+        return True
+
+    def acknowledge(self, command: Command, result: Result) -> None:
+        """Acknowledge a command to who gave it."""
+        self.voice.send([
+            out("COMMAND_ACK", command=command.number, result=int(result), progress=0, result_param2=0,
+                target_system=self._partner.sysid, target_component=self._partner.compid)
+        ])  # fmt: skip
+
+    # What the dialects do differently.
+
+    @abstractmethod
+    def _own_commands(self) -> dict[int, Callable[[Command], Result]]:
+        """Return the commands that this dialect knows besides the common ones."""
+
+    @abstractmethod
+    def _decide(self) -> None:
+        """Follow the mission and the failsafes for one step."""
+
+    @abstractmethod
+    def _refuse_arming(self) -> str | None:
+        """Return why the vehicle cannot be armed, or None."""
+
+    @abstractmethod
+    def set_mode(self, mode: int) -> Result:
+        """Change the mode, or refuse."""
+
+    @abstractmethod
+    def mode_of(self, word: str) -> int:
+        """Return the number of a mode that a person chooses."""
+
+    @abstractmethod
+    def mode_order(self, word: str) -> Command:
+        """Return the order of a mode as a ground station gives it."""
+
+    @abstractmethod
+    def _sticks_moved(self) -> None:
+        """React to a person who moves the sticks."""
+
+    @abstractmethod
+    def _on_kill(self) -> None:
+        """Say what is said when somebody stops the motors."""
+
+    @abstractmethod
+    def _on_breach(self) -> None:
+        """React to the fence."""
+
+    @abstractmethod
+    def _on_emergency(self, mode: int) -> None:
+        """React to a battery that is nearly empty at once."""
+
+    @abstractmethod
+    def _on_lost_estimate(self) -> None:
+        """React to an estimator that does not know where it is."""
+
+    @abstractmethod
+    def _on_store(self, step: StoreStep) -> None:
+        """React to a change of the mission on board."""
+
+    @abstractmethod
+    def _set_current(self, seq: int) -> bool:
+        """Make an item the current one; False when there is none."""
+
+    @abstractmethod
+    def _set_mode_message(self, message: SetMode) -> None:
+        """Follow SET_MODE."""
+
+    @abstractmethod
+    def _on_no_interval(self, number: int) -> Result:
+        """Refuse to send a message on schedule that it does not have."""
+
+    @abstractmethod
+    def _on_armed(self) -> None:
+        """React to the motors having started."""
+
+    @abstractmethod
+    def _on_disarmed(self) -> None:
+        """React to the motors having stopped."""
+
+    @abstractmethod
+    def _on_boot(self) -> None:
+        """Forget what a restart forgets."""
+
+    @abstractmethod
+    def _counts_as_gcs(self, sender: Peer, heartbeat: Heartbeat) -> bool:
+        """Return whether this heartbeat holds the failsafe."""
+
+    @abstractmethod
+    def _on_gcs(self) -> None:
+        """React to a heartbeat that counts, just before it is noted."""
+
+    @abstractmethod
+    def _mission_locked(self) -> bool:
+        """Return whether the mission may not be cleared."""
+
+    @abstractmethod
+    def _build_own(self, name: str) -> Outbound | None:
+        """Return a telemetry message that the dialects fill differently; None where there is nothing to say."""
+
+    # One step.
+
+    def _step(self) -> None:
+        self.frame.step(self.now_s, STEP_S)
+        if self.payload is not None:
+            self.payload.step(self.now_s, self.boot_s, STEP_S)
+        self._was_up = self._was_up or not self.frame.body.on_ground
+        if self._was_armed and not self.frame.armed:
+            self._rests_s = self.now_s if self._was_up else None
+            self._was_armed = self._was_up = False
+            self._on_disarmed()
+            self.told_to_disarm = False
+        if self._rests_s is not None and self.now_s - self._rests_s >= WALK_S:
+            self._rests_s = None
+            self.landings += 1
+        if self._rebooting_until_s is not None:
+            if self.now_s >= self._rebooting_until_s:
+                self._boot()
+        elif self.frame.crashed_s is not None:
+            self._report(only_heartbeat=True)
+        else:
+            self._decide()
+            self._follow(self.store.tick(self.now_s))
+            self._report(only_heartbeat=False)
+
+    def _boot(self) -> None:
+        self._rebooting_until_s = None
+        self.boot_s = self.now_s
+        self.gcs_heard_s = None
+        self.streams = Streams(self.STREAMS_S, self.now_s)
+        self.store.forget_transfers()
+        self._on_boot()
+
+    def _report(self, *, only_heartbeat: bool) -> None:
+        for name in self.streams.due(self.now_s):
+            message = self._build(name) if name == "HEARTBEAT" or not only_heartbeat else None
+            if message is not None:
+                self.voice.send([message])
+
+    def _build(self, name: str) -> Outbound | None:
+        """Return a telemetry message by its name; None where there is nothing to say."""
+        builder = self._builders.get(name)
+        return self._build_own(name) if builder is None else builder()
+
+    # What is heard.
+
+    def _dispatch(self, sender: Peer, body: Body) -> None:
+        order = order_words(body)
+        if order:
+            self.frame.happened(order, sender.sysid)
+        match body:
+            case Heartbeat():
+                if self._counts_as_gcs(sender, body):
+                    self._on_gcs()
+                    self.gcs_heard_s = self.now_s
+            case Command():
+                self._command(sender, body)
+            case SetMode():
+                self._partner = sender
+                self._set_mode_message(body)
+            case MissionSetCurrent():
+                self.select_item(body.seq)
+            case ParamRequestList() | ParamRequestRead() | ParamSet():
+                self.voice.send(self.params.answer(body))
+            case RequestDataStream():
+                self.streams.request(body.stream, body.rate_hz if body.start else 0, self.now_s)
+            case Timesync() | Ping():
+                self._answer(sender, body)
+            case _:
+                self._mission_message(sender, body)
+
+    def _answer(self, sender: Peer, body: Timesync | Ping) -> None:
+        """Answer questions; what is an answer itself gets none."""
+        if isinstance(body, Timesync) and body.tc1 == 0:
+            self.voice.send([out("TIMESYNC", tc1=self.boot_ms * 1_000_000, ts1=body.ts1)])
+        if isinstance(body, Ping) and body.target_sysid == 0:
+            self.voice.send([
+                out("PING", time_usec=body.time_usec, seq=body.seq, target_system=sender.sysid,
+                    target_component=sender.compid)
+            ])  # fmt: skip
+
+    def _mission_message(self, sender: Peer, body: MissionMessage) -> None:
+        self._follow(self.store.handle(body, sender, self.now_s, locked=self._mission_locked()))
+
+    def _follow(self, step: StoreStep) -> None:
+        self.voice.send(step.send)
+        for severity, text in step.texts:
+            self.voice.say(severity, text)
+        self._on_store(step)
+
+    def _command(self, sender: Peer, command: Command) -> None:
+        self._partner = sender
+        handler = self._commands.get(command.number)
+        result = Result.UNSUPPORTED if handler is None else handler(command)
+        if handler is None and self.carry_out(command.number, command.params):
+            result = Result.ACCEPTED
+        self.acknowledge(command, result)
+        self.voice.send(self._after_ack)
+        self._after_ack.clear()
+
+    def _arm_command(self, command: Command) -> Result:
+        if command.params[0] >= 0.5:
+            return Result.ACCEPTED if self.arm() else self.REFUSED
+        if not self.frame.body.on_ground and command.params[1] != FORCE:
+            return self._refuse_disarming()
+        self.told_to_disarm = self.frame.armed
+        self.frame.disarm()
+        return Result.ACCEPTED
+
+    def _refuse_disarming(self) -> Result:
+        return self.REFUSED
+
+    def _interval_command(self, command: Command) -> Result:
+        number = command.integer(0)
+        name = MESSAGE_NAMES.get(number)
+        if name is None or self._build(name) is None:
+            return self._on_no_interval(number)
+        self.streams.set_interval(name, command.params[1], self.now_s)
+        return Result.ACCEPTED
+
+    def _get_interval_command(self, command: Command) -> Result:
+        number = command.integer(0)
+        name = MESSAGE_NAMES.get(number)
+        interval_s = None if name is None else self.streams.interval_s(name)
+        interval_us = -1 if interval_s is None else round(interval_s * 1e6)
+        self.voice.send([out("MESSAGE_INTERVAL", message_id=number, interval_us=0 if name is None else interval_us)])
+        return Result.ACCEPTED
+
+    def _send_named(self, number: int) -> Result:
+        name = MESSAGE_NAMES.get(number)
+        message = None if name is None else self._build(name)
+        if message is None and self.payload is not None:
+            message = self.payload.managed(number)
+        if message is None:
+            return self.NO_MESSAGE
+        if self.ACKNOWLEDGES_FIRST:
+            self._after_ack.append(message)
+        else:
+            self.voice.send([message])
+        return Result.ACCEPTED
+
+    def _gimbal_command(self, command: Command) -> Result:
+        sender = (self._partner.sysid, self._partner.compid)
+        given = self.payload is not None and self.payload.configure(command.params, sender)
+        return Result.ACCEPTED if given else Result.UNSUPPORTED
+
+    def _reboot_command(self, command: Command) -> Result:
+        if command.params[0] != 1 or self.frame.armed:
+            return Result.DENIED
+        self.reboot()
+        return Result.ACCEPTED

@@ -1,0 +1,389 @@
+"""Cameras of a simulated vehicle: triggered by its autopilot or by themselves, with a card, a gimbal and faults.
+
+A camera with a component id from 7 on speaks for itself by the camera protocol v2; one that is wired to the autopilot
+says nothing, and the autopilot reports each trigger: ArduPilot by CAMERA_FEEDBACK, PX4 by CAMERA_TRIGGER.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from missions.items import Command as Item
+from simulator.config import AutopilotKind, SimCamera, SimVehicle
+from simulator.enums import Result
+from simulator.gimbal import DEVICE_INFORMATION, GIMBAL, GIMBAL_S, Gimbal, quaternion
+from simulator.messages import Command, FieldValue, Outbound, out
+from simulator.physics import Body, Home, Place
+
+FIRST_COMPONENT = 7
+CAMERA_TYPE, NO_AUTOPILOT = 30, 8
+CARD_MIB, PICTURE_MIB = 32_000.0, 8.0
+INFORMATION, SETTINGS, STORAGE, STATUS, CAPTURED = 259, 260, 261, 262, 263
+CAPTURES = 1 | 2 | 8
+"""CAMERA_CAP_FLAGS: video, pictures, and pictures while it films."""
+FOCAL_MM, SENSOR_MM, PIXELS = 24.0, (17.3, 13.0), (5280, 3956)
+REQUEST_MESSAGE = 512
+NEVER_S = math.inf
+OF_CAMERAS = frozenset({
+    Item.IMAGE_START_CAPTURE, Item.IMAGE_STOP_CAPTURE, Item.VIDEO_START_CAPTURE, Item.VIDEO_STOP_CAPTURE,
+})  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """A picture on a card."""
+
+    camera: str
+    number: int
+    t_s: float
+    """Simulated seconds since the simulation began."""
+    lat_deg: float
+    lon_deg: float
+    alt_msl_m: float
+    east_m: float
+    """Of its pad, as the next two."""
+    north_m: float
+    up_m: float
+    pitch_deg: float
+    yaw_deg: float
+    speed_m_s: float
+
+
+class CameraUnit:
+    """One camera."""
+
+    def __init__(self, config: SimCamera) -> None:
+        self.config = config
+        self.speaks = config.id >= FIRST_COMPONENT
+        self.silent = self.mute = self.full = False
+        self.loss = 0.0
+        self.images = 0
+        """How many it has taken."""
+        self.told: dict[int, Outbound] = {}
+        """What it said of each picture."""
+        self.every_s = 0.0
+        self.due_s = NEVER_S
+        self.filming_s: float | None = None
+        self.beat_s = 0.0
+
+    def answers_to(self, number: float) -> bool:
+        """Return whether an item's camera id means it."""
+        return number in {0.0, float(self.config.id)}
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """A message of one of the vehicle's components; None is the autopilot."""
+
+    component: int | None
+    message: Outbound
+
+
+@dataclass(slots=True)
+class Payload:
+    """All cameras of one vehicle and the gimbal that they hang on."""
+
+    vehicle: SimVehicle
+    home: Home
+    body: Body
+    units: list[CameraUnit] = field(init=False)
+    gimbal: Gimbal | None = field(init=False)
+    region: Place | None = None
+    """What the gimbal, or else the nose, is turned to by the autopilot."""
+    every_m: float = 0.0
+    """The autopilot triggers after so much way; 0 is not at all."""
+    _last_m: tuple[float, float] | None = None
+    _triggers: int = 0
+    _said: list[Said] = field(default_factory=list)
+    _shots: list[Shot] = field(default_factory=list)
+    _rng: random.Random = field(init=False)
+    now_s: float = 0.0
+    boot_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Mount the cameras."""
+        self.units = [CameraUnit(config) for config in self.vehicle.cameras]
+        self.gimbal = Gimbal() if any(config.gimbal for config in self.vehicle.cameras) else None
+        self._rng = random.Random(f"{self.vehicle.seed}:{self.vehicle.name}:cameras")
+
+    # What goes in.
+
+    def components(self) -> frozenset[int]:
+        """Return the components that speak and are spoken to beside the autopilot."""
+        return frozenset(unit.config.id for unit in self.units if unit.speaks)
+
+    def obey(self, number: int, params: Sequence[float]) -> bool:
+        """Follow a mission item or a command; returns whether it is one for cameras."""
+        match number:
+            case Item.DO_SET_CAM_TRIGG_DIST:
+                self.every_m = max(0.0, params[0])
+                self._last_m = (self.body.east_m, self.body.north_m)
+                if self.every_m and params[2] == 1:
+                    self._trigger()
+            case Item.DO_DIGICAM_CONTROL:
+                if params[4] == 1:
+                    self._trigger()
+            case Item.DO_GIMBAL_MANAGER_PITCHYAW | Item.DO_SET_ROI_LOCATION | Item.DO_SET_ROI_NONE:
+                self._point(number, params)
+            case _ if number in OF_CAMERAS:
+                for unit in self.units:
+                    self._ordered(unit, number, params)
+            case _:
+                return False
+        return True
+
+    def _point(self, number: int, params: Sequence[float]) -> None:
+        """Do what an item says of where to look."""
+        self.region = None
+        if number == Item.DO_SET_ROI_LOCATION:
+            self.region = self.home.place(int(params[4]), int(params[5]), params[6])
+        elif number == Item.DO_SET_ROI_NONE:
+            self.body.face_rad = None
+        elif self.gimbal is not None:
+            self.gimbal.aim(params)
+
+    def _ordered(self, unit: CameraUnit, number: int, params: Sequence[float]) -> None:
+        """Have one camera do what an item for cameras says."""
+        match number:
+            case Item.VIDEO_START_CAPTURE:
+                unit.filming_s = self.now_s
+            case Item.VIDEO_STOP_CAPTURE:
+                unit.filming_s = None
+            case _ if not unit.answers_to(params[0]):
+                pass
+            case Item.IMAGE_STOP_CAPTURE:
+                unit.every_s, unit.due_s = 0.0, NEVER_S
+            case _ if params[2] == 1:
+                self._shoot(unit)
+            case _:
+                unit.every_s, unit.due_s = params[1], self.now_s
+
+    def asked(self, command: Command, component: int) -> None:
+        """Answer what one of its components is asked."""
+        if component == GIMBAL and self.gimbal is not None and command.number == REQUEST_MESSAGE:
+            known = command.integer(0) == DEVICE_INFORMATION
+            self._said.append(Said(GIMBAL, _acknowledged(command.number, _result(done=known))))
+            self._said += [Said(GIMBAL, self.gimbal.device(self._boot_ms))] if known else []
+        for unit in self.units:
+            if unit.config.id != component or unit.silent:
+                continue
+            message = self._message(unit, command) if command.number == REQUEST_MESSAGE else None
+            done = message is not None or self.obey(command.number, command.params)
+            self._say(unit, _acknowledged(command.number, _result(done=done)))
+            if message is not None:
+                self._say(unit, message)
+
+    def managed(self, number: int) -> Outbound | None:
+        """Return what the autopilot says of the gimbal when it is asked for a message; None if it says nothing."""
+        return None if self.gimbal is None else self.gimbal.said_by_manager(number, self._boot_ms)
+
+    def configure(self, params: Sequence[float], sender: tuple[int, int]) -> bool:
+        """Let somebody take control of the gimbal, or give it back; returns whether there is one."""
+        if self.gimbal is not None:
+            self.gimbal.configure(params, sender)
+        return self.gimbal is not None
+
+    def befall(self, fault: str, value: float) -> None:
+        """Suffer a fault, in the words of `InjectionKind`."""
+        for unit in self.units:
+            match fault:
+                case "camera-silent":
+                    unit.silent = True
+                case "camera-mute":
+                    unit.mute = True
+                case "camera-loss":
+                    unit.loss = value
+                case "card-full":
+                    unit.full = True
+        if fault == "gimbal-stuck" and self.gimbal is not None:
+            self.gimbal.stuck = True
+
+    def step(self, now_s: float, boot_s: float, dt_s: float) -> None:
+        """Live for one step."""
+        self.now_s, self.boot_s = now_s, boot_s
+        if self.region is not None:
+            self._turn_to(self.region)
+        if self.gimbal is not None:
+            self.gimbal.step(dt_s, math.degrees(self.body.yaw_rad))
+            if now_s >= self.gimbal.due_s:
+                self.gimbal.due_s = now_s + GIMBAL_S
+                self._say_gimbal(self.gimbal)
+        here_m = (self.body.east_m, self.body.north_m)
+        if self.every_m and self._last_m is not None and math.dist(here_m, self._last_m) >= self.every_m:
+            self._last_m = here_m
+            self._trigger()
+        for unit in self.units:
+            if now_s >= unit.due_s:
+                unit.due_s = now_s + unit.every_s
+                self._shoot(unit)
+            if unit.speaks and not unit.silent and now_s >= unit.beat_s:
+                unit.beat_s = now_s + 1.0
+                self._say(unit, _beat(CAMERA_TYPE))
+                self._say(unit, self._status(unit))
+
+    def _turn_to(self, region: Place) -> None:
+        """Point the gimbal at a region of interest; without one the vehicle turns its nose (autoyaw.cpp)."""
+        east_m, north_m = region.east_m - self.body.east_m, region.north_m - self.body.north_m
+        bearing_rad = math.atan2(east_m, north_m)
+        if self.gimbal is None:
+            self.body.face_rad = bearing_rad
+            return
+        pitch_rad = math.atan2(region.up_m - self.body.up_m, math.hypot(east_m, north_m))
+        self.gimbal.wanted, self.gimbal.from_north = (math.degrees(pitch_rad), math.degrees(bearing_rad)), True
+
+    def reboot(self) -> None:
+        """Forget what a restart of the autopilot forgets."""
+        self.every_m = 0.0
+        self.region = None
+
+    # What comes out.
+
+    def drain(self) -> list[Said]:
+        """Take away what is to be sent."""
+        said, self._said = self._said, []
+        return said
+
+    def drain_shots(self) -> list[Shot]:
+        """Take away what came onto the cards."""
+        shots, self._shots = self._shots, []
+        return shots
+
+    @property
+    def _boot_ms(self) -> int:
+        return round((self.now_s - self.boot_s) * 1000)
+
+    def _say(self, unit: CameraUnit, message: Outbound) -> None:
+        self._said.append(Said(unit.config.id, message))
+
+    def _trigger(self) -> None:
+        """Let the autopilot trigger all that it triggers."""
+        number, self._triggers = self._triggers, self._triggers + 1
+        usec = round((self.now_s - self.boot_s) * 1e6)
+        taken = [(unit, self._shoot(unit)) for unit in self.units if unit.config.triggered]
+        if self.vehicle.autopilot is AutopilotKind.PX4:
+            self._said.append(Said(None, out("CAMERA_TRIGGER", time_usec=usec, seq=number)))
+            return
+        for unit, done in taken:
+            if done and not unit.speaks and not unit.mute and self._rng.random() >= unit.loss:
+                self._said.append(Said(None, self._feedback(unit, number + 1, usec)))
+
+    def _feedback(self, unit: CameraUnit, number: int, usec: int) -> Outbound:
+        lat, lon = self.home.lat_lon_e7(self.body.east_m, self.body.north_m)
+        angles = (math.degrees(angle) for angle in (self.body.roll_rad, self.body.pitch_rad, self.body.yaw_rad))
+        roll, pitch, yaw = angles
+        return out(
+            "CAMERA_FEEDBACK", time_usec=usec, target_system=0, cam_idx=max(0, unit.config.id - 1), img_idx=number,
+            lat=lat, lng=lon, alt_msl=self.home.alt_m + self.body.up_m, alt_rel=self.body.up_m, roll=roll, pitch=pitch,
+            yaw=yaw % 360, foc_len=0.0, flags=0, completed_captures=number,
+        )  # fmt: skip
+
+    def _shoot(self, unit: CameraUnit) -> bool:
+        """Take one picture; returns whether the camera did anything."""
+        if unit.silent:
+            return False
+        lat, lon = self.home.lat_lon_e7(self.body.east_m, self.body.north_m)
+        if not unit.full:
+            unit.images += 1
+            self._shots.append(Shot(
+                unit.config.name, unit.images, self.now_s, lat / 1e7, lon / 1e7, self.home.alt_m + self.body.up_m,
+                self.body.east_m, self.body.north_m, self.body.up_m, *self._aim(unit), self.body.ground_speed_m_s,
+            ))  # fmt: skip
+        elif not unit.speaks:
+            return False
+        if unit.speaks:
+            pitch_deg, yaw_deg = self._aim(unit)
+            number = unit.images - 1 if not unit.full else unit.images
+            message = out(
+                "CAMERA_IMAGE_CAPTURED", time_boot_ms=self._boot_ms, time_utc=0, camera_id=0, lat=lat, lon=lon,
+                alt=round((self.home.alt_m + self.body.up_m) * 1e3), relative_alt=round(self.body.up_m * 1e3),
+                q=quaternion(0.0, pitch_deg, yaw_deg), image_index=number, capture_result=int(not unit.full),
+                file_url=b"" if unit.full else file_name(number + 1).encode(),
+            )  # fmt: skip
+            if not unit.full:
+                unit.told[number] = message
+            if not unit.mute and self._rng.random() >= unit.loss:
+                self._say(unit, message)
+        return True
+
+    def _aim(self, unit: CameraUnit) -> tuple[float, float]:
+        """Return the pitch from the horizon and the bearing of a camera's look."""
+        yaw_deg = math.degrees(self.body.yaw_rad)
+        if unit.config.gimbal and self.gimbal is not None:
+            return self.gimbal.pitch_deg, (yaw_deg + self.gimbal.yaw_deg) % 360
+        return unit.config.pitch_deg, yaw_deg % 360
+
+    def _say_gimbal(self, gimbal: Gimbal) -> None:
+        self._said.append(Said(GIMBAL, gimbal.attitude(self._boot_ms)))
+        if gimbal.control is not None:
+            self._said.append(Said(None, gimbal.status(self._boot_ms)))
+
+    def _message(self, unit: CameraUnit, command: Command) -> Outbound | None:
+        wanted = command.integer(0)
+        if wanted == STATUS:
+            return self._status(unit)
+        if wanted == STORAGE:
+            return self._storage(unit)
+        if wanted == INFORMATION:
+            return self._information(unit)
+        if wanted == SETTINGS:
+            return out("CAMERA_SETTINGS", time_boot_ms=self._boot_ms, mode_id=int(unit.filming_s is not None))
+        return unit.told.get(command.integer(1)) if wanted == CAPTURED and not unit.mute else None
+
+    def _free_mib(self, unit: CameraUnit) -> float:
+        return 0.0 if unit.full else max(0.0, CARD_MIB - PICTURE_MIB * unit.images)
+
+    def _status(self, unit: CameraUnit) -> Outbound:
+        films = unit.filming_s is not None and not unit.full
+        since_s = self.now_s - unit.filming_s if films and unit.filming_s is not None else 0.0
+        return out(
+            "CAMERA_CAPTURE_STATUS", time_boot_ms=self._boot_ms, image_status=2 if unit.every_s else 0,
+            video_status=int(films), image_interval=unit.every_s, recording_time_ms=round(since_s * 1e3),
+            available_capacity=self._free_mib(unit), image_count=unit.images, camera_device_id=0,
+        )  # fmt: skip
+
+    def _information(self, unit: CameraUnit) -> Outbound:
+        return out(
+            "CAMERA_INFORMATION", time_boot_ms=self._boot_ms, vendor_name=_bytes("faultline", 32),
+            model_name=_bytes(unit.config.name, 32), firmware_version=1, focal_length=FOCAL_MM,
+            sensor_size_h=SENSOR_MM[0], sensor_size_v=SENSOR_MM[1], resolution_h=PIXELS[0], resolution_v=PIXELS[1],
+            lens_id=0, flags=CAPTURES, cam_definition_version=0, cam_definition_uri=b"",
+        )  # fmt: skip
+
+    def _storage(self, unit: CameraUnit) -> Outbound:
+        free_mib = self._free_mib(unit)
+        fields: dict[str, FieldValue] = {
+            "time_boot_ms": self._boot_ms, "storage_id": 1, "storage_count": 1, "status": 2,
+            "total_capacity": CARD_MIB, "used_capacity": CARD_MIB - free_mib, "available_capacity": free_mib,
+            "read_speed": 0.0, "write_speed": 0.0, "type": 0, "name": b"", "storage_usage": 0,
+        }  # fmt: skip
+        return Outbound("STORAGE_INFORMATION", fields)
+
+
+def file_name(number: int) -> str:
+    """Return how a camera calls its picture."""
+    return f"DSC{number:05d}.JPG"
+
+
+def _bytes(text: str, length: int) -> list[int]:
+    """Return a text as an array of bytes, filled up with zeros."""
+    return list(text.encode()[: length - 1].ljust(length, b"\0"))
+
+
+def _result(*, done: bool) -> Result:
+    return Result.ACCEPTED if done else Result.UNSUPPORTED
+
+
+def _acknowledged(number: int, result: Result) -> Outbound:
+    return out(
+        "COMMAND_ACK", command=number, result=int(result), progress=0, result_param2=0, target_system=0,
+        target_component=0,
+    )  # fmt: skip
+
+
+def _beat(kind: int) -> Outbound:
+    return out(
+        "HEARTBEAT", type=kind, autopilot=NO_AUTOPILOT, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
+    )

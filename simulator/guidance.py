@@ -1,0 +1,350 @@
+"""What the vehicle is flying right now: goals as frozen data, and the velocity that each of them asks for.
+
+A goal says where to go; ``wish`` turns it into a velocity and ``finished`` says when it is done. The body's limits do
+the rest. A ``Pilot`` flies a queue of goals.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from simulator.curves import Strand, target
+from simulator.gliding import Glide, Glider, moving_share
+from simulator.physics import Body, Limits, Place, Velocity
+from simulator.smoothing import braking_speed_m_s
+from simulator.wander import Wander
+
+BRAKE_MARGIN = 0.7
+"""Share of the braking power that a planned stop uses; the rest corrects."""
+NEAR_PER_S = 1.5
+"""Approach speed for each metre that is left, in the last metres before a stop."""
+CROSS_TRACK_PER_S = 0.8
+HEIGHT_PER_S = 1.0
+STOPPED_M = 0.3
+STOPPED_M_S = 0.3
+"""A stop has been made when both are undercut."""
+CLIMBED_M = 0.15
+"""Recorded: ArduPilot's take-off to 25 m is over at 24.84 m."""
+RIDE_PER_S = 2.0
+"""How fast a vehicle closes up to a target that moves by the clock."""
+RIDE_M_S2 = 8.0
+RIDE_M = 1.5
+RIDE_M_S = 1.0
+"""A vehicle takes up the target of a leg that it is this near to, at nearly its speed."""
+RESTART_M_S = 0.4
+RESTART_M_S2 = 0.8
+"""ArduPilot's leg after a restart: measured, the speed dips from 4.9 to 1.4-1.9 m/s and is back within about 4 s; with
+a restart every second it crawls at 0.8 m/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """Stay on the ground while the motors spool up."""
+
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Climb:
+    """Go straight up or down to a height, over a point."""
+
+    place: Place
+    speed_m_s: float
+    slow_m_s: float = math.inf
+    slow_below_m: float = 0.0
+    """Up to this height it rises no faster than ``slow_m_s``."""
+    accept_m: float = CLIMBED_M
+    brakes: tuple[float, float] | None = None
+    """Acceleration and jerk that its end is planned with; None for the limits' alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """Fly a straight line."""
+
+    origin: Place
+    target: Place
+    speed_m_s: float
+    accept_m: float
+    """A leg that does not stop is done this near to its end."""
+    stop: bool = True
+    exit_m_s: float = 0.0
+    """Speed that the corner at its end allows, when it does not stop."""
+    entry_m_s: float | None = None
+    """Speed on the first part, when a slow-down takes effect late."""
+    entry_m: float = 0.0
+    restarted: bool = False
+    """Whether the speed builds up anew although the vehicle is moving."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ride:
+    """Follow a target that moves by the clock, from leg to leg."""
+
+    leg: Leg
+    """The same as a plain leg, for when the clock is lost."""
+    base: Place
+    strands: tuple[Strand, ...]
+    lasts_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Hover:
+    """Stay at a point, for so long or for good."""
+
+    place: Place
+    seconds: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Sink:
+    """Keep the point and lose height: a mode that follows a throttle stick which nobody holds."""
+
+    place: Place
+    speed_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Land:
+    """Descend to the ground over a point."""
+
+    place: Place
+    fast_m_s: float
+    slow_m_s: float
+    slow_from_m: float
+    """Height under which the descent is slow."""
+    fast_from_m: float
+    """Height above which it is fast; in between it slows down with the height."""
+
+
+Goal = Wait | Climb | Leg | Ride | Glide | Hover | Sink | Land
+
+
+def distance_m(a: Place, b: Place) -> float:
+    """Return the straight distance."""
+    return math.sqrt((a.east_m - b.east_m) ** 2 + (a.north_m - b.north_m) ** 2 + (a.up_m - b.up_m) ** 2)
+
+
+def stopping_place(body: Body, limits: Limits) -> Place:
+    """Return where the vehicle comes to rest when it brakes now."""
+    share = body.ground_speed_m_s / (2 * limits.brake_m_s2 * BRAKE_MARGIN)
+    up = abs(body.v_up_m_s) / (2 * limits.vertical_m_s2)
+    return Place(
+        body.east_m + body.v_east_m_s * share,
+        body.north_m + body.v_north_m_s * share,
+        max(body.up_m + body.v_up_m_s * up, 0.0),
+    )
+
+
+def corner_speed_m_s(before: Leg, after: Place, limits: Limits, cut_m: float) -> float:
+    """Return the speed at which the corner at the end of ``before`` can be flown, cutting it by at most ``cut_m``.
+
+    The arc that touches both legs and passes ``cut_m`` from the corner of turn angle phi has the radius
+    cut / (1 / cos(phi / 2) - 1); the planned lateral acceleration gives the speed.
+    """
+    one = (before.target.east_m - before.origin.east_m, before.target.north_m - before.origin.north_m)
+    two = (after.east_m - before.target.east_m, after.north_m - before.target.north_m)
+    lengths = math.hypot(*one) * math.hypot(*two)
+    if lengths < 1e-6:
+        return 0.0
+    cosine = max(-1.0, min(1.0, (one[0] * two[0] + one[1] * two[1]) / lengths))
+    half = math.sqrt((1 + cosine) / 2)
+    if half > 0.9999:
+        return before.speed_m_s
+    if half < 1e-3:
+        return 0.0
+    return min(before.speed_m_s, math.sqrt(limits.corner_m_s2 * cut_m / (1 / half - 1)))
+
+
+def wish(goal: Goal, body: Body, age_s: float, limits: Limits) -> Velocity:
+    """Return the velocity that the goal asks for, ``age_s`` after it was begun."""
+    match goal:
+        case Wait():
+            return Velocity()
+        case Climb():
+            east, north = _towards(goal.place, body, limits)
+            up = _rising(goal.place.up_m, body, limits)
+            if goal.brakes is not None:
+                left_m = goal.place.up_m - body.up_m
+                up = math.copysign(braking_speed_m_s(abs(left_m), *goal.brakes), left_m)
+            most = min(goal.speed_m_s, goal.slow_m_s) if body.up_m < goal.slow_below_m else goal.speed_m_s
+            return Velocity(east, north, min(max(up, -most), most))
+        case Hover():
+            east, north = _towards(goal.place, body, limits)
+            return Velocity(east, north, _rising(goal.place.up_m, body, limits))
+        case Sink():
+            east, north = _towards(goal.place, body, limits)
+            return Velocity(east, north, -goal.speed_m_s)
+        case Land():
+            east, north = _towards(goal.place, body, limits)
+            return Velocity(east, north, -_landing_m_s(goal, body.up_m))
+        case Leg():
+            return _along(goal, body, age_s, limits)
+        case Ride():
+            place, velocity = target(goal.base, goal.strands, age_s)
+            return Velocity(
+                velocity.east_m_s + RIDE_PER_S * (place.east_m - body.east_m),
+                velocity.north_m_s + RIDE_PER_S * (place.north_m - body.north_m),
+                velocity.up_m_s + RIDE_PER_S * (place.up_m - body.up_m),
+            )
+        case Glide():
+            return Velocity()
+
+
+def finished(goal: Goal, body: Body, age_s: float) -> bool:
+    """Return whether the goal has been reached."""
+    match goal:
+        case Wait() | Hover():
+            return age_s >= goal.seconds
+        case Climb():
+            return abs(body.up_m - goal.place.up_m) < goal.accept_m
+        case Ride():
+            return age_s >= goal.lasts_s
+        case Sink() | Glide():
+            return False
+        case Land():
+            return body.on_ground
+        case Leg():
+            left_m = distance_m(body.place, goal.target)
+            if goal.stop:
+                return left_m < max(goal.accept_m, STOPPED_M) and (
+                    goal.accept_m > STOPPED_M or body.ground_speed_m_s < STOPPED_M_S
+                )
+            return left_m < goal.accept_m or _progress(goal, body)[1] <= 0.0
+
+
+def takes_up(ride: Ride, body: Body) -> bool:
+    """Return whether a vehicle is near enough to a ride's beginning, and fast enough for it."""
+    place, velocity = target(ride.base, ride.strands, 0.0)
+    speeds = (body.v_east_m_s, body.v_north_m_s, body.v_up_m_s)
+    wanted = (velocity.east_m_s, velocity.north_m_s, velocity.up_m_s)
+    return distance_m(place, body.place) < RIDE_M and math.dist(speeds, wanted) < RIDE_M_S
+
+
+def _landing_m_s(goal: Land, up_m: float) -> float:
+    share = min(max((up_m - goal.slow_from_m) / max(goal.fast_from_m - goal.slow_from_m, 0.01), 0.0), 1.0)
+    return goal.slow_m_s + share * (goal.fast_m_s - goal.slow_m_s)
+
+
+def _towards(place: Place, body: Body, limits: Limits) -> tuple[float, float]:
+    """Return the horizontal velocity that ends at rest over a point."""
+    east, north = place.east_m - body.east_m, place.north_m - body.north_m
+    left_m = math.hypot(east, north)
+    if left_m < 1e-6:
+        return 0.0, 0.0
+    speed = _stopping_speed(left_m, 0.0, limits)
+    return east / left_m * speed, north / left_m * speed
+
+
+def _rising(up_m: float, body: Body, limits: Limits) -> float:
+    """Return the vertical velocity that ends at rest at a height."""
+    error_m = up_m - body.up_m
+    braking = math.sqrt(2 * BRAKE_MARGIN * limits.vertical_m_s2 * abs(error_m))
+    return math.copysign(min(HEIGHT_PER_S * abs(error_m), braking), error_m)
+
+
+def _stopping_speed(left_m: float, exit_m_s: float, limits: Limits) -> float:
+    """Return the speed from which ``exit_m_s`` can be reached in ``left_m``."""
+    braking = math.sqrt(exit_m_s**2 + 2 * BRAKE_MARGIN * limits.brake_m_s2 * max(left_m, 0.0))
+    return min(braking, exit_m_s + NEAR_PER_S * max(left_m, 0.0))
+
+
+def _progress(leg: Leg, body: Body) -> tuple[float, float]:
+    """Return metres flown along the leg's horizontal line, and metres left of it."""
+    east, north = leg.target.east_m - leg.origin.east_m, leg.target.north_m - leg.origin.north_m
+    length = math.hypot(east, north)
+    if length < 1e-6:
+        return 0.0, distance_m(body.place, leg.target)
+    done = ((body.east_m - leg.origin.east_m) * east + (body.north_m - leg.origin.north_m) * north) / length
+    return done, length - done
+
+
+def _along(leg: Leg, body: Body, age_s: float, limits: Limits) -> Velocity:
+    east, north = leg.target.east_m - leg.origin.east_m, leg.target.north_m - leg.origin.north_m
+    length = math.hypot(east, north)
+    rise = leg.target.up_m - leg.origin.up_m
+    if length < 0.1:
+        return Velocity(*_towards(leg.target, body, limits), _rising(leg.target.up_m, body, limits))
+    done, left = _progress(leg, body)
+    speed = leg.speed_m_s if leg.entry_m_s is None or done >= leg.entry_m else leg.entry_m_s
+    if leg.restarted:
+        speed = min(speed, RESTART_M_S + RESTART_M_S2 * age_s)
+    steepest = limits.climb_m_s if rise > 0 else limits.descend_m_s
+    if abs(rise) > 1e-3:
+        speed = min(speed, 0.9 * steepest * length / abs(rise))
+    speed = min(speed, _stopping_speed(left, 0.0 if leg.stop else leg.exit_m_s, limits))
+    share = min(max(done / length, 0.0), 1.0)
+    off_east = leg.origin.east_m + east * share - body.east_m
+    off_north = leg.origin.north_m + north * share - body.north_m
+    back_east, back_north = CROSS_TRACK_PER_S * off_east, CROSS_TRACK_PER_S * off_north
+    back, most = math.hypot(back_east, back_north), max(speed, 1.0)
+    if back > most:
+        back_east, back_north, back = back_east * most / back, back_north * most / back, most
+    # Both together are not faster than the leg allows.
+    speed = min(speed, math.sqrt(most**2 - back**2))
+    up = _rising(leg.origin.up_m + rise * share, body, limits) + (rise / length * speed if 0 < share < 1 else 0.0)
+    return Velocity(east / length * speed + back_east, north / length * speed + back_north, up)
+
+
+class Pilot:
+    """Flies goals one after the other."""
+
+    def __init__(self, body: Body, limits: Limits, wander: Wander | None = None) -> None:
+        self.body = body
+        self.limits = limits
+        self._wander = wander or Wander(0.0, "")
+        self._now_s = 0.0
+        self._goals: deque[Goal] = deque()
+        self._age_s = 0.0
+        self._glider: Glider | None = None
+        self._riding = replace(
+            limits, accelerate_m_s2=RIDE_M_S2, brake_m_s2=RIDE_M_S2, vertical_m_s2=RIDE_M_S2, corner_m_s2=RIDE_M_S2
+        )
+
+    @property
+    def goal(self) -> Goal | None:
+        """The goal under way; None when all are reached."""
+        return self._goals[0] if self._goals else None
+
+    def fly(self, goals: Iterable[Goal]) -> None:
+        """Drop what was under way and begin anew."""
+        self._goals = deque(goals)
+        self._age_s = 0.0
+
+    def change_speed(self, speed_m_s: float) -> None:
+        """Fly the line under way at another speed from now on."""
+        match self.goal:
+            case Leg() as leg:
+                self._goals[0] = replace(leg, speed_m_s=speed_m_s, entry_m_s=None)
+            case Ride(leg=leg):
+                self._goals[0] = replace(leg, speed_m_s=speed_m_s)
+            case Glide() as glide:
+                self._goals[0] = replace(glide, speed_m_s=speed_m_s)
+
+    def hold(self) -> None:
+        """Brake and stay."""
+        self.fly([Hover(stopping_place(self.body, self.limits))])
+
+    def step(self, dt_s: float) -> None:
+        """Fly for ``dt_s``; without a goal the vehicle keeps its place."""
+        goal = self.goal or Hover(self.body.place)
+        self._age_s += dt_s
+        self._now_s += dt_s
+        if isinstance(goal, Glide):
+            self._glider = self._glider or Glider(self.body, self._wander)
+            over = self._glider.fly(goal, self.body, self._now_s, dt_s)
+        else:
+            self._glider = None
+            limits = self._riding if isinstance(goal, Ride) else self.limits
+            wanted = wish(goal, self.body, self._age_s, limits)
+            if isinstance(goal, Climb):
+                # Its trajectory stands still over the ground, so that no swing is ahead of it.
+                wanted = replace(wanted, up_m_s=wanted.up_m_s * moving_share(*self._wander.at_m(self._now_s)))
+            self.body.fly(wanted, limits, dt_s)
+            over = finished(goal, self.body, self._age_s)
+        if self._goals and over:
+            self._goals.popleft()
+            self._age_s = 0.0

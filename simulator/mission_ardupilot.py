@@ -1,0 +1,391 @@
+"""How ArduPilot flies a mission in AUTO, with the habits that were measured on Copter 4.7-dev."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+from missions.items import Command, MissionItem
+from simulator.airframe import Airframe
+from simulator.curves import Curve, LegLimits, Strand, Vector, overlap_s, turn_s
+from simulator.enums import MissionState, Severity
+from simulator.fence import way_home_ends
+from simulator.guidance import Goal, Hover, Land, Leg, Ride, corner_speed_m_s, distance_m, takes_up
+from simulator.messages import out
+from simulator.mission_store import DONE_IN_PASSING, CarryOut, has_place, params_of
+from simulator.params import ParamTable
+from simulator.physics import Home, Place
+from simulator.route import place_of
+from simulator.store_ardupilot import ArduPilotStore
+from simulator.voice import Voice
+
+LATE_SLOWDOWN_M = 22.5
+"""How far the old speed is kept after a pass-through corner. Measured: 60 m 'at 1 m/s' took 42 s, 100 m took 82 s."""
+NEVER_SLOWS_M = 2 * LATE_SLOWDOWN_M
+"""On a leg this short the slow-down never comes: 40 m took 9.6 s."""
+NAMES = {
+    Command.NAV_WAYPOINT: "WP",
+    Command.NAV_RETURN_TO_LAUNCH: "RTL",
+    Command.NAV_LAND: "Land",
+    Command.NAV_TAKEOFF: "Takeoff",
+    Command.DO_CHANGE_SPEED: "ChangeSpeed",
+    Command.DO_DIGICAM_CONTROL: "DigiCamCtrl",
+    Command.DO_SET_ROI_LOCATION: "SetROILocation",
+    Command.DO_SET_ROI_NONE: "SetROINone",
+    Command.DO_SET_CAM_TRIGG_DIST: "SetCamTriggDst",
+    Command.DO_GIMBAL_MANAGER_PITCHYAW: "GimbalPitchYaw",
+    Command.IMAGE_START_CAPTURE: "ImageStartCapture",
+    Command.IMAGE_STOP_CAPTURE: "ImageStopCapture",
+    Command.VIDEO_START_CAPTURE: "VideoStartCapture",
+    Command.VIDEO_STOP_CAPTURE: "VideoStopCapture",
+}
+PASS_S = 0.4
+"""A corner is passed this long before it is reached. Recorded: 0 to 0.5 m before it at 1 m/s, 1.3 to 2.3 m at 5 m/s."""
+SETTLES_S = 0.4
+"""Measured: what the leg after a take-off lasts longer."""
+UPRIGHT_S = 0.6
+"""Measured: what a leg straight up or down lasts longer than computed."""
+UPRIGHT_M = 1.0
+SHORTEST_M = 0.1
+APPROACH_M = 1.1
+"""The descent slows down over this much before LAND_ALT_LOW and half a metre: it nears that height as if to stop."""
+CM = 0.01
+CONE_LEAST_M = 2.0
+"""The cone of RTL never asks for less (RTL_ALT_MIN of the source)."""
+
+
+class ArduPilotMission:
+    """What AUTO does."""
+
+    def __init__(
+        self, frame: Airframe, store: ArduPilotStore, home: Home, params: ParamTable, voice: Voice, carry_out: CarryOut
+    ) -> None:
+        self._frame, self._store, self._home, self._params, self._voice = frame, store, home, params, voice
+        self._carry_out = carry_out
+        self.index = 0
+        """What MISSION_CURRENT says."""
+        self.nav: MissionItem | None = None
+        """The item being flown: a copy, that outlives its own deletion."""
+        self.asked_m_s = params["WPNAV_SPEED"] * CM
+        self._state = MissionState.NOT_STARTED
+        self._origin: Place | None = None
+        """Where the next leg's line begins, when the last one ended in passing or at a stop; None: where it is."""
+        self._passed_m_s: float | None = None
+        """Speed of the last leg, when its end was passed without a stop."""
+        self._turning: tuple[Place, Curve, float] | None = None
+        """Where the last leg began, its curve and how early the next begins, when its end is passed."""
+        self._reached = 0
+        self._paused = False
+        self._nothing_left = False
+        """Whether the list has ended before the item that is being flown, and it was said."""
+
+    @property
+    def state(self) -> MissionState:
+        """What MISSION_CURRENT says: leaving AUTO makes it 'not started', only DO_PAUSE_CONTINUE 'paused'."""
+        if self._paused:
+            return MissionState.PAUSED
+        return MissionState.NO_MISSION if self._store.count <= 1 else self._state
+
+    @property
+    def running(self) -> bool:
+        """Whether items are being flown."""
+        return self._state is MissionState.ACTIVE
+
+    def begins_with_takeoff(self) -> bool:
+        """Return whether the item that a start would fly is a take-off."""
+        seq = self._resume_seq()
+        while (item := self._store.at(seq)) is not None and item.command in DONE_IN_PASSING:
+            seq += 1
+        return item is not None and item.command == Command.NAV_TAKEOFF
+
+    @property
+    def speed_m_s(self) -> float:
+        """What it flies at where it can."""
+        return self._frame.reached_m_s(self.asked_m_s)
+
+    def enter(self) -> None:
+        """Start or resume. The speed of the mission's DO_CHANGE_SPEED is lost at every mode change."""
+        self.asked_m_s = self._params["WPNAV_SPEED"] * CM
+        self._origin = self._passed_m_s = self._turning = None
+        self._start(self._resume_seq())
+
+    def leave(self) -> None:
+        """Stop flying items; the index is kept, and the nose turns to no region of interest any more."""
+        self._paused = False
+        self._frame.body.face_rad = None
+        if self.running:
+            self._state = MissionState.NOT_STARTED
+
+    def pause(self) -> bool:
+        """Stop on the way to a waypoint; False when that is not what it does."""
+        if not self.running or self.nav is None or self.nav.command != Command.NAV_WAYPOINT:
+            return False
+        self._paused = True
+        self._frame.pilot.hold()
+        return True
+
+    def go_on(self) -> None:
+        """Fly on after a pause."""
+        if self._paused and self.nav is not None:
+            self._paused = False
+            self._frame.pilot.fly(self._waypoint(self.nav, self.index, restarted=True))
+
+    def step(self) -> None:
+        """Go on to the next item when the present one is done."""
+        if self._paused or not self.running or self.nav is None or self._frame.pilot.goal is not None:
+            return
+        if self.nav.command in {Command.NAV_WAYPOINT, Command.NAV_TAKEOFF}:
+            self._next(self.nav)
+        # A landing is over when the motors have stopped.
+
+    def disarmed(self) -> None:
+        """End the mission after its return; any other disarming sends it back to its beginning.
+
+        Measured: after its own NAV_LAND the list begins anew with the motors off. It is 'active', and nothing moves.
+        """
+        landed = self.nav.command if self.running and self.nav is not None else None
+        index, self.index = self.index, 0
+        self.nav = None
+        self._paused = False
+        if landed == Command.NAV_RETURN_TO_LAUNCH:
+            self._send_reached(index)
+            self._state = MissionState.COMPLETE
+        elif landed == Command.NAV_LAND:
+            self.index = self._announce_from(1)
+        elif self.running:
+            self._state = MissionState.NOT_STARTED
+
+    def rebooted(self) -> None:
+        """Forget everything but the list."""
+        self.index = 0
+        self.nav = None
+        self._state = MissionState.NOT_STARTED
+
+    def cleared(self) -> None:
+        """Follow the clearing of the list outside of AUTO."""
+        if not self.running:
+            self.index = 0
+            self._state = MissionState.NOT_STARTED
+
+    def set_current(self, seq: int) -> bool:
+        """Fly item ``seq`` next; 0 acts as 1.
+
+        Returns:
+            Whether there is such an item. After the mission's end it is remembered and not flown.
+        """
+        seq = max(seq, 1)
+        if self._store.at(seq) is None:
+            return False
+        if self.running:
+            self._origin = self._passed_m_s = self._turning = None
+            self._start(seq)
+        else:
+            self.index = seq
+        return True
+
+    def truncated(self) -> None:
+        """React to an announced upload: with nothing left to fly it says so, and flies on to where it was going."""
+        flies = self.running and self.nav is not None and self.nav.command == Command.NAV_WAYPOINT
+        if flies and not self._nothing_left and self._nav_seq(self.index) is None:
+            self._nothing_left = True
+            self._voice.say(Severity.CRITICAL, "Auto mission changed but failed to restart command")
+
+    def stored(self) -> None:
+        """React to an item that was replaced under way: every one of them restarts the leg, if there is one to fly.
+
+        Measured: a speed item that is put in the place of the one flown to moves the index on to what follows it in the
+        list as it is then, old or new; so it runs ahead of an upload item by item (``AP_Mission::set_current_cmd``).
+        """
+        if not self.running or self.nav is None or self.nav.command != Command.NAV_WAYPOINT:
+            return
+        if self._nav_seq(self.index) is None:
+            return
+        self._origin = self._passed_m_s = self._turning = None
+        self._start(self.index, restarted=True)
+        self._voice.say(Severity.CRITICAL, "Auto mission changed, restarted command")
+
+    def _resume_seq(self) -> int:
+        if self._state is MissionState.COMPLETE or self._store.at(self.index) is None:
+            return 1
+        return max(self.index, 1)
+
+    def _nav_seq(self, seq: int) -> int | None:
+        """Return the first item from ``seq`` that moves the vehicle."""
+        while (item := self._store.at(seq)) is not None:
+            if item.command not in DONE_IN_PASSING:
+                return seq
+            seq += 1
+        return None
+
+    def _start(self, seq: int, *, restarted: bool = False) -> None:
+        """Execute the DO items from ``seq`` and fly the next that moves."""
+        self._state = MissionState.ACTIVE
+        self._paused = self._nothing_left = False
+        seq = self._announce_from(seq)
+        item = self._store.at(seq)
+        if item is None:
+            self._complete()
+            return
+        self.index, self.nav = seq, item
+        self._frame.pilot.fly(self._goals(item, seq, restarted=restarted))
+
+    def _announce_from(self, seq: int) -> int:
+        """Execute the DO items from ``seq`` and return the number of the next that moves, or of the list's end."""
+        while (item := self._store.at(seq)) is not None:
+            self._voice.say(Severity.INFO, f"Mission: {seq} {NAMES[Command(item.command)]}")
+            if item.command not in DONE_IN_PASSING:
+                break
+            if item.command != Command.DO_CHANGE_SPEED:
+                self._carry_out(item.command, params_of(item))
+            elif item.param2 > 0:
+                self.asked_m_s = item.param2
+            self._reached = seq
+            seq += 1
+        return seq
+
+    def _goals(self, item: MissionItem, seq: int, *, restarted: bool) -> Iterator[Goal]:
+        frame = self._frame
+        match item.command:
+            case Command.NAV_WAYPOINT:
+                yield from self._waypoint(item, seq, restarted=restarted)
+            case Command.NAV_TAKEOFF:
+                # In the air it is done at once.
+                if frame.body.on_ground:
+                    up_m = place_of(item, self._home, frame.body.place).up_m
+                    yield from frame.take_off(up_m, frame.pilot.limits.climb_m_s)
+            case Command.NAV_LAND:
+                frame.climbing_out = False
+                here = frame.body.place
+                over = place_of(item, self._home, here) if has_place(item) else here
+                over = Place(over.east_m, over.north_m, here.up_m)
+                yield Leg(here, over, self.speed_m_s, accept_m=0.0)
+                yield land_goal(over, self._params)
+            case _:
+                far_m = 1000.0 * self._params["RALLY_LIMIT_KM"] or math.inf
+                to = way_home_ends(self._store.rally, self._home, frame.body.place, far_m)
+                yield from home_goals(frame, self._params, to)
+
+    def _waypoint(self, item: MissionItem, seq: int, *, restarted: bool) -> list[Goal]:
+        frame = self._frame
+        settles_s = SETTLES_S if frame.climbing_out else 0.0
+        frame.climbing_out = False
+        target = place_of(item, self._home, frame.body.place)
+        after_seq = self._nav_seq(seq + 1)
+        after = None if after_seq is None else self._store.at(after_seq)
+        passes = item.param1 <= 0 and after is not None and after.command == Command.NAV_WAYPOINT
+        origin = self._origin or frame.body.place
+        length_m = distance_m(origin, target)
+        slows = self._passed_m_s is not None and self.speed_m_s < self._passed_m_s
+        speed_m_s = self._passed_m_s if slows and self._passed_m_s and length_m <= NEVER_SLOWS_M else self.speed_m_s
+        accept_m = min(self._params["WPNAV_RADIUS"] * CM, PASS_S * speed_m_s)
+        leg = Leg(origin, target, speed_m_s, accept_m if passes else 0.0, stop=not passes, restarted=restarted)
+        if passes and after is not None:
+            corner = corner_speed_m_s(leg, place_of(after, self._home, target), frame.pilot.limits, accept_m)
+            leg = replace(leg, exit_m_s=corner)
+        if slows:
+            leg = replace(leg, entry_m_s=self._passed_m_s, entry_m=LATE_SLOWDOWN_M)
+        self._passed_m_s = speed_m_s if passes else None
+        self._origin = target
+        flown: Leg | Ride = leg
+        if restarted or slows:
+            self._turning = None
+        else:
+            onward = place_of(after, self._home, target) if passes and after is not None else None
+            changes = after_seq is not None and self._changes_speed(seq, after_seq)
+            flown = self._ride(leg, onward, settles_s, changes=changes) or leg
+        return [flown, Hover(target, item.param1)] if item.param1 > 0 else [flown]
+
+    def _changes_speed(self, seq: int, until: int) -> bool:
+        items = [self._store.at(between) for between in range(seq + 1, until)]
+        return any(item is not None and item.command == Command.DO_CHANGE_SPEED for item in items)
+
+    def _ride(self, leg: Leg, after: Place | None, settles_s: float, *, changes: bool) -> Ride | None:
+        """Return the leg by the clock; None when the vehicle is not where the clock would have it."""
+        turning, self._turning = self._turning, None
+        way, body, pace = _way(leg.origin, leg.target), self._frame.body, self._pace(leg.speed_m_s)
+        if way.length < SHORTEST_M or (after is not None and changes):
+            return None
+        curve = Curve.along(way, pace)
+        base = leg.origin
+        upright = math.hypot(way.east, way.north) < UPRIGHT_M
+        turns_s = UPRIGHT_S if upright else turn_s(math.atan2(way.east, way.north) - body.yaw_rad)
+        strands = [Strand(curve, settles_s + turns_s)]
+        if turning is not None:
+            base, before, early_s = turning
+            strands = [Strand(before, early_s / 2 - before.lasts_s), Strand(curve, -early_s / 2)]
+        lasts_s = strands[-1].begins_s + curve.lasts_s
+        if after is not None:
+            way_on = _way(leg.target, after)
+            if way_on.length < SHORTEST_M:
+                return None
+            following = Curve.along(way_on, pace)
+            early_s = overlap_s(curve, following, pace)
+            strands.append(Strand(following, lasts_s - early_s))
+            lasts_s -= early_s / 2
+            self._turning = (leg.origin, curve, early_s)
+        ride = Ride(leg, base, tuple(strands), lasts_s)
+        if not takes_up(ride, body):
+            self._turning = None
+            return None
+        return ride
+
+    def _pace(self, speed_m_s: float) -> LegLimits:
+        params = self._params
+        up_m_s, down_m_s = params["WPNAV_SPEED_UP"] * CM, params["WPNAV_SPEED_DN"] * CM
+        return LegLimits(speed_m_s, up_m_s, down_m_s, params["WPNAV_ACCEL"] * CM, params["WPNAV_RADIUS"] * CM)
+
+    def _next(self, done: MissionItem) -> None:
+        self._reached = self.index
+        if done.command == Command.NAV_TAKEOFF:
+            self._origin = self._frame.climbed_to
+        if done.command == Command.NAV_WAYPOINT:
+            self._voice.say(Severity.INFO, f"Reached command #{self.index}")
+        if self.index >= self._store.count:
+            # Its list was replaced by a shorter one: it says complete, and flies the leg that it had looked up before.
+            index = self.index
+            self._send_reached(index)
+            beyond = self._store.stale(index + 1)
+            self._complete()
+            self.index = index
+            if beyond is not None and beyond.command == Command.NAV_WAYPOINT:
+                here = self._frame.body.place
+                target = place_of(beyond, self._home, here)
+                self._frame.pilot.fly([Leg(here, target, self.speed_m_s, 0.0), Hover(target)])
+            return
+        self._start(self.index + 1)
+        # A DO item that was executed in passing takes the place of the waypoint in this report.
+        self._send_reached(self._reached)
+
+    def _complete(self) -> None:
+        self._state = MissionState.COMPLETE
+        self.index = 0
+        self.nav = None
+        self._frame.pilot.hold()
+
+    def _send_reached(self, seq: int) -> None:
+        self._voice.send([out("MISSION_ITEM_REACHED", seq=seq)])
+
+
+def land_goal(over: Place, params: ParamTable) -> Land:
+    """Return a landing; recorded: 1.49 m/s down to 10 m, then 0.49 m/s."""
+    slow_m_s = params["LAND_SPEED"] * CM
+    slow_from_m = params["LAND_ALT_LOW"] * CM + slow_m_s
+    return Land(over, params["WPNAV_SPEED_DN"] * CM, slow_m_s, slow_from_m, slow_from_m + APPROACH_M)
+
+
+def _way(origin: Place, target: Place) -> Vector:
+    return Vector(target.east_m - origin.east_m, target.north_m - origin.north_m, target.up_m - origin.up_m)
+
+
+def home_goals(frame: Airframe, params: ParamTable, to: Place) -> Iterator[Goal]:
+    """Yield RTL: not lower than RTL_ALT or the cone over the pad, at RTL_SPEED or WPNAV_SPEED, a pause over the pad."""
+    here = frame.body.place
+    speed_m_s = (params["RTL_SPEED"] or params["WPNAV_SPEED"]) * CM
+    pad = here if frame.body.on_ground else to
+    up_m = params["RTL_ALT"] * CM
+    if params["RTL_CONE_SLOPE"] > 0:
+        up_m = min(up_m, max(math.hypot(here.east_m, here.north_m) * params["RTL_CONE_SLOPE"], CONE_LEAST_M))
+    yield from frame.go_home(
+        up_m, speed_m_s=speed_m_s, linger_s=params["RTL_LOIT_TIME"] * 1e-3, land=land_goal(pad, params), to=to
+    )

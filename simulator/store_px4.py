@@ -1,0 +1,302 @@
+"""PX4's side of the mission protocol: a second buffer that replaces the mission at its last item.
+
+Measured on v1.17.0 unless a line says otherwise.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+from missions.items import Command, Frame, MissionItem, Place
+from simulator.enums import MissionResult, Severity
+from simulator.messages import (
+    MISSION_TYPE_MISSION,
+    ItemReceived,
+    MissionAckReceived,
+    MissionClearAll,
+    MissionCount,
+    MissionMessage,
+    MissionRequest,
+    MissionRequestList,
+    Outbound,
+    Peer,
+)
+from simulator.mission_store import (
+    StoreStep,
+    Transfer,
+    UploadFault,
+    ack,
+    count_message,
+    item_message,
+    request_message,
+    to_item,
+)
+
+CAPACITY = 500
+ASK_AGAIN_S = 0.25
+GIVE_UP_S = 5.0
+NAV_VTOL_TAKEOFF, NAV_VTOL_LAND = 84, 85
+"""Known to PX4, so accepted; no mission of a multicopter, so not flown."""
+BUSY = "WPM: REJ. CMD: Busy"
+COMMANDS = frozenset({*Command, NAV_VTOL_TAKEOFF, NAV_VTOL_LAND})
+FRAMES = frozenset(Frame)
+FENCE, RALLY = 1, 2
+MOST = {MISSION_TYPE_MISSION: CAPACITY, FENCE: 64, RALLY: 32}
+"""Items, by MAV_MISSION_TYPE (dataman)."""
+_KNOWN: Mapping[int, Collection[int]] = {
+    MISSION_TYPE_MISSION: COMMANDS, FENCE: frozenset({*Place} - {Place.RALLY_POINT}), RALLY: {Place.RALLY_POINT},
+}  # fmt: skip
+TIMEOUT_TEXT = (Severity.WARNING, "Operation timeout")
+
+
+def mission_checksum(items: Sequence[MissionItem]) -> int:
+    """Return the mission's identity: a CRC32 over everything but ``current``; 0 is the empty mission."""
+    crc = 0
+    for item in items:
+        crc = zlib.crc32(
+            struct.pack(
+                "<BHB4fiif", item.frame, item.command, item.autocontinue, item.param1, item.param2, item.param3,
+                item.param4, item.x, item.y, item.z,
+            ),
+            crc,
+        )  # fmt: skip
+    return crc
+
+
+class Px4Store:
+    """The mission on board."""
+
+    def __init__(self, patience_s: float = 0.0) -> None:
+        self._give_up_s = max(GIVE_UP_S, patience_s)
+        self._items: tuple[MissionItem, ...] = ()
+        self._mission_id = 0
+        self._beside: dict[int, tuple[MissionItem, ...]] = {FENCE: (), RALLY: ()}
+        """The fence and the rally points."""
+        self._upload: Transfer | None = None
+        self._download: Transfer | None = None
+        self._partner: Peer | None = None
+        """Of the last transfer, whether it is over or not."""
+        self._integer = True
+        """Whether it asks for items with MISSION_REQUEST_INT."""
+        self._last_count, self._last_kind = 0, MISSION_TYPE_MISSION
+        """Length of the last transfer, whose final ACK may have been lost."""
+        self.fault = UploadFault.NONE
+
+    @property
+    def items(self) -> tuple[MissionItem, ...]:
+        """The mission."""
+        return self._items
+
+    @property
+    def fence(self) -> tuple[MissionItem, ...]:
+        """The fence on board."""
+        return self._beside[FENCE]
+
+    @property
+    def rally(self) -> tuple[MissionItem, ...]:
+        """The rally points on board."""
+        return self._beside[RALLY]
+
+    @property
+    def mission_id(self) -> int:
+        """CRC32 of the mission."""
+        return self._mission_id
+
+    @property
+    def busy(self) -> bool:
+        """Whether a transfer is under way."""
+        return self._upload is not None or self._download is not None
+
+    def handle(self, message: MissionMessage, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:  # noqa: ARG002
+        """Follow the protocol; this dialect may be cleared in flight, ``locked`` or not."""
+        if isinstance(message, MissionAckReceived):
+            return self._end(message, sender)
+        if message.mission_type not in MOST:
+            return StoreStep((ack(sender, MissionResult.UNSUPPORTED, message.mission_type),))
+        match message:
+            case MissionCount():
+                return self._begin(message, sender, now_s)
+            case ItemReceived():
+                return self._store(message, sender, now_s)
+            case MissionRequestList():
+                return self._list(sender, now_s, message.mission_type)
+            case MissionRequest():
+                return self._read(message, sender, now_s)
+            case MissionClearAll():
+                return self._clear(sender, message.mission_type)
+
+    def tick(self, now_s: float) -> StoreStep:
+        """Ask again after 250 ms, give up after 5 s, or what the simulation demands, with a text and without an ACK."""
+        if self._download is not None and now_s - self._download.heard_s >= self._give_up_s:
+            self._download = None
+            return StoreStep(texts=(TIMEOUT_TEXT,))
+        upload = self._upload
+        if upload is None:
+            return StoreStep()
+        if now_s - upload.heard_s >= self._give_up_s:
+            self._upload = None
+            return StoreStep(texts=(TIMEOUT_TEXT,))
+        if upload.stalls(self.fault) or now_s - upload.asked_s < ASK_AGAIN_S:
+            return StoreStep()
+        return StoreStep((self._ask(upload, now_s),))
+
+    def forget_transfers(self) -> None:
+        """Drop what is under way."""
+        self._upload = self._download = None
+
+    def _clear(self, sender: Peer, kind: int) -> StoreStep:
+        if self.busy:
+            return _complain("WPM: IGN CLEAR CMD: Busy")
+        return self._emptied(sender, kind)
+
+    def _emptied(self, sender: Peer, kind: int) -> StoreStep:
+        accepted = (ack(sender, MissionResult.ACCEPTED, kind),)
+        if kind != MISSION_TYPE_MISSION:
+            self._beside[kind] = ()
+            return StoreStep(accepted, fenced=kind == FENCE)
+        self._replace(())
+        return StoreStep(accepted, cleared=True)
+
+    def _begin(self, message: MissionCount, sender: Peer, now_s: float) -> StoreStep:
+        refused = StoreStep((ack(sender, MissionResult.ERROR, message.mission_type),))
+        if self.fault is UploadFault.REFUSE:
+            return refused
+        if self._download is not None:
+            return replace(refused, texts=_critical("WPM: IGN MISSION_COUNT: Busy"))
+        if self._upload is not None and (sender != self._upload.partner or self._upload.next > 0):
+            # Whoever it is that asks in vain, the transfer lives longer by it.
+            self._upload.heard_s = now_s
+            return refused if sender != self._upload.partner else replace(refused, texts=_critical(BUSY))
+        self._partner = sender
+        self._upload = None
+        if message.count > MOST[message.mission_type]:
+            return StoreStep((ack(sender, MissionResult.NO_SPACE, message.mission_type),))
+        if message.count == 0:
+            return self._emptied(sender, message.mission_type)
+        self._upload = Transfer(sender, message.count, heard_s=now_s, asked_s=now_s, kind=message.mission_type)
+        return StoreStep((self._ask(self._upload, now_s),))
+
+    def _store(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
+        if sender != self._partner:
+            return _complain("REJ. MIS ITEM: partner id mismatch")
+        upload = self._upload
+        # It asks on in the flavour that it was answered in.
+        self._integer = message.integer
+        if upload is None:
+            return self._late_item(message, sender)
+        upload.heard_s = now_s
+        if message.seq != upload.next or message.mission_type != upload.kind:
+            return StoreStep()
+        refusal = None
+        if message.frame not in FRAMES:
+            refusal = MissionResult.UNSUPPORTED_FRAME
+        elif message.command not in _KNOWN[upload.kind]:
+            refusal = MissionResult.UNSUPPORTED
+        if refusal is not None:
+            self._upload = None
+            return StoreStep((ack(sender, refusal, upload.kind),), _critical("IGN MISSION_ITEM: Invalid item"))
+        if message.command in {Place.INCLUSION_VERTEX, Place.EXCLUSION_VERTEX} and message.params[0] < 3:
+            self._upload = None  # too few corners
+            return StoreStep((ack(sender, MissionResult.ERROR, upload.kind),))
+        upload.items.append(to_item(message))
+        upload.next += 1
+        if upload.next == upload.count:
+            return self._finish(upload)
+        if upload.stalls(self.fault):
+            return StoreStep()
+        return StoreStep((self._ask(upload, now_s),))
+
+    def _late_item(self, message: ItemReceived, sender: Peer) -> StoreStep:
+        refused = StoreStep((ack(sender, MissionResult.ERROR, message.mission_type),))
+        if self._download is not None:
+            return replace(refused, texts=_critical("IGN MISSION_ITEM: Busy"))
+        if message.seq == self._last_count - 1 and message.mission_type == self._last_kind:
+            if message.mission_type != MISSION_TYPE_MISSION:
+                return StoreStep((ack(sender, MissionResult.ACCEPTED, message.mission_type),))
+            # The final ACK was lost: it is said again.
+            return StoreStep((ack(sender, MissionResult.ACCEPTED, opaque_id=self._mission_id),))
+        return replace(refused, texts=_critical("IGN MISSION_ITEM: No transfer"))
+
+    def _finish(self, upload: Transfer) -> StoreStep:
+        self._upload = None
+        self._last_count, self._last_kind = upload.count, upload.kind
+        if upload.kind != MISSION_TYPE_MISSION:
+            self._beside[upload.kind] = tuple(upload.items)
+            return StoreStep((ack(upload.partner, MissionResult.ACCEPTED, upload.kind),), fenced=upload.kind == FENCE)
+        crc = mission_checksum(upload.items)
+        reply = ack(upload.partner, MissionResult.ACCEPTED, opaque_id=crc)
+        if crc == self._mission_id:
+            # The same content is not looked at again, not even for its ``current``.
+            return StoreStep((reply,))
+        flagged = [item.seq for item in upload.items if item.current]
+        self._replace(tuple(upload.items))
+        return StoreStep((reply,), swapped=True, current=flagged[0] if flagged else None)
+
+    def _replace(self, items: tuple[MissionItem, ...]) -> None:
+        self._items = items
+        self._mission_id = mission_checksum(items)
+
+    def _end(self, message: MissionAckReceived, sender: Peer) -> StoreStep:
+        if sender != self._partner:
+            return _complain("REJ. WP CMD: partner id mismatch")
+        self._download = None
+        if message.result == MissionResult.OPERATION_CANCELLED:
+            self._upload = None
+        return StoreStep()
+
+    def _list(self, sender: Peer, now_s: float, kind: int) -> StoreStep:
+        others = self._download is not None and self._download.partner != sender
+        if self._upload is not None or others:
+            # A text to everybody, and no ACK.
+            return StoreStep(texts=((Severity.INFO, "Mission download request ignored, already active"),))
+        self._partner = sender
+        items = self._of(kind)
+        self._download = Transfer(sender, len(items), heard_s=now_s, asked_s=now_s, kind=kind)
+        opaque_id = self._mission_id if kind == MISSION_TYPE_MISSION else mission_checksum(items)
+        return StoreStep((count_message(sender, len(items), opaque_id, kind),))
+
+    def _of(self, kind: int) -> tuple[MissionItem, ...]:
+        return self._items if kind == MISSION_TYPE_MISSION else self._beside[kind]
+
+    def _read(self, message: MissionRequest, sender: Peer, now_s: float) -> StoreStep:
+        self._integer = message.integer
+        if sender != self._partner:
+            return _complain("WPM: REJ. CMD: partner id mismatch")
+        if self._upload is not None:
+            return _complain(BUSY)
+        download = self._download
+        if download is None:
+            return StoreStep()
+        download.heard_s = now_s
+        expected = message.seq in {download.next, download.next - 1} and message.seq < download.count
+        if not expected or message.mission_type != download.kind:
+            self._download = None
+            refusal = (ack(sender, MissionResult.ERROR, message.mission_type),)
+            return StoreStep(refusal, _critical("WPM: REJ. CMD: Req. WP was unexpected"))
+        download.next = message.seq + 1
+        item = _in_flavour(self._of(download.kind)[message.seq], integer=message.integer)
+        return StoreStep((item_message(sender, item, integer=message.integer, mission_type=download.kind),))
+
+    def _ask(self, upload: Transfer, now_s: float) -> Outbound:
+        upload.asked_s = now_s
+        name = "MISSION_REQUEST_INT" if self._integer else "MISSION_REQUEST"
+        return request_message(name, upload.partner, upload.next, upload.kind)
+
+
+def _in_flavour(item: MissionItem, *, integer: bool) -> MissionItem:
+    """Return the item as it is sent: frames with and without _INT are one, and follow the kind of the message."""
+    pairs = ((Frame.GLOBAL, Frame.GLOBAL_INT), (Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT))
+    frame = next((pair[integer] for pair in pairs if item.frame in pair), item.frame)
+    return replace(item, frame=frame)
+
+
+def _critical(text: str) -> tuple[tuple[int, str], ...]:
+    return ((Severity.CRITICAL, text),)
+
+
+def _complain(text: str) -> StoreStep:
+    """Say no to everybody, in words alone."""
+    return StoreStep(texts=_critical(text))

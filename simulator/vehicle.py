@@ -1,0 +1,192 @@
+"""One simulated vehicle as the world sees it: datagrams in, datagrams out, faults on time."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Iterable
+
+from simulator.airframe import Event
+from simulator.ardupilot import ArduPilot
+from simulator.autopilot import STEP_S, Autopilot
+from simulator.camera import Shot
+from simulator.channel import Channel, LinkCondition
+from simulator.config import AutopilotKind, SimVehicle
+from simulator.faults import Injection, InjectionKind, faults_of, is_due
+from simulator.gimbal import GIMBAL
+from simulator.messages import Command, Heartbeat, Peer, Received, out
+from simulator.mission_store import UploadFault
+from simulator.px4 import Px4
+from simulator.truth import Truth
+from simulator.wire import Codec
+
+STATION = Peer(254, 190)
+"""Another ground station."""
+LINK_FIELDS = {
+    InjectionKind.LOSS: "loss",
+    InjectionKind.DELAY: "delay_s",
+    InjectionKind.DUPLICATE: "duplicate",
+    InjectionKind.REORDER: "reorder",
+}
+
+
+def make_autopilot(vehicle: SimVehicle) -> Autopilot:
+    """Return the autopilot that the vehicle has."""
+    return ArduPilot(vehicle) if vehicle.autopilot is AutopilotKind.ARDUPILOT else Px4(vehicle)
+
+
+class SimulatedVehicle:
+    """An autopilot behind a link that may be bad; all times are simulated seconds."""
+
+    def __init__(self, vehicle: SimVehicle, faults: Iterable[Injection] = ()) -> None:
+        self.name = vehicle.name
+        self.autopilot = make_autopilot(vehicle)
+        payload = self.autopilot.payload
+        speaking = frozenset() if payload is None else payload.components()
+        self._codec = Codec(
+            vehicle.sysid,
+            every_component=vehicle.autopilot is AutopilotKind.ARDUPILOT,
+            signing=vehicle.signing,
+            others=speaking,
+        )
+        self._components = {
+            number: Codec(vehicle.sysid, component=number, signing=vehicle.signing) for number in (*speaking, GIMBAL)
+        }
+        """Of cameras and the gimbal, which number their frames for themselves."""
+        self._pending = list(faults_of(faults, vehicle.name))
+        self._condition = LinkCondition()
+        rng = random.Random(f"{vehicle.seed}:{vehicle.name}")
+        self._station: Codec | None = None
+        """Another ground station's transmitter, once it is there."""
+        self._station_beat_s = 0.0
+        self._up = Channel(self._condition, rng)
+        self._down = Channel(self._condition, rng)
+        self._now_s = 0.0
+        self._inject()
+
+    @property
+    def now_s(self) -> float:
+        """How far it has lived."""
+        return self._now_s
+
+    def receive(self, datagram: bytes) -> None:
+        """Take a datagram from a ground station; an answer may be ready at once."""
+        self._up.offer(datagram, self._now_s)
+        self._deliver()
+
+    def advance(self, until_s: float) -> None:
+        """Live until ``until_s``, in whole steps."""
+        while self._now_s + STEP_S <= until_s + 1e-9:
+            self._now_s += STEP_S
+            self._deliver()
+            self.autopilot.advance(self._now_s)
+            self._inject()
+            self._beat()
+            self._collect()
+
+    def drain(self) -> list[bytes]:
+        """Take away the datagrams that have reached the ground stations."""
+        self._collect()
+        return self._down.due(self._now_s)
+
+    def drain_events(self) -> list[Event]:
+        """Take away what really happened."""
+        return self.autopilot.frame.drain_events()
+
+    def drain_truths(self, unix_s: Callable[[float], float]) -> list[Truth]:
+        """Take away what really happened, where on the globe, and when by a machine's clock."""
+        truths = []
+        for event in self.drain_events():
+            lat_e7, lon_e7 = self.autopilot.home.lat_lon_e7(event.place.east_m, event.place.north_m)
+            truths.append(
+                Truth(
+                    self.name, event.what, event.t_s, unix_s(event.t_s), event.sender, lat_e7 / 1e7, lon_e7 / 1e7,
+                    event.place.up_m, event.charge_pct,
+                )
+            )  # fmt: skip
+        return truths
+
+    def drain_shots(self) -> list[Shot]:
+        """Take away what came onto its cameras' cards."""
+        return [] if self.autopilot.payload is None else self.autopilot.payload.drain_shots()
+
+    def _deliver(self) -> None:
+        for datagram in self._up.due(self._now_s):
+            for received in self._codec.decode(datagram):
+                payload = self.autopilot.payload
+                if payload is not None and received.component in self._components:
+                    if isinstance(received.body, Command):
+                        payload.asked(received.body, received.component)
+                else:
+                    self.autopilot.receive(received)
+
+    def _collect(self) -> None:
+        messages = self.autopilot.voice.drain()
+        if not self.autopilot.mute:
+            for message in messages:
+                self._down.offer(self._codec.encode(message, self._now_s), self._now_s)
+        if self.autopilot.payload is not None and self.autopilot.frame.crashed_s is None:
+            for said in self.autopilot.payload.drain():
+                codec = self._codec if said.component is None else self._components[said.component]
+                self._down.offer(codec.encode(said.message, self._now_s), self._now_s)
+
+    def _inject(self) -> None:
+        if not self._pending:
+            return
+        mission_s, share, frame = self.autopilot.mission_s, self.autopilot.flown_share, self.autopilot.frame
+        up_m, highest_m = frame.body.up_m, frame.highest_m
+        landings = self.autopilot.landings
+        due = [fault for fault in self._pending if is_due(fault, mission_s, share, up_m, highest_m, landings)]
+        if due:
+            self._pending = [fault for fault in self._pending if fault not in due]
+            for fault in due:
+                self.befall(fault)
+
+    def order(self, fault: Injection) -> None:
+        """Have a fault befall this vehicle in its own time."""
+        self._pending.append(fault)
+
+    def befall(self, fault: Injection) -> None:
+        """Suffer a fault now, whenever it was ordered for."""
+        self.autopilot.frame.happened(f"fault {fault.spec}")
+        self._apply(fault.kind, fault.value or 0.0, fault.word)
+
+    def _apply(self, kind: InjectionKind, value: float, word: str) -> None:
+        condition, frame = self._condition, self.autopilot.frame
+        match kind:
+            case InjectionKind.SILENT:
+                condition.silent_until_s = self._now_s + (value or math.inf)
+            case InjectionKind.BATTERY_STEP:
+                frame.battery.lose(value)
+            case InjectionKind.DRAIN:
+                frame.battery.drain_factor = value
+            case InjectionKind.CRASH:
+                frame.lose_thrust()
+            case InjectionKind.REBOOT:
+                self.autopilot.reboot(on_pad=word == "pad")
+            case InjectionKind.STATION:
+                self._called(word)
+            case InjectionKind.REFUSE_UPLOAD:
+                self.autopilot.store.fault = UploadFault.REFUSE
+            case InjectionKind.HALF_UPLOAD:
+                self.autopilot.store.fault = UploadFault.HALF
+            case _ if kind in LINK_FIELDS:
+                setattr(condition, LINK_FIELDS[kind], value)
+            case _:
+                self.autopilot.befalls(kind, word, value)
+
+    def _called(self, word: str) -> None:
+        """Let another ground station order a mode; from now on its heartbeat is on the air."""
+        if self._station is None:
+            self._station = Codec(STATION.sysid, component=STATION.compid)
+            self._station_beat_s = self._now_s
+        self.autopilot.frame.happened(f"station {word}")
+        self.autopilot.receive(Received(STATION, self.autopilot.mode_order(word)))
+
+    def _beat(self) -> None:
+        if self._station is None or self._now_s < self._station_beat_s:
+            return
+        self._station_beat_s += 1.0
+        self.autopilot.receive(Received(STATION, Heartbeat(ground_station=True)))
+        beat = out("HEARTBEAT", type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3)
+        self._down.offer(self._station.encode(beat, self._now_s), self._now_s)
