@@ -34,7 +34,7 @@ from tests.e2e.flights import (
     site_file,
 )
 from tests.e2e.judge import wrongly_counted
-from tests.scripts.test_schemas import validator
+from tests.scripts.pages.test_schemas import validator
 
 pytestmark = pytest.mark.asyncio
 

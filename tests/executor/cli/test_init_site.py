@@ -11,7 +11,7 @@ from executor.site import assembly
 from executor.site.config import read_site
 from missions import read_plan
 from tests.executor.cli.test_main import Place, place
-from tests.scripts.test_schemas import validator
+from tests.scripts.pages.test_schemas import validator
 
 __all__ = ["place"]
 

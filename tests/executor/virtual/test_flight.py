@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.errors import BenchError
 from executor.core.events import Event, Heard, LaunchOrdered
+from executor.errors import FlightNotFlown
 from executor.site.tables.fence import FenceTable
 from executor.virtual.flight import Onlookers, VirtualFlight, fly_virtual
 from simulator.errors import FaultSpecError
@@ -90,7 +90,7 @@ def test_what_cannot_be_flown_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FaultSpecError, match="no vehicle 'uav9'"):
         flown(tmp_path, "px4", "uav9:crash@40s")
     ground = short_ground(tmp_path, 1, "ardupilot")
-    with pytest.raises(BenchError, match=r"uav1: .*expected at least the reserve of 15 %"):
+    with pytest.raises(FlightNotFlown, match=r"uav1: .*expected at least the reserve of 15 %"):
         fly_virtual(ground, shared(ground), craft=lambda craft: replace(craft, charge_pct=16.0))
 
 
