@@ -9,6 +9,10 @@ UNSHOWN = "\N{REPLACEMENT CHARACTER}"
 """What stands for a character that would move the cursor, colour the line or turn its direction."""
 _STATES = {"ground": "on the ground", "pilot": "with its pilot", "down": "down: keep away"}
 _FIXES = {0: "no GPS", 1: "no fix", 2: "2D", 3: "3D", 4: "DGPS", 5: "RTK float", 6: "RTK"}
+TENS_M = 11.0
+"""What the fourth decimal of a degree of latitude stands for."""
+MINUTES_S = 120.0
+"""From here on an age is said in minutes."""
 _UNSHOWN_KINDS = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 
 
@@ -60,13 +64,34 @@ def since_take_off(seconds: float | None) -> str:
     return "" if seconds is None or seconds < 0.0 else f"T+{minutes(seconds)}"
 
 
-def place(lat_deg: float, lon_deg: float) -> str:
-    """Return coordinates as people read them out and type them in: to a tenth of a metre.
+def place_decimals(accuracy_m: float | None) -> int:
+    """Return how many decimals of a degree a place carries: the sixth is a decimetre, the fifth a metre.
 
-    >>> place(49.5984123, -15.6)
-    '49.598412, -15.600000'
+    >>> place_decimals(0.02), place_decimals(None), place_decimals(3.0), place_decimals(40.0), place_decimals(441.0)
+    (6, 5, 5, 4, 3)
     """
-    return f"{lat_deg:.6f}, {lon_deg:.6f}"
+    if accuracy_m is None or 1.0 <= accuracy_m < TENS_M:
+        return 5
+    return 6 if accuracy_m < 1.0 else 4 if accuracy_m < 10 * TENS_M else 3
+
+
+def place(lat_deg: float, lon_deg: float, accuracy_m: float | None = None) -> str:
+    """Return coordinates as people read them out and type them in, to what their accuracy carries.
+
+    >>> place(49.5984123, -15.6), place(49.5984123, -15.6, 0.3)
+    ('49.59841, -15.60000', '49.598412, -15.600000')
+    """
+    decimals = place_decimals(accuracy_m)
+    return f"{lat_deg:.{decimals}f}, {lon_deg:.{decimals}f}"
+
+
+def ago(seconds: float) -> str:
+    """Return an age.
+
+    >>> ago(4.2), ago(754.2)
+    ('4 s ago', '12:34 min ago')
+    """
+    return f"{seconds:.0f} s ago" if seconds < MINUTES_S else f"{minutes(seconds)} min ago"
 
 
 def shown(text: str) -> str:

@@ -171,7 +171,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: came down, but not in a landing; last position 49.600138, 15.599467, 5 m over its home"),
+                ("uav1: came down, but not in a landing; last position 49.60014, 15.59947 (GPS not reported), 5 m over its home, 0 s ago"),
             )
         ],
         {

@@ -141,7 +141,7 @@ ROWS = [
         "its motors are off",
         LIES,
         answer(Action.DISARM),
-        [Say(Level.WARNING, "uav1: disarmed; down at 49.600138, 15.603617, disarmed")],
+        [Say(Level.WARNING, "uav1: disarmed; down at 49.60014, 15.60362 (GPS not reported), disarmed")],
         {},
         {"intents": {"wish": wished(Action.DISARM, ended_s=NOW_S, outcome=Outcome.DONE, text="its motors are off")}},
         {"intents": {"wish": wished(Action.DISARM, "uav1")}},

@@ -124,7 +124,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed 5 m above its pad; last position 49.600138, 15.599467, 5 m "
+                    "uav1: interruption, disarmed 5 m above its pad; last position 49.60014, 15.59947 (GPS not reported), 5 m "
                     "over its home"
                 ),
             )
@@ -147,7 +147,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed 5 m above its pad; last position 49.600138, 15.599467, 5 m "
+                    "uav1: interruption, disarmed 5 m above its pad; last position 49.60014, 15.59947 (GPS not reported), 5 m "
                     "over its home"
                 ),
             )
@@ -170,7 +170,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed 15 m above its pad; last position 49.600138, 15.599467, 15 m "
+                    "uav1: interruption, disarmed 15 m above its pad; last position 49.60014, 15.59947 (GPS not reported), 15 m "
                     "over its home"
                 ),
             )
@@ -193,7 +193,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed 15 m above its pad; last position 49.600138, 15.599467, 15 m "
+                    "uav1: interruption, disarmed 15 m above its pad; last position 49.60014, 15.59947 (GPS not reported), 15 m "
                     "over its home"
                 ),
             )
@@ -224,7 +224,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed 0 m above its pad; last position 49.600138, 15.599467, 0 m "
+                    "uav1: interruption, disarmed 0 m above its pad; last position 49.60014, 15.59947 (GPS not reported), 0 m "
                     "over its home"
                 ),
             )
@@ -246,7 +246,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: came down, but not in a landing; last position 49.600138, 15.599467, 0 m over its home"),
+                ("uav1: came down, but not in a landing; last position 49.60014, 15.59947 (GPS not reported), 0 m over its home, 0 s ago"),
             )
         ],
         {"uav1": {"stage": Stage.DOWN, "anchor": LOW}},
@@ -268,8 +268,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: came down, but not in a landing; leans by 170 degrees; last position 49.600138, "
-                    "15.599467, 0 m over its home"
+                    "uav1: came down, but not in a landing; leans by 170 degrees; last position 49.60014, "
+                    "15.59947 (GPS not reported), 0 m over its home, 0 s ago"
                 ),
             )
         ],
@@ -286,7 +286,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: disarmed with its pilot; leans by 95 degrees; last position 49.600138, 15.599467, 0 m "
+                    "uav1: disarmed with its pilot; leans by 95 degrees; last position 49.60014, 15.59947 (GPS not reported), 0 m "
                     "over its home"
                 ),
             )
@@ -310,8 +310,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed 300 m from its pad, 0 m high; last position 49.600138, "
-                    "15.603617, 0 m over its home"
+                    "uav1: interruption, disarmed 300 m from its pad, 0 m high; last position 49.60014, "
+                    "15.60362 (GPS not reported), 0 m over its home, 0 s ago"
                 ),
             )
         ],
@@ -352,8 +352,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed 300 m from its pad, 20 m high; last position 49.600138, "
-                    "15.603617, 20 m over its home"
+                    "uav1: interruption, disarmed 300 m from its pad, 20 m high; last position 49.60014, "
+                    "15.60362 (GPS not reported), 20 m over its home, 0 s ago"
                 ),
             )
         ],
@@ -378,7 +378,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: disarmed 300 m from its pad, 20 m high; last position 49.600138, 15.603617, 20 m "
+                    "uav1: disarmed 300 m from its pad, 20 m high; last position 49.60014, 15.60362 (GPS not reported), 20 m "
                     "over its home"
                 ),
             )
@@ -394,7 +394,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: disarmed 300 m from its pad, 20 m high; last position 49.600138, 15.603617, 20 m "
+                    "uav1: disarmed 300 m from its pad, 20 m high; last position 49.60014, 15.60362 (GPS not reported), 20 m "
                     "over its home"
                 ),
             )
@@ -406,7 +406,7 @@ ROWS = [
         "who disarms off its pad where it was told to land has landed",
         flying(**HOMEWARD | {"heartbeat": DISARMED}, fault=BATTERY_FAULT, lands=True, fix=STILL),
         Tick(),
-        [Say(Level.FAULT, "uav1: landed with 90 % away from its pad, down at 49.600138, 15.603617, disarmed")],
+        [Say(Level.FAULT, "uav1: landed with 90 % away from its pad, down at 49.60014, 15.60362 (GPS not reported), disarmed")],
         {"uav1": {"stage": Stage.LANDED}},
         {},
     ),

@@ -200,7 +200,7 @@ ROWS = [
         "who was lost and lies somewhere",
         with_facts(GONE, heartbeat=DISARMED),
         said(beat(armed=False)),
-        [Say(Level.FAULT, "uav1: link regained, down at 49.600138, 15.603617, disarmed")],
+        [Say(Level.FAULT, "uav1: link regained, down at 49.60014, 15.60362 (GPS not reported), disarmed")],
         {
             "uav1": REGAINED
             | {"stage": Stage.DOWN, "heartbeat": beat(armed=False), "ordered_mode_s": NOW_S, "place_told": True}

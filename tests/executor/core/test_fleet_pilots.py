@@ -217,7 +217,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: is on the ground, landed or disarmed by its pilot, down at 49.600138, 15.603617, disarmed"),
+                ("uav1: is on the ground, landed or disarmed by its pilot, down at 49.60014, 15.60362 (GPS not reported), disarmed"),
             )
         ],
         {"uav1": {"stage": Stage.DOWN, "excluded": True, "taken": None, "place_told": True}},
@@ -230,7 +230,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                "uav1: disarmed with its pilot; last position 49.600138, 15.599467, 5 m over its home",
+                "uav1: disarmed with its pilot; last position 49.60014, 15.59947 (GPS not reported), 5 m over its home, 0 s ago",
             )
         ],
         {"uav1": {"stage": Stage.DOWN, "excluded": True, "taken": None}},
@@ -243,7 +243,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                "uav1: disarmed with its pilot; last position 49.600138, 15.599467, 2 m over its home",
+                "uav1: disarmed with its pilot; last position 49.60014, 15.59947 (GPS not reported), 2 m over its home, 0 s ago",
             )
         ],
         {"uav1": {"stage": Stage.DOWN, "excluded": True, "taken": None}},

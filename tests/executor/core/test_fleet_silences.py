@@ -137,7 +137,7 @@ ROWS = [
             Say(Level.WARNING, "uav1: no message for 9000.0 s"),
             Say(
                 Level.FAULT,
-                ("uav1: link lost for 9000.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
+                ("uav1: link lost for 9000.0 s, time-out 10 s; last position 49.60014, 15.60362 (GPS not reported), 20 m over its home, 0 s ago"),
             ),
         ],
         {
@@ -247,8 +247,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed over its pad in mid-mission; last position 49.600138, "
-                    "15.599467, 0 m over its home"
+                    "uav1: interruption, disarmed over its pad in mid-mission; last position 49.60014, "
+                    "15.59947 (GPS not reported), 0 m over its home, 0 s ago"
                 ),
             ),
         ],
@@ -290,7 +290,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: link lost for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
+                ("uav1: link lost for 10.0 s, time-out 10 s; last position 49.60014, 15.60362 (GPS not reported), 20 m over its home, 0 s ago"),
             )
         ],
         {

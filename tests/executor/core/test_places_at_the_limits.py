@@ -83,11 +83,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             places.place_words(CONTEXT, landed()),
         ],
         [
-            "last position 49.600138, 15.603617, 20 m over its home",
+            "last position 49.60014, 15.60362 (GPS not reported), 20 m over its home",
             "its position is not known",
             "an unknown place",
-            "down at 49.600138, 15.603617, armed: keep away",
-            "down at 49.600138, 15.599467, disarmed",
+            "down at 49.60014, 15.60362 (GPS not reported), armed: keep away",
+            "down at 49.60014, 15.59947 (GPS not reported), disarmed",
         ],
     ),
 ]

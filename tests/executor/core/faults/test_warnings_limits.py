@@ -160,10 +160,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            "has not moved for 20 s on its way home, 49.600138, 15.603617, 2 m over its home",
+            "has not moved for 20 s on its way home, 49.60014, 15.60362 (GPS not reported), 2 m over its home",
             "",
             "",
-            "has not moved for 20 s on its way home, 49.600138, 15.603617, 20 m over its home",
+            "has not moved for 20 s on its way home, 49.60014, 15.60362 (GPS not reported), 20 m over its home",
             "",
             "",
             "",

@@ -43,13 +43,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            "does not move, down at 49.600138, 15.603617, armed: keep away",
+            "does not move, down at 49.60014, 15.60362 (GPS not reported), armed: keep away",
             "",
-            "does not move, down at 49.600138, 15.603617, armed: keep away",
+            "does not move, down at 49.60014, 15.60362 (GPS not reported), armed: keep away",
             "",
             "",
             "",
-            "does not move, down at 49.600138, 15.603617, armed: keep away",
+            "does not move, down at 49.60014, 15.60362 (GPS not reported), armed: keep away",
             "",
             "",
             "",
@@ -90,10 +90,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            ("does not move, down at 49.600138, 15.603617; no HEARTBEAT says that it is disarmed: keep away"),
+            ("does not move, down at 49.60014, 15.60362 (GPS not reported); no HEARTBEAT says that it is disarmed: keep away"),
             "",
             "",
-            ("does not move, down at 49.600138, 15.603617; no HEARTBEAT says that it is disarmed: keep away"),
+            ("does not move, down at 49.60014, 15.60362 (GPS not reported); no HEARTBEAT says that it is disarmed: keep away"),
         ],
     ),
     (
@@ -108,8 +108,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [
             "",
-            "leans by 80 degrees, down at 49.600138, 15.603617, armed: keep away",
-            "leans by 85 degrees, down at 49.600138, 15.603617, armed: keep away",
+            "leans by 80 degrees, down at 49.60014, 15.60362 (GPS not reported), armed: keep away",
+            "leans by 85 degrees, down at 49.60014, 15.60362 (GPS not reported), armed: keep away",
         ],
     ),
     (
