@@ -23,8 +23,7 @@ def coordinates(context: Scene, vehicle: VehicleState) -> str:
     if fix is None or how is None:
         return "an unknown place"
     if how.known != "reckoned" or how.fixed is None:
-        said = f"GPS, {how.off_m:.2g} m" if how.known == "fix" else "GPS not reported"
-        return f"{_place(context, fix, how.off_m)} ({said})"
+        return words.known_place(*context.frame.to_wgs84_deg(*fix.place_m), how.known, how.off_m)
     return f"{last_fix(context, vehicle)}, {reckoned(context, vehicle)}"
 
 

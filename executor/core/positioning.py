@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from executor.core.coverage import GAP_S
-from executor.core.messages import EstimatorStatus, Gps
+from executor.core.messages import EstimatorStatus, Gps, SystemStatus
 from executor.core.parts import Fix, Positioning
 from executor.core.vehicle import VehicleState
 
@@ -29,8 +29,21 @@ USUAL_M = 3.0
 """What a fix is off by where its receiver does not say."""
 
 
-def gps_heard(known: Positioning, message: Gps, at: Fix | None, now_s: float) -> Positioning:
-    """Take what a receiver says; `at` is the newest position.
+def positioning_heard(
+    known: Positioning, message: Gps | EstimatorStatus | SystemStatus, at: Fix | None, now_s: float
+) -> Positioning:
+    """Take what a vehicle says of its GPS; `at` is the newest position."""
+    match message:
+        case Gps():
+            return _gps_heard(known, message, at, now_s)
+        case EstimatorStatus():
+            return _estimator_heard(known, message, now_s)
+        case SystemStatus(unhealthy=unhealthy):
+            return _health_heard(known, unhealthy, now_s)
+
+
+def _gps_heard(known: Positioning, message: Gps, at: Fix | None, now_s: float) -> Positioning:
+    """Take what a receiver says.
 
     A report whose own time stands still is that of the last fix, repeated: ArduPilot does so for four seconds.
     """
@@ -48,7 +61,7 @@ def gps_heard(known: Positioning, message: Gps, at: Fix | None, now_s: float) ->
     return _regained(known, at, now_s)
 
 
-def estimator_heard(known: Positioning, message: EstimatorStatus, now_s: float) -> Positioning:
+def _estimator_heard(known: Positioning, message: EstimatorStatus, now_s: float) -> Positioning:
     """Take what an estimator says of itself."""
     known = replace(known, estimated_s=now_s)
     if message.is_absolute:
@@ -57,7 +70,7 @@ def estimator_heard(known: Positioning, message: EstimatorStatus, now_s: float) 
     return _lost(replace(known, adrift_s=since_s), "its estimator does not use GPS", now_s)
 
 
-def health_heard(known: Positioning, unhealthy: int, now_s: float) -> Positioning:
+def _health_heard(known: Positioning, unhealthy: int, now_s: float) -> Positioning:
     """Take SYS_STATUS for a receiver that says nothing itself."""
     if unhealthy & GPS_SENSOR and now_s - known.reported_s > REPORTED_S:
         return _lost(known, "GPS not healthy", now_s)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import unicodedata
 from collections.abc import Iterable, Sequence
 
@@ -41,6 +42,15 @@ def first_of(names: Sequence[str], most: int) -> str:
     """Return names in a row; of many the first, and how many more there are."""
     shown_names = names if len(names) <= most else [*names[:most], f"and {len(names) - most} more"]
     return ", ".join(shown_names)
+
+
+def command_line(*parts: object) -> str:
+    """Return a command of this program as a shell takes it: a path with a space is one argument.
+
+    >>> command_line("restore", "r A"), command_line("plan", "site.toml")
+    ("faultline restore 'r A'", 'faultline plan site.toml')
+    """
+    return shlex.join(("faultline", *map(str, parts)))
 
 
 def minutes(seconds: float) -> str:
@@ -83,6 +93,20 @@ def place(lat_deg: float, lon_deg: float, accuracy_m: float | None = None) -> st
     """
     decimals = place_decimals(accuracy_m)
     return f"{lat_deg:.{decimals}f}, {lon_deg:.{decimals}f}"
+
+
+def known_place(lat_deg: float, lon_deg: float, known: str, accuracy_m: float | None) -> str:
+    """Return coordinates with how they are known, as `PositionView.known` has it.
+
+    >>> known_place(49.5984123, -15.6, "fix", 3.0), known_place(49.6, -15.6, "reckoned", 441.0)
+    ('49.59841, -15.60000 (GPS, 3 m)', '49.600, -15.600 (reckoned without GPS, off by 441 m or more)')
+    """
+    coordinates = place(lat_deg, lon_deg, accuracy_m)
+    if known == "reckoned":
+        return f"{coordinates} (reckoned without GPS, off by {accuracy_m or 0.0:.0f} m or more)"
+    if known == "unsaid":
+        return f"{coordinates} (GPS not reported)"
+    return f"{coordinates} (GPS, {accuracy_m or 0.0:.2g} m)" if known == "fix" else coordinates
 
 
 def ago(seconds: float) -> str:

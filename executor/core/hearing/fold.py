@@ -107,7 +107,7 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
         case Battery():
             return Folded(state.after(link, power=powered(context, state, message, now_s)))
         case SystemStatus(unhealthy=unhealthy):
-            known = positioning.health_heard(state.sensors.positioning, unhealthy, now_s)
+            known = positioning.positioning_heard(state.sensors.positioning, message, state.motion.fix, now_s)
             sensors = replace(state.sensors, unhealthy=unhealthy, positioning=known)
             return Folded(state.after(link, sensors=sensors, power=status_told(context, state, message, now_s)))
         case MissionCurrent(seq, total):
@@ -116,13 +116,10 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
             return Folded(state.after(link, telemetry=telemetry, assignment=assignment))
         case LandedState(on_ground):
             return Folded(state.after(link, telemetry=replace(state.telemetry, on_ground=on_ground)))
-        case Gps():
-            known = positioning.gps_heard(state.sensors.positioning, message, state.motion.fix, now_s)
-            gps = message if message.receiver == 0 else state.sensors.gps
+        case Gps() | EstimatorStatus():
+            known = positioning.positioning_heard(state.sensors.positioning, message, state.motion.fix, now_s)
+            gps = message if isinstance(message, Gps) and message.receiver == 0 else state.sensors.gps
             return Folded(state.after(link, sensors=replace(state.sensors, gps=gps, positioning=known)))
-        case EstimatorStatus():
-            known = positioning.estimator_heard(state.sensors.positioning, message, now_s)
-            return Folded(state.after(link, sensors=replace(state.sensors, positioning=known)))
         case Wind():
             return Folded(state.after(link, sensors=replace(state.sensors, wind=message)))
         case Attitude(roll_deg, pitch_deg):
