@@ -115,7 +115,7 @@ def _step(  # noqa: C901, PLR0911 - one return for each kind of event
         case Heard():
             return _heard(context, state, event, now_s)
         case Tick():
-            return _tick(context, state, now_s)
+            return _tick(context, state, event.late_s, now_s)
         case LaunchOrdered():
             return launching.launch(context, state, now_s)
         case StartEnded():
@@ -257,9 +257,9 @@ def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
     return state, (Say(Level.INFO, text), SendHome(vehicle.name))
 
 
-def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
+def _tick(context: Context, state: FleetState, late_s: float, now_s: float) -> Stepped:
     commands: list[Command] = []
-    state, more = link_loss.own_sleep(state, now_s)
+    state, more = link_loss.own_sleep(state, now_s, late_s)
     commands.extend(more)
     state, more = link_loss.of_all(context, state, now_s)
     commands.extend(more)

@@ -9,6 +9,7 @@ from typing import TypeVar
 from executor.core.messages import Message
 from executor.core.ports import Clock, Link
 from executor.protocols.machine import Machine
+from executor.runtime.awake import LEAST_WAIT_S, by_awake_time
 
 M = TypeVar("M", bound=Machine)
 
@@ -34,6 +35,7 @@ class _Paced:
         return self.clock.now_s() / self.clock.speedup * self.speedup
 
 
+@by_awake_time
 async def converse(machine: M, link: Link, clock: Clock) -> M:
     """Run a dialogue to its one outcome.
 
@@ -54,14 +56,13 @@ async def converse(machine: M, link: Link, clock: Clock) -> M:
                 link.send(message)
             if machine.outcome is not None:
                 return machine
-            left_s = (machine.deadline_s - paced.now_s()) / paced.speedup
-            try:
-                async with asyncio.timeout(max(0.0, left_s)):
-                    heard = await inbox.get()
-            except TimeoutError:
+            heard = await _heard_within(inbox, (machine.deadline_s - paced.now_s()) / paced.speedup)
+            if heard is not None:
+                machine, send = machine.on_message(heard, paced.now_s())
+            elif paced.now_s() >= machine.deadline_s - LEAST_WAIT_S:
                 machine, send = machine.on_deadline(paced.now_s())
             else:
-                machine, send = machine.on_message(heard, paced.now_s())
+                send = ()  # this program was kept from its work: what was said meanwhile is heard first
     except asyncio.CancelledError:
         _, send = machine.cancel()
         for message in send:
@@ -69,3 +70,12 @@ async def converse(machine: M, link: Link, clock: Clock) -> M:
         raise
     finally:
         stop_listening()
+
+
+async def _heard_within(inbox: asyncio.Queue[Message], real_s: float) -> Message | None:
+    """Return the next message, or nothing once that time has passed."""
+    try:
+        async with asyncio.timeout(max(0.0, real_s)):
+            return await inbox.get()
+    except TimeoutError:
+        return None
