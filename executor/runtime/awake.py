@@ -102,6 +102,23 @@ def awake(clock: Clock) -> Iterator[AwakeClock]:
         beat.end()
 
 
+def underlying(clock: Clock) -> Clock:
+    """Return the flight's clock of one that is maybe that of this program's work."""
+    return clock.clock if isinstance(clock, AwakeClock) else clock
+
+
+def times_slower(clock: Clock, began_s: float, able_began_s: float) -> float:
+    """Return how many times as long something took as this program was able to work on it; 1 on a computer at rest.
+
+    Args:
+        clock: Of the program's work.
+        began_s: When it began on the flight's clock.
+        able_began_s: The same on this one.
+    """
+    took_s, able_s = underlying(clock).now_s() - began_s, clock.now_s() - able_began_s
+    return max(1.0, took_s / able_s) if able_s > 0.0 else 1.0
+
+
 def by_awake_time(work: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, Coroutine[Any, Any, T]]:
     """Have a procedure count its time-outs by the time in which this program was able to do its work."""
     signature = inspect.signature(work)

@@ -18,7 +18,7 @@ from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted, Machine, Outcome, Rejected, TimedOut
 from executor.protocols.params import Parameter
 from executor.protocols.upload import UploadDialogue
-from executor.runtime.awake import LEAST_WAIT_S, by_awake_time
+from executor.runtime.awake import LEAST_WAIT_S, by_awake_time, times_slower, underlying
 from executor.runtime.dialogue import converse
 from missions import Dialect, MissionItem, MissionKind, StartStep, differences
 from missions.fences import place_differences
@@ -119,13 +119,14 @@ async def put_on_board(
         kind: Which of the vehicle's lists.
     """
     reason, mixed, stalled, began_s = "", False, False, clock.now_s()
-    busy, broken_off = 0, False
+    busy, broken_off, real_began_s = 0, False, underlying(clock).now_s()
     code: Ending | None = None
     for attempt in itertools.count():
         # Without a part of the new mission on board nothing is at stake but time: others can be given the work.
         real_s = UPLOAD_PATIENCE_REAL_S * (1.0 if mixed else 0.5) if stalled else 0.0
         patience_s = max(UPLOAD_PATIENCE_S if mixed else 0.0, real_s * clock.speedup)
-        if attempt >= UPLOAD_TRIES and not _outwaits(busy) and clock.now_s() - began_s > patience_s:
+        tries = UPLOAD_TRIES * times_slower(clock, real_began_s, began_s)
+        if attempt >= tries and not _outwaits(busy) and clock.now_s() - began_s > patience_s:
             break
         if attempt:
             await asyncio.sleep((_freed_s(dialect) if busy > 1 else AGAIN_WAIT_S) / clock.speedup)
