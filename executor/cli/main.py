@@ -89,6 +89,7 @@ def _unraisable(what: sys.UnraisableHookArgs) -> None:
 
 
 def _run(given: Sequence[str]) -> int:
+    _say_at_once(given)
     # Loading takes a second, in which Ctrl-C may come, too.
     import typer
     from typer.exceptions import TyperException
@@ -116,6 +117,14 @@ def _run(given: Sequence[str]) -> int:
         _internal(error)
     except Exception as error:  # noqa: BLE001 - the last place where it can become one line
         _internal(error)
+
+
+def _say_at_once(given: Sequence[str]) -> None:
+    """Say that a flight is taken up before anything is loaded: a busy computer takes many times as long for that."""
+    quiet = {"--quiet", "-q", "--json", "--help"}
+    if given[:1] == ["resume"] and len(given) > 1 and not quiet & set(given):
+        with suppress(OSError, ValueError):
+            print("faultline: taking the flight up; the vehicles hear us once it is loaded", file=sys.stderr, flush=True)
 
 
 def _several(group: BaseExceptionGroup[BaseException], known: tuple[type[Exception], ...]) -> NoReturn:
