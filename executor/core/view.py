@@ -110,7 +110,7 @@ class LossView:
     age_s: float
     """How long ago that was found."""
     left_over: tuple[int, ...] = ()
-    """Segments that nobody inspects whoever is lost: `uncovered` of the fleet."""
+    """Segments that nobody inspects in any case: `uncovered` of the fleet."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """The time in which this program was able to do its work: its own time-outs count in no other.
 
-A computer with too much to do lets a program wait. What a vehicle answered meanwhile lies unread, and whoever then
-looks at a clock finds every patience spent. So a beat goes beside the dialogues, and of a beat that comes late only
+A computer with too much to do lets a program wait. What a vehicle answered meanwhile lies unread, and by
+the clock every patience is spent. So a beat goes beside the dialogues, and of a beat that comes late only
 `MOST_REAL_S` counts.
 """
 

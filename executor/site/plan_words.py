@@ -94,7 +94,7 @@ def window_words(plan: PlanFile) -> list[str]:
 
 
 def but_left_over(plan: PlanFile) -> str:
-    """Return in words what is left over whoever is lost; empty where the plan inspects everything."""
+    """Return in words what is left over in any case; empty where the plan inspects everything."""
     left = len(plan.plan.uncovered)
     return f", and no more than the {count_of(left, 'segment')} of the plan is left over" if left else ""
 

@@ -66,7 +66,7 @@ function showWindow(next) {
   const judged = next.vehicles.filter((one) => one.loss);
   const outside = judged.filter((one) => !one.loss.inside_window).map((one) => one.name);
   const place = byId("window");
-  // What is left over now is so whoever is lost.
+  // What is left over now stays so in any case.
   const left = next.uncovered.length;
   const good = left ? `✓ the others finish all but the ${left} left over` : "✓ the others finish all";
   const bad = `✗ not ${outside.join(", ")}${left ? `; ${left} left over in any case` : ""}`;
