@@ -377,6 +377,10 @@ class AskedVehicle(Document):
     """How long it may be silent before it is declared lost."""
     pad: PadPart | None = None
     """None in an older directory: the pads are those that the site gives."""
+    gps_fix: Whole | None = None
+    """GPS_FIX_TYPE that its pad was known by; None where it did not say."""
+    gps_accuracy_m: Number | None = None
+    """By so much that may be off, by its receiver's word."""
     parameters: dict[str, Number] = Field(default={})
     stations: tuple[tuple[Whole, Whole], ...] = ()
     """System and component of the ground stations that were heard on its connection."""

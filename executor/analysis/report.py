@@ -93,6 +93,8 @@ def vehicles_of(context: Context, said: Said) -> AskedVehicles:
                 remaining_pct=facts.remaining_pct,
                 link_timeout_s=context.vehicles[name].link_timeout_s,
                 pad=_pad(context, name),
+                gps_fix=None if facts.gps is None else facts.gps.fix,
+                gps_accuracy_m=None if facts.gps is None else facts.gps.accuracy_m,
                 parameters=dict(sorted(facts.parameters.items())),
                 stations=tuple((station.system, station.component) for station in facts.stations),
             )
