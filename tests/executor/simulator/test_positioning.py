@@ -6,7 +6,8 @@ import pytest
 
 from executor.simulator.config import AutopilotKind
 from executor.simulator.positioning import ABSOLUTE_S, AIDED, ALONE, DRIFT_M_S2, FAILSAFE_S, Positioning
-from tests.executor.simulator.test_autopilot_people import KINDS, flying, texts
+from tests.executor.simulator.test_autopilot_people import flying, texts
+from tests.executor.simulator.test_vehicle import KINDS
 
 
 def test_it_drifts_from_the_moment_of_the_loss_on() -> None:
