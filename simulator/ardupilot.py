@@ -20,6 +20,7 @@ from simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, out
 from simulator.mission_ardupilot import ArduPilotMission, home_goals, land_goal
 from simulator.mission_store import StoreStep
 from simulator.physics import Home, Limits
+from simulator.positioning import GPS_BIT
 from simulator.store_ardupilot import ArduPilotStore
 
 MAV_AUTOPILOT_ARDUPILOT = 3
@@ -39,8 +40,8 @@ BATTERY_BIT = 0x02000000
 FENCE_BIT = 0x00100000
 GIVES_UP_M = 100.0
 """AC_FENCE_GIVE_UP_DISTANCE."""
-EKF_READY, EKF_BOOT = 831, 1024
-"""Flags of EKF_STATUS_REPORT: as recorded in flight, and 'uninitialised'."""
+EKF_BOOT = 1024
+"""Flags of EKF_STATUS_REPORT: 'uninitialised'."""
 LOW, CRITICAL = 1, 2
 EMERGENCY_PCT = 8.0
 """What an emergency leaves of the charge: enough to land."""
@@ -402,6 +403,7 @@ class ArduPilot(Autopilot):
         if self.params["FENCE_ENABLE"]:
             enabled |= FENCE_BIT
             healthy = healthy & ~FENCE_BIT if self._outside else healthy | FENCE_BIT
+        healthy = healthy & ~GPS_BIT if self.positioning.without_s(self.now_s) else healthy
         return present, enabled, healthy & ~BATTERY_BIT if self._battery_level else healthy
 
     def _build_own(self, name: str) -> Outbound | None:
@@ -431,9 +433,10 @@ class ArduPilot(Autopilot):
                     remaining_pct=self._remaining_pct(), charge_state=1 + self._battery_level, kind=0,
                 )  # fmt: skip
             case "EKF_STATUS_REPORT":
-                return telemetry.ekf_status(EKF_READY if self.ready else EKF_BOOT)
+                return telemetry.ekf_status(self.positioning.flags(self.now_s) if self.ready else EKF_BOOT)
             case "GPS_RAW_INT":
-                return telemetry.gps_raw(self.home, self.frame.body, self.boot_ms, fix=6 if self.ready else 1)
+                fix = 6 if self.ready and not self.positioning.without_s(self.now_s) else 1
+                return telemetry.gps_raw(self.home, self.frame.body, self.boot_ms, fix=fix)
             case "MISSION_CURRENT":
                 # The count leaves home out, so it is the last item's number.
                 return out(

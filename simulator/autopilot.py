@@ -39,6 +39,7 @@ from simulator.messages import (
 from simulator.mission_store import MissionStore, StoreStep
 from simulator.params import ParamTable, defaults_for
 from simulator.physics import Home, Place
+from simulator.positioning import Positioning
 from simulator.route import mission_length_m
 from simulator.streams import MESSAGE_IDS, MESSAGE_NAMES, Streams
 from simulator.voice import Voice
@@ -93,6 +94,7 @@ class Autopilot(ABC):
         """Whether a person keeps the kill switch on: it does not arm then."""
         self.hands = False
         """Whether a person holds the sticks: a mode that follows them keeps its height then."""
+        self.positioning = Positioning()
         self.streams = Streams(self.STREAMS_S, 0.0)
         self.gcs_heard_s: float | None = None
         """When the ground station that counts was last heard; None before it ever was."""
@@ -123,7 +125,9 @@ class Autopilot(ABC):
         }
         body = self.frame.body
         self._builders: Mapping[str, Callable[[], Outbound]] = {
-            "GLOBAL_POSITION_INT": lambda: telemetry.global_position(home, body, self.boot_ms),
+            "GLOBAL_POSITION_INT": lambda: telemetry.global_position(
+                home, body, self.boot_ms, (self.positioning.off_m(self.now_s), self.positioning.off_m_s(self.now_s))
+            ),
             "LOCAL_POSITION_NED": lambda: telemetry.local_position(body, self.boot_ms),
             "ATTITUDE": lambda: telemetry.attitude(body, self.boot_ms),
             "VFR_HUD": lambda: telemetry.vfr_hud(home, body, motors=self.frame.motors_on),
@@ -390,6 +394,9 @@ class Autopilot(ABC):
         elif self.frame.crashed_s is not None:
             self._report(only_heartbeat=True)
         else:
+            if self.positioning.acts(self.now_s) and self.frame.armed:
+                self.frame.happened("failsafe gps")
+                self._on_lost_estimate()
             self._decide()
             self._follow(self.store.tick(self.now_s))
             self._report(only_heartbeat=False)

@@ -58,6 +58,8 @@ class InjectionKind(Enum):
     """Its battery falls to a few percent, and its own failsafe acts: LAND, or VALUE."""
     EKF = "ekf"
     """It does not know where it is any more, and lands."""
+    GPS = "gps"
+    """Its GPS has no fix, for good or for VALUE seconds; it reckons where it is, and its failsafe lands it."""
     CAMERA_SILENT = "camera-silent"
     """Its cameras take no pictures and say nothing any more."""
     CAMERA_MUTE = "camera-mute"
@@ -117,6 +119,7 @@ _RULES: dict[InjectionKind, _Rule] = {
     InjectionKind.STATION: _MODE,
     InjectionKind.EMERGENCY: _Rule("LAND or RTL, or nothing", required=False, words=frozenset({"LAND", "RTL"})),
     InjectionKind.CAMERA_LOSS: _SHARE,
+    InjectionKind.GPS: _Rule("seconds, such as 20s, or nothing for good", required=False, seconds=True),
     InjectionKind.PACK: _Rule("percent that it holds, above 0 to 100, or nothing", 1.0, 100.0, required=False),
 }
 """Without one a kind takes no value."""
@@ -146,7 +149,7 @@ class Injection:
     @property
     def spec(self) -> str:
         """The fault in the grammar that ``parse_fault`` reads."""
-        unit = "s" if self.kind is InjectionKind.SILENT else ""
+        unit = "s" if self.kind in {InjectionKind.SILENT, InjectionKind.GPS} else ""
         value = f"={self.word}" if self.word else "" if self.value is None else f"={self.value:g}{unit}"
         return f"{self.vehicle}:{self.kind.value}{value}@{self._when}"
 

@@ -19,6 +19,7 @@ from simulator.mission_px4 import FAST_LANDING_M, MissionEnd, Px4Mission, land_g
 from simulator.mission_store import StoreStep, has_place
 from simulator.modes_px4 import MAIN_AUTO, MISSION_MODES, WORDS, Mode, custom_mode
 from simulator.physics import Home, Limits, Place
+from simulator.positioning import GPS_BIT
 from simulator.route import place_of
 from simulator.store_px4 import Px4Store
 
@@ -502,7 +503,8 @@ class Px4(Autopilot):
                     remaining_pct=round(battery.charge_pct), charge_state=self._charge_state, kind=1,
                 )  # fmt: skip
             case "GPS_RAW_INT":
-                return telemetry.gps_raw(self.home, self.frame.body, self.boot_ms, fix=3 if self.ready else 1)
+                fix = 3 if self.ready and not self.positioning.without_s(self.now_s) else 1
+                return telemetry.gps_raw(self.home, self.frame.body, self.boot_ms, fix=fix)
             case "MISSION_CURRENT":
                 return out(
                     "MISSION_CURRENT", seq=self.mission.index, total=len(self._store.items) or EMPTY_TOTAL,
@@ -510,13 +512,20 @@ class Px4(Autopilot):
                     mission_mode=1 if self.mode in MISSION_MODES else 2,
                     mission_id=self._store.mission_id,
                 )  # fmt: skip
-            case "WIND_COV":
-                height_m = self.home.alt_m + self.frame.body.up_m
-                return telemetry.wind_cov(self.vehicle.wind_m_s, self.boot_ms, height_m)
             case "AUTOPILOT_VERSION":
                 return telemetry.autopilot_version(
                     capabilities=CAPABILITIES, version=(1, 17, 0, OFFICIAL), uid=self.vehicle.sysid
                 )
+            case _:
+                return self._build_rare(name)
+
+    def _build_rare(self, name: str) -> Outbound | None:
+        match name:
+            case "ESTIMATOR_STATUS":
+                return telemetry.estimator_status(self.positioning.flags(self.now_s) if self.ready else 0, self.boot_ms)
+            case "WIND_COV":
+                height_m = self.home.alt_m + self.frame.body.up_m
+                return telemetry.wind_cov(self.vehicle.wind_m_s, self.boot_ms, height_m)
             case _:
                 return None
 
@@ -524,6 +533,7 @@ class Px4(Autopilot):
         if not self.ready:
             return SENSORS_BOOT
         present, enabled, healthy = SENSORS
+        healthy = healthy & ~GPS_BIT if self.positioning.without_s(self.now_s) else healthy
         armable = self.frame.armed or self._refuse_arming() is None
         return present, enabled, healthy if armable else healthy & ~PREARM_BIT
 

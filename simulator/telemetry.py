@@ -21,13 +21,13 @@ def _centi(value_m_s: float) -> int:
     return round(value_m_s * 100)
 
 
-def global_position(home: Home, body: Body, boot_ms: int) -> Outbound:
-    """Return GLOBAL_POSITION_INT."""
-    lat, lon = home.lat_lon_e7(body.east_m, body.north_m)
+def global_position(home: Home, body: Body, boot_ms: int, off: tuple[float, float] = (0.0, 0.0)) -> Outbound:
+    """Return GLOBAL_POSITION_INT; `off` is how far east, and faster to the east, it takes itself to be."""
+    lat, lon = home.lat_lon_e7(body.east_m + off[0], body.north_m)
     return out(
         "GLOBAL_POSITION_INT", time_boot_ms=boot_ms, lat=lat, lon=lon, alt=round((home.alt_m + body.up_m) * 1000),
-        relative_alt=round(body.up_m * 1000), vx=_centi(body.v_north_m_s), vy=_centi(body.v_east_m_s),
-        vz=_centi(-body.v_up_m_s), hdg=_heading_cdeg(body),
+        relative_alt=round(body.up_m * 1000), vx=_centi(body.v_north_m_s),
+        vy=_centi(body.v_east_m_s + off[1]), vz=_centi(-body.v_up_m_s), hdg=_heading_cdeg(body),
     )  # fmt: skip
 
 
@@ -121,6 +121,14 @@ def ekf_status(flags: int) -> Outbound:
     return out(
         "EKF_STATUS_REPORT", flags=flags, velocity_variance=0.005, pos_horiz_variance=0.005, pos_vert_variance=0.001,
         compass_variance=0.01, terrain_alt_variance=0.0,
+    )  # fmt: skip
+
+
+def estimator_status(flags: int, boot_ms: int) -> Outbound:
+    """Return ESTIMATOR_STATUS of a good estimate."""
+    return out(
+        "ESTIMATOR_STATUS", time_usec=boot_ms * 1000, vel_ratio=0.05, pos_horiz_ratio=0.05, pos_vert_ratio=0.05,
+        mag_ratio=0.05, hagl_ratio=0.0, tas_ratio=0.0, pos_horiz_accuracy=0.5, pos_vert_accuracy=0.5, flags=flags,
     )  # fmt: skip
 
 

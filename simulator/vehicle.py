@@ -160,16 +160,17 @@ class SimulatedVehicle:
                 frame.battery.lose(value)
             case InjectionKind.DRAIN:
                 frame.battery.drain_factor = value
+            case InjectionKind.GPS:
+                self.autopilot.positioning.lose(self.autopilot.now_s, value)
             case InjectionKind.CRASH:
                 frame.lose_thrust()
             case InjectionKind.REBOOT:
                 self.autopilot.reboot(on_pad=word == "pad")
             case InjectionKind.STATION:
                 self._called(word)
-            case InjectionKind.REFUSE_UPLOAD:
-                self.autopilot.store.fault = UploadFault.REFUSE
-            case InjectionKind.HALF_UPLOAD:
-                self.autopilot.store.fault = UploadFault.HALF
+            case InjectionKind.REFUSE_UPLOAD | InjectionKind.HALF_UPLOAD:
+                refuses = kind is InjectionKind.REFUSE_UPLOAD
+                self.autopilot.store.fault = UploadFault.REFUSE if refuses else UploadFault.HALF
             case _ if kind in LINK_FIELDS:
                 setattr(condition, LINK_FIELDS[kind], value)
             case _:

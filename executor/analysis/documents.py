@@ -62,6 +62,19 @@ class ReplanRow(Document):
     """Vehicles whose budgets do not last for all that they have on board."""
 
 
+class LastFix(Document):
+    """Where a vehicle was by GPS last, WGS 84."""
+
+    lat_deg: Number
+    lon_deg: Number
+    alt_rel_m: Number
+    """Over its pad."""
+    accuracy_m: Number | None = None
+    ground_speed_m_s: Number
+    """There: it has flown on."""
+    at_s: Number
+
+
 class LastPosition(Document):
     """Where a vehicle was heard last, WGS 84, for who has to find it."""
 
@@ -70,6 +83,12 @@ class LastPosition(Document):
     alt_rel_m: Number
     """Over its pad."""
     at_s: Number
+    known: str = ""
+    """fix: by GPS. reckoned: GPS was lost before. unsaid: it said nothing of its GPS. Empty in older reports."""
+    accuracy_m: Number | None = None
+    """By so much it may be off; a reckoned one by this or more."""
+    last_fix: LastFix | None = None
+    """Of one that is reckoned: where to look for it."""
 
 
 class VehicleRow(Document):
@@ -358,6 +377,10 @@ class AskedVehicle(Document):
     """How long it may be silent before it is declared lost."""
     pad: PadPart | None = None
     """None in an older directory: the pads are those that the site gives."""
+    gps_fix: Whole | None = None
+    """GPS_FIX_TYPE that its pad was known by; None where it did not say."""
+    gps_accuracy_m: Number | None = None
+    """By so much that may be off, by its receiver's word."""
     parameters: dict[str, Number] = Field(default={})
     stations: tuple[tuple[Whole, Whole], ...] = ()
     """System and component of the ground stations that were heard on its connection."""

@@ -47,6 +47,8 @@ from planner import is_reversed, segment_of, visit_of
 
 GAP_S = 5.0
 """Where nothing was heard for longer than this, nothing is drawn."""
+DECIMALS = 6
+"""Of a degree: more than a decimetre no position carries."""
 STEP_S = 0.5
 """Positions that follow sooner say nothing more to who looks at a map."""
 
@@ -137,24 +139,33 @@ def _from_the_air(
 
 
 def _flown(record: FlightRecord, frame: LocalFrame, vehicle: VehicleRecord) -> Iterator[DrawnWay]:
-    """Yield a vehicle's track since the launch, in as many pieces as it was heard in."""
+    """Yield a vehicle's track since the launch, in as many pieces as it was heard in; what is reckoned for itself."""
     kept = _thinned(vehicle.track[:, 0])
-    breaks = [0, *(np.flatnonzero(np.diff(vehicle.track[kept, 0]) > GAP_S) + 1).tolist(), len(kept)]
+    adrift = np.zeros(len(vehicle.track), dtype=np.bool_) if vehicle.reckoned is None else vehicle.reckoned
+    cuts = (np.diff(vehicle.track[kept, 0]) > GAP_S) | (np.diff(adrift[kept].astype(np.int8)) != 0)
+    breaks = [0, *(np.flatnonzero(cuts) + 1).tolist(), len(kept)]
     lat_lon = frame.many_to_wgs84_deg(vehicle.track[kept, 1:3]) if len(kept) else np.zeros((0, 2))
-    pieces = []
+    pieces: dict[bool, list[Piece]] = {False: [], True: []}
     for begin, end in pairwise(breaks):
         rows = kept[begin:end]
         if len(rows) > 1:
             positions = tuple(
-                (float(lat), float(lon), float(sea_m))
+                (round(float(lat), DECIMALS), round(float(lon), DECIMALS), float(sea_m))
                 for (lat, lon), sea_m in zip(lat_lon[begin:end], vehicle.sea_m[rows], strict=True)
             )
-            pieces.append(Piece(positions, tuple(_time(record, t_s) for t_s in vehicle.track[rows, 0].tolist())))
-    if pieces:
+            times = tuple(_time(record, t_s) for t_s in vehicle.track[rows, 0].tolist())
+            pieces[bool(adrift[rows[0]])].append(Piece(positions, times))
+    if pieces[False]:
         segments = sum(segment.inspected_by == vehicle.name for segment in record.segments)
         yield DrawnWay(
-            DrawnKind.FLOWN, f"{vehicle.name} flown", tuple(pieces), Reference.SEA, vehicle.name, {"segments": segments}
-        )
+            DrawnKind.FLOWN, f"{vehicle.name} flown", tuple(pieces[False]), Reference.SEA, vehicle.name,
+            {"segments": segments},
+        )  # fmt: skip
+    if pieces[True]:
+        yield DrawnWay(
+            DrawnKind.FLOWN, f"{vehicle.name} reckoned without GPS", tuple(pieces[True]), Reference.SEA, vehicle.name,
+            {"known": "reckoned"},
+        )  # fmt: skip
 
 
 def _thinned(times_s: FloatArray) -> npt.NDArray[np.intp]:
@@ -169,19 +180,27 @@ def _thinned(times_s: FloatArray) -> npt.NDArray[np.intp]:
 
 
 def _events(record: FlightRecord, setup: FlightSetup) -> Iterator[DrawnPlace]:
-    """Yield where each vehicle that was lost was heard last before that was declared."""
+    """Yield where each vehicle that was lost was by GPS last before that was declared, and how long before."""
     for vehicle, fault in record.lost:
-        heard = np.flatnonzero(vehicle.track[:, 0] <= fault.detected_s)
+        by_gps = np.ones(len(vehicle.track), dtype=np.bool_) if vehicle.reckoned is None else ~vehicle.reckoned
+        heard = np.flatnonzero((vehicle.track[:, 0] <= fault.detected_s) & by_gps)
         if len(heard) == 0:
             continue
-        _, east_m, north_m, _ = vehicle.track[heard[-1]].tolist()
-        place = (*setup.frame.to_wgs84_deg(east_m, north_m), float(vehicle.sea_m[heard[-1]]))
+        at_s, east_m, north_m, _ = vehicle.track[heard[-1]].tolist()
+        lat_deg, lon_deg = setup.frame.to_wgs84_deg(east_m, north_m)
+        place = (round(lat_deg, DECIMALS), round(lon_deg, DECIMALS), float(vehicle.sea_m[heard[-1]]))
         yield DrawnPlace(
             DrawnKind.EVENT, f"{vehicle.name} lost: {fault.kind.value}", place, Reference.SEA, vehicle.name,
-            _time(record, fault.detected_s), _facts(record, fault),
+            _time(record, fault.detected_s), _facts(record, fault, fault.detected_s - at_s),
         )  # fmt: skip
 
 
-def _facts(record: FlightRecord, fault: FaultRecord) -> dict[str, str | None]:
+def _facts(record: FlightRecord, fault: FaultRecord, age_s: float) -> dict[str, Fact]:
     happened = None if fault.happened_s is None else _time(record, fault.happened_s)
-    return {"event": "fault", "fault": fault.kind.value, "reason": fault.reason, "happened": happened}
+    return {
+        "event": "fault",
+        "fault": fault.kind.value,
+        "reason": fault.reason,
+        "happened": happened,
+        "position_age_s": round(age_s, 1),
+    }

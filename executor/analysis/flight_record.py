@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from executor.core.commands import Level
 from executor.core.coverage import Run, Sample, Track, follow
@@ -86,6 +87,13 @@ class VehicleRecord:
     fault: FaultRecord | None
     sea_m: FloatArray
     """(n,) float64: height of each of the track's places above mean sea level, as the vehicle said it."""
+    reckoned: npt.NDArray[np.bool_] | None = None
+    """(n,) bool: whether each of them came while GPS was lost; None where all are by GPS."""
+
+    @property
+    def by_gps(self) -> FloatArray:
+        """The rows of the track that are by GPS."""
+        return self.track if self.reckoned is None else self.track[~self.reckoned]
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,8 +281,8 @@ def used_at_pct(vehicle: VehicleRecord, t_s: float) -> float:
 
 
 def last_place_m(vehicle: VehicleRecord, t_s: float) -> Place | None:
-    """Return where a vehicle was heard last until a time; None if it was not."""
-    heard = vehicle.track[vehicle.track[:, 0] <= t_s]
+    """Return where a vehicle was by GPS last until a time; None if it was not heard."""
+    heard = vehicle.by_gps[vehicle.by_gps[:, 0] <= t_s]
     return (float(heard[-1, 1]), float(heard[-1, 2])) if len(heard) else None
 
 

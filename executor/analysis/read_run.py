@@ -32,7 +32,9 @@ from executor.core.battery.history import PackHistory
 from executor.core.commands import Level
 from executor.core.coverage import Sample, Track
 from executor.core.events import Event, Heard, LaunchOrdered, SolveEnded, UploadEnded
-from executor.core.messages import Battery, Position, SystemStatus
+from executor.core.messages import Battery, EstimatorStatus, Gps, Position, SystemStatus
+from executor.core.parts import Fix, Positioning
+from executor.core.positioning import positioning_heard
 from executor.errors import LogError
 from executor.site import assembly
 from executor.site.config import Site, read_site
@@ -59,6 +61,25 @@ class _Heard:
     samples: list[tuple[float, Sample]] = field(default_factory=list)
     battery: list[tuple[float, float]] = field(default_factory=list)
     status: list[tuple[float, float]] = field(default_factory=list)
+    positioning: Positioning = field(default_factory=Positioning)
+    newest: Fix | None = None
+    reckoned: list[bool] = field(default_factory=list)
+    """Of the positions: whether GPS was lost."""
+
+    def take_position(self, said: Position, place_m: tuple[float, float], t_s: float) -> None:
+        """Take where it was; what is reckoned proves nothing."""
+        velocity_m_s = (said.east_m_s, said.north_m_s, -said.down_m_s)
+        is_reckoned = self.positioning.lost_s is not None
+        self.newest = Fix(t_s, said.boot_s, place_m, said.alt_rel_m, said.alt_msl_m, velocity_m_s, reckoned=is_reckoned)
+        self.positions.append((t_s, *place_m, said.alt_rel_m))
+        self.seas.append(said.alt_msl_m)
+        self.reckoned.append(is_reckoned)
+        if not is_reckoned:
+            self.samples.append((t_s, Sample(said.boot_s, place_m)))
+
+    def take_positioning(self, said: Gps | EstimatorStatus | SystemStatus, t_s: float) -> None:
+        """Take what it said of its GPS."""
+        self.positioning = positioning_heard(self.positioning, said, self.newest, t_s)
 
 
 @dataclass(slots=True)
@@ -122,14 +143,15 @@ def _read_log(path: Path, frame: LocalFrame, site: Site) -> _Log:
 def _take(log: _Log, event: Event, t_s: float, frame: LocalFrame, speedup: float) -> None:
     match event:
         case Heard(vehicle, Position() as position) if vehicle in log.heard:
-            place_m = frame.to_local_m(position.lat_deg, position.lon_deg)
-            log.heard[vehicle].positions.append((t_s, *place_m, position.alt_rel_m))
-            log.heard[vehicle].seas.append(position.alt_msl_m)
-            log.heard[vehicle].samples.append((t_s, Sample(position.boot_s, place_m)))
+            log.heard[vehicle].take_position(position, frame.to_local_m(position.lat_deg, position.lon_deg), t_s)
+        case Heard(vehicle, Gps() | EstimatorStatus() as said) if vehicle in log.heard:
+            log.heard[vehicle].take_positioning(said, t_s)
         case Heard(vehicle, Battery(remaining_pct=remaining)) if vehicle in log.heard and remaining is not None:
             log.heard[vehicle].battery.append((t_s, remaining))
-        case Heard(vehicle, SystemStatus(remaining_pct=remaining)) if vehicle in log.heard and remaining is not None:
-            log.heard[vehicle].status.append((t_s, remaining))
+        case Heard(vehicle, SystemStatus(remaining_pct=remaining) as said) if vehicle in log.heard:
+            log.heard[vehicle].take_positioning(said, t_s)
+            if remaining is not None:
+                log.heard[vehicle].status.append((t_s, remaining))
         case SolveEnded():
             log.solved_s[event.revision] = t_s
             log.solving_s[event.revision] = t_s - speedup * event.solve_s
@@ -169,6 +191,7 @@ def _vehicles(
                 battery=np.array(heard.battery or heard.status, dtype=np.float64).reshape(-1, 2),
                 fault=faults.get(table.name),
                 sea_m=np.array(heard.seas, dtype=np.float64),
+                reckoned=np.array(heard.reckoned, dtype=np.bool_),
             )
         )
     return tuple(vehicles)

@@ -17,6 +17,7 @@ from executor.analysis.documents import (
     FlightReport,
     HeightsPart,
     InspectionRow,
+    LastFix,
     LastPosition,
     NotCountedRow,
     PadPart,
@@ -31,12 +32,13 @@ from executor.analysis.planned_and_flown import flown_routes
 from executor.core.context import Context
 from executor.core.events import Gain
 from executor.core.hearing import firmware
+from executor.core.places import over_its_pad
 from executor.core.ports import LinkCounts
 from executor.core.preflight import heights
 from executor.core.preflight.checks import Check, Facts
 from executor.core.state import Absence, FleetState, ReplanRecord
 from executor.core.vehicle import Fault, Stage, VehicleState
-from executor.core.view import state_word
+from executor.core.view import position_view, state_word
 from executor.images.rows import AssetRow, asset_rows
 
 
@@ -91,6 +93,8 @@ def vehicles_of(context: Context, said: Said) -> AskedVehicles:
                 remaining_pct=facts.remaining_pct,
                 link_timeout_s=context.vehicles[name].link_timeout_s,
                 pad=_pad(context, name),
+                gps_fix=None if facts.gps is None else facts.gps.fix,
+                gps_accuracy_m=None if facts.gps is None else facts.gps.accuracy_m,
                 parameters=dict(sorted(facts.parameters.items())),
                 stations=tuple((station.system, station.component) for station in facts.stations),
             )
@@ -311,16 +315,11 @@ def _vehicle(
     began_s: float,
 ) -> VehicleRow:
     battery = vehicle.power.battery
-    pad_m = context.vehicles[vehicle.name].pad_m
-    at_home = vehicle.motion.fix is None or (
-        (vehicle.motion.fix.place_m[0] - pad_m[0]) ** 2 + (vehicle.motion.fix.place_m[1] - pad_m[1]) ** 2
-        <= context.limits.off_pad_m**2
-    )
     return VehicleRow(
         name=vehicle.name,
         segments=tuple(sorted(segment for segment, name in state.coverage.inspected.items() if name == vehicle.name)),
         energy_used_pct=round(battery.given_pct, 1),
-        landed=vehicle.stage in {Stage.LANDED, Stage.GROUND} and at_home,
+        landed=vehicle.stage in {Stage.LANDED, Stage.GROUND} and over_its_pad(context, vehicle),
         min_reserve_pct=battery.least_pct,
         state=state_word(context, vehicle),
         last_position=_last_position(context, vehicle, began_s),
@@ -334,12 +333,25 @@ def _vehicle(
 
 def _last_position(context: Context, vehicle: VehicleState, began_s: float) -> LastPosition | None:
     fix = vehicle.motion.fix
-    if fix is None:
+    at = None if fix is None else position_view(context, vehicle, fix.at_s)
+    if fix is None or at is None:
         return None
-    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
+    last = at.last_fix
     return LastPosition(
-        lat_deg=round(lat_deg, 7),
-        lon_deg=round(lon_deg, 7),
-        alt_rel_m=round(fix.alt_rel_m, 1),
+        lat_deg=at.lat_deg,
+        lon_deg=at.lon_deg,
+        alt_rel_m=at.relative_alt_m,
         at_s=round(fix.at_s - began_s, 1),
+        known=at.known,
+        accuracy_m=at.accuracy_m,
+        last_fix=None
+        if last is None
+        else LastFix(
+            lat_deg=last.lat_deg,
+            lon_deg=last.lon_deg,
+            alt_rel_m=last.relative_alt_m,
+            accuracy_m=last.accuracy_m,
+            ground_speed_m_s=last.ground_speed_m_s,
+            at_s=round(fix.at_s - last.age_s - began_s, 1),
+        ),
     )

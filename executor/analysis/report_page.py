@@ -52,7 +52,7 @@ VEHICLES = {
     "autopilot": "autopilot",
     "firmware": "firmware",
 }
-AWAY = ("vehicle", "state", "last heard at", "height (m)", "when")
+AWAY = ("vehicle", "state", "last GPS fix", "last heard at", "height (m)", "when")
 CHECKS = {"subject": "about", "severity": "finding", "text": "what"}
 DISTANCE = {"inspected_at_m": "at a distance of (m)"}
 INSPECTIONS = {
@@ -268,7 +268,16 @@ def _away(report: FlightReport) -> Iterator[Sequence[object]]:
     for row in report.vehicles:
         at = row.last_position
         if not row.landed and at is not None:
-            yield row.name, words.state(row.state), words.place(at.lat_deg, at.lon_deg), at.alt_rel_m, _at(at.at_s)
+            place = words.known_place(at.lat_deg, at.lon_deg, at.known, at.accuracy_m)
+            by_gps = (
+                ""
+                if (fix := at.last_fix) is None
+                else (
+                    f"{words.place(fix.lat_deg, fix.lon_deg, fix.accuracy_m)}, {_at(fix.at_s)}, "
+                    f"at {fix.ground_speed_m_s:.0f} m/s"
+                )
+            )
+            yield row.name, words.state(row.state), by_gps or "the same", place, at.alt_rel_m, _at(at.at_s)
 
 
 def _routes(report: FlightReport) -> Iterator[Sequence[object]]:

@@ -280,7 +280,12 @@ def _last_place(vehicle: VehicleView) -> str:
     at = vehicle.position
     if at is None:
         return "nobody knows where"
-    return f"last at {words.place(at.lat_deg, at.lon_deg)}, {at.relative_alt_m:.0f} m, {words.minutes(at.age_s)} ago"
+    place = words.known_place(at.lat_deg, at.lon_deg, at.known, at.accuracy_m)
+    reported = f"last at {place}, {at.relative_alt_m:.0f} m, {words.ago(at.age_s)}"
+    if (fix := at.last_fix) is None:
+        return reported
+    gps = words.place(fix.lat_deg, fix.lon_deg, fix.accuracy_m)
+    return f"last GPS fix {gps}, {words.ago(fix.age_s)}, at {fix.ground_speed_m_s:.0f} m/s; {reported}"
 
 
 def in_other_hands_words(vehicle: VehicleView) -> str:

@@ -56,6 +56,7 @@ from executor.cli.planning import (
 from executor.core.commands import Level
 from executor.core.preflight.checks import Severity
 from executor.core.preflight.parameters import number
+from executor.core.words import command_line
 from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import fly as flying
 from executor.flight.broker import settings_of
@@ -374,7 +375,8 @@ def resume(
         return
     console.say(Level.INFO, f"{directory}: this flight is over")
     for one in still_open(directory):
-        text = f"{one.vehicle}: {one.name} (was {number(one.old)}) not restored: faultline restore {directory}"
+        restore = command_line("restore", directory)
+        text = f"{one.vehicle}: {one.name} (was {number(one.old)}) not restored: {restore}"
         console.say(Level.WARNING, text)
     _finish_flight(known.order, flying.FlightResult(report, left.begun.context, left=False), as_json=as_json)
 

@@ -22,6 +22,7 @@ from executor.cli.network_options import (
 )
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName
 from executor.cli.planning import can_be_written, writable
+from executor.core.words import command_line
 from executor.errors import SiteError
 from executor.site import assembly, template
 from executor.site.tables.ground import DepotTable
@@ -67,7 +68,7 @@ def init(
         print(text, end="")
         return
     writable(output, lambda: output.write_text(text, encoding="utf-8"))
-    print(f"{output}: {len(known.segments)} segments, {vehicles} vehicles; next: faultline plan {output}")
+    print(f"{output}: {len(known.segments)} segments, {vehicles} vehicles; next: {command_line('plan', output)}")
 
 
 def _network(

@@ -89,6 +89,7 @@ def _unraisable(what: sys.UnraisableHookArgs) -> None:
 
 
 def _run(given: Sequence[str]) -> int:
+    _say_at_once(given)
     # Loading takes a second, in which Ctrl-C may come, too.
     import typer
     from typer.exceptions import TyperException
@@ -122,6 +123,16 @@ def _our_errors() -> tuple[type[Exception], ...]:
     from executor.cli.errors import OUR_ERRORS
 
     return OUR_ERRORS
+
+
+def _say_at_once(given: Sequence[str]) -> None:
+    """Say that a flight is taken up before anything is loaded: a busy computer takes many times as long for that."""
+    quiet = {"--quiet", "-q", "--json", "--help"}
+    if given[:1] == ["resume"] and len(given) > 1 and not quiet & set(given):
+        with suppress(OSError, ValueError):
+            print(
+                "faultline: taking the flight up; the vehicles hear us once it is loaded", file=sys.stderr, flush=True
+            )
 
 
 def _several(group: BaseExceptionGroup[BaseException], known: tuple[type[Exception], ...]) -> NoReturn:

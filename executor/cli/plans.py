@@ -54,13 +54,22 @@ from executor.cli.planning import (
     wanted_of,
     writable,
 )
+from executor.core.words import command_line
 from executor.errors import SiteError
 from executor.flight import next_sortie
 from executor.site import assembly, planning
 from executor.site.config import read_site
 from executor.site.ground_view import GroundView, view_for
 from executor.site.heights import PlannedHeights, planned_heights
-from executor.site.plan_words import distance_words, left_over_words, left_words, route_words, summary, window_words
+from executor.site.plan_words import (
+    but_left_over,
+    distance_words,
+    left_over_words,
+    left_words,
+    route_words,
+    summary,
+    window_words,
+)
 from executor.site.planning import DEFAULT, Wanted
 from missions import (
     PlanFile,
@@ -168,8 +177,8 @@ def plan(
 def _print_how_to_fly(site: Path, plan: Path | None, learned: Path | None) -> None:
     if plan is None:
         return
-    known = "" if learned is None else f" --learned {learned}"
-    print(f"flown as it is by: faultline fly {site} --plan {plan}{known}")
+    known = () if learned is None else ("--learned", learned)
+    print(f"flown as it is by: {command_line('fly', site, '--plan', plan, *known)}")
 
 
 def _can_be_profiled(profile: Path | None, site: Path, *, front: bool, over_raster: bool) -> None:
@@ -355,8 +364,8 @@ def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> N
         )  # fmt: skip
         return
     print(
-        f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s on any one vehicle may be lost "
-        f"(longest route {found.longest_route_s:.0f} s)"
+        f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s on any one vehicle may be lost"
+        f"{but_left_over(content)} (longest route {found.longest_route_s:.0f} s)"
     )
     if breaking is not None:
         name = content.vehicles[breaking.vehicle].name

@@ -2,7 +2,8 @@
 
 A segment counts when it was flown from one end to the other in one run, inside the corridor about the planned track and
 not faster than `SPEED_FACTOR` times the inspection speed. Mission indices are not asked: both autopilots skip and
-overwrite them, and ArduPilot flies a slow leg too fast after a pass-through corner.
+overwrite them, and ArduPilot flies a slow leg too fast after a pass-through corner. A position that is reckoned because
+GPS is lost is none: up to `GAP_S` without a fix is tolerated, as without any position, and more breaks the run.
 """
 
 from __future__ import annotations

@@ -24,6 +24,9 @@ class Heard:
 class Tick:
     """Time has passed; watchpoints are levels, looked at on every tick."""
 
+    late_s: float = 0.0
+    """How much of it the ground station could not do its work in, as its computer was too busy."""
+
 
 @dataclass(frozen=True, slots=True)
 class LaunchOrdered:

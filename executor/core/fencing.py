@@ -64,7 +64,7 @@ OFF_FENCE_M = 3.0
 def off_its_fence(vehicle: VehicleState, now_s: float, stale_s: float) -> str:
     """Return in words how far a vehicle is outside the fence that it was given; nothing inside, or if nobody knows."""
     fence, fix = vehicle.assignment.fence, vehicle.motion.fix
-    if fence is None or fix is None or now_s - fix.at_s > stale_s:
+    if fence is None or fix is None or fix.reckoned or now_s - fix.at_s > stale_s:
         return ""
     out_m, over_m = fence.outside_m(fix.place_m), fix.alt_rel_m - fence.top_m
     if max(out_m, over_m) <= OFF_FENCE_M:

@@ -54,6 +54,7 @@ from executor.core.places import (
     place_words,
     seen_at_rest,
 )
+from executor.core.positioning import regained_words
 from executor.core.replan import closer, new_missions, offering, replanning, survivors
 from executor.core.resume import blackout, resuming
 from executor.core.roster import killswitch, offers, takeover, turnaround
@@ -114,7 +115,7 @@ def _step(  # noqa: C901, PLR0911 - one return for each kind of event
         case Heard():
             return _heard(context, state, event, now_s)
         case Tick():
-            return _tick(context, state, now_s)
+            return _tick(context, state, event.late_s, now_s)
         case LaunchOrdered():
             return launching.launch(context, state, now_s)
         case StartEnded():
@@ -175,10 +176,7 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
         start = context.vehicles[event.vehicle].start
         folded = replace(folded, state=leg_times.followed(before, folded.state, now_s, start))
     state = state.put(folded.state)
-    commands: list[Command] = [
-        Say(Level.WARNING, f"{event.vehicle}: {line}")
-        for line in stranger_lines(before.link.strangers, folded.state.link.strangers)
-    ]
+    commands = _noticed(before, folded.state, now_s)
     if folded.text is not None:
         state, more = texts.tell_text(state, folded.state, folded.text, now_s)
         commands.extend(more)
@@ -198,6 +196,14 @@ def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> S
         state, more = _beat(context, state, before, now_s)
         commands.extend(more)
     return state, tuple(commands)
+
+
+def _noticed(before: VehicleState, after: VehicleState, now_s: float) -> list[Command]:
+    """Say who else is on its link, and that it has GPS again."""
+    lines = [(Level.WARNING, line) for line in stranger_lines(before.link.strangers, after.link.strangers)]
+    if regained := regained_words(before, after, now_s):
+        lines.append((Level.INFO, regained))
+    return [Say(level, f"{after.name}: {line}") for level, line in lines]
 
 
 def _beat(context: Context, state: FleetState, before: VehicleState, now_s: float) -> Stepped:
@@ -251,9 +257,9 @@ def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
     return state, (Say(Level.INFO, text), SendHome(vehicle.name))
 
 
-def _tick(context: Context, state: FleetState, now_s: float) -> Stepped:
+def _tick(context: Context, state: FleetState, late_s: float, now_s: float) -> Stepped:
     commands: list[Command] = []
-    state, more = link_loss.own_sleep(state, now_s)
+    state, more = link_loss.own_sleep(state, now_s, late_s)
     commands.extend(more)
     state, more = link_loss.of_all(context, state, now_s)
     commands.extend(more)
@@ -394,7 +400,7 @@ def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, n
 
 def _flies_on(context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float) -> Stepped:
     """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
-    text = f"{vehicle.name}: was thought to be {taken_for} but flies, {last_heard(context, vehicle)}"
+    text = f"{vehicle.name}: was thought to be {taken_for} but flies, {last_heard(context, vehicle, now_s)}"
     back = replace(
         moved_to(vehicle, Stage.RETURNING),
         motion=replace(vehicle.motion, anchor=None),
@@ -455,7 +461,7 @@ def _missed_us(context: Context, state: FleetState, vehicle: VehicleState, now_s
 def _fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
     if vehicle.fault is None:
         return declare(context, state, vehicle, fault)
-    text = f"{vehicle.name}: {fault.reason}; {last_heard(context, vehicle)}"
+    text = f"{vehicle.name}: {fault.reason}; {last_heard(context, vehicle, fault.detected_s)}"
     orders = replace(vehicle.orders, errand=None)
     if fault.kind is FaultKind.LINK:
         return state.put(replace(moved_to(vehicle, Stage.LOST), orders=orders)), (Say(Level.WARNING, text),)

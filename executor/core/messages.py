@@ -100,11 +100,25 @@ class Attitude:
 
 @dataclass(frozen=True, slots=True)
 class Gps:
-    """GPS_RAW_INT."""
+    """GPS_RAW_INT, GPS2_RAW."""
 
     fix: int
     """GPS_FIX_TYPE: 0 no GPS, 1 no fix, 2 two-dimensional, 3 three-dimensional, 4 differential, 5 and 6 RTK."""
     satellites: int | None
+    accuracy_m: float | None = None
+    """Of the place, horizontally, by the receiver's own word."""
+    measured_s: float | None = None
+    """When the fix was measured, by the receiver's or the vehicle's clock: it stands still where no new one comes."""
+    receiver: int = 0
+    """Which of its receivers."""
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorStatus:
+    """EKF_STATUS_REPORT of ArduPilot, ESTIMATOR_STATUS of PX4."""
+
+    is_absolute: bool
+    """Whether it knows where it is on the earth, and its GPS is not rejected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -408,6 +422,7 @@ FlightMessage = (
     | LandedState
     | Attitude
     | Gps
+    | EstimatorStatus
     | Wind
     | FenceStatus
     | Home

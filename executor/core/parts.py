@@ -86,6 +86,34 @@ class Fix:
     velocity_m_s: tuple[float, float, float]
     """East, north, up."""
     heading_deg: float | None = None
+    reckoned: bool = False
+    """Whether it came while GPS was lost: by its accelerations alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Positioning:
+    """Whether its positions are by satellites, and which was the last that is known to be."""
+
+    fixed: Fix | None = None
+    """The newest position when its GPS last reported a fix; None before there was one."""
+    lost_s: float | None = None
+    """When it was heard that GPS is lost; None while it is not."""
+    why: str = ""
+    """What says so."""
+    regained_s: float = float("-inf")
+    """When GPS was regained last."""
+    fixes: tuple[tuple[int, int], ...] = ()
+    """(receiver, GPS_FIX_TYPE) of each receiver's last report."""
+    reported_s: float = float("-inf")
+    """When a receiver reported last."""
+    measured_s: float | None = None
+    """The first receiver's own time of its last fix."""
+    accuracy_m: float | None = None
+    """Of its last fix, horizontally, by the receiver's word."""
+    adrift_s: float | None = None
+    """Since when its estimator says that it does not know where it is on the earth."""
+    estimated_s: float = float("-inf")
+    """When its estimator reported last."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,6 +259,7 @@ class Sensors:
     """What its sensors say of it and of what is around it."""
 
     gps: Gps | None = None
+    positioning: Positioning = field(default_factory=Positioning)
     wind: Wind | None = None
     """As it measures it."""
     attitude: Attitude | None = None

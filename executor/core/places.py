@@ -5,19 +5,48 @@ from __future__ import annotations
 import math
 import re
 
+from executor.core import words
 from executor.core.context import Scene
+from executor.core.parts import Fix
+from executor.core.positioning import accuracy_of, is_adrift, without_fix_s
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_home_mode
 
 
 def coordinates(context: Scene, vehicle: VehicleState) -> str:
-    """Return a vehicle's place as people paste it into a map."""
-    fix = vehicle.motion.fix
-    if fix is None:
+    """Return a vehicle's place as people paste it into a map, and how it is known.
+
+    Of a vehicle without GPS the last place with a fix comes first: where to look, before what is reckoned since.
+    """
+    fix, how = vehicle.motion.fix, accuracy_of(vehicle)
+    if fix is None or how is None:
         return "an unknown place"
-    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
-    return f"{lat_deg:.6f}, {lon_deg:.6f}"
+    if how.known != "reckoned" or how.fixed is None:
+        return words.known_place(*context.frame.to_wgs84_deg(*fix.place_m), how.known, how.off_m)
+    return f"{last_fix(context, vehicle)}, {reckoned(context, vehicle)}"
+
+
+def last_fix(context: Scene, vehicle: VehicleState) -> str:
+    """Return the last place of a vehicle that is by GPS, and how it moved there."""
+    fixed, fix = vehicle.sensors.positioning.fixed, vehicle.motion.fix
+    if fixed is None or fix is None:
+        return "no GPS fix known"
+    place = _place(context, fixed, vehicle.sensors.positioning.accuracy_m)
+    speed_m_s, without_s = math.hypot(*fixed.velocity_m_s[:2]), without_fix_s(vehicle.sensors.positioning, fix)
+    return f"last GPS fix {place}, {without_s:.0f} s before, at {speed_m_s:.0f} m/s"
+
+
+def reckoned(context: Scene, vehicle: VehicleState) -> str:
+    """Return where a vehicle without GPS is by its own reckoning, and by how much that may be off."""
+    fix, how = vehicle.motion.fix, accuracy_of(vehicle)
+    if fix is None or how is None:
+        return "nothing reckoned"
+    return f"reckoned since to {_place(context, fix, how.off_m)}, off by {how.off_m:.0f} m or more"
+
+
+def _place(context: Scene, at: Fix, off_m: float | None) -> str:
+    return words.place(*context.frame.to_wgs84_deg(*at.place_m), off_m)
 
 
 def where(context: Scene, vehicle: VehicleState) -> str:
@@ -26,9 +55,12 @@ def where(context: Scene, vehicle: VehicleState) -> str:
     return coordinates(context, vehicle) + height
 
 
-def last_heard(context: Scene, vehicle: VehicleState) -> str:
-    """Return where a vehicle was heard last."""
-    return f"last position {where(context, vehicle)}" if vehicle.motion.fix is not None else "its position is not known"
+def last_heard(context: Scene, vehicle: VehicleState, now_s: float) -> str:
+    """Return where a vehicle was heard last, and how long ago that was."""
+    fix = vehicle.motion.fix
+    if fix is None:
+        return "its position is not known"
+    return f"last position {where(context, vehicle)}, {words.ago(max(0.0, now_s - fix.at_s))}"
 
 
 _KILLED = re.compile(r"^(?!.*(disengage|release|clear)).*(emergency stop|kill)", re.IGNORECASE)
@@ -80,13 +112,22 @@ def at_rest(vehicle: VehicleState, now_s: float) -> bool:
     fix = vehicle.motion.fix
     if fix is None or now_s - vehicle.sortie.disarmed_s < RESTS_AFTER_S or now_s - fix.at_s > SEEN_S:
         return False
+    if is_adrift(vehicle):
+        return now_s - vehicle.sortie.disarmed_s >= UNSEEN_S  # what it reckons moves on
     return math.hypot(*fix.velocity_m_s) < RESTS_M_S
 
 
 def place_words(context: Scene, vehicle: VehicleState) -> str:
     """Return where a vehicle is down, and whether it is safe to go there."""
     state = "armed: keep away" if vehicle.armed else "disarmed"
-    return f"down at {coordinates(context, vehicle)}, {state}"
+    return f"{down_at(context, vehicle)}, {state}"
+
+
+def down_at(context: Scene, vehicle: VehicleState) -> str:
+    """Return where a vehicle is down; one without GPS is not said to be where it reckons."""
+    how = accuracy_of(vehicle)
+    known = how is None or how.known != "reckoned"
+    return f"down{' at' if known else ':'} {coordinates(context, vehicle)}"
 
 
 def lean_words(vehicle: VehicleState) -> str:
@@ -98,7 +139,12 @@ def lean_words(vehicle: VehicleState) -> str:
 
 
 def over_its_pad(context: Scene, vehicle: VehicleState) -> bool:
-    """Return whether it is where it may land, seen from above."""
+    """Return whether it is where it may land, seen from above; a place that is reckoned does not show it."""
+    return not is_adrift(vehicle) and takes_itself_home(context, vehicle)
+
+
+def takes_itself_home(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether its autopilot takes itself to be over its pad: that is what it acts by."""
     fix = vehicle.motion.fix
     return fix is None or math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.off_pad_m
 

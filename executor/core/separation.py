@@ -16,10 +16,10 @@ CLIMBS_MOST_M = 15.0
 
 
 def separated(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
-    """Take note of how near two vehicles came to each other, after a position of one of them."""
+    """Take note of how near two vehicles came to each other, after a position of one of them; reckoned ones say not."""
     fix = vehicle.motion.fix
     high = context.limits.airborne_m
-    if fix is None or fix.alt_rel_m < high or not vehicle.armed:
+    if fix is None or fix.alt_rel_m < high or not vehicle.armed or fix.reckoned:
         return state
     least = state.progress.separation
     # Every position is held against every vehicle: the height alone settles nearly all of them.
@@ -28,7 +28,7 @@ def separated(context: Context, state: FleetState, vehicle: VehicleState, now_s:
         seen = other.motion.fix
         if seen is None or abs(seen.alt_msl_m - fix.alt_msl_m) > reach_m:
             continue
-        if other.name == vehicle.name or seen.alt_rel_m < high or not other.armed:
+        if other.name == vehicle.name or seen.alt_rel_m < high or not other.armed or seen.reckoned:
             continue
         age_s = now_s - seen.at_s
         if age_s > FRESH_S:

@@ -9,10 +9,11 @@ import math
 from collections import Counter
 from dataclasses import dataclass, replace
 
-from executor.core import projection
+from executor.core import projection, words
 from executor.core.battery.kalman import BAND_SD
 from executor.core.context import Context
 from executor.core.coverage import Track
+from executor.core.positioning import accuracy_of
 from executor.core.replan.replanning import left_over
 from executor.core.roster import turnaround
 from executor.core.roster.offers import offer_words
@@ -32,6 +33,19 @@ WHOLE_PCT = 1.0 / math.sqrt(12.0)
 
 
 @dataclass(frozen=True, slots=True)
+class LastFixView:
+    """The last place of a vehicle that is by GPS."""
+
+    lat_deg: float
+    lon_deg: float
+    relative_alt_m: float
+    accuracy_m: float | None
+    age_s: float
+    ground_speed_m_s: float
+    """There: it has flown on."""
+
+
+@dataclass(frozen=True, slots=True)
 class PositionView:
     """Where a vehicle is."""
 
@@ -42,6 +56,12 @@ class PositionView:
     heading_deg: float | None
     ground_speed_m_s: float
     age_s: float
+    known: str = "unsaid"
+    """fix: by GPS. reckoned: GPS is lost, and its autopilot reckons on. unsaid: it has said nothing of its GPS."""
+    accuracy_m: float | None = None
+    """By so much it may be off; a reckoned one by this or more."""
+    last_fix: LastFixView | None = None
+    """Of one that is reckoned: where it was by GPS last. That is where to look for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,11 +104,13 @@ class LossView:
     """What the loss of a vehicle would mean."""
 
     inside_window: bool
-    """Whether the others could still finish everything."""
+    """Whether the others could still finish everything but what is left over anyway."""
     uncovered: tuple[int, ...]
     """Segments that they could not."""
     age_s: float
     """How long ago that was found."""
+    left_over: tuple[int, ...] = ()
+    """Segments that nobody inspects in any case: `uncovered` of the fleet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,7 +283,7 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
         revision=state.replanning.revision,
         segments_total=context.segments,
         inspected=tuple(sorted(state.coverage.inspected)),
-        uncovered=tuple(sorted((state.coverage.given_up | left_over(state)) - set(state.coverage.inspected))),
+        uncovered=_uncovered(state),
         missed=tuple(sorted(proof.missed(context, state))),
         replan=None
         if plan is None
@@ -287,6 +309,10 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
     )  # fmt: skip
 
 
+def _uncovered(state: FleetState) -> tuple[int, ...]:
+    return tuple(sorted((state.coverage.given_up | left_over(state)) - set(state.coverage.inspected)))
+
+
 def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float, inspected: int) -> VehicleView:
     setup, layers = setup_now(context, vehicle), context.setup.layers
     outlook = state.replanning.outlook.get(vehicle.name)
@@ -302,7 +328,7 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
         armed=vehicle.armed,
         layer=layers.vehicles.index(vehicle.name),
         layer_m=layers.offset_m(vehicle.name),
-        position=_position(context, vehicle, now_s),
+        position=position_view(context, vehicle, now_s),
         battery=_battery(context, vehicle),
         link_age_s=None if vehicle.link.heard_s is None else round(max(0.0, now_s - vehicle.link.heard_s), 1),
         link_loss=None if lost is None else round(lost, 3),
@@ -312,7 +338,7 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
         fault_kind=None if vehicle.fault is None else vehicle.fault.kind.value,
         fault_code=None if vehicle.fault is None else vehicle.fault.code,
         excluded=vehicle.orders.excluded,
-        loss=LossView(not outlook.uncovered, outlook.uncovered, round(now_s - outlook.at_s, 1))
+        loss=LossView(not outlook.uncovered, outlook.uncovered, round(now_s - outlook.at_s, 1), _uncovered(state))
         if known and outlook is not None
         else None,
         lands_in_s=_lands_in_s(vehicle),
@@ -368,7 +394,8 @@ def state_word(context: Context, vehicle: VehicleState) -> str:
     return vehicle.stage.value
 
 
-def _position(context: Context, vehicle: VehicleState, now_s: float) -> PositionView | None:
+def position_view(context: Context, vehicle: VehicleState, now_s: float) -> PositionView | None:
+    """Return where a vehicle is, and how that is known; None where nobody knows."""
     fix = vehicle.motion.fix
     if fix is None:
         return None
@@ -378,13 +405,36 @@ def _position(context: Context, vehicle: VehicleState, now_s: float) -> Position
     heading_deg = fix.heading_deg
     if heading_deg is None and speed_m_s > MOVING_M_S:
         heading_deg = math.degrees(math.atan2(east_m_s, north_m_s)) % 360.0
+    how = accuracy_of(vehicle)
+    known, off_m = ("unsaid", None) if how is None else (how.known, None if how.known == "unsaid" else how.off_m)
+    decimals = words.place_decimals(off_m)
     return PositionView(
-        round(lat_deg, 7),
-        round(lon_deg, 7),
+        round(lat_deg, decimals),
+        round(lon_deg, decimals),
         round(fix.alt_rel_m, 1),
         None if heading_deg is None else round(heading_deg, 0),
         round(speed_m_s, 1),
         round(max(0.0, now_s - fix.at_s), 1),
+        known,
+        None if off_m is None else round(off_m, 1),
+        _last_fix(context, vehicle, now_s) if fix.reckoned else None,
+    )
+
+
+def _last_fix(context: Context, vehicle: VehicleState, now_s: float) -> LastFixView | None:
+    known = vehicle.sensors.positioning
+    fixed = known.fixed
+    if fixed is None:
+        return None
+    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fixed.place_m)
+    decimals = words.place_decimals(known.accuracy_m)
+    return LastFixView(
+        round(lat_deg, decimals),
+        round(lon_deg, decimals),
+        round(fixed.alt_rel_m, 1),
+        known.accuracy_m,
+        round(max(0.0, now_s - fixed.at_s), 1),
+        round(math.hypot(*fixed.velocity_m_s[:2]), 1),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import unicodedata
 from collections.abc import Iterable, Sequence
 
@@ -9,6 +10,10 @@ UNSHOWN = "\N{REPLACEMENT CHARACTER}"
 """What stands for a character that would move the cursor, colour the line or turn its direction."""
 _STATES = {"ground": "on the ground", "pilot": "with its pilot", "down": "down: keep away"}
 _FIXES = {0: "no GPS", 1: "no fix", 2: "2D", 3: "3D", 4: "DGPS", 5: "RTK float", 6: "RTK"}
+TENS_M = 11.0
+"""What the fourth decimal of a degree of latitude stands for."""
+MINUTES_S = 120.0
+"""From here on an age is said in minutes."""
 _UNSHOWN_KINDS = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 
 
@@ -39,6 +44,15 @@ def first_of(names: Sequence[str], most: int) -> str:
     return ", ".join(shown_names)
 
 
+def command_line(*parts: object) -> str:
+    """Return a command of this program as a shell takes it: a path with a space is one argument.
+
+    >>> command_line("restore", "r A"), command_line("plan", "site.toml")
+    ("faultline restore 'r A'", 'faultline plan site.toml')
+    """
+    return shlex.join(("faultline", *map(str, parts)))
+
+
 def minutes(seconds: float) -> str:
     """Return a time as minutes and seconds, with hours where there are some; a part of a second does not count.
 
@@ -60,13 +74,48 @@ def since_take_off(seconds: float | None) -> str:
     return "" if seconds is None or seconds < 0.0 else f"T+{minutes(seconds)}"
 
 
-def place(lat_deg: float, lon_deg: float) -> str:
-    """Return coordinates as people read them out and type them in: to a tenth of a metre.
+def place_decimals(accuracy_m: float | None) -> int:
+    """Return how many decimals of a degree a place carries: the sixth is a decimetre, the fifth a metre.
 
-    >>> place(49.5984123, -15.6)
-    '49.598412, -15.600000'
+    >>> place_decimals(0.02), place_decimals(None), place_decimals(3.0), place_decimals(40.0), place_decimals(441.0)
+    (6, 5, 5, 4, 3)
     """
-    return f"{lat_deg:.6f}, {lon_deg:.6f}"
+    if accuracy_m is None or 1.0 <= accuracy_m < TENS_M:
+        return 5
+    return 6 if accuracy_m < 1.0 else 4 if accuracy_m < 10 * TENS_M else 3
+
+
+def place(lat_deg: float, lon_deg: float, accuracy_m: float | None = None) -> str:
+    """Return coordinates as people read them out and type them in, to what their accuracy carries.
+
+    >>> place(49.5984123, -15.6), place(49.5984123, -15.6, 0.3)
+    ('49.59841, -15.60000', '49.598412, -15.600000')
+    """
+    decimals = place_decimals(accuracy_m)
+    return f"{lat_deg:.{decimals}f}, {lon_deg:.{decimals}f}"
+
+
+def known_place(lat_deg: float, lon_deg: float, known: str, accuracy_m: float | None) -> str:
+    """Return coordinates with how they are known, as `PositionView.known` has it.
+
+    >>> known_place(49.5984123, -15.6, "fix", 3.0), known_place(49.6, -15.6, "reckoned", 441.0)
+    ('49.59841, -15.60000 (GPS, 3 m)', '49.600, -15.600 (reckoned without GPS, off by 441 m or more)')
+    """
+    coordinates = place(lat_deg, lon_deg, accuracy_m)
+    if known == "reckoned":
+        return f"{coordinates} (reckoned without GPS, off by {accuracy_m or 0.0:.0f} m or more)"
+    if known == "unsaid":
+        return f"{coordinates} (GPS not reported)"
+    return f"{coordinates} (GPS, {accuracy_m or 0.0:.2g} m)" if known == "fix" else coordinates
+
+
+def ago(seconds: float) -> str:
+    """Return an age.
+
+    >>> ago(4.2), ago(754.2)
+    ('4 s ago', '12:34 min ago')
+    """
+    return f"{seconds:.0f} s ago" if seconds < MINUTES_S else f"{minutes(seconds)} min ago"
 
 
 def shown(text: str) -> str:

@@ -16,6 +16,7 @@ from executor.core.ports import Clock, OpenLink
 from executor.core.preflight import fences
 from executor.core.preflight.checks import Check, Facts
 from executor.core.preflight.fences import Lists
+from executor.core.words import command_line
 from executor.errors import LogError, PreflightFailed
 from executor.flight.flight_order import Console
 from executor.flight.kept_lists import KeptList, ListStage, planned_lists, read_kept_lists, write_lists
@@ -198,7 +199,7 @@ def _tell(
         if one.kind in problems:
             console.say(Level.WARNING, f"{name}: {one.what} not restored: {problems[one.kind]}")
     if problems:
-        console.say(Level.WARNING, f"{name}: to restore: faultline restore {run}")
+        console.say(Level.WARNING, f"{name}: to restore: {command_line('restore', run)}")
 
 
 async def _given_back(

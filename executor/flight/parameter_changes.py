@@ -25,7 +25,7 @@ from executor.core.preflight.parameters import (
     propose,
     return_heights,
 )
-from executor.core.words import count_of
+from executor.core.words import command_line, count_of
 from executor.errors import LogError, PreflightFailed
 from executor.flight.changed_parameters import read_kept, write_kept
 from executor.flight.flight_order import Console
@@ -209,7 +209,7 @@ def _tell(run: Path, console: Console, name: str, given: GivenBack) -> None:
     stays = [f"{one.name} (was {number(one.old)})" for one in given.kept if one.open]
     if stays:
         console.say(Level.WARNING, f"{name}: {', '.join(stays)} not restored: {'; '.join(given.problems)}")
-        console.say(Level.WARNING, f"{name}: to restore them: faultline restore {run}")
+        console.say(Level.WARNING, f"{name}: to restore them: {command_line('restore', run)}")
 
 
 def still_open(run: Path) -> list[Kept]:
@@ -231,5 +231,5 @@ def check_run(run: Path, site: Site) -> None:
             record = RunDirectory(run).parameters
             raise LogError(
                 f"{record}: {one.vehicle} (system {one.sysid}) has not got its {one.name} back, and is not in the "
-                f"site file; expected a new directory, or faultline restore {run} before"
+                f"site file; expected a new directory, or {command_line('restore', run)} before"
             )

@@ -24,6 +24,7 @@ from executor.core.roster import turnaround
 from executor.core.state import FleetState
 from executor.protocols import orders
 from executor.runtime import examination, procedures, reunion, streams
+from executor.runtime.awake import Lateness, awake
 from missions import EncodeError, encode, flag_current
 
 TICK_S = 0.2
@@ -230,9 +231,13 @@ class Flight:
 
     async def _tick(self) -> None:
         period_s = max(TICK_S / self._clock.speedup, LEAST_TICK_REAL_S)
-        while True:
-            self.apply(events.Tick())
-            await asyncio.sleep(period_s)
+        with awake(self._clock) as able:
+            late = Lateness(able, self._clock)
+            while True:
+                self.apply(events.Tick(late.since_last_s()))
+                if told := late.to_be_said():
+                    self._told(told)
+                await asyncio.sleep(period_s)
 
     def _carry_out(self, command: Command, now_s: float) -> None:  # noqa: C901, PLR0912 - one case for each command
         failed: Failed
@@ -372,7 +377,10 @@ class Flight:
         return ended(done.accepted, done.mixed, done.reason, done.code, fenced)
 
     def _tell(self, vehicle: str, text: str) -> None:
-        line = commands.Say(commands.Level.WARNING, f"{vehicle}: {text}")
+        self._told(f"{vehicle}: {text}")
+
+    def _told(self, text: str) -> None:
+        line = commands.Say(commands.Level.WARNING, text)
         supervised.safely("what tells the crew", self._observer.told, line, self._clock.now_s())
 
     def _may_be_given(self, vehicle: str, mixed: bool) -> bool:

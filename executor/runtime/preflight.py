@@ -11,6 +11,7 @@ from executor.core.hearing.strangers import Stranger, noted
 from executor.core.messages import (
     Battery,
     DoubleHeard,
+    Gps,
     Heartbeat,
     Message,
     Position,
@@ -51,6 +52,7 @@ class _Heard:
     remaining_pct: float | None = None
     battery: Battery | None = None
     status: SystemStatus | None = None
+    gps: Gps | None = None
     version: Version | None = None
     reasons_s: dict[str, float] = field(default_factory=dict)
     """Why it cannot be armed, by its own words, and when it said so last."""
@@ -68,6 +70,8 @@ class _Heard:
                 self.battery = message
             case SystemStatus():
                 self.status = message
+            case Gps():
+                self.gps = message
             case Version():
                 self.version = message
             case StationHeard() | DoubleHeard():
@@ -199,6 +203,7 @@ async def interview(
         tuple(one for one in heard.strangers if isinstance(one, DoubleHeard)),
         heard.voltage_v,
         None if heard.battery is None else len(heard.battery.cells_v) or None,
+        heard.gps,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -17,6 +18,7 @@ from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted, Machine, Outcome, Rejected, TimedOut
 from executor.protocols.params import Parameter
 from executor.protocols.upload import UploadDialogue
+from executor.runtime.awake import LEAST_WAIT_S, by_awake_time, times_slower, underlying
 from executor.runtime.dialogue import converse
 from missions import Dialect, MissionItem, MissionKind, StartStep, differences
 from missions.fences import place_differences
@@ -95,6 +97,7 @@ def code_of(outcome: Outcome | None) -> Ending | None:
             return Ending.BROKEN_OFF
 
 
+@by_awake_time
 async def put_on_board(
     link: Link,
     clock: Clock,
@@ -116,13 +119,14 @@ async def put_on_board(
         kind: Which of the vehicle's lists.
     """
     reason, mixed, stalled, began_s = "", False, False, clock.now_s()
-    busy, broken_off = 0, False
+    busy, broken_off, real_began_s = 0, False, underlying(clock).now_s()
     code: Ending | None = None
     for attempt in itertools.count():
         # Without a part of the new mission on board nothing is at stake but time: others can be given the work.
         real_s = UPLOAD_PATIENCE_REAL_S * (1.0 if mixed else 0.5) if stalled else 0.0
         patience_s = max(UPLOAD_PATIENCE_S if mixed else 0.0, real_s * clock.speedup)
-        if attempt >= UPLOAD_TRIES and not _outwaits(busy) and clock.now_s() - began_s > patience_s:
+        tries = UPLOAD_TRIES * times_slower(clock, real_began_s, began_s)
+        if attempt >= tries and not _outwaits(busy) and clock.now_s() - began_s > patience_s:
             break
         if attempt:
             await asyncio.sleep((_freed_s(dialect) if busy > 1 else AGAIN_WAIT_S) / clock.speedup)
@@ -338,6 +342,7 @@ async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartSte
             return await switch_mode(link, clock, orders.set_mode(dialect.modes.mission), {mode})
 
 
+@by_awake_time
 async def _arm(link: Link, clock: Clock, watch: _Watch) -> Done:
     """Arm, with patience: a check that fails may pass a few seconds later, while the estimator settles.
 
@@ -425,18 +430,19 @@ async def _confirmed(link: Link, clock: Clock, wanted: Callable[[Heartbeat], boo
     return Done(accepted=True) if seen else Done(accepted=False, reason=otherwise, code=Ending.NOT_CONFIRMED)
 
 
+@by_awake_time
 async def wait_for(link: Link, clock: Clock, wanted: Callable[[Message], bool], timeout_s: float) -> bool:
     """Wait for a message; returns whether it came."""
-    came = asyncio.Event()
+    came, until_s = asyncio.Event(), clock.now_s() + timeout_s
     stop_listening = link.listen(lambda message: came.set() if wanted(message) else None)
     try:
-        async with asyncio.timeout(timeout_s / clock.speedup):
-            await came.wait()
-    except TimeoutError:
-        return False
+        while not came.is_set() and (left_s := until_s - clock.now_s()) > LEAST_WAIT_S:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(left_s / clock.speedup):
+                    await came.wait()
     finally:
         stop_listening()
-    return True
+    return came.is_set()
 
 
 async def read_parameter(link: Link, clock: Clock, name: str) -> Parameter:
@@ -450,6 +456,7 @@ async def set_parameter(link: Link, clock: Clock, name: str, value: float, kind:
     return Done(isinstance(ended.outcome, Accepted), reason_of(ended.outcome), code=code_of(ended.outcome))
 
 
+@by_awake_time
 async def _patiently(question: M, link: Link, clock: Clock) -> M:
     """Ask, and ask again while a busy computer may be why nobody answers."""
     began_s = clock.now_s()

@@ -18,6 +18,7 @@ KINDS = {
     "refuse-upload": "interruption",
     "half-upload": "interruption",
     "fence": "fence",
+    "gps": "interruption",
     "camera-silent": "payload",
     "camera-mute": "payload",
     "card-full": "payload",

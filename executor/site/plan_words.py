@@ -90,7 +90,13 @@ def window_words(plan: PlanFile) -> list[str]:
         f"; lost between {breaking.from_s:.0f} and {breaking.to_s:.0f} s, {breaking.vehicle} leaves segments over"
     )  # fmt: skip
     share = f"re-plan window {window.window_pct:.0f} %"
-    return [f"{share}: from {window.earliest_s:.0f} s on any one vehicle may be lost{before}"]
+    return [f"{share}: from {window.earliest_s:.0f} s on any one vehicle may be lost{but_left_over(plan)}{before}"]
+
+
+def but_left_over(plan: PlanFile) -> str:
+    """Return in words what is left over in any case; empty where the plan inspects everything."""
+    left = len(plan.plan.uncovered)
+    return f", and no more than the {count_of(left, 'segment')} of the plan is left over" if left else ""
 
 
 def distance_words(plan: PlanFile) -> list[str]:

@@ -126,7 +126,7 @@ ARDUPILOT = Dialect(
     rounds_twice=False,
     percent_middle=0.5,  # AP_BattMonitor.cpp: cut off to an integer
     pack_parameters=("BATT_CAPACITY", "MOT_BAT_VOLT_MAX"),
-    own_streams_hz={168: 0.5, 162: 0.5},  # WIND, FENCE_STATUS
+    own_streams_hz={168: 0.5, 162: 0.5, 193: 1.0},  # WIND, FENCE_STATUS, EKF_STATUS_REPORT
     set_current=SetCurrent.COMMAND,  # measured: 224 acts at once and is acknowledged
     # Measured: a change of mode brings WPNAV_SPEED back.
     # Measured: only HEARTBEAT, TIMESYNC and STATUSTEXT come unasked.

@@ -129,7 +129,7 @@ PX4 = Dialect(
     rounds_twice=True,  # recorded flights
     percent_middle=0.0,  # BATTERY_STATUS.hpp: roundf
     pack_parameters=("BAT1_CAPACITY", "BAT1_N_CELLS"),
-    own_streams_hz={231: 0.5},  # WIND_COV; of its fence it says in texts alone
+    own_streams_hz={231: 0.5, 230: 1.0},  # WIND_COV, ESTIMATOR_STATUS; of its fence it says in texts alone
     set_current=SetCurrent.MESSAGE,  # measured: 224 is unsupported
     # Measured: Hold -> Mission resets the speed.
     # Measured: position, battery and status come by themselves.

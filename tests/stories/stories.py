@@ -172,6 +172,11 @@ EMERGENCIES = (
         says=(DOWN,), solve_s=4.0,
     ),
     Story("outside its fence", (told(on_segment("uav2"), "uav2:fence"),), says=(r"uav2: .*[Ff]ence",)),
+    Story(
+        "it loses its GPS",
+        (told(on_segment("uav2"), "uav2:gps"),),
+        says=(r"uav2: GPS lost", r"uav2: .*down: last GPS fix"), never_says=(r"uav2: .*down at",),
+    ),
     Story("it does not know where it is", (told(on_segment("uav2"), "uav2:ekf"),), says=(DOWN,)),
     Story("silent until its failsafe brings it home", (told(on_segment("uav2"), "uav2:silent=40s"),)),
     Story(

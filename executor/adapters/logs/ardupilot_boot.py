@@ -46,7 +46,7 @@ THRUST_ROWS = 3
 """So many seconds of thrust without a word of arming: the log begins in the air."""
 STALE_USEC = 3_000_000
 """After so long without it, the second best source of a place or a speed is taken."""
-GPS_USEC = 5_000_000
+GPS_USEC = 1_000_000
 CAPACITY = "BATT_CAPACITY"
 FIXED = 3
 """GPS_FIX_TYPE: three-dimensional."""
@@ -210,7 +210,7 @@ def _received(boot: Boot, t_usec: int, fields: Fields) -> Told:
     fix, told = int(fields["Status"]), list[FlightMessage]()
     if fix != boot.fix[1] or t_usec - boot.fix[0] >= GPS_USEC:
         boot.fix = (t_usec, fix)
-        told.append(Gps(fix, int(fields["NSats"])))
+        told.append(Gps(fix, int(fields["NSats"]), measured_s=t_usec / 1e6))
     if fix < FIXED:
         return tuple(told)
     course, speed_m_s = math.radians(fields["GCrs"]), fields["Spd"]

@@ -27,7 +27,9 @@ from executor.core.messages import (
     Actor,
     Attitude,
     Battery,
+    EstimatorStatus,
     FlightMessage,
+    Gps,
     Heartbeat,
     LandedState,
     MissionCurrent,
@@ -63,6 +65,8 @@ WARNINGS: Mapping[int, int] = {0: 1, 1: 2, 2: 3, 3: 4, 4: 5}
 STALE_USEC = 3_000_000
 """After so long without the filter's place, the receiver's is taken."""
 FIXED = 3
+UNKNOWN_M = 100.0
+"""A receiver without a fix says that it may be off by more."""
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
 
@@ -98,6 +102,7 @@ class Px4:
     """By the local position: above where the filter began."""
     begun_msl_m: float | None = None
     placed_usec: int = -STALE_USEC
+    received_usec: int = -STALE_USEC
     landed: bool | None = None
     item: tuple[int, int] | None = None
     rc: RcWatch = field(default_factory=RcWatch)
@@ -239,13 +244,36 @@ def _moved(vehicle: Px4, _: int, row: TopicRow) -> Told:
     return None
 
 
-def _placed(vehicle: Px4, t_usec: int, row: TopicRow) -> Position:
+def _placed(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
     vehicle.placed_usec = t_usec
-    return _position(vehicle, t_usec, (float(row["lat"]), float(row["lon"]), float(row["alt"])), row)
+    place = _position(vehicle, t_usec, (float(row["lat"]), float(row["lon"]), float(row["alt"])), row)
+    return (EstimatorStatus(is_absolute=not row["dead_reckoning"]), place) if "dead_reckoning" in row else place
 
 
-def _received(vehicle: Px4, t_usec: int, row: TopicRow) -> Position | None:
-    """Read the receiver's place, where the log has none of the filter."""
+def _received(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
+    """Read the receiver's fix, and its place where the log has none of the filter."""
+    vehicle.received_usec = t_usec
+    told = _fixed(t_usec, row)
+    place = _received_place(vehicle, t_usec, row)
+    return told if place is None else (told, place)
+
+
+def _sensed(vehicle: Px4, t_usec: int, row: TopicRow) -> Gps | None:
+    """Read a receiver's own topic, where the log has none of what is made of all of them."""
+    return None if t_usec - vehicle.received_usec < STALE_USEC else _fixed(t_usec, row)
+
+
+def _fixed(t_usec: int, row: TopicRow) -> Gps:
+    off_m = float(row.get("eph", math.nan))
+    return Gps(
+        int(row["fix_type"]),
+        int(row["satellites_used"]) if "satellites_used" in row else None,
+        accuracy_m=off_m if 0.0 < off_m < UNKNOWN_M else None,
+        measured_s=t_usec / 1e6,
+    )
+
+
+def _received_place(vehicle: Px4, t_usec: int, row: TopicRow) -> Position | None:
     if row["fix_type"] < FIXED or t_usec - vehicle.placed_usec < STALE_USEC:
         return None
     if "latitude_deg" in row:
@@ -313,6 +341,7 @@ TOPICS: Mapping[str, Topic] = {
     "vehicle_local_position": Topic(_moved, 200_000),
     "vehicle_global_position": Topic(_placed, 950_000),
     "vehicle_gps_position": Topic(_received, 950_000),
+    "sensor_gps": Topic(_sensed, 950_000),
     "vehicle_attitude": Topic(_tilted, 450_000),
     "vehicle_land_detected": Topic(_touched),
     "failsafe_flags": Topic(_flagged),

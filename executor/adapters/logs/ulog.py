@@ -21,6 +21,8 @@ from executor.core.messages import VehicleSetting
 from executor.core.recording import Record, RecordedFile, is_wanted_setting
 from executor.errors import LogError
 
+OF_EACH = frozenset({"sensor_gps"})
+"""Topics of which each receiver has one: the first is read."""
 LONGEST_USEC = 3 * 86400 * 1_000_000
 """No flight lasts longer: a time farther from the log's beginning is damaged. A simulated PX4 has the world's clock."""
 
@@ -46,7 +48,11 @@ class UlogFile(RecordedFile):
         if not any(one.name == "vehicle_status" for one in log.data_list):
             self.notes.append("no vehicle_status in it: nobody knows in which mode it flew, or whether it was armed")
         system, vehicle, began_usec = _system(log), Px4(), int(log.start_timestamp)
-        streams = [self._rows(dataset, TOPICS[dataset.name], began_usec) for dataset in log.data_list]
+        streams = [
+            self._rows(dataset, TOPICS[dataset.name], began_usec)
+            for dataset in log.data_list
+            if dataset.name not in OF_EACH or dataset.multi_id == 0
+        ]
         for t_usec, read, row in heapq.merge(
             _settings(log, began_usec), _texts(log, began_usec), *streams, key=lambda one: one[0]
         ):

@@ -27,6 +27,7 @@ from executor.core.messages import (
     Battery,
     CameraHeard,
     CommandAck,
+    EstimatorStatus,
     FenceStatus,
     Gps,
     Heartbeat,
@@ -68,6 +69,8 @@ from missions.cameras import FIRST_COMPONENT
 _KINDS = {int(kind): kind for kind in MissionKind}
 """MAV_MISSION_TYPE of the lists that are followed here."""
 PREARM_CHECK = 0x10000000
+POS_HORIZ_ABS, CONST_POS_MODE = 16, 128
+"""Of EKF_STATUS_FLAGS and ESTIMATOR_STATUS_FLAGS."""
 NO_SATELLITES = 255
 """Of satellites_visible: nobody knows."""
 RADIO = "RADIO_STATUS"
@@ -363,9 +366,20 @@ def _attitude(frame: Any) -> Attitude:  # noqa: ANN401
     return Attitude(math.degrees(frame.roll), math.degrees(frame.pitch))
 
 
-def _gps(frame: Any) -> Gps:  # noqa: ANN401
-    satellites = frame.satellites_visible
-    return Gps(frame.fix_type, None if satellites == NO_SATELLITES else satellites)
+def _gps(frame: Any, receiver: int = 0) -> Gps:  # noqa: ANN401
+    satellites, off_mm = frame.satellites_visible, getattr(frame, "h_acc", 0)
+    return Gps(
+        frame.fix_type,
+        None if satellites == NO_SATELLITES else satellites,
+        accuracy_m=off_mm / 1e3 or None,
+        measured_s=frame.time_usec / 1e6 or None,
+        receiver=receiver,
+    )
+
+
+def _estimator(frame: Any) -> EstimatorStatus:  # noqa: ANN401
+    """Read flags that both autopilots number alike, as far as these two go."""
+    return EstimatorStatus(frame.flags & (POS_HORIZ_ABS | CONST_POS_MODE) == POS_HORIZ_ABS)
 
 
 def _wind(frame: Any) -> Wind:  # noqa: ANN401
@@ -457,6 +471,9 @@ _READERS: dict[str, Any] = {
     "EXTENDED_SYS_STATE": lambda frame: LandedState({1: True, 2: False, 3: False, 4: False}.get(frame.landed_state)),
     "ATTITUDE": _attitude,
     "GPS_RAW_INT": _gps,
+    "GPS2_RAW": lambda frame: _gps(frame, 1),
+    "EKF_STATUS_REPORT": _estimator,
+    "ESTIMATOR_STATUS": _estimator,
     "WIND_COV": _wind_cov,
     "WIND": _wind,
     "FENCE_STATUS": _fence,

@@ -15,7 +15,9 @@ from executor.adapters.mavlink import px4_events
 from executor.core.messages import (
     Attitude,
     Battery,
+    EstimatorStatus,
     FlightMessage,
+    Gps,
     Heartbeat,
     LandedState,
     MissionCurrent,
@@ -129,6 +131,33 @@ def _attitude(_: int, roll: float, pitch: float, *__: float) -> Attitude:
     return Attitude(math.degrees(roll), math.degrees(pitch))
 
 
+NO_SATELLITES = 255
+POS_HORIZ_ABS, CONST_POS_MODE = 16, 128
+
+
+def _gps(measured: int, *fields: int) -> Gps:
+    fix, satellites, off_mm = fields[7], fields[8], fields[10]
+    return _received(measured, fix, satellites, off_mm, 0)
+
+
+def _second_gps(measured: int, *fields: int) -> Gps:
+    fix, satellites, off_mm = fields[8], fields[9], fields[13]
+    return _received(measured, fix, satellites, off_mm, 1)
+
+
+def _received(measured: int, fix: int, satellites: int, off_mm: int, receiver: int) -> Gps:
+    known = None if satellites == NO_SATELLITES else satellites
+    return Gps(fix, known, off_mm / 1e3 or None, measured / 1e6 or None, receiver)
+
+
+def _ekf(*fields: int) -> EstimatorStatus:
+    return EstimatorStatus(fields[5] & (POS_HORIZ_ABS | CONST_POS_MODE) == POS_HORIZ_ABS)
+
+
+def _estimator(*fields: int) -> EstimatorStatus:
+    return EstimatorStatus(fields[9] & (POS_HORIZ_ABS | CONST_POS_MODE) == POS_HORIZ_ABS)
+
+
 NO_CHANNEL = 65535
 """Of RC_CHANNELS and RC_CHANNELS_RAW."""
 
@@ -154,6 +183,10 @@ COMMAND_ACK, PARAM_VALUE, RC_CHANNELS_RAW, RC_CHANNELS, ATTITUDE = 77, 22, 35, 6
 KINDS: dict[int, MessageKind] = {
     HEARTBEAT: MessageKind(50, struct.Struct("<IBBBBB"), _heartbeat, special=True),
     SYSTEM: MessageKind(124, struct.Struct("<IIIHHhHHHHHHb"), _system_status, SLOW_USEC),
+    24: MessageKind(24, struct.Struct("<QiiiHHHHBBiIIIIH"), _gps, SLOW_USEC),
+    124: MessageKind(87, struct.Struct("<QiiiIHHHHBBBHiIIII"), _second_gps, SLOW_USEC),
+    193: MessageKind(71, struct.Struct("<5fHf"), _ekf, SLOW_USEC),
+    230: MessageKind(163, struct.Struct("<Q8fH"), _estimator, SLOW_USEC),
     POSITION: MessageKind(104, struct.Struct("<IiiiihhhH"), _position, POSITION_USEC),
     ATTITUDE: MessageKind(39, struct.Struct("<I6f"), _attitude, EVERY_USEC, special=True),
     42: MessageKind(28, struct.Struct("<HHBBI"), _mission_current, STEADY_USEC),

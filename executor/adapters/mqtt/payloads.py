@@ -19,7 +19,7 @@ from executor.core.vehicle import FaultCode
 from executor.core.view import OfferView, PositionView, ReplanView, VehicleView
 from missions.planjson import PlanDocument
 
-VERSION = "1.5.0"
+VERSION = "1.6.0"
 
 
 class Payload(BaseModel):

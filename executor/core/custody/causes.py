@@ -18,7 +18,7 @@ from executor.core.fencing import off_its_fence
 from executor.core.messages import CRITICAL, Actor, Heartbeat
 from executor.core.own_words import FENCE_BREACH
 from executor.core.parts import FOLLOWED_LATE_S, Cause
-from executor.core.places import over_its_pad
+from executor.core.places import takes_itself_home
 from executor.core.state import Absence
 from executor.core.vehicle import Stage, VehicleState
 from missions import Dialect, Phase
@@ -238,7 +238,7 @@ def _lands_elsewhere(context: Scene, before: VehicleState, vehicle: VehicleState
     ordered = beat.custom_mode in vehicle.orders.ordered_modes and old.custom_mode not in vehicle.orders.ordered_modes
     fix, limits = vehicle.motion.fix, context.limits
     home = fix is None or (
-        vehicle.telemetry.mode_since_s - fix.at_s <= limits.link_stale_s and over_its_pad(context, vehicle)
+        vehicle.telemetry.mode_since_s - fix.at_s <= limits.link_stale_s and takes_itself_home(context, vehicle)
     )
     return not ordered and not home
 
@@ -382,7 +382,7 @@ def _silence_leads_to(context: Scene, vehicle: VehicleState, mode: int) -> bool:
     if not setup.returns:
         return True
     if mode == dialect.modes.land.custom_mode:
-        return dialect.ends_in_other_mode and over_its_pad(context, vehicle)
+        return dialect.ends_in_other_mode and takes_itself_home(context, vehicle)
     return mode != dialect.modes.hold.custom_mode or dialect.ground_station_failsafe.pause is not None
 
 

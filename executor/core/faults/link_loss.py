@@ -20,12 +20,18 @@ NOTED_SLEEP_S = 5.0
 """A pause this long is worth a line."""
 
 
-def own_sleep(state: FleetState, now_s: float) -> Stepped:
-    """Look whether the ground station itself stood still since the last tick, and count that against nobody."""
+def own_sleep(state: FleetState, now_s: float, late_s: float = 0.0) -> Stepped:
+    """Look whether the ground station itself stood still since the last tick, and count that against nobody.
+
+    Args:
+        state: Of the flight.
+        now_s: The time.
+        late_s: How much of the time since the last tick its computer kept it from its work.
+    """
     slept_s = 0.0 if state.listening.tick_s is None else now_s - state.listening.tick_s
     state = replace(state, listening=replace(state.listening, tick_s=now_s))
     if slept_s <= SLEPT_S:
-        return state, ()
+        return (_excused(state, late_s, now_s) if late_s > 0.0 else state), ()
     state = _excused(state, slept_s, now_s)
     if slept_s <= NOTED_SLEEP_S:
         return state, ()

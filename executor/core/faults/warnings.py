@@ -13,7 +13,7 @@ from executor.core import projection
 from executor.core.faults import batteries, streams
 from executor.core.faults.batteries import BATTERY_SENSOR, LOW, pack_standing
 from executor.core.faults.watching import Verdict, View
-from executor.core.places import where
+from executor.core.places import last_fix, where
 from executor.core.state import Told
 from executor.core.vehicle import FaultKind, Stage
 from missions import Phase
@@ -98,6 +98,18 @@ def reserve_doubtful(view: View) -> str:
     return f"below its reserve at landing with {100 * chance:.0f} % probability"
 
 
+ESTIMATOR_S = 2.0
+"""An estimator that leaves GPS for a single report is no loss."""
+
+
+def gps_lost(view: View) -> str:
+    """Its GPS is lost: where it is, is reckoned, and worth less with every second."""
+    known = view.state.sensors.positioning
+    if known.lost_s is None or (known.adrift_s is not None and view.now_s - known.lost_s < ESTIMATOR_S):
+        return ""
+    return f"GPS lost ({known.why}): its place is reckoned from now on; {last_fix(view.context, view.state)}"
+
+
 def position_off(view: View) -> str:
     """Its position jumped a little."""
     off_m, at_s = view.state.motion.jump
@@ -133,6 +145,7 @@ TABLE: tuple[Doubt, ...] = (
     Doubt("pack", FaultKind.BATTERY, pack_doubtful),
     Doubt("battery-besides", FaultKind.BATTERY, battery_besides),
     Doubt("reserve", FaultKind.BATTERY, reserve_doubtful),
+    Doubt("gps", FaultKind.INTERRUPTION, gps_lost),
     Doubt("position", FaultKind.INTERRUPTION, position_off),
     Doubt("stands", FaultKind.INTERRUPTION, hangs),
 )

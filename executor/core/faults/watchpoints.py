@@ -17,6 +17,7 @@ from executor.core.fencing import off_its_fence
 from executor.core.messages import Actor
 from executor.core.parts import Cause, Watch
 from executor.core.places import fell, mission_over, seen_at_rest
+from executor.core.positioning import is_adrift
 from executor.core.vehicle import FaultCode, FaultKind, Stage, VehicleState
 from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode, mode_name
 
@@ -49,6 +50,8 @@ def down_off_pad(view: View) -> Finding:  # noqa: C901, PLR0911 - one return for
         return STALE  # its place is from before it was silent, or began anew
     if state.stage is Stage.PILOT:
         return OK  # its pilot may disarm it anywhere
+    if is_adrift(state):
+        return Finding(Verdict.FAIL, f"disarmed without GPS, nobody knows where{_alarm(view)}")
     if away_m > limits.off_pad_m:
         return Finding(
             Verdict.FAIL, f"disarmed {away_m:.0f} m from its pad, {state.motion.fix.alt_rel_m:.0f} m high{_alarm(view)}"
@@ -221,6 +224,8 @@ def stalled(view: View) -> Finding:
         or state.motion.anchor is None
         or view.now_s - state.motion.fix.at_s > limits.link_stale_s
     ):
+        return STALE
+    if state.motion.fix.reckoned:
         return STALE
     if state.orders.held_s is not None:
         return OK  # the operator's order

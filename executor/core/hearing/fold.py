@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 
-from executor.core import carried, link_quality
+from executor.core import carried, link_quality, positioning
 from executor.core.battery import account
 from executor.core.context import Scene
 from executor.core.coverage import GAP_S, Sample, SegmentPass, follow
@@ -19,6 +19,7 @@ from executor.core.messages import (
     Attitude,
     Battery,
     DoubleHeard,
+    EstimatorStatus,
     FenceStatus,
     FlightMessage,
     Gps,
@@ -69,6 +70,8 @@ NAMED_S = 5.0
 _ABOUT = (Traffic, Radio, StationHeard, DoubleHeard)
 """What others say about a vehicle."""
 _EVIDENT = (OrderSeen, ModeChange, RcChannels, VehicleSetting, OwnFailsafe)
+WITHOUT_FIX = f"flown without a GPS fix for more than {GAP_S:g} s"
+"""Why an inspection does not count: where its vehicle was is reckoned."""
 JUMP_GAP_S = 10.0
 """After a longer gap a position says nothing of a jump."""
 
@@ -104,7 +107,8 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
         case Battery():
             return Folded(state.after(link, power=powered(context, state, message, now_s)))
         case SystemStatus(unhealthy=unhealthy):
-            sensors = replace(state.sensors, unhealthy=unhealthy)
+            known = positioning.positioning_heard(state.sensors.positioning, message, state.motion.fix, now_s)
+            sensors = replace(state.sensors, unhealthy=unhealthy, positioning=known)
             return Folded(state.after(link, sensors=sensors, power=status_told(context, state, message, now_s)))
         case MissionCurrent(seq, total):
             assignment = _at_item(state, _carries(context, state, message, now_s), seq)
@@ -112,8 +116,10 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
             return Folded(state.after(link, telemetry=telemetry, assignment=assignment))
         case LandedState(on_ground):
             return Folded(state.after(link, telemetry=replace(state.telemetry, on_ground=on_ground)))
-        case Gps():
-            return Folded(state.after(link, sensors=replace(state.sensors, gps=message)))
+        case Gps() | EstimatorStatus():
+            known = positioning.positioning_heard(state.sensors.positioning, message, state.motion.fix, now_s)
+            gps = message if isinstance(message, Gps) and message.receiver == 0 else state.sensors.gps
+            return Folded(state.after(link, sensors=replace(state.sensors, gps=gps, positioning=known)))
         case Wind():
             return Folded(state.after(link, sensors=replace(state.sensors, wind=message)))
         case Attitude(roll_deg, pitch_deg):
@@ -129,9 +135,9 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
                 telemetry = replace(telemetry, alarm=(said, now_s))
             setup = context.vehicles.get(state.name)
             low_acts = setup is not None and setup.dialect.low_battery_acts
-            known = evidence.with_text(state.evidence, message, now_s, low_acts=low_acts)
+            evident = evidence.with_text(state.evidence, message, now_s, low_acts=low_acts)
             after = state.after(link, telemetry=telemetry, assignment=assignment)
-            return Folded(after if known is state.evidence else replace(after, evidence=known), text=message)
+            return Folded(after if evident is state.evidence else replace(after, evidence=evident), text=message)
         case _:
             return Folded(state.after(link))
 
@@ -305,7 +311,11 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
         rebooted_s = now_s
     place = context.frame.to_local_m(message.lat_deg, message.lon_deg)
     velocity = (message.east_m_s, message.north_m_s, -message.down_m_s)
-    fix = Fix(now_s, message.boot_s, place, message.alt_rel_m, message.alt_msl_m, velocity, message.heading_deg)
+    known = state.sensors.positioning
+    fix = Fix(
+        now_s, message.boot_s, place, message.alt_rel_m, message.alt_msl_m, velocity, message.heading_deg,
+        reckoned=known.lost_s is not None,
+    )  # fmt: skip
     elapsed_s = 0.0 if last is None else message.boot_s - last.boot_s
     if state.armed and 0.0 < elapsed_s < LONGEST_SILENCE_S:
         climb = 1.0 + CLIMB_SHARE_PER_M_S * max(0.0, -message.down_m_s)
@@ -314,7 +324,8 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
     anchor = state.motion.anchor
     if anchor is None or fix.boot_s < anchor.boot_s or _apart_m(anchor, fix) > context.limits.stall_m:
         anchor = fix
-    jump = _jump(context, last, fix, elapsed_s) or state.motion.jump
+    jump = None if positioning.jumps_by_itself(known, now_s) else _jump(context, last, fix, elapsed_s)
+    jump = jump or state.motion.jump
     took_off = sortie.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
     away = sortie.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
     away = took_off and away
@@ -325,7 +336,10 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
     falls_s = now_s if falls else state.motion.falls_s
     motion = MotionState(fix, last, anchor, jump, falls_s, behind_s, fell_back_s)
     sample = Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
-    covered = _covered(context, _after_gap(state, elapsed_s), sample)
+    if fix.reckoned:
+        covered = _not_proven(context, state, positioning.without_fix_s(known, fix))
+    else:
+        covered = _covered(context, _after_gap(state, elapsed_s), sample)
     assignment = covered.assignment
     if assignment.fix_waypoint != assignment.waypoint:
         assignment = replace(assignment, fix_waypoint=assignment.waypoint)
@@ -396,6 +410,24 @@ def _covered(context: Scene, state: VehicleState, sample: Sample) -> _Covered:
         broken = (*old.runs_broken, (track.segment, step.broken))
         return _Covered(replace(old, run=step.run, run_visit=visit, runs_broken=broken, owed=(visit, step.broken)))
     return _Covered(replace(old, run=step.run, run_visit=visit))
+
+
+def _not_proven(context: Scene, state: VehicleState, without_s: float) -> _Covered:
+    """Break the inspection under way once GPS has been lost for longer than positions may be missing.
+
+    A position that is reckoned proves nothing: it is as if none had come, and a gap of `GAP_S` is tolerated alike.
+    """
+    old, leg = state.assignment, state.leg
+    if without_s <= GAP_S or old.board is None or leg is None or not _may_count(context, state):
+        return _Covered(old)
+    visit = old.run_visit if old.run is not None else leg.visit if leg.phase is Phase.INSPECT else None
+    if visit is None or old.board.tracks[visit].by_pictures:
+        return _Covered(old)
+    segment = old.board.tracks[visit].segment
+    if old.run is None and (segment, WITHOUT_FIX) in old.runs_broken[-1:]:
+        return _Covered(old)
+    broken = (*old.runs_broken, (segment, WITHOUT_FIX))
+    return _Covered(replace(old, run=None, run_visit=visit, runs_broken=broken, owed=(visit, WITHOUT_FIX)))
 
 
 def _may_count(context: Scene, state: VehicleState) -> bool:

@@ -18,6 +18,7 @@ from executor.core.messages import CameraHeard, CameraStatus, GimbalAttitude, Pa
 from executor.core.parts import OnBoard
 from executor.core.payload.aim import apart_deg, bearing_deg
 from executor.core.payload.pictures import CameraMemory, Picture, WantedPicture
+from executor.core.positioning import is_adrift
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase, Waypoint
@@ -95,7 +96,7 @@ def _status(
     vehicle = replace(vehicle, payload=vehicle.payload.with_camera(memory))
     state = state.put(vehicle)
     fix = vehicle.motion.fix
-    if not message.films or fix is None:
+    if not message.films or fix is None or is_adrift(vehicle):
         return state
     seen = _on(context, vehicle, camera, fix.place_m, fix.alt_rel_m)
     if seen is None or seen.capture is None or not seen.capture.films:
@@ -243,7 +244,7 @@ def _placed(
         along_m=None if seen is None or seen.track.by_pictures else _from_a(vehicle.assignment.board, seen),
         points=() if capture is None else capture.points,
     )
-    return replace(picture, flaw=_flaw(context, message, picture, seen, capture)), seen
+    return replace(picture, flaw=_flaw(context, message, picture, seen, capture, adrift=is_adrift(vehicle))), seen
 
 
 LONGEST_S = 3600.0
@@ -320,9 +321,12 @@ def _of(captures: Iterable[Capture], camera: str) -> Capture | None:
 
 
 def _flaw(
-    context: Context, message: PictureTaken, picture: Picture, seen: _Seen | None, capture: Capture | None
-) -> str:
+    context: Context, message: PictureTaken, picture: Picture, seen: _Seen | None, capture: Capture | None, *,
+    adrift: bool,
+) -> str:  # fmt: skip
     """Return why a picture does not count; nothing if it does."""
+    if adrift:
+        return "taken without a GPS fix"
     if seen is None or capture is None:
         return "of no span that asks for it"
     if picture.speed_m_s > SPEED_FACTOR * context.inspection_speed_m_s:

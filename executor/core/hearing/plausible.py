@@ -38,6 +38,8 @@ MOST_A, MOST_AH = 1000.0, 1000.0
 MOST_TURN_DEG = 360.0
 MOST_FIX = 8
 """GPS_FIX_TYPE_PPP is the last."""
+MOST_OFF_M = 1000.0
+"""A receiver that says more has no place."""
 MOST_WIND_M_S = 150.0
 """More than was ever measured on the ground is no wind but a filter that has not settled."""
 
@@ -95,7 +97,7 @@ def _status(said: SystemStatus) -> SystemStatus:
 _OF_A_PACK = (("remaining_pct", 0.0, 100.0), ("voltage_v", LEAST_V, MOST_V), ("current_a", 0.0, MOST_A))
 
 
-def _wrong(said: Battery | SystemStatus, ranges: tuple[tuple[str, float, float], ...]) -> dict[str, Any]:
+def _wrong(said: Battery | SystemStatus | Gps, ranges: tuple[tuple[str, float, float], ...]) -> dict[str, Any]:
     """Return the fields that are outside of their ranges, as unknown."""
     return {name: None for name, least, most in ranges if not _within(getattr(said, name), least, most)}
 
@@ -105,7 +107,9 @@ def _attitude(said: Attitude) -> Attitude | None:
 
 
 def _gps(said: Gps) -> Gps | None:
-    return said if 0 <= said.fix <= MOST_FIX else None
+    if not 0 <= said.fix <= MOST_FIX:
+        return None
+    return replace(said, **wrong) if (wrong := _wrong(said, (("accuracy_m", 0.0, MOST_OFF_M),))) else said
 
 
 def _wind(said: Wind) -> Wind | None:

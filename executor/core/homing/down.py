@@ -6,7 +6,7 @@ import math
 
 from executor.core.context import Context
 from executor.core.homing.homeward import comes_home
-from executor.core.places import coordinates, lean_words, over_its_pad, place_words
+from executor.core.places import down_at, lean_words, over_its_pad, place_words
 from executor.core.vehicle import Stage, VehicleState
 
 _SEEN = frozenset({Stage.FLYING, Stage.RETURNING, Stage.PILOT})
@@ -29,8 +29,7 @@ def found_down(context: Context, vehicle: VehicleState, now_s: float) -> str:
     if vehicle.stage is not Stage.RETURNING or not _still(context, vehicle, now_s):
         return ""
     if _unsaid(vehicle, now_s):
-        place = coordinates(context, vehicle)
-        return f"does not move, down at {place}; no HEARTBEAT says that it is disarmed: keep away"
+        return f"does not move, {down_at(context, vehicle)}; no HEARTBEAT says that it is disarmed: keep away"
     return f"does not move, {place_words(context, vehicle)}"
 
 
@@ -66,4 +65,5 @@ def flies_again(vehicle: VehicleState) -> bool:
     fix, anchor = vehicle.motion.fix, vehicle.motion.anchor
     if fix is None or anchor is None or not vehicle.armed or vehicle.sensors.tilted_since_s is not None:
         return False
-    return abs(fix.alt_rel_m - anchor.alt_rel_m) > FLIES_UP_M or math.hypot(*fix.velocity_m_s) > FLIES_M_S
+    moves_m_s = math.hypot(*(fix.velocity_m_s[2:] if fix.reckoned else fix.velocity_m_s))  # a wreck's reckoning drifts
+    return abs(fix.alt_rel_m - anchor.alt_rel_m) > FLIES_UP_M or moves_m_s > FLIES_M_S

@@ -12,6 +12,7 @@ from executor.core.context import Context, FlyAgain
 from executor.core.custody.causes import in_hand
 from executor.core.hearing.charge import facts_of
 from executor.core.places import UNSEEN_S, fell, last_heard, lean_words, over_its_pad, place_words, sank
+from executor.core.positioning import is_adrift
 from executor.core.state import FleetState, Stepped
 from executor.core.vehicle import Stage, VehicleState, moved_to
 from missions.autopilots.modes import mode_name
@@ -56,7 +57,7 @@ def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now
         return state, ()
     if came_down:
         leans = f"; {lean}" if (lean := lean_words(vehicle)) else ""
-        text = f"{vehicle.name}: came down, but not in a landing{leans}; {last_heard(context, vehicle)}"
+        text = f"{vehicle.name}: came down, but not in a landing{leans}; {last_heard(context, vehicle, now_s)}"
         lies = replace(
             moved_to(vehicle, Stage.DOWN),
             assignment=replace(vehicle.assignment, run=None),
@@ -90,7 +91,9 @@ def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now
     if vehicle.sortie.rebooted_s is not None and over_its_pad(context, vehicle):
         text = f"{vehicle.name}: is disarmed on its pad{left}; its autopilot has rebooted"
         return state, (Say(Level.INFO, text),)
-    place = "" if over_its_pad(context, vehicle) else f" away from its pad, {place_words(context, vehicle)}"
+    place = "" if over_its_pad(context, vehicle) else f", {place_words(context, vehicle)}"
+    if place:
+        place = f"{' without GPS' if is_adrift(vehicle) else ' away from its pad'}{place}"
     hand = _in_hand_words(context, vehicle)
     level = Level.FAULT if place else Level.WARNING if hand else Level.INFO
     return state, (Say(level, f"{vehicle.name}: landed{left}{place}{hand}"),)

@@ -12,7 +12,7 @@ from executor.core.connection import Connection, Scheme
 from executor.core.context import Context
 from executor.core.hearing import firmware
 from executor.core.hearing.strangers import stranger_words
-from executor.core.messages import GROUND_STATION, DoubleHeard, Heartbeat, Position, StationHeard, Version
+from executor.core.messages import GROUND_STATION, DoubleHeard, Gps, Heartbeat, Position, StationHeard, Version
 from executor.core.preflight import failsafes
 from executor.core.preflight.failsafes import LinkFailsafe, Parameters
 from missions import Dialect, Estimate, FlightPath, Pad, check_separation, estimate, margin_m
@@ -67,6 +67,8 @@ class Facts:
     """Of its pack at rest."""
     cells: int | None = None
     """How many cells it tells apart."""
+    gps: Gps | None = None
+    """What its position is by; None where it did not say."""
 
     @property
     def words(self) -> str:

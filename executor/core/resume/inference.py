@@ -67,14 +67,20 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
         return NOTHING
     if not context.infers:
         return Inferred(why_not="the site asks for proof by positions")
-    elapsed_s = fix.boot_s - before.fix.boot_s
-    if elapsed_s <= 0.0:
-        return Inferred(why_not="its clock was reset")
+    if why_not := _no_evidence(before.fix, fix):
+        return Inferred(why_not=why_not)
     if not state.armed:
         return _landed(context, state, before, fix, board)
     if why_not := _elsewhere(context, state, before, fix, board, waypoint):
         return Inferred(why_not=why_not)
     return _in_time(context, before, fix, board, waypoint, _pace(state))
+
+
+def _no_evidence(before: Fix, fix: Fix) -> str:
+    """Return why two positions say nothing of the way between them; empty if they may."""
+    if fix.boot_s <= before.boot_s:
+        return "its clock was reset"
+    return "its GPS was lost: its place is reckoned" if before.reckoned or fix.reckoned else ""
 
 
 def _in_time(

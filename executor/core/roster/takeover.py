@@ -89,7 +89,7 @@ def attended(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
     """Look at a vehicle that is with its pilot."""
     hold = vehicle.custody.taken or TakenOver(now_s)
     if not vehicle.armed:
-        return _landed(context, state, vehicle)
+        return _landed(context, state, vehicle, now_s)
     ours = vehicle.assignment.carried.foreign_s is None
     returned = ours and on_mission(context, vehicle) and now_s - vehicle.telemetry.mode_since_s >= RETURNED_AFTER_S
     if returned is not (hold.returned_s is not None):
@@ -131,7 +131,7 @@ def _given_away(context: Context, state: FleetState, vehicle: VehicleState, hold
     return state, (Say(Level.WARNING, f"{trigger}; its segments are free for the others"), *more)
 
 
-def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
+def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     fix = vehicle.motion.fix
     # Who has landed may be switched off by its kill switch too.
     in_the_air = killed(context, vehicle) and vehicle.telemetry.on_ground is False
@@ -153,7 +153,7 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState) -> Stepp
     if fell:
         # A landing on a hill, or motors that were stopped in the air: the position of that moment does not tell.
         leans = f"; {lean}" if lean else ""
-        text = f"{vehicle.name}: disarmed with its pilot{leans}; {last_heard(context, vehicle)}"
+        text = f"{vehicle.name}: disarmed with its pilot{leans}; {last_heard(context, vehicle, now_s)}"
     if not place and not vehicle.sortie.took_off:
         text = f"{vehicle.name}: disarmed by its pilot on its pad; it stays there until it is included"
     elif not place and vehicle.sortie.rebooted_s is not None:

@@ -24,11 +24,11 @@ def declare(context: Context, state: FleetState, vehicle: VehicleState, fault: F
     down = vehicle.sortie.armed_once and not vehicle.armed
     commands: tuple[Command, ...] = ()
     if kind is FaultKind.LINK:
-        stage, then = Stage.LOST, last_heard(context, vehicle)
+        stage, then = Stage.LOST, last_heard(context, vehicle, now_s)
     elif kind is FaultKind.DOWN:
         stage, then = Stage.DOWN, ""  # its place is its reason
     elif down and not _at_home(context, vehicle):
-        stage, then = Stage.DOWN, last_heard(context, vehicle)  # where it comes to rest is said when it does
+        stage, then = Stage.DOWN, last_heard(context, vehicle, now_s)  # where it comes to rest is said when it does
     elif down or (vehicle.stage is Stage.STARTING and not vehicle.armed):
         stage, then = Stage.LANDED, ""
     elif in_other_hands(vehicle):

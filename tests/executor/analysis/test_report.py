@@ -53,7 +53,8 @@ def test_where_everybody_was_heard_last_is_kept(report: dict[str, Any]) -> None:
     states = {row["name"]: row["state"] for row in report["vehicles"]}
     assert states == {"uav1": "landed", "uav2": "lost", "uav3": "landed"}
     lost = report["vehicles"][1]["last_position"]
-    assert set(lost) == {"lat_deg", "lon_deg", "alt_rel_m", "at_s"}
+    assert set(lost) == {"lat_deg", "lon_deg", "alt_rel_m", "at_s", "known", "accuracy_m", "last_fix"}
+    assert (lost["known"], lost["accuracy_m"], lost["last_fix"]) == ("unsaid", None, None)
     assert FLEET.context.frame.to_local_m(lost["lat_deg"], lost["lon_deg"])[0] > 200.0
     assert 0.0 < lost["at_s"] < report["faults"][0]["detected_s"]
     assert report["segment_names"] == {str(segment): f"segment {segment}" for segment in range(6)}

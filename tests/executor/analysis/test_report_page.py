@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.analysis.documents import FlightReport, LastPosition, LegRow, RouteRow, SortieRow
+from executor.analysis.documents import FlightReport, LastFix, LastPosition, LegRow, RouteRow, SortieRow
 from executor.analysis.flight_record import Decision, FlightRecord, Revision
 from executor.analysis.read_run import read_run
 from executor.analysis.report_page import outcome, page, value_words, write_page
@@ -174,8 +174,10 @@ def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, FlightR
 
 def test_who_is_not_at_home_can_be_found(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
-    at = LastPosition(lat_deg=49.6012349, lon_deg=15.6, alt_rel_m=0.4, at_s=83.2)
-    ends = [("landed", True, at), ("down", False, at), ("lost", False, None)]
+    at = LastPosition(lat_deg=49.6012349, lon_deg=15.6, alt_rel_m=0.4, at_s=83.2, known="fix", accuracy_m=1.8)
+    fix = LastFix(lat_deg=49.60123, lon_deg=15.6, alt_rel_m=22.0, ground_speed_m_s=3.0, at_s=20.0)
+    reckoned = at.model_copy(update={"lat_deg": 49.605, "known": "reckoned", "accuracy_m": 441.0, "last_fix": fix})
+    ends = [("landed", True, at), ("down", False, at), ("lost", False, reckoned)]
     vehicles = tuple(
         row.model_copy(update={"state": state, "landed": landed, "last_position": place})
         for row, (state, landed, place) in zip(report.vehicles, ends, strict=True)
@@ -183,9 +185,16 @@ def test_who_is_not_at_home_can_be_found(flight: tuple[FlightRecord, FlightRepor
     reader = _read(page(record, report.model_copy(update={"vehicles": vehicles}), {}))
     assert "Not at home: where to look" in reader.of("h2")
     cells = reader.of("td")
-    first = cells.index("49.601235, 15.600000")
-    assert cells[first - 2 : first + 3] == ["uav2", "down: keep away", "49.601235, 15.600000", "0.40", "T+1:23"]
-    assert cells.count("49.601235, 15.600000") == 1
+    known = "49.60123, 15.60000 (GPS, 1.8 m)"
+    first = cells.index(known)
+    assert cells[first - 3 : first + 3] == ["uav2", "down: keep away", "the same", known, "0.40", "T+1:23"]
+    assert cells.count(known) == 1
+    assert cells[first + 3 : first + 7] == [
+        "uav3",
+        "lost",
+        "49.60123, 15.60000, T+0:20, at 3 m/s",
+        "49.605, 15.600 (reckoned without GPS, off by 441 m or more)",
+    ]
 
 
 def test_spans_are_called_by_their_names(flight: tuple[FlightRecord, FlightReport]) -> None:

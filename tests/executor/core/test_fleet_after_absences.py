@@ -24,7 +24,7 @@ from tests.executor.core.steps import (
     landed,
     over_pad,
 )
-from tests.executor.core.vehicles import FLEET, NOW_S, RTL, flying, mission
+from tests.executor.core.vehicles import FLEET, NOW_S, ON_PAD, RTL, flying, mission
 
 WITH_FAILSAFE = replace(
     FLEET.context, vehicles={**FLEET.context.vehicles, "uav1": replace(FLEET.context.vehicles["uav1"], failsafe_s=5.0)}
@@ -171,7 +171,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: came down, but not in a landing; last position 49.600138, 15.599467, 5 m over its home"),
+                (f"uav1: came down, but not in a landing; last position {ON_PAD}, 5 m over its home, 1 s ago"),
             )
         ],
         {

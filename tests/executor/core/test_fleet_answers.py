@@ -22,7 +22,7 @@ from tests.executor.core.steps import (
     beat,
     wished,
 )
-from tests.executor.core.vehicles import NOW_S, flying
+from tests.executor.core.vehicles import NOW_S, OUT_THERE, flying
 
 HOLDS = flying(held_s=NOW_S - 9.0, heartbeat=beat(HOLD), hold_asked_s=NOW_S - 9.0)
 COMES = flying(**HOMEWARD | {"heartbeat": beat()}, errand=Errand(NOW_S - 9.0, told=True))
@@ -141,7 +141,7 @@ ROWS = [
         "its motors are off",
         LIES,
         answer(Action.DISARM),
-        [Say(Level.WARNING, "uav1: disarmed; down at 49.600138, 15.603617, disarmed")],
+        [Say(Level.WARNING, f"uav1: disarmed; down at {OUT_THERE}, disarmed")],
         {},
         {"intents": {"wish": wished(Action.DISARM, ended_s=NOW_S, outcome=Outcome.DONE, text="its motors are off")}},
         {"intents": {"wish": wished(Action.DISARM, "uav1")}},

@@ -12,7 +12,7 @@ from executor.core.parts import Cause, Errand
 from executor.core.state import Told
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.core.steps import BATTERY_FAULT, HOMEWARD, LOW, STILL, TAKEN, Row, beat, landed, over_pad
-from tests.executor.core.vehicles import DISARMED, NOW_S, RTL, flying
+from tests.executor.core.vehicles import DISARMED, NOW_S, ON_PAD, OUT_THERE, RTL, flying
 
 ROWS = [
     Row(
@@ -123,10 +123,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (
-                    "uav1: interruption, disarmed 5 m above its pad; last position 49.600138, 15.599467, 5 m "
-                    "over its home"
-                ),
+                (f"uav1: interruption, disarmed 5 m above its pad; last position {ON_PAD}, 5 m over its home, 1 s ago"),
             )
         ],
         {
@@ -146,10 +143,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (
-                    "uav1: interruption, disarmed 5 m above its pad; last position 49.600138, 15.599467, 5 m "
-                    "over its home"
-                ),
+                (f"uav1: interruption, disarmed 5 m above its pad; last position {ON_PAD}, 5 m over its home, 1 s ago"),
             )
         ],
         {
@@ -170,8 +164,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed 15 m above its pad; last position 49.600138, 15.599467, 15 m "
-                    "over its home"
+                    f"uav1: interruption, disarmed 15 m above its pad; last position {ON_PAD}, 15 m "
+                    "over its home, 0 s ago"
                 ),
             )
         ],
@@ -193,8 +187,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed 15 m above its pad; last position 49.600138, 15.599467, 15 m "
-                    "over its home"
+                    f"uav1: interruption, disarmed 15 m above its pad; last position {ON_PAD}, 15 m "
+                    "over its home, 0 s ago"
                 ),
             )
         ],
@@ -223,10 +217,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (
-                    "uav1: interruption, disarmed 0 m above its pad; last position 49.600138, 15.599467, 0 m "
-                    "over its home"
-                ),
+                (f"uav1: interruption, disarmed 0 m above its pad; last position {ON_PAD}, 0 m over its home, 0 s ago"),
             )
         ],
         {
@@ -246,7 +237,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: came down, but not in a landing; last position 49.600138, 15.599467, 0 m over its home"),
+                (f"uav1: came down, but not in a landing; last position {ON_PAD}, 0 m over its home, 0 s ago"),
             )
         ],
         {"uav1": {"stage": Stage.DOWN, "anchor": LOW}},
@@ -268,8 +259,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: came down, but not in a landing; leans by 170 degrees; last position 49.600138, "
-                    "15.599467, 0 m over its home"
+                    "uav1: came down, but not in a landing; leans by 170 degrees; last position 49.60014, "
+                    "15.59947 (GPS not reported), 0 m over its home, 0 s ago"
                 ),
             )
         ],
@@ -286,8 +277,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: disarmed with its pilot; leans by 95 degrees; last position 49.600138, 15.599467, 0 m "
-                    "over its home"
+                    f"uav1: disarmed with its pilot; leans by 95 degrees; last position {ON_PAD}, 0 m "
+                    "over its home, 0 s ago"
                 ),
             )
         ],
@@ -310,8 +301,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed 300 m from its pad, 0 m high; last position 49.600138, "
-                    "15.603617, 0 m over its home"
+                    "uav1: interruption, disarmed 300 m from its pad, 0 m high; last position 49.60014, "
+                    "15.60362 (GPS not reported), 0 m over its home, 0 s ago"
                 ),
             )
         ],
@@ -352,8 +343,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed 300 m from its pad, 20 m high; last position 49.600138, "
-                    "15.603617, 20 m over its home"
+                    "uav1: interruption, disarmed 300 m from its pad, 20 m high; last position 49.60014, "
+                    "15.60362 (GPS not reported), 20 m over its home, 0 s ago"
                 ),
             )
         ],
@@ -378,8 +369,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: disarmed 300 m from its pad, 20 m high; last position 49.600138, 15.603617, 20 m "
-                    "over its home"
+                    f"uav1: disarmed 300 m from its pad, 20 m high; last position {OUT_THERE}, 20 m "
+                    "over its home, 0 s ago"
                 ),
             )
         ],
@@ -394,8 +385,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: disarmed 300 m from its pad, 20 m high; last position 49.600138, 15.603617, 20 m "
-                    "over its home"
+                    f"uav1: disarmed 300 m from its pad, 20 m high; last position {OUT_THERE}, 20 m "
+                    "over its home, 0 s ago"
                 ),
             )
         ],
@@ -406,7 +397,7 @@ ROWS = [
         "who disarms off its pad where it was told to land has landed",
         flying(**HOMEWARD | {"heartbeat": DISARMED}, fault=BATTERY_FAULT, lands=True, fix=STILL),
         Tick(),
-        [Say(Level.FAULT, "uav1: landed with 90 % away from its pad, down at 49.600138, 15.603617, disarmed")],
+        [Say(Level.FAULT, f"uav1: landed with 90 % away from its pad, down at {OUT_THERE}, disarmed")],
         {"uav1": {"stage": Stage.LANDED}},
         {},
     ),

@@ -16,7 +16,7 @@ from executor.core.state import Separation
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import HOLD, LOW, SECOND, SENT_HOME, TAKEN, Row, beat, flight_of
-from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, PAD_N, RTL, at, flying
+from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, OUT_THERE, PAD_N, RTL, at, flying
 
 GONE = flying(stage=Stage.LOST, heard_s=NOW_S - 50.0, heartbeat_s=NOW_S - 50.0, spoke_s=NOW_S - 50.0)
 LOST_ON_PAD = with_facts(GONE, fix=LOW, heartbeat=DISARMED)
@@ -200,7 +200,7 @@ ROWS = [
         "who was lost and lies somewhere",
         with_facts(GONE, heartbeat=DISARMED),
         said(beat(armed=False)),
-        [Say(Level.FAULT, "uav1: link regained, down at 49.600138, 15.603617, disarmed")],
+        [Say(Level.FAULT, f"uav1: link regained, down at {OUT_THERE}, disarmed")],
         {
             "uav1": REGAINED
             | {"stage": Stage.DOWN, "heartbeat": beat(armed=False), "ordered_mode_s": NOW_S, "place_told": True}

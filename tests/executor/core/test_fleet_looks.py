@@ -12,7 +12,7 @@ from executor.core.parts import Cause, Errand, TakenOver
 from executor.core.state import Told
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.core.steps import BATTERY_FAULT, HOLD, HOMEWARD, LOW, SECOND, SENT_HOME, STILL, Row, beat, over_pad
-from tests.executor.core.vehicles import DISARMED, NOW_S, RTL, at, flying
+from tests.executor.core.vehicles import DISARMED, NOW_S, OUT_THERE, RTL, at, flying
 
 EMERGENCY_HOMEWARD = HOMEWARD | {"heartbeat": beat(RTL, status=6)}
 ROWS = [
@@ -30,7 +30,7 @@ ROWS = [
         "who lies still is said where",
         flying(stage=Stage.DOWN, heartbeat=DISARMED, fix=STILL, disarmed_s=NOW_S - 3.0),
         Tick(),
-        [Say(Level.FAULT, "uav1: down at 49.600138, 15.603617, disarmed")],
+        [Say(Level.FAULT, f"uav1: down at {OUT_THERE}, disarmed")],
         {"uav1": {"place_told": True}},
         {},
     ),
@@ -57,7 +57,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: was thought to be down but flies, last position 49.600138, 15.603617, 20 m over its home"),
+                (f"uav1: was thought to be down but flies, last position {OUT_THERE}, 20 m over its home, 0 s ago"),
             ),
             SendHome("uav1"),
         ],
@@ -71,7 +71,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: was thought to be landed but flies, last position 49.600138, 15.603617, 20 m over its home"),
+                (f"uav1: was thought to be landed but flies, last position {OUT_THERE}, 20 m over its home, 0 s ago"),
             ),
             SendHome("uav1"),
         ],
@@ -202,7 +202,7 @@ ROWS = [
         "who leans lies",
         flying(tilted_since_s=NOW_S - 3.0, attitude=Attitude(80.0, -90.0)),
         Tick(),
-        [Say(Level.FAULT, "uav1: down, leans by 90 degrees, down at 49.600138, 15.603617, armed: keep away")],
+        [Say(Level.FAULT, f"uav1: down, leans by 90 degrees, down at {OUT_THERE}, armed: keep away")],
         {
             "uav1": {
                 "stage": Stage.DOWN,
@@ -210,7 +210,7 @@ ROWS = [
                 "anchor": None,
                 "fault": Fault(
                     FaultKind.DOWN,
-                    "leans by 90 degrees, down at 49.600138, 15.603617, armed: keep away",
+                    f"leans by 90 degrees, down at {OUT_THERE}, armed: keep away",
                     NOW_S,
                     FaultCode.DOWN,
                 ),
@@ -220,7 +220,7 @@ ROWS = [
         },
         {
             "urgent": True,
-            "trigger": "uav1: down, leans by 90 degrees, down at 49.600138, 15.603617, armed: keep away",
+            "trigger": f"uav1: down, leans by 90 degrees, down at {OUT_THERE}, armed: keep away",
             "trigger_s": NOW_S,
         },
     ),
@@ -242,7 +242,7 @@ ROWS = [
             errand=Errand(NOW_S),
         ),
         Tick(),
-        [Say(Level.FAULT, "uav1: leans by 90 degrees, down at 49.600138, 15.603617, armed: keep away")],
+        [Say(Level.FAULT, f"uav1: leans by 90 degrees, down at {OUT_THERE}, armed: keep away")],
         {"uav1": {"stage": Stage.DOWN, "errand": None, "place_told": True}},
         {},
     ),
@@ -256,7 +256,7 @@ ROWS = [
             errand=Errand(NOW_S),
         ),
         Tick(),
-        [Say(Level.FAULT, "uav1: leans by 90 degrees, down at 49.600138, 15.603617, armed: keep away")],
+        [Say(Level.FAULT, f"uav1: leans by 90 degrees, down at {OUT_THERE}, armed: keep away")],
         {"uav1": {"stage": Stage.DOWN, "errand": None, "place_told": True}},
         {},
     ),
@@ -269,7 +269,7 @@ ROWS = [
         [
             Say(
                 Level.WARNING,
-                ("uav1: link lost for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
+                (f"uav1: link lost for 10.0 s, time-out 10 s; last position {OUT_THERE}, 20 m over its home, 0 s ago"),
             )
         ],
         {"uav1": {"stage": Stage.LOST, "errand": None}},
@@ -283,7 +283,7 @@ ROWS = [
         [
             Say(
                 Level.WARNING,
-                ("uav1: link lost for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
+                (f"uav1: link lost for 10.0 s, time-out 10 s; last position {OUT_THERE}, 20 m over its home, 0 s ago"),
             )
         ],
         {"uav1": {"stage": Stage.LOST, "errand": None}},
@@ -297,7 +297,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: link lost for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
+                (f"uav1: link lost for 10.0 s, time-out 10 s; last position {OUT_THERE}, 20 m over its home, 0 s ago"),
             )
         ],
         {

@@ -25,7 +25,7 @@ from tests.executor.core.steps import (
     over_pad,
     plan_of,
 )
-from tests.executor.core.vehicles import FLEET, NOW_S, RTL, flying
+from tests.executor.core.vehicles import FLEET, NOW_S, ON_PAD, OUT_THERE, RTL, flying
 
 PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN, mode_since_s=NOW_S - 10.0)
 RETURNED = with_facts(PILOTS, heartbeat=beat(), mode_since_s=NOW_S - 1.0)
@@ -217,7 +217,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: is on the ground, landed or disarmed by its pilot, down at 49.600138, 15.603617, disarmed"),
+                (f"uav1: is on the ground, landed or disarmed by its pilot, down at {OUT_THERE}, disarmed"),
             )
         ],
         {"uav1": {"stage": Stage.DOWN, "excluded": True, "taken": None, "place_told": True}},
@@ -230,7 +230,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                "uav1: disarmed with its pilot; last position 49.600138, 15.599467, 5 m over its home",
+                f"uav1: disarmed with its pilot; last position {ON_PAD}, 5 m over its home, 0 s ago",
             )
         ],
         {"uav1": {"stage": Stage.DOWN, "excluded": True, "taken": None}},
@@ -243,7 +243,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                "uav1: disarmed with its pilot; last position 49.600138, 15.599467, 2 m over its home",
+                f"uav1: disarmed with its pilot; last position {ON_PAD}, 2 m over its home, 0 s ago",
             )
         ],
         {"uav1": {"stage": Stage.DOWN, "excluded": True, "taken": None}},

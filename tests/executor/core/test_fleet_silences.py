@@ -23,7 +23,7 @@ from tests.executor.core.steps import (
     Row,
     beat,
 )
-from tests.executor.core.vehicles import DISARMED, NOW_S, RTL, at, flying, mission
+from tests.executor.core.vehicles import DISARMED, NOW_S, OUT_THERE, RTL, at, flying, mission
 
 RUN = coverage.run_joined(mission().tracks[0], Sample(5.0, (150.0, -5.0), 3.0), 3.0)
 CAME_HOME = flying(
@@ -137,7 +137,10 @@ ROWS = [
             Say(Level.WARNING, "uav1: no message for 9000.0 s"),
             Say(
                 Level.FAULT,
-                ("uav1: link lost for 9000.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
+                (
+                    "uav1: link lost for 9000.0 s, time-out 10 s; "
+                    f"last position {OUT_THERE}, 20 m over its home, 0 s ago"
+                ),
             ),
         ],
         {
@@ -247,8 +250,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, disarmed over its pad in mid-mission; last position 49.600138, "
-                    "15.599467, 0 m over its home"
+                    "uav1: interruption, disarmed over its pad in mid-mission; last position 49.60014, "
+                    "15.59947 (GPS not reported), 0 m over its home, 0 s ago"
                 ),
             ),
         ],
@@ -290,7 +293,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: link lost for 10.0 s, time-out 10 s; last position 49.600138, 15.603617, 20 m over its home"),
+                (f"uav1: link lost for 10.0 s, time-out 10 s; last position {OUT_THERE}, 20 m over its home, 0 s ago"),
             )
         ],
         {

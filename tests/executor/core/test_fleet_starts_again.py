@@ -120,8 +120,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: did not start: arm: denied, and no HEARTBEAT comes from it; last position 49.600138, "
-                    "15.599467, 0 m over its home; 2 segments left without a vehicle"
+                    "uav1: did not start: arm: denied, and no HEARTBEAT comes from it; last position 49.60014, "
+                    "15.59947 (GPS not reported), 0 m over its home, 0 s ago; 2 segments left without a vehicle"
                 ),
             )
         ],

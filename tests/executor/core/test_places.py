@@ -13,7 +13,7 @@ from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.vehicles import CONTEXT, DISARMED, NOW_S, RTL, at, flying
 
-PLACE = "{:.6f}, {:.6f}".format(*CONTEXT.frame.to_wgs84_deg(*at().place_m))
+PLACE = "{:.5f}, {:.5f} (GPS not reported)".format(*CONTEXT.frame.to_wgs84_deg(*at().place_m))
 HOMEWARD = Heartbeat(3, RTL, True, 4)
 
 
@@ -37,12 +37,12 @@ def stood(seconds: float = 30.0, **changes: object) -> VehicleState:
 def test_a_place_in_words() -> None:
     assert coordinates(CONTEXT, flying()) == PLACE
     assert where(CONTEXT, flying()) == f"{PLACE}, 20 m over its home"
-    assert last_heard(CONTEXT, flying()) == f"last position {PLACE}, 20 m over its home"
+    assert last_heard(CONTEXT, flying(), NOW_S + 12.0) == f"last position {PLACE}, 20 m over its home, 12 s ago"
     assert place_words(CONTEXT, flying()) == f"down at {PLACE}, armed: keep away"
     assert place_words(CONTEXT, flying(heartbeat=DISARMED)) == f"down at {PLACE}, disarmed"
     lost = flying(fix=None)
     assert (coordinates(CONTEXT, lost), where(CONTEXT, lost)) == ("an unknown place", "an unknown place")
-    assert last_heard(CONTEXT, lost) == "its position is not known"
+    assert last_heard(CONTEXT, lost, NOW_S) == "its position is not known"
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from executor.core import places
 from executor.core.vehicle import Stage
 from tests.executor.core.steps import STILL, beat, landed, over_pad, rounded
-from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, RTL, flying
+from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, ON_PAD, OUT_THERE, RTL, flying
 
 CONTEXT = FLEET.context
 
@@ -76,18 +76,18 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a place in words",
         lambda: [
-            places.last_heard(CONTEXT, flying()),
-            places.last_heard(CONTEXT, flying(fix=None)),
+            places.last_heard(CONTEXT, flying(), NOW_S),
+            places.last_heard(CONTEXT, flying(fix=None), NOW_S),
             places.where(CONTEXT, flying(fix=None)),
             places.place_words(CONTEXT, flying()),
             places.place_words(CONTEXT, landed()),
         ],
         [
-            "last position 49.600138, 15.603617, 20 m over its home",
+            f"last position {OUT_THERE}, 20 m over its home, 0 s ago",
             "its position is not known",
             "an unknown place",
-            "down at 49.600138, 15.603617, armed: keep away",
-            "down at 49.600138, 15.599467, disarmed",
+            f"down at {OUT_THERE}, armed: keep away",
+            f"down at {ON_PAD}, disarmed",
         ],
     ),
 ]

@@ -34,3 +34,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
 @pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
 def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
     assert rounded(found()) == expected
+
+
+def test_a_printed_command_survives_a_space() -> None:
+    assert words.command_line("restore", "r A") == "faultline restore 'r A'"
+    assert words.command_line("fly", "site.toml", "--plan", "plan.json") == "faultline fly site.toml --plan plan.json"

@@ -21,6 +21,10 @@ AUTO, RTL = 3, 6
 PAD_E, PAD_N = SETUP.pad_m
 
 
+OUT_THERE, ON_PAD = "49.60014, 15.60362 (GPS not reported)", "49.60014, 15.59947 (GPS not reported)"
+"""Where `at` is, and the pad, in words."""
+
+
 def at(*, east_m: float = 300.0, up_m: float = 20.0, climbs_m_s: float = 0.0, age_s: float = 0.0) -> Fix:
     heard_s = NOW_S - age_s
     return Fix(heard_s, heard_s, (PAD_E + east_m, PAD_N), up_m, 450.0 + up_m, (3.0, 0.0, climbs_m_s))

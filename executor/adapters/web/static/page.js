@@ -66,8 +66,12 @@ function showWindow(next) {
   const judged = next.vehicles.filter((one) => one.loss);
   const outside = judged.filter((one) => !one.loss.inside_window).map((one) => one.name);
   const place = byId("window");
-  write(place, !judged.length ? "not known" : outside.length ? `✗ not ${outside.join(", ")}` : "✓ all finished");
-  place.className = !judged.length ? "" : outside.length ? "loss out" : "loss in";
+  // What is left over now stays so in any case.
+  const left = next.uncovered.length;
+  const good = left ? `✓ the others finish all but the ${left} left over` : "✓ the others finish all";
+  const bad = `✗ not ${outside.join(", ")}${left ? `; ${left} left over in any case` : ""}`;
+  write(place, !judged.length ? (left ? `not known; ${left} left over in any case` : "not known") : outside.length ? bad : good);
+  place.className = !judged.length ? "" : outside.length || left ? "loss out" : "loss in";
   place.title = outside.length ? "The loss of these could not be made good by the others" : "";
 }
 

@@ -1,7 +1,7 @@
 // One strip for each vehicle.
 import { label } from "./intents.js";
 import { hueOf } from "./map.js";
-import { LEAST_FIX, age, clock, element, flightTime, gps, number, place, since, stateWord, windFrom, write } from "./words.js";
+import { LEAST_FIX, age, clock, element, flightTime, gps, known, number, place, since, stateWord, windFrom, write } from "./words.js";
 
 const MAY = {
   flying: ["hold", "return", "land", "exclude"],
@@ -208,9 +208,13 @@ export class Strips {
     const ageS = position.age_s + this.behindS;
     // Where somebody may have to walk, what matters is how old it is and how high it was.
     const last = FOUND.has(vehicle.state) || ageS > OLD_S;
-    write(find(".when"), last ? "Last at" : "At");
-    write(find(".place"), place(position));
-    write(find(".since"), last ? `${number(position.relative_alt_m)} m, ${age(ageS)} ago` : "");
+    // Of one without GPS what counts is where it was with a fix: what it reckons since may be far off.
+    const fix = position.last_fix;
+    write(find(".when"), fix ? "Last GPS fix" : last ? "Last at" : "At");
+    write(find(".place"), place(fix ?? position));
+    const reckoned = fix ? `${age(fix.age_s + this.behindS)} ago, at ${number(fix.ground_speed_m_s)} m/s; now about ${place(position)}, ` : "";
+    const since = last ? `, ${number(position.relative_alt_m)} m, ${age(ageS)} ago` : "";
+    write(find(".since"), `${reckoned}${known(position)}${since}`);
     find(".air").hidden = wind === null || last;
     if (wind === null) return;
     find(".arrow").style.transform = `rotate(${wind.from_deg}deg)`;
@@ -222,11 +226,12 @@ export class Strips {
 
   loss(place, vehicle) {
     const loss = vehicle.loss;
+    const left = loss?.left_over?.length ?? 0;
     place.className = `loss ${loss === null ? "" : loss.inside_window ? "in" : "out"}`;
     place.title = loss === null ? "" : loss.uncovered.map((segment) => this.names[segment] ?? `segment ${segment}`).join(", ");
     if (loss === null) write(place, "not known");
-    else if (loss.inside_window) write(place, "✓ others finish all");
-    else write(place, `✗ ${loss.uncovered.length} left over`);
+    else if (loss.inside_window) write(place, left ? `✓ others finish all but the ${left} left over` : "✓ others finish all");
+    else write(place, `✗ ${loss.uncovered.length}${left ? ` more than the ${left}` : ""} left over`);
   }
 
   told(place, vehicle, state) {

@@ -30,7 +30,15 @@ export function gps(vehicle) {
   return vehicle.satellites === null ? shown : `${shown}, ${vehicle.satellites} sat`;
 }
 
-export const place = (position) => `${position.lat_deg.toFixed(6)}, ${position.lon_deg.toFixed(6)}`;
+// Coordinates with as many decimals as their accuracy carries: the fifth is a metre.
+const decimals = (accuracyM) => (accuracyM == null ? 5 : accuracyM < 1 ? 6 : accuracyM < 11 ? 5 : accuracyM < 110 ? 4 : 3);
+
+export const place = (at) => [at.lat_deg, at.lon_deg].map((deg) => deg.toFixed(decimals(at.accuracy_m))).join(", ");
+
+// How a position is known, in words.
+export const known = (position) =>
+  position.known === "reckoned" ? `reckoned without GPS, off by ${number(position.accuracy_m)} m or more`
+    : position.known === "fix" ? `GPS, ${number(position.accuracy_m, 1)} m` : "GPS not reported";
 
 export const windFrom = (fromDeg) => WINDS[Math.round((((fromDeg % 360) + 360) % 360) / 22.5) % 16];
 

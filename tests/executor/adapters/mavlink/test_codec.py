@@ -19,6 +19,7 @@ from executor.core.messages import (
     Battery,
     CommandAck,
     ComponentText,
+    EstimatorStatus,
     FenceStatus,
     Gps,
     Heartbeat,
@@ -178,12 +179,26 @@ def gps(fix: int, satellites: int) -> Message | None:
 
 
 def test_a_satellite_fix() -> None:
-    assert gps(6, 17) == Gps(6, 17)
-    assert gps(0, 0) == Gps(0, 0)
+    assert gps(6, 17) == Gps(6, 17, measured_s=1.0)
+    assert gps(0, 0) == Gps(0, 0, measured_s=1.0)
+
+
+def test_how_far_off_a_fix_may_be() -> None:
+    raw = mav.MAVLink_gps_raw_int_message(2_500_000, 3, 0, 0, 0, 0, 0, 0, 0, 12, 0, 1800)
+    assert heard(raw) == [Gps(3, 12, accuracy_m=1.8, measured_s=2.5)]
+    second = mav.MAVLink_gps2_raw_message(2_500_000, 3, 0, 0, 0, 0, 0, 0, 0, 12, 0, 0)
+    assert heard(second) == [Gps(3, 12, measured_s=2.5, receiver=1)]
+
+
+@pytest.mark.parametrize(("flags", "knows"), [(831, True), (16, True), (167, False), (831 | 128, False), (1024, False)])
+def test_whether_an_estimator_knows_where_it_is_on_the_earth(flags: int, *, knows: bool) -> None:
+    ardupilot = mav.MAVLink_ekf_status_report_message(flags, 0.1, 0.1, 0.1, 0.1, 0.1)
+    px4 = mav.MAVLink_estimator_status_message(0, flags, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.5, 0.5)
+    assert heard(ardupilot) == heard(px4) == [EstimatorStatus(is_absolute=knows)]
 
 
 def test_satellites_that_nobody_counted_and_a_fix_that_is_none() -> None:
-    assert gps(3, 255) == Gps(3, None)
+    assert gps(3, 255) == Gps(3, None, measured_s=1.0)
     assert gps(200, 10) is None
 
 

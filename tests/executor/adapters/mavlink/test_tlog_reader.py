@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega
 from pymavlink.dialects.v20 import common as mav
 from pymavlink.generator.mavcrc import x25crc
 
@@ -54,7 +55,7 @@ def test_the_checksum_is_mavlinks(data: bytes) -> None:
 
 @pytest.mark.parametrize("number", KINDS.keys() - {EVENT})
 def test_the_numbers_are_mavlinks(number: int) -> None:
-    known = mav.mavlink_map[number]
+    known = ardupilotmega.mavlink_map[number]
     assert KINDS[number].extra == known.crc_extra
     # What is read is all that is always there, or the fields before the first that is not needed.
     assert KINDS[number].layout.size <= known.unpacker.size + 54
@@ -67,6 +68,10 @@ SAID = [
     mav.MAVLink_battery_status_message(1, 0, 0, 32767, [4010, 4000, 3990, *[65535] * 7], -1, -1, -1, -1, 0, 1),
     mav.MAVLink_sys_status_message(1 << 28, 3, 1, 0, 11800, 100, 55, 0, 0, 0, 0, 0, 0),
     mav.MAVLink_mission_current_message(5, 11),
+    mav.MAVLink_gps_raw_int_message(2_500_000, 3, 0, 0, 0, 0, 0, 0, 0, 12, 0, 1800),
+    mav.MAVLink_gps2_raw_message(2_500_000, 1, 0, 0, 0, 0, 0, 0, 0, 255, 0, 0),
+    ardupilotmega.MAVLink_ekf_status_report_message(831, 0.1, 0.1, 0.1, 0.1, 0.1),
+    mav.MAVLink_estimator_status_message(0, 167, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.5, 0.5),
     mav.MAVLink_mission_item_reached_message(4),
     mav.MAVLink_extended_sys_state_message(0, 2),
     text("Battery Failsafe"),

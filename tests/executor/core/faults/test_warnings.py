@@ -11,6 +11,7 @@ from executor.core.faults.warnings import TABLE, new_warnings, warnings
 from executor.core.faults.watching import View
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Heartbeat, Radio, Traffic
+from executor.core.parts import Positioning
 from executor.core.state import Told
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.core.vehicles import CONTEXT, NOW_S, SETUP, at, flying, nearly_empty, pack
@@ -40,6 +41,7 @@ ROWS: list[tuple[str, VehicleState]] = [
     ("pack", flying(battery=pack(62.0, 62.0), pack=nearly_empty())),
     ("battery-besides", flying(stage=Stage.RETURNING, fault=FALLS, battery=pack(20.0, charge_state=3))),
     ("reserve", flying(battery=pack(16.0, 16.0))),
+    ("gps", flying(positioning=Positioning(fixed=at(age_s=3.0), lost_s=NOW_S - 1.0, why="no GPS fix"))),
     ("position", flying(jump=(33.0, NOW_S))),
     ("stands", flying(stage=Stage.RETURNING, anchor=replace(at(), boot_s=NOW_S - 25.0))),
 ]

@@ -15,7 +15,7 @@ from executor.core.state import Told
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.core.faults.looks import CONTEXT, PLANNED, warn
 from tests.executor.core.steps import HOMEWARD, beat, rounded
-from tests.executor.core.vehicles import DISARMED, NOW_S, at, flying, pack, says
+from tests.executor.core.vehicles import DISARMED, NOW_S, OUT_THERE, at, flying, pack, says
 
 UNPLANNED = replace(PLANNED, planned=False)
 
@@ -160,10 +160,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            "has not moved for 20 s on its way home, 49.600138, 15.603617, 2 m over its home",
+            f"has not moved for 20 s on its way home, {OUT_THERE}, 2 m over its home",
             "",
             "",
-            "has not moved for 20 s on its way home, 49.600138, 15.603617, 20 m over its home",
+            f"has not moved for 20 s on its way home, {OUT_THERE}, 20 m over its home",
             "",
             "",
             "",

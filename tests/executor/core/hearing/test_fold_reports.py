@@ -78,7 +78,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [None, None, None, None],
     ),
     ("on the ground", lambda: folded(flying(), LandedState(True)), ({"on_ground": True},)),
-    ("satellites", lambda: folded(flying(), Gps(3, 12)), ({"gps": Gps(fix=3, satellites=12)},)),
+    ("satellites", lambda: folded(flying(), Gps(3, 12))[0]["gps"], Gps(fix=3, satellites=12)),
     ("wind", lambda: folded(flying(), Wind(4.0, 90.0)), ({"wind": Wind(speed_m_s=4.0, from_deg=90.0)},)),
     (
         "an attitude",

@@ -12,7 +12,7 @@ from executor.core.homing import down
 from executor.core.messages import Attitude
 from executor.core.vehicle import Stage
 from tests.executor.core.steps import HOMEWARD, STILL, Changes, beat, over_pad, rounded
-from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, RTL, at, flying
+from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, OUT_THERE, RTL, at, flying
 
 CONTEXT = FLEET.context
 
@@ -43,13 +43,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            "does not move, down at 49.600138, 15.603617, armed: keep away",
+            f"does not move, down at {OUT_THERE}, armed: keep away",
             "",
-            "does not move, down at 49.600138, 15.603617, armed: keep away",
+            f"does not move, down at {OUT_THERE}, armed: keep away",
             "",
             "",
             "",
-            "does not move, down at 49.600138, 15.603617, armed: keep away",
+            f"does not move, down at {OUT_THERE}, armed: keep away",
             "",
             "",
             "",
@@ -90,10 +90,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            ("does not move, down at 49.600138, 15.603617; no HEARTBEAT says that it is disarmed: keep away"),
+            (f"does not move, down at {OUT_THERE}; no HEARTBEAT says that it is disarmed: keep away"),
             "",
             "",
-            ("does not move, down at 49.600138, 15.603617; no HEARTBEAT says that it is disarmed: keep away"),
+            (f"does not move, down at {OUT_THERE}; no HEARTBEAT says that it is disarmed: keep away"),
         ],
     ),
     (
@@ -108,8 +108,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [
             "",
-            "leans by 80 degrees, down at 49.600138, 15.603617, armed: keep away",
-            "leans by 85 degrees, down at 49.600138, 15.603617, armed: keep away",
+            f"leans by 80 degrees, down at {OUT_THERE}, armed: keep away",
+            f"leans by 85 degrees, down at {OUT_THERE}, armed: keep away",
         ],
     ),
     (
