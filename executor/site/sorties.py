@@ -32,6 +32,16 @@ from planner.sorties import (
 DAY_S = 86_400.0
 DEPOT = "depot"
 """The only base of a site that names none."""
+_NOT_BY_DAY: tuple[tuple[str, Callable[[Site], bool], str], ...] = (
+    ("[[area]]", lambda site: bool(site.area), "its sorties are priced straight, not around areas"),
+    ("[[look]]", lambda site: bool(site.look), "it knows neither what cameras see nor the time that viewpoints take"),
+    ("[terrain]", lambda site: site.terrain is not None, "its sorties are priced as if nothing rose between the lines"),
+    (
+        "inspection.same_distance", lambda site: site.inspection.same_distance,
+        "its sorties are priced in their layers",
+    ),
+)  # fmt: skip
+"""What plans of single flights respect and plans of days do not: the table, whether a site has it, and why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +63,22 @@ def spares_of(ground: Ground) -> frozenset[str]:
     )
 
 
+def check_day_site(site: Site) -> None:
+    """Refuse a day of a site that asks for more than plans of days respect.
+
+    Raises:
+        SiteError: one line that names the first such table.
+    """
+    for table, has_it, why in _NOT_BY_DAY:
+        if has_it(site):
+            raise SiteError(f"{table}: expected none in the site of a day plan: {why}; plan single flights instead")
+
+
+def base_tables(ground: Ground) -> tuple[BaseTable, ...]:
+    """Return the bases of a site; the depot where it names none."""
+    return ground.site.base or (_depot(ground),)
+
+
 def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFile:
     """Return the days of a site without a plan: nobody flies, every segment is uncovered.
 
@@ -61,20 +87,25 @@ def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFi
         segments: What is to be inspected; everything if not given.
 
     Raises:
-        SiteError: a base, a speed or a name cannot be used.
+        SiteError: a base, a speed or a name cannot be used, or the site has a table that days do not respect.
     """
     site, table = ground.site, ground.site.day or DayTable()
-    tables = site.base or (_depot(ground),)
-    places = tuple(_place(ground, base) for base in tables)
+    check_day_site(site)
+    tables = base_tables(ground)
+    places = tuple(base_place(ground, base) for base in tables)
     at_m = [ground.network.frame.to_local_m(place.lat_deg, place.lon_deg) for place in places]
     days = tuple((DAY_S * day + clock_s(table.begin), DAY_S * day + clock_s(table.end)) for day in range(table.days))
     names = [place.name for place in places]
     wanted = tuple(range(len(ground.network.segments)) if segments is None else sorted(segments))
     pricing = pricing_of(ground).part(wanted, ground.names)
     pads = tuple(
-        tuple(_pad(ground, vehicle, place, at) for place, at in zip(places, at_m, strict=True))
-        for vehicle in ground.names
-    )
+        tuple(
+            ground.setup.base_of(one.name) if one.pad is not None and one.name in base.vehicles
+            else _pad(ground, one.name, place, at)
+            for base, place, at in zip(tables, places, at_m, strict=True)
+        )
+        for one in site.vehicle
+    )  # fmt: skip
     vehicles = []
     for one in site.vehicle:
         home = next(number for number, base in enumerate(tables) if one.name in base.vehicles)
@@ -143,7 +174,8 @@ def _depot(ground: Ground) -> BaseTable:
     return BaseTable(name=DEPOT, lat_deg=frame.lat_deg, lon_deg=frame.lon_deg, alt_m=frame.alt_m, vehicles=ground.names)
 
 
-def _place(ground: Ground, base: BaseTable) -> BasePlace:
+def base_place(ground: Ground, base: BaseTable) -> BasePlace:
+    """Return where a base is, its height taken from the nearest pylon where nobody says it."""
     alt_m = base.alt_m
     if alt_m is None:
         at_m = np.array(ground.network.frame.to_local_m(base.lat_deg, base.lon_deg))
