@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -23,6 +22,7 @@ from executor.cli.options import (
     SolverName,
     finite,
 )
+from missions.files import json_text
 from planner import Cost
 
 cli = typer.Typer(
@@ -111,7 +111,7 @@ def solvers(
         problem, PlanSolver(solver.value), cost=Cost(cost.value), seconds=seconds, seed=seed, starts=starts or cores()
     )
     if as_json:
-        print(json.dumps(result))
+        print(json_text(result))
         return
     left = f", {len(result['uncovered'])} left out" if result["uncovered"] else ""
     print(f"{result['value']:.4f} after {result['iterations']} iterations in {result['seconds']:.2f} s{left}")
@@ -211,7 +211,7 @@ def upload(
     content, text = measure_uploads(items or ITEMS, loss or LOSSES, delay or DELAYS_S, repeats=repeats, seed=seed)
     if out is not None:
         keep_result("upload", content, text, out)
-    print(json.dumps(content) if as_json else text)
+    print(json_text(content) if as_json else text)
 
 
 def _network_path(network: str | None, data: Path | None) -> Path | None:
@@ -271,7 +271,7 @@ def fleet(
         need(Extra.WEB, "bench fleet --browsers")
     burden = Burden(tuple(fault or ()), garbage, browsers)
     content, text = make_fleet(vehicles or COUNTS, out, minutes=minutes, speedup=speedup, seed=seed, burden=burden)
-    print(json.dumps(content) if as_json else text)
+    print(json_text(content) if as_json else text)
 
 
 @cli.command()
@@ -296,7 +296,7 @@ def resume(
     from executor.bench.resume import make_resume
 
     content, text = make_resume(vehicles or [6], out, minutes=minutes, hours=hours, speedup=speedup, seed=seed)
-    print(json.dumps(content) if as_json else text)
+    print(json_text(content) if as_json else text)
 
 
 @cli.command()
@@ -313,7 +313,7 @@ def terrain(
     from executor.bench.terrain import make_terrain
 
     content, text = make_terrain(out, spans=spans, megacells=megacells, seconds=seconds)
-    print(json.dumps(content) if as_json else text)
+    print(json_text(content) if as_json else text)
 
 
 @cli.command()
@@ -353,7 +353,7 @@ def detection(
     modelled = (healthy or 720, faulty or 120) if logs is None or healthy or faulty else None
     content = make_detection(modelled, seed, jobs or cores(), logs, out)
     if as_json:
-        print(json.dumps(content))
+        print(json_text(content))
     else:
         print_detection(content)
 
