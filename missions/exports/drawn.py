@@ -94,7 +94,8 @@ class Drawn:
         Raises:
             MissionFileError: a place or a figure is not finite.
         """
-        for one in (*self.ways, *self.spots):
+        things: list[DrawnWay | DrawnPlace] = [*self.ways, *self.spots]
+        for one in things:
             for figure in _figures(one):
                 if isinstance(figure, float) and not math.isfinite(figure):
                     raise MissionFileError(f"{self.title}: {one.name}: expected finite figures, got {figure}")
