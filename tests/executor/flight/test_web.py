@@ -20,6 +20,7 @@ from executor.site.config import check_site
 from executor.site.tables.links import WebTable
 from tests.executor.builders import fleet_of, with_facts
 from tests.fakes.solver import FakeSolver
+from tests.ports import free_port
 
 SITE = {
     "network": {"file": "line"},
@@ -91,6 +92,17 @@ def test_a_token_that_is_missing_or_can_be_guessed(monkeypatch: pytest.MonkeyPat
     with pytest.raises(SiteError, match=rf"^web\.token_env: expected a token of 16 or more .* variable {VARIABLE}$"):
         web.check_web(table)
     web.check_web(table.model_copy(update={"enabled": False}))
+
+
+@pytest.mark.asyncio
+async def test_the_address_of_a_published_port_is_what_is_printed_and_answered_to() -> None:
+    clock, lines, port = SystemClock(1.0), Lines(), free_port()
+    table = WebTable(address="http://ground.example:8123/", port=port)
+    async with web.page_beside(table, flight_of(clock), clock, lines):
+        assert lines.lines == ["page: http://ground.example:8123/"]
+        async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}") as client:
+            for name, status in (("ground.example:8123", 200), ("elsewhere.example:8123", 421)):
+                assert (await client.get("/", headers={"host": name})).status_code == status
 
 
 @pytest.mark.asyncio
