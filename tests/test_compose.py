@@ -19,6 +19,7 @@ import pytest
 
 from executor.site.config import read_site
 from tests.composed import ROOT, UnsetVariable, _resolved, composed, services, words
+from tests.patience import PATIENCE_S
 from tests.sitl.real import COPTER_PARAMETERS
 
 PROFILES = ("demo", "px4", "ardupilot")
@@ -168,7 +169,7 @@ def test_the_site_names_its_services(profile: str) -> None:
 
 def prepare(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, str(DOCKER / "prepare.py"), *arguments, "--into", str(folder)]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=60)
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
 
 
 def test_a_fleet_is_made_from_one_vehicle(tmp_path: Path) -> None:
@@ -274,5 +275,5 @@ def _run_script(service: str, binary: str, folder: Path) -> list[str]:
     script = composed()["services"][service]["command"][0]
     script = script.replace("/site/", f"{folder}/").replace("/tmp/copter", f"{folder}/copter")
     environment = {"PATH": f"{tools}:/usr/bin:/bin", "SPEEDUP": "1"}
-    subprocess.run(["/bin/sh", "-ec", script], env=environment, check=True, timeout=30)
+    subprocess.run(["/bin/sh", "-ec", script], env=environment, check=True, timeout=PATIENCE_S)
     return log.read_text(encoding="utf-8").splitlines()

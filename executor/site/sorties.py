@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -15,6 +15,7 @@ from executor.site.assembly import Ground, budget_of, consumption_of, pricing_of
 from executor.site.config import Site
 from executor.site.tables.day import BaseTable, DayTable, clock_s
 from missions import Base, BasePlace, DayPlanFile, Solved, plan_segment
+from missions.dayplan import Window
 from missions.geo import FloatArray
 from missions.setup import LOWEST_FLIGHT_M
 from planner import Progress, StopRule, steady_wind, top_speed_m_s
@@ -106,19 +107,7 @@ def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFi
         )
         for one in site.vehicle
     )  # fmt: skip
-    vehicles = []
-    for one in site.vehicle:
-        home = next(number for number, base in enumerate(tables) if one.name in base.vehicles)
-        lands = tuple(range(len(tables))) if table.lands == "any" else (home,)
-        quiet = [
-            (DAY_S * day + clock_s(own.begin), DAY_S * day + clock_s(own.end))
-            for own in table.quiet if not own.vehicles or one.name in own.vehicles for day in range(table.days)
-        ]  # fmt: skip
-        windows = parted_windows(days, quiet)
-        budget_pct = budget_of(ground.packs.fitted.get(one.name), ground.drone, one)
-        vehicles.append(
-            SortieVehicle(one.name, home, budget_pct, windows, lands, 0, consumption_of(ground, one.name), days[0][0])
-        )
+    vehicles = tuple(_vehicles(ground, table, tables, days))
     models = dict(pricing.models)
     fastest_m_s = max(site.inspection.speed_m_s, site.inspection.transit_speed_m_s, *_speeds(site, ground))
     power = steady_wind(ground.drone, fastest_m_s, site.inspection.wind_m_s)
@@ -140,7 +129,7 @@ def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFi
         ),
         places=places,
         bases=tuple(SortieBase(base.name, base.turnaround_s, base.packs, base.recharge_s) for base in tables),
-        vehicles=tuple(vehicles),
+        vehicles=vehicles,
         pads=pads,
         days=days,
         transfer_s=_transfers(table, names, at_m),
@@ -151,6 +140,24 @@ def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFi
         objective=Objective.FINISH,
         solved=Solved("search", 0, 0.0),
     )  # fmt: skip
+
+
+def _vehicles(
+    ground: Ground, table: DayTable, tables: Sequence[BaseTable], days: Sequence[Window]
+) -> Iterator[SortieVehicle]:
+    """Yield who flies: from which base, on what budget and when."""
+    for one in ground.site.vehicle:
+        home = next(number for number, base in enumerate(tables) if one.name in base.vehicles)
+        lands = tuple(range(len(tables))) if table.lands == "any" else (home,)
+        quiet = [
+            (DAY_S * day + clock_s(own.begin), DAY_S * day + clock_s(own.end))
+            for own in table.quiet if not own.vehicles or one.name in own.vehicles for day in range(table.days)
+        ]  # fmt: skip
+        budget_pct = budget_of(ground.packs.fitted.get(one.name), ground.drone, one)
+        yield SortieVehicle(
+            one.name, home, budget_pct, parted_windows(days, quiet), lands, 0, consumption_of(ground, one.name),
+            days[0][0],
+        )  # fmt: skip
 
 
 def planned_day(

@@ -14,7 +14,8 @@ import pytest
 
 from tests.brokers import KIND, running
 from tests.composed import ROOT, services
-from tests.e2e.flights import PATIENCE_S, ended, interrupt
+from tests.e2e.flights import ended, interrupt
+from tests.patience import PATIENCE_S
 from tests.ports import free_ports, is_free
 
 ASKED = {"FAULTLINE_VEHICLES": "3", "FAULTLINE_SPEEDUP": "12", "FAULTLINE_FAULT": "uav2:battery-step=30@40%"}

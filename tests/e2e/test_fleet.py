@@ -20,7 +20,6 @@ from executor.replay.run import rerun
 from executor.simulator.truth import read_truths
 from planner import PRESETS
 from tests.e2e.flights import (
-    PATIENCE_S,
     Flown,
     began_unix_s,
     called,
@@ -35,6 +34,7 @@ from tests.e2e.flights import (
 )
 from tests.e2e.judge import wrongly_counted
 from tests.executor.cli.test_schemas import validator
+from tests.patience import PATIENCE_S
 
 pytestmark = pytest.mark.asyncio
 

@@ -20,6 +20,7 @@ from executor.site.config import check_site
 from executor.site.tables.links import WebTable
 from tests.executor.builders import fleet_of, with_facts
 from tests.fakes.solver import FakeSolver
+from tests.patience import PATIENCE_S
 from tests.ports import free_port
 
 SITE = {
@@ -126,7 +127,7 @@ async def test_a_wish_goes_through_the_flights_own_loop(monkeypatch: pytest.Monk
 
 def looked_at(address: str) -> tuple[list[list[int]], httpx.Response]:
     """Look at the page and ask for something."""
-    with httpx.Client(base_url=address, timeout=10.0) as client:
+    with httpx.Client(base_url=address, timeout=PATIENCE_S) as client:
         routes = [vehicle["route"]["segments"] for vehicle in client.get("/chart").json()["vehicles"]]
         return routes, client.post("/intents", json={"id": "w1", "action": "abort"})
 
