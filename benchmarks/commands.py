@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -28,6 +27,7 @@ from executor.cli.options import (
 from executor.cli.replay import LogsArgument, logs_in
 from executor.replay.logs import rules_of
 from executor.site.config import read_site
+from missions.files import json_text
 from planner import Cost
 
 cli = typer.Typer(
@@ -117,7 +117,7 @@ def solvers(
         problem, PlanSolver(solver.value), cost=Cost(cost.value), seconds=seconds, seed=seed, starts=starts or cores()
     )
     if as_json:
-        print(json.dumps(result))
+        print(json_text(result))
         return
     left = f", {len(result['uncovered'])} left out" if result["uncovered"] else ""
     print(f"{result['value']:.4f} after {result['iterations']} iterations in {result['seconds']:.2f} s{left}")
@@ -217,7 +217,7 @@ def upload(
     content, text = measure_uploads(items or ITEMS, loss or LOSSES, delay or DELAYS_S, repeats=repeats, seed=seed)
     if out is not None:
         keep_result("upload", content, text, out)
-    print(json.dumps(content) if as_json else text)
+    print(json_text(content) if as_json else text)
 
 
 def _network_path(network: str | None, data: Path | None) -> Path | None:
@@ -277,7 +277,7 @@ def fleet(
         need(Extra.WEB, "bench fleet --browsers")
     burden = Burden(tuple(fault or ()), garbage, browsers)
     content, text = make_fleet(vehicles or COUNTS, out, minutes=minutes, speedup=speedup, seed=seed, burden=burden)
-    print(json.dumps(content) if as_json else text)
+    print(json_text(content) if as_json else text)
 
 
 @cli.command()
@@ -302,7 +302,7 @@ def resume(
     from benchmarks.resume import make_resume
 
     content, text = make_resume(vehicles or [6], out, minutes=minutes, hours=hours, speedup=speedup, seed=seed)
-    print(json.dumps(content) if as_json else text)
+    print(json_text(content) if as_json else text)
 
 
 @cli.command()
@@ -319,7 +319,7 @@ def terrain(
     from benchmarks.terrain import make_terrain
 
     content, text = make_terrain(out, spans=spans, megacells=megacells, seconds=seconds)
-    print(json.dumps(content) if as_json else text)
+    print(json_text(content) if as_json else text)
 
 
 @cli.command()
@@ -359,7 +359,7 @@ def detection(
     modelled = (healthy or 720, faulty or 120) if logs is None or healthy or faulty else None
     content = make_detection(modelled, seed, jobs or cores(), logs, out)
     if as_json:
-        print(json.dumps(content))
+        print(json_text(content))
     else:
         print_detection(content)
 

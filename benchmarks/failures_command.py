@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from functools import partial
 from pathlib import Path
@@ -12,6 +11,7 @@ import typer
 
 from benchmarks.flight_commands import ended
 from executor.cli.options import RESULTS, DataOption, JsonOption, SecondsOption, SeedOption, finite
+from missions.files import json_text
 
 if TYPE_CHECKING:
     from benchmarks.failures import SolvedScenario
@@ -69,7 +69,7 @@ def failures(
         if out is not None:
             write_result(out, solved.solution)
         if as_json:
-            print(json.dumps(solved.row))
+            print(json_text(solved.row))
         else:
             _tell(solved)
         raise typer.Exit(1 if solved.left or solved.wrong else 0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -22,6 +21,7 @@ from executor.cli.options import (
     SeedOption,
     kept_in,
 )
+from missions.files import json_text
 
 if TYPE_CHECKING:
     from benchmarks.store import Json
@@ -289,7 +289,7 @@ def ended(
     if out is not None:
         keep(content, out)
     if as_json:
-        print(json.dumps(content))
+        print(json_text(content))
     else:
         show(content)
     raise typer.Exit(1 if failed else 0)

@@ -8,6 +8,7 @@ latitude, longitude and height each, so that simulators outside of this image ca
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import tomllib
 from pathlib import Path
@@ -22,7 +23,7 @@ from executor.site.config import check_site
 from missions import MissionsError
 
 
-def fleet(pattern: dict[str, object], vehicles: int, speedup: float) -> dict[str, object]:
+def fleet(pattern: dict[str, object], vehicles: int, speedup: float, page: str | None = None) -> dict[str, object]:
     """Return the site of a fleet."""
     if vehicles < 1:
         raise ValueError(f"--vehicles {vehicles}: expected at least one vehicle")
@@ -40,6 +41,8 @@ def fleet(pattern: dict[str, object], vehicles: int, speedup: float) -> dict[str
     if vehicles > USUAL_VEHICLES:
         # So many layers reach above 120 m; what flies in containers is simulated and needs no permit.
         changed["inspection"] = {"ceiling_m": SIMULATED_CEILING_M, **inspection}  # type: ignore[dict-item]
+    if page is not None:
+        changed["web"] = {**pattern.get("web", {}), "address": page}  # type: ignore[dict-item]
     return pattern | changed
 
 
@@ -49,10 +52,13 @@ def main() -> int:
     parser.add_argument("pattern", type=Path, help="a site file with one vehicle")
     parser.add_argument("--vehicles", type=int, default=4)
     parser.add_argument("--speedup", type=float, default=1.0)
+    parser.add_argument("--page", metavar="URL", help="where browsers reach the page of the flight")
     parser.add_argument("--into", type=Path, required=True, metavar="DIR")
     given = parser.parse_args()
     try:
-        content = fleet(tomllib.loads(given.pattern.read_text(encoding="utf-8")), given.vehicles, given.speedup)
+        content = fleet(
+            tomllib.loads(given.pattern.read_text(encoding="utf-8")), given.vehicles, given.speedup, given.page
+        )
         ground = assembly.ground_of(check_site(content, str(given.pattern)), given.pattern.parent)
         frame = ground.network.frame
         pads = [(*frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m) for pad in assembly.setup_of(ground).pads]
@@ -63,6 +69,9 @@ def main() -> int:
         print(f"prepare: {given.pattern}: {error}", file=sys.stderr)
         return 2
     print(f"{given.vehicles} vehicles, {given.into / 'site.toml'}")
+    if given.page is not None:
+        token = os.environ.get("FAULTLINE_WEB_TOKEN", "")
+        print(f"page, once the flight is prepared: {given.page}{f'?token={token}' if token else ''}")
     return 0
 
 

@@ -1,1 +1,2 @@
+# Part of faultline.
 """Flies the missions: decisions in core, dialogues in protocols, the outside in adapters, asyncio in runtime."""

@@ -1,6 +1,6 @@
 """`python -m executor` is `faultline`."""
 
-from executor.cli.main import main
+from faultline_start import main
 
 if __name__ == "__main__":
     main()

@@ -1,3 +1,4 @@
+# Part of faultline.
 """The power line, the flights over it, and mission items as data: everything between a plan and a MAVLink message.
 
 >>> network = read_network(default_network_path(), radius_m=700)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from missions.geo import LocalFrame
 from missions.geometry import convex, twice_area
 from missions.items import Frame, MissionItem, Place
+from missions.waypoints import FlightPath
 
 Corner = tuple[float, float]
 """Local east and north, metres."""
@@ -71,6 +72,12 @@ def fence_around(places_m: Iterable[Corner], margin_m: float, top_m: float) -> F
     ]
     corners = fewer(hull(around))
     return Fence(corners, top_m)
+
+
+def flown_places(pad_m: Corner, path: FlightPath | None, frame: LocalFrame) -> list[Corner]:
+    """Return every place that a fence is made around: the pad, and where a flight leads."""
+    waypoints = () if path is None else path.waypoints
+    return [pad_m, *(frame.to_local_m(point.lat_deg, point.lon_deg) for point in waypoints)]
 
 
 def hull(places_m: Sequence[Corner]) -> tuple[Corner, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 import os
 import sys
 from collections.abc import Mapping
@@ -88,6 +89,26 @@ def is_figure(value: object) -> TypeGuard[int | float]:
 def printable(text: str) -> str:
     """Return a name for people: on one line, without what a terminal would not show."""
     return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
+
+
+def json_text(content: object, separators: tuple[str, str] | None = None) -> str:
+    """Return JSON on one line, in which a number that is not finite is null: JSON has no word for it."""
+    try:
+        return json.dumps(content, separators=separators, allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(content), separators=separators, allow_nan=False)
+
+
+def _finite(value: object) -> object:
+    match value:
+        case float():
+            return value if math.isfinite(value) else None
+        case dict():
+            return {key: _finite(one) for key, one in value.items()}
+        case list() | tuple():
+            return [_finite(one) for one in value]
+        case _:
+            return value
 
 
 def write_document(path: Path, document: Mapping[str, object]) -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -121,6 +121,16 @@ class PlanTerrain:
 
 
 @dataclass(frozen=True, slots=True)
+class PlanFence:
+    """What the site says of the fences of its vehicles, which other ground stations are given too."""
+
+    margin_m: Annotated[Figure, Field(gt=0)]
+    """How far a fence is at least from its vehicle's ways."""
+    rally: Literal["pad", "keep"]
+    """Where its own RTL may end: at its pad, or as the vehicle has it."""
+
+
+@dataclass(frozen=True, slots=True)
 class PlanFile:
     """A plan file's content."""
 
@@ -150,10 +160,20 @@ class PlanFile:
     """What their network's file calls them."""
     terrain: PlanTerrain | None = None
     """The ground, where a raster knows it."""
+    autopilots: Mapping[str, str] = field(default_factory=dict)
+    """Of each vehicle by its name, where it is known: in whose dialect its mission is."""
+    fence: PlanFence | None = None
+    """What its vehicles are given as fences; None: none, or nobody knows."""
     says_distances: bool = True
     """Whether it is known at which distance its segments are inspected: of a re-plan the missions alone say so."""
     source: str = field(default="plan", compare=False)
     """Where it was read, for messages."""
+
+    def with_site_of(self, other: PlanFile) -> PlanFile:
+        """Return this plan with what another one says of their site."""
+        return replace(
+            self, fly_again=other.fly_again, terrain=other.terrain, autopilots=other.autopilots, fence=other.fence
+        )
 
     @property
     def cost_name(self) -> str:

@@ -22,7 +22,7 @@ from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.grids import Grid
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
-from missions.planfile import WINDOW_COST, PlanFile, PlanSegment, PlanTerrain, Solved, Window
+from missions.planfile import WINDOW_COST, PlanFence, PlanFile, PlanSegment, PlanTerrain, Solved, Window
 from missions.pricing import Pricing
 from missions.relief import Relief
 from missions.setup import MOST, Inspection
@@ -121,6 +121,8 @@ class VehiclePart(_Part):
     """In the air: its height there, as `model` counts heights."""
     facing_m: Annotated[Pair, Field(exclude_if=_is_nowhere)] = (0.0, 0.0)
     """In the air: along which it arrived there, metres east and north; without it nobody knows."""
+    autopilot: Annotated[Literal["ardupilot", "px4"] | None, Field(exclude_if=is_none)] = None
+    """Whose dialect its mission is in; older files do not say it."""
 
 
 class VisitPart(_Part):
@@ -293,6 +295,8 @@ class PlanDocument(_Part):
     """What was asked for and is not planned, because it lies in an area or behind one."""
     terrain: Annotated[PlanTerrain | None, Field(exclude_if=is_none)] = None
     """The ground that it was made over, where a raster knows it."""
+    fence: Annotated[PlanFence | None, Field(exclude_if=is_none)] = None
+    """What vehicles are given as fences; without it none."""
     segments: tuple[PlanSegment, ...]
     """Last, for it is by far the longest."""
 
@@ -375,7 +379,10 @@ def plan_document(content: PlanFile) -> dict[str, object]:
         "format": "faultline-plan/1",
         "depot": content.frame,
         "travel": content.travel,
-        "vehicles": [{**asdict(vehicle), "start": vehicle.start_m} for vehicle in content.vehicles],
+        "vehicles": [
+            {**asdict(vehicle), "start": vehicle.start_m, "autopilot": content.autopilots.get(vehicle.name)}
+            for vehicle in content.vehicles
+        ],
         "routes": [
             {
                 "vehicle": content.vehicles[route.vehicle].name,
@@ -406,6 +413,7 @@ def plan_document(content: PlanFile) -> dict[str, object]:
             for one, name in zip(content.unreachable, content.unreachable_names, strict=True)
         ],
         "terrain": content.terrain,
+        "fence": content.fence,
         "segments": content.segments,
     }
     try:
@@ -458,6 +466,8 @@ def _content(document: PlanDocument, source: str) -> PlanFile:
         unreachable=tuple(Unreachable(one.segment, printable(one.why)) for one in document.unreachable),
         unreachable_names=tuple(printable(one.name) for one in document.unreachable),
         terrain=document.terrain,
+        autopilots={one.name: one.autopilot for one in document.vehicles if one.autopilot is not None},
+        fence=document.fence,
         says_distances=all(visit.inspected_at_m is not None for route in document.routes for visit in route.visits)
         or inspection is None
         or not inspection.same_distance,

@@ -38,22 +38,35 @@ class QgcPlan:
     """Latitude and longitude in degrees, height above mean sea level in metres."""
 
 
-def qgc_plan(items: Sequence[MissionItem], dialect: Dialect, home: tuple[float, float, float]) -> str:
-    """Return the text of a .plan file.
+def qgc_plan(
+    items: Sequence[MissionItem],
+    dialect: Dialect,
+    home: tuple[float, float, float],
+    *,
+    fence: Sequence[MissionItem] = (),
+    rally: Sequence[MissionItem] = (),
+) -> str:
+    """Return the text of a .plan file; its upload replaces all three lists on board, also by empty ones.
 
     Args:
         items: As encoded for the autopilot; a home slot is left out, for QGroundControl adds it at upload.
         dialect: Whose items they are.
         home: Latitude and longitude in degrees, height above mean sea level in metres.
+        fence: Corners of one polygon to stay in.
+        rally: Rally points.
+
+    Raises:
+        MissionFileError: a figure is not finite; NaN as a parameter is what the format has null for.
     """
     flown = items[1:] if dialect.home_item else items
+    _check_finite(flown, home, nan_is_null=True)
     speeds = [item.param2 for item in flown if item.command == Command.DO_CHANGE_SPEED]
     document = {
         "fileType": "Plan",
         "version": 1,
         "groundStation": "QGroundControl",
-        "geoFence": {"version": 2, "circles": [], "polygons": []},
-        "rallyPoints": {"version": 2, "points": []},
+        "geoFence": {"version": 2, "circles": [], "polygons": [_polygon(fence)] if fence else []},
+        "rallyPoints": {"version": 2, "points": [[*_degrees(point), point.z] for point in rally]},
         "mission": {
             "version": 2,
             "firmwareType": dialect.number,
@@ -88,7 +101,13 @@ def parse_qgc_plan(text: str, *, source: str = "plan") -> QgcPlan:
 
 
 def qgc_waypoints(items: Sequence[MissionItem], dialect: Dialect, home: tuple[float, float, float]) -> str:
-    """Return the text of a .waypoints file; with a home slot, line 0 is the home given."""
+    """Return the text of a .waypoints file; with a home slot, line 0 is the home given.
+
+    Raises:
+        MissionFileError: a figure is not finite, such as the heading that a PX4 vehicle is left to choose: the format
+            has no word for it.
+    """
+    _check_finite(items, home, nan_is_null=False)
     lines = [_WPL_HEADER]
     for item in items:
         lat_deg, lon_deg, z = item.x / 1e7, item.y / 1e7, item.z
@@ -121,6 +140,25 @@ def parse_qgc_waypoints(text: str, *, source: str = "waypoints") -> tuple[Missio
                     f"{source}: line {number}: index: expected {len(items) - 1}, got {items[-1].seq}"
                 )
     return tuple(items)
+
+
+def _check_finite(items: Sequence[MissionItem], home: tuple[float, float, float], *, nan_is_null: bool) -> None:
+    if not all(map(math.isfinite, home)):
+        raise MissionFileError(f"home: expected a finite place and height, got {home}")
+    for item in items:
+        params = (item.param1, item.param2, item.param3, item.param4)
+        figures = {**{f"param{number}": one for number, one in enumerate(params, 1)}, "height": item.z}
+        for key, figure in figures.items():
+            if not math.isfinite(figure) and not (nan_is_null and key != "height" and math.isnan(figure)):
+                raise MissionFileError(f"item {item.seq}: {key}: expected a finite number, got {figure}")
+
+
+def _polygon(corners: Sequence[MissionItem]) -> dict[str, object]:
+    return {"version": 1, "inclusion": True, "polygon": [_degrees(corner) for corner in corners]}
+
+
+def _degrees(item: MissionItem) -> list[float]:
+    return [item.x / 1e7, item.y / 1e7]
 
 
 def _simple_item(number: int, item: MissionItem) -> dict[str, object]:

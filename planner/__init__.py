@@ -1,3 +1,4 @@
+# Part of faultline.
 """Plans routes for a fleet within its budgets, and re-plans them when a vehicle is lost.
 
     >>> instance = build_instance(ends_m, landing_m, vehicles, travel)            # doctest: +SKIP

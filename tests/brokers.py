@@ -16,9 +16,9 @@ from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
 from pathlib import Path
 
+from tests.patience import PATIENCE_S
 from tests.ports import free_port
 
-PATIENCE_S = 30.0
 USER, PASSWORD = "crew", "p4ss word"
 MOSQUITTO = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/usr/local/sbin")
 

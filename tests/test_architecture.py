@@ -20,6 +20,7 @@ import planner
 from executor.protocols import command, orders, upload
 from missions import ARDUPILOT, PX4, Command, Dialect, Frame
 from simulator import enums
+from tests.patience import PATIENCE_S
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("planner", "missions", "simulator", "executor", "benchmarks")
@@ -109,7 +110,7 @@ def test_every_module_says_what_it_is(package: str) -> None:
 def test_importing_the_planner_does_not_load_the_compiler() -> None:
     """The command line's help must not wait for numba."""
     code = "import sys, executor.cli.commandline; sys.exit('numba' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False, timeout=60).returncode == 0
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False, timeout=PATIENCE_S).returncode == 0
 
 
 @pytest.mark.parametrize(

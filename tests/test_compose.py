@@ -19,6 +19,7 @@ import pytest
 
 from executor.site.config import read_site
 from tests.composed import ROOT, UnsetVariable, _resolved, composed, services, words
+from tests.patience import PATIENCE_S
 from tests.sitl.real import COPTER_PARAMETERS
 
 PROFILES = ("demo", "px4", "ardupilot")
@@ -85,13 +86,53 @@ def test_a_profile_is_whole(profile: str) -> None:
 
 def test_every_service_that_stays_has_a_health_check() -> None:
     for name, service in composed()["services"].items():
-        assert ("healthcheck" in service) is not name.startswith("site-"), name
+        assert ("healthcheck" in service) is not (name == "image" or name.startswith("site-")), name
 
 
 def test_no_port_is_open_beyond_this_computer() -> None:
     ports = {name: service["ports"] for name, service in composed()["services"].items() if "ports" in service}
-    assert ports == {"broker": ["127.0.0.1:1883:1883"]}
+    page = {f"executor-{profile}": ["127.0.0.1:8080:8080"] for profile in PROFILES}
+    assert ports == {"broker": ["127.0.0.1:1883:1883"], **page}
     assert all("network_mode" not in service for service in composed()["services"].values())
+
+
+def test_one_service_builds_the_image_and_the_others_wait_for_it() -> None:
+    built = {name for name, service in composed()["services"].items() if "build" in service}
+    assert built == {"image"}
+    for profile in PROFILES:
+        found = services(profile)
+        ours = {name: one for name, one in found.items() if one["image"] == found["image"]["image"] and name != "image"}
+        assert {f"site-{profile}", f"executor-{profile}"} <= set(ours)
+        for name, service in ours.items():
+            assert service["pull_policy"] == "never", name
+            assert "image" in waited_for(found, name), name
+
+
+def waited_for(found: dict[str, Any], name: str) -> set[str]:
+    """Return all services that one begins after."""
+    first = set(found[name].get("depends_on", {}))
+    return first.union(*(waited_for(found, one) for one in first))
+
+
+def test_without_a_profile_the_demo_is_started() -> None:
+    lines = (ROOT / ".env").read_text(encoding="utf-8").splitlines()
+    assert [line for line in lines if not line.startswith("#")] == ["COMPOSE_PROFILES=demo"]
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_the_page_is_at_the_address_that_is_printed(profile: str, tmp_path: Path) -> None:
+    found = services(profile, {"FAULTLINE_WEB_PORT": "8123", "FAULTLINE_WEB_TOKEN": "a-token-of-the-crew"})
+    site, executor = found[f"site-{profile}"], found[f"executor-{profile}"]
+    command = [str(DOCKER / f"{profile}.toml"), *site["command"][1:-2], "--into", str(tmp_path)]
+    done = subprocess.run(
+        [sys.executable, str(DOCKER / "prepare.py"), *command], cwd=ROOT, env={**os.environ, **site["environment"]},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.splitlines()[-1].endswith(": http://127.0.0.1:8123/?token=a-token-of-the-crew")
+    web = read_site(tmp_path / "site.toml").web
+    assert (web.host, web.address) == ("0.0.0.0", "http://127.0.0.1:8123/")  # noqa: S104 - in its container
+    assert executor["ports"] == [f"127.0.0.1:8123:{web.port}"]
+    assert executor["environment"][web.token_env] == "a-token-of-the-crew"
 
 
 def test_every_executor_keeps_its_runs_on_the_volume() -> None:
@@ -128,7 +169,7 @@ def test_the_site_names_its_services(profile: str) -> None:
 
 def prepare(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, str(DOCKER / "prepare.py"), *arguments, "--into", str(folder)]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=60)
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
 
 
 def test_a_fleet_is_made_from_one_vehicle(tmp_path: Path) -> None:
@@ -234,5 +275,5 @@ def _run_script(service: str, binary: str, folder: Path) -> list[str]:
     script = composed()["services"][service]["command"][0]
     script = script.replace("/site/", f"{folder}/").replace("/tmp/copter", f"{folder}/copter")
     environment = {"PATH": f"{tools}:/usr/bin:/bin", "SPEEDUP": "1"}
-    subprocess.run(["/bin/sh", "-ec", script], env=environment, check=True, timeout=30)
+    subprocess.run(["/bin/sh", "-ec", script], env=environment, check=True, timeout=PATIENCE_S)
     return log.read_text(encoding="utf-8").splitlines()

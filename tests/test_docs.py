@@ -33,8 +33,8 @@ WHERE = (DOCS / "where.md").read_text(encoding="utf-8")
 SITE = re.search(r"```toml\n(.*?)```", OWN_LINE, re.DOTALL)
 ROWS = re.findall(r"^\| (`faultline .*?) \|", GLANCE, re.MULTILINE)
 CALLS = [call for row in ROWS for call in re.findall(r"`faultline ([^`]*)`", row)]
-NEEDS_VEHICLES = ("simulate", "fly", "preflight", "resume", "restore", "demo")
-NEEDS_LOGS_OR_HOURS = ("replay", "bench")
+NEEDS_VEHICLES = ("simulate", "fly", "day", "preflight", "resume", "restore", "demo")
+NEEDS_LOGS_OR_HOURS = ("replay", "images", "bench")
 RUNS = [call for call in CALLS if not call.startswith((*NEEDS_VEHICLES, *NEEDS_LOGS_OR_HOURS))]
 LEAST_SITE = {
     "network": {"file": "default"},
@@ -102,6 +102,12 @@ def test_every_command_is_in_its_reference() -> None:
     headings = set(re.findall(r"^## (faultline .*)$", reference.commands_page(), re.MULTILINE))
     assert headings == set(COMMANDS)
     assert {"faultline fly", "faultline bench fleet"} <= headings
+
+
+def test_every_command_is_in_the_table_and_no_call_twice() -> None:
+    shown = {name for name in COMMANDS if any(f"faultline {call} ".startswith(f"{name} ") for call in CALLS)}
+    assert shown == set(COMMANDS)
+    assert sorted(set(CALLS)) == sorted(CALLS)
 
 
 def test_there_is_something_to_try() -> None:

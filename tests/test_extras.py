@@ -14,6 +14,8 @@ from pathlib import Path
 import pytest
 
 from executor.adapters.extras import MODULES, Extra, packages
+from executor.core.preflight.parameters import ChangeStage, Kept
+from executor.flight.changed_parameters import write_kept
 from executor.replay.open_log import ULOG_MAGIC
 
 ROOT = Path(__file__).parents[1]
@@ -49,6 +51,8 @@ for call in calls:
             done.append((end.code, out.getvalue(), err.getvalue()))
 print(json.dumps(done))
 """
+UNIX = {"fcntl", "termios"}
+"""What Windows has not: there is planned, checked and replayed without."""
 HEAVY = {name for names in MODULES.values() for name in names}
 GOES_ON = (
     "plan site.toml --seconds 0.1 -o plan.json",
@@ -58,6 +62,8 @@ GOES_ON = (
     "export plan.json -o exported",
 )
 """What is done without any extra."""
+NOT_FLOWN = "restore run --yes --quiet"
+"""What needs a lock of the system's."""
 REFUSED = {
     "plan site.toml --picture plan.png": ("--picture", Extra.PICTURES),
     "plan site.toml --front --picture front.png": ("--picture", Extra.PICTURES),
@@ -86,7 +92,7 @@ REFUSED = {
 
 def called(folder: Path, calls: Sequence[str]) -> Mapping[str, tuple[int, str, str]]:
     """Call the command line in a process without any extra; return exit code, output and errors of each call."""
-    order = json.dumps([sorted(HEAVY), [call.split() for call in calls]])
+    order = json.dumps([sorted(HEAVY | UNIX), [call.split() for call in calls]])
     command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r}){WITHOUT}", order]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=200)
     assert done.returncode == 0, done.stderr
@@ -107,7 +113,11 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[int, st
         with zipfile.ZipFile(folder / name, "w") as archive:
             archive.writestr(inside, b"")
     (folder / "flight.tlog").write_bytes(b"")
-    return called(folder, [*GOES_ON, *REFUSED])
+    (folder / "run").mkdir()
+    changed = Kept("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "its RTL", ChangeStage.SET)
+    write_kept(folder / "run", [changed])
+    (folder / "run" / "site.toml").write_text(SITE, encoding="utf-8")
+    return called(folder, [*GOES_ON, *REFUSED, NOT_FLOWN])
 
 
 @pytest.mark.parametrize("call", GOES_ON)
@@ -123,6 +133,14 @@ def test_a_missing_one_is_one_line_that_says_what_to_install(
     wanted_by, extra = REFUSED[call]
     line = f"faultline: {wanted_by} needs the extra {extra.value}: pip install {' '.join(packages(extra))}\n"
     assert said[call] == (2, "", line)
+
+
+def test_a_vehicle_is_reached_only_where_the_system_can_hold_a_run_for_one_program(
+    said: Mapping[str, tuple[int, str, str]],
+) -> None:
+    code, out, err = said[NOT_FLOWN]
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "run: expected Linux or macOS to fly, resume or restore" in err
 
 
 def test_each_extra_is_refused_somewhere() -> None:

@@ -141,7 +141,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/readers/xmltree.py",
     ),
     "tests/missions/exports/test_exports.py": (
-        "missions/exports/drawn.py",
         "missions/exports/geojson.py",
         "missions/exports/gpx.py",
         "missions/exports/kml.py",

@@ -29,6 +29,9 @@ ENDS_S = 1.0
 @contextmanager
 def held_back() -> Iterator[None]:
     """Start processes that Ctrl-C does not reach; one that comes meanwhile is delivered afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows, where nothing holds signals back
+        yield
+        return
     from multiprocessing import resource_tracker
 
     # It starts with the first process, and has SIGINT delivered again once it runs: to that process as well.

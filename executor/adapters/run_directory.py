@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import shutil
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -153,8 +153,15 @@ def locked(path: Path) -> Iterator[None]:
     The lock is the system's, and ends with the process however it dies; a copy of the directory is not locked.
 
     Raises:
-        LogError: another process holds it.
+        LogError: another process holds it, or the system has no such locks: nothing is flown there.
     """
+    try:
+        import fcntl
+    except ImportError:
+        raise LogError(
+            f"{path}: expected Linux or macOS to fly, resume or restore, got {sys.platform} (on Windows: WSL 2); "
+            "planning, checking and replays go without"
+        ) from None
     with RunDirectory(path).lock.open("a+") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

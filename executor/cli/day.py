@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -30,6 +29,7 @@ from executor.site.day_words import (
 )
 from executor.site.sorties import DayWanted, planned_day, site_day, spares_of
 from missions import DayPlanFile, check_day_plan, day_plan_document, write_day_plan
+from missions.files import json_text
 from planner import Progress, Seconds
 from planner.sorties import DayCampaign, Objective, Spares, day_chunks, fly_days, lives_of, sortie_window, with_spares
 
@@ -129,7 +129,7 @@ def plan_day(
 
         writable(picture, lambda: save(gantt_figure(content), picture))
     if as_json:
-        print(json.dumps({**day_plan_document(content), **day_document(content, spares, shares, asked.mtbf_h)}))
+        print(json_text({**day_plan_document(content), **day_document(content, spares, shares, asked.mtbf_h)}))
     else:
         _print_day(content, spares, shares, asked.mtbf_h)
     if content.plan.uncovered:

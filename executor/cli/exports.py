@@ -10,14 +10,19 @@ from typing import Annotated
 import typer
 
 from executor.adapters.run_directory import RunDirectory
+from executor.cli.console import TerminalConsole
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, FormatName
 from executor.cli.planning import writable
+from executor.core.commands import Level
 from executor.core.preflight.heights import too_low
 from executor.errors import SiteError
 from executor.site import assembly, planning
 from executor.site.config import read_site
 from missions import (
+    Dialect,
+    FlightPath,
     FlightSetup,
+    MissionFileError,
     PlanFile,
     dialect_for,
     encode,
@@ -26,6 +31,7 @@ from missions import (
     read_plan,
 )
 from missions.exports import Drawn, drawn_plan, geojson_text, gpx_text, kml_text
+from missions.fences import fence_around, fence_items, flown_places, rally_items
 from missions.plansetup import setup_of_plan
 
 DRAWN: Mapping[FormatName, Callable[[Drawn], str]] = {
@@ -34,6 +40,8 @@ DRAWN: Mapping[FormatName, Callable[[Drawn], str]] = {
     FormatName.GPX: gpx_text,
 }
 """One file of everything, in formats that show rather than fly it."""
+SUFFIXES = {FormatName.QGC: "plan", FormatName.WAYPOINTS: "waypoints"}
+"""One file for each vehicle."""
 
 
 def export(
@@ -51,8 +59,11 @@ def export(
         ),
     ] = None,
     autopilot: Annotated[
-        AutopilotName, typer.Option(help="Autopilot that the mission items of qgc and waypoints are for.")
-    ] = FIRST_AUTOPILOT,
+        AutopilotName | None,
+        typer.Option(
+            help="Autopilot of all vehicles, for qgc and waypoints; without it each vehicle's own, as the plan has it."
+        ),
+    ] = None,
     site: Annotated[
         Path | None,
         typer.Option(metavar="SITE", help="Its site file, for a plan over [terrain]: the ground is not in the plan."),
@@ -89,17 +100,50 @@ def _setup_of(content: PlanFile, source: Path, site: Path | None) -> FlightSetup
 
 
 def _export_missions(
-    content: PlanFile, setup: FlightSetup, output: Path, to: FormatName, autopilot: AutopilotName
+    content: PlanFile, setup: FlightSetup, output: Path, to: FormatName, autopilot: AutopilotName | None
 ) -> None:
-    dialect = dialect_for(autopilot.value)
-    write, suffix = (qgc_plan, "plan") if to is FormatName.QGC else (qgc_waypoints, "waypoints")
-    writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
     routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
-    for name, path in assembly.paths_of(setup, routes).items():
-        items = encode(path, dialect).items
-        pad = setup.pad_of(name)
-        home = (*setup.frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m)
-        _write(output, f"{name}.{suffix}", write(items, dialect, home))
+    paths = assembly.paths_of(setup, routes)
+    texts = {}
+    for name, path in paths.items():
+        own = dialect_for(_autopilot_of(content, name, autopilot))
+        try:
+            texts[name] = _mission_text(content, setup, path, to, own)
+        except MissionFileError as error:
+            instead = f"; --format {FormatName.QGC.value} has a word for it" if to is not FormatName.QGC else ""
+            raise SiteError(f"{name}: --format {to.value}: {own.title}: {error}{instead}") from error
+    for name, text in texts.items():
+        _write(output, f"{name}.{SUFFIXES[to]}", text)
+    if to is FormatName.QGC and (content.fence is None or content.fence.rally == "keep"):
+        what = "neither fence nor rally points" if content.fence is None else "no rally points"
+        _warn(f"the plan has {what} ([fence] of its site): the upload of these files clears those on board")
+
+
+def _mission_text(content: PlanFile, setup: FlightSetup, path: FlightPath, to: FormatName, dialect: Dialect) -> str:
+    items, pad, frame = encode(path, dialect).items, setup.pad_of(path.vehicle), setup.frame
+    home = (*frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m)
+    if to is not FormatName.QGC:
+        return qgc_waypoints(items, dialect, home)
+    if content.fence is None:
+        return qgc_plan(items, dialect, home)
+    pad_m = (pad.east_m, pad.north_m)
+    fence = fence_around(flown_places(pad_m, path, frame), content.fence.margin_m, top_m=0.0)
+    rally = rally_items((pad_m,), frame) if content.fence.rally == "pad" else ()
+    return qgc_plan(items, dialect, home, fence=fence_items(fence, frame), rally=rally)
+
+
+def _autopilot_of(content: PlanFile, name: str, asked: AutopilotName | None) -> str:
+    """Return in whose dialect a vehicle's mission is written, and say where that is not what the plan says."""
+    planned = content.autopilots.get(name)
+    if asked is None and planned is None:
+        _warn(f"{name}: the plan does not say its autopilot; written for {FIRST_AUTOPILOT.value}, or see --autopilot")
+    elif asked is not None and planned is not None and asked.value != planned:
+        _warn(f"{name}: written for {asked.value} as --autopilot has it; the plan is for {planned}")
+    return planned or FIRST_AUTOPILOT.value if asked is None else asked.value
+
+
+def _warn(text: str) -> None:
+    TerminalConsole(quiet=False, yes=True).say(Level.WARNING, text)
 
 
 def _export_run(run: Path, output: Path, to: FormatName) -> None:

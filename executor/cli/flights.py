@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -82,6 +81,7 @@ from executor.site.ground_files import read_ground
 from executor.site.ground_view import GroundView, view_for
 from executor.site.planning import DEFAULT, Wanted
 from missions import DayPlanFile, PlanFile, is_day_plan, write_plan
+from missions.files import json_text
 
 DEMO_PLAN_S = 3.0
 DEMO_ITERATIONS = 300_000
@@ -340,7 +340,7 @@ def preflight(
     console.checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
     if as_json:
-        print(json.dumps({"ready": not stops, "checks": [checked(check).plain() for check in found]}))
+        print(json_text({"ready": not stops, "checks": [checked(check).plain() for check in found]}))
     elif not quiet:
         print("ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}")
     if stops:
@@ -384,7 +384,7 @@ def resume(
 def _finish_flight(order: Order, flown: flying.FlightResult, *, as_json: bool) -> None:
     report = flown.report
     if as_json:
-        _told(json.dumps(report.plain()))
+        _told(json_text(report.plain()))
     else:
         _told(f"{report.segments_inspected} of {report.segments_total} segments inspected; record in {order.run}")
         if together := together_words(report):

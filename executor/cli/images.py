@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -16,6 +15,7 @@ from executor.cli.options import JsonOption, QuietOption
 from executor.errors import LogError
 from executor.images.matching import FileMatch, Matching, match_files
 from executor.images.store import read_index, write_files
+from missions.files import json_text
 
 SHOWN = 5
 """Names of one kind that are printed; images-files.csv has all of them."""
@@ -57,7 +57,7 @@ def images(
     write_assets(RunDirectory(run).assets, index, found)
     write_into_report(RunDirectory(run).page, index, found)
     if as_json:
-        print(json.dumps(_document(found, placed)))
+        print(json_text(_document(found, placed)))
     elif not quiet:
         print("\n".join(_lines(found, placed, len(index.images))))
     if not found.complete:

@@ -181,12 +181,14 @@ def _internal(error: BaseException) -> NoReturn:
     """Keep a mistake of ours where it can be reported, and say one line."""
     import tempfile
     import traceback
-    from pathlib import Path
 
-    path = Path(tempfile.gettempdir()) / "faultline-error.txt"
-    with suppress(OSError):
-        path.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
-    _fail(f"internal error: {type(error).__name__}: {error}; please report it with {path}", INTERNAL)
+    kept = ""
+    with suppress(OSError):  # a name of its own: others may write where temporary files are
+        number, path = tempfile.mkstemp(prefix="faultline-error-", suffix=".txt")
+        with os.fdopen(number, "w", encoding="utf-8", errors="backslashreplace") as file:
+            file.write("".join(traceback.format_exception(error)))
+        kept = f" with {path}"
+    _fail(f"internal error: {type(error).__name__}: {error}; please report it{kept}", INTERNAL)
 
 
 def _first(group: BaseExceptionGroup[BaseException]) -> BaseException:

@@ -39,6 +39,7 @@ from missions import (
     network_document,
     understand,
 )
+from missions.files import json_text
 
 SHOWN = 5
 """Findings of one matter on the screen; the JSON has all."""
@@ -104,7 +105,7 @@ def network(
 
         writable(picture, lambda: save(network_figure(understood), picture))
     if as_json:
-        print(json.dumps(_document(understood), allow_nan=False))
+        print(json_text(_document(understood)))
     else:
         _show(understood)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -81,6 +80,7 @@ from missions import (
     read_plan,
     write_plan,
 )
+from missions.files import json_text
 from planner import Cost, ReplanWindow, SearchParams, repairs_at, replan_window
 
 if TYPE_CHECKING:
@@ -243,7 +243,7 @@ def _plan_front(
         for number, content in enumerate(plans, start=1):
             writable(output, partial(write_plan, output / f"plan-{number:02d}.json", content))
     if as_json:
-        print(json.dumps({"front": [plan_document(content) for content in plans]}))
+        print(json_text({"front": [plan_document(content) for content in plans]}))
     references = {} if as_json and picture is None else planning.reference_plans(ground, wanted)
     if picture is not None:
         from executor.analysis.pictures import front_figure, save
@@ -278,7 +278,7 @@ def check(plan: PlanArgument, as_json: JsonOption = False) -> None:
     """Recompute every figure of a plan file, or a day plan, from its own network, and say what is wrong."""
     wrong = check_day_plan(read_day_plan(plan)) if is_day_plan(plan) else check_plan(read_plan(plan))
     if as_json:
-        print(json.dumps({"ok": not wrong, "wrong": wrong}))
+        print(json_text({"ok": not wrong, "wrong": wrong}))
     else:
         for line in wrong or ["every figure is right"]:
             print(line)
@@ -349,7 +349,7 @@ def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> N
     breaking = found.breaking
     if as_json:
         print(
-            json.dumps({
+            json_text({
                 "window_pct": found.window_pct,
                 "earliest_s": found.earliest_s,
                 "certified_earliest_s": found.certified_earliest_s,
@@ -383,7 +383,7 @@ def _print_plan(content: PlanFile, *, as_json: bool, heights: PlannedHeights | N
     if as_json:
         more = {} if heights is None else {"heights": heights.document, "warnings": list(heights.warnings)}
         left = {"left_over": [asdict(one) for one in left_over_words(content)]}
-        print(json.dumps({**plan_document(content), **left, **more}))
+        print(json_text({**plan_document(content), **left, **more}))
         return
     for line in (*route_words(content), summary(content)):
         print(line)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -28,6 +27,7 @@ from executor.replay.run import Comparison, rerun
 from executor.site.assembly import drone_of
 from executor.site.config import Site, read_site
 from executor.site.packs import PacksDocument, read_packs
+from missions.files import json_text
 from planner import PRESETS
 
 LogsArgument = Annotated[
@@ -88,7 +88,7 @@ def replay_logs(
         _write(done, output)
     history = None if packs is None else _packs(done, packs, known)
     if as_json:
-        print(json.dumps(replay_document(done)))
+        print(json_text(replay_document(done)))
     else:
         for one in done:
             _print(one)
@@ -270,7 +270,7 @@ def _learn(paths: Sequence[Path], site: Site | None, output: Path | None, *, as_
     if output is not None:
         writable(output, lambda: output.write_text(content, encoding="utf-8"))
     if as_json:
-        print(json.dumps({"system": system, "left_out": others, **table(found)}))
+        print(json_text({"system": system, "left_out": others, **table(found)}))
     elif output is None:
         print(content, end="")
     else:

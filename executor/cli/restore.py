@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -17,6 +16,7 @@ from executor.core.words import count_of
 from executor.flight.changed_parameters import parameters_report, read_kept
 from executor.flight.kept_lists import KeptList, read_kept_lists
 from executor.runtime import turns
+from missions.files import json_text
 
 
 def restore(
@@ -53,7 +53,7 @@ def _finish(directory: Path, kept: Sequence[Kept], lists: Sequence[KeptList], *,
             rows["fences"] = [
                 {"vehicle": one.vehicle, "list": one.kind.name.lower(), "restored": not one.open} for one in lists
             ]
-        print(json.dumps({"restored": stay == 0, **rows}))
+        print(json_text({"restored": stay == 0, **rows}))
     elif not quiet:
         what = "all parameters, fences and rally points are restored" if lists else "all parameters are restored"
         print(f"{directory}: {what}" if not stay else f"{directory}: {stay} of {len(kept) + len(lists)} not restored")

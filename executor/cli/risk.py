@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -15,6 +14,7 @@ from executor.cli.planning import can_be_drawn, writable
 from executor.site.crew import crew
 from executor.site.risk import risks, sweep_mtbf
 from missions import read_plan
+from missions.files import json_text
 from planner import Campaign, Risk, flight_chunks, risk_campaign
 
 MtbfOption = Annotated[
@@ -88,7 +88,7 @@ def risk(
 
         writable(picture, lambda: save(risk_figure(swept, found), picture))
     if as_json:
-        print(json.dumps(risk_document(wanted, found, names, seed)))
+        print(json_text(risk_document(wanted, found, names, seed)))
     else:
         _print_risk(found, names)
 

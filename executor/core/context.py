@@ -133,6 +133,8 @@ class DayRules:
     """Of each vehicle."""
     windows_s: Mapping[str, tuple[tuple[float, float], ...]]
     """When each vehicle may fly."""
+    barred: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    """By the vehicle's name: the network's segments that its camera is not good for."""
 
     @property
     def ends_s(self) -> float:

@@ -12,7 +12,7 @@ from executor.core.context import Context
 from executor.core.parts import OnBoard
 from executor.core.vehicle import VehicleState
 from missions import FlightPath
-from missions.fences import Corner, Fence, fence_around, fence_items, rally_items
+from missions.fences import Fence, fence_around, fence_items, flown_places, rally_items
 from missions.items import MissionItem
 
 
@@ -21,7 +21,9 @@ def fence_for(context: Context, name: str, path: FlightPath | None) -> Fence | N
     rule = context.fencing
     if rule is None or not rule.enabled:
         return None
-    return fence_around(_places_m(context, name, path), rule.margin_m, top_m(context, name))
+    return fence_around(
+        flown_places(context.vehicles[name].pad_m, path, context.frame), rule.margin_m, top_m(context, name)
+    )
 
 
 def first_fences(context: Context, boards: Mapping[str, OnBoard | None]) -> dict[str, Fence]:
@@ -83,11 +85,3 @@ def rally_list(context: Context, name: str) -> tuple[MissionItem, ...] | None:
     if rule is None or not rule.enabled or rule.rally == "keep":
         return None
     return rally_items((context.vehicles[name].pad_m,), context.frame)
-
-
-def _places_m(context: Context, name: str, path: FlightPath | None) -> list[Corner]:
-    waypoints = () if path is None else path.waypoints
-    return [
-        context.vehicles[name].pad_m,
-        *(context.frame.to_local_m(point.lat_deg, point.lon_deg) for point in waypoints),
-    ]

@@ -209,10 +209,7 @@ def _plan_file(order: Order, pricing: Pricing, planned: Planned) -> PlanFile:
     content = make_plan_file(
         ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection,
     )  # fmt: skip
-    content = replace(
-        content, fly_again=order.plan.fly_again, terrain=order.plan.terrain,
-        says_distances=not ground.inspection.same_distance,
-    )  # fmt: skip
+    content = replace(content.with_site_of(order.plan), says_distances=not ground.inspection.same_distance)
     with suppress(OSError):
         write_plan(plan_path(order.run, planned), content)
     return content

@@ -10,6 +10,7 @@ from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
+from urllib.parse import urlsplit
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.extras import Extra, what_to_install
@@ -101,8 +102,9 @@ async def page_beside(
         return asyncio.run_coroutine_threadsafe(take(intent), loop)
 
     token = _token(table)
+    names = {*table.names, *(() if table.address is None else (urlsplit(table.address).hostname or "",))}
     settings = WebSettings(
-        table.host, table.port, token, frozenset(table.names), clock.speedup, lasting.ground, lasting.window
+        table.host, table.port, token, frozenset(names), clock.speedup, lasting.ground, lasting.window
     )
     server = WebServer(settings, flight.context, now, submit, mistake=partial(hand_over, loop))
     stack = ExitStack()
@@ -113,8 +115,8 @@ async def page_beside(
         yield
         return
     try:
-        shown = f"{server.address}?token=${table.token_env}" if token is not None else server.address
-        console.say(Level.INFO, f"page: {shown}")
+        query = f"?token=${table.token_env}" if token is not None else ""
+        console.say(Level.INFO, f"page: {table.address or server.address}{query}")
         yield
     finally:
         await asyncio.to_thread(stack.close)

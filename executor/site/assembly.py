@@ -49,7 +49,7 @@ from missions import (
 from missions.asked import first_paths, low_segments
 from missions.pace import AS_MODELLED
 from missions.pads import column_radius_m
-from missions.planfile import PlanTerrain
+from missions.planfile import PlanFence, PlanTerrain
 from missions.poles import on_ground, with_structures
 from missions.reach import within_areas
 from missions.readers.elevation import Reading, read_elevation
@@ -147,6 +147,12 @@ def plan_terrain(ground: Ground) -> PlanTerrain | None:
     return PlanTerrain(
         known.source, known.digest, known.vertical, known.uncertainty_m, terrain.margin_m, terrain.line_margin_m
     )
+
+
+def plan_fence(site: Site) -> PlanFence | None:
+    """Return what plan files say of the fences that vehicles are given; None where they are given none."""
+    table = site.fence
+    return None if table is None or not table.enabled else PlanFence(table.margin_m, table.rally)
 
 
 def wanted_of(site: Site) -> Selection:

@@ -14,7 +14,7 @@ from executor.core.words import count_of
 from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.planning import SAME_PLACE_M, same_segments, site_plan
-from executor.site.sorties import site_day
+from executor.site.sorties import base_place, site_day
 from missions import DayPlanFile, LocalFrame, Pad, PlanFile, PlanFileError, check_day_plan, place_pads
 from planner import Cost, Plan, Route, is_reversed, segment_of, visit_of
 from planner.sorties import Sortie
@@ -23,6 +23,10 @@ AT_DEPOT_M = 50.0
 """A base nearer to the depot than this is the depot."""
 SAME_PCT = 1e-6
 """Budgets that differ by less are one."""
+SAME_M_S = 1e-6
+"""The same of speeds."""
+_SPEEDS = {"inspection_speed_m_s": "speed_m_s", "transit_speed_m_s": "transit_speed_m_s"}
+"""Of a vehicle's flight model, as sites call them."""
 
 
 def first_sorties(content: DayPlanFile, ground: Ground) -> PlanFile:
@@ -70,6 +74,11 @@ def day_rules(content: DayPlanFile) -> DayRules:
             own.name: tuple((begin - begins_s, end - begins_s) for begin, end in own.windows if begin < until_s)
             for own in content.vehicles
         },
+        barred={
+            own.name: frozenset(content.segments[number].id for number in np.flatnonzero(~able))
+            for own, able in zip(content.vehicles, content.able, strict=True)
+            if not able.all()
+        },
     )
 
 
@@ -85,13 +94,12 @@ def morning_pads(ground: Ground) -> Mapping[str, Pad]:
     Around each base they stand as they would around the depot; areas are not looked at.
 
     Raises:
-        SiteError: a base cannot be used.
         SafetyError: there is no room around a base.
     """
     setup, frame, found = ground.setup, ground.network.frame, dict[str, Pad]()
     named = {table.name for table in ground.site.vehicle if table.pad is not None}
-    for place, table in zip(site_day(ground).places, ground.site.base, strict=False):
-        own = [name for name in table.vehicles if name not in named]
+    for table in ground.site.base:
+        place, own = base_place(ground, table), [name for name in table.vehicles if name not in named]
         at_m = np.array(frame.to_local_m(place.lat_deg, place.lon_deg))
         if not own or float(np.hypot(*at_m)) <= AT_DEPOT_M:
             continue
@@ -126,15 +134,7 @@ def _check(content: DayPlanFile, ground: Ground) -> None:
     for line in check_day_plan(content):
         raise PlanFileError(f"{source}: {line}; `faultline check` says more")
     same_segments(content, ground, source)
-    now, frame = site_day(ground), ground.network.frame
-    budgets = {own.name: own.budget_pct for own in now.vehicles}
-    at_m, was_m = bases_m(now, frame), bases_m(content, frame)
-    for own in content.vehicles:
-        if abs(own.budget_pct - budgets[own.name]) > SAME_PCT:
-            changed = f"{own.name}: budget_pct is {own.budget_pct:g} there and {budgets[own.name]:g} in the site"
-            raise PlanFileError(f"{source}: the site has changed: {changed}: plan again")
-        if math.dist(at_m[own.name], was_m[own.name]) > SAME_PLACE_M:
-            raise PlanFileError(f"{source}: the site has changed: the base of {own.name} is another: plan again")
+    _check_vehicles(content, ground)
     for name, sorties in _of_the_day(content).items():
         home = content.vehicles[names.index(name)].base
         for number, one in enumerate(sorties, 1):
@@ -144,6 +144,32 @@ def _check(content: DayPlanFile, ground: Ground) -> None:
                     f"{source}: sortie {number} of {name}: expected to begin and end at its base {place}, where it "
                     'stands: plan with [day] lands = "own"'
                 )
+
+
+def _check_vehicles(content: DayPlanFile, ground: Ground) -> None:
+    """Refuse a day of vehicles that now stand elsewhere, may use something else, or do not fly as it has them."""
+    source, now = content.source, site_day(ground)
+    budgets = {own.name: own.budget_pct for own in now.vehicles}
+    at_m, was_m = _pads_m(now), _pads_m(content)
+    for own in content.vehicles:
+        if abs(own.budget_pct - budgets[own.name]) > SAME_PCT:
+            changed = f"{own.name}: budget_pct is {own.budget_pct:g} there and {budgets[own.name]:g} in the site"
+            raise PlanFileError(f"{source}: the site has changed: {changed}: plan again")
+        if math.dist(at_m[own.name], was_m[own.name]) > SAME_PLACE_M:
+            raise PlanFileError(f"{source}: the site has changed: the pad of {own.name} is elsewhere: plan again")
+        planned = content.pricing.models[own.name]
+        for key, called in _SPEEDS.items():
+            said_m_s, flown_m_s = getattr(planned, key), getattr(ground.inspection, called)
+            if abs(said_m_s - flown_m_s) > SAME_M_S:
+                raise PlanFileError(
+                    f"{source}: {own.name}: expected {called} {flown_m_s:g} of [inspection], at which everybody "
+                    f"flies, got {said_m_s:g}: plan again, without it in [[day.vehicle]]"
+                )
+
+
+def _pads_m(content: DayPlanFile) -> dict[str, tuple[float, ...]]:
+    """Return where each vehicle stands in the morning, local east and north."""
+    return {own.name: content.pads[row][own.base].place_m[:2] for row, own in enumerate(content.vehicles)}
 
 
 def _of_the_day(content: DayPlanFile) -> dict[str, tuple[Sortie, ...]]:

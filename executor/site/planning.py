@@ -212,7 +212,10 @@ def site_plan(
     content = make_plan_file(
         ground.network, task, ground.travel, plan, cost, solved, window=window, inspection=ground.inspection,
     )  # fmt: skip
-    return replace(content, fly_again=landed_fly_again(ground), terrain=assembly.plan_terrain(ground))
+    return replace(
+        content, fly_again=landed_fly_again(ground), terrain=assembly.plan_terrain(ground),
+        autopilots={one.name: one.autopilot for one in ground.site.vehicle}, fence=assembly.plan_fence(ground.site),
+    )  # fmt: skip
 
 
 def landed_fly_again(ground: Ground) -> bool:
@@ -451,4 +454,4 @@ def after_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: f
     content = make_plan_file(
         plan.network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection,
     )  # fmt: skip
-    return WhatIf(left, replace(content, fly_again=plan.fly_again, terrain=plan.terrain), result.feasible)
+    return WhatIf(left, content.with_site_of(plan), result.feasible)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -15,6 +15,7 @@ from executor.site.assembly import Ground, budget_of, consumption_of, pricing_of
 from executor.site.config import Site
 from executor.site.tables.day import BaseTable, DayTable, clock_s
 from missions import Base, BasePlace, DayPlanFile, Solved, plan_segment
+from missions.dayplan import Window
 from missions.geo import FloatArray
 from missions.setup import LOWEST_FLIGHT_M
 from planner import Progress, StopRule, steady_wind, top_speed_m_s
@@ -32,6 +33,16 @@ from planner.streets import streets
 DAY_S = 86_400.0
 DEPOT = "depot"
 """The only base of a site that names none."""
+_NOT_BY_DAY: tuple[tuple[str, Callable[[Site], bool], str], ...] = (
+    ("[[area]]", lambda site: bool(site.area), "its sorties are priced straight, not around areas"),
+    ("[[look]]", lambda site: bool(site.look), "it knows neither what cameras see nor the time that viewpoints take"),
+    ("[terrain]", lambda site: site.terrain is not None, "its sorties are priced as if nothing rose between the lines"),
+    (
+        "inspection.same_distance", lambda site: site.inspection.same_distance,
+        "its sorties are priced in their layers",
+    ),
+)  # fmt: skip
+"""What plans of single flights respect and plans of days do not: the table, whether a site has it, and why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +64,22 @@ def spares_of(ground: Ground) -> frozenset[str]:
     )
 
 
+def check_day_site(site: Site) -> None:
+    """Refuse a day of a site that asks for more than plans of days respect.
+
+    Raises:
+        SiteError: one line that names the first such table.
+    """
+    for table, has_it, why in _NOT_BY_DAY:
+        if has_it(site):
+            raise SiteError(f"{table}: expected none in the site of a day plan: {why}; plan single flights instead")
+
+
+def base_tables(ground: Ground) -> tuple[BaseTable, ...]:
+    """Return the bases of a site; the depot where it names none."""
+    return ground.site.base or (_depot(ground),)
+
+
 def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFile:
     """Return the days of a site without a plan: nobody flies, every segment is uncovered.
 
@@ -61,33 +88,26 @@ def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFi
         segments: What is to be inspected; everything if not given.
 
     Raises:
-        SiteError: a base, a speed or a name cannot be used.
+        SiteError: a base, a speed or a name cannot be used, or the site has a table that days do not respect.
     """
     site, table = ground.site, ground.site.day or DayTable()
-    tables = site.base or (_depot(ground),)
-    places = tuple(_place(ground, base) for base in tables)
+    check_day_site(site)
+    tables = base_tables(ground)
+    places = tuple(base_place(ground, base) for base in tables)
     at_m = [ground.network.frame.to_local_m(place.lat_deg, place.lon_deg) for place in places]
     days = tuple((DAY_S * day + clock_s(table.begin), DAY_S * day + clock_s(table.end)) for day in range(table.days))
     names = [place.name for place in places]
     wanted = tuple(range(len(ground.network.segments)) if segments is None else sorted(segments))
     pricing = pricing_of(ground).part(wanted, ground.names)
     pads = tuple(
-        tuple(_pad(ground, vehicle, place, at) for place, at in zip(places, at_m, strict=True))
-        for vehicle in ground.names
-    )
-    vehicles = []
-    for one in site.vehicle:
-        home = next(number for number, base in enumerate(tables) if one.name in base.vehicles)
-        lands = tuple(range(len(tables))) if table.lands == "any" else (home,)
-        quiet = [
-            (DAY_S * day + clock_s(own.begin), DAY_S * day + clock_s(own.end))
-            for own in table.quiet if not own.vehicles or one.name in own.vehicles for day in range(table.days)
-        ]  # fmt: skip
-        windows = parted_windows(days, quiet)
-        budget_pct = budget_of(ground.packs.fitted.get(one.name), ground.drone, one)
-        vehicles.append(
-            SortieVehicle(one.name, home, budget_pct, windows, lands, 0, consumption_of(ground, one.name), days[0][0])
+        tuple(
+            ground.setup.base_of(one.name) if one.pad is not None and one.name in base.vehicles
+            else _pad(ground, one.name, place, at)
+            for base, place, at in zip(tables, places, at_m, strict=True)
         )
+        for one in site.vehicle
+    )  # fmt: skip
+    vehicles = tuple(_vehicles(ground, table, tables, days))
     models = dict(pricing.models)
     fastest_m_s = max(site.inspection.speed_m_s, site.inspection.transit_speed_m_s, *_speeds(site, ground))
     power = steady_wind(ground.drone, fastest_m_s, site.inspection.wind_m_s)
@@ -109,7 +129,7 @@ def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFi
         ),
         places=places,
         bases=tuple(SortieBase(base.name, base.turnaround_s, base.packs, base.recharge_s) for base in tables),
-        vehicles=tuple(vehicles),
+        vehicles=vehicles,
         pads=pads,
         days=days,
         transfer_s=_transfers(table, names, at_m),
@@ -120,6 +140,24 @@ def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFi
         objective=Objective.FINISH,
         solved=Solved("search", 0, 0.0),
     )  # fmt: skip
+
+
+def _vehicles(
+    ground: Ground, table: DayTable, tables: Sequence[BaseTable], days: Sequence[Window]
+) -> Iterator[SortieVehicle]:
+    """Yield who flies: from which base, on what budget and when."""
+    for one in ground.site.vehicle:
+        home = next(number for number, base in enumerate(tables) if one.name in base.vehicles)
+        lands = tuple(range(len(tables))) if table.lands == "any" else (home,)
+        quiet = [
+            (DAY_S * day + clock_s(own.begin), DAY_S * day + clock_s(own.end))
+            for own in table.quiet if not own.vehicles or one.name in own.vehicles for day in range(table.days)
+        ]  # fmt: skip
+        budget_pct = budget_of(ground.packs.fitted.get(one.name), ground.drone, one)
+        yield SortieVehicle(
+            one.name, home, budget_pct, parted_windows(days, quiet), lands, 0, consumption_of(ground, one.name),
+            days[0][0],
+        )  # fmt: skip
 
 
 def planned_day(
@@ -143,7 +181,8 @@ def _depot(ground: Ground) -> BaseTable:
     return BaseTable(name=DEPOT, lat_deg=frame.lat_deg, lon_deg=frame.lon_deg, alt_m=frame.alt_m, vehicles=ground.names)
 
 
-def _place(ground: Ground, base: BaseTable) -> BasePlace:
+def base_place(ground: Ground, base: BaseTable) -> BasePlace:
+    """Return where a base is, its height taken from the nearest pylon where nobody says it."""
     alt_m = base.alt_m
     if alt_m is None:
         at_m = np.array(ground.network.frame.to_local_m(base.lat_deg, base.lon_deg))

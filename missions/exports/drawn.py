@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
+
+from missions.errors import MissionFileError
 
 Position = tuple[float, float, float | None]
 """Latitude and longitude in degrees, WGS 84, and height in metres as a `Reference` counts it; None: not known."""
@@ -85,9 +88,30 @@ class Drawn:
     ways: Sequence[DrawnWay]
     spots: Sequence[DrawnPlace]
 
+    def __post_init__(self) -> None:
+        """Check that all formats can hold what is drawn.
+
+        Raises:
+            MissionFileError: a place or a figure is not finite.
+        """
+        things: list[DrawnWay | DrawnPlace] = [*self.ways, *self.spots]
+        for one in things:
+            for figure in _figures(one):
+                if isinstance(figure, float) and not math.isfinite(figure):
+                    raise MissionFileError(f"{self.title}: {one.name}: expected finite figures, got {figure}")
+
     def colour_of(self, vehicle: str) -> str:
         """Return a vehicle's colour."""
         return COLOURS[self.vehicles.index(vehicle) % len(COLOURS)]
+
+
+def _figures(one: DrawnWay | DrawnPlace) -> Iterator[Fact]:
+    """Yield all that is written of something as a number."""
+    yield from one.facts.values()
+    pieces = [(one.position,)] if isinstance(one, DrawnPlace) else [piece.positions for piece in one.pieces]
+    for positions in pieces:
+        for position in positions:
+            yield from position
 
 
 def drawn_facts(one: DrawnWay | DrawnPlace) -> dict[str, Fact]:

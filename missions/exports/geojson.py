@@ -15,7 +15,8 @@ from missions.exports.drawn import Drawn, DrawnPlace, DrawnWay, Position, drawn_
 def geojson_text(drawn: Drawn) -> str:
     """Return the text of a GeoJSON file."""
     features = [*(_way(drawn, way) for way in drawn.ways), *(_spot(drawn, spot) for spot in drawn.spots)]
-    return json.dumps({"type": "FeatureCollection", "name": drawn.title, "features": features}, indent=1) + "\n"
+    collection = {"type": "FeatureCollection", "name": drawn.title, "features": features}
+    return json.dumps(collection, indent=1, allow_nan=False) + "\n"
 
 
 def _way(drawn: Drawn, way: DrawnWay) -> dict[str, object]:

@@ -24,6 +24,7 @@ from benchmarks.scenario import Scenario, day_of, initial_timelines, read_scenar
 from benchmarks.scenarios import TimedTrip
 from benchmarks.store import Json
 from planner import Iterations
+from tests.patience import PATIENCE_S
 
 GRID: Json = {
     "name": "grid.1",
@@ -246,7 +247,7 @@ def test_the_public_checker_takes_the_solutions(name: str, tmp_path: Path) -> No
         capture_output=True,
         text=True,
         check=False,
-        timeout=60,
+        timeout=PATIENCE_S,
     )
     assert checked.returncode == 0, checked.stdout
     assert json.loads(checked.stdout)["makespan"] == pytest.approx(solved.value_s)

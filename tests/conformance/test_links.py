@@ -15,6 +15,7 @@ from executor.runtime import preflight, procedures
 from executor.runtime.dialogue import converse
 from missions import differences
 from tests.conformance.ways import WAYS, Ground, Way, route, station
+from tests.patience import PATIENCE_S
 from tests.ports import free_port
 from tests.simulator.harness import LAT_DEG, LON_DEG
 
@@ -23,11 +24,10 @@ every_way = pytest.mark.parametrize("way", WAYS, ids=str)
 LOSSY = [way for way in WAYS if way.vehicles.lossy]
 ONE = 11
 SEVERAL = (11, 12, 13)
-PATIENCE_REAL_S = 20.0
 NO_COMMAND = 31_999
 
 
-async def heard(ground: Ground, sysid: int = ONE, *, within_real_s: float = PATIENCE_REAL_S) -> bool:
+async def heard(ground: Ground, sysid: int = ONE, *, within_real_s: float = PATIENCE_S) -> bool:
     return await procedures.wait_for(
         ground.links[sysid],
         ground.clock,
@@ -41,7 +41,7 @@ async def test_a_vehicle_is_heard_and_interviewed(way: Way) -> None:
     port = free_port()
     async with way.vehicles.start(port, [ONE], []), station(way, port, [ONE]) as ground:
         link = ground.links[ONE]
-        await preflight.answer("uav", f"udpin://127.0.0.1:{port}", ONE, link, PATIENCE_REAL_S, ground.clock)
+        await preflight.answer("uav", f"udpin://127.0.0.1:{port}", ONE, link, PATIENCE_S, ground.clock)
         facts = await preflight.interview("uav", link, ground.clock, way.vehicles.dialect, 100.0, lambda _: None)
         assert (facts.heartbeat.autopilot, facts.heartbeat.vehicle_type) == (way.vehicles.autopilot, way.vehicles.kind)
         assert (facts.position.lat_deg, facts.position.lon_deg) == pytest.approx((LAT_DEG, LON_DEG), abs=1e-6)

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tests.patience import PATIENCE_S
 from tests.ports import free_ports
 
-PATIENCE_S = 120.0
 FAULTLINE = (sys.executable, "-m", "executor")
 
 

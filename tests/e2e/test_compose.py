@@ -14,7 +14,8 @@ import pytest
 
 from tests.brokers import KIND, running
 from tests.composed import ROOT, services
-from tests.e2e.flights import PATIENCE_S, ended, interrupt
+from tests.e2e.flights import ended, interrupt
+from tests.patience import PATIENCE_S
 from tests.ports import free_ports, is_free
 
 ASKED = {"FAULTLINE_VEHICLES": "3", "FAULTLINE_SPEEDUP": "12", "FAULTLINE_FAULT": "uav2:battery-step=30@40%"}
@@ -31,6 +32,8 @@ class Services:
         pattern = (ROOT / "docker" / "demo.toml").read_text(encoding="utf-8")
         here = pattern.replace("fleet:14600", f"127.0.0.1:{self.port}").replace("radius_m = 700", "radius_m = 250")
         assert here.count(str(self.port)) == 1
+        assert "port = 8080" in here
+        here = here.replace("port = 8080", "port = 0").replace('host = "0.0.0.0"', 'host = "127.0.0.1"')
         assert 'host = "broker"' in here
         here = here.replace('host = "broker"', f'host = "127.0.0.1"\nport = {broker_port}')
         self.pattern = folder / "demo.toml"

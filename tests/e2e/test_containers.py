@@ -32,16 +32,18 @@ class Engine:
         self.profile = profile
         self.environment = {
             **os.environ,
+            "COMPOSE_PROFILES": profile,
             "COMPOSE_PROJECT_NAME": f"faultline-{profile}",
             "FAULTLINE_VEHICLES": str(VEHICLES),
             "FAULTLINE_MQTT_PORT": str(free_port()),
+            "FAULTLINE_WEB_PORT": str(free_port()),
             "FAULTLINE_ARDUPILOT_IMAGE": IMAGES["ardupilot"],
         }
 
     def compose(self, *words: str) -> subprocess.CompletedProcess[str]:
         """Call podman-compose."""
         return subprocess.run(
-            ["podman-compose", "--profile", self.profile, *words], cwd=ROOT, env=self.environment, text=True,
+            ["podman-compose", *words], cwd=ROOT, env=self.environment, text=True,
             stdin=subprocess.DEVNULL, capture_output=True, timeout=FLIGHT_S + 60, check=False,
         )  # fmt: skip
 

@@ -20,7 +20,6 @@ from executor.replay.run import rerun
 from planner import PRESETS
 from simulator.truth import read_truths
 from tests.e2e.flights import (
-    PATIENCE_S,
     Flown,
     began_unix_s,
     called,
@@ -34,6 +33,7 @@ from tests.e2e.flights import (
     site_file,
 )
 from tests.e2e.judge import wrongly_counted
+from tests.patience import PATIENCE_S
 from tests.scripts.pages.test_schemas import validator
 
 pytestmark = pytest.mark.asyncio

@@ -20,6 +20,7 @@ from simulator.config import SimFleet
 from simulator.fleet import run_fleet
 from simulator.vehicle import SimulatedVehicle
 from tests.e2e.flights import called, ended, said_in, site_file
+from tests.patience import PATIENCE_S
 
 pytestmark = pytest.mark.asyncio
 
@@ -54,7 +55,7 @@ class Fleet:
 
     async def landed(self) -> None:
         """Wait until everybody is on the ground again."""
-        async with asyncio.timeout(90.0):
+        async with asyncio.timeout(PATIENCE_S):
             while any(vehicle.autopilot.frame.armed for vehicle in self.vehicles):  # noqa: ASYNC110 - they tell nobody
                 await asyncio.sleep(0.2)
 

@@ -16,7 +16,8 @@ import pytest
 
 from executor.replay.run import rerun
 from tests.brokers import KIND, running
-from tests.e2e.flights import PATIENCE_S, called, ended, log_lines, notes, said_in, site_file
+from tests.e2e.flights import called, ended, log_lines, notes, said_in, site_file
+from tests.patience import PATIENCE_S
 
 pytestmark = pytest.mark.asyncio
 

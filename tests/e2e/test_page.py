@@ -12,11 +12,12 @@ from playwright.async_api import Page, expect
 
 from tests.e2e.flights import called, ended, said_in, site_file
 from tests.e2e.gallery import CHROMIUM, browsing
+from tests.patience import PATIENCE_S
 from tests.ports import free_port
 
 pytestmark = pytest.mark.asyncio
 
-PATIENCE_MS = 120_000.0
+PATIENCE_MS = 1000.0 * PATIENCE_S
 SHOTS = os.environ.get("FAULTLINE_SHOTS")
 """A folder for pictures of the page, for who wants to look at it."""
 

@@ -28,6 +28,7 @@ from executor.site import assembly, planning
 from executor.site.config import read_site
 from planner import Cost
 from tests.e2e.flights import called, said_in, site_file
+from tests.patience import PATIENCE_S
 from tests.ports import free_port
 
 pytestmark = [pytest.mark.campaign, pytest.mark.asyncio, pytest.mark.timeout(600)]
@@ -93,7 +94,7 @@ def read(port: int, began_unix_s: float) -> Read:
     """Follow the stream, in a process of its own."""
     came_s, ages_s, size = list[float](), list[float](), 0
     until_s = time.monotonic() + WATCHED_S
-    with httpx.Client(timeout=10.0) as client, client.stream("GET", f"http://127.0.0.1:{port}/events") as stream:
+    with httpx.Client(timeout=PATIENCE_S) as client, client.stream("GET", f"http://127.0.0.1:{port}/events") as stream:
         for line in stream.iter_lines():
             if line.startswith("data: "):
                 state, size = json.loads(line[6:]), len(line)

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.flights import FAULTLINE, PATIENCE_S, called, ended, log_lines, notes, said_in, site_file
+from tests.e2e.flights import FAULTLINE, called, ended, log_lines, notes, said_in, site_file
+from tests.patience import PATIENCE_S
 
 pytestmark = pytest.mark.asyncio
 LEFT = "supervision ends"

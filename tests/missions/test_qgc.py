@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ from missions import (
     ARDUPILOT,
     PX4,
     Dialect,
+    LocalFrame,
     MissionFileError,
     differences,
     encode,
@@ -21,6 +23,7 @@ from missions import (
     qgc_plan,
     qgc_waypoints,
 )
+from missions.fences import fence_around, fence_items, rally_items
 from tests.missions.test_encode import PATH
 
 HOME = (49.6, 15.6, 450.0)
@@ -64,12 +67,43 @@ def test_a_waypoints_file_is_as_mission_planner_writes_it() -> None:
 
 @pytest.mark.parametrize("dialect", [ARDUPILOT, PX4])
 def test_both_formats_are_read_again(dialect: Dialect) -> None:
-    items = encode(PATH, dialect).items
+    items = tuple(replace(item, param4=90.0) for item in encode(PATH, dialect).items)
     plan = parse_qgc_plan(qgc_plan(items, dialect, HOME))
     assert plan.home == HOME
     assert len(plan.items) == 10
     lines = parse_qgc_waypoints(qgc_waypoints(items, dialect, HOME))
     assert differences(items, lines, dialect) == ()
+
+
+def test_a_heading_that_is_left_open_has_no_word_in_a_waypoints_file() -> None:
+    with pytest.raises(MissionFileError, match=r"^item 0: param4: expected a finite number, got nan$"):
+        qgc_waypoints(encode(PATH, PX4).items, PX4, HOME)
+
+
+@pytest.mark.parametrize("write", [qgc_plan, qgc_waypoints])
+def test_no_figure_is_written_that_is_not_finite(write: Callable[..., str]) -> None:
+    items = encode(PATH, ARDUPILOT).items
+    for spoilt in (replace(items[3], z=math.nan), replace(items[3], param2=math.inf), replace(items[3], z=-math.inf)):
+        with pytest.raises(MissionFileError, match=r"^item 3: (height|param2): expected a finite number, got"):
+            write((*items[:3], spoilt, *items[4:]), ARDUPILOT, HOME)
+    with pytest.raises(MissionFileError, match=r"^home: expected a finite place and height"):
+        write(items, ARDUPILOT, (49.6, 15.6, math.nan))
+
+
+def test_a_fence_and_rally_points_are_as_qgroundcontrol_writes_them() -> None:
+    frame = LocalFrame(*HOME)
+    fence = fence_items(fence_around([(0.0, 0.0), (200.0, 0.0)], 20.0, 50.0), frame)
+    document = json.loads(qgc_plan(
+        encode(PATH, PX4).items, PX4, HOME, fence=fence, rally=rally_items([(0.0, 0.0)], frame),
+    ))  # fmt: skip
+    assert document["geoFence"] == {
+        "version": 2,
+        "circles": [],
+        "polygons": [
+            {"version": 1, "inclusion": True, "polygon": [[one.x / 1e7, one.y / 1e7] for one in fence]},
+        ],
+    }
+    assert document["rallyPoints"] == {"version": 2, "points": [[49.6, 15.6, 0.0]]}
 
 
 def test_the_items_of_a_survey_are_taken_as_generated() -> None:

@@ -63,11 +63,15 @@ def test_items_survive_a_plan_file(dialect: Dialect, data: st.DataObject) -> Non
     assert plan.home == HOME
 
 
+HEADINGS = st.integers(0, 359).map(float)
+
+
 @both
 @settings(derandomize=True, deadline=None, max_examples=60)
 @given(data=st.data())
 def test_items_survive_a_waypoints_file(dialect: Dialect, data: st.DataObject) -> None:
-    items = data.draw(missions_of(dialect)).items
+    # Headings that are left open have no word in this format, which PX4 leaves everywhere.
+    items = tuple(replace(item, param4=data.draw(HEADINGS)) for item in data.draw(missions_of(dialect)).items)
     again = parse_qgc_waypoints(qgc_waypoints(items, dialect, HOME))
     assert differences(items, again, dialect) == ()
     assert [item.current for item in again] == [item.current for item in items]

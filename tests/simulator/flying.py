@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager
 from simulator.config import SimFleet
 from simulator.fleet import run_fleet
 from simulator.truth import Truth
+from tests.patience import PATIENCE_S
 
 
 @asynccontextmanager
@@ -19,7 +20,7 @@ async def flying(fleet: SimFleet) -> AsyncIterator[list[Truth]]:
     async with asyncio.TaskGroup() as group:
         group.create_task(run_fleet(fleet, stop=stop, on_truth=truths.append, ready=ready))
         try:
-            async with asyncio.timeout(10):
+            async with asyncio.timeout(PATIENCE_S):
                 await ready.wait()
             yield truths
         finally:

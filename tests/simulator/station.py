@@ -10,8 +10,7 @@ from typing import Any, Self, cast
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from simulator.messages import ItemReceived
-
-PATIENCE_S = 20.0
+from tests.patience import PATIENCE_S
 
 
 class Station(asyncio.DatagramProtocol):

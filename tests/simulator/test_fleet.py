@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from simulator.config import AutopilotKind, SimFleet
 from simulator.faults import parse_fault
 from simulator.fleet import MAX_LAG_S, SimClock, run_fleet
+from tests.patience import PATIENCE_S
 from tests.ports import free_port
 from tests.simulator.flying import flying
 from tests.simulator.harness import is_happening, numbered, on_wire, rtl, sim_vehicle, speed, takeoff, waypoint
@@ -82,7 +83,7 @@ async def test_a_mission_is_flown_over_udp_and_its_truths_are_dated() -> None:
     async with (
         flying(SimFleet((vehicle,), speedup=50, faults=faults)) as truths,
         Station.calling(port) as station,
-        asyncio.timeout(60),
+        asyncio.timeout(PATIENCE_S),
     ):
         station.heartbeat()
         items = numbered((takeoff(10.0), speed(5), waypoint(60, 0, 10.0), rtl()), 0)

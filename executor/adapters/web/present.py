@@ -16,6 +16,7 @@ from executor.core.state import Coverage, FleetState
 from executor.core.view import FleetView, fleet_view
 from missions import Phase, Window
 from missions.areas import AreaKind
+from missions.files import json_text
 
 Describe = Callable[[Context, FleetState, float], FleetView]
 Now = Callable[[], tuple[FleetState, float]]
@@ -162,24 +163,9 @@ class Present:
         return self._assets_changed
 
 
-def _json(content: dict[str, object]) -> bytes:
+def _json(content: object) -> bytes:
     """Return JSON; a number that is none is unknown to a browser, and must not keep it from all that is known."""
-    try:
-        return json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
-    except ValueError:
-        return json.dumps(_known(content), separators=(",", ":"), allow_nan=False).encode()
-
-
-def _known(value: object) -> object:
-    match value:
-        case float():
-            return value if math.isfinite(value) else None
-        case dict():
-            return {key: _known(one) for key, one in value.items()}
-        case list() | tuple():
-            return [_known(one) for one in value]
-        case _:
-            return value
+    return json_text(content, (",", ":")).encode()
 
 
 def _stamp(state: FleetState) -> list[int]:

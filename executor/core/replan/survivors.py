@@ -23,8 +23,9 @@ QUANTUM_PCT = 1.0
 
 
 def barred(context: Context, vehicle: VehicleState) -> frozenset[int]:
-    """Return the segments that a vehicle cannot see: it has no camera that does what they ask for."""
-    return context.setup.looks.barred(vehicle.name, vehicle.payload.broken_names())
+    """Return the segments that a vehicle cannot see: it has no camera that does what they, or a day, ask for."""
+    by_day = frozenset[int]() if context.day is None else context.day.barred.get(vehicle.name, frozenset())
+    return context.setup.looks.barred(vehicle.name, vehicle.payload.broken_names()) | by_day
 
 
 def survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | None:

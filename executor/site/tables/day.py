@@ -76,9 +76,9 @@ class OtherTable(SiteTable):
     name: str
     """The vehicle."""
     speed_m_s: Speed | None = None
-    """Speed along the line, instead of that of [inspection]."""
+    """Speed along the line, instead of that of [inspection]; such a day is planned and not flown."""
     transit_speed_m_s: Speed | None = None
-    """Speed between segments and bases, instead of that of [inspection]."""
+    """Speed between segments and bases, instead of that of [inspection]; such a day is planned and not flown."""
     segments: tuple[str, ...] = ()
     """Names of the only segments that its camera is good for; without it all."""
     spare: bool = False

@@ -111,6 +111,9 @@ class WebTable(SiteTable):
     """Environment variable that holds the token which browsers must show."""
     names: tuple[str, ...] = ()
     """Further host names under which browsers may call the page."""
+    address: Annotated[str, Field(pattern=r"^https?://[^\s/?#]+/$")] | None = None
+    """Where browsers reach the page if that is another address, such as `http://127.0.0.1:8080/`: the published port of
+    a container, a proxy. It is printed instead."""
 
     @model_validator(mode="after")
     def _guarded(self) -> WebTable:

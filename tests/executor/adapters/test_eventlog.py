@@ -26,6 +26,7 @@ from tests.executor.builders import THREE, fleet_of
 from tests.executor.core.stories import under_way
 from tests.fakes.disk import room_for
 from tests.fakes.flight import Story
+from tests.patience import PATIENCE_S
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -301,7 +302,7 @@ async def test_a_disk_that_hangs_holds_nobody_up_for_long(tmp_path: Path, monkey
 
     def hang(fd: int) -> None:
         began.append(fd)
-        works.wait(60.0)
+        works.wait(PATIENCE_S)
 
     monkeypatch.setattr(os, "fdatasync", hang)
     monkeypatch.setattr(eventlog, "DISK_S", 0.05)

@@ -24,10 +24,10 @@ from missions import Pace, Pricing
 from missions.pace import AS_MODELLED
 from tests.executor.builders import ground_for, site_of
 from tests.missions.builders import line_east
+from tests.patience import PATIENCE_S
 
 SETUP = SolverSetup(0.5, 1)
 PRICING = assembly.pricing_of(ground_for(site_of(("uav1", "uav2", "uav3")), line_east(7)))
-PATIENCE_S = 15.0
 SOURCE = Path(__file__).parents[3]
 
 
@@ -139,13 +139,13 @@ async def test_the_worker_solves_is_cancelled_and_is_replaced_when_it_dies(proce
 def stubborn(_problem: Solve, _pricing: Pricing) -> SolveEnded:
     """Never answer, and ignore a polite end."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    print(os.getpid(), flush=True)
+    Path(os.environ["BEGUN"]).touch()
     while True:
         time.sleep(3600.0)
 
 
 STUBBORN = """
-import asyncio, sys
+import asyncio, multiprocessing, os, sys
 from tests.executor.adapters import test_solver as tests
 from executor.adapters import solver
 
@@ -153,11 +153,16 @@ async def main():
     solver._work, solver._judge = tests.stubborn, tests.stubborn
     solver.GIVE_UP_S, solver.JUDGE_S = {give_up_s}, 0.1
     async with solver.SolverProcess(tests.SETUP, lambda text: print("told:", text, flush=True)) as process:
-        try:
-            async with asyncio.timeout(3.0):
-                print((await process.{asked}(tests.problem(), tests.PRICING)), flush=True)
-        except TimeoutError:
+        print(*(one.pid for one in multiprocessing.active_children()), flush=True)
+        asking = asyncio.create_task(process.solve(tests.problem(), tests.PRICING))
+        if {leaves}:
+            while not os.path.exists(os.environ["BEGUN"]):
+                await asyncio.sleep(0.01)
+            asking.cancel()
+            await asyncio.wait([asking])
             print("left", flush=True)
+        else:
+            print(await asking, flush=True)
 
 if __name__ == "__main__":
     asyncio.run(main())
@@ -165,18 +170,19 @@ if __name__ == "__main__":
 """
 
 
-async def stubbornly(tmp_path: Path, *, give_up_s: float, asked: str) -> tuple[list[str], int | None]:
-    """Run a program whose solver hangs; returns what it printed, and how it ended.
+async def stubbornly(tmp_path: Path, *, give_up_s: float, leaves: bool) -> tuple[list[str], int | None]:
+    """Run a program whose solver hangs, and which may leave meanwhile; returns what it printed, and how it ended.
 
     Worker and program share the standard output, which therefore ends only with both.
     """
     script = tmp_path / "stubborn.py"
-    script.write_text(STUBBORN.format(give_up_s=give_up_s, asked=asked), encoding="utf-8")
+    script.write_text(STUBBORN.format(give_up_s=give_up_s, leaves=leaves), encoding="utf-8")
     program = await asyncio.create_subprocess_exec(
-        sys.executable, script, stdout=asyncio.subprocess.PIPE, env={**os.environ, "PYTHONPATH": str(SOURCE)}
-    )
+        sys.executable, script, stdout=asyncio.subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": str(SOURCE), "BEGUN": str(tmp_path / "begun")},
+    )  # fmt: skip
     try:
-        async with asyncio.timeout(2 * PATIENCE_S):
+        async with asyncio.timeout(PATIENCE_S):
             out, _ = await program.communicate()
     finally:
         if program.returncode is None:
@@ -195,7 +201,7 @@ def gone(pid: str) -> bool:
 
 @pytest.mark.asyncio
 async def test_a_solver_that_hangs_is_given_up_and_does_not_outlive_the_program(tmp_path: Path) -> None:
-    [worker, answer], code = await stubbornly(tmp_path, give_up_s=0.2, asked="solve")
+    [worker, answer], code = await stubbornly(tmp_path, give_up_s=0.2, leaves=False)
     assert "the solver did not answer" in answer
     assert code == 7
     assert gone(worker)
@@ -203,7 +209,7 @@ async def test_a_solver_that_hangs_is_given_up_and_does_not_outlive_the_program(
 
 @pytest.mark.asyncio
 async def test_a_solver_that_hangs_when_the_program_ends_is_killed_and_it_is_said(tmp_path: Path) -> None:
-    [worker, *lines], code = await stubbornly(tmp_path, give_up_s=60.0, asked="solve")
+    [worker, *lines], code = await stubbornly(tmp_path, give_up_s=3600.0, leaves=True)
     assert lines == ["left", "told: the solver did not end when it was told to, and was killed"]
     assert code == 7
     assert gone(worker)

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.patience import PATIENCE_S
+
 ROOT = Path(__file__).parents[3]
 PROGRAM = """
 import os, signal, sys, time
@@ -33,7 +35,7 @@ def test_workers_end_with_a_program_that_is_killed(tmp_path: Path) -> None:
     # The workers have its output too: it is at its end once the last of them has gone.
     done = subprocess.run(
         [sys.executable, path, tmp_path / "begun"],
-        env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, check=False, timeout=60.0,
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, check=False, timeout=PATIENCE_S,
     )  # fmt: skip
     assert done.returncode < 0
     assert (tmp_path / "begun-1").read_text() == "working\n"

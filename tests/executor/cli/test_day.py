@@ -26,6 +26,9 @@ SOUTH = (
 )
 DAY = '[day]\nbegin = "08:00"\nend = "11:00"\nlands = "any"\nroad_m_s = 8\n'
 NETWORK = '[network]\nfile = "default"\nradius_m = 1200\n'
+CLOSED = (
+    '[[area]]\nname = "quarry"\npolygon = [[49.600, 15.600], [49.601, 15.600], [49.601, 15.602], [49.600, 15.602]]\n'
+)
 FAST = ("--seconds", "0.5", "--starts", "1")
 
 
@@ -161,6 +164,10 @@ def test_a_day_is_planned_and_flown_and_the_next_one_goes_on(place: Place, monke
     assert flown[1].day is not None
     assert [segment.id for segment in flown[1].day.segments] == left
     assert [(row.run, row.sorties) for row in flown[1].earlier] == [("one", 1)]
+    place.write(NETWORK, DAY.replace('"any"\nroad_m_s = 8', '"own"'), CLOSED, NORTH, SOUTH, VEHICLES)
+    for command in (("day", "site.toml"), ("plan", "site.toml", "--day")):
+        code, _, err = place.call(*command, "--after", "one", *FAST)
+        assert (code, "[[area]]: expected none in the site of a day plan" in err) == (2, True)
 
 
 def test_nothing_is_planned_for_a_spare(place: Place) -> None:
@@ -234,3 +241,36 @@ def test_days_that_cannot_be_used(place: Place, parts: tuple[str, ...], expected
     assert code == 2
     assert expected in err
     assert err.count("\n") == 1
+
+
+SEEN = '[[camera]]\nname = "wide"\n[[look]]\ncamera = "wide"\nevery_m = 20\n'
+NOT_RESPECTED = (
+    (CLOSED, "[[area]]: expected none in the site of a day plan"),
+    (SEEN, "[[look]]: expected none in the site of a day plan"),
+    ("[inspection]\nsame_distance = true\n", "inspection.same_distance: expected none in the site of a day plan"),
+)
+
+
+@pytest.mark.parametrize(("table", "expected"), NOT_RESPECTED)
+@pytest.mark.parametrize("way", ["plan", "day", "fly", "preflight"])
+def test_a_table_that_a_day_does_not_respect_is_refused_however_the_day_is_asked_for(
+    place: Place, way: str, table: str, expected: str
+) -> None:
+    own = DAY.replace('"any"\nroad_m_s = 8', '"own"')
+    place.write(NETWORK, own, NORTH, SOUTH, VEHICLES)
+    assert place.plan("-o", "day.json")[0] == 0
+    place.write(NETWORK, own, table, NORTH, SOUTH, VEHICLES)
+    asked: dict[str, tuple[str, ...]] = {
+        "plan": ("plan", "site.toml", "--day", *FAST),
+        "day": ("day", "site.toml", *FAST),
+        "fly": ("fly", "day.json", "--site", "site.toml"),
+        "preflight": ("preflight", "site.toml", "--plan", "day.json"),
+    }
+    code, _, err = place.call(*asked[way])
+    assert (code, err.count("\n")) == (2, 1)
+    assert expected in err
+
+
+def test_single_flights_of_a_site_with_bases_keep_out_of_its_areas(place: Place) -> None:
+    place.write(NETWORK, DAY, CLOSED, NORTH, SOUTH, VEHICLES)
+    assert place.call("plan", "site.toml", *FAST)[0] == 0

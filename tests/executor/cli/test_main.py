@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import socket
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 
 from executor.adapters.run_directory import RunDirectory, locked
 from executor.analysis.learned import document_of
+from executor.cli import commandline
 from executor.cli.main import main
 from executor.core.battery.kalman import Prior
 from executor.core.learning import Known, PaceEstimate
@@ -432,6 +434,26 @@ def test_a_place_that_cannot_be_written_to(place: Place, option: str) -> None:
 
 def kept(stage: ChangeStage, name: str = "RTL_ALT") -> Kept:
     return Kept("uav1", 1, "ardupilot", name, 1500.0, 2700.0, 6, "cm", "keeps its RTL in its own layer", stage)
+
+
+def test_a_mistake_of_the_program_is_kept_in_a_file_that_nobody_else_could_have_laid_there(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def breaks(**_: object) -> int:
+        raise ZeroDivisionError("by nothing")
+
+    monkeypatch.setattr(commandline, "cli", breaks)
+    monkeypatch.setattr(tempfile, "tempdir", str(place.folder))
+    files = []
+    for _ in range(2):
+        code, out, err = place.run("check", "plan.json")
+        assert (code, out) == (70, "")
+        files.append(Path(err.rpartition(" with ")[2].strip()))
+    assert files[0] != files[1]
+    for file in files:
+        assert file.parent == place.folder
+        assert file.stat().st_mode & 0o777 == 0o600
+        assert "ZeroDivisionError: by nothing" in file.read_text(encoding="utf-8")
 
 
 def test_what_cannot_be_restored_is_refused(place: Place) -> None:

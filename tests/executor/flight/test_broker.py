@@ -27,10 +27,10 @@ from tests.brokers import KIND, RealBroker, running, slowed
 from tests.executor.core.stories import EVERYTHING, story
 from tests.executor.flights import first_plan_file
 from tests.fakes.flight import Story
+from tests.patience import PATIENCE_S
 from tests.ports import free_port
 
 pytestmark = pytest.mark.asyncio
-PATIENCE_S = 60.0
 SLOW_BYTES_PER_S = 3000.0
 
 

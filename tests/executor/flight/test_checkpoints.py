@@ -30,6 +30,7 @@ from tests.executor.builders import with_facts
 from tests.executor.flight.test_resume import Diary, launched, left, prepared
 from tests.fakes.disk import room_for
 from tests.fakes.flight import Story
+from tests.patience import PATIENCE_S
 
 FILES = tuple(file.name for file in RunDirectory(Path()).checkpoints)
 
@@ -353,7 +354,7 @@ async def test_a_disk_that_hangs_holds_up_one_thread(tmp_path: Path, monkeypatch
 
     def hang(fd: int) -> None:
         began.append(fd)
-        works.wait(60.0)
+        works.wait(PATIENCE_S)
 
     monkeypatch.setattr(os, "fsync", hang)
     monkeypatch.setattr("executor.flight.checkpointing.DISK_S", 0.05)

@@ -151,9 +151,10 @@ def test_without_a_fleet_of_ours_the_time_is_the_computers() -> None:
 
     async def look() -> None:
         async with time_of(site_at(SPEEDUP), Lines()) as found:
-            before_s, own_s = found.steady(), steady_s()
-            await asyncio.sleep(0.05)
-            assert found.steady() - before_s == pytest.approx(steady_s() - own_s, abs=0.02)
+            before_s, least_s, most_s = steady_s(), *(found.steady() for _ in range(2))
+            after_s = steady_s()
+            # Read between two looks at the computer's own, as slow as it may be.
+            assert before_s <= least_s <= most_s <= after_s
             assert found.date_unix_s() is None
 
     turns.run(look())
@@ -177,11 +178,8 @@ def test_a_fleet_that_comes_later_and_ends_is_found_and_left(monkeypatch: pytest
 
 
 async def until(so: Callable[[], bool]) -> None:
-    for _ in range(1000):
-        if so():
-            return
+    while not so():  # noqa: ASYNC110 - nobody tells when
         await asyncio.sleep(0.01)
-    raise AssertionError("it never came to that")
 
 
 def test_what_the_crew_is_told() -> None:

@@ -20,6 +20,8 @@ from executor.site.config import check_site
 from executor.site.tables.links import WebTable
 from tests.executor.builders import fleet_of, with_facts
 from tests.fakes.solver import FakeSolver
+from tests.patience import PATIENCE_S
+from tests.ports import free_port
 
 SITE = {
     "network": {"file": "line"},
@@ -94,6 +96,17 @@ def test_a_token_that_is_missing_or_can_be_guessed(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.asyncio
+async def test_the_address_of_a_published_port_is_what_is_printed_and_answered_to() -> None:
+    clock, lines, port = SystemClock(1.0), Lines(), free_port()
+    table = WebTable(address="http://ground.example:8123/", port=port)
+    async with web.page_beside(table, flight_of(clock), clock, lines):
+        assert lines.lines == ["page: http://ground.example:8123/"]
+        async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}") as client:
+            for name, status in (("ground.example:8123", 200), ("elsewhere.example:8123", 421)):
+                assert (await client.get("/", headers={"host": name})).status_code == status
+
+
+@pytest.mark.asyncio
 async def test_a_wish_goes_through_the_flights_own_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     token = "0123456789abcdef"  # noqa: S105 - of this test alone
     monkeypatch.setenv(VARIABLE, token)
@@ -114,7 +127,7 @@ async def test_a_wish_goes_through_the_flights_own_loop(monkeypatch: pytest.Monk
 
 def looked_at(address: str) -> tuple[list[list[int]], httpx.Response]:
     """Look at the page and ask for something."""
-    with httpx.Client(base_url=address, timeout=10.0) as client:
+    with httpx.Client(base_url=address, timeout=PATIENCE_S) as client:
         routes = [vehicle["route"]["segments"] for vehicle in client.get("/chart").json()["vehicles"]]
         return routes, client.post("/intents", json={"id": "w1", "action": "abort"})
 

@@ -12,6 +12,7 @@ import pytest
 
 from executor.simulated.fleet import fleet_of
 from executor.site.assembly import Ground
+from executor.site.config import check_site
 from executor.site.dayflight import (
     ahead_of,
     bases_m,
@@ -97,6 +98,37 @@ def test_simulated_vehicles_stand_at_their_bases_in_the_morning() -> None:
         one = simulated[name]
         assert FRAME.to_local_m(one.home_lat_deg, one.home_lon_deg) == pytest.approx((pad.east_m, pad.north_m), abs=0.1)
         assert one.home_alt_m == pad.alt_m
+
+
+def test_who_has_a_pad_of_its_own_is_planned_from_there() -> None:
+    lat_deg, lon_deg = FRAME.to_wgs84_deg(300.0, -200.0)
+    hill: dict[str, Any] = {"name": "hill", "kind": "pad", "lat_deg": lat_deg, "lon_deg": lon_deg}
+    site = site_of(("uav1", "uav2"), day=HOURS, energy=BATTERY)
+    tables = site.model_dump(exclude_unset=True)
+    first, second = tables["vehicle"]
+    moved = check_site({**tables, "place": [hill], "vehicle": [{**first, "pad": "hill"}, second]}, "test")
+    ground = ground_for(moved, line_east(13))
+    day = planned_day(site_day(ground), DayWanted(Objective.FINISH, Iterations(200), 1, 1))
+    assert [own[0].place_m[:2] for own in day.pads] == [pytest.approx((300.0, -200.0), abs=0.01), (0.0, 0.0)]
+    first_sorties(day, ground)
+    assert "the pad of uav1 is elsewhere" in refused(replace(day, source="day.json"), ground_for(site, line_east(13)))
+
+
+def test_what_a_camera_is_not_good_for_is_barred_in_flight_too() -> None:
+    lines = line_east(13)
+    names = [lines.segment_name(number) for number in range(12)]
+    hours: dict[str, Any] = {**HOURS, "vehicle": [{"name": "uav2", "segments": names[:4]}]}
+    ground = ground_for(site_of(("uav1", "uav2"), day=hours, energy=BATTERY), lines)
+    found = planned_day(site_day(ground, range(2, 12)), DayWanted(Objective.FINISH, Iterations(200), 1, 1))
+    assert day_rules(found).barred == {"uav2": frozenset(range(4, 12))}
+
+
+def test_a_day_of_other_speeds_is_planned_and_not_flown() -> None:
+    hours: dict[str, Any] = {**HOURS, "vehicle": [{"name": "uav2", "speed_m_s": 4.0}]}
+    ground = ground_for(site_of(("uav1", "uav2"), day=hours, energy=BATTERY), line_east(13))
+    found = planned_day(site_day(ground), DayWanted(Objective.FINISH, Iterations(200), 1, 1))
+    said = refused(replace(found, source="day.json"), ground)
+    assert "uav2: expected speed_m_s 3 of [inspection], at which everybody flies, got 4" in said
 
 
 def refused(day: DayPlanFile, ground: Ground) -> str:

@@ -21,6 +21,7 @@ from executor.site.assembly import Ground
 from executor.site.config import read_site
 from executor.site.heights import planned_heights
 from executor.site.planning import Wanted, after_loss, changes, first_plan, fits
+from executor.site.sorties import site_day
 from missions import MissionsError, PlanFile, PlanFileError, check_plan, read_plan, write_plan
 from planner import Cost
 from tests.mountains import LAT_DEG, LON_DEG, Mountain, write_raster
@@ -157,6 +158,11 @@ def test_a_plan_over_another_ground_is_not_flown(plan: PlanFile, folder: Path, t
     write_raster(site.parent / RASTER, MOUNTAIN)
     with pytest.raises(PlanFileError, match=r"terrain\.margin_m is 30, the plan was made with 18"):
         fits(plan, ground_at(site), "plan.json")
+
+
+def test_a_day_of_sorties_is_not_planned_over_the_ground_between_the_lines(ground: Ground) -> None:
+    with pytest.raises(SiteError, match=r"^\[terrain\]: expected none in the site of a day plan"):
+        site_day(ground)
 
 
 def test_profiles_are_drawn_over_the_ground(ground: Ground, plan: PlanFile, tmp_path: Path) -> None:

@@ -24,10 +24,10 @@ from executor.errors import ConnectionFailed
 from executor.supervised import hear
 from tests.executor.adapters.mavlink.test_codec import ARDUPILOT, Vehicle
 from tests.executor.adapters.mavlink.test_link import Frames
+from tests.patience import PATIENCE_S
 from tests.ports import free_port
 
 pytestmark = pytest.mark.asyncio
-PATIENCE_S = 10.0
 MOST_BYTES = 8_000_000
 """More than the buffers of two sockets and ours take."""
 BEAT = mav.MAVLink_heartbeat_message(2, ARDUPILOT, 0, 0, 3, 3)

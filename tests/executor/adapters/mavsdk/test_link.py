@@ -36,10 +36,10 @@ from missions import MissionItem
 from tests.executor.adapters.mavlink.test_codec import PX4, Vehicle, bits
 from tests.executor.adapters.mavlink.test_endpoints import socket_on_loopback
 from tests.executor.adapters.mavlink.test_link import Frames
+from tests.patience import PATIENCE_S
 from tests.ports import free_port
 
 pytestmark = pytest.mark.asyncio
-PATIENCE_S = 10.0
 BEAT = mav.MAVLink_heartbeat_message(2, PX4, 0, 0, 3, 3)
 LAST = mav.MAVLink_statustext_message(6, b"last")
 

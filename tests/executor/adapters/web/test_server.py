@@ -29,6 +29,7 @@ from executor.core.view import FleetView, fleet_view
 from executor.errors import ConnectionFailed
 from tests.executor.core.stories import under_way
 from tests.fakes.flight import Story
+from tests.patience import PATIENCE_S
 
 TOKEN = "field-laptop-42-of-north"  # noqa: S105 - shown to the server of these tests alone
 HOLD = {"id": "wish-1", "action": "hold", "vehicle": "uav2"}
@@ -66,7 +67,7 @@ class Beside:
         return done
 
     def client(self, **headers: str) -> httpx.Client:
-        return httpx.Client(base_url=self.server.address, headers=headers, timeout=10.0)
+        return httpx.Client(base_url=self.server.address, headers=headers, timeout=PATIENCE_S)
 
     @property
     def port(self) -> int:
@@ -315,7 +316,7 @@ def test_garbage_on_the_wire_harms_nobody(open_one: Beside) -> None:
         b"POST /intents HTTP/1.1\r\nContent-Length: 9999999\r\n\r\n",
         b"G",
     ):
-        with socket.create_connection(("127.0.0.1", open_one.port), timeout=5.0) as one:
+        with socket.create_connection(("127.0.0.1", open_one.port), timeout=PATIENCE_S) as one:
             one.sendall(garbage)
     with open_one.client() as client:
         assert client.get("/state").status_code == 200

@@ -11,7 +11,7 @@ from executor.core.battery import kalman
 from executor.core.battery.account import BatteryState
 from executor.core.battery.kalman import Prior
 from executor.core.commands import Survivor
-from executor.core.context import Context
+from executor.core.context import Context, DayRules
 from executor.core.learning import Learned, PaceEstimate
 from executor.core.parts import Cause, Fix
 from executor.core.replan import replanning, survivors, wording
@@ -354,3 +354,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
 @pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
 def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
     assert rounded(found()) == expected
+
+
+def test_what_a_days_camera_is_not_good_for_is_not_offered() -> None:
+    day = DayRules(30.0, {}, {}, barred={"uav1": frozenset({2, 5})})
+    offer = survivors.survivor(replace(CONTEXT, day=day), flying(), NOW_S)
+    assert offer is not None
+    assert offer.barred == (2, 5)
