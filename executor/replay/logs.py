@@ -57,8 +57,9 @@ LINK_TIMEOUT_S = 4.5
 the fifth is half an interval late (mavlink.io: radio links miss four or five; MAVProxy says 5 s)."""
 LINK_STALE_S = 2.0
 """One heartbeat is missed, and with it every other message."""
-ANY_DRONE = Prior(2.2, 0.8)
-"""Relative to the Mavic 3, whose speeds' shape is taken where no site names the drone: 12 to 33 minutes of hover."""
+ANY_DRONE = Prior(2.5, 2.5, slack=0.5)
+"""Relative to the Mavic 3, whose speeds' shape is taken where no site names the drone: anything from a race of five
+minutes on, so that its own flight alone says what is usual."""
 COPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
 """MAV_TYPE with rotors: other vehicles have other modes, and no energy model here."""
 BACK_USEC = 1_000_000
