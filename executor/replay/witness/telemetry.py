@@ -41,6 +41,8 @@ MODE_ORDERS = frozenset({11, 16, 17, 18, 19, 20, 21, 22, 85, 176, 185, 192, 193,
 MODE_SWITCH = ("FLTMODE_CH", "RC_MAP_FLTMODE", "RC_MAP_MODE_SW")
 ARDUPILOT_SWITCH = 5
 CHANNELS = 8
+FIXED = 3
+SEA_LEVEL_HPA = 1013.25
 OVERTAKEN, SAME = 128, 255
 """A sequence number that is ahead by more is one that was overtaken, or comes again."""
 
@@ -208,10 +210,26 @@ def _text(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
 
 def _place(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
     _noted(vehicle, "position", t_usec)
+    vehicle.told.note_height("GLOBAL_POSITION_INT", t_usec, message.alt / 1e3)
     vehicle.told.moments.append(
         Whereabouts(t_usec, message.lat / 1e7, message.lon / 1e7, message.relative_alt / 1e3,
                math.hypot(message.vx, message.vy) / 100, -message.vz / 100)
     )  # fmt: skip
+
+
+def _fix(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    if message.fix_type >= FIXED:
+        vehicle.told.note_height("GPS_RAW_INT", t_usec, message.alt / 1e3)
+
+
+def _pressed(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    if message.press_abs > 0:
+        height_m = 44_330.0 * (1.0 - (message.press_abs / SEA_LEVEL_HPA) ** 0.190263)  # of the standard atmosphere
+        vehicle.told.note_height("SCALED_PRESSURE", t_usec, height_m)
+
+
+def _shown(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    vehicle.told.note_height("VFR_HUD", t_usec, float(message.alt))
 
 
 def _attitude(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
@@ -272,6 +290,9 @@ _TELLS: dict[int, Callable[[_Vehicle, int, Any], None]] = {
     mav.MAVLINK_MSG_ID_HEARTBEAT: _beat,
     mav.MAVLINK_MSG_ID_STATUSTEXT: _text,
     mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _place,
+    mav.MAVLINK_MSG_ID_GPS_RAW_INT: _fix,
+    mav.MAVLINK_MSG_ID_SCALED_PRESSURE: _pressed,
+    mav.MAVLINK_MSG_ID_VFR_HUD: _shown,
     mav.MAVLINK_MSG_ID_ATTITUDE: _attitude,
     mav.MAVLINK_MSG_ID_SYS_STATUS: _status,
     mav.MAVLINK_MSG_ID_BATTERY_STATUS: _battery,
