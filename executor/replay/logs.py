@@ -123,7 +123,6 @@ class _Player:
         self._shift = 0
         self._now_s = 0.0
         self._next_s = 0.0
-        self._shifts: list[tuple[float, int]] = []
         self._findings: list[Finding] = []
         self._traces: dict[str, Trace] = {}
         self._books: dict[str, PackBook] = {}
@@ -143,12 +142,10 @@ class _Player:
         t_usec, system, message = record
         if self._first is None:
             self._first = self._last = t_usec
-            self._shifts.append((0.0, t_usec))
         if t_usec < self._last:
             if self._last - t_usec > BACK_USEC:
                 self._file.skipped.time_back += 1
                 self._shift += self._last - t_usec
-                self._shifts.append((self._now_s, t_usec))
                 self._last = t_usec
             else:
                 t_usec = self._last
@@ -363,9 +360,8 @@ class _Player:
         )
 
     def _usec(self, at_s: float) -> int:
-        """Return a moment on the log's own clock, which may have jumped back meanwhile."""
-        began_s, began_usec = next(pair for pair in reversed(self._shifts) if pair[0] <= at_s or pair[0] == 0.0)
-        return began_usec + round((at_s - began_s) * 1e6)
+        """Return a moment on the log's clock, as if that had never jumped back."""
+        return (self._first or 0) + round(at_s * 1e6)
 
 
 def _is_calm(vehicle: VehicleState, at_s: float) -> bool:

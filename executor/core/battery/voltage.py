@@ -115,8 +115,10 @@ def measured(
         known_load=report.current_a is not None and report.current_a > 0.0,
     )
     if not flying:
-        return replace(state, began_s=None, usual_v=None, usual_a=None, usual_ohm=None, expected_v=None, drop=0.0, dropped_s=None, low_since_s=None,
-                       spread_since_s=None)  # fmt: skip
+        return replace(
+            state, began_s=None, usual_v=None, usual_a=None, usual_ohm=None, expected_v=None, drop=0.0, dropped_s=None,
+            low_since_s=None, spread_since_s=None,
+        )  # fmt: skip
     if state.began_s is None:
         state = replace(state, began_s=now_s)
     weakest = state.weakest_v

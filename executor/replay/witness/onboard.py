@@ -49,7 +49,7 @@ OTHER = re.compile(r"^(Ardu|APM:)? ?(Plane|Rover|Sub|Tracker|Blimp)\b", re.IGNOR
 """Firmware of other vehicles, as it names itself."""
 BANDS = (1231, 1361, 1491, 1621, 1750)
 MOST_BROKEN = 1000
-FIXED = 3
+FIXED, REBOOT_USEC = 3, 5 * SECOND
 OWN_TIMES = frozenset({"TimeUS", "TimeMS"})
 EV_ARMED, EV_DISARMED = frozenset({10, 15, 28}), 11
 
@@ -90,9 +90,12 @@ def _timed(messages: Iterator[Any], *, by_satellites: bool) -> Iterator[tuple[in
     That of 2013 wrote no time of its own at all: then the satellites' is the log's, from the first fix on.
     """
     waiting: list[Any] = []
-    last = 0
+    last = shift = 0
     for message in messages:
         t_usec = _satellites_usec(message, last) if by_satellites else stamp_of(message)
+        if t_usec is not None and t_usec + shift < last - REBOOT_USEC:
+            shift = last - t_usec  # it was switched on anew, and its time goes on
+        t_usec = None if t_usec is None else t_usec + shift
         if t_usec is None and not last:
             waiting.append(message)
             continue

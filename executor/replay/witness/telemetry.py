@@ -28,6 +28,8 @@ STAMP = 8
 DAYS_USEC = 30 * 86400 * SECOND
 """A stamp that is farther from the one before is damage."""
 SILENT_USEC = 2 * SECOND
+BOOT_TIMED = frozenset({mav.MAVLINK_MSG_ID_ATTITUDE, mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT})
+LOOKS_USEC = 5 * SECOND
 MIDST_USEC = SECOND // 2
 SWITCH_BANDS = (1231, 1361, 1491, 1621, 1750)
 """Where ArduPilot's mode switch changes its position (RC_Channel::read_6pos_switch), microseconds."""
@@ -50,7 +52,7 @@ OVERTAKEN, SAME = 128, 255
 def read_telemetry(path: Path) -> dict[int, Testimony]:
     """Return what a telemetry log says, by system."""
     reading = _Reading()
-    for t_usec, frame in frames(path.read_bytes()):
+    for t_usec, frame in on_vehicles_clocks(list(frames(path.read_bytes()))):
         reading.take(t_usec, frame)
     return reading.result()
 
@@ -62,13 +64,62 @@ def frames(data: bytes) -> Iterator[tuple[int, bytes]]:
         size = _size(data, at + STAMP)
         t_usec = int(struct.unpack_from(">Q", data, at)[0])
         after = at + STAMP + size
-        sound = size and after <= end and (not last or abs(t_usec - last) < DAYS_USEC)
-        if sound and (after + STAMP >= end or _size(data, after + STAMP)):
+        following = after + STAMP >= end or _size(data, after + STAMP)
+        near_it = not last or abs(t_usec - last) < DAYS_USEC or _goes_on(data, after, t_usec)
+        if size and after <= end and following and near_it:
             last = t_usec
             yield t_usec, data[at + STAMP : after]
             at = after
         else:
             at += 1
+
+
+def _goes_on(data: bytes, at: int, t_usec: int) -> bool:
+    """Return whether the record that follows one of a strange time has nearly the same."""
+    return at + STAMP <= len(data) and abs(int(struct.unpack_from(">Q", data, at)[0]) - t_usec) < SECOND
+
+
+def on_vehicles_clocks(records: list[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
+    """Yield records whose times go on where the recorder's clock was set.
+
+    That it was shows in the attitudes and positions of the next seconds: each has its vehicle's own time, which differs
+    from the recorder's by something else from then on.
+    """
+    apart: dict[int, int] = {}
+    shift = last = 0
+    for number, (stamp, frame) in enumerate(records):
+        leap = stamp + shift - last
+        if last and not -SECOND <= leap < SILENT_USEC:
+            shift -= _set_by(records, number, shift, apart, leap)
+        last = stamp + shift
+        told = _boot_usec(frame)
+        if told is not None:
+            apart[told[0]] = last - told[1]
+        yield last, frame
+
+
+def _set_by(records: list[tuple[int, bytes]], number: int, shift: int, apart: dict[int, int], leap: int) -> int:
+    """Return by how much the recorder's clock was set before a record."""
+    began, seen = records[number][0], list[int]()
+    for stamp, frame in records[number:]:
+        if abs(stamp - began) > LOOKS_USEC:
+            break
+        told = _boot_usec(frame)
+        if told is not None and told[0] in apart:
+            seen.append(stamp + shift - told[1] - apart[told[0]])
+    if seen and max(seen) - min(seen) < SECOND and abs(seen[-1]) > SECOND and seen[-1] * leap > 0:
+        return seen[-1]
+    return leap if leap < -SECOND or leap > DAYS_USEC else 0
+
+
+def _boot_usec(frame: bytes) -> tuple[int, int] | None:
+    """Return a vehicle's system and its time since its boot, where a frame begins with that."""
+    first = frame[0] == 0xFE
+    number = frame[5] if first else int.from_bytes(frame[7:10], "little")
+    if number not in BOOT_TIMED:
+        return None
+    begins = 6 if first else 10
+    return frame[3 if first else 5], 1000 * int.from_bytes(frame[begins : begins + min(4, frame[1])], "little")
 
 
 def _size(data: bytes, at: int) -> int:

@@ -171,14 +171,14 @@ HOVERS_A, FULL_A = 20.0, 58.0
 
 
 def flown(
-    seconds: range, *, ohm: float = 0.05, lost_v: float = 0.0, sank_a: float = HOVERS_A, state: VoltageState | None = None,
-    known: Sag | None = None,
+    seconds: range, *, ohm: float = 0.05, lost_v: float = 0.0, load_a: float = HOVERS_A,
+    state: VoltageState | None = None, known: Sag | None = None,
 ) -> tuple[VoltageState, Sag | None]:  # fmt: skip
-    """Fly on with a pack of four cells of a resistance, of which one may fail; its take-off has shown the resistance."""
+    """Fly on with a pack of four cells, of which one may fail; its take-off has shown its resistance."""
     state = state or VoltageState()
     for second in seconds:
         flies = second >= 10
-        current_a = sank_a if flies else 0.5
+        current_a = load_a if flies else 0.5
         rest_v = 16.4 - 0.001 * second - lost_v
         report = Report(rest_v - ohm * current_a, current_a)
         state = voltage.measured(state, report, Thresholds(0.05, 3.1, 0.2), float(second), flying=flies, sag=known)
@@ -190,7 +190,7 @@ def flown(
 def test_full_throttle_is_what_the_packs_own_resistance_makes_of_it(ohm: float) -> None:
     state, known = flown(range(60), ohm=ohm)
     for _ in range(8):
-        state, known = flown(range(60, 68), ohm=ohm, sank_a=FULL_A, state=state, known=known)
+        state, known = flown(range(60, 68), ohm=ohm, load_a=FULL_A, state=state, known=known)
         assert state.dropped_s is None, state
 
 
@@ -200,7 +200,7 @@ def test_a_cell_that_fails_is_no_load(ohm: float, load_a: float) -> None:
     """A cell that gives a volt less lets the motors draw more by the same share: that explains next to nothing."""
     state, known = flown(range(60), ohm=ohm)
     for second in range(60, 75):
-        state, known = flown(range(second, second + 1), ohm=ohm, lost_v=1.4, sank_a=load_a, state=state, known=known)
+        state, known = flown(range(second, second + 1), ohm=ohm, lost_v=1.4, load_a=load_a, state=state, known=known)
         assert state.drop > 0.05, second
 
 
@@ -209,7 +209,7 @@ def test_a_resistance_does_not_grow_by_what_a_failing_cell_takes() -> None:
     before = state.usual_ohm
     assert before is not None
     assert before[0] < 0.05 < before[1]
-    state, _ = flown(range(60, 90), lost_v=1.4, sank_a=1.2 * HOVERS_A, state=state, known=known)
+    state, _ = flown(range(60, 90), lost_v=1.4, load_a=1.2 * HOVERS_A, state=state, known=known)
     assert state.usual_ohm == before
     assert state.dropped_s == 60.0
 
