@@ -21,9 +21,11 @@ from executor.core.faults.link_loss import SLEPT_S
 from executor.core.faults.passive import Declared, Degraded, Finding, Moded
 from executor.core.hearing.charge import facts_of
 from executor.core.hearing.firmware import autopilot_words, vehicle_words
+from executor.core.hearing.strangers import stranger_words
 from executor.core.limits import Limits
 from executor.core.messages import (
     Battery,
+    DoubleHeard,
     FlightMessage,
     Heartbeat,
     MissionCurrent,
@@ -66,6 +68,8 @@ BACK_USEC = 1_000_000
 """Records that are out of order by less share a moment."""
 LONGEST_GAP_S = 120.0
 """In a longer pause nothing is decided any more that was not decided before."""
+MIXED_S = 10.0
+"""So long before two vehicles are told from one what they said may be mixed already."""
 MOST_EARLY, MOST_SETTINGS = 16, 500
 """Systems, and parameters of each, that are kept until its first HEARTBEAT."""
 STEADY = frozenset({Stage.GROUND, Stage.FLYING, Stage.LANDED})
@@ -136,6 +140,8 @@ class _Player:
         self._ticked_s = 0.0
         self._early: dict[int, dict[str, VehicleSetting]] = {}
         """Parameters of systems of which no HEARTBEAT came yet."""
+        self._mixed: dict[str, float] = {}
+        """Names by which two vehicles answer, and since when."""
 
     def take(self, record: Record) -> None:
         """Let time pass to a record, and take what it says."""
@@ -165,6 +171,8 @@ class _Player:
     def _route(self, system: int, message: FlightMessage, now_s: float) -> None:
         """Hand what a system says to its vehicle, or count why nobody takes it."""
         name = self._names.get(system) or self._join(system, message)
+        if name and isinstance(message, DoubleHeard):
+            self._mixed.setdefault(name, max(0.0, now_s - MIXED_S))
         if name:
             self._heard(name, message, now_s)
             for setting in self._early.pop(system, {}).values():
@@ -323,8 +331,13 @@ class _Player:
         found = [*self._findings, *passive.closed(self._state, self._now_s)]
         if self._on_board:
             found = [one for one in found if isinstance(one, Moded) or one.kind is not FaultKind.LINK]
+        found = [one for one in found if _began_s(one) < self._mixed.get(one.vehicle, math.inf)]
         vehicles = tuple(self._vehicle(system, name, found) for system, name in sorted(self._names.items()))
         notes = [*self._others.values(), *self._file.notes]
+        notes += [
+            f"{stranger_words(DoubleHeard(self._scene.vehicles[name].sysid, ()))}; not judged from {since_s:.1f} s on"
+            for name, since_s in self._mixed.items()
+        ]
         notes += [f"{one.name} is never armed in it" for one in vehicles if not one.flown_s]
         notes += [note for name, book in self._flights.items() if (note := book.note(name))]
         if not vehicles:
@@ -362,6 +375,10 @@ class _Player:
     def _usec(self, at_s: float) -> int:
         """Return a moment on the log's clock, as if that had never jumped back."""
         return (self._first or 0) + round(at_s * 1e6)
+
+
+def _began_s(found: Finding) -> float:
+    return found.from_s if isinstance(found, Degraded) else found.at_s
 
 
 def _is_calm(vehicle: VehicleState, at_s: float) -> bool:

@@ -46,7 +46,7 @@ def was_set_by_usec(pairs: Sequence[tuple[BootTime, BootTime]], stamp_usec: int,
     off = [
         (after.stamp_usec - before.stamp_usec) - (after.boot_usec - before.boot_usec)
         for before, after in pairs
-        if after.boot_usec >= before.boot_usec  # else it was started anew, and says nothing of the time between
+        if after.boot_usec >= before.boot_usec  # else it rebooted, and says nothing of the time between
     ]
     if not off:
         return leap_usec if not -BACK_USEC <= leap_usec < LONGEST_PAUSE_USEC else 0

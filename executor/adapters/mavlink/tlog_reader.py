@@ -37,10 +37,12 @@ from executor.adapters.mavlink.tlog_kinds import (
 )
 from executor.adapters.pieces import in_pieces
 from executor.core import words
+from executor.core.doubles import PlaceTold, Twins, with_place
 from executor.core.hearing.plausible import plausible
 from executor.core.hearing.speaker import Speaker, speaker_after
 from executor.core.messages import (
     Attitude,
+    DoubleHeard,
     FlightMessage,
     Heartbeat,
     OrderSeen,
@@ -94,6 +96,7 @@ class _Source:
     """When its BATTERY_STATUS came last."""
     boot: BootTime | None = None
     """Its own time when it said it last."""
+    twins: Twins = field(default_factory=Twins)
 
 
 @dataclass(slots=True)
@@ -109,6 +112,8 @@ class _Lane:
     every_usec: int
     newest_usec: int = -STAND_IN_USEC
     """When one was read last."""
+    told_usec: int = -STAND_IN_USEC
+    """When one was handed on last, of those that are all read."""
 
 
 @dataclass(slots=True)
@@ -246,7 +251,8 @@ class TelemetryFile(RecordedFile):
         system, component, number = key[0], key[1], int.from_bytes(key[2:], "little")
         source = self._sources.setdefault(system << 8 | component, _Source(seq))
         kind = KINDS.get(number)
-        lane = self._lanes[key] = _Lane(source, kind, system, component, number, 0 if kind is None else kind.every_usec)
+        every_usec = 0 if kind is None or number == POSITION else kind.every_usec
+        lane = self._lanes[key] = _Lane(source, kind, system, component, number, every_usec)
         return lane
 
     def _taken(self, frame: bytes, stamp: int, lane: _Lane) -> Iterator[Record]:
@@ -265,6 +271,12 @@ class TelemetryFile(RecordedFile):
             beside = not source.rounds_twice and 0 <= stamp - source.battery_usec < STAND_IN_USEC
             lane.every_usec = STAND_IN_USEC if beside else SLOW_USEC
         fields = kind.fields(frame, 10 if frame[0] == V2 else 6, frame[1])
+        if lane.number == POSITION and source.vehicle:
+            # Every one of them: of one in seconds all may be of the same of two vehicles.
+            yield from _twins_heard(source, stamp, lane.system, fields)
+            if 0 <= stamp - lane.told_usec < kind.every_usec:
+                return
+            lane.told_usec = stamp
         message = kind.read(*fields)
         message = None if message is None else plausible(message)
         if message is not None and source.vehicle and not kind.special:
@@ -372,6 +384,14 @@ class TelemetryFile(RecordedFile):
     def _said(self, source: tuple[int, int], fields: tuple[Any, ...]) -> list[StatusText]:
         severity, raw, number, part = fields
         return [*self._texts.passed(source), *self._texts.take(source, severity, raw, number, part)]
+
+
+def _twins_heard(source: _Source, stamp: int, system: int, fields: tuple[Any, ...]) -> Iterator[Record]:
+    """Follow where a vehicle is, and yield once that it is two."""
+    known, (boot_ms, lat, lon, *_) = source.twins, fields
+    source.twins = with_place(known, PlaceTold(stamp / 1e6, boot_ms / 1e3, lat / 1e7, lon / 1e7))
+    if source.twins.are_two and not known.are_two:
+        yield stamp, system, DoubleHeard(system, ())
 
 
 def _boot_usec(frame: bytes) -> int:

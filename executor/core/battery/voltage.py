@@ -139,11 +139,11 @@ def _compared(
     current = report.current_a if state.known_load else None
     if state.usual_v is None:
         return replace(state, usual_v=report.voltage_v, usual_a=current, usual_ohm=_ohm(state, report, sag))
-    expected_v = state.usual_v
+    usual_v = expected_v = state.usual_v
     if current is not None and state.usual_a and state.usual_ohm is not None:
         more_a = min(current, MOST_LOAD * state.usual_a) - state.usual_a
         expected_v -= more_a * state.usual_ohm[more_a > 0]
-    drop = (expected_v - report.voltage_v) / state.usual_v
+    drop = (expected_v - report.voltage_v) / usual_v
     state = replace(state, drop=drop, expected_v=expected_v)
     dropped_s = _since(state.dropped_s, now_s, holds=drop > CALM * limits.step)
     if dropped_s is not None and now_s - dropped_s < GIVES_UP_S:
@@ -152,7 +152,7 @@ def _compared(
     usual_a = state.usual_a
     if current is not None:
         usual_a = current if usual_a is None else usual_a + (current - usual_a) * follow
-    usual_v = state.usual_v + (report.voltage_v - state.usual_v) * follow
+    usual_v += (report.voltage_v - usual_v) * follow
     # While it is dropped the resistance stays what it was: a cell that fails must not become one.
     return replace(state, dropped_s=None, usual_v=usual_v, usual_a=usual_a, usual_ohm=_ohm(state, report, sag))
 
