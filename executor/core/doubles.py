@@ -14,8 +14,8 @@ CLOCK_S = 1.0
 """A vehicle's clock goes on as time does, but for what frames take on their way."""
 APART_M, FASTEST_M_S = 50.0, 40.0
 """No vehicle is farther from where it was than it flies, and a glitch."""
-ENOUGH, WITHIN_S = 6, 10.0
-"""So many times to and fro, each sooner than this after the last one."""
+ENOUGH, WITHIN_S = 4, 10.0
+"""So many times back in time, or away and back, each sooner than this after the last one."""
 COPIES = 24
 """Positions that are remembered, to know a copy that comes seconds late."""
 METRES_A_DEGREE = 111_320.0
@@ -57,6 +57,9 @@ def with_place(known: Twins, told: PlaceTold) -> Twins:
         return known
     if known.other is None or not _goes_on(known.other, told):
         return replace(known, one=told, other=known.one, recent=_remembered(known, told))
+    if known.one.boot_s - told.boot_s <= CLOCK_S and _is_near(known.one, told):
+        # What only comes late, however unevenly, never goes back in time.
+        return replace(known, one=told, other=known.one, recent=_remembered(known, told))
     swaps = known.swaps + 1 if told.at_s - known.swapped_s <= WITHIN_S else 1
     return Twins(told, known.one, swaps, told.at_s, _remembered(known, told))
 
@@ -67,8 +70,11 @@ def _remembered(known: Twins, told: PlaceTold) -> tuple[tuple[float, float, floa
 
 def _goes_on(before: PlaceTold, told: PlaceTold) -> bool:
     elapsed_s = told.at_s - before.at_s
-    if abs(told.boot_s - before.boot_s - elapsed_s) > CLOCK_S:
-        return False
+    return abs(told.boot_s - before.boot_s - elapsed_s) <= CLOCK_S and _is_near(before, told)
+
+
+def _is_near(before: PlaceTold, told: PlaceTold) -> bool:
+    elapsed_s = told.at_s - before.at_s
     north_m = (told.lat_deg - before.lat_deg) * METRES_A_DEGREE
     east_m = (told.lon_deg - before.lon_deg) * METRES_A_DEGREE * math.cos(math.radians(before.lat_deg))
     return math.hypot(north_m, east_m) <= APART_M + FASTEST_M_S * max(0.0, elapsed_s)

@@ -62,6 +62,7 @@ LINK_STALE_S = 2.0
 ANY_DRONE = Prior(2.5, 2.5, slack=0.5)
 """Relative to the Mavic 3, whose speeds' shape is taken where no site names the drone: anything from a race of five
 minutes on, so that its own flight alone says what is usual."""
+NOBODY_KNOWS = "no site names its drone, so nothing is known of what it uses: only a change in its own flight is judged"
 COPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
 """MAV_TYPE with rotors: other vehicles have other modes, and no energy model here."""
 BACK_USEC = 1_000_000
@@ -197,7 +198,7 @@ class _Player:
         gap_s = now_s - self._now_s
         if gap_s > LONGEST_GAP_S or (gap_s > SLEPT_S and (self._file.stations or self._on_board)):
             self._file.skipped.gaps += 1
-            self._next_s = now_s
+            self._next_s = self._ticked_s = now_s  # nobody knows what it did meanwhile
         while self._next_s <= now_s:
             self._next_s += self._tick(self._next_s)
 
@@ -338,6 +339,8 @@ class _Player:
             f"{stranger_words(DoubleHeard(self._scene.vehicles[name].sysid, ()))}; not judged from {since_s:.1f} s on"
             for name, since_s in self._mixed.items()
         ]
+        if self._rules.site is None:
+            notes += [f"{one.name}: {NOBODY_KNOWS}" for one in vehicles if one.flown_s]
         notes += [f"{one.name} is never armed in it" for one in vehicles if not one.flown_s]
         notes += [note for name, book in self._flights.items() if (note := book.note(name))]
         if not vehicles:
