@@ -62,7 +62,7 @@ LINK_STALE_S = 2.0
 ANY_DRONE = Prior(2.5, 2.5, slack=0.5)
 """Relative to the Mavic 3, whose speeds' shape is taken where no site names the drone: anything from a race of five
 minutes on, so that its own flight alone says what is usual."""
-NOBODY_KNOWS = "no site names its drone, so nothing is known of what it uses: only a change in its own flight is judged"
+NOBODY_KNOWS = "no site names the drone, so nothing is known of what it uses: only a change in its own flight is judged"
 COPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
 """MAV_TYPE with rotors: other vehicles have other modes, and no energy model here."""
 BACK_USEC = 1_000_000
@@ -339,8 +339,8 @@ class _Player:
             f"{stranger_words(DoubleHeard(self._scene.vehicles[name].sysid, ()))}; not judged from {since_s:.1f} s on"
             for name, since_s in self._mixed.items()
         ]
-        if self._rules.site is None:
-            notes += [f"{one.name}: {NOBODY_KNOWS}" for one in vehicles if one.flown_s]
+        if self._rules.site is None and any(one.flown_s for one in vehicles):
+            notes.append(NOBODY_KNOWS)
         notes += [f"{one.name} is never armed in it" for one in vehicles if not one.flown_s]
         notes += [note for name, book in self._flights.items() if (note := book.note(name))]
         if not vehicles:
