@@ -198,7 +198,9 @@ class _Player:
         gap_s = now_s - self._now_s
         if gap_s > LONGEST_GAP_S or (gap_s > SLEPT_S and (self._file.stations or self._on_board)):
             self._file.skipped.gaps += 1
-            self._next_s = self._ticked_s = now_s  # nobody knows what it did meanwhile
+            self._next_s = now_s
+            if gap_s > LONGEST_GAP_S:
+                self._ticked_s = now_s  # nobody knows whether it flew meanwhile
         while self._next_s <= now_s:
             self._next_s += self._tick(self._next_s)
 
