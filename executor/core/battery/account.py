@@ -386,7 +386,11 @@ def _usual(state: BatteryState) -> float:
 def _slack(state: BatteryState, limits: Limits, share: float = 1.0) -> float:
     if state.estimate is None:
         return share * limits.drain_slack
-    return share * (limits.drain_slack + state.slack + UNSURE_SD * state.estimate.factor_sd / max(0.1, _usual(state)))
+    doubt = state.estimate.factor_sd / max(0.1, _usual(state))
+    if state.slack and is_blind(state):
+        # Most of that doubt is the percentage's own, which `blind_swing_pct_s` gives away already.
+        return share * (limits.drain_slack + doubt)
+    return share * (limits.drain_slack + state.slack + UNSURE_SD * doubt)
 
 
 def _followed_usual(

@@ -243,8 +243,11 @@ def test_two_vehicles_of_one_number_are_one_line(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize("has_counter", [True, False])
 @pytest.mark.parametrize("endurance_s", [300.0, 420.0, 900.0, 2400.0])
-def test_without_a_site_nothing_is_known_of_what_a_vehicle_uses(endurance_s: float, tmp_path: Path) -> None:
+def test_without_a_site_nothing_is_known_of_what_a_vehicle_uses(
+    endurance_s: float, has_counter: bool, tmp_path: Path
+) -> None:  # fmt: skip
     """It takes off, flies, lands, and takes off once more: what it uses evenly is usual, however much that is."""
     writer, capacity_mah, used_pct = Writer(), 5000.0, 0.0
     for second in range(round(0.75 * endurance_s)):
@@ -253,7 +256,8 @@ def test_without_a_site_nothing_is_known_of_what_a_vehicle_uses(endurance_s: flo
         writer.say(second + 0.1, 3, heartbeat(armed=flies))
         writer.say(second + 0.3, 3, position(second, 4.0 * second, 30.0 if flies else 0.0))
         amperes = capacity_mah * 3.6 / endurance_s if flies else 0.4
-        writer.say(second + 0.5, 3, battery(99 - int(used_pct), 15.8, amperes, round(capacity_mah * used_pct / 100)))
+        counted = (amperes, round(capacity_mah * used_pct / 100)) if has_counter else (-0.01, -1)
+        writer.say(second + 0.5, 3, battery(99 - int(used_pct), 15.8, *counted))
     found = replayed(writer, tmp_path)
     assert [one for one in declared(found) if one[1] == "battery"] == []
     assert [note for note in found.notes if "no site" in note] == [
