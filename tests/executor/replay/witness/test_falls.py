@@ -24,11 +24,11 @@ def height_m(at_s: float, fall_m_s: float) -> float:
     return 60.0 - fall_m_s * min(FALL_S, max(0.0, at_s - FALLS_AT_S))
 
 
-def flown(path: Path, *, mode: int = AUTO, baro: float = FALL_M_S, gps: float = FALL_M_S, ctun: float = FALL_M_S,
+def flown(path: Path, *, baro: float = FALL_M_S, gps: float = FALL_M_S, ctun: float = FALL_M_S, mode: float = AUTO,
           descent_cm_s: float = 150.0) -> testimony.Testimony:  # fmt: skip
     writer = DataFlashWriter()
     writer.say("PARM", "QNf", "TimeUS,Name,Value", SECOND, "WPNAV_SPEED_DN", descent_cm_s)
-    writer.say("MODE", "QMBB", "TimeUS,Mode,ModeNum,Rsn", SECOND, mode, mode, 1)
+    writer.say("MODE", "QMBB", "TimeUS,Mode,ModeNum,Rsn", SECOND, int(mode), int(mode), 1)
     writer.say("EV", "QB", "TimeUS,Id", 2 * SECOND, 10)
     for tenth in range(50, 600):
         at_s, t_usec = tenth / 10, tenth * SECOND // 10
