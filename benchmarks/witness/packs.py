@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from statistics import median
 from typing import TypeVar
 
@@ -45,6 +45,11 @@ RESTING_V = (
 )
 """A cell at rest with so much left: lithium polymer, and lithium ion of nickel, manganese and cobalt."""
 LOAD_SHARE = 0.25
+MOVES = 0.004
+"""Share of its voltage that any pack loses under a load of so many amperes."""
+LOADED_A = 5.0
+COUNTED_DOWN_PCT, EMPTY_PCT, MUCH_PCT = 3.0, 2.0, 15.0
+"""A percentage that fell so far, and what it says at the landing."""
 TRIED_V = 10.0
 
 
@@ -72,18 +77,25 @@ def pack_verdict(declared: Declaration, told: Testimony, confirmed: Say[V], refu
         return refuted("it was not armed")
     if _on_ground(told, since, at):
         return refuted(f"it stood on the ground, {(at - since) / 1e6:.0f} s after it was armed")
-    if declared.reason == "pack":
-        judged = _by_rest(told, since, at, confirmed, refuted)
-        if judged is not None:
-            return judged
-    judged = _by_voltage(declared, told, at, confirmed, refuted)
-    if judged is not None:
-        return judged
-    if "drain" in declared.reason or "plunge" in declared.reason:
-        judged = _by_counter(told, since, at, confirmed, refuted)
+    for judged in _judgements(declared, told, since, confirmed, refuted):
         if judged is not None:
             return judged
     return undecided("the log ends, or has neither voltage nor counter to say so")
+
+
+def _judgements(
+    declared: Declaration, told: Testimony, since: int, confirmed: Say[V], refuted: Say[V]
+) -> Iterator[V | None]:  # fmt: skip
+    """Yield what each kind of evidence says, the best one first."""
+    at = declared.t_usec
+    if declared.reason == "pack":
+        yield _by_rest(told, since, at, confirmed, refuted)
+    if declared.reason == "reserve":
+        yield _by_percent(told, at, confirmed, refuted)
+    if _feels_load(told):
+        yield _by_voltage(declared, told, at, confirmed, refuted)
+    if "drain" in declared.reason or "plunge" in declared.reason:
+        yield _by_counter(told, since, at, confirmed, refuted)
 
 
 _TEXT = re.compile(r"failsafe|critical")
@@ -107,6 +119,26 @@ def _on_ground(told: Testimony, since: int, at: int) -> bool:
     if not seen:
         return bool(drawn) and idle
     return max(one.height_m or 0.0 for one in seen) < GROUND_M and max(one.speed_m_s for one in seen) < 1.5
+
+
+def _feels_load(told: Testimony) -> bool:
+    """Return whether the voltage moves with the load: a simulator's battery may say the same whatever is drawn."""
+    volts = [one.volts for one in told.powers if one.volts]
+    drawn = [one.amperes for one in told.powers if one.amperes is not None]
+    loaded = bool(drawn) and max(drawn) - min(drawn) > LOADED_A
+    return bool(volts) and not (loaded and max(volts) - min(volts) <= MOVES * max(volts))
+
+
+def _by_percent(told: Testimony, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+    """Hold a landing below the reserve against what was reported at it, where the percentage counted down to it."""
+    end = told.disarmed_after(at)
+    reported = [one.percent for one in between(told.powers, at, end) if one.percent is not None]
+    if not reported or end == told.ended_usec or reported[0] - reported[-1] < COUNTED_DOWN_PCT:
+        return None
+    words = f"{reported[-1]:.0f} % reported at its landing"
+    if reported[-1] <= EMPTY_PCT:
+        return confirmed(words)
+    return refuted(words) if reported[-1] >= MUCH_PCT else None
 
 
 def _by_voltage(declared: Declaration, told: Testimony, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:

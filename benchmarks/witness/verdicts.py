@@ -13,6 +13,7 @@ from benchmarks.witness.hands import hand_of
 from benchmarks.witness.packs import pack_verdict
 from executor.core.vehicle import FaultKind
 from executor.replay.result import Declaration
+from executor.replay.witness.falls import never_ordered_m_s, sank_m_s
 from executor.replay.witness.statements import CRASH, EKF, EMERGENCY_STATES, Stated, statements
 from executor.replay.witness.testimony import (
     SECOND,
@@ -152,17 +153,18 @@ def _down(told: Testimony, at: int, *, falls: bool) -> Ruling:
         return refuted(f"it had not left the ground: {max(flown):.1f} m at most since it was armed")
     if tilted >= TUMBLED_DEG:
         return confirmed(f"tilted by {tilted:.0f} degrees")
-    sinks = min((one.climb_m_s for one in near(told.moments, at, 4.0, FLOWN_ON_S + 2.0)), default=0.0)
-    if sinks <= -DROPS_M_S:
-        return confirmed(f"sinks at {-sinks:.0f} m/s")
+    sinks, by = sank_m_s(told, at - 4 * SECOND, at + round((FLOWN_ON_S + 2.0) * SECOND))
+    if sinks >= DROPS_M_S:
+        return confirmed(f"sinks at {sinks:.0f} m/s ({by})")
+    sunk, by = sank_m_s(told, at - 4 * SECOND, at + SECOND)
+    never_m_s = never_ordered_m_s(told, at)
+    if falls and never_m_s is not None and sunk >= never_m_s:
+        return confirmed(f"sank at {sunk:.1f} m/s, as nothing in its mode ever asks for ({by})")
     later = told.moment_at(at + round(FLOWN_ON_S * SECOND))
     if told.is_armed(at + round(FLOWN_ON_S * SECOND)) and later is not None and (later.height_m or 0.0) > GROUND_M:
         return refuted(f"it flew on, {later.height_m:.0f} m high {FLOWN_ON_S:g} s later")
     if falls:
-        sunk = min((one.climb_m_s for one in near(told.moments, at, 4.0, 0.5)), default=0.0)
-        return (
-            confirmed(f"sank at {-sunk:.1f} m/s") if sunk < -FALLS_M_S else refuted(f"sank at {-sunk:.1f} m/s at most")
-        )
+        return (confirmed if sunk > FALLS_M_S else refuted)(f"sank at {sunk:.1f} m/s at most ({by})")
     return _disarmed(where)
 
 

@@ -345,10 +345,12 @@ class StationHeard:
 
 @dataclass(frozen=True, slots=True)
 class DoubleHeard:
-    """Frames of one system come from two addresses in turn: two vehicles have the same sysid."""
+    """Two vehicles have the same sysid: frames come from two addresses in turn, or positions go to and fro."""
 
     system: int
+    """0 where who hears it does not know its number."""
     places: tuple[str, ...]
+    """The addresses; nothing where both speak from one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from executor.core.battery.roundings import Roundings
 from executor.core.battery.voltage import VoltageState
 from executor.core.carried import Carried
 from executor.core.coverage import Run, Track
+from executor.core.doubles import Twins
 from executor.core.learning import Learned
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import (
@@ -221,13 +222,16 @@ class LinkState:
     quality: LinkQuality = field(default_factory=LinkQuality)
     strangers: frozenset[StationHeard | DoubleHeard] = frozenset()
     """Other ground stations on its link, and other vehicles with its number."""
+    twins: Twins = field(default_factory=Twins)
+    """Whether its positions are those of one vehicle."""
 
     def heard(self, now_s: float, *, silent: bool) -> LinkState:
         """Return it after the vehicle said something, whatever it was: every message comes here."""
         regained_s = now_s if silent else self.regained_s
         return LinkState(
-            now_s, now_s, self.heartbeat_s, regained_s, self.stale, self.excused_s, self.quality, self.strangers
-        )
+            now_s, now_s, self.heartbeat_s, regained_s, self.stale, self.excused_s, self.quality, self.strangers,
+            self.twins,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

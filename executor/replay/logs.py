@@ -21,9 +21,11 @@ from executor.core.faults.link_loss import SLEPT_S
 from executor.core.faults.passive import Declared, Degraded, Finding, Moded
 from executor.core.hearing.charge import facts_of
 from executor.core.hearing.firmware import autopilot_words, vehicle_words
+from executor.core.hearing.strangers import stranger_words
 from executor.core.limits import Limits
 from executor.core.messages import (
     Battery,
+    DoubleHeard,
     FlightMessage,
     Heartbeat,
     MissionCurrent,
@@ -57,14 +59,18 @@ LINK_TIMEOUT_S = 4.5
 the fifth is half an interval late (mavlink.io: radio links miss four or five; MAVProxy says 5 s)."""
 LINK_STALE_S = 2.0
 """One heartbeat is missed, and with it every other message."""
-ANY_DRONE = Prior(2.2, 0.8)
-"""Relative to the Mavic 3, whose speeds' shape is taken where no site names the drone: 12 to 33 minutes of hover."""
+ANY_DRONE = Prior(2.5, 2.5, slack=0.5)
+"""Relative to the Mavic 3, whose speeds' shape is taken where no site names the drone: anything from a race of five
+minutes on, so that its own flight alone says what is usual."""
+NOBODY_KNOWS = "no site names the drone, so nothing is known of what it uses: only a change in its own flight is judged"
 COPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
 """MAV_TYPE with rotors: other vehicles have other modes, and no energy model here."""
 BACK_USEC = 1_000_000
 """Records that are out of order by less share a moment."""
 LONGEST_GAP_S = 120.0
 """In a longer pause nothing is decided any more that was not decided before."""
+MIXED_S = 10.0
+"""So long before two vehicles are told from one what they said may be mixed already."""
 MOST_EARLY, MOST_SETTINGS = 16, 500
 """Systems, and parameters of each, that are kept until its first HEARTBEAT."""
 STEADY = frozenset({Stage.GROUND, Stage.FLYING, Stage.LANDED})
@@ -122,7 +128,6 @@ class _Player:
         self._shift = 0
         self._now_s = 0.0
         self._next_s = 0.0
-        self._shifts: list[tuple[float, int]] = []
         self._findings: list[Finding] = []
         self._traces: dict[str, Trace] = {}
         self._books: dict[str, PackBook] = {}
@@ -136,18 +141,18 @@ class _Player:
         self._ticked_s = 0.0
         self._early: dict[int, dict[str, VehicleSetting]] = {}
         """Parameters of systems of which no HEARTBEAT came yet."""
+        self._mixed: dict[str, float] = {}
+        """Names by which two vehicles answer, and since when."""
 
     def take(self, record: Record) -> None:
         """Let time pass to a record, and take what it says."""
         t_usec, system, message = record
         if self._first is None:
             self._first = self._last = t_usec
-            self._shifts.append((0.0, t_usec))
         if t_usec < self._last:
             if self._last - t_usec > BACK_USEC:
                 self._file.skipped.time_back += 1
                 self._shift += self._last - t_usec
-                self._shifts.append((self._now_s, t_usec))
                 self._last = t_usec
             else:
                 t_usec = self._last
@@ -167,6 +172,8 @@ class _Player:
     def _route(self, system: int, message: FlightMessage, now_s: float) -> None:
         """Hand what a system says to its vehicle, or count why nobody takes it."""
         name = self._names.get(system) or self._join(system, message)
+        if name and isinstance(message, DoubleHeard):
+            self._mixed.setdefault(name, max(0.0, now_s - MIXED_S))
         if name:
             self._heard(name, message, now_s)
             for setting in self._early.pop(system, {}).values():
@@ -192,6 +199,8 @@ class _Player:
         if gap_s > LONGEST_GAP_S or (gap_s > SLEPT_S and (self._file.stations or self._on_board)):
             self._file.skipped.gaps += 1
             self._next_s = now_s
+            if gap_s > LONGEST_GAP_S:
+                self._ticked_s = now_s  # nobody knows whether it flew meanwhile
         while self._next_s <= now_s:
             self._next_s += self._tick(self._next_s)
 
@@ -325,8 +334,15 @@ class _Player:
         found = [*self._findings, *passive.closed(self._state, self._now_s)]
         if self._on_board:
             found = [one for one in found if isinstance(one, Moded) or one.kind is not FaultKind.LINK]
+        found = [one for one in found if _began_s(one) < self._mixed.get(one.vehicle, math.inf)]
         vehicles = tuple(self._vehicle(system, name, found) for system, name in sorted(self._names.items()))
         notes = [*self._others.values(), *self._file.notes]
+        notes += [
+            f"{stranger_words(DoubleHeard(self._scene.vehicles[name].sysid, ()))}; not judged from {since_s:.1f} s on"
+            for name, since_s in self._mixed.items()
+        ]
+        if self._rules.site is None and any(one.flown_s for one in vehicles):
+            notes.append(NOBODY_KNOWS)
         notes += [f"{one.name} is never armed in it" for one in vehicles if not one.flown_s]
         notes += [note for name, book in self._flights.items() if (note := book.note(name))]
         if not vehicles:
@@ -362,9 +378,12 @@ class _Player:
         )
 
     def _usec(self, at_s: float) -> int:
-        """Return a moment on the log's own clock, which may have jumped back meanwhile."""
-        began_s, began_usec = next(pair for pair in reversed(self._shifts) if pair[0] <= at_s or pair[0] == 0.0)
-        return began_usec + round((at_s - began_s) * 1e6)
+        """Return a moment on the log's clock, as if that had never jumped back."""
+        return (self._first or 0) + round(at_s * 1e6)
+
+
+def _began_s(found: Finding) -> float:
+    return found.from_s if isinstance(found, Degraded) else found.at_s
 
 
 def _is_calm(vehicle: VehicleState, at_s: float) -> bool:

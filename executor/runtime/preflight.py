@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from executor.core.doubles import PlaceTold, Twins, with_place
 from executor.core.hearing.firmware import banner_version
 from executor.core.hearing.strangers import Stranger, noted
 from executor.core.messages import (
@@ -57,6 +58,7 @@ class _Heard:
     reasons_s: dict[str, float] = field(default_factory=dict)
     """Why it cannot be armed, by its own words, and when it said so last."""
     strangers: frozenset[Stranger] = frozenset()
+    twins: Twins = field(default_factory=Twins)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
 
     def take(self, message: Message) -> None:
@@ -65,6 +67,10 @@ class _Heard:
                 self.heartbeat = message
             case Position():
                 self.position = message
+                told = PlaceTold(self.clock.now_s(), message.boot_s, message.lat_deg, message.lon_deg)
+                self.twins = with_place(self.twins, told)
+                if self.twins.are_two:
+                    self.strangers = noted(self.strangers, DoubleHeard(0, ()))
             case Battery(remaining_pct=remaining):
                 self.remaining_pct = self.remaining_pct if remaining is None else remaining
                 self.battery = message

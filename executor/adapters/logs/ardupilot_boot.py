@@ -63,7 +63,7 @@ WANTED: Mapping[str, WantedColumns] = {
         ("BAT", "Inst Instance Volt Curr CurrTot RemPct", 450_000),
         ("CURR", "Inst Volt Curr CurrTot", 450_000),
         ("POS", "Lat Lng Alt RelHomeAlt RelAlt", 950_000),
-        ("GPS", "I Status NSats Lat Lng Alt RelAlt Spd GCrs VZ", 950_000),
+        ("GPS", "I Status NSats Lat Lng Alt RelAlt Spd GCrs VZ TimeMS Time", 950_000),
         ("XKF1", "C VN VE VD", 450_000),
         ("NKF1", "VN VE VD", 450_000),
         ("EKF1", "VN VE VD", 450_000),

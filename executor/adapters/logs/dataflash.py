@@ -29,6 +29,9 @@ AGREES_USEC = 60_000_000
 SURVEY_ROWS = 20_000
 """Parameters and texts at the beginning in which a log says who wrote it."""
 MOST_HELD = 5000
+TOLD_ONCE = frozenset({"MODE", "EV", "ERR", "PARM", "MSG"})
+"""What is kept of the time before the first fix in a log that has no other clock than the satellites'."""
+FIXED = 3
 COPTER = 2
 """MAV_TYPE: the log does not say how many rotors a copter has."""
 FIRMWARE = re.compile(r"(Ardu|APM:? ?)?(?P<name>Copter|Plane|Rover|rover2|Sub|Blimp|AntennaTracker)\b.* V?\d")
@@ -71,7 +74,7 @@ class DataFlashFile(RecordedFile):
             return
         rows = self._rows(WANTED, self.skipped)
         for row in rows:
-            for t_usec, kind, fields in self._timed(row):
+            for t_usec, kind, fields in self._timed(row, rows):
                 yield from self._read(t_usec, kind, fields)
         if not rows.kinds:
             raise LogError(
@@ -104,11 +107,12 @@ class DataFlashFile(RecordedFile):
             return False
         return True
 
-    def _timed(self, row: Row) -> Iterable[tuple[int, str, Fields]]:
+    def _timed(self, row: Row, rows: BinaryRows | TextRows) -> Iterable[tuple[int, str, Fields]]:
         """Return a record with its time, and before it one whose time is no longer doubted; nothing while it is."""
-        t_usec, kind, fields = row
+        t_usec, kind, fields = row if row[0] is not None else _with_satellites_time(row, rows)
         if self._now_usec is None:
-            self._held.append((kind, fields))
+            if t_usec is not None or kind in TOLD_ONCE or rows.is_timed:
+                self._held.append((kind, fields))
             if t_usec is None and len(self._held) < MOST_HELD:
                 return []
             self._now_usec = t_usec or 0
@@ -151,3 +155,11 @@ class DataFlashFile(RecordedFile):
                 self.skipped.impossible += 1
             if known is not None:
                 yield t_usec, self.system, known
+
+
+def _with_satellites_time(row: Row, rows: BinaryRows | TextRows) -> Row:
+    """Return a record of a log of 2013, which has no time of its own, with that of its fix."""
+    _, kind, fields = row
+    if kind != "GPS" or rows.is_timed or fields.get("Status", 0) < FIXED:
+        return row
+    return 1000 * int(fields.get("TimeMS", fields.get("Time", 0))) or None, kind, fields

@@ -129,6 +129,11 @@ class BinaryRows:
     """That the log describes, wanted or not."""
     _in_garbage: bool = False
 
+    @property
+    def is_timed(self) -> bool:
+        """Whether any kind that is wanted has the autopilot's own time."""
+        return any(one is not None and one.time_at >= 0 for one in self.formats)
+
     def __iter__(self) -> Iterator[Row]:
         """Yield what is wanted, in the order of the file."""
         self.sizes[FMT] = FMT_SIZE
@@ -209,6 +214,11 @@ class TextRows:
     formats: dict[str, Format] = field(default_factory=dict)
     kinds: set[str] = field(default_factory=set)
     """That the log describes, wanted or not."""
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether any kind that is wanted has the autopilot's own time."""
+        return any(one.time_at >= 0 for one in self.formats.values())
 
     def __iter__(self) -> Iterator[Row]:
         """Yield what is wanted, in the order of the file."""

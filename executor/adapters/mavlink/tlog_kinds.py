@@ -32,8 +32,8 @@ EVERY_USEC = 450_000
 """Of a battery's reports no watchpoint needs more than two a second."""
 SLOW_USEC = 950_000
 """Of everything else one a second is enough."""
-POSITION_USEC = 1_900_000
-"""Of positions one in two seconds: without a plan they say how fast it flies and how far from home."""
+POSITION_USEC = 1_400_000
+"""Of positions two in three seconds: of one in two each would be called late."""
 STEADY_USEC = 2_900_000
 """Of what is repeated until it changes, one in three seconds."""
 RC_USEC = 190_000

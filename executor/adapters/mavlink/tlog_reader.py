@@ -15,8 +15,10 @@ from typing import Any
 
 from executor.adapters.mavlink import integers, px4_events
 from executor.adapters.mavlink.checksum import checksum
+from executor.adapters.mavlink.own_clocks import AHEAD_USEC, BACK_USEC, LOOKS_USEC, BootTime, was_set_by_usec
 from executor.adapters.mavlink.texts import Texts
 from executor.adapters.mavlink.tlog_kinds import (
+    ATTITUDE,
     BATTERY,
     COMMAND_ACK,
     GCS_TYPE,
@@ -35,10 +37,12 @@ from executor.adapters.mavlink.tlog_kinds import (
 )
 from executor.adapters.pieces import in_pieces
 from executor.core import words
+from executor.core.doubles import PlaceTold, Twins, with_place
 from executor.core.hearing.plausible import plausible
 from executor.core.hearing.speaker import Speaker, speaker_after
 from executor.core.messages import (
     Attitude,
+    DoubleHeard,
     FlightMessage,
     Heartbeat,
     OrderSeen,
@@ -66,11 +70,14 @@ HALF = 128
 MOST_NAMED = 8
 ROUND_TWICE = frozenset(dialect.number for dialect in AUTOPILOTS if dialect.rounds_twice)
 """MAV_AUTOPILOT."""
+BOOT_TIMED = frozenset({POSITION, ATTITUDE})
 DO_SET_MODE = 176
 PX4 = 12
 ACCEPTED = frozenset({0, 5})
 """MAV_RESULT: accepted, in progress."""
 _HEAD = struct.Struct(">Q5B")
+LOOKAHEAD = 1 << 16
+"""Bytes of a piece that are left to the next one, so that what follows a leap of the clock is there to look at."""
 LEAST = 18
 """Bytes of the shortest records: a time, and a frame of the older version without a field."""
 
@@ -87,6 +94,9 @@ class _Source:
     """Whether SYS_STATUS says more than BATTERY_STATUS, as PX4's does."""
     battery_usec: int = -STAND_IN_USEC
     """When its BATTERY_STATUS came last."""
+    boot: BootTime | None = None
+    """Its own time when it said it last."""
+    twins: Twins = field(default_factory=Twins)
 
 
 @dataclass(slots=True)
@@ -102,6 +112,8 @@ class _Lane:
     every_usec: int
     newest_usec: int = -STAND_IN_USEC
     """When one was read last."""
+    told_usec: int = -STAND_IN_USEC
+    """When one was handed on last, of those that are all read."""
 
 
 @dataclass(slots=True)
@@ -116,6 +128,11 @@ class TelemetryFile(RecordedFile):
     _lanes: dict[bytes, _Lane] = field(default_factory=dict)
     """By system, component and id as the frame has them."""
     _stamp: int = 0
+    """Of the last record, as it stands there."""
+    _shift: int = 0
+    """What the recorder's clock was set by since the first record, taken back."""
+    _began: int = 0
+    _sets: int = 0
     _rc: dict[int, RcWatch] = field(default_factory=dict)
     _tilts: dict[int, TiltWatch] = field(default_factory=dict)
     _autopilots: dict[int, int] = field(default_factory=dict)
@@ -146,8 +163,8 @@ class TelemetryFile(RecordedFile):
 
     def _piece(self, buffer: bytes, last: bool) -> Generator[Record, None, int]:
         """Yield what whole records of a piece say; returns where the rest begins. Calls would take most of the time."""
-        at, size, known, in_garbage, frames = 0, len(buffer), self._stamp, False, 0
-        stop = size if last else size - 2 * LONGEST
+        at, size, known, in_garbage, frames, shift = 0, len(buffer), self._stamp, False, 0, self._shift
+        stop = size if last else size - LOOKAHEAD
         lanes, heard, head = self._lanes, self.heard, _HEAD.unpack_from
         while at < stop:
             if at + LEAST > size:
@@ -169,7 +186,10 @@ class TelemetryFile(RecordedFile):
                 in_garbage = True
                 at += 1
                 continue
+            if not -BACK_USEC <= stamp - known < AHEAD_USEC:
+                shift = self._shift_from(buffer, at, known)
             in_garbage, known = False, stamp
+            stamp += shift
             frames += 1
             lane = lanes.get(key) or self._lane(key, seq)
             source = lane.source
@@ -188,12 +208,51 @@ class TelemetryFile(RecordedFile):
         self.frames += frames
         return at
 
+    def _shift_from(self, buffer: bytes, at: int, known: int) -> int:
+        """Return what stamps are shifted by from a record on, whose stamp is far from that of the last one."""
+        stamp = int.from_bytes(buffer[at : at + STAMP], "big")
+        if not known:
+            self._began = stamp
+            return self._shift
+        by_usec = was_set_by_usec(self._boots_after(buffer, at), stamp + self._shift, known + self._shift)
+        if not by_usec:
+            return self._shift
+        self._sets += 1
+        self.skipped.time_back += by_usec < 0
+        if self._sets <= MOST_NAMED:
+            at_s = (known + self._shift - self._began) / 1e6
+            own = f"by {by_usec / 1e6:+.1f} s at {at_s:.1f} s: times go on by the vehicles' own"
+            self.notes.append(f"the recorder's clock was set {own}")
+        self._shift -= by_usec
+        return self._shift
+
+    def _boots_after(self, buffer: bytes, at: int) -> list[tuple[BootTime, BootTime]]:
+        """Return what vehicles say of their own time after a leap."""
+        found, first = list[tuple[BootTime, BootTime]](), int.from_bytes(buffer[at : at + STAMP], "big")
+        while at + LONGEST <= len(buffer) and buffer[at + STAMP] in MARKS:
+            stamp, mark, length, flags, *_ = _HEAD.unpack_from(buffer, at)
+            if not -LOOKS_USEC < stamp - first < LOOKS_USEC:
+                break  # it leaps again
+            if mark == V2:
+                key, end = buffer[at + 13 : at + 18], at + 18 + length + (15 if flags & 1 else 2)
+            else:
+                key, end = buffer[at + 11 : at + 14], at + 16 + length
+            lane, frame = self._lanes.get(key), buffer[at + STAMP : end]
+            if (
+                lane is not None and lane.source.boot is not None
+                and lane.kind is not None and lane.number in BOOT_TIMED and _is_whole(frame, lane.kind)
+            ):  # fmt: skip
+                found.append((lane.source.boot, BootTime(_boot_usec(frame), stamp + self._shift)))
+            at = end
+        return found
+
     def _lane(self, key: bytes, seq: int) -> _Lane:
         """Return what is known of a source's messages of one kind, from now on."""
         system, component, number = key[0], key[1], int.from_bytes(key[2:], "little")
         source = self._sources.setdefault(system << 8 | component, _Source(seq))
         kind = KINDS.get(number)
-        lane = self._lanes[key] = _Lane(source, kind, system, component, number, 0 if kind is None else kind.every_usec)
+        every_usec = 0 if kind is None or number == POSITION else kind.every_usec
+        lane = self._lanes[key] = _Lane(source, kind, system, component, number, every_usec)
         return lane
 
     def _taken(self, frame: bytes, stamp: int, lane: _Lane) -> Iterator[Record]:
@@ -205,11 +264,19 @@ class TelemetryFile(RecordedFile):
             return
         if lane.number == BATTERY:
             source.battery_usec = stamp
+        elif lane.number in BOOT_TIMED:
+            source.boot = BootTime(_boot_usec(frame), stamp)
         elif lane.number == SYSTEM:
             # Beside BATTERY_STATUS it is wanted seldom, if it says the same.
             beside = not source.rounds_twice and 0 <= stamp - source.battery_usec < STAND_IN_USEC
             lane.every_usec = STAND_IN_USEC if beside else SLOW_USEC
         fields = kind.fields(frame, 10 if frame[0] == V2 else 6, frame[1])
+        if lane.number == POSITION and source.vehicle:
+            # Every one of them: of one in seconds all may be of the same of two vehicles.
+            yield from _twins_heard(source, stamp, lane.system, fields)
+            if 0 <= stamp - lane.told_usec < kind.every_usec:
+                return
+            lane.told_usec = stamp
         message = kind.read(*fields)
         message = None if message is None else plausible(message)
         if message is not None and source.vehicle and not kind.special:
@@ -317,6 +384,20 @@ class TelemetryFile(RecordedFile):
     def _said(self, source: tuple[int, int], fields: tuple[Any, ...]) -> list[StatusText]:
         severity, raw, number, part = fields
         return [*self._texts.passed(source), *self._texts.take(source, severity, raw, number, part)]
+
+
+def _twins_heard(source: _Source, stamp: int, system: int, fields: tuple[Any, ...]) -> Iterator[Record]:
+    """Follow where a vehicle is, and yield once that it is two."""
+    known, (boot_ms, lat, lon, *_) = source.twins, fields
+    source.twins = with_place(known, PlaceTold(stamp / 1e6, boot_ms / 1e3, lat / 1e7, lon / 1e7))
+    if source.twins.are_two and not known.are_two:
+        yield stamp, system, DoubleHeard(system, ())
+
+
+def _boot_usec(frame: bytes) -> int:
+    """Return the time since its vehicle's boot that a frame begins with."""
+    begins = 10 if frame[0] == V2 else 6
+    return 1000 * int.from_bytes(frame[begins : begins + min(4, frame[1])], "little")
 
 
 def _is_whole(frame: bytes, kind: MessageKind) -> bool:

@@ -101,6 +101,8 @@ class BatteryState:
     """Whether it stood still where it should have fallen."""
     anew_s: float = float("-inf")
     """When the account began, or began anew."""
+    slack: float = 0.0
+    """Of its prior."""
 
     @property
     def used_pct(self) -> float:
@@ -147,6 +149,7 @@ def with_remaining(
             usual=prior.factor,
             usual_long=prior.factor,
             anew_s=now_s,
+            slack=prior.slack,
         )
     modelled = state.modelled_pct - state.history[-1].modelled_pct
     elapsed_s = max(0.0, now_s - state.reported_s)
@@ -201,7 +204,8 @@ def _drifts(
     if known.factor_sd > STRANGE_SD:
         return drift, Drift()  # nobody knows yet what is usual for it
     slow = with_usage(
-        state.slow, used, state.usual_long * modelled, slack_pct=limits.slow_slack * state.usual_long * modelled,
+        state.slow, used, state.usual_long * modelled,
+        slack_pct=(limits.slow_slack + state.slack) * state.usual_long * modelled,
         elapsed_s=elapsed_s, now_s=now_s, memory_s=limits.slow_window_s,
     )  # fmt: skip
     return drift, slow
@@ -301,9 +305,9 @@ def with_setting(state: BatteryState, capacity_ah: float | None) -> BatteryState
 def learned_prior(state: BatteryState, prior: Prior) -> Prior:
     """Return what is believed of the vehicle: what it was seen to use, where its percentage can be trusted."""
     known = state.estimate
-    if known is None or state.began_s is None or is_blind(state) or not known.factor_sd < prior.sd:
+    if known is None or is_blind(state) or not known.factor_sd < prior.sd:
         return prior
-    return Prior(max(LEAST_FACTOR, known.factor), known.factor_sd)
+    return replace(prior, factor=max(LEAST_FACTOR, known.factor), sd=known.factor_sd)
 
 
 def _taken(
@@ -382,7 +386,11 @@ def _usual(state: BatteryState) -> float:
 def _slack(state: BatteryState, limits: Limits, share: float = 1.0) -> float:
     if state.estimate is None:
         return share * limits.drain_slack
-    return share * (limits.drain_slack + UNSURE_SD * state.estimate.factor_sd / max(0.1, _usual(state)))
+    doubt = state.estimate.factor_sd / max(0.1, _usual(state))
+    if state.slack and is_blind(state):
+        # Most of that doubt is the percentage's own, which `blind_swing_pct_s` gives away already.
+        return share * (limits.drain_slack + doubt)
+    return share * (limits.drain_slack + state.slack + UNSURE_SD * doubt)
 
 
 def _followed_usual(
@@ -392,4 +400,6 @@ def _followed_usual(
     calm = drift.excess_pct <= CALM_PCT and state.charge.drift.excess_pct <= CALM_PCT
     flown_s = now_s - (state.began_s if state.began_s is not None else now_s)
     within_s = min(USUAL_S, max(FIRST_S, flown_s / 2)) if calm else USUAL_S
-    return _usual(state) + (max(LEAST_FACTOR, estimate.factor) - _usual(state)) * min(1.0, elapsed_s / within_s)
+    # Of a vehicle that nobody knows, its own flight is all there is to go by.
+    share = 1.0 if estimate.factor_sd > STRANGE_SD else min(1.0, elapsed_s / within_s)
+    return _usual(state) + (max(LEAST_FACTOR, estimate.factor) - _usual(state)) * share

@@ -46,6 +46,9 @@ class Prior:
     factor: float = 1.0
     sd: float = 0.12
     """Of the factor: 10 % between vehicles of one data sheet, 5 % between packs, 4 % for the wind."""
+    slack: float = 0.0
+    """Share of the usual by which a vehicle of which no data sheet is known may use more in one flight than in another:
+    its speeds and climbs cost what nobody says."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,9 @@
 """The voltage of a pack under load: a step against what is usual, and cells near their end.
 
 A pack's voltage falls slowly as it empties, by load, and at once when a cell or a connection fails. Half a minute of
-flight says what is usual; what the present current explains is taken out where the current is known.
+flight says what is usual; what the present current explains by the pack's own resistance, which its take-off has shown
+(`sag`), is taken out where the current is known. What is doubtful of that resistance speaks for the pack: a true step
+comes with hardly more current, so that it costs little.
 """
 
 from __future__ import annotations
@@ -10,12 +12,20 @@ import math
 from dataclasses import dataclass, replace
 
 from executor.core.battery.resting import least_cells
+from executor.core.battery.sag import POLARISED, Sag
 
 SETTLE_S = 8.0
 """After the take-off: until then the voltage falls by the load itself."""
 USUAL_S = 20.0
-SAG = 0.03
-"""Share of the voltage that hovering costs (12.6 to 12.26 V recorded): what the current explains is in proportion."""
+SAG, WORST_SAG = 0.03, 0.09
+"""Share of the voltage that hovering costs (12.6 to 12.26 V recorded), and that of a cold or aged pack: in proportion
+the current explains, as long as no change of the load has shown the resistance."""
+SURE = 0.5
+"""A resistance whose deviation is a larger share of it is not known yet."""
+DOUBT_SD = 2.0
+MOST_LOAD = 8.0
+"""Times the usual current that explain anything: full throttle with a thrust of four times the weight. More is a sensor
+that is off."""
 CALM = 0.5
 """Below this share of the threshold the usual voltage follows."""
 GIVES_UP_S = 60.0
@@ -34,6 +44,10 @@ class VoltageState:
     """When it was first heard in the air."""
     usual_v: float | None = None
     usual_a: float | None = None
+    usual_ohm: tuple[float, float] | None = None
+    """What the load costs: at least, and at most."""
+    expected_v: float | None = None
+    """Under the present load."""
     drop: float = 0.0
     """Share of the usual voltage that is missing now, beyond what the current explains."""
     dropped_s: float | None = None
@@ -86,8 +100,10 @@ class Thresholds:
     spread_v: float
 
 
-def measured(state: VoltageState, report: Report, limits: Thresholds, now_s: float, *, flying: bool) -> VoltageState:
-    """Take a report."""
+def measured(
+    state: VoltageState, report: Report, limits: Thresholds, now_s: float, *, flying: bool, sag: Sag | None = None
+) -> VoltageState:  # fmt: skip
+    """Take a report; `sag` is what was known of the pack before it."""
     elapsed_s = now_s - state.reported_s
     state = replace(
         state,
@@ -99,8 +115,10 @@ def measured(state: VoltageState, report: Report, limits: Thresholds, now_s: flo
         known_load=report.current_a is not None and report.current_a > 0.0,
     )
     if not flying:
-        return replace(state, began_s=None, usual_v=None, usual_a=None, drop=0.0, dropped_s=None, low_since_s=None,
-                       spread_since_s=None)  # fmt: skip
+        return replace(
+            state, began_s=None, usual_v=None, usual_a=None, usual_ohm=None, expected_v=None, drop=0.0, dropped_s=None,
+            low_since_s=None, spread_since_s=None,
+        )  # fmt: skip
     if state.began_s is None:
         state = replace(state, began_s=now_s)
     weakest = state.weakest_v
@@ -112,26 +130,43 @@ def measured(state: VoltageState, report: Report, limits: Thresholds, now_s: flo
     )
     if state.began_s is None or now_s - state.began_s < SETTLE_S:
         return state
-    return _compared(state, report, limits, now_s, elapsed_s)
+    return _compared(state, report, limits, now_s, elapsed_s, sag)
 
 
-def _compared(state: VoltageState, report: Report, limits: Thresholds, now_s: float, elapsed_s: float) -> VoltageState:
+def _compared(
+    state: VoltageState, report: Report, limits: Thresholds, now_s: float, elapsed_s: float, sag: Sag | None
+) -> VoltageState:  # fmt: skip
     current = report.current_a if state.known_load else None
     if state.usual_v is None:
-        return replace(state, usual_v=report.voltage_v, usual_a=current)
-    load = 1.0
-    if current is not None and state.usual_a:
-        load = min(3.0, current / state.usual_a)  # a sensor that is off explains only so much
-    drop = 1.0 - report.voltage_v * (1.0 + SAG * (load - 1.0)) / state.usual_v
+        return replace(state, usual_v=report.voltage_v, usual_a=current, usual_ohm=_ohm(state, report, sag))
+    usual_v = expected_v = state.usual_v
+    if current is not None and state.usual_a and state.usual_ohm is not None:
+        more_a = min(current, MOST_LOAD * state.usual_a) - state.usual_a
+        expected_v -= more_a * state.usual_ohm[more_a > 0]
+    drop = (expected_v - report.voltage_v) / usual_v
+    state = replace(state, drop=drop, expected_v=expected_v)
     dropped_s = _since(state.dropped_s, now_s, holds=drop > CALM * limits.step)
     if dropped_s is not None and now_s - dropped_s < GIVES_UP_S:
-        return replace(state, drop=drop, dropped_s=dropped_s)
+        return replace(state, dropped_s=dropped_s)
     follow = 1.0 - math.exp(-elapsed_s / USUAL_S) if dropped_s is None else 1.0
     usual_a = state.usual_a
     if current is not None:
         usual_a = current if usual_a is None else usual_a + (current - usual_a) * follow
-    usual_v = state.usual_v + (report.voltage_v - state.usual_v) * follow
-    return replace(state, drop=drop, dropped_s=None, usual_v=usual_v, usual_a=usual_a)
+    usual_v += (report.voltage_v - usual_v) * follow
+    # While it is dropped the resistance stays what it was: a cell that fails must not become one.
+    return replace(state, dropped_s=None, usual_v=usual_v, usual_a=usual_a, usual_ohm=_ohm(state, report, sag))
+
+
+def _ohm(state: VoltageState, report: Report, sag: Sag | None) -> tuple[float, float] | None:
+    """Return between which resistances the pack's own lies; None where no current says anything."""
+    if not state.known_load:
+        return None
+    if sag is not None and sag.ohm > 0 and sag.ohm_sd < SURE * sag.ohm:
+        doubt_ohm = DOUBT_SD * sag.ohm_sd
+        # Ions lag behind a load, and behind its end.
+        return max(0.0, sag.ohm - doubt_ohm) * (1 - POLARISED), (sag.ohm + doubt_ohm) * (1 + POLARISED)
+    usual_a = state.usual_a or report.current_a or 1.0
+    return SAG * report.voltage_v / usual_a, WORST_SAG * report.voltage_v / usual_a
 
 
 def _since(since_s: float | None, now_s: float, *, holds: bool) -> float | None:

@@ -104,7 +104,8 @@ def voltage_stepped(view: View) -> Finding:
         threshold *= 0.7
     if volts.usual_v is None or volts.voltage_v is None or volts.dropped_s is None or volts.drop < threshold:
         return OK
-    return Finding(Verdict.FAIL, f"{volts.voltage_v:.2f} V where {volts.usual_v:.2f} V is usual under this load")
+    expected_v = volts.usual_v if volts.expected_v is None else volts.expected_v
+    return Finding(Verdict.FAIL, f"{volts.voltage_v:.2f} V where {expected_v:.2f} V is usual under this load")
 
 
 def _is_driven_hard(view: View) -> bool:

@@ -87,7 +87,7 @@ def _measured(context: Scene, state: VehicleState, power: Power, report: Report,
     step = limits.voltage_step if known else limits.voltage_step_blind
     thresholds = Thresholds(step, limits.cell_low_v, limits.cell_spread_v)
     flying = state.armed and state.sortie.took_off
-    volts = measured(power.volts, report, thresholds, now_s, flying=flying)
+    volts = measured(power.volts, report, thresholds, now_s, flying=flying, sag=power.pack.sag)
     facts = facts_of(context, state)
     volts = replace(volts, set_cells=facts.cells)
     claimed_pct = power.battery.remaining_pct

@@ -10,6 +10,7 @@ from executor.core import carried, link_quality, positioning
 from executor.core.battery import account
 from executor.core.context import Scene
 from executor.core.coverage import GAP_S, Sample, SegmentPass, follow
+from executor.core.doubles import PlaceTold, with_place
 from executor.core.hearing import evidence
 from executor.core.hearing.charge import powered, setting_told, status_told
 from executor.core.hearing.strangers import noted
@@ -103,7 +104,7 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
         case Heartbeat():
             return Folded(_beat(context, state, link, message, now_s))
         case Position():
-            return _positioned(context, state, link, message, now_s)
+            return _positioned(context, state, _followed(link, state.name, message, now_s, context), message, now_s)
         case Battery():
             return Folded(state.after(link, power=powered(context, state, message, now_s)))
         case SystemStatus(unhealthy=unhealthy):
@@ -300,6 +301,15 @@ def _at_item(state: VehicleState, assignment: Assignment, seq: int) -> Assignmen
     if state.leg is not None and state.leg.phase is Phase.LAND and waypoint < assignment.waypoint:
         return assignment  # both autopilots begin to count anew when the mission is over
     return replace(assignment, waypoint=waypoint)
+
+
+def _followed(link: LinkState, name: str, message: Position, now_s: float, context: Scene) -> LinkState:
+    """Return the link after a position, which may show that another vehicle answers by the same number."""
+    twins = with_place(link.twins, PlaceTold(now_s, message.boot_s, message.lat_deg, message.lon_deg))
+    if not twins.are_two or link.twins.are_two or name not in context.vehicles:
+        return replace(link, twins=twins)
+    double = DoubleHeard(context.vehicles[name].sysid, ())
+    return replace(link, twins=twins, strangers=noted(link.strangers, double))
 
 
 def _positioned(context: Scene, state: VehicleState, link: LinkState, message: Position, now_s: float) -> Folded:

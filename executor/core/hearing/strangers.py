@@ -28,6 +28,9 @@ def stranger_words(heard: Stranger) -> str:
     match heard:
         case StationHeard(system, component):
             return f"another ground station is on its link, system {system} component {component}"
+        case DoubleHeard(system, ()):
+            whose = f"as system {system}" if system else "by its number"
+            return f"two vehicles answer {whose}: what they say is mixed, and both would obey"
         case DoubleHeard(system, places):
             return f"system {system} speaks from {' and '.join(places)}: two vehicles have the same sysid"
 

@@ -29,7 +29,7 @@ from executor.replay.witness.testimony import (
 )
 
 TYPES = ("MODE", "EV", "ERR", "ARM", "MSG", "BAT", "CURR", "POS", "GPS", "CTUN", "ATT", "RCIN", "PARM", "CMD", "XKF1",
-         "NKF1", "NTUN")  # fmt: skip
+         "NKF1", "NTUN", "BARO")  # fmt: skip
 REASONS = {
     1: Hand.PILOT, 2: Hand.STATION, 3: Hand.FAILSAFE, 4: Hand.FAILSAFE, 5: Hand.FAILSAFE, 6: Hand.FAILSAFE,
     7: Hand.FAILSAFE, 8: Hand.MISSION, 9: Hand.PILOT, 10: Hand.FAILSAFE, 11: Hand.FAILSAFE, 12: Hand.MISSION,
@@ -49,6 +49,8 @@ OTHER = re.compile(r"^(Ardu|APM:)? ?(Plane|Rover|Sub|Tracker|Blimp)\b", re.IGNOR
 """Firmware of other vehicles, as it names itself."""
 BANDS = (1231, 1361, 1491, 1621, 1750)
 MOST_BROKEN = 1000
+FIXED, REBOOT_USEC = 3, 5 * SECOND
+OWN_TIMES = frozenset({"TimeUS", "TimeMS"})
 EV_ARMED, EV_DISARMED = frozenset({10, 15, 28}), 11
 
 
@@ -64,8 +66,11 @@ class _State:
 
 def read_onboard(path: Path) -> dict[int, Testimony]:
     """Return what ArduPilot's own log says; nothing if it is none."""
-    told, state = Testimony(1, on_board=True), _State()
-    for t_usec, message in _timed(_messages(path)):
+    told, state, log = Testimony(1, on_board=True), _State(), _opened(path)
+    if log is None:
+        return {}
+    own = any(OWN_TIMES & set(one.columns) for one in log.formats.values() if one.name in TYPES and one.name != "GPS")
+    for t_usec, message in _timed(_messages(log), by_satellites=not own):
         told.began_usec = told.began_usec or t_usec
         told.ended_usec = max(told.ended_usec, t_usec)
         try:
@@ -79,12 +84,18 @@ def read_onboard(path: Path) -> dict[int, Testimony]:
     return {number: told} if told.ended_usec else {}
 
 
-def _timed(messages: Iterator[Any]) -> Iterator[tuple[int, Any]]:
-    """Yield messages with their times: old firmware wrote events and modes without, as old as what is before."""
+def _timed(messages: Iterator[Any], *, by_satellites: bool) -> Iterator[tuple[int, Any]]:
+    """Yield messages with their times: old firmware wrote events and modes without, as old as what is before.
+
+    That of 2013 wrote no time of its own at all: then the satellites' is the log's, from the first fix on.
+    """
     waiting: list[Any] = []
-    last = 0
+    last = shift = 0
     for message in messages:
-        t_usec = stamp_of(message)
+        t_usec = _satellites_usec(message, last) if by_satellites else stamp_of(message)
+        if t_usec is not None and t_usec + shift < last - REBOOT_USEC:
+            shift = last - t_usec  # it was switched on anew, and its time goes on
+        t_usec = None if t_usec is None else t_usec + shift
         if t_usec is None and not last:
             waiting.append(message)
             continue
@@ -94,13 +105,23 @@ def _timed(messages: Iterator[Any]) -> Iterator[tuple[int, Any]]:
         yield last, message
 
 
-def _messages(path: Path) -> Iterator[Any]:
+def _satellites_usec(message: Any, last: int) -> int | None:  # noqa: ANN401 - pymavlink is untyped
+    """Return the satellites' time of a fix: without one it is nothing, or any."""
+    t_msec = getattr(message, "TimeMS", getattr(message, "Time", 0))
+    fixed = message.get_type() == "GPS" and int(message.Status) >= FIXED and t_msec * 1000 >= last
+    return int(t_msec) * 1000 if fixed else None
+
+
+def _opened(path: Path) -> Any:  # noqa: ANN401
     with quiet():
         try:
             text = path.read_bytes()[:2] != b"\xa3\x95"
-            log = DFReader.DFReader_text(str(path)) if text else DFReader.DFReader_binary(str(path))
+            return DFReader.DFReader_text(str(path)) if text else DFReader.DFReader_binary(str(path))
         except Exception:  # noqa: BLE001 - damaged, whatever the library thinks of it
-            return
+            return None
+
+
+def _messages(log: Any) -> Iterator[Any]:  # noqa: ANN401
     try:
         yield from _every(log)
     finally:
@@ -139,8 +160,12 @@ def quiet() -> Iterator[None]:
 
 
 def stamp_of(message: Any) -> int | None:  # noqa: ANN401 - pymavlink is untyped
-    """Return when it was written, since the vehicle's start: old firmware counted milliseconds."""
-    for name, factor in (("TimeUS", 1), ("TimeMS", 1000)):
+    """Return when it was written, since the vehicle's start: old firmware counted milliseconds.
+
+    TimeMS of its GPS records is that of the satellites; the vehicle's is T.
+    """
+    of_satellites = message.get_type() == "GPS"
+    for name, factor in (("TimeUS", 1), ("T" if of_satellites else "TimeMS", 1000)):
         value = getattr(message, name, None)
         if isinstance(value, (int, float)):
             return int(value * factor)
@@ -193,6 +218,10 @@ def _battery(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa
 
 
 def _fix(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+    if int(getattr(row, "I", 0)):
+        return  # a second receiver
+    if int(row.Status) >= FIXED:
+        told.note_height("GPS.Alt", t_usec, float(row.Alt))
     state.speed_m_s = float(row.Spd)
     if getattr(row, "VZ", None) is not None:
         state.climb_m_s = -float(row.VZ)
@@ -203,7 +232,13 @@ def _fix(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # noqa
                                    state.climb_m_s))  # fmt: skip
 
 
+def _pressed(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+    if not int(getattr(row, "I", 0)):
+        told.note_height("BARO.Alt", t_usec, float(row.Alt))
+
+
 def _place(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+    told.note_height("POS.Alt", t_usec, float(row.Alt))
     told.streams.setdefault("position", []).append(t_usec)
     height = float(getattr(row, "RelHomeAlt", math.nan))
     told.moments.append(
@@ -212,11 +247,14 @@ def _place(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # no
     )  # fmt: skip
 
 
-def _tuned(_: Testimony, state: _State, __: int, row: Any) -> None:  # noqa: ANN401
+def _tuned(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     height = getattr(row, "BAlt", getattr(row, "BarAlt", None))
     climb = getattr(row, "CRt", getattr(row, "CRate", None))
     if height is not None:
         state.height_m = float(height)
+        told.note_height("CTUN.BarAlt", t_usec, state.height_m)
+    if getattr(row, "Alt", None) is not None:
+        told.note_height("CTUN.Alt", t_usec, float(row.Alt))
     if climb is not None:
         state.climb_m_s = float(climb) / 100 if isinstance(climb, int) else float(climb)
 
@@ -251,5 +289,5 @@ def _nothing(_: Testimony, __: _State, ___: int, ____: Any) -> None:  # noqa: AN
 _TELLS: dict[str, Callable[[Testimony, _State, int, Any], None]] = dict.fromkeys(TYPES, _nothing) | {
     "MODE": _mode, "EV": _event, "ERR": _error, "ARM": _arming, "MSG": _text, "BAT": _battery, "CURR": _battery,
     "GPS": _fix, "POS": _place, "CTUN": _tuned, "ATT": _attitude, "RCIN": _transmitter, "PARM": _parameter,
-    "CMD": _command,
+    "CMD": _command, "BARO": _pressed,
 }  # fmt: skip

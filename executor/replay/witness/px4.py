@@ -23,8 +23,10 @@ from executor.replay.witness.testimony import (
 )
 
 TOPICS = ["vehicle_status", "battery_status", "vehicle_local_position", "vehicle_global_position", "vehicle_attitude",
-          "vehicle_command", "manual_control_setpoint", "manual_control_switches", "mission_result"]  # fmt: skip
+          "vehicle_command", "manual_control_setpoint", "manual_control_switches", "mission_result", "vehicle_air_data",
+          "vehicle_gps_position"]  # fmt: skip
 ARMED = 2
+FIXED = 3
 MODE_COMMANDS = frozenset({16, 17, 18, 19, 20, 21, 22, 176, 193, 252, 300, 400})
 WARNINGS = {2: "critical", 3: "emergency", 4: "failed"}
 """battery_status.warning, from which on PX4 itself may act."""
@@ -50,6 +52,7 @@ def read_px4(path: Path) -> dict[int, Testimony]:
         "vehicle_status": _status, "battery_status": _battery, "vehicle_local_position": _local,
         "vehicle_attitude": _attitude, "vehicle_command": _command, "manual_control_setpoint": _switches,
         "manual_control_switches": _switches, "mission_result": _mission,
+        "vehicle_air_data": _pressed, "vehicle_gps_position": _fix,
     }  # fmt: skip
     for dataset in log.data_list:
         read = readers.get(dataset.name)
@@ -105,11 +108,24 @@ def _local(told: Testimony, rows: list[Row]) -> None:
         north, east = float(row["x"]), float(row["y"])
         if not all(math.isfinite(float(row[name])) for name in ("x", "y", "z", "vx", "vy", "vz")):
             continue
+        told.note_height("vehicle_local_position", t_usec, -float(row["z"]))
         # Degrees from where the estimator began: only differences are looked at.
         told.moments.append(
             Whereabouts(t_usec, north / METRES_A_DEGREE, east / METRES_A_DEGREE, -float(row["z"]),
                    math.hypot(float(row["vx"]), float(row["vy"])), -float(row["vz"]))
         )  # fmt: skip
+
+
+def _pressed(told: Testimony, rows: list[Row]) -> None:
+    for row in rows:
+        told.note_height("vehicle_air_data", int(row["timestamp"]), float(row["baro_alt_meter"]))
+
+
+def _fix(told: Testimony, rows: list[Row]) -> None:
+    for row in rows:
+        if int(row["fix_type"]) >= FIXED:
+            height_m = float(row["altitude_msl_m"]) if "altitude_msl_m" in row else float(row["alt"]) / 1e3
+            told.note_height("vehicle_gps_position", int(row["timestamp"]), height_m)
 
 
 def _attitude(told: Testimony, rows: list[Row]) -> None:

@@ -28,6 +28,8 @@ STAMP = 8
 DAYS_USEC = 30 * 86400 * SECOND
 """A stamp that is farther from the one before is damage."""
 SILENT_USEC = 2 * SECOND
+BOOT_TIMED = frozenset({mav.MAVLINK_MSG_ID_ATTITUDE, mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT})
+LOOKS_USEC = 5 * SECOND
 MIDST_USEC = SECOND // 2
 SWITCH_BANDS = (1231, 1361, 1491, 1621, 1750)
 """Where ArduPilot's mode switch changes its position (RC_Channel::read_6pos_switch), microseconds."""
@@ -41,6 +43,8 @@ MODE_ORDERS = frozenset({11, 16, 17, 18, 19, 20, 21, 22, 85, 176, 185, 192, 193,
 MODE_SWITCH = ("FLTMODE_CH", "RC_MAP_FLTMODE", "RC_MAP_MODE_SW")
 ARDUPILOT_SWITCH = 5
 CHANNELS = 8
+FIXED = 3
+SEA_LEVEL_HPA = 1013.25
 OVERTAKEN, SAME = 128, 255
 """A sequence number that is ahead by more is one that was overtaken, or comes again."""
 
@@ -48,7 +52,7 @@ OVERTAKEN, SAME = 128, 255
 def read_telemetry(path: Path) -> dict[int, Testimony]:
     """Return what a telemetry log says, by system."""
     reading = _Reading()
-    for t_usec, frame in frames(path.read_bytes()):
+    for t_usec, frame in on_vehicles_clocks(list(frames(path.read_bytes()))):
         reading.take(t_usec, frame)
     return reading.result()
 
@@ -60,13 +64,62 @@ def frames(data: bytes) -> Iterator[tuple[int, bytes]]:
         size = _size(data, at + STAMP)
         t_usec = int(struct.unpack_from(">Q", data, at)[0])
         after = at + STAMP + size
-        sound = size and after <= end and (not last or abs(t_usec - last) < DAYS_USEC)
-        if sound and (after + STAMP >= end or _size(data, after + STAMP)):
+        following = after + STAMP >= end or _size(data, after + STAMP)
+        near_it = not last or abs(t_usec - last) < DAYS_USEC or _goes_on(data, after, t_usec)
+        if size and after <= end and following and near_it:
             last = t_usec
             yield t_usec, data[at + STAMP : after]
             at = after
         else:
             at += 1
+
+
+def _goes_on(data: bytes, at: int, t_usec: int) -> bool:
+    """Return whether the record that follows one of a strange time has nearly the same."""
+    return at + STAMP <= len(data) and abs(int(struct.unpack_from(">Q", data, at)[0]) - t_usec) < SECOND
+
+
+def on_vehicles_clocks(records: list[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
+    """Yield records whose times go on where the recorder's clock was set.
+
+    That it was shows in the attitudes and positions of the next seconds: each has its vehicle's own time, which differs
+    from the recorder's by something else from then on.
+    """
+    apart: dict[int, int] = {}
+    shift = last = 0
+    for number, (stamp, frame) in enumerate(records):
+        leap = stamp + shift - last
+        if last and not -SECOND <= leap < SILENT_USEC:
+            shift -= _set_by(records, number, shift, apart, leap)
+        last = stamp + shift
+        told = _boot_usec(frame)
+        if told is not None:
+            apart[told[0]] = last - told[1]
+        yield last, frame
+
+
+def _set_by(records: list[tuple[int, bytes]], number: int, shift: int, apart: dict[int, int], leap: int) -> int:
+    """Return by how much the recorder's clock was set before a record."""
+    began, seen = records[number][0], list[int]()
+    for stamp, frame in records[number:]:
+        if abs(stamp - began) > LOOKS_USEC:
+            break
+        told = _boot_usec(frame)
+        if told is not None and told[0] in apart:
+            seen.append(stamp + shift - told[1] - apart[told[0]])
+    if seen and max(seen) - min(seen) < SECOND and abs(seen[-1]) > SECOND and seen[-1] * leap > 0:
+        return seen[-1]
+    return leap if leap < -SECOND or leap > DAYS_USEC else 0
+
+
+def _boot_usec(frame: bytes) -> tuple[int, int] | None:
+    """Return a vehicle's system and its time since its boot, where a frame begins with that."""
+    first = frame[0] == 0xFE
+    number = frame[5] if first else int.from_bytes(frame[7:10], "little")
+    if number not in BOOT_TIMED:
+        return None
+    begins = 6 if first else 10
+    return frame[3 if first else 5], 1000 * int.from_bytes(frame[begins : begins + min(4, frame[1])], "little")
 
 
 def _size(data: bytes, at: int) -> int:
@@ -208,10 +261,26 @@ def _text(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
 
 def _place(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
     _noted(vehicle, "position", t_usec)
+    vehicle.told.note_height("GLOBAL_POSITION_INT", t_usec, message.alt / 1e3)
     vehicle.told.moments.append(
         Whereabouts(t_usec, message.lat / 1e7, message.lon / 1e7, message.relative_alt / 1e3,
                math.hypot(message.vx, message.vy) / 100, -message.vz / 100)
     )  # fmt: skip
+
+
+def _fix(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    if message.fix_type >= FIXED:
+        vehicle.told.note_height("GPS_RAW_INT", t_usec, message.alt / 1e3)
+
+
+def _pressed(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    if message.press_abs > 0:
+        height_m = 44_330.0 * (1.0 - (message.press_abs / SEA_LEVEL_HPA) ** 0.190263)  # of the standard atmosphere
+        vehicle.told.note_height("SCALED_PRESSURE", t_usec, height_m)
+
+
+def _shown(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    vehicle.told.note_height("VFR_HUD", t_usec, float(message.alt))
 
 
 def _attitude(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
@@ -272,6 +341,9 @@ _TELLS: dict[int, Callable[[_Vehicle, int, Any], None]] = {
     mav.MAVLINK_MSG_ID_HEARTBEAT: _beat,
     mav.MAVLINK_MSG_ID_STATUSTEXT: _text,
     mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _place,
+    mav.MAVLINK_MSG_ID_GPS_RAW_INT: _fix,
+    mav.MAVLINK_MSG_ID_SCALED_PRESSURE: _pressed,
+    mav.MAVLINK_MSG_ID_VFR_HUD: _shown,
     mav.MAVLINK_MSG_ID_ATTITUDE: _attitude,
     mav.MAVLINK_MSG_ID_SYS_STATUS: _status,
     mav.MAVLINK_MSG_ID_BATTERY_STATUS: _battery,

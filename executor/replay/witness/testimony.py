@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -123,6 +124,8 @@ class Testimony:
     tilts: list[tuple[int, float]] = field(default_factory=list)
     """Degrees from upright."""
     moments: list[Whereabouts] = field(default_factory=list)
+    heights: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
+    """By the instrument: metres above anything that stays."""
     powers: list[PowerReport] = field(default_factory=list)
     items: list[tuple[int, int]] = field(default_factory=list)
     """Changes of the mission's item."""
@@ -132,6 +135,12 @@ class Testimony:
     settings: dict[str, float] = field(default_factory=dict)
     frames: dict[int, list[int]] = field(default_factory=dict)
     """Frames received and missing, by minute of the log."""
+
+    def note_height(self, instrument: str, t_usec: int, height_m: float) -> None:
+        """Add what an instrument says."""
+        rows = self.heights.setdefault(instrument, [])
+        if math.isfinite(height_m) and (not rows or t_usec > rows[-1][0]):
+            rows.append((t_usec, height_m))
 
     def is_armed(self, at_usec: int) -> bool:
         """Return whether it was armed then."""

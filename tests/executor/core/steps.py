@@ -21,8 +21,8 @@ from tests.executor.builders import flat, vehicle, with_facts
 from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, PAD_E, PAD_N, RTL, at, flying
 
 Changes = dict[str, Any]
-NOT_SHOWN = frozenset({"vehicles", "watches", "tick_s", "said"})
-"""The memory of the watchpoints has tests of its own, and the others say nothing new here."""
+NOT_SHOWN = frozenset({"vehicles", "watches", "tick_s", "said", "twins"})
+"""The memory of the watchpoints and of places has tests of its own, and the others say nothing new here."""
 HOLD = 17
 LAND = 9
 ITS_OFFER = Survivor(

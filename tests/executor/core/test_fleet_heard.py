@@ -352,3 +352,16 @@ def test_an_inspection_is_kept_with_how_it_was_flown_by_who_came_first() -> None
         assert dict(state.coverage.inspected) == (before or {0: "uav1"})
         assert list(state.coverage.flown) == ([] if before else [0])
         assert before or state.coverage.flown[0].mean_m_s == pytest.approx(3.0)
+
+
+def test_two_vehicles_behind_one_address_are_told_once() -> None:
+    """A router that merges two vehicles of one number into one port shows a single address."""
+    state, lines = flight_of(flying()), list[str]()
+    for number in range(60):
+        now_s = NOW_S + number / 10
+        boot_s, north_m = (now_s, 0.0) if number % 2 == 0 else (now_s + 500.0, 900.0)
+        place = Position(boot_s, 49.6 + north_m / 111_320.0, 15.6, 470.0, 20.0, 0.0, 0.0, 0.0, None)
+        state, commands = fleet.step(FLEET.context, state, Heard("uav1", place), now_s)
+        lines += [one.text for one in commands if isinstance(one, Say) and "two vehicles" in one.text]
+    system = FLEET.context.vehicles["uav1"].sysid
+    assert lines == [f"uav1: two vehicles answer as system {system}: what they say is mixed, and both would obey"]

@@ -85,7 +85,8 @@ def test_a_clock_that_jumps_back_is_counted_and_carried_on(tmp_path: Path) -> No
     assert found.skipped.time_back == 1
     [(_, kind, _, at_s)] = declared(found)
     assert kind == "link"
-    assert 59.5 + LINK_TIMEOUT_S <= at_s <= 60.0 + LINK_TIMEOUT_S, "on the log's own clock"
+    assert 149.5 + LINK_TIMEOUT_S <= at_s <= 150.0 + LINK_TIMEOUT_S, "by the vehicle's own clock"
+    assert found.notes[:1] == ("the recorder's clock was set by -90.0 s at 99.4 s: times go on by the vehicles' own",)
 
 
 def test_a_voltage_step(tmp_path: Path) -> None:
@@ -221,3 +222,58 @@ def test_what_is_no_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     for name in ("empty.tlog", "broken.ulg", "empty.BIN"):
         assert called(str(tmp_path / name)) == 1, name
         assert "no vehicle in it" in capsys.readouterr().out
+
+
+def test_two_vehicles_of_one_number_are_one_line(tmp_path: Path) -> None:
+    """One flies, the other stands disarmed 900 m away: each of its HEARTBEATs would be a landing off the pad."""
+    writer = Writer()
+    for second in range(120):
+        writer.say(second + 0.1, 1, heartbeat())
+        writer.say(second + 0.5, 1, battery(99 - 0.05 * second))
+        for part in (0.0, 0.2, 0.4, 0.6, 0.8):
+            writer.say(second + part, 1, position(second + part, 4.0 * second))
+        if second >= 40:
+            writer.say(second + 0.45, 1, heartbeat(armed=False, mode=0, status=3))
+            for part in (0.0, 0.2, 0.4, 0.6, 0.8):
+                writer.say(second + part + 0.01, 1, position(second + part + 500.0, 900.0, 0.0))
+    found = replayed(writer, tmp_path)
+    assert declared(found) == []
+    assert [note for note in found.notes if "two vehicles" in note] == [
+        "two vehicles answer as system 1: what they say is mixed, and both would obey; not judged from 30.4 s on"
+    ]
+
+
+@pytest.mark.parametrize("has_counter", [True, False])
+@pytest.mark.parametrize("endurance_s", [300.0, 420.0, 900.0, 2400.0])
+def test_without_a_site_nothing_is_known_of_what_a_vehicle_uses(
+    endurance_s: float, has_counter: bool, tmp_path: Path
+) -> None:  # fmt: skip
+    """It takes off, flies, lands, and takes off once more: what it uses evenly is usual, however much that is."""
+    writer, capacity_mah, used_pct = Writer(), 5000.0, 0.0
+    for second in range(round(0.75 * endurance_s)):
+        flies = second >= 10 and not 0.4 * endurance_s <= second < 0.5 * endurance_s
+        used_pct += flies * 100.0 / endurance_s
+        writer.say(second + 0.1, 3, heartbeat(armed=flies))
+        writer.say(second + 0.3, 3, position(second, 4.0 * second, 30.0 if flies else 0.0))
+        amperes = capacity_mah * 3.6 / endurance_s if flies else 0.4
+        counted = (amperes, round(capacity_mah * used_pct / 100)) if has_counter else (-0.01, -1)
+        writer.say(second + 0.5, 3, battery(99 - int(used_pct), 15.8, *counted))
+    found = replayed(writer, tmp_path)
+    assert [one for one in declared(found) if one[1] == "battery"] == []
+    assert [note for note in found.notes if "no site" in note] == [
+        "no site names the drone, so nothing is known of what it uses: only a change in its own flight is judged"
+    ]
+
+
+@pytest.mark.parametrize("times", [2.5, 4.0])
+def test_a_drain_of_a_vehicle_that_nobody_knows_is_found_by_its_own_flight(times: float, tmp_path: Path) -> None:
+    writer, used_pct = Writer(), 0.0
+    for second in range(240):
+        rate = 0.15 * (times if second >= 150 else 1.0)
+        used_pct += rate
+        writer.say(second + 0.1, 3, heartbeat())
+        writer.say(second + 0.3, 3, position(second, 4.0 * second, 30.0))
+        writer.say(second + 0.5, 3, battery(99 - int(used_pct), 15.8, 180 * rate, round(50 * used_pct)))
+    [(_, kind, reason, at_s)] = declared(replayed(writer, tmp_path))
+    assert (kind, reason in {"battery-drain", "battery-plunge"}) == ("battery", True)
+    assert 150.0 < at_s < 200.0

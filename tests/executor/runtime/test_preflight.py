@@ -9,6 +9,7 @@ import pytest
 
 from executor.core.hearing.strangers import MOST_NAMED
 from executor.core.messages import (
+    DoubleHeard,
     Message,
     Outgoing,
     Position,
@@ -96,6 +97,14 @@ async def test_another_ground_station_on_the_link_is_noticed() -> None:
     for after_s in (0.5, 1.5):
         ready.says(StationHeard(254, 190), after_s)
     assert (await ready.interview()).stations == (StationHeard(254, 190),)
+
+
+async def test_another_vehicle_of_its_number_behind_its_address_is_noticed() -> None:
+    ready = Ready(ARDUPILOT)
+    for tenth in range(0, 80, 2):
+        elsewhere = Position(tenth / 10 + 500.0, 48.0, 12.0, 300.0, 0.0, 0.0, 0.0, 0.0, None)
+        ready.says(elsewhere, tenth / 10)
+    assert (await ready.interview()).doubles == (DoubleHeard(0, ()),)
 
 
 async def test_two_hundred_strangers_before_the_flight_are_a_few_lines() -> None:

@@ -18,6 +18,7 @@ from executor.core.messages import Battery, Heartbeat, LandedState, Position, St
 from executor.core.recording import Record, Skipped
 from executor.errors import LogError
 from executor.replay.logs import replay, rules_of
+from executor.replay.witness.statements import read_testimony
 from tests.onboard import DataFlashWriter
 from tests.recorded import real_logs
 
@@ -272,3 +273,51 @@ def test_a_file_longer_than_a_piece_is_read_the_same(tmp_path: Path) -> None:
     records, file = read(log((*MODE, SECOND, 3, 3, 1), *rows).write(tmp_path / "a.BIN"))
     assert [said.consumed_ah for _, said in of(records, Battery)] == [pytest.approx(row[-1] / 1e3) for row in rows]
     assert not file.skipped
+
+
+def copter_of_2013() -> DataFlashWriter:
+    """Return what ArduCopter 3.0 wrote: no time of its own anywhere, and the satellites' 0 until there is a fix."""
+    gps = "Status,Time,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,GCrs"
+    writer = log(
+        ("PARM", "Nf", "Name,Value", "BATT_CAPACITY", 3300.0),
+        ("MSG", "Z", "Message", "ArduCopter V3.0.1 (5c6503e2)"),
+        ("MODE", "Mh", "Mode,ThrCrs", 0, 450),
+    )
+    for second in range(90):
+        fixed = second >= 20
+        for _ in range(100):
+            writer.say("ATT", "cccc", "RollIn,Roll,PitchIn,Pitch", 0.0, 1.0, 0.0, 2.0)
+        if second == 30:
+            writer.say("EV", "B", "Id", 10)
+        writer.say("CURR", "hIhhhf", "Thr,ThrInt,Volt,Curr,Vcc,CurrTot", 400, 9000, 1152, 1834, 5010, 5.0 * second)
+        writer.say("CTUN", "hcefchhhh", "ThrIn,SonAlt,BarAlt,WPAlt,DesSonAlt,AngBst,CRate,ThrOut,DCRate",
+                   400, 0.0, 12.0, 12.0, 0.0, 0, 0, 400 * (second >= 30), 0)  # fmt: skip
+        writer.say("GPS", "BIBcLLeeEe", gps, 3 if fixed else 1, (302_400_000 + 1000 * second) * fixed, 9, 1.2,
+                   47.3977, 8.5456, 12.5, 488.25, 3.0, 90.0)  # fmt: skip
+    return writer
+
+
+@pytest.mark.parametrize("text", [False, True])
+def test_a_log_of_2013_goes_by_the_satellites_clock(text: bool, tmp_path: Path) -> None:
+    writer = copter_of_2013()
+    path = writer.write_text(tmp_path / "a.log") if text else writer.write(tmp_path / "a.BIN")
+    found = replay(DataFlashFile(path, text=text), path, rules_of(None), on_board=True)
+    [vehicle] = found.vehicles
+    assert found.lasted_s == pytest.approx(70.0, abs=1.0), "from the first fix on"
+    assert vehicle.flown_s == pytest.approx(60.0, abs=1.0)
+    assert vehicle.declarations == ()
+
+
+def test_the_judge_reads_a_log_of_2013_too(tmp_path: Path) -> None:
+    told = read_testimony(copter_of_2013().write(tmp_path / "a.BIN"))[1]
+    assert (told.ended_usec - told.began_usec) / SECOND == pytest.approx(70.0, abs=1.0)
+    assert [(t_usec - told.began_usec) / SECOND for t_usec, armed in told.armed if armed] == [
+        pytest.approx(10.0, abs=1.0)
+    ]
+
+
+def test_the_satellites_time_is_not_taken_for_the_vehicles(tmp_path: Path) -> None:
+    """TimeMS of a GPS record of 2014 is that of the week; the judge went by it, and by 0 where there was no fix."""
+    told = read_testimony(copter_of_2014().write(tmp_path / "a.BIN"))[1]
+    assert told.ended_usec == 69 * SECOND
+    assert told.moments[0].t_usec == 60 * SECOND

@@ -39,6 +39,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "still_pct": 0.0,
             "stood": False,
             "anew_s": -math.inf,
+            "slack": 0.0,
         },
     ),
 ]

@@ -243,12 +243,6 @@ def test_the_usual_follows_within_twenty_seconds() -> None:
     assert after.usual_v == pytest.approx(11.9 + 0.1 / math.e, abs=0.003)
 
 
-def test_a_load_explains_only_so_much() -> None:
-    steady = [(12.0, 10.0)] * 30
-    three, ten = volts(*steady, (11.0, 30.0)), volts(*steady, (11.0, 100.0))
-    assert three.drop == ten.drop == pytest.approx(1.0 - 11.0 * 1.06 / 12.0)
-
-
 def one(drift: Drift, used: float, now_s: float, *, expected: float = 0.0, elapsed_s: float = 1.0) -> Drift:
     return with_usage(drift, used, expected, slack_pct=0.0, elapsed_s=elapsed_s, now_s=now_s, memory_s=math.inf)
 

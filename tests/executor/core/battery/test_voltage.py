@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from executor.core.battery import voltage
+from executor.core.battery.sag import Sag, with_pair
 from executor.core.battery.voltage import Report, Thresholds, VoltageState
 from tests.executor.core.steps import rounded
 
@@ -35,6 +36,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             began_s=101.0,
             usual_v=14.9106,
             usual_a=10.0,
+            usual_ohm=(0.04458, 0.13374),
+            expected_v=14.9131,
             drop=0.00356351,
             known_load=True,
         ),
@@ -57,6 +60,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 began_s=101.0,
                 usual_v=14.982,
                 usual_a=10.0,
+                usual_ohm=(0.04389, 0.13167),
+                expected_v=15.0,
                 drop=0.0246667,
                 known_load=True,
             ),
@@ -67,6 +72,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 began_s=101.0,
                 usual_v=15.0,
                 usual_a=10.0,
+                usual_ohm=(0.045, 0.135),
+                expected_v=15.0,
                 drop=0.0253333,
                 dropped_s=111.0,
                 known_load=True,
@@ -79,7 +86,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             volted((1.0, 15.0, 10.0), (9.0, 15.0, 10.0), (1.0, 14.2, current_a)).drop
             for current_a in (10.0, 20.0, 30.0, 40.0, 0.0, None)
         ],
-        [0.0533333, 0.0249333, -0.00346667, -0.00346667, 0.0533333, 0.0533333],
+        [0.0533333, -0.0366667, -0.126667, -0.216667, 0.0533333, 0.0533333],
     ),
     (
         "a voltage that stays low becomes usual",
@@ -94,10 +101,19 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 highest_v=15.0,
                 began_s=101.0,
                 usual_v=15.0,
+                expected_v=15.0,
                 drop=0.0666667,
                 dropped_s=111.0,
             ),
-            VoltageState(reported_s=171.0, voltage_v=14.0, highest_v=15.0, began_s=101.0, usual_v=14.0, drop=0.0666667),
+            VoltageState(
+                reported_s=171.0,
+                voltage_v=14.0,
+                highest_v=15.0,
+                began_s=101.0,
+                usual_v=14.0,
+                expected_v=15.0,
+                drop=0.0666667,
+            ),
         ],
     ),
     (
@@ -110,7 +126,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             began_s=101.0,
             usual_v=14.9819,
             usual_a=12.1903,
-            drop=0.00106626,
+            usual_ohm=(0.03725, 0.11175),
+            expected_v=14.767,
+            drop=-0.00887338,
             known_load=True,
         ),
     ),
@@ -147,3 +165,62 @@ def test_a_single_spike_makes_no_pack_of_more_cells() -> None:
     spiked = volted((1.0, 12.2, 0.4), (1.0, 13.4, 0.4), (1.0, 12.2, 0.4))
     assert spiked.cells == 3
     assert volted((1.0, 13.4, 0.4), (1.0, 13.4, 0.4)).cells == 4
+
+
+HOVERS_A, FULL_A = 20.0, 58.0
+
+
+def flown(
+    seconds: range, *, ohm: float = 0.05, lost_v: float = 0.0, load_a: float = HOVERS_A,
+    state: VoltageState | None = None, known: Sag | None = None,
+) -> tuple[VoltageState, Sag | None]:  # fmt: skip
+    """Fly on with a pack of four cells, of which one may fail; its take-off has shown its resistance."""
+    state = state or VoltageState()
+    for second in seconds:
+        flies = second >= 10
+        current_a = load_a if flies else 0.5
+        rest_v = 16.4 - 0.001 * second - lost_v
+        report = Report(rest_v - ohm * current_a, current_a)
+        state = voltage.measured(state, report, Thresholds(0.05, 3.1, 0.2), float(second), flying=flies, sag=known)
+        known = with_pair(known, report.voltage_v, current_a, float(second))
+    return state, known
+
+
+@pytest.mark.parametrize("ohm", [0.01, 0.05, 0.09])
+def test_full_throttle_is_what_the_packs_own_resistance_makes_of_it(ohm: float) -> None:
+    state, known = flown(range(60), ohm=ohm)
+    for _ in range(8):
+        state, known = flown(range(60, 68), ohm=ohm, load_a=FULL_A, state=state, known=known)
+        assert state.dropped_s is None, state
+
+
+@pytest.mark.parametrize("ohm", [0.01, 0.05, 0.09])
+@pytest.mark.parametrize("load_a", [HOVERS_A, 1.1 * HOVERS_A])
+def test_a_cell_that_fails_is_no_load(ohm: float, load_a: float) -> None:
+    """A cell that gives a volt less lets the motors draw more by the same share: that explains next to nothing."""
+    state, known = flown(range(60), ohm=ohm)
+    for second in range(60, 75):
+        state, known = flown(range(second, second + 1), ohm=ohm, lost_v=1.4, load_a=load_a, state=state, known=known)
+        assert state.drop > 0.05, second
+
+
+def test_a_resistance_does_not_grow_by_what_a_failing_cell_takes() -> None:
+    state, known = flown(range(60))
+    before = state.usual_ohm
+    assert before is not None
+    assert before[0] < 0.05 < before[1]
+    state, _ = flown(range(60, 90), lost_v=1.4, load_a=1.2 * HOVERS_A, state=state, known=known)
+    assert state.usual_ohm == before
+    assert state.dropped_s == 60.0
+
+
+def test_where_no_load_has_changed_an_aged_pack_is_believed() -> None:
+    """The first reports of a log that begins in the air say nothing of the resistance."""
+    state = volted(*[(1.0, 15.0, 20.0)] * 20, (1.0, 13.7, 55.0))
+    assert state.dropped_s is None
+    assert volted(*[(1.0, 15.0, 20.0)] * 20, (1.0, 13.7, 21.0)).dropped_s is not None
+
+
+def test_a_current_that_no_motor_draws_explains_no_more_than_full_throttle() -> None:
+    steady = [(1.0, 15.0, 10.0)] * 20
+    assert volted(*steady, (1.0, 5.0, 80.0)).drop == volted(*steady, (1.0, 5.0, 900.0)).drop

@@ -1,0 +1,71 @@
+"""How fast a vehicle really sank, by several instruments that do not depend on each other.
+
+One of them alone may be wrong: an estimate that is deceived says that it stands while it falls, a barometer takes a
+wind for a height, and CTUN.CRt is centimetres in one firmware and metres in another. Two that agree, or the middle of
+three, are believed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from executor.replay.witness.testimony import SECOND, Testimony, pairs_between
+
+INSTRUMENTS = (
+    ("BARO.Alt", "CTUN.BarAlt", "SCALED_PRESSURE", "vehicle_air_data"),
+    ("GPS.Alt", "GPS_RAW_INT", "vehicle_gps_position"),
+    ("POS.Alt", "CTUN.Alt", "GLOBAL_POSITION_INT", "VFR_HUD", "vehicle_local_position"),
+)
+"""Barometer, satellites, filter; of each the first that a log has, for the others say the same."""
+SPAN_S, LONGEST_S = 1.0, 4.0
+"""Heights that are nearer to each other say nothing of a speed, those farther apart nothing of a moment."""
+BY_HAND = {True: frozenset({0, 1, 11, 13, 14, 18, 26}), False: frozenset({0, 10, 15})}
+"""Modes of ArduPilot (stabilize, acro, drift, sport, flip, throw, autorotate) and of PX4 in its own log (manual, acro,
+stabilized) in which nothing limits how fast it sinks."""
+PX4_MAIN_BY_HAND = frozenset({1, 5, 7, 8})
+"""The same of PX4 in a HEARTBEAT: manual, acro, stabilized, rattitude."""
+DESCENTS_CM_S = ("WPNAV_SPEED_DN", "PILOT_SPEED_DN", "PILOT_VELZ_MAX", "PILOT_SPEED_UP", "LAND_SPEED_HIGH")
+DESCENTS_M_S = ("MPC_Z_VEL_MAX_DN", "MPC_Z_V_AUTO_DN", "WP_SPD_DN", "PILOT_SPD_DN")
+USUAL_DESCENT_M_S, TIMES, LEAST_M_S = 2.5, 1.5, 4.0
+
+
+def sank_m_s(told: Testimony, from_usec: int, to_usec: int) -> tuple[float, str]:
+    """Return how fast it sank at its fastest in a time, and by what; 0 where no instrument says it."""
+    found = []
+    for names in INSTRUMENTS:
+        name = next((one for one in names if len(told.heights.get(one, ())) > 1), None)
+        rows = () if name is None else pairs_between(told.heights[name], from_usec, to_usec)
+        if name is not None and len(rows) > 1:
+            found.append((_steepest_m_s(rows), name))
+    if not found:
+        return 0.0, "nothing that tells heights"
+    found.sort()
+    # Of two the slower one, of three the middle one.
+    return found[(len(found) - 1) // 2][0], " and ".join(f"{speed:.1f} m/s by {name}" for speed, name in found)
+
+
+def _steepest_m_s(rows: Sequence[tuple[int, float]]) -> float:
+    steepest, first = 0.0, 0
+    for t_usec, height_m in rows:
+        while first + 1 < len(rows) and t_usec - rows[first + 1][0] >= SPAN_S * SECOND:
+            first += 1
+        elapsed_s = (t_usec - rows[first][0]) / SECOND
+        if SPAN_S <= elapsed_s <= LONGEST_S:
+            steepest = max(steepest, (rows[first][1] - height_m) / elapsed_s)
+    return steepest
+
+
+def never_ordered_m_s(told: Testimony, at_usec: int) -> float | None:
+    """Return from which speed on no sinking is one that was asked for; None in modes in which nothing limits it."""
+    mode = next((one.mode for one in reversed(told.modes) if one.t_usec <= at_usec), None)
+    if mode is None or _is_by_hand(told, mode):
+        return None
+    allowed = [told.settings.get(name, 0.0) / 100.0 for name in DESCENTS_CM_S]
+    allowed += [told.settings.get(name, 0.0) for name in DESCENTS_M_S]
+    return max(LEAST_M_S, TIMES * max(USUAL_DESCENT_M_S, *allowed))
+
+
+def _is_by_hand(told: Testimony, mode: int) -> bool:
+    if not told.ardupilot and not told.on_board:
+        return (mode >> 16) & 0xFF in PX4_MAIN_BY_HAND
+    return mode in BY_HAND[told.ardupilot]
