@@ -26,6 +26,7 @@ from executor.core.messages import (
 )
 from missions import FlightPath, LegEstimate, Phase
 from missions.fences import Fence
+from missions.items import MissionItem
 
 
 class Cause(Enum):
@@ -254,12 +255,36 @@ class MotionState:
     """How far its position lay from where its velocity leads, and when."""
     falls_s: float = float("-inf")
     """When it sank last as no vehicle lands."""
+    climbs_m_s: float = 0.0
+    """By its heights alone, over some seconds: what it says of its speed may be wrong where it matters."""
+    sinks_s: float = float("-inf")
+    """When it sank last, by them."""
+    drops_s: float = float("-inf")
+    """When it sank last faster than any autopilot touches down."""
     behind_s: float = 0.0
     """By how much its clock fell back behind ours in gaps of its positions: it stood still, or has begun anew."""
     fell_back_s: float = float("-inf")
     """When the last such gap ended."""
     reopened: bool = False
     """Whether the ground station was away since its last position: how long that was is its own clock's word alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class OwnMission:
+    """Its mission as its log has it, where nobody here planned it, and the height that its autopilot wants."""
+
+    items: tuple[MissionItem, ...] = ()
+    """By their numbers, as far as they were seen."""
+    current: int | None = None
+    """The item with a place that it flies to."""
+    before: int | None = None
+    """The one that it flew to before; None if its leg did not begin there."""
+    began: Fix | None = None
+    """Where it was when that leg began."""
+    below_m: float = 0.0
+    """How far it is below the height that its autopilot wants."""
+    below_s: float = float("-inf")
+    """When it said so."""
 
 
 @dataclass(frozen=True, slots=True)

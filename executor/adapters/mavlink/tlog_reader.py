@@ -21,7 +21,11 @@ from executor.adapters.mavlink.tlog_kinds import (
     COMMAND_ACK,
     GCS_TYPE,
     HEARTBEAT,
+    ITEM,
+    ITEMS,
     KINDS,
+    LOCAL_POSITION,
+    LOCAL_TARGET,
     ORDERS,
     PARAM_VALUE,
     POSITION,
@@ -41,6 +45,8 @@ from executor.core.messages import (
     Attitude,
     FlightMessage,
     Heartbeat,
+    HeightTarget,
+    ListedItem,
     OrderSeen,
     Radio,
     RcChannels,
@@ -49,7 +55,7 @@ from executor.core.messages import (
     VehicleSetting,
 )
 from executor.core.recording import MODE_COMMANDS, RcWatch, Record, RecordedFile, TiltWatch, is_wanted_setting
-from missions import AUTOPILOTS
+from missions import AUTOPILOTS, MissionItem
 
 V1, V2 = 0xFE, 0xFD
 MARKS = frozenset({V1, V2})
@@ -120,6 +126,8 @@ class TelemetryFile(RecordedFile):
     _tilts: dict[int, TiltWatch] = field(default_factory=dict)
     _autopilots: dict[int, int] = field(default_factory=dict)
     _events: dict[int, px4_events.Events] = field(default_factory=dict)
+    _downs_m: dict[int, float] = field(default_factory=dict)
+    """How far below where its filter began each system is."""
 
     def records(self) -> Iterator[Record]:
         """Yield (t_usec, system, message) in the order of the file; a message of None is time passing.
@@ -240,8 +248,9 @@ class TelemetryFile(RecordedFile):
         stamp, system, component, number = head
         if number == STATUSTEXT:
             yield from self._texted(stamp, system, component, fields)
-        elif number in ORDERS:
-            yield from self._ordered(stamp, system, number, fields)
+        elif number in ORDERS | ITEMS:
+            sent = self._ordered if number in ORDERS else self._listed
+            yield from sent(stamp, system, number, fields)
         elif isinstance(message, Heartbeat) and self._speaks(system, component, message):
             self._autopilots[system] = message.autopilot
             source.vehicle, source.rounds_twice = True, message.autopilot in ROUND_TWICE
@@ -267,6 +276,12 @@ class TelemetryFile(RecordedFile):
         if command in MODE_COMMANDS:
             yield stamp, target, OrderSeen(command, self._ordered_mode(number, fields, target), by)
 
+    def _listed(self, stamp: int, by: int, number: int, fields: tuple[Any, ...]) -> Iterator[Record]:
+        """Yield an item of a vehicle's mission, on its way to it or from it."""
+        of, item = by if by in self._autopilots else fields[9], _item_of(number, fields)
+        if item is not None and of in self._autopilots:
+            yield stamp, of, ListedItem(item)
+
     def _ordered_mode(self, number: int, fields: tuple[Any, ...], target: int) -> int | None:
         if number == SET_MODE:
             return int(fields[0])
@@ -291,6 +306,8 @@ class TelemetryFile(RecordedFile):
             name = words.shown(fields[3].split(b"\0", 1)[0].decode(errors="replace"))
             value = integers.from_wire(fields[0], fields[4], self._autopilots.get(system))
             return VehicleSetting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
+        if number in {LOCAL_POSITION, LOCAL_TARGET}:
+            return self._aimed(system, number, fields[3])
         if isinstance(message, Attitude):
             return self._tilts.setdefault(system, TiltWatch()).news(stamp, message)
         if not isinstance(message, RcChannels):
@@ -299,6 +316,14 @@ class TelemetryFile(RecordedFile):
         if len(message.values_us) < len(watch.told):
             return None  # ArduPilot sends the first eight channels once more
         return watch.news(stamp, message.values_us)
+
+    def _aimed(self, system: int, number: int, down_m: float) -> HeightTarget | None:
+        """Return how far PX4 is below what it wants, where it says both; ArduPilot says the difference."""
+        if number == LOCAL_POSITION:
+            self._downs_m[system] = down_m
+            return None
+        is_px4 = self._autopilots.get(system) == PX4
+        return plausible(HeightTarget(self._downs_m.get(system, math.nan) - down_m)) if is_px4 else None
 
     def _speaks(self, system: int, component: int, beat: Heartbeat) -> bool:
         """Return whether a component with an autopilot's HEARTBEAT is the one that speaks for its system."""
@@ -317,6 +342,15 @@ class TelemetryFile(RecordedFile):
     def _said(self, source: tuple[int, int], fields: tuple[Any, ...]) -> list[StatusText]:
         severity, raw, number, part = fields
         return [*self._texts.passed(source), *self._texts.take(source, severity, raw, number, part)]
+
+
+def _item_of(number: int, fields: tuple[Any, ...]) -> MissionItem | None:
+    """Return an item of a mission; one of a fence, of rally points, or a place to be flown to at once is none."""
+    one, two, three, four, x, y, z, seq, command, _, __, frame, current, goes_on, kind = fields
+    if kind or current > 1 or not all(map(math.isfinite, (x, y, z))):
+        return None
+    lat, lon = (round(degrees * 1e7) for degrees in (x, y)) if number == ITEM else (x, y)
+    return MissionItem(seq, frame, command, one, two, three, four, lat, lon, z, bool(current), bool(goes_on))
 
 
 def _is_whole(frame: bytes, kind: MessageKind) -> bool:
