@@ -104,10 +104,10 @@ def _planned(state: VehicleState, fix: Fix) -> AskedHeight | None:
 
 
 def _seen(context: Scene, own: OwnMission, fix: Fix) -> AskedHeight | None:
-    ends = item_of(own, own.current)
+    ends = item_of(own, own.leads_to)
     if ends is None or ends.command not in {WAYPOINT, SPLINE} | _STAYS or (up_m := _up_in(ends.frame, fix)) is None:
         return None
-    begins, began = item_of(own, own.before), own.began
+    begins, began = item_of(own, own.came_from), own.leg_from
     if begins is not None and begins.command == WAYPOINT and begins.frame == ends.frame:
         from_m, from_up_m = _place_m(context, begins, fix), begins.z
     elif began is not None and (began_up_m := _up_in(ends.frame, began)) is not None:
@@ -132,27 +132,27 @@ def item_of(own: OwnMission, number: int | None) -> MissionItem | None:
     """Return an item of a mission that was seen."""
     if number is None:
         return None
-    if number < len(own.items) and own.items[number].seq == number:
-        return own.items[number]
-    return next((one for one in own.items if one.seq == number), None)
+    if number < len(own.listed) and own.listed[number].seq == number:
+        return own.listed[number]
+    return next((one for one in own.listed if one.seq == number), None)
 
 
 def with_item(own: OwnMission, item: MissionItem) -> OwnMission:
     """Return a mission with an item that was seen; the first one begins another mission."""
-    others = () if item.seq == 0 else tuple(one for one in own.items if one.seq != item.seq)
+    others = () if item.seq == 0 else tuple(one for one in own.listed if one.seq != item.seq)
     if not others or others[-1].seq < item.seq:
-        return replace(own, items=(*others, item))
-    return replace(own, items=tuple(sorted((*others, item), key=lambda one: one.seq)))
+        return replace(own, listed=(*others, item))
+    return replace(own, listed=tuple(sorted((*others, item), key=lambda one: one.seq)))
 
 
 def flown_to(own: OwnMission, number: int, fix: Fix | None) -> OwnMission:
     """Return a mission whose vehicle says which item it flies to; what a camera or a speed is told leads nowhere."""
     item = item_of(own, number)
-    if number == own.current or (item is not None and item.command > LAST_NAV):
+    if number == own.leads_to or (item is not None and item.command > LAST_NAV):
         return own
-    return replace(own, current=number, before=own.current, began=fix)
+    return replace(own, leads_to=number, came_from=own.leads_to, leg_from=fix)
 
 
 def taken_up(own: OwnMission) -> OwnMission:
     """Return a mission that its vehicle takes up where it is: in this mode, or after another one."""
-    return own if own.began is None and own.before is None else replace(own, before=None, began=None)
+    return own if own.leg_from is None and own.came_from is None else replace(own, came_from=None, leg_from=None)

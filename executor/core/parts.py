@@ -273,13 +273,13 @@ class MotionState:
 class OwnMission:
     """Its mission as its log has it, where nobody here planned it, and the height that its autopilot wants."""
 
-    items: tuple[MissionItem, ...] = ()
+    listed: tuple[MissionItem, ...] = ()
     """By their numbers, as far as they were seen."""
-    current: int | None = None
+    leads_to: int | None = None
     """The item with a place that it flies to."""
-    before: int | None = None
+    came_from: int | None = None
     """The one that it flew to before; None if its leg did not begin there."""
-    began: Fix | None = None
+    leg_from: Fix | None = None
     """Where it was when that leg began."""
     below_m: float = 0.0
     """How far it is below the height that its autopilot wants."""
@@ -305,6 +305,13 @@ class Power:
     """When BATTERY_STATUS came last: SYS_STATUS says less, and in another way."""
     began_pct: float | None = None
     """What its battery held at its last start."""
+    aloft_pct: float | None = None
+    """What it held when it was last heard in the air: PX4's simulated pack is full again as soon as it disarms."""
+
+    @property
+    def landed_pct(self) -> float | None:
+        """What it landed with; what it holds now, if it was not heard in the air."""
+        return self.battery.remaining_pct if self.aloft_pct is None else self.aloft_pct
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,7 +87,7 @@ def _says_weak(view: View) -> bool:
 
 def _ends_or_begins(view: View) -> bool:
     """Return whether it takes off or lands as its mission has it."""
-    leg, item = view.state.leg, item_of(view.state.own, view.state.own.current)
+    leg, item = view.state.leg, item_of(view.state.own, view.state.own.leads_to)
     if leg is not None and leg.phase in {Phase.TAKEOFF, Phase.LAND}:
         return True
     return item is not None and item.command in GROUND_ITEMS

@@ -344,8 +344,8 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
     if assignment.fix_waypoint != assignment.waypoint:
         assignment = replace(assignment, fix_waypoint=assignment.waypoint)
     after = state.after(link, motion=motion, power=power, sortie=sortie, assignment=assignment)
-    if state.own.items and state.own.began is None:
-        after = replace(after, own=replace(state.own, began=fix))
+    if state.own.listed and state.own.leg_from is None:
+        after = replace(after, own=replace(state.own, leg_from=fix))
     return Folded(after, covered.inspected, covered.flown)
 
 
