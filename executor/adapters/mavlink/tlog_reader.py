@@ -65,6 +65,8 @@ STAMP_TOLERANCE_USEC = 3 * 86400 * 1_000_000
 """Where a log was damaged, a record counts whose time is within three days of the last (as pymavlink does)."""
 GAP_USEC = 900_000
 """Where nothing came of a system for so long, it is said that time passed before its next message."""
+BEAT_FRAMES = 25
+"""Not every frame is looked at: one HEARTBEAT stands for so many, for texts whose other parts are waited for."""
 ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128
@@ -135,6 +137,8 @@ class TelemetryFile(RecordedFile):
         System 0 stands for what is about the link as a whole.
         """
         yield from in_pieces(self.path, self._piece)
+        for (system, _), text in self._texts.unfinished():
+            yield self._stamp, system, text
         self._explain()
 
     def _explain(self) -> None:
@@ -258,6 +262,8 @@ class TelemetryFile(RecordedFile):
                 yield stamp, system, Traffic(source.received, source.missing)
                 source.received = source.missing = 0
             yield stamp, system, message
+            for text in self._texts.passed((system, component), BEAT_FRAMES):
+                yield stamp, system, text
         elif isinstance(message, Radio):
             yield stamp, 0, message
         elif number in TOLD_BY_VEHICLES:
@@ -341,7 +347,7 @@ class TelemetryFile(RecordedFile):
 
     def _said(self, source: tuple[int, int], fields: tuple[Any, ...]) -> list[StatusText]:
         severity, raw, number, part = fields
-        return [*self._texts.passed(source), *self._texts.take(source, severity, raw, number, part)]
+        return self._texts.take(source, severity, raw, number, part)
 
 
 def _item_of(number: int, fields: tuple[Any, ...]) -> MissionItem | None:

@@ -44,6 +44,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: folded(flying(), Battery(0, 89.0, 15.0, 20.0, None, 1, 0, (3.75,) * 4)),
         (
             {
+                "aloft_pct": 89.0,
                 "battery": {
                     "remaining_pct": 89.0,
                     "least_pct": 89.0,
@@ -75,6 +76,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: folded(flying(), Battery(0, 89.0, 15.0, 20.0, 1.5, 2, 4)),
         (
             {
+                "aloft_pct": 89.0,
                 "battery": {
                     "remaining_pct": 89.0,
                     "least_pct": 89.0,
@@ -154,6 +156,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: folded(flying(packs=((0, 80.0),)), Battery(1, 89.0, 15.0, 20.0, 1.5, 1, 0)),
         (
             {
+                "aloft_pct": 80.0,
                 "battery": {
                     "remaining_pct": 80.0,
                     "least_pct": 80.0,
@@ -213,6 +216,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
         (
             {
+                "aloft_pct": 89.25,
                 "battery": {
                     "remaining_pct": 89.25,
                     "least_pct": 89.25,
@@ -247,6 +251,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
         (
             {
+                "aloft_pct": 89.25,
                 "battery": {
                     "remaining_pct": 89.25,
                     "least_pct": 89.25,
@@ -292,6 +297,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             (
                 {
                     "unhealthy": 32,
+                    "aloft_pct": 85.0,
                     "battery": {
                         "remaining_pct": 85.0,
                         "least_pct": 85.0,
