@@ -238,6 +238,8 @@ class Sensors:
     tilted_since_s: float | None = None
     """Since when it lies or hangs as no multicopter flies."""
     fence_breached: bool = False
+    breached_s: float = float("-inf")
+    """When it said so last: its return may be over its fence again before its mode is heard."""
     unhealthy: int = 0
     """MAV_SYS_STATUS_SENSOR bits that are enabled and not healthy."""
 
@@ -515,6 +517,8 @@ class Evidence:
     """When its HEARTBEAT became critical last."""
     failed: tuple[tuple[OwnFailsafe, float], ...] = ()
     """What it says has failed, the last of each kind, and when."""
+    passed: tuple[tuple[OwnFailsafe, float, float], ...] = ()
+    """What was over again, the last of each kind, when it was said, and when it was over."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 
 from executor.core.context import Scene, VehicleSetup
-from executor.core.custody.actors import GEOFENCE_SENSOR, changed_by, settled
+from executor.core.custody.actors import GEOFENCE_SENSOR, changed_by, led_by_fence, settled
 from executor.core.faults import batteries, heights, streams
 from executor.core.faults.watching import (
     OK,
@@ -161,10 +161,17 @@ def fence_breached(view: View) -> Finding:
     bit = view.setup.planned and state.sortie.took_off and bool(sensors.unhealthy & GEOFENCE_SENSOR)
     told = sensors.fence_breached or bit
     off = off_its_fence(state, view.now_s, view.context.limits.link_stale_s)
-    if not said and not told and not off:
+    led = "" if said or told or off or not _newly_led(view) else led_by_fence(view.setup, state)
+    if not said and not told and not off and not led:
         return OK
-    parts = ("its fence is breached", off, said)
+    parts = ("its fence was breached" if led else "its fence is breached", off, said)
     return Finding(Verdict.FAIL, "; ".join(part for part in parts if part))
+
+
+def _newly_led(view: View) -> bool:
+    """Return whether it has left its mission just now: it may be inside its fence again before that is heard."""
+    left = view.state.sortie.flew_mission and not on_mission(view)
+    return left and view.now_s - view.state.telemetry.mode_since_s <= view.context.limits.alarm_s
 
 
 UNNAMED_S = 1.0

@@ -131,7 +131,9 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
             sensors = replace(state.sensors, attitude=message, tilted_since_s=tilted_s)
             return Folded(state.after(link, sensors=sensors))
         case FenceStatus(breached):
-            return Folded(state.after(link, sensors=replace(state.sensors, fence_breached=breached)))
+            breached_s = now_s if breached else state.sensors.breached_s
+            sensors = replace(state.sensors, fence_breached=breached, breached_s=breached_s)
+            return Folded(state.after(link, sensors=sensors))
         case StatusText(_, said):
             assignment, telemetry = _carries(context, state, message, now_s), state.telemetry
             if _ALARM.search(said) and not _adds_nothing(state, said, now_s):
