@@ -8,6 +8,7 @@ from __future__ import annotations
 from executor.core.asked_heights import GROUND_ITEMS, asked_height, item_of, lies_low
 from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, alarm_words, loses_itself, on_mission
 from executor.core.parts import Fix
+from executor.core.places import place_words
 from missions import Phase
 
 MOST_WORDS_S = 10.0
@@ -56,13 +57,14 @@ def sinks_off_target(view: View) -> Finding:
 
 
 def lies_on_mission(view: View) -> Finding:
-    """It lies on the ground in the middle of its mission, armed; live that is looked for by where it is (`down`)."""
-    fix, anchor = _height_of(view), view.state.motion.anchor
-    if view.setup.planned or anchor is None:
-        return OK
-    if fix is None:
+    """It lies on the ground in the middle of its mission, armed."""
+    fix, anchor, state = _height_of(view), view.state.motion.anchor, view.state
+    if fix is None or anchor is None:
         return STALE
-    stood_s, state = fix.boot_s - anchor.boot_s, view.state
+    if view.setup.planned:
+        lies = lies_low(view.context, view.setup, state)
+        return Finding(Verdict.FAIL, f"does not move, {place_words(view.context, state)}") if lies else OK
+    stood_s = fix.boot_s - anchor.boot_s
     if not on_mission(view) or not state.sortie.took_off or stood_s < LYING_S or _ends_or_begins(view):
         return OK
     dropped = state.motion.drops_s >= view.now_s - stood_s - DROPPED_S and fix.alt_rel_m <= LYING_UP_M

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from executor.core.asked_heights import lies_low
 from executor.core.context import Context
 from executor.core.homing.homeward import comes_home
 from executor.core.places import coordinates, lean_words, over_its_pad, place_words
@@ -27,8 +26,7 @@ def found_down(context: Context, vehicle: VehicleState, now_s: float) -> str:
         return f"{lean_words(vehicle)}, {place_words(context, vehicle)}"
     if now_s - fix.at_s > limits.link_stale_s:
         return ""
-    lies = vehicle.stage is Stage.FLYING and lies_low(context, context.vehicles[vehicle.name], vehicle)
-    if not lies and (vehicle.stage is not Stage.RETURNING or not _still(context, vehicle, now_s)):
+    if vehicle.stage is not Stage.RETURNING or not _still(context, vehicle, now_s):
         return ""
     if _unsaid(vehicle, now_s):
         place = coordinates(context, vehicle)
