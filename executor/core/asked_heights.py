@@ -153,6 +153,6 @@ def flown_to(own: OwnMission, number: int, fix: Fix | None) -> OwnMission:
     return replace(own, leads_to=number, came_from=own.leads_to, leg_from=fix)
 
 
-def taken_up(own: OwnMission) -> OwnMission:
+def begun_anew_here(own: OwnMission) -> OwnMission:
     """Return a mission that its vehicle takes up where it is: in this mode, or after another one."""
     return own if own.leg_from is None and own.came_from is None else replace(own, came_from=None, leg_from=None)

@@ -6,7 +6,7 @@ A vehicle that loses thrust sinks slowly, in mission mode, and its autopilot may
 from __future__ import annotations
 
 from executor.core.asked_heights import GROUND_ITEMS, asked_height, item_of, lies_low
-from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, alarm_words, loses_itself, on_mission
+from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, alarm_words, in_mission_mode, loses_itself
 from executor.core.parts import Fix
 from executor.core.places import place_words
 from missions import Phase
@@ -44,7 +44,7 @@ def sinks_off_target(view: View) -> Finding:
     fix, own = _height_of(view), view.state.own
     if fix is None:
         return STALE
-    if not on_mission(view) or not view.state.sortie.took_off or view.now_s - own.below_s > TARGET_S:
+    if not in_mission_mode(view) or not view.state.sortie.took_off or view.now_s - own.below_s > TARGET_S:
         return OK
     if _ends_or_begins(view) or (not view.setup.planned and loses_itself(view)):
         return OK
@@ -65,7 +65,7 @@ def lies_on_mission(view: View) -> Finding:
         lies = lies_low(view.context, view.setup, state)
         return Finding(Verdict.FAIL, f"does not move, {place_words(view.context, state)}") if lies else OK
     stood_s = fix.boot_s - anchor.boot_s
-    if not on_mission(view) or not state.sortie.took_off or stood_s < LYING_S or _ends_or_begins(view):
+    if not in_mission_mode(view) or not state.sortie.took_off or stood_s < LYING_S or _ends_or_begins(view):
         return OK
     dropped = state.motion.drops_s >= view.now_s - stood_s - DROPPED_S and fix.alt_rel_m <= LYING_UP_M
     if not dropped and not lies_low(view.context, view.setup, state):

@@ -76,7 +76,7 @@ def loses_itself(view: View) -> bool:
     )
 
 
-def on_mission(view: View) -> bool:
+def in_mission_mode(view: View) -> bool:
     """Return whether it says that it is in mission mode."""
     heartbeat = view.state.telemetry.heartbeat
     return heartbeat is not None and is_mission_mode(view.setup.dialect, heartbeat.custom_mode)

@@ -20,8 +20,8 @@ from executor.core.faults.watching import (
     View,
     Watchpoint,
     alarm_words,
+    in_mission_mode,
     loses_itself,
-    on_mission,
     said_failed,
 )
 from executor.core.fencing import off_its_fence
@@ -170,7 +170,7 @@ def fence_breached(view: View) -> Finding:
 
 def _newly_led(view: View) -> bool:
     """Return whether it has left its mission just now: it may be inside its fence again before that is heard."""
-    left = view.state.sortie.flew_mission and not on_mission(view)
+    left = view.state.sortie.flew_mission and not in_mission_mode(view)
     return left and view.now_s - view.state.telemetry.mode_since_s <= view.context.limits.alarm_s
 
 
@@ -216,7 +216,7 @@ def position_jumped(view: View) -> Finding:
     """Its position is suddenly elsewhere: where it is, and where it flies to, is not known any more."""
     off_m, at_s = view.state.motion.jump
     limits = view.context.limits
-    if not view.setup.planned and (not on_mission(view) or loses_itself(view)):
+    if not view.setup.planned and (not in_mission_mode(view) or loses_itself(view)):
         return OK  # it is not flown by its position; or knows itself that it is elsewhere
     if off_m >= limits.jump_m and view.now_s - at_s <= limits.link_stale_s:
         return Finding(Verdict.FAIL, f"its position jumped by {off_m:.0f} m")
@@ -234,7 +234,7 @@ def stalled(view: View) -> Finding:
         return STALE
     if state.orders.held_s is not None:
         return OK  # the operator's order
-    if view.setup.planned is False and not on_mission(view):
+    if view.setup.planned is False and not in_mission_mode(view):
         return OK  # somebody flies it by hand
     # By its own clock: a simulator that the computer lets wait stands still, and so does its time.
     stood_s = state.motion.fix.boot_s - state.motion.anchor.boot_s

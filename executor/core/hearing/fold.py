@@ -195,7 +195,7 @@ def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbe
     )
     known = evidence.beaten(state.evidence, old.heartbeat, message, now_s)
     if other:
-        after = replace(after, own=asked_heights.taken_up(state.own))
+        after = replace(after, own=asked_heights.begun_anew_here(state.own))
     return after if known is state.evidence else replace(after, evidence=known)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from executor.core.asked_heights import asked_height, flown_to, item_of, lies_low, taken_up, with_item
+from executor.core.asked_heights import asked_height, begun_anew_here, flown_to, item_of, lies_low, with_item
 from executor.core.carried import Carried
 from executor.core.context import VehicleSetup
 from executor.core.messages import Heartbeat
@@ -129,7 +129,7 @@ def test_what_a_speed_is_told_leads_nowhere() -> None:
     assert flown_to(own, 1, FROM) == own
     on = flown_to(own, 3, FROM)
     assert (on.leads_to, on.came_from, on.leg_from) == (3, 1, FROM)
-    again = taken_up(on)
+    again = begun_anew_here(on)
     assert (again.leads_to, again.came_from, again.leg_from) == (3, None, None)
 
 

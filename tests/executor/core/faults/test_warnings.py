@@ -41,6 +41,7 @@ ROWS: list[tuple[str, VehicleState]] = [
     ("battery-besides", flying(stage=Stage.RETURNING, fault=FALLS, battery=pack(20.0, charge_state=3))),
     ("reserve", flying(battery=pack(16.0, 16.0))),
     ("position", flying(jump=(33.0, NOW_S))),
+    ("low", flying(fix=at(east_m=140.0, up_m=10.0))),
     ("stands", flying(stage=Stage.RETURNING, anchor=replace(at(), boot_s=NOW_S - 25.0))),
 ]
 
