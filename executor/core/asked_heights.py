@@ -27,6 +27,8 @@ GROUND_ITEMS = frozenset({20, 21, 22, 84, 85})
 _OVER_HOME = frozenset({Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT})
 _OVER_SEA = frozenset({Frame.GLOBAL, Frame.GLOBAL_INT})
 DEG_E7 = 1e7
+ITEM_STALE_S = 5.0
+"""Both autopilots say once a second, at least, which item they fly to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +90,8 @@ def _planned(state: VehicleState, fix: Fix) -> AskedHeight | None:
     board, number = state.assignment.board, state.assignment.waypoint
     if board is None or state.assignment.carried.foreign_s is not None or number < 1:
         return None
+    if fix.at_s - (state.telemetry.item_s or fix.at_s) > ITEM_STALE_S:
+        return None  # which leg it is on is not known any more
     points, asked = board.path.waypoints, list[AskedHeight]()
     for index in range(number, len(points)):
         if points[index].phase not in _HOLDS:

@@ -73,6 +73,7 @@ NOWHERE: list[dict[str, Any]] = [
     {"waypoint": 5},  # it lands
     {"board": None},
     {"waypoint": 4, "fix": over(1.01, 4, 10.0)},  # over its pad the landing begins
+    {"item_s": NOW_S - 5.1},
     {"carried": replace(Carried(), foreign_s=NOW_S)},
 ]
 
