@@ -127,7 +127,9 @@ class FaultCode(StrEnum):
     FALLING = "falling"
     """It falls."""
     SINKING = "sinking"
-    """It sinks below what its mission asks, or though its autopilot wants to climb."""
+    """It sinks far below what its mission asks."""
+    THRUST_LOST = "thrust_lost"
+    """It sinks though its autopilot wants to be higher."""
     TERMINATED = "terminated"
     """Its HEARTBEAT reports an emergency or flight termination."""
     POSITION_JUMP = "position_jump"
@@ -158,6 +160,10 @@ class FaultCode(StrEnum):
     """The gimbal does not point where it should."""
     OPERATOR_EXCLUDE = "operator_exclude"
     """An operator's intent took it out of the plan."""
+
+
+SINKS = frozenset({FaultCode.SINKING, FaultCode.THRUST_LOST})
+"""Of a vehicle that cannot hold its height."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -252,7 +252,7 @@ TABLE: tuple[Watchpoint, ...] = (
     Watchpoint("off-pad", FaultKind.INTERRUPTION, down_off_pad, 0.0, _IN_THE_AIR, FaultCode.DISARMED),
     Watchpoint("falling", FaultKind.INTERRUPTION, falling, 0.4, _IN_THE_AIR, FaultCode.FALLING),
     Watchpoint("sinking", FaultKind.INTERRUPTION, heights.sinks_below, 2.0, _ON_MISSION, FaultCode.SINKING),
-    Watchpoint("thrust", FaultKind.INTERRUPTION, heights.sinks_off_target, 3.5, _ON_MISSION, FaultCode.SINKING),
+    Watchpoint("thrust", FaultKind.INTERRUPTION, heights.sinks_off_target, 3.5, _ON_MISSION, FaultCode.THRUST_LOST),
     Watchpoint("lies", FaultKind.DOWN, heights.lies_on_mission, 0.0, _ON_MISSION, FaultCode.DOWN),
     CRASH,
     Watchpoint("terminated", FaultKind.INTERRUPTION, terminated, 0.0, _IN_THE_AIR, FaultCode.TERMINATED),

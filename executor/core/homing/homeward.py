@@ -19,7 +19,7 @@ from executor.core.events import OrderEnded, ReturnEnded
 from executor.core.parts import Cause, Errand
 from executor.core.places import kill_switch_on
 from executor.core.state import FleetState
-from executor.core.vehicle import IN_THE_AIR, FaultCode, Stage, VehicleState
+from executor.core.vehicle import IN_THE_AIR, SINKS, Stage, VehicleState
 from executor.core.words import first_of
 from missions import Phase
 from missions.areacheck import areas_on_the_way_home
@@ -141,7 +141,7 @@ def _cannot_climb(context: Context, vehicle: VehicleState, now_s: float) -> bool
     holds its height again is told as any other.
     """
     fix, anchor = vehicle.motion.fix, vehicle.motion.anchor
-    if vehicle.fault is None or vehicle.fault.code is not FaultCode.SINKING:
+    if vehicle.fault is None or vehicle.fault.code not in SINKS:
         return False
     if fix is None or anchor is None or now_s - fix.at_s > context.limits.link_stale_s:
         return True
