@@ -71,7 +71,7 @@ class Airframe:
         self.climbing_out = False
         """Whether the climb under way is a take-off."""
         self.wrecked = False
-        """Whether it lies on its back, and goes on talking."""
+        """Whether it lies on its back, or where it sank to, and goes on talking."""
         self.highest_m = 0.0
         self._turns_over = False
         """Whether the fall under way ends on its back."""
@@ -161,15 +161,16 @@ class Airframe:
         self._motors_off()
         self.pilot.fly([])
 
-    def wreck(self) -> None:
-        """Fall, and lie on its back from then on; with the motors on, if it was not disarmed."""
-        self._turns_over = True
-        self._falling = True
+    def damage(self, *, lost_thrust: float, turns_over: bool) -> None:
+        """Lose a share of its thrust; or fall, and lie on its back, with the motors on if it was not disarmed."""
+        self.body.lost_thrust = lost_thrust
+        if turns_over:
+            self._turns_over = self._falling = True
 
     def put_on_pad(self) -> None:
         """Stand on its pad as if nothing had been, as a simulator does that is restarted."""
         self._falling = self.wrecked = self._turns_over = self._stops = False
-        self.crashed_s = None
+        self.crashed_s, self.body.lost_thrust = None, 0.0
         self.body.east_m = self.body.north_m = self.body.up_m = 0.0
         self.body.stop()
         self.disarm()
@@ -233,15 +234,17 @@ class Airframe:
             self.disarm()
 
     def _lie(self) -> None:
+        roll_rad = WRECK_ROLL_RAD if self._turns_over else 0.0
         self._falling = self._turns_over = False
         self.wrecked = True
         self.body.stop()
-        self.body.up_m, self.body.roll_rad = WRECK_UP_M, WRECK_ROLL_RAD
+        self.body.up_m, self.body.roll_rad = WRECK_UP_M, roll_rad
         self.happened("wreck")
         if self._stops:
             self._motors_off()
 
     def _fly(self, dt_s: float) -> None:
+        lands = isinstance(self.pilot.goal, Land)
         self.pilot.step(dt_s)
         if self._descending != isinstance(self.pilot.goal, Land):
             self._descending = not self._descending
@@ -250,6 +253,9 @@ class Airframe:
         if self.body.up_m > AIRBORNE_M and not self._airborne:
             self._airborne = True
             self.happened("took_off")
+        if self.body.lost_thrust and self._airborne and self.body.on_ground and self._ground_s == 0.0 and not lands:
+            self._lie()  # its motors turn on, and no autopilot takes that for a landing
+            return
         rests = self.body.on_ground and not isinstance(self.pilot.goal, Wait | Climb)
         if rests and self._airborne and self._ground_s == 0.0:
             self.happened("landed")

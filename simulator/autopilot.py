@@ -188,8 +188,8 @@ class Autopilot(ABC):
                 self.frame.kill()
             case InjectionKind.DISARM | InjectionKind.PACK if self.frame.body.on_ground:
                 self._handled(kind, value)
-            case InjectionKind.WRECK:
-                self.frame.wreck()
+            case InjectionKind.WEAK | InjectionKind.WRECK:
+                self.frame.damage(lost_thrust=value, turns_over=kind is InjectionKind.WRECK)
             case InjectionKind.FENCE:
                 self.frame.happened("failsafe fence")
                 self._on_breach()

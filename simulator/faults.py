@@ -25,6 +25,8 @@ class InjectionKind(Enum):
     """The battery is used VALUE times as fast."""
     CRASH = "crash"
     """The motors stop."""
+    WEAK = "weak"
+    """Its motors lose a share VALUE of their thrust: from half of it on it sinks, in the mode that it is in."""
     REBOOT = "reboot"
     """The autopilot restarts: on the ground it is back after a few seconds, in the air it falls; with ``pad`` it is
     back on its pad wherever it was, as a simulator that is restarted."""
@@ -111,6 +113,7 @@ _RULES: dict[InjectionKind, _Rule] = {
     InjectionKind.BATTERY_STEP: _Rule("points of charge from 0 to 100", high=100.0),
     InjectionKind.DRAIN: _Rule("a factor of 0 or more"),
     InjectionKind.REBOOT: _Rule("pad, or nothing", required=False, words=frozenset({"pad"})),
+    InjectionKind.WEAK: _SHARE,
     InjectionKind.LOSS: _SHARE,
     InjectionKind.DELAY: _Rule("seconds", seconds=True),
     InjectionKind.DUPLICATE: _SHARE,

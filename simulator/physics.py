@@ -14,6 +14,11 @@ HARD_LANDING_M_S = 2.0
 """Touching down faster than this breaks the vehicle; a fall from 25 cm does."""
 DRAG_PER_S = 0.35
 """Specific drag: at 5 m/s the recorded flights lean by 0.2 rad, g * 0.2 / 5."""
+THRUST_TO_WEIGHT = 2.0
+"""At full throttle: most multicopters hover at about half of it."""
+SINK_DRAG_PER_S = 1.2
+"""Of rotors that sink through the air, so that a vehicle with too little thrust sinks and does not fall: without 70 %
+of it at 3.3 m/s."""
 CARRIED_YAW_RAD_S = 1.0
 EQUATOR_M = 6378137.0
 ECCENTRICITY2 = 6.69437999014e-3
@@ -96,6 +101,8 @@ class Body:
         """Where its nose is to point, whatever way it flies; None is ahead."""
         self.flown_m = 0.0
         """Odometer."""
+        self.lost_thrust = 0.0
+        """Share of its thrust that is not there."""
 
     @property
     def place(self) -> Place:
@@ -126,6 +133,7 @@ class Body:
         up = min(max(wish.up_m_s, -limits.descend_m_s), limits.climb_m_s)
         most = limits.vertical_m_s2 * dt_s
         self.v_up_m_s += min(max(up - self.v_up_m_s, -most), most)
+        self._sink(before[2], dt_s)
         self._move(before, dt_s)
         self._lean(d_east / dt_s, d_north / dt_s, limits.yaw_rad_s, dt_s)
 
@@ -133,6 +141,7 @@ class Body:
         """Move for ``dt_s`` and have this velocity after it: somebody else has seen to the limits."""
         before = (self.v_east_m_s, self.v_north_m_s, self.v_up_m_s)
         self.v_east_m_s, self.v_north_m_s, self.v_up_m_s = velocity.east_m_s, velocity.north_m_s, velocity.up_m_s
+        self._sink(before[2], dt_s)
         self._move(before, dt_s)
         d_east, d_north = velocity.east_m_s - before[0], velocity.north_m_s - before[1]
         self._lean(d_east / dt_s, d_north / dt_s, CARRIED_YAW_RAD_S, dt_s)
@@ -159,6 +168,14 @@ class Body:
         self.up_m = max(self.up_m, 0.0)
         self.v_east_m_s = self.v_north_m_s = self.v_up_m_s = 0.0
         self.roll_rad = self.pitch_rad = self.yaw_rate_rad_s = 0.0
+
+    def _sink(self, before_m_s: float, dt_s: float) -> None:
+        """Rise no faster than what is left of its thrust allows."""
+        if self.lost_thrust > 0.0:
+            lift_m_s2 = (
+                GRAVITY_M_S2 * (THRUST_TO_WEIGHT * (1.0 - self.lost_thrust) - 1.0) - SINK_DRAG_PER_S * before_m_s
+            )
+            self.v_up_m_s = min(self.v_up_m_s, before_m_s + lift_m_s2 * dt_s)
 
     def _move(self, before: tuple[float, float, float], dt_s: float) -> None:
         east = (before[0] + self.v_east_m_s) / 2 * dt_s

@@ -54,6 +54,8 @@ STILL_S = 25.0
 SAID_S = 10.0
 FALLS_M_S, DROPS_M_S = 2.5, 8.0
 """Sinking that somebody may have ordered, and sinking that no copter does by itself."""
+SANK_S, SANK_M = 6.0, 3.0
+"""Nobody sinks so far in this time who holds a height."""
 LANDED_M = 2.5
 HIGH_M = 5.0
 
@@ -83,6 +85,8 @@ def hold_against(declared: Declaration, told: Testimony, link_timeout_s: float) 
         return pack_verdict(declared, told, confirmed, refuted, undecided)
     if declared.reason in STREAMS:
         return _stream(told, at, STREAMS[declared.reason])
+    if declared.reason in SANK:
+        return SANK[declared.reason](told, at)
     if declared.reason in CRASHES or declared.kind is FaultKind.DOWN:
         return confirmed(crash) if crash else _down(told, at, falls=declared.reason == "falling")
     if declared.reason in BY_REASON:
@@ -168,6 +172,31 @@ def _down(told: Testimony, at: int, *, falls: bool) -> Ruling:
     return _disarmed(where)
 
 
+def _sank(told: Testimony, at: int) -> Ruling:
+    """Look whether it lost height by and by, and did not win it back."""
+    before, then = told.moment_at(at - round(SANK_S * SECOND)), told.moment_at(at)
+    if before is None or then is None or before.height_m is None or then.height_m is None:
+        return undecided("how high it was is not in the log")
+    lost_m = before.height_m - then.height_m
+    if lost_m < SANK_M:
+        return refuted(f"it lost {max(0.0, lost_m):.1f} m in {SANK_S:g} s")
+    later = told.moment_at(at + round(FLOWN_ON_S * SECOND))
+    if later is not None and told.is_armed(later.t_usec) and (later.height_m or 0.0) > then.height_m + SANK_M:
+        return refuted(f"it was {later.height_m:.0f} m high again {FLOWN_ON_S:g} s later, from {then.height_m:.0f} m")
+    return confirmed(f"it lost {lost_m:.1f} m in {SANK_S:g} s, and did not climb again")
+
+
+def _lay(told: Testimony, at: int) -> Ruling:
+    """Look whether it came down faster than any landing and stayed there, armed."""
+    after = between(told.moments, at, at + round(FLOWN_ON_S * SECOND))
+    if not told.is_armed(at + round(FLOWN_ON_S * SECOND)) or not after:
+        return refuted("it disarmed, as after a landing")
+    span_m = max(_apart_m(after[0], one) for one in after)
+    if span_m >= STILL_M:
+        return refuted(f"moved {span_m:.0f} m")
+    return confirmed(f"armed, and moved {span_m:.1f} m in {FLOWN_ON_S:g} s")
+
+
 def _disarmed(where: Whereabouts | None) -> Ruling:
     if where is None or where.height_m is None:
         return undecided("where it was is not in the log")
@@ -232,6 +261,7 @@ def _said(declared: Declaration, told: Testimony) -> Ruling:
 
 STREAMS = {"heartbeat": "HEARTBEAT", "positions": "position", "items": "item", "battery-reports": "battery"}
 CRASHES = frozenset({"off-pad", "falling", "crash", "crashed", "tumbled", "attitude"})
+SANK: Mapping[str, Callable[[Testimony, int], Ruling]] = {"sinking": _sank, "thrust": _sank, "lies": _lay}
 BY_REASON: Mapping[str, Callable[[Testimony, int], Ruling]] = {
     "terminated": _terminated, "position": _jumped, "stall": _stood,
 }  # fmt: skip

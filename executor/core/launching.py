@@ -92,7 +92,7 @@ def ordered(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
         ),
         sortie=replace(vehicle.sortie, armed_once=False, took_off=False, rebooted_s=None, away_once=False),
         motion=replace(vehicle.motion, anchor=None),
-        power=replace(vehicle.power, began_pct=vehicle.power.battery.remaining_pct),
+        power=replace(vehicle.power, began_pct=vehicle.power.battery.remaining_pct, aloft_pct=None),
     )
     return state.put(vehicle), Start(vehicle.name)
 

@@ -57,6 +57,16 @@ class Limits:
     """PX4 reports its battery every 2 s: three reports may be lost before the last one is old."""
     fall_m_s: float = 5.0
     """No autopilot descends this fast on its own (ArduPilot's WPNAV_SPEED_DN and PX4's MPC_Z_VEL_MAX_DN are 1.5)."""
+    sinks_m_s: float = 0.5
+    """Faster than this no autopilot sinks that holds a height: gusts move it by some decimetres a second."""
+    drops_m_s: float = 1.8
+    """Faster than this no autopilot touches down (ArduPilot's LAND_SPEED is 0.5, PX4's MPC_LAND_SPEED 0.7)."""
+    below_mission_m: float = 5.0
+    """So far below its leg no vehicle flies that can hold its height: the autopilot's own estimate is compared."""
+    below_target_m: float = 2.0
+    """So far below its autopilot's target, which ArduPilot moves down with a vehicle that cannot follow."""
+    lies_s: float = 8.0
+    """A vehicle far below its mission that has not moved for so long lies there."""
     off_pad_m: float = 15.0
     """A vehicle that disarms farther than this from its pad did not land where it should."""
     off_pad_up_m: float = 5.0

@@ -300,6 +300,24 @@ class VehicleSetting:
 
 
 @dataclass(frozen=True, slots=True)
+class ListedItem:
+    """An item of the vehicle's mission that was seen on its way, or in its own log: nobody here asked for it."""
+
+    item: MissionItem
+
+
+@dataclass(frozen=True, slots=True)
+class HeightTarget:
+    """NAV_CONTROLLER_OUTPUT, POSITION_TARGET_LOCAL_NED, or what a log has of them: the height that its autopilot wants.
+
+    ArduPilot moves its target with a vehicle that cannot follow: it is never more than some metres away.
+    """
+
+    below_m: float
+    """How far the vehicle is below it; negative above it."""
+
+
+@dataclass(frozen=True, slots=True)
 class OwnFailsafe:
     """The autopilot's own record of a failsafe: ERR of DataFlash, failsafe flags of PX4."""
 
@@ -440,6 +458,8 @@ FlightMessage = (
     | ModeChange
     | RcChannels
     | VehicleSetting
+    | ListedItem
+    | HeightTarget
     | OwnFailsafe
     | PictureTaken
     | CameraStatus

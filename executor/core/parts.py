@@ -27,6 +27,7 @@ from executor.core.messages import (
 )
 from missions import FlightPath, LegEstimate, Phase
 from missions.fences import Fence
+from missions.items import MissionItem
 
 
 class Cause(Enum):
@@ -270,6 +271,8 @@ class Sensors:
     tilted_since_s: float | None = None
     """Since when it lies or hangs as no multicopter flies."""
     fence_breached: bool = False
+    breached_s: float = float("-inf")
+    """When it said so last: its return may be over its fence again before its mode is heard."""
     unhealthy: int = 0
     """MAV_SYS_STATUS_SENSOR bits that are enabled and not healthy."""
 
@@ -287,12 +290,36 @@ class MotionState:
     """How far its position lay from where its velocity leads, and when."""
     falls_s: float = float("-inf")
     """When it sank last as no vehicle lands."""
+    climbs_m_s: float = 0.0
+    """By its heights alone, over some seconds: what it says of its speed may be wrong where it matters."""
+    sinks_s: float = float("-inf")
+    """When it sank last, by them."""
+    drops_s: float = float("-inf")
+    """When it sank last faster than any autopilot touches down."""
     behind_s: float = 0.0
     """By how much its clock fell back behind ours in gaps of its positions: it stood still, or has begun anew."""
     fell_back_s: float = float("-inf")
     """When the last such gap ended."""
     reopened: bool = False
     """Whether the ground station was away since its last position: how long that was is its own clock's word alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class OwnMission:
+    """Its mission as its log has it, where nobody here planned it, and the height that its autopilot wants."""
+
+    listed: tuple[MissionItem, ...] = ()
+    """By their numbers, as far as they were seen."""
+    leads_to: int | None = None
+    """The item with a place that it flies to."""
+    came_from: int | None = None
+    """The one that it flew to before; None if its leg did not begin there."""
+    leg_from: Fix | None = None
+    """Where it was when that leg began."""
+    below_m: float = 0.0
+    """How far it is below the height that its autopilot wants."""
+    below_s: float = float("-inf")
+    """When it said so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -313,6 +340,13 @@ class Power:
     """When BATTERY_STATUS came last: SYS_STATUS says less, and in another way."""
     began_pct: float | None = None
     """What its battery held at its last start."""
+    aloft_pct: float | None = None
+    """What it held when it was last heard in the air: PX4's simulated pack is full again as soon as it disarms."""
+
+    @property
+    def landed_pct(self) -> float | None:
+        """What it landed with; what it holds now, if it was not heard in the air."""
+        return self.battery.remaining_pct if self.aloft_pct is None else self.aloft_pct
 
 
 @dataclass(frozen=True, slots=True)
@@ -516,6 +550,8 @@ class Evidence:
     """When its HEARTBEAT became critical last."""
     failed: tuple[tuple[OwnFailsafe, float], ...] = ()
     """What it says has failed, the last of each kind, and when."""
+    passed: tuple[tuple[OwnFailsafe, float, float], ...] = ()
+    """What was over again, the last of each kind, when it was said, and when it was over."""
 
 
 @dataclass(frozen=True, slots=True)

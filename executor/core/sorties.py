@@ -8,6 +8,9 @@ from executor.core.parts import SortieFlown
 from executor.core.state import FleetState
 from executor.core.vehicle import VehicleState
 
+REFILLED_PCT = 10.0
+"""A pack at rest recovers by less."""
+
 
 def begun(state: FleetState, vehicle: VehicleState, now_s: float) -> VehicleState:
     """Return a vehicle that is told to start; one that never left its pad since begins the same sortie again."""
@@ -33,11 +36,13 @@ def sortie_ended(vehicle: VehicleState, now_s: float) -> VehicleState:
     if not turn.sorties or turn.sorties[-1].ended_s is not None or not vehicle.sortie.took_off:
         return vehicle
     power, sag = vehicle.power, vehicle.power.pack.sag
+    # What its voltage says then is of another pack, in effect.
+    refilled = (power.battery.remaining_pct or 0.0) > (power.landed_pct or 0.0) + REFILLED_PCT
     last = replace(
         turn.sorties[-1],
         ended_s=now_s,
-        ended_pct=power.battery.remaining_pct,
-        end_v=power.volts.voltage_v if sag is None else sag.recovered_v,
+        ended_pct=power.landed_pct,
+        end_v=None if refilled else power.volts.voltage_v if sag is None else sag.recovered_v,
         cells=power.volts.cells if power.volts.voltage_v is not None else None,
     )
     return replace(vehicle, turn=replace(turn, sorties=(*turn.sorties[:-1], last)))

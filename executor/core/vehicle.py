@@ -18,6 +18,7 @@ from executor.core.parts import (
     MotionState,
     OnBoard,
     Orders,
+    OwnMission,
     Power,
     Sensors,
     Sortie,
@@ -125,6 +126,10 @@ class FaultCode(StrEnum):
     """Its autopilot says that it has crashed, or it lies as none flies."""
     FALLING = "falling"
     """It falls."""
+    SINKING = "sinking"
+    """It sinks far below what its mission asks."""
+    THRUST_LOST = "thrust_lost"
+    """It sinks though its autopilot wants to be higher."""
     TERMINATED = "terminated"
     """Its HEARTBEAT reports an emergency or flight termination."""
     POSITION_JUMP = "position_jump"
@@ -155,6 +160,10 @@ class FaultCode(StrEnum):
     """The gimbal does not point where it should."""
     OPERATOR_EXCLUDE = "operator_exclude"
     """An operator's intent took it out of the plan."""
+
+
+SINKS = frozenset({FaultCode.SINKING, FaultCode.THRUST_LOST})
+"""Of a vehicle that cannot hold its height."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +199,7 @@ class VehicleState:
     evidence: Evidence = field(default_factory=Evidence)
     payload: PayloadState = NO_PAYLOAD
     turn: Turnaround = field(default_factory=Turnaround)
+    own: OwnMission = field(default_factory=OwnMission)
 
     @property
     def airborne(self) -> bool:
@@ -216,7 +226,7 @@ class VehicleState:
         return VehicleState(
             self.name, self.stage, self.fault, self.watches, link, telemetry or self.telemetry, sensors or self.sensors,
             motion or self.motion, power or self.power, assignment or self.assignment, self.orders,
-            sortie or self.sortie, custody or self.custody, self.evidence, self.payload, self.turn,
+            sortie or self.sortie, custody or self.custody, self.evidence, self.payload, self.turn, self.own,
         )  # fmt: skip
 
     def remaining_visits(self) -> tuple[int, ...]:

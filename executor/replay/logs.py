@@ -28,6 +28,7 @@ from executor.core.messages import (
     DoubleHeard,
     FlightMessage,
     Heartbeat,
+    ListedItem,
     MissionCurrent,
     OwnFailsafe,
     Position,
@@ -139,8 +140,8 @@ class _Player:
         self._batteries: dict[tuple[str, int], tuple[float, Battery]] = {}
         self._statuses: dict[str, tuple[float, SystemStatus]] = {}
         self._ticked_s = 0.0
-        self._early: dict[int, dict[str, VehicleSetting]] = {}
-        """Parameters of systems of which no HEARTBEAT came yet."""
+        self._early: dict[int, dict[str | int, VehicleSetting | ListedItem]] = {}
+        """Parameters and items of systems of which no HEARTBEAT came yet."""
         self._mixed: dict[str, float] = {}
         """Names by which two vehicles answer, and since when."""
 
@@ -180,16 +181,17 @@ class _Player:
                 self._heard(name, setting, now_s)
         elif system in self._others:
             self._file.skipped.not_followed += 1
-        elif isinstance(message, VehicleSetting):
+        elif isinstance(message, VehicleSetting | ListedItem):
             self._keep(system, message)
         else:
             self._file.skipped.before_heartbeat += 1
 
-    def _keep(self, system: int, setting: VehicleSetting) -> None:
-        """Keep what a log says of a vehicle's parameters before it says what it is."""
+    def _keep(self, system: int, setting: VehicleSetting | ListedItem) -> None:
+        """Keep what a log says of a vehicle's parameters, and of its mission, before it says what it is."""
         kept = self._early.setdefault(system, {})
-        if len(self._early) <= MOST_EARLY and (len(kept) < MOST_SETTINGS or setting.name in kept):
-            kept[setting.name] = setting
+        name = setting.item.seq if isinstance(setting, ListedItem) else setting.name
+        if len(self._early) <= MOST_EARLY and (len(kept) < MOST_SETTINGS or name in kept):
+            kept[name] = setting
         else:
             self._file.skipped.before_heartbeat += 1
 

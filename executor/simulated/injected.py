@@ -14,6 +14,7 @@ KINDS = {
     "battery-step": "battery",
     "drain": "battery",
     "crash": "interruption",
+    "weak": "interruption",
     "reboot": "interruption",
     "refuse-upload": "interruption",
     "half-upload": "interruption",

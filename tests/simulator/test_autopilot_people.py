@@ -176,6 +176,26 @@ def test_an_ardupilot_on_its_back_disarms_when_it_is_told_to_land() -> None:
 
 
 @KINDS
+def test_one_that_loses_thrust_sinks_in_its_mode_and_lies_there_armed(kind: AutopilotKind) -> None:
+    flight = flying(kind, "uav1:weak=0.7@40s")
+    flight.run_until(lambda: any("weak" in what for what in flight.what()))
+    mode, body = flight.vehicle.autopilot.mode, flight.vehicle.autopilot.frame.body
+    flight.run(4.0)
+    assert body.v_up_m_s == pytest.approx(-3.3, abs=0.3)
+    flight.run(120.0)
+    beat = flight.heard("HEARTBEAT")[-1]
+    assert (beat.base_mode & 128, beat.custom_mode, flight.what()[-1]) == (128, mode, "wreck")
+    assert math.degrees(body.roll_rad) == pytest.approx(0.0)
+
+
+@KINDS
+def test_one_that_has_thrust_left_flies_on(kind: AutopilotKind) -> None:
+    flight = flying(kind, "uav1:weak=0.4@40s")
+    flight.run_until(lambda: "landed" in flight.what())
+    assert "wreck" not in flight.what()
+
+
+@KINDS
 def test_a_fence_is_said_and_the_vehicle_returns(kind: AutopilotKind) -> None:
     flight = flying(kind, "uav1:fence@40s")
     flight.run_until(lambda: "failsafe fence" in flight.what())

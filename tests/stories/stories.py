@@ -238,6 +238,17 @@ WRECKS = (
         (wants(on_segment("uav2"), Action.RETURN, "uav2"), told(after("uav2", "mode R", 12), "uav2:wreck")),
         says=(DOWN,),
     ),
+    Story(
+        "it loses thrust, and sinks to the ground in its mission",
+        (told(on_segment("uav2"), "uav2:weak=0.7"),),
+        says=(r"uav2: interruption, sinks at .* below its mission; cannot hold its height", DOWN),
+        never_says=("RTL commanded", "uav2: landed"),
+    ),
+    Story(
+        "it loses thrust, and its pilot lands it",
+        (told(on_segment("uav2"), "uav2:weak=0.6"), told(after("uav2", "fault ", 9), "uav2:pilot=LAND")),
+        says=(r"uav2: interruption, sinks at", PILOT),
+    ),
     Story("it falls in its pilot's hands", (TAKEN, told(after("uav2", "pilot ", 15), "uav2:wreck")), says=(DOWN,)),
     Story(
         "told to return with a weak battery, down on its way",

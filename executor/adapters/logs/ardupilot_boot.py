@@ -19,7 +19,9 @@ from executor.core.messages import (
     FlightMessage,
     Gps,
     Heartbeat,
+    HeightTarget,
     LandedState,
+    ListedItem,
     MissionCurrent,
     ModeChange,
     OrderSeen,
@@ -30,6 +32,7 @@ from executor.core.messages import (
 from executor.core.recording import MODE_COMMANDS, RcWatch, TiltWatch, is_wanted_setting
 from missions import ARDUPILOT
 from missions.autopilots.modes import mode_name
+from missions.items import Frame, MissionItem
 
 STANDBY, ACTIVE = 3, 4
 ARMED_EVENTS, DISARMED, LANDED, NOT_LANDED = frozenset({10, 15, 28}), 11, 18, 28
@@ -52,6 +55,7 @@ FIXED = 3
 """GPS_FIX_TYPE: three-dimensional."""
 CHANNELS = 14
 DO_SET_MODE, ACCEPTED = 176, frozenset({0, 5})
+ITEM = "CTot CNum CId Prm1 Prm2 Prm3 Prm4 Lat Lng Alt Frame"
 WANTED: Mapping[str, WantedColumns] = {
     name: WantedColumns(frozenset(columns.split()), every_usec)
     for name, columns, every_usec in (
@@ -68,9 +72,10 @@ WANTED: Mapping[str, WantedColumns] = {
         ("NKF1", "VN VE VD", 450_000),
         ("EKF1", "VN VE VD", 450_000),
         ("ATT", "Roll Pitch", 190_000),
-        ("CTUN", "ThO ThrOut Alt", 950_000),
+        ("CTUN", "ThO ThrOut Alt DAlt", 950_000),
         ("MSG", "Message", 0),
-        ("MISE", "CTot CNum", 0),
+        ("MISE", ITEM, 0),
+        ("CMD", ITEM, 0),
         ("MAVC", "Cmd P2 SS Res", 0),
         ("PARM", "Name Value", 0),
     )
@@ -103,6 +108,8 @@ class Boot:
     placed_usec: int = -STALE_USEC
     height_m: float | None = None
     """Above home, by CTUN."""
+    items: dict[int, MissionItem] = field(default_factory=dict)
+    """Of its mission, by their numbers."""
     begun_msl_m: float | None = None
     thrust_rows: int = 0
     capacity_ah: float = 0.0
@@ -242,13 +249,15 @@ def _tilted(boot: Boot, t_usec: int, fields: Fields) -> Told:
 
 
 def _controlled(boot: Boot, _: int, fields: Fields) -> Told:
-    boot.height_m = fields.get("Alt")
+    boot.height_m, target_m = fields.get("Alt"), fields.get("DAlt")
     share = fields.get("ThO", fields.get("ThrOut", 0))
     share = share / 1000 if share > 1 else share  # per mille in old firmware
     boot.thrust_rows = boot.thrust_rows + 1 if share > THRUST else 0
     if boot.thrust_rows >= THRUST_ROWS and not boot.arming_told and not boot.armed:
         boot.changed = boot.armed = True
-    return None
+    if boot.height_m is None or target_m is None or not math.isfinite(target_m - boot.height_m):
+        return None
+    return HeightTarget(target_m - boot.height_m)
 
 
 def _said(boot: Boot, _: int, fields: Fields) -> Told:
@@ -258,13 +267,31 @@ def _said(boot: Boot, _: int, fields: Fields) -> Told:
     return StatusText(FAILURE, text)
 
 
-def _item(_: Boot, __: int, fields: Fields) -> Told:
-    return MissionCurrent(int(fields["CNum"]), max(0, int(fields["CTot"]) - 1) or None)
+def _flies_to(boot: Boot, t_usec: int, fields: Fields) -> Told:
+    """Read an item that is begun (MISE)."""
+    current = MissionCurrent(int(fields["CNum"]), max(0, int(fields["CTot"]) - 1) or None)
+    listed = _listed(boot, t_usec, fields) if "CId" in fields else None
+    return (listed, current) if isinstance(listed, ListedItem) else current
+
+
+def _listed(boot: Boot, _: int, fields: Fields) -> Told:
+    """Read an item: it is written when the mission is, and before Copter 4.2 once more when it is begun."""
+    number, frame = int(fields["CNum"]), int(fields.get("Frame", Frame.GLOBAL_RELATIVE_ALT))
+    x, y = (round(fields[name] * 1e7) for name in ("Lat", "Lng"))
+    one, two, three, four = (float(fields.get(f"Prm{one}", 0.0)) for one in range(1, 5))
+    item = MissionItem(number, frame, int(fields["CId"]), one, two, three, four, x, y, float(fields["Alt"]))
+    if not math.isfinite(item.z):
+        return None
+    if boot.armed and boot.items.get(number) == item:
+        return MissionCurrent(number, max(0, int(fields["CTot"]) - 1) or None)
+    boot.items[number] = item
+    return ListedItem(item)
 
 
 READERS: Mapping[str, Callable[[Boot, int, Fields], Told]] = {
     "MODE": _moded, "EV": _happened, "ARM": _armed_or_not, "ERR": _failed, "RCIN": _transmitted, "PARM": _set_to,
     "MAVC": _ordered, "BAT": _powered, "CURR": _powered, "POS": _placed, "GPS": _received, "XKF1": _moved,
-    "NKF1": _moved, "EKF1": _moved, "ATT": _tilted, "CTUN": _controlled, "MSG": _said, "MISE": _item,
+    "NKF1": _moved, "EKF1": _moved, "ATT": _tilted, "CTUN": _controlled, "MSG": _said, "MISE": _flies_to,
+    "CMD": _listed,
 }  # fmt: skip
 """By the kind of the record."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from executor.adapters.logs.ardupilot_boot import NO_MODE, READERS, WANTED, Boot
 from executor.adapters.logs.dataflash_rows import BinaryRows, Fields, Row, TextRows, WantedColumns
 from executor.core.hearing.plausible import plausible
-from executor.core.messages import VehicleSetting
+from executor.core.messages import ListedItem, VehicleSetting
 from executor.core.recording import Record, RecordedFile, Skipped
 from executor.errors import LogError
 
@@ -144,7 +144,7 @@ class DataFlashFile(RecordedFile):
             self.skipped.unreadable += 1
             return
         if not boot.begun and not boot.begins(t_usec):
-            if isinstance(told, VehicleSetting):
+            if isinstance(told, VehicleSetting | ListedItem):
                 yield t_usec, self.system, told
             return
         if boot.changed or t_usec - self._beat_usec >= BEAT_USEC:

@@ -31,6 +31,7 @@ from executor.core.messages import (
     FlightMessage,
     Gps,
     Heartbeat,
+    HeightTarget,
     LandedState,
     MissionCurrent,
     ModeChange,
@@ -292,6 +293,12 @@ def _position(vehicle: Px4, t_usec: int, place: tuple[float, float, float], row:
     return Position(t_usec / 1e6, lat_deg, lon_deg, alt_m, height_m, north, east, down, None)
 
 
+def _aimed(vehicle: Px4, _: int, row: TopicRow) -> HeightTarget | None:
+    """Read its controller's target; a landing and a take-off may have none."""
+    down_m = float(row["z"])
+    return HeightTarget(-down_m - vehicle.height_m) if vehicle.height_m is not None and math.isfinite(down_m) else None
+
+
 def _tilted(vehicle: Px4, t_usec: int, row: TopicRow) -> Attitude | None:
     w, x, y, z = (float(row[f"q[{one}]"]) for one in range(4))
     roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
@@ -342,6 +349,7 @@ TOPICS: Mapping[str, Topic] = {
     "vehicle_global_position": Topic(_placed, 950_000),
     "vehicle_gps_position": Topic(_received, 950_000),
     "sensor_gps": Topic(_sensed, 950_000),
+    "vehicle_local_position_setpoint": Topic(_aimed, 950_000),
     "vehicle_attitude": Topic(_tilted, 450_000),
     "vehicle_land_detected": Topic(_touched),
     "failsafe_flags": Topic(_flagged),

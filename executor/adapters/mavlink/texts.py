@@ -73,9 +73,9 @@ class Texts:
         self._texts: dict[Source, dict[int, _Text]] = {}
         self._frames: dict[Source, int] = {}
 
-    def passed(self, source: Source) -> list[StatusText]:
-        """Count a frame of any kind; returns its source's texts that were waited for in vain, as far as they came."""
-        frame = self._frames[source] = self._frames.pop(source, 0) + 1
+    def passed(self, source: Source, frames: int = 1) -> list[StatusText]:
+        """Count frames of any kind; returns their source's texts that were waited for in vain, as far as they came."""
+        frame = self._frames[source] = self._frames.pop(source, 0) + frames
         if len(self._frames) > MOST_SPEAKERS:
             silent = next(iter(self._frames))
             del self._frames[silent]
@@ -90,6 +90,15 @@ class Texts:
                 text.shown = True
                 given_up.append(StatusText(text.severity, text.words()))
         return given_up
+
+    def unfinished(self) -> list[tuple[Source, StatusText]]:
+        """Return whose texts are still waited for, as far as they came, once nothing more comes."""
+        return [
+            (source, StatusText(text.severity, text.words()))
+            for source, texts in self._texts.items()
+            for text in texts.values()
+            if not text.shown
+        ]
 
     def take(self, source: Source, severity: int, raw: bytes, number: int, part: int) -> list[StatusText]:
         """Take one part; returns the texts that it ends.

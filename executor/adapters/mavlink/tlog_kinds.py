@@ -19,6 +19,7 @@ from executor.core.messages import (
     FlightMessage,
     Gps,
     Heartbeat,
+    HeightTarget,
     LandedState,
     MissionCurrent,
     MissionReached,
@@ -123,6 +124,10 @@ def _mission_current(seq: int, total: int, _: int, __: int, number: int) -> Miss
     return MissionCurrent(seq, total or None, number or None)
 
 
+def _navigated(*fields: float) -> HeightTarget:
+    return HeightTarget(fields[2])
+
+
 def _landed(_: int, state: int) -> LandedState:
     return LandedState({1: True, 2: False, 3: False, 4: False}.get(state))
 
@@ -180,6 +185,7 @@ def _never(*_: object) -> None:
 
 HEARTBEAT, SYSTEM, POSITION, BATTERY, STATUSTEXT, COMMAND_LONG, COMMAND_INT, SET_MODE = 0, 1, 33, 147, 253, 76, 75, 11
 COMMAND_ACK, PARAM_VALUE, RC_CHANNELS_RAW, RC_CHANNELS, ATTITUDE = 77, 22, 35, 65, 30
+NAV_CONTROLLER_OUTPUT, LOCAL_POSITION, LOCAL_TARGET, ITEM, ITEM_INT = 62, 32, 85, 39, 73
 KINDS: dict[int, MessageKind] = {
     HEARTBEAT: MessageKind(50, struct.Struct("<IBBBBB"), _heartbeat, special=True),
     SYSTEM: MessageKind(124, struct.Struct("<IIIHHhHHHHHHb"), _system_status, SLOW_USEC),
@@ -191,6 +197,11 @@ KINDS: dict[int, MessageKind] = {
     ATTITUDE: MessageKind(39, struct.Struct("<I6f"), _attitude, EVERY_USEC, special=True),
     42: MessageKind(28, struct.Struct("<HHBBI"), _mission_current, STEADY_USEC),
     46: MessageKind(11, struct.Struct("<H"), MissionReached),
+    NAV_CONTROLLER_OUTPUT: MessageKind(183, struct.Struct("<5fhhH"), _navigated, SLOW_USEC),
+    LOCAL_POSITION: MessageKind(185, struct.Struct("<I6f"), _never, SLOW_USEC, special=True),
+    LOCAL_TARGET: MessageKind(140, struct.Struct("<I11fHB"), _never, SLOW_USEC, special=True),
+    ITEM: MessageKind(254, struct.Struct("<7fHHBBBBBB"), _never, special=True),
+    ITEM_INT: MessageKind(38, struct.Struct("<4fiifHHBBBBBB"), _never, special=True),
     109: MessageKind(185, struct.Struct("<HHBBBBB"), _radio, POSITION_USEC, special=True),
     BATTERY: MessageKind(154, struct.Struct("<iih10HhBBBbiB4HBI"), _battery, EVERY_USEC),
     245: MessageKind(130, struct.Struct("<BB"), _landed, STEADY_USEC),
@@ -206,4 +217,7 @@ KINDS: dict[int, MessageKind] = {
 }
 """By message id: what is read. The numbers are those of common.xml; RADIO_STATUS is also what SiK radios send."""
 ORDERS = frozenset({COMMAND_LONG, COMMAND_INT, SET_MODE})
-TOLD_BY_VEHICLES = frozenset({px4_events.EVENT, COMMAND_ACK, PARAM_VALUE, RC_CHANNELS_RAW, RC_CHANNELS, ATTITUDE})
+ITEMS = frozenset({ITEM, ITEM_INT})
+TOLD_BY_VEHICLES = frozenset({
+    px4_events.EVENT, COMMAND_ACK, PARAM_VALUE, RC_CHANNELS_RAW, RC_CHANNELS, ATTITUDE, LOCAL_POSITION, LOCAL_TARGET,
+})  # fmt: skip

@@ -23,7 +23,11 @@ from executor.adapters.mavlink.tlog_kinds import (
     COMMAND_ACK,
     GCS_TYPE,
     HEARTBEAT,
+    ITEM,
+    ITEMS,
     KINDS,
+    LOCAL_POSITION,
+    LOCAL_TARGET,
     ORDERS,
     PARAM_VALUE,
     POSITION,
@@ -45,6 +49,8 @@ from executor.core.messages import (
     DoubleHeard,
     FlightMessage,
     Heartbeat,
+    HeightTarget,
+    ListedItem,
     OrderSeen,
     Radio,
     RcChannels,
@@ -53,7 +59,7 @@ from executor.core.messages import (
     VehicleSetting,
 )
 from executor.core.recording import MODE_COMMANDS, RcWatch, Record, RecordedFile, TiltWatch, is_wanted_setting
-from missions import AUTOPILOTS
+from missions import AUTOPILOTS, MissionItem
 
 V1, V2 = 0xFE, 0xFD
 MARKS = frozenset({V1, V2})
@@ -63,6 +69,8 @@ STAMP_TOLERANCE_USEC = 3 * 86400 * 1_000_000
 """Where a log was damaged, a record counts whose time is within three days of the last (as pymavlink does)."""
 GAP_USEC = 900_000
 """Where nothing came of a system for so long, it is said that time passed before its next message."""
+BEAT_FRAMES = 25
+"""Not every frame is looked at: one HEARTBEAT stands for so many, for texts whose other parts are waited for."""
 ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128
@@ -137,6 +145,8 @@ class TelemetryFile(RecordedFile):
     _tilts: dict[int, TiltWatch] = field(default_factory=dict)
     _autopilots: dict[int, int] = field(default_factory=dict)
     _events: dict[int, px4_events.Events] = field(default_factory=dict)
+    _downs_m: dict[int, float] = field(default_factory=dict)
+    """How far below where its filter began each system is."""
 
     def records(self) -> Iterator[Record]:
         """Yield (t_usec, system, message) in the order of the file; a message of None is time passing.
@@ -144,6 +154,8 @@ class TelemetryFile(RecordedFile):
         System 0 stands for what is about the link as a whole.
         """
         yield from in_pieces(self.path, self._piece)
+        for (system, _), text in self._texts.unfinished():
+            yield self._stamp, system, text
         self._explain()
 
     def _explain(self) -> None:
@@ -307,8 +319,9 @@ class TelemetryFile(RecordedFile):
         stamp, system, component, number = head
         if number == STATUSTEXT:
             yield from self._texted(stamp, system, component, fields)
-        elif number in ORDERS:
-            yield from self._ordered(stamp, system, number, fields)
+        elif number in ORDERS | ITEMS:
+            sent = self._ordered if number in ORDERS else self._listed
+            yield from sent(stamp, system, number, fields)
         elif isinstance(message, Heartbeat) and self._speaks(system, component, message):
             self._autopilots[system] = message.autopilot
             source.vehicle, source.rounds_twice = True, message.autopilot in ROUND_TWICE
@@ -316,6 +329,8 @@ class TelemetryFile(RecordedFile):
                 yield stamp, system, Traffic(source.received, source.missing)
                 source.received = source.missing = 0
             yield stamp, system, message
+            for text in self._texts.passed((system, component), BEAT_FRAMES):
+                yield stamp, system, text
         elif isinstance(message, Radio):
             yield stamp, 0, message
         elif number in TOLD_BY_VEHICLES:
@@ -333,6 +348,12 @@ class TelemetryFile(RecordedFile):
         command, target = (DO_SET_MODE, fields[1]) if number == SET_MODE else (fields[7], fields[8])
         if command in MODE_COMMANDS:
             yield stamp, target, OrderSeen(command, self._ordered_mode(number, fields, target), by)
+
+    def _listed(self, stamp: int, by: int, number: int, fields: tuple[Any, ...]) -> Iterator[Record]:
+        """Yield an item of a vehicle's mission, on its way to it or from it."""
+        of, item = by if by in self._autopilots else fields[9], _item_of(number, fields)
+        if item is not None and of in self._autopilots:
+            yield stamp, of, ListedItem(item)
 
     def _ordered_mode(self, number: int, fields: tuple[Any, ...], target: int) -> int | None:
         if number == SET_MODE:
@@ -358,6 +379,8 @@ class TelemetryFile(RecordedFile):
             name = words.shown(fields[3].split(b"\0", 1)[0].decode(errors="replace"))
             value = integers.from_wire(fields[0], fields[4], self._autopilots.get(system))
             return VehicleSetting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
+        if number in {LOCAL_POSITION, LOCAL_TARGET}:
+            return self._aimed(system, number, fields[3])
         if isinstance(message, Attitude):
             return self._tilts.setdefault(system, TiltWatch()).news(stamp, message)
         if not isinstance(message, RcChannels):
@@ -366,6 +389,14 @@ class TelemetryFile(RecordedFile):
         if len(message.values_us) < len(watch.told):
             return None  # ArduPilot sends the first eight channels once more
         return watch.news(stamp, message.values_us)
+
+    def _aimed(self, system: int, number: int, down_m: float) -> HeightTarget | None:
+        """Return how far PX4 is below what it wants, where it says both; ArduPilot says the difference."""
+        if number == LOCAL_POSITION:
+            self._downs_m[system] = down_m
+            return None
+        is_px4 = self._autopilots.get(system) == PX4
+        return plausible(HeightTarget(self._downs_m.get(system, math.nan) - down_m)) if is_px4 else None
 
     def _speaks(self, system: int, component: int, beat: Heartbeat) -> bool:
         """Return whether a component with an autopilot's HEARTBEAT is the one that speaks for its system."""
@@ -383,7 +414,16 @@ class TelemetryFile(RecordedFile):
 
     def _said(self, source: tuple[int, int], fields: tuple[Any, ...]) -> list[StatusText]:
         severity, raw, number, part = fields
-        return [*self._texts.passed(source), *self._texts.take(source, severity, raw, number, part)]
+        return self._texts.take(source, severity, raw, number, part)
+
+
+def _item_of(number: int, fields: tuple[Any, ...]) -> MissionItem | None:
+    """Return an item of a mission; one of a fence, of rally points, or a place to be flown to at once is none."""
+    one, two, three, four, x, y, z, seq, command, _, __, frame, current, goes_on, kind = fields
+    if kind or current > 1 or not all(map(math.isfinite, (x, y, z))):
+        return None
+    lat, lon = (round(degrees * 1e7) for degrees in (x, y)) if number == ITEM else (x, y)
+    return MissionItem(seq, frame, command, one, two, three, four, lat, lon, z, bool(current), bool(goes_on))
 
 
 def _twins_heard(source: _Source, stamp: int, system: int, fields: tuple[Any, ...]) -> Iterator[Record]:

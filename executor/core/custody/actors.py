@@ -32,6 +32,10 @@ CRITICAL_S = 2.5
 SAID_BEFORE_S, SAID_AFTER_S = 15.0, 4.0
 """A failsafe's text comes before its mode by as long as it holds first, and after it by as long as a text may take."""
 NAMED_S = 5.0
+OVER_S = 2.0
+"""What was over so shortly before a HEARTBEAT showed a mode may have led there: a return ends a breach at once."""
+BREACHED_S = 4.0
+"""A breach is said once a second or two."""
 SETTLED_S = 4.0
 """After so long nothing comes any more that explains a mode."""
 GEOFENCE_SENSOR = 0x100000
@@ -97,9 +101,23 @@ def _failsafe(setup: VehicleSetup, vehicle: VehicleState, at_s: float, mode: int
         return Attribution(Actor.FAILSAFE, failed.words, failed)
     if safe and abs(known.critical_s - at_s) <= CRITICAL_S:
         return Attribution(Actor.FAILSAFE, "its HEARTBEAT is critical")
-    if safe and (vehicle.sensors.fence_breached or vehicle.sensors.unhealthy & GEOFENCE_SENSOR):
-        return Attribution(Actor.FAILSAFE, "its fence is breached")
+    if safe and (breached_about(vehicle, at_s) or vehicle.sensors.unhealthy & GEOFENCE_SENSOR):
+        return Attribution(
+            Actor.FAILSAFE, "its fence was breached", OwnFailsafe("fence", active=True, words="fence breached")
+        )
     return None
+
+
+def breached_about(vehicle: VehicleState, at_s: float) -> bool:
+    """Return whether it said about then that its fence is breached, or still says so."""
+    return vehicle.sensors.fence_breached or abs(vehicle.sensors.breached_s - at_s) <= BREACHED_S
+
+
+def led_by_fence(setup: VehicleSetup, vehicle: VehicleState) -> str:
+    """Return in words that its fence put it into its mode; nothing if that is not known."""
+    who = changed_by(setup, vehicle)
+    named = who.by is Actor.FAILSAFE and who.failed is not None and who.failed.what == "fence"
+    return who.why if named else ""
 
 
 def _at_its_end(setup: VehicleSetup, vehicle: VehicleState) -> bool:
@@ -134,8 +152,9 @@ def _ordered(known: Evidence, at_s: float, late_s: float, mode: int | None) -> b
 
 def _failed(known: Evidence, at_s: float) -> OwnFailsafe | None:
     """Return what an autopilot says failed, and acts, about when its mode changed, what names its reason first."""
+    lasted = [(failed, said_s) for failed, said_s, over_s in known.passed if over_s >= at_s - OVER_S]
     young = [
-        one for one in known.failed
+        one for one in (*known.failed, *lasted)
         if -SAID_BEFORE_S <= one[1] - at_s <= SAID_AFTER_S and acts(one[0])
     ]  # fmt: skip
     if not young:

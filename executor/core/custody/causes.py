@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from executor.core.context import Scene
-from executor.core.custody.actors import changed_by
+from executor.core.custody.actors import breached_about, changed_by
 from executor.core.fencing import off_its_fence
 from executor.core.messages import CRITICAL, Actor, Heartbeat
 from executor.core.own_words import FENCE_BREACH
@@ -274,7 +274,7 @@ def _explained(context: Scene, absences: Sequence[Absence], vehicle: VehicleStat
     return (
         said
         or _newly_critical(vehicle, context.limits.alarm_s)
-        or vehicle.sensors.fence_breached
+        or breached_about(vehicle, vehicle.telemetry.mode_since_s)
         or bool(off_its_fence(vehicle, now_s, context.limits.link_stale_s))
         or vehicle.power.battery.charge_state >= CHARGE_EMERGENCY
         or (_unseen(vehicle) and _silence_leads_to(context, vehicle, beat.custom_mode))

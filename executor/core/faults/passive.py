@@ -267,7 +267,7 @@ def _tick(scene: Scene, state: Watched, now_s: float) -> Stepped:
 
 
 _DOWN = frozenset({Stage.GROUND, Stage.LANDED})
-_DOWN_REASONS = frozenset({"off-pad", "falling", "terminated", "crash"})
+_DOWN_REASONS = frozenset({"off-pad", "falling", "sinking", "thrust", "terminated", "crash"})
 
 
 def _group(point: Watchpoint) -> str:

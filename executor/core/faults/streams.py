@@ -10,10 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+from executor.core.asked_heights import ITEM_STALE_S
 from executor.core.faults.watching import OK, STALE, Finding, Verdict, View
 
-ITEM_STALE_S = 5.0
-"""Both autopilots say once a second, at least, which item they fly to."""
 LEAST_GONE_S = 20.0
 """What was asked for three times and has not come does not come."""
 BATTERY_GONE_S = 60.0

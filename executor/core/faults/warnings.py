@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from executor.core import projection
+from executor.core.asked_heights import asked_height
 from executor.core.faults import batteries, streams
 from executor.core.faults.batteries import BATTERY_SENSOR, LOW, pack_standing
 from executor.core.faults.watching import Verdict, View
@@ -132,6 +133,21 @@ def hangs(view: View) -> str:
     return f"has not moved for {stood_s:.0f} s on its way home, {where(view.context, state)}"
 
 
+def low(view: View) -> str:
+    """It flies below its mission, and does not climb."""
+    state, limits = view.state, view.context.limits
+    if not view.setup.planned or state.stage is not Stage.FLYING or state.motion.fix is None:
+        return ""
+    asked = asked_height(view.context, view.setup, state)
+    stale = view.now_s - state.motion.fix.at_s > limits.link_stale_s
+    if asked is None or stale or asked.below_m < limits.below_mission_m or state.motion.climbs_m_s > CLIMBS_M_S:
+        return ""
+    return f"flies {asked.below_m:.0f} m below its mission"
+
+
+CLIMBS_M_S = 0.1
+
+
 TABLE: tuple[Doubt, ...] = (
     Doubt("silent", FaultKind.LINK, silent),
     Doubt("heartbeat", FaultKind.LINK, partial(streams.missing, streams.heartbeat_stream)),
@@ -147,6 +163,7 @@ TABLE: tuple[Doubt, ...] = (
     Doubt("reserve", FaultKind.BATTERY, reserve_doubtful),
     Doubt("gps", FaultKind.INTERRUPTION, gps_lost),
     Doubt("position", FaultKind.INTERRUPTION, position_off),
+    Doubt("low", FaultKind.INTERRUPTION, low),
     Doubt("stands", FaultKind.INTERRUPTION, hangs),
 )
 

@@ -9,6 +9,7 @@ from enum import Enum
 from executor.core.context import Scene, VehicleSetup
 from executor.core.own_words import acts
 from executor.core.vehicle import FaultCode, FaultKind, Stage, VehicleState
+from missions.autopilots.modes import is_mission_mode
 
 
 class Verdict(Enum):
@@ -62,3 +63,26 @@ def said_failed(view: View, kind: str) -> str:
         if failed.what == kind and view.now_s - said_s <= view.context.limits.alarm_s and acts(failed):
             return f"it says: {failed.words}"
     return ""
+
+
+LOST_ITSELF_S = 30.0
+
+
+def loses_itself(view: View) -> bool:
+    """Return whether its autopilot says that it does not know where it is, nor how fast it moves."""
+    return any(
+        failed.what in {"ekf", "gps"} and view.now_s - said_s <= LOST_ITSELF_S
+        for failed, said_s in view.state.evidence.failed
+    )
+
+
+def in_mission_mode(view: View) -> bool:
+    """Return whether it says that it is in mission mode."""
+    heartbeat = view.state.telemetry.heartbeat
+    return heartbeat is not None and is_mission_mode(view.setup.dialect, heartbeat.custom_mode)
+
+
+def alarm_words(view: View) -> str:
+    """Return what the vehicle said of it, if it did."""
+    text, said_s = view.state.telemetry.alarm
+    return f"; it says: {text}" if view.now_s - said_s <= view.context.limits.alarm_s else ""

@@ -10,9 +10,20 @@ import math
 from dataclasses import dataclass, replace
 
 from executor.core.context import Scene, VehicleSetup
-from executor.core.custody.actors import GEOFENCE_SENSOR, changed_by, settled
-from executor.core.faults import batteries, streams
-from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, Watchpoint, said_failed
+from executor.core.custody.actors import GEOFENCE_SENSOR, changed_by, led_by_fence, settled
+from executor.core.faults import batteries, heights, streams
+from executor.core.faults.watching import (
+    OK,
+    STALE,
+    Finding,
+    Verdict,
+    View,
+    Watchpoint,
+    alarm_words,
+    in_mission_mode,
+    loses_itself,
+    said_failed,
+)
 from executor.core.fencing import off_its_fence
 from executor.core.messages import Actor
 from executor.core.parts import Cause, Watch
@@ -51,20 +62,21 @@ def down_off_pad(view: View) -> Finding:  # noqa: C901, PLR0911 - one return for
     if state.stage is Stage.PILOT:
         return OK  # its pilot may disarm it anywhere
     if is_adrift(state):
-        return Finding(Verdict.FAIL, f"disarmed without GPS, nobody knows where{_alarm(view)}")
+        return Finding(Verdict.FAIL, f"disarmed without GPS, nobody knows where{alarm_words(view)}")
     if away_m > limits.off_pad_m:
         return Finding(
-            Verdict.FAIL, f"disarmed {away_m:.0f} m from its pad, {state.motion.fix.alt_rel_m:.0f} m high{_alarm(view)}"
+            Verdict.FAIL,
+            f"disarmed {away_m:.0f} m from its pad, {state.motion.fix.alt_rel_m:.0f} m high{alarm_words(view)}",
         )
     # An old position says nothing of its height: it may have come down since.
     if fell(view.context, state) and view.now_s - state.motion.fix.at_s <= limits.link_stale_s:
-        return Finding(Verdict.FAIL, f"disarmed {state.motion.fix.alt_rel_m:.0f} m above its pad{_alarm(view)}")
+        return Finding(Verdict.FAIL, f"disarmed {state.motion.fix.alt_rel_m:.0f} m above its pad{alarm_words(view)}")
     if not state.sortie.took_off and state.stage is Stage.FLYING:
-        return Finding(Verdict.FAIL, f"disarmed on its pad before it took off{_alarm(view)}")
+        return Finding(Verdict.FAIL, f"disarmed on its pad before it took off{alarm_words(view)}")
     if state.sortie.rebooted_s is not None:
-        return Finding(Verdict.FAIL, f"its autopilot has rebooted, and it is disarmed{_alarm(view)}")
+        return Finding(Verdict.FAIL, f"its autopilot has rebooted, and it is disarmed{alarm_words(view)}")
     if not mission_over(view.context, state):
-        return Finding(Verdict.FAIL, f"disarmed over its pad in mid-mission{_alarm(view)}")
+        return Finding(Verdict.FAIL, f"disarmed over its pad in mid-mission{alarm_words(view)}")
     return OK
 
 
@@ -75,7 +87,7 @@ def _down_in_flight(view: View) -> Finding:
         return OK
     speed_m_s = math.hypot(*fix.velocity_m_s)
     if fix.alt_rel_m > limits.off_pad_up_m and speed_m_s > limits.at_rest_m_s:
-        text = f"disarmed {fix.alt_rel_m:.0f} m over its home at {speed_m_s:.1f} m/s{_alarm(view)}"
+        text = f"disarmed {fix.alt_rel_m:.0f} m over its home at {speed_m_s:.1f} m/s{alarm_words(view)}"
         return Finding(Verdict.FAIL, text)
     return OK
 
@@ -87,7 +99,7 @@ def terminated(view: View) -> Finding:
         return STALE
     names = {6: "an emergency", 8: "that its flight is terminated"}  # MAV_STATE
     if heartbeat.armed and heartbeat.system_status in names:
-        return Finding(Verdict.FAIL, f"reports {names[heartbeat.system_status]}{_alarm(view)}")
+        return Finding(Verdict.FAIL, f"reports {names[heartbeat.system_status]}{alarm_words(view)}")
     return OK
 
 
@@ -115,7 +127,7 @@ def left_mission(view: View) -> Finding:
         if not state.armed or state.custody.cause is not Cause.FAILSAFE:
             return OK
         mode = mode_name(dialect, state.telemetry.heartbeat.custom_mode)
-        return Finding(Verdict.FAIL, f"{mode} by its own failsafe{_alarm(view)}")
+        return Finding(Verdict.FAIL, f"{mode} by its own failsafe{alarm_words(view)}")
     if is_mission_mode(dialect, state.telemetry.heartbeat.custom_mode) or not state.armed:
         return OK
     return _left_unplanned(view, state.telemetry.heartbeat.custom_mode)
@@ -152,10 +164,17 @@ def fence_breached(view: View) -> Finding:
     bit = view.setup.planned and state.sortie.took_off and bool(sensors.unhealthy & GEOFENCE_SENSOR)
     told = sensors.fence_breached or bit
     off = off_its_fence(state, view.now_s, view.context.limits.link_stale_s)
-    if not said and not told and not off:
+    led = "" if said or told or off or not _newly_led(view) else led_by_fence(view.setup, state)
+    if not said and not told and not off and not led:
         return OK
-    parts = ("its fence is breached", off, said)
+    parts = ("its fence was breached" if led else "its fence is breached", off, said)
     return Finding(Verdict.FAIL, "; ".join(part for part in parts if part))
+
+
+def _newly_led(view: View) -> bool:
+    """Return whether it has left its mission just now: it may be inside its fence again before that is heard."""
+    left = view.state.sortie.flew_mission and not in_mission_mode(view)
+    return left and view.now_s - view.state.telemetry.mode_since_s <= view.context.limits.alarm_s
 
 
 UNNAMED_S = 1.0
@@ -186,22 +205,13 @@ def _comes_down(view: View) -> bool:
     beat, fix, before = view.state.telemetry.heartbeat, view.state.motion.fix, view.state.motion.last_fix
     if beat is None or is_manual_mode(view.setup.dialect, beat.custom_mode) or not view.state.sortie.took_off:
         return False
-    if fix is None or before is None or fix.boot_s <= before.boot_s or _loses_itself(view):
+    if fix is None or before is None or fix.boot_s <= before.boot_s or loses_itself(view):
         return False
     lost_m = before.alt_rel_m - fix.alt_rel_m
     # It may have begun to fall at any time since the fix before.
     return lost_m > FALLEN * view.context.limits.fall_m_s * min(fix.boot_s - before.boot_s, 1.0)
 
 
-def _loses_itself(view: View) -> bool:
-    """Return whether its autopilot says that it does not know where it is, nor how fast it moves."""
-    return any(
-        failed.what in {"ekf", "gps"} and view.now_s - said_s <= LOST_ITSELF_S
-        for failed, said_s in view.state.evidence.failed
-    )
-
-
-LOST_ITSELF_S = 30.0
 FALLEN = 0.3
 
 
@@ -209,7 +219,7 @@ def position_jumped(view: View) -> Finding:
     """Its position is suddenly elsewhere: where it is, and where it flies to, is not known any more."""
     off_m, at_s = view.state.motion.jump
     limits = view.context.limits
-    if not view.setup.planned and (not _on_mission(view) or _loses_itself(view)):
+    if not view.setup.planned and (not in_mission_mode(view) or loses_itself(view)):
         return OK  # it is not flown by its position; or knows itself that it is elsewhere
     if off_m >= limits.jump_m and view.now_s - at_s <= limits.link_stale_s:
         return Finding(Verdict.FAIL, f"its position jumped by {off_m:.0f} m")
@@ -229,24 +239,13 @@ def stalled(view: View) -> Finding:
         return STALE
     if state.orders.held_s is not None:
         return OK  # the operator's order
-    if view.setup.planned is False and not _on_mission(view):
+    if view.setup.planned is False and not in_mission_mode(view):
         return OK  # somebody flies it by hand
     # By its own clock: a simulator that the computer lets wait stands still, and so does its time.
     stood_s = state.motion.fix.boot_s - state.motion.anchor.boot_s
     if stood_s >= (limits.stall_s if view.setup.planned else limits.unplanned_stall_s):
         return Finding(Verdict.FAIL, f"has not moved for {stood_s:.0f} s")
     return OK
-
-
-def _on_mission(view: View) -> bool:
-    heartbeat = view.state.telemetry.heartbeat
-    return heartbeat is not None and is_mission_mode(view.setup.dialect, heartbeat.custom_mode)
-
-
-def _alarm(view: View) -> str:
-    """Return what the vehicle said of it, if it did."""
-    text, said_s = view.state.telemetry.alarm
-    return f"; it says: {text}" if view.now_s - said_s <= view.context.limits.alarm_s else ""
 
 
 _IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING})
@@ -257,6 +256,9 @@ CRASH = Watchpoint("crash", FaultKind.INTERRUPTION, crashed, 0.0, _IN_THE_AIR, F
 TABLE: tuple[Watchpoint, ...] = (
     Watchpoint("off-pad", FaultKind.INTERRUPTION, down_off_pad, 0.0, _IN_THE_AIR, FaultCode.DISARMED),
     Watchpoint("falling", FaultKind.INTERRUPTION, falling, 0.4, _IN_THE_AIR, FaultCode.FALLING),
+    Watchpoint("sinking", FaultKind.INTERRUPTION, heights.sinks_below, 2.0, _ON_MISSION, FaultCode.SINKING),
+    Watchpoint("thrust", FaultKind.INTERRUPTION, heights.sinks_off_target, 3.5, _ON_MISSION, FaultCode.THRUST_LOST),
+    Watchpoint("lies", FaultKind.DOWN, heights.lies_on_mission, 0.0, _ON_MISSION, FaultCode.DOWN),
     CRASH,
     Watchpoint("terminated", FaultKind.INTERRUPTION, terminated, 0.0, _IN_THE_AIR, FaultCode.TERMINATED),
     Watchpoint("link", FaultKind.LINK, link_silent, 0.0, _OUT_THERE, FaultCode.LINK_LOST),

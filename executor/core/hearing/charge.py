@@ -39,7 +39,8 @@ def powered(context: Scene, state: VehicleState, message: Battery, now_s: float)
         if single:
             charge = account.with_first_count(charge, message.consumed_ah)
     power = replace(
-        old, packs=packs, battery=charge, roundings=roundings, battery_faults=message.faults, told_s=now_s
+        old, packs=packs, battery=charge, roundings=roundings, battery_faults=message.faults, told_s=now_s,
+        aloft_pct=charge.remaining_pct if message.remaining_pct is not None and _aloft(state) else old.aloft_pct,
     )  # fmt: skip
     if message.voltage_v and single:
         return _measured(context, state, power, Report(message.voltage_v, message.current_a, message.cells_v), now_s)
@@ -59,7 +60,8 @@ def status_told(context: Scene, state: VehicleState, message: SystemStatus, now_
         roundings = replace(roundings, ceiled=message.remaining_pct, ceiled_s=now_s)
         charge = _charged(context, state, charge, roundings.percent, charge.charge_state, now_s)
     if charge is not old.battery or roundings is not old.roundings:
-        old = replace(old, battery=charge, roundings=roundings)
+        aloft_pct = charge.remaining_pct if _aloft(state) else old.aloft_pct
+        old = replace(old, battery=charge, roundings=roundings, aloft_pct=aloft_pct)
     if message.voltage_v and alone:
         return _measured(context, state, old, Report(message.voltage_v, message.current_a), now_s)
     return old
@@ -107,6 +109,16 @@ def _seen_to_fly(context: Scene, state: VehicleState, now_s: float) -> bool:
     if setup is None or setup.planned:
         return state.armed
     return state.armed and state.sortie.took_off and fix is not None and now_s - fix.at_s <= account.GAP_S
+
+
+def _aloft(state: VehicleState) -> bool:
+    """Return whether it is in the air: it says that it has landed some seconds before it disarms."""
+    fix = state.motion.fix
+    up = state.telemetry.on_ground is False or (fix is not None and fix.alt_rel_m > STANDS_M)
+    return state.armed and state.sortie.took_off and up and not state.telemetry.on_ground
+
+
+STANDS_M = 0.5
 
 
 def _rounds_twice(context: Scene, name: str, charge: BatteryState) -> bool:

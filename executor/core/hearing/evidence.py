@@ -85,7 +85,13 @@ def beaten(known: Evidence, before: Heartbeat | None, beat: Heartbeat, now_s: fl
 
 def _failed(known: Evidence, said: OwnFailsafe, now_s: float) -> Evidence:
     others = tuple(one for one in known.failed if one[0].what != said.what)
-    return replace(known, failed=(*others, (said, now_s)) if said.active else others)
+    if said.active:
+        return replace(known, failed=(*others, (said, now_s)))
+    over = tuple((*one, now_s) for one in known.failed if one[0].what == said.what)
+    if not over:
+        return known
+    passed = tuple(one for one in known.passed if one[0].what != said.what)
+    return replace(known, failed=others, passed=(*passed, *over))
 
 
 def _set(known: Evidence, name: str, value: float) -> Evidence:

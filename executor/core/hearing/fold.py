@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 
-from executor.core import carried, link_quality, positioning
+from executor.core import asked_heights, carried, link_quality, positioning
 from executor.core.battery import account
 from executor.core.context import Scene
 from executor.core.coverage import GAP_S, Sample, SegmentPass, follow
@@ -25,7 +25,9 @@ from executor.core.messages import (
     FlightMessage,
     Gps,
     Heartbeat,
+    HeightTarget,
     LandedState,
+    ListedItem,
     MissionCurrent,
     ModeChange,
     OrderSeen,
@@ -114,7 +116,14 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
         case MissionCurrent(seq, total):
             assignment = _at_item(state, _carries(context, state, message, now_s), seq)
             telemetry = replace(state.telemetry, item=(seq, total), item_s=now_s)
-            return Folded(state.after(link, telemetry=telemetry, assignment=assignment))
+            after = state.after(link, telemetry=telemetry, assignment=assignment)
+            if context.vehicles[state.name].planned:
+                return Folded(after)
+            return Folded(replace(after, own=asked_heights.flown_to(state.own, seq, state.motion.fix)))
+        case ListedItem(item):
+            return Folded(replace(state, own=asked_heights.with_item(state.own, item)))
+        case HeightTarget(below_m):
+            return Folded(replace(state, link=link, own=replace(state.own, below_m=below_m, below_s=now_s)))
         case LandedState(on_ground):
             return Folded(state.after(link, telemetry=replace(state.telemetry, on_ground=on_ground)))
         case Gps() | EstimatorStatus():
@@ -129,7 +138,9 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
             sensors = replace(state.sensors, attitude=message, tilted_since_s=tilted_s)
             return Folded(state.after(link, sensors=sensors))
         case FenceStatus(breached):
-            return Folded(state.after(link, sensors=replace(state.sensors, fence_breached=breached)))
+            breached_s = now_s if breached else state.sensors.breached_s
+            sensors = replace(state.sensors, fence_breached=breached, breached_s=breached_s)
+            return Folded(state.after(link, sensors=sensors))
         case StatusText(_, said):
             assignment, telemetry = _carries(context, state, message, now_s), state.telemetry
             if _ALARM.search(said) and not _adds_nothing(state, said, now_s):
@@ -190,6 +201,8 @@ def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbe
         custody=replace(custody, unseen_until_s=unseen_s, unseen_from_boot_s=from_s, beat_boot_s=boot_s),
     )
     known = evidence.beaten(state.evidence, old.heartbeat, message, now_s)
+    if other:
+        after = replace(after, own=asked_heights.begun_anew_here(state.own))
     return after if known is state.evidence else replace(after, evidence=known)
 
 
@@ -344,7 +357,10 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
         sortie = replace(sortie, took_off=took_off, away_once=away, rebooted_s=rebooted_s)
     behind_s, fell_back_s = _behind(state.motion, last, fix, anew=rebooted_s == now_s or state.motion.reopened)
     falls_s = now_s if falls else state.motion.falls_s
-    motion = MotionState(fix, last, anchor, jump, falls_s, behind_s, fell_back_s)
+    climbs_m_s = _climbs(state.motion, fix, elapsed_s, context.limits.fall_m_s)
+    sinks_s = now_s if took_off and climbs_m_s < -context.limits.sinks_m_s else state.motion.sinks_s
+    drops_s = now_s if took_off and climbs_m_s < -context.limits.drops_m_s else state.motion.drops_s
+    motion = MotionState(fix, last, anchor, jump, falls_s, climbs_m_s, sinks_s, drops_s, behind_s, fell_back_s)
     sample = Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
     if fix.reckoned:
         covered = _not_proven(context, state, positioning.without_fix_s(known, fix))
@@ -354,7 +370,21 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
     if assignment.fix_waypoint != assignment.waypoint:
         assignment = replace(assignment, fix_waypoint=assignment.waypoint)
     after = state.after(link, motion=motion, power=power, sortie=sortie, assignment=assignment)
+    if state.own.listed and state.own.leg_from is None:
+        after = replace(after, own=replace(state.own, leg_from=fix))
     return Folded(after, covered.inspected, covered.flown)
+
+
+CLIMBS_S = 1.5
+"""Heights are known to some centimetres, and come up to ten times a second."""
+
+
+def _climbs(known: MotionState, fix: Fix, elapsed_s: float, most_m_s: float) -> float:
+    """Return how fast it climbs by its heights; an estimate that is set anew in one step is no fall."""
+    if known.fix is None or not 0.0 < elapsed_s < JUMP_GAP_S:
+        return 0.0
+    rate_m_s = min(most_m_s, max(-most_m_s, (fix.alt_rel_m - known.fix.alt_rel_m) / elapsed_s))
+    return known.climbs_m_s + (rate_m_s - known.climbs_m_s) * elapsed_s / (elapsed_s + CLIMBS_S)
 
 
 def _behind(known: MotionState, before: Fix | None, fix: Fix, *, anew: bool) -> tuple[float, float]:

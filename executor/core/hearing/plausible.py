@@ -18,6 +18,7 @@ from executor.core.messages import (
     CameraStatus,
     GimbalAttitude,
     Gps,
+    HeightTarget,
     Home,
     Message,
     MissionCurrent,
@@ -80,6 +81,10 @@ def _position(said: Position) -> Position | None:
 
 def _home(said: Home) -> Home | None:
     return said if _is_place(said.lat_deg, said.lon_deg, said.alt_msl_m) else None
+
+
+def _target(said: HeightTarget) -> HeightTarget | None:
+    return said if LOWEST_M <= said.below_m <= HIGHEST_M else None
 
 
 def _battery(said: Battery) -> Battery:
@@ -158,6 +163,7 @@ def _parameter(said: ParamValue) -> ParamValue | None:
 _JUDGES: dict[type, Callable[[Any], Any]] = {
     Position: _position,
     Home: _home,
+    HeightTarget: _target,
     Battery: _battery,
     SystemStatus: _status,
     Attitude: _attitude,

@@ -7,7 +7,7 @@ import math
 from executor.core.context import Context
 from executor.core.homing.homeward import comes_home
 from executor.core.places import down_at, lean_words, over_its_pad, place_words
-from executor.core.vehicle import Stage, VehicleState
+from executor.core.vehicle import SINKS, Stage, VehicleState
 
 _SEEN = frozenset({Stage.FLYING, Stage.RETURNING, Stage.PILOT})
 UNSAID_S = 10.0
@@ -49,9 +49,11 @@ def _still(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     ):
         return False
     low_over_pad = over_its_pad(context, vehicle) and fix.alt_rel_m > limits.airborne_m
+    stood_s = fix.boot_s - anchor.boot_s
+    if not low_over_pad and vehicle.fault is not None and vehicle.fault.code in SINKS:
+        return stood_s >= limits.lies_s  # it sank in its mission's mode, and is left in it
     if low_over_pad or not (comes_home(context, vehicle) or _unsaid(vehicle, now_s)):
         return False
-    stood_s = fix.boot_s - anchor.boot_s
     # On its pad it lands, and disarms some seconds later.
     if vehicle.telemetry.on_ground and not over_its_pad(context, vehicle):
         return stood_s >= limits.on_ground_s

@@ -19,7 +19,7 @@ from executor.core.events import OrderEnded, ReturnEnded
 from executor.core.parts import Cause, Errand
 from executor.core.places import kill_switch_on
 from executor.core.state import FleetState
-from executor.core.vehicle import IN_THE_AIR, Stage, VehicleState
+from executor.core.vehicle import IN_THE_AIR, SINKS, Stage, VehicleState
 from executor.core.words import first_of
 from missions import Phase
 from missions.areacheck import areas_on_the_way_home
@@ -98,6 +98,8 @@ def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # 
         return Advice(Answer.LEAVE, "returning or landing by itself, not commanded")
     if not errand.force and (failsafe := _failsafe_acts(context, vehicle)) is not None:
         return failsafe
+    if _cannot_climb(context, vehicle, now_s) and not errand.force:
+        return Advice(Answer.LEAVE, "cannot hold its height and RTL climbs, not commanded: its pilot may land it")
     fix = vehicle.motion.fix
     if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
         if now_s - errand.since_s < FRESH_FIX_S:
@@ -132,6 +134,24 @@ def _failsafe_acts(context: Context, vehicle: VehicleState) -> Advice | None:
     return None if held_long(context, vehicle) else waited_for
 
 
+def _cannot_climb(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle that sank below its mission sinks on, or lies, away from its pad.
+
+    RTL climbs before it flies, and a landing comes down on whatever is below: both are its pilot's to choose. One that
+    holds its height again is told as any other.
+    """
+    fix, anchor = vehicle.motion.fix, vehicle.motion.anchor
+    if vehicle.fault is None or vehicle.fault.code not in SINKS:
+        return False
+    if fix is None or anchor is None or now_s - fix.at_s > context.limits.link_stale_s:
+        return True
+    if math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.pad_m:
+        return False
+    moves = fix.boot_s - anchor.boot_s < HANGS_S and fix.alt_rel_m > context.limits.off_pad_up_m
+    return not moves or now_s - vehicle.motion.sinks_s < CLIMBS_AGAIN_S
+
+
+CLIMBS_AGAIN_S = 10.0
 HANGS_S = 10.0
 
 

@@ -109,13 +109,13 @@ def _in_hand_words(context: Context, vehicle: VehicleState) -> str:
 
 def _left_in_its_pack(context: Context, vehicle: VehicleState, now_s: float) -> str:
     """Return what its pack holds, or what it reports where its voltage before the take-off told otherwise."""
-    battery = vehicle.power.battery
-    if battery.remaining_pct is None or now_s - battery.reported_s > context.limits.battery_stale_s:
+    battery, held_pct = vehicle.power.battery, vehicle.power.landed_pct
+    if held_pct is None or now_s - battery.reported_s > context.limits.battery_stale_s:
         return ""
     last = vehicle.turn.sorties[-1] if vehicle.turn.sorties else None
     blind = context.vehicles[vehicle.name].dialect.rounds_twice and account.is_blind(battery)
     if last is None or last.rest_v is None or last.began_pct is None or blind:  # blind: read off that very voltage
-        return f" with {battery.remaining_pct:.0f} %"
+        return f" with {held_pct:.0f} %"
     if not doubted_at_rest(last.rest_v, vehicle.power.volts.cells, facts_of(context, vehicle), last.began_pct):
-        return f" with {battery.remaining_pct:.0f} %"
-    return f", reports {battery.remaining_pct:.0f} %, which its voltage before its take-off contradicted"
+        return f" with {held_pct:.0f} %"
+    return f", reports {held_pct:.0f} %, which its voltage before its take-off contradicted"

@@ -108,7 +108,7 @@ def test_each_watchpoint_has_a_code_of_its_own() -> None:
     codes = [point.code for point in TABLE]
     assert len(set(codes)) == len(codes)
     assert set(FaultCode) - set(codes) == {
-        FaultCode.DOWN, FaultCode.NOT_STARTED, FaultCode.MISSION_FOREIGN, FaultCode.MISSION_MIXED,
+        FaultCode.NOT_STARTED, FaultCode.MISSION_FOREIGN, FaultCode.MISSION_MIXED,
         FaultCode.OPERATOR_LAND, FaultCode.OPERATOR_EXCLUDE, FaultCode.CAMERA_SILENT, FaultCode.CAMERA_MUTE,
         FaultCode.CARD_FULL, FaultCode.GIMBAL_STUCK,
     }  # fmt: skip

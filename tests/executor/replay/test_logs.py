@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
 from executor.cli import main
@@ -277,3 +278,40 @@ def test_a_drain_of_a_vehicle_that_nobody_knows_is_found_by_its_own_flight(times
     [(_, kind, reason, at_s)] = declared(replayed(writer, tmp_path))
     assert (kind, reason in {"battery-drain", "battery-plunge"}) == ("battery", True)
     assert 150.0 < at_s < 200.0
+
+
+def sinking(writer: Writer, up_m: float, *, asked: bool) -> None:
+    """Write a flight that sinks at 2 m/s from its 100th second on, and then lies armed in its mission."""
+    for second in range(200):
+        height_m = max(0.0, up_m - 2.0 * max(0, second - 100))
+        writer.say(second + 0.1, 3, heartbeat())
+        writer.say(second + 0.3, 3, position(second, 3.0 * min(second, 100 + up_m / 2), height_m))
+        if asked:
+            below_m = min(3.6, up_m - height_m)
+            writer.say(second + 0.4, 3, mav.MAVLink_nav_controller_output_message(0.0, 0.0, 0, 0, 0, below_m, 0.0, 0.0))
+
+
+def test_a_vehicle_that_sinks_in_its_mission(tmp_path: Path) -> None:
+    writer = Writer()
+    sinking(writer, 40.0, asked=True)
+    [(_, kind, reason, at_s)] = declared(replayed(writer, tmp_path))
+    assert (kind, reason) == ("interruption", "thrust")
+    assert 102.5 < at_s <= 107.5, "within five seconds of being 5 m lower"
+
+
+def test_one_that_nothing_asks_for_a_height_is_found_where_it_lies(tmp_path: Path) -> None:
+    writer = Writer()
+    sinking(writer, 40.0, asked=False)
+    [(_, kind, reason, at_s)] = declared(replayed(writer, tmp_path))
+    assert (kind, reason) == ("down", "lies")
+    assert 120.0 < at_s <= 130.0
+
+
+def test_a_descent_that_is_asked_for_is_none(tmp_path: Path) -> None:
+    writer = Writer()
+    for second in range(200):
+        up_m = 40.0 - 1.5 * min(20, max(0, second - 100))
+        writer.say(second + 0.1, 3, heartbeat())
+        writer.say(second + 0.3, 3, position(second, 3.0 * second, up_m))
+        writer.say(second + 0.4, 3, mav.MAVLink_nav_controller_output_message(0.0, 0.0, 0, 0, 0, -0.5, 0.0, 0.0))
+    assert declared(replayed(writer, tmp_path)) == []

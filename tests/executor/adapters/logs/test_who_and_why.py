@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -9,7 +10,19 @@ import pytest
 
 from executor.adapters.logs.dataflash import DataFlashFile
 from executor.adapters.logs.ulog import UlogFile
-from executor.core.messages import Actor, Heartbeat, ModeChange, OrderSeen, OwnFailsafe, RcChannels, VehicleSetting
+from executor.core.messages import (
+    Actor,
+    Heartbeat,
+    HeightTarget,
+    ListedItem,
+    MissionCurrent,
+    ModeChange,
+    OrderSeen,
+    OwnFailsafe,
+    RcChannels,
+    VehicleSetting,
+)
+from missions.items import MissionItem
 from tests.onboard import DataFlashWriter, UlogWriter
 
 M = TypeVar("M")
@@ -173,3 +186,41 @@ def test_parameters_come_first(tmp_path: Path) -> None:
     assert told(UlogFile(px4(MISSION).write(tmp_path / "a.ulg")), VehicleSetting) == [
         VehicleSetting("COM_RC_LOSS_T", 0.5)
     ]
+
+
+CMD = ("CMD", "QHHHffffLLfB", "TimeUS,CTot,CNum,CId,Prm1,Prm2,Prm3,Prm4,Lat,Lng,Alt,Frame")
+MISE = ("MISE", *CMD[1:])
+WAY = (3, 1, 16, 0.0, 0.0, 0.0, 0.0, 49.6, 15.6, 30.0, 3)
+
+
+def mission_in(file: DataFlashFile) -> list[object]:
+    return [said for _, _, said in file.records() if isinstance(said, ListedItem | MissionCurrent)]
+
+
+def test_a_mission_and_the_item_that_is_flown_to(tmp_path: Path) -> None:
+    """A new mission is written before the log says a mode."""
+    item = ListedItem(MissionItem(1, 3, 16, x=496000000, y=156000000, z=30.0))
+    armed = (*ARM, 2 * SECOND, 1, 0, 0, 0)
+    old = dataflash(tmp_path, (*CMD, SECOND, *WAY), (*MODE, SECOND, 3, 3, 1), armed, (*CMD, 3 * SECOND, *WAY))
+    assert mission_in(old) == [item, MissionCurrent(1, 2)]
+    new = dataflash(tmp_path, (*MODE, SECOND, 3, 3, 1), armed, (*MISE, 3 * SECOND, *WAY))
+    assert mission_in(new) == [item, MissionCurrent(1, 2)]
+
+
+def test_how_far_below_its_target_it_is(tmp_path: Path) -> None:
+    ctun = ("CTUN", "Qfff", "TimeUS,ThO,DAlt,Alt")
+    file = dataflash(tmp_path, (*MODE, SECOND, 3, 3, 1), (*ctun, SECOND, 0.3, 30.0, 26.5))
+    assert told(file, HeightTarget) == [HeightTarget(3.5)]
+    old = dataflash(tmp_path, (*MODE, SECOND, 3, 3, 1), ("CTUN", "Qf", "TimeUS,ThO", SECOND, 0.3))
+    assert told(old, HeightTarget) == []
+
+
+def test_how_far_below_its_setpoint_a_px4_is(tmp_path: Path) -> None:
+    local = [("x", "float"), ("y", "float"), ("z", "float"), ("vx", "float"), ("vy", "float"), ("vz", "float")]
+    aims = {"vehicle_local_position": local, "vehicle_local_position_setpoint": [("z", "float")]}
+    writer = UlogWriter({**TOPICS, **aims})
+    writer.say(SECOND, "vehicle_status", nav_state=MISSION, arming_state=2, system_id=4)
+    writer.say(SECOND, "vehicle_local_position", z=-26.5)
+    writer.say(2 * SECOND, "vehicle_local_position_setpoint", z=-30.0)
+    writer.say(4 * SECOND, "vehicle_local_position_setpoint", z=math.nan)  # it lands
+    assert told(UlogFile(writer.write(tmp_path / "a.ulg")), HeightTarget) == [HeightTarget(3.5)]

@@ -24,6 +24,8 @@ from executor.core.messages import (
     Attitude,
     Battery,
     Heartbeat,
+    HeightTarget,
+    ListedItem,
     OrderSeen,
     Position,
     Radio,
@@ -76,6 +78,7 @@ SAID = [
     mav.MAVLink_mission_item_reached_message(4),
     mav.MAVLink_extended_sys_state_message(0, 2),
     text("Battery Failsafe"),
+    mav.MAVLink_nav_controller_output_message(0.0, 0.0, 0, 0, 0, 3.5, 0.0, 0.0),
 ]
 
 
@@ -322,3 +325,41 @@ def test_of_two_lists_of_channels_the_longer_is_taken(tmp_path: Path) -> None:
         writer.say(tick / 4 + 0.01, 7, mav.MAVLink_rc_channels_raw_message(0, 0, *[1500] * 8, 255))
     records, _ = read(writer.write(tmp_path / "a.tlog"))
     assert [len(said.values_us) for _, _, said in records if isinstance(said, RcChannels)] == [12]
+
+
+def test_a_text_whose_end_never_comes_is_told_as_far_as_it_came(tmp_path: Path) -> None:
+    part = mav.MAVLink_statustext_message(2, b"Battery 1 is critical 13.10V used 6400 mAh, going ", 7, 0)
+    said = [said for _, _, said in read(written(tmp_path, heartbeat(), part, *[heartbeat()] * 3))[0]]
+    first = StatusText(2, "Battery 1 is critical 13.10V used 6400 mAh, going")
+    assert said.count(first) == 1
+    assert said.index(first) < len(said) - 1, "it does not wait for the log's end"
+    last = [said for _, _, said in read(written(tmp_path, heartbeat(), part))[0]]
+    assert last[-1] == first
+
+
+ITEM = (3, 16, 0, 1, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_items_are_a_vehicles_on_their_way_to_it_and_from_it(tmp_path: Path) -> None:
+    """Those of a fence, and a place to fly to at once, are none of its mission."""
+    writer = Writer()
+    writer.say(0.0, 7, heartbeat())
+    up = mav.MAVLink_mission_item_int_message(7, 1, 2, *ITEM, 496000000, 156000000, 30.0, 0)
+    guided = mav.MAVLink_mission_item_int_message(
+        7, 1, 0, 3, 16, 2, 1, 0.0, 0.0, 0.0, 0.0, 496000000, 156000000, 9.0, 0
+    )
+    fence = mav.MAVLink_mission_item_int_message(7, 1, 0, *ITEM, 496000000, 156000000, 30.0, 1)
+    down = mav.MAVLink_mission_item_message(255, 190, 3, *ITEM, 49.6, 15.6, 40.0)
+    for at_s, (system, message) in enumerate([(255, up), (255, guided), (255, fence), (7, down)], start=1):
+        writer.say(float(at_s), system, message)
+    records, _ = read(writer.write(tmp_path / "a.tlog"))
+    found = [(system, said.item.seq, said.item.z) for _, system, said in records if isinstance(said, ListedItem)]
+    assert found == [(7, 2, 30.0), (7, 3, 40.0)]
+
+
+def test_how_far_below_its_target_a_px4_is(tmp_path: Path) -> None:
+    px4 = heartbeat(autopilot=12)
+    here = mav.MAVLink_local_position_ned_message(0, 0.0, 0.0, -26.5, 0.0, 0.0, 0.0)
+    aims = mav.MAVLink_position_target_local_ned_message(0, 1, 0, 0.0, 0.0, -30.0, *[0.0] * 8)
+    records, _ = read(written(tmp_path, px4, aims, here, aims))
+    assert [said for _, _, said in records if isinstance(said, HeightTarget)] == [HeightTarget(3.5)]

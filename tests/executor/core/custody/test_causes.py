@@ -47,6 +47,8 @@ CAUSES: list[tuple[VehicleState, Cause]] = [
     (went(RTL, alarm=("Low battery", NOW_S)), Cause.PERSON),
     (went(RTL, alarm=("GCS Failsafe Cleared", NOW_S)), Cause.PERSON),
     (went(RTL, fence_breached=True), Cause.FAILSAFE),
+    (went(RTL, breached_s=NOW_S - 4.0), Cause.FAILSAFE),  # its return has ended the breach already
+    (went(RTL, breached_s=NOW_S - 4.1), Cause.PERSON),
     (went(RTL, battery=pack(9.0, charge_state=4)), Cause.FAILSAFE),
     (went(RTL, battery=pack(9.0, charge_state=3)), Cause.PERSON),
     (went(RTL, unseen_until_s=NOW_S), Cause.FAILSAFE),

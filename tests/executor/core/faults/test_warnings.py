@@ -43,6 +43,7 @@ ROWS: list[tuple[str, VehicleState]] = [
     ("reserve", flying(battery=pack(16.0, 16.0))),
     ("gps", flying(positioning=Positioning(fixed=at(age_s=3.0), lost_s=NOW_S - 1.0, why="no GPS fix"))),
     ("position", flying(jump=(33.0, NOW_S))),
+    ("low", flying(fix=at(east_m=140.0, up_m=10.0))),
     ("stands", flying(stage=Stage.RETURNING, anchor=replace(at(), boot_s=NOW_S - 25.0))),
 ]
 

@@ -61,6 +61,24 @@ ROWS = [
     ),
     Row("falling", flying(fix=at(climbs_m_s=-6.0)), "falls at 6.0 m/s", flying(fix=at(climbs_m_s=-6.0, age_s=3.5))),
     Row(
+        "sinking",
+        flying(fix=at(east_m=140.0, up_m=5.0), climbs_m_s=-2.0),
+        "sinks at 2.0 m/s, 10 m below its mission",
+        unknown=flying(fix=at(east_m=140.0, up_m=5.0, age_s=3.5), climbs_m_s=-2.0),
+    ),
+    Row(
+        "thrust",
+        flying(below_m=3.6, below_s=NOW_S, climbs_m_s=-2.0),
+        "sinks at 2.0 m/s, while its autopilot wants to be 3.6 m higher",
+        unknown=flying(below_m=3.6, below_s=NOW_S, climbs_m_s=-2.0, fix=at(age_s=3.5)),
+    ),
+    Row(
+        "lies",
+        flying(fix=at(east_m=140.0, up_m=5.0), anchor=at(east_m=140.0, up_m=5.0, age_s=8.0)),
+        "does not move, down at 49.600138, 15.601404, armed: keep away",
+        unknown=flying(fix=at(east_m=140.0, up_m=5.0, age_s=3.5), anchor=at(east_m=140.0, up_m=5.0, age_s=20.0)),
+    ),
+    Row(
         "crash",
         flying(**says("Crash: Disarming", heartbeat=DISARMED)),
         "it says: Crash: Disarming",
@@ -203,6 +221,7 @@ def later(state: VehicleState, by_s: float) -> VehicleState:
     beat_s = None if state.link.heartbeat_s is None else state.link.heartbeat_s + by_s
     item_s = None if state.telemetry.item_s is None else state.telemetry.item_s + by_s
     fresh = with_facts(fresh, heartbeat_s=beat_s, item_s=item_s)
+    fresh = with_facts(fresh, below_s=state.own.below_s + by_s)
     return with_facts(fresh, heard_s=heard_s, battery=moved, volts=pack_v, alarm=alarm, failed=failed, jump=jump)
 
 
@@ -218,8 +237,8 @@ def off_pad(state: VehicleState) -> Finding:
 
 
 WAITS_S = {
-    "falling": 0.4, "battery-step": 2.5, "voltage-step": 3.0, "battery-critical": 3.0, "battery-failsafe": 1.0,
-    "battery-plunge": 0.4, "battery-drain": 2.5, "pack": 15.0, "reserve": 5.0, "mode": 1.0,
+    "falling": 0.4, "sinking": 2.0, "thrust": 3.5, "battery-step": 2.5, "voltage-step": 3.0, "battery-critical": 3.0,
+    "battery-failsafe": 1.0, "battery-plunge": 0.4, "battery-drain": 2.5, "pack": 15.0, "reserve": 5.0, "mode": 1.0,
     "fence": 1.5,
 }  # fmt: skip
 

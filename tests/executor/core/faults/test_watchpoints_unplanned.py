@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from executor.core.faults.watching import Verdict, View
-from executor.core.messages import Actor, Attitude, Heartbeat, ModeChange, OrderSeen
+from executor.core.messages import Actor, Attitude, Heartbeat, ModeChange, OrderSeen, OwnFailsafe
 from executor.core.parts import SwitchMoved
 from tests.executor.core.faults.looks import point
 from tests.executor.core.vehicles import CONTEXT, DISARMED, LOW_TEXT, NOW_S, RTL, SETUP, at, flying, pack, says
@@ -42,9 +42,21 @@ def moved(late_s: float) -> tuple[SwitchMoved, ...]:
     return (SwitchMoved(5, 1430, 1682, CHANGED_S + late_s - 0.5, CHANGED_S + late_s),)
 
 
+def passed(said_s: float, over_s: float) -> tuple[tuple[OwnFailsafe, float, float], ...]:
+    return ((OwnFailsafe("fence", active=True, words="fence breached"), NOW_S + said_s, NOW_S + over_s),)
+
+
 UNPLANNED_ROWS: list[tuple[str, dict[str, object], Verdict]] = [
     ("mode", rtl(), Verdict.FAIL),
     ("mode", rtl(flew_mission=False), Verdict.OK),
+    # A breach that was over before the mode was heard; whatever was over long before explains nothing.
+    ("mode", rtl(mode_since_s=NOW_S - 5.0, passed=passed(-5.1, -5.0)), Verdict.OK),
+    ("fence", rtl(mode_since_s=NOW_S - 5.0, passed=passed(-5.1, -5.0)), Verdict.FAIL),
+    ("fence", rtl(mode_since_s=NOW_S - 5.0, passed=passed(-9.0, -7.1)), Verdict.OK),
+    ("fence", rtl(mode_since_s=NOW_S - 15.1, passed=passed(-15.2, -15.0)), Verdict.OK),
+    ("fence", rtl(mode_since_s=NOW_S - 5.0, breached_s=NOW_S - 9.0), Verdict.FAIL),
+    ("fence", rtl(mode_since_s=NOW_S - 5.0, breached_s=NOW_S - 9.1), Verdict.OK),
+    ("fence", {"passed": passed(-5.1, -5.0)}, Verdict.OK),
     ("mode", rtl(heartbeat=Heartbeat(3, RTL, False, 4)), Verdict.OK),
     ("mode", rtl(mode_since_s=NOW_S - 4.0), Verdict.FAIL),
     # What may explain it may still be on its way.

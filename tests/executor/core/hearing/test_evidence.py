@@ -87,3 +87,11 @@ def test_a_heartbeat_becomes_critical_once() -> None:
     assert known.critical_s == 5.0
     assert beaten(known, critical, critical, 6.0).critical_s == 5.0
     assert beaten(Evidence(), None, critical, 6.0) == Evidence()  # nobody knows since when
+
+
+def test_what_is_over_again_is_kept_with_its_time() -> None:
+    breach = OwnFailsafe("fence", active=True, words="fence breached")
+    over = OwnFailsafe("fence", active=False, words="fence breached")
+    known = kept(breach, over, over)
+    assert (known.failed, known.passed) == ((), ((breach, 0.0, 1.0),))
+    assert kept(breach, over, breach).failed == ((breach, 2.0),)

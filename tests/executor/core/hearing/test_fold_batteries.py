@@ -14,16 +14,19 @@ from executor.core.battery.kalman import BatteryEstimate
 from executor.core.battery.pack import Pack
 from executor.core.battery.roundings import Roundings
 from executor.core.battery.sag import Sag
+from executor.core.hearing import fold
 from executor.core.messages import (
     Battery,
     SystemStatus,
 )
 from executor.core.vehicle import Stage
-from tests.executor.builders import fleet_of
+from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.hearing.folded import folded
 from tests.executor.core.steps import landed, rounded
 from tests.executor.core.vehicles import (
+    CONTEXT,
     NOW_S,
+    at,
     flying,
     pack,
     volts,
@@ -44,6 +47,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: folded(flying(), Battery(0, 89.0, 15.0, 20.0, None, 1, 0, (3.75,) * 4)),
         (
             {
+                "aloft_pct": 89.0,
                 "battery": {
                     "remaining_pct": 89.0,
                     "least_pct": 89.0,
@@ -75,6 +79,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: folded(flying(), Battery(0, 89.0, 15.0, 20.0, 1.5, 2, 4)),
         (
             {
+                "aloft_pct": 89.0,
                 "battery": {
                     "remaining_pct": 89.0,
                     "least_pct": 89.0,
@@ -154,6 +159,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: folded(flying(packs=((0, 80.0),)), Battery(1, 89.0, 15.0, 20.0, 1.5, 1, 0)),
         (
             {
+                "aloft_pct": 80.0,
                 "battery": {
                     "remaining_pct": 80.0,
                     "least_pct": 80.0,
@@ -213,6 +219,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
         (
             {
+                "aloft_pct": 89.25,
                 "battery": {
                     "remaining_pct": 89.25,
                     "least_pct": 89.25,
@@ -247,6 +254,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
         (
             {
+                "aloft_pct": 89.25,
                 "battery": {
                     "remaining_pct": 89.25,
                     "least_pct": 89.25,
@@ -292,6 +300,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             (
                 {
                     "unhealthy": 32,
+                    "aloft_pct": 85.0,
                     "battery": {
                         "remaining_pct": 85.0,
                         "least_pct": 85.0,
@@ -326,3 +335,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
 @pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
 def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
     assert rounded(found()) == expected
+
+
+def test_what_it_held_in_the_air_stays_when_its_pack_is_full_again() -> None:
+    """As PX4's simulated pack is, as soon as it disarms; the HEARTBEAT that says so comes later."""
+    flies = fold.fold(CONTEXT, flying(battery=pack(30.0)), Battery(0, 24.9, None, None, None, 1, 0), NOW_S).state
+    stands = with_facts(flies, on_ground=True, fix=at(up_m=0.0))
+    filled = fold.fold(CONTEXT, stands, Battery(0, 58.0, None, None, None, 1, 0), NOW_S + 2.0).state
+    assert (filled.power.battery.remaining_pct, filled.power.landed_pct) == (58.0, 24.9)
+    another = with_facts(filled, aloft_pct=None)
+    assert another.power.landed_pct == 58.0, "a pack that was changed is what it is"

@@ -89,7 +89,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [None, NOW_S, NOW_S, None, None, None],
     ),
-    ("a fence", lambda: folded(flying(), FenceStatus(True)), ({"fence_breached": True},)),
+    ("a fence", lambda: folded(flying(), FenceStatus(True)), ({"fence_breached": True, "breached_s": NOW_S},)),
     ("words", lambda: folded(flying(), StatusText(4, "hello")), ({}, None, StatusText(severity=4, text="hello"))),
     (
         "words of an alarm",

@@ -10,6 +10,7 @@ import pytest
 from executor.core.homing import homeward
 from executor.core.messages import Heartbeat
 from executor.core.parts import Cause, Errand
+from executor.core.vehicle import Fault, FaultCode, FaultKind
 from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.steps import HOLD, HOMEWARD, LAND, TAKEN, beat, over_pad, rounded
 from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, RTL, at, flying
@@ -24,6 +25,9 @@ def advice(**given: Any) -> str:
     return f"{found.answer.value}: {found.words}"
 
 
+SINKS = Fault(FaultKind.INTERRUPTION, "sinks", NOW_S - 1.0, FaultCode.SINKING)
+WEAK = "leave: cannot hold its height and RTL climbs, not commanded: its pilot may land it"
+SELF = "leave: returning or landing by itself, not commanded"
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("the way home", lambda: advice(waypoint=2), "return: "),
     (
@@ -153,6 +157,25 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     ("beyond its mission", lambda: advice(waypoint=6), "return: "),
+    (
+        "who cannot hold its height",
+        lambda: [
+            advice(**{"fault": SINKS, "heartbeat": beat(AUTO), "sinks_s": NOW_S, "anchor": at(), **given})
+            for given in (
+                {},
+                {"sinks_s": NOW_S - 9.9},
+                {"sinks_s": NOW_S - 10.0},  # it holds its height again
+                {"sinks_s": NOW_S - 10.0, "fix": at(up_m=5.0)},  # or lies
+                {"sinks_s": NOW_S - 10.0, "anchor": at(age_s=10.0)},
+                {"fix": at(age_s=3.1)},
+                {"fix": over_pad(20.0)},
+                {"errand": Errand(NOW_S, land=True)},
+                {"errand": Errand(NOW_S, force=True)},
+                {"heartbeat": beat(RTL)},
+            )
+        ],
+        [WEAK, WEAK, "return: ", WEAK, WEAK, WEAK, "land: ", "land: ", "return: ", SELF],
+    ),
 ]
 
 
