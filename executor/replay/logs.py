@@ -343,7 +343,7 @@ class _Player:
             f"{stranger_words(DoubleHeard(self._scene.vehicles[name].sysid, ()))}; not judged from {since_s:.1f} s on"
             for name, since_s in self._mixed.items()
         ]
-        if self._rules.site is None and any(one.flown_s for one in vehicles):
+        if self._rules.site is None and any(one.flown_s and one.name not in self._mixed for one in vehicles):
             notes.append(NOBODY_KNOWS)
         notes += [f"{one.name} is never armed in it" for one in vehicles if not one.flown_s]
         notes += [note for name, book in self._flights.items() if (note := book.note(name))]
