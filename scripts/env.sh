@@ -1,3 +1,4 @@
+# shellcheck shell=bash
 # Sourced by the other scripts: makes .venv once for each state of the lock files, then activates it.
 #   env_make run   what the program needs
 #   env_make dev   the same, and what the tests and linters need

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
 import shutil
 import signal
 import subprocess
@@ -18,11 +17,10 @@ from pathlib import Path
 
 from tests.patience import PATIENCE_S
 from tests.ports import free_port
+from tests.programs import find_program
 
 USER, PASSWORD = "crew", "p4ss word"
-MOSQUITTO = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/usr/local/sbin")
-
-
+MOSQUITTO = find_program("mosquitto")
 KIND = "amqtt" if MOSQUITTO is None else "mosquitto"
 """The one that is quicker to start."""
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 import asyncio
 import signal
 
+import pytest
 from hypothesis import settings
+
+from tests.programs import need
 
 settings.register_profile("faultline", deadline=None, derandomize=True)
 settings.load_profile("faultline")
@@ -19,3 +22,9 @@ for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SI
     number = getattr(signal, name, None)
     if number is not None and signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, usual)
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Look for the programs that a test says it needs."""
+    for mark in item.iter_markers("needs"):
+        need(*mark.args)

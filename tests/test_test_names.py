@@ -411,6 +411,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/subsets.py",
     ),
     "tests/test_docs.py": (
+        "scripts/pages/page_types.py",
         "scripts/pages/reference.py",
         "scripts/pages/states.py",
     ),

@@ -1,4 +1,7 @@
-"""The pages and schemas of the documents that are made from the program: `python -m scripts.pages.reference docs`."""
+"""The pages and schemas that are made from the program, and the types of what its page gets.
+
+`python -m scripts.pages.reference docs` writes them.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +27,7 @@ from executor.core.endings import Ending
 from executor.core.intents import IntentReason
 from executor.core.vehicle import FaultCode
 from executor.site import config
+from scripts.pages.page_types import TYPES, page_types
 from scripts.pages.schemas import SITE, docstrings, schemas
 from scripts.pages.states import PAGE, PICTURE, states_page, states_picture
 
@@ -47,7 +51,7 @@ UNITS = (
 
 
 def pages() -> dict[str, str]:
-    """Return each page, and each schema, by its place below `docs`."""
+    """Return each page, and each schema, by its place from `docs`."""
     states = states_page(MADE.format(what="tables (executor/core/vehicle.py and flags.py)"))
     return {
         COMMANDS: commands_page(),
@@ -55,12 +59,13 @@ def pages() -> dict[str, str]:
         REASONS: reasons_page(),
         PAGE: states,
         PICTURE: states_picture(),
+        TYPES: page_types(),
         **schemas(),
     }
 
 
 def write_pages(folder: Path) -> None:
-    """Write every page and schema below a folder."""
+    """Write every page and schema to its place from a folder."""
     for name, text in pages().items():
         (folder / name).write_text(text, encoding="utf-8")
 

@@ -15,10 +15,9 @@ from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
-from shutil import which
 from typing import Any, Self
 
-from playwright.async_api import Page, async_playwright
+from playwright.async_api import Page, async_playwright, expect
 
 from executor.adapters.web import WebServer, WebSettings
 from executor.core.check_codes import CheckCode
@@ -30,7 +29,7 @@ from executor.core.parts import OnBoard
 from executor.core.payload.pictures import NotSeen, Unseen
 from executor.core.state import Briefing, CheckLine, FleetState, Question, SaidLine
 from executor.core.vehicle import Stage, VehicleState, aboard
-from executor.core.view import FleetView, LossView, OfferView, TakenView, VehicleView, fleet_view
+from executor.core.view import FleetView, LastFixView, LossView, OfferView, TakenView, VehicleView, fleet_view
 from executor.site import assembly
 from executor.site.ground_files import ground_files
 from executor.site.ground_view import GroundView
@@ -38,8 +37,8 @@ from missions import Segment, Window, flight_path
 from tests.executor.builders import ground_for, site_of, with_facts
 from tests.fakes.flight import Story
 from tests.missions.builders import network_of
+from tests.programs import find_program
 
-CHROMIUM = which("chromium") or which("chromium-browser") or which("google-chrome")
 QUIET = (
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
@@ -193,6 +192,24 @@ def flying(ready: Fleet) -> Scene:
     return Scene(ready.context, _fitted(story.state), story.now_s, words, ETAS)
 
 
+def reckoned(ready: Fleet) -> Scene:
+    """One flies on without GPS: where it was with a fix comes first, the rest is long."""
+    story = flown(ready)
+
+    def touch(vehicle: VehicleView) -> VehicleView:
+        now = vehicle.position
+        assert now is not None
+        last = LastFixView(now.lat_deg, now.lon_deg, now.relative_alt_m, 2.5, 104.0, 12.0)
+        return replace(vehicle, gps_fix=0, position=replace(now, known="reckoned", accuracy_m=1250.0, last_fix=last))
+
+    words = {
+        ".strip:nth-child(2) .when": "Last GPS fix",
+        ".strip:nth-child(2) .since": "1:44 ago, at 12 m/s; now about 49.60",
+        ".strip:nth-child(2) .gps": "no GPS",
+    }
+    return Scene(ready.context, _fitted(story.state), story.now_s, words, {**ETAS, "uav2": touch})
+
+
 def taken(ready: Fleet, *, returned: bool = False) -> Scene:
     """A pilot has taken one, and has maybe put it back on its mission."""
     story = flown(ready)
@@ -279,7 +296,7 @@ def down(ready: Fleet) -> Scene:
     words = {
         ".strip:nth-child(2) .state": "down: keep away",
         ".strip:nth-child(2) .where": "ARMED",
-        ".strip:nth-child(2) .place": f"{lat_deg:.6f}, {lon_deg:.6f}",
+        ".strip:nth-child(2) .place": f"{lat_deg:.5f}, {lon_deg:.5f}",
         ".strip:nth-child(2) .actions": "Disarm",
     }
     return Scene(ready.context, state, story.now_s, words, {**ETAS, "uav2": fell})
@@ -352,6 +369,7 @@ SCENES: Mapping[str, Callable[[Fleet], Scene]] = {
     "before-take-off": before,
     "before-stop": partial(before, stop=True),
     "flying": flying,
+    "gps-lost": reckoned,
     "takeover": taken,
     "takeover-returned": partial(taken, returned=True),
     "offer": offered,
@@ -466,14 +484,15 @@ class Line:
 
 @asynccontextmanager
 async def browsing(
-    address: str, size: tuple[int, int] = LAYOUTS["desk"], *, patience_ms: float = 20_000.0
+    address: str, size: tuple[int, int] = LAYOUTS["desk"], *, patience_ms: float = 60_000.0
 ) -> AsyncIterator[Page]:
     """Open the page in a browser; whatever it complains of fails the test."""
     complaints = list[str]()
     async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=CHROMIUM, args=list(QUIET))
+        browser = await playwright.chromium.launch(executable_path=find_program("chromium"), args=list(QUIET))
         page = await browser.new_page(viewport={"width": size[0], "height": size[1]})
         page.set_default_timeout(patience_ms)
+        expect.set_options(timeout=patience_ms)
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("console", lambda line: complaints.append(line.text) if "Content Security" in line.text else None)
         await page.goto(address)

@@ -11,7 +11,7 @@ import pytest
 from playwright.async_api import Page, expect
 
 from tests.e2e.flights import called, ended, said_in, site_file
-from tests.e2e.gallery import CHROMIUM, browsing
+from tests.e2e.gallery import browsing
 from tests.patience import PATIENCE_S
 from tests.ports import free_port
 
@@ -41,7 +41,7 @@ async def shot(page: Page, name: str) -> None:
             await page.set_viewport_size(size)
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed (Debian: apt-get install chromium)")
+@pytest.mark.needs("chromium")
 async def test_a_flight_with_a_loss_is_watched_and_steered(tmp_path: Path) -> None:
     port = free_port()
     site, _ = site_file(tmp_path, pylons=17, vehicles=4, speedup=6.0, autopilot="px4")
@@ -51,7 +51,6 @@ async def test_a_flight_with_a_loss_is_watched_and_steered(tmp_path: Path) -> No
     async with called("plan", str(site), "--all-vehicles", "--seconds", "0.5", "-o", str(plan)) as planning:
         await ended(planning)
     flown = ("fly", str(site), "--plan", str(plan), "--yes", "--run", str(tmp_path / "run"))
-    expect.set_options(timeout=PATIENCE_MS)
     async with called(*simulated), called(*flown) as fly:
         await said_in(fly.stderr, f"page: http://127.0.0.1:{port}/")
         async with browsing(f"http://127.0.0.1:{port}/", patience_ms=PATIENCE_MS) as page:

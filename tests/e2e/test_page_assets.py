@@ -6,12 +6,9 @@ import pytest
 from playwright.async_api import Page, expect
 
 from executor.core.intents import Action
-from tests.e2e.gallery import CHROMIUM, LAYOUTS, Shown, browsing, scene_of
+from tests.e2e.gallery import LAYOUTS, Shown, browsing, scene_of
 
-pytestmark = [
-    pytest.mark.asyncio,
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed (Debian: apt-get install chromium)"),
-]
+pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
 
 BEYOND = """[...document.querySelectorAll("#assets *")].filter((one) => one.getClientRects().length &&
   one.getBoundingClientRect().right > document.querySelector("#assets").getBoundingClientRect().right + 0.5

@@ -7,9 +7,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 
+from executor.adapters.web.documents import (
+    BesideFleet,
+    BesideVehicle,
+    PageArea,
+    PageAssets,
+    PageChart,
+    PageRoute,
+    PageVehicle,
+    Place,
+)
 from executor.core.context import Context
 from executor.core.seeing.assets import AssetState, asked_of, asset_views
 from executor.core.state import Coverage, FleetState
@@ -26,9 +36,6 @@ STEP_M = 3.0
 """A track's next point is this far from the last one."""
 MOST_POINTS = 1500
 """Of one track; when there are more, every second one is dropped."""
-
-Place = tuple[float, float]
-"""East and north of the depot, in metres."""
 
 
 @dataclass(slots=True)
@@ -71,7 +78,7 @@ class Present:
         self._now = now
         self._speedup = speedup
         self._describe = describe
-        self._window = None if window is None else asdict(window)
+        self._window = window
         self._tracks = {name: _Track() for name in context.vehicles}
         self._asked = asked_of(context)
         self._covered: tuple[Coverage, int] | None = None
@@ -90,52 +97,53 @@ class Present:
         """Return the present as JSON, and remember where everybody is."""
         state, now_s = self._now()
         content = asdict(self._describe(self._context, state, now_s))
-        content["speedup"] = self._speedup
-        content["decided_age_s"] = (
-            None if state.listening.tick_s is None else round(max(0.0, now_s - state.listening.tick_s), 2)
+        for shown in content["vehicles"]:
+            vehicle = state.vehicles[shown["name"]]
+            place = None if vehicle.motion.fix is None else _rounded(vehicle.motion.fix.place_m)
+            shown |= BesideVehicle(place_m=place, waypoint=vehicle.assignment.waypoint)
+            if place is not None and vehicle.armed:
+                self._tracks[vehicle.name].add(place)
+        tick_s = state.listening.tick_s
+        content |= BesideFleet(
+            speedup=self._speedup,
+            decided_age_s=None if tick_s is None else round(max(0.0, now_s - tick_s), 2),
+            chart=_stamp(state),
+            inferred=sorted(state.coverage.unproven()),
+            assets=self._assets_stamp(state),
         )
-        for vehicle in content["vehicles"]:
-            fix = state.vehicles[vehicle["name"]].motion.fix
-            place = None if fix is None else (round(fix.place_m[0], 1), round(fix.place_m[1], 1))
-            vehicle["place_m"] = place
-            vehicle["waypoint"] = state.vehicles[vehicle["name"]].assignment.waypoint
-            if place is not None and state.vehicles[vehicle["name"]].armed:
-                self._tracks[vehicle["name"]].add(place)
-        content["chart"] = _stamp(state)
-        content["inferred"] = sorted(state.coverage.unproven())
-        content["assets"] = self._assets_stamp(state)
         return _json(content)
 
     def chart(self) -> bytes:
         """Return the network, the pads, the routes on board and the ways flown so far, as JSON."""
         state, _ = self._now()
         setup = self._context.setup
-        content: dict[str, object] = {
-            "chart": _stamp(state),
-            "window": self._window,
-            "pictures": bool(setup.looks),
-            "assets": [[segment, sum(most.values())] for segment, most in self._asked.items()],
-            "names": [self._context.segment_name(segment.id) for segment in setup.network.segments],
-            "areas": [
-                {
-                    "name": area.name,
-                    "limit": area.kind is AreaKind.HEIGHT_LIMIT,
-                    "outlines_m": [[_rounded(place) for place in ring] for ring in area.polygons_m()],
-                }
-                for area in setup.areas
-            ],
-            "segments_m": [[_rounded(a), _rounded(b)] for a, b in setup.network.ends_m.tolist()],
-            "vehicles": [
-                {
-                    "name": name,
-                    "pad_m": _rounded(self._context.vehicles[name].pad_m),
-                    "route": _route(state, name),
-                    "track_m": self._tracks[name].places,
-                }
-                for name in self._context.vehicles
-            ],
-        }
-        return _json(content)
+        return _json(
+            PageChart(
+                chart=_stamp(state),
+                window=self._window,
+                pictures=bool(setup.looks),
+                assets=[(segment, sum(most.values())) for segment, most in self._asked.items()],
+                names=[self._context.segment_name(segment.id) for segment in setup.network.segments],
+                areas=[
+                    PageArea(
+                        name=area.name,
+                        limit=area.kind is AreaKind.HEIGHT_LIMIT,
+                        outlines_m=[[_rounded(place) for place in ring] for ring in area.polygons_m()],
+                    )
+                    for area in setup.areas
+                ],
+                segments_m=[(_rounded(a), _rounded(b)) for a, b in setup.network.ends_m.tolist()],
+                vehicles=[
+                    PageVehicle(
+                        name=name,
+                        pad_m=_rounded(self._context.vehicles[name].pad_m),
+                        route=_route(state, name),
+                        track_m=self._tracks[name].places,
+                    )
+                    for name in self._context.vehicles
+                ],
+            )
+        )
 
     def assets(self) -> bytes:
         """Return what became of each asset, as JSON: rows of segment, state, pictures and vehicle.
@@ -145,11 +153,11 @@ class Present:
         """
         state, _ = self._now()
         rows = [
-            [one.segment, one.state.value, one.pictures, one.vehicle]
+            (one.segment, one.state.value, one.pictures, one.vehicle)
             for one in asset_views(self._context, state, self._asked)
             if one.state is not AssetState.OPEN or one.pictures
         ]
-        return _json({"assets": self._assets_stamp(state), "rows": rows})
+        return _json(PageAssets(assets=self._assets_stamp(state), rows=rows))
 
     def _assets_stamp(self, state: FleetState) -> int:
         """Return a number that changes whenever anything that `assets` says may have."""
@@ -173,17 +181,17 @@ def _stamp(state: FleetState) -> list[int]:
     return [-1 if one.assignment.board is None else one.assignment.board.revision for one in state.vehicles.values()]
 
 
-def _route(state: FleetState, name: str) -> dict[str, object] | None:
+def _route(state: FleetState, name: str) -> PageRoute | None:
     board = state.vehicles[name].assignment.board
     if board is None:
         return None
-    return {
-        "revision": board.revision,
-        "places_m": [_rounded(place) for place in board.places_m],
-        "inspect": [waypoint.phase is Phase.INSPECT for waypoint in board.path.waypoints],
-        "segments": [track.segment for track in board.tracks],
-    }
+    return PageRoute(
+        revision=board.revision,
+        places_m=[_rounded(place) for place in board.places_m],
+        inspect=[waypoint.phase is Phase.INSPECT for waypoint in board.path.waypoints],
+        segments=[track.segment for track in board.tracks],
+    )
 
 
-def _rounded(place: tuple[float, float] | list[float]) -> list[float]:
-    return [round(place[0], 1), round(place[1], 1)]
+def _rounded(place: Sequence[float]) -> Place:
+    return round(place[0], 1), round(place[1], 1)

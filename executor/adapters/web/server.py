@@ -59,6 +59,7 @@ FILES: Mapping[str, str] = {
     "freshness.js": "text/javascript; charset=utf-8",
     "ground.js": "text/javascript; charset=utf-8",
     "offers.js": "text/javascript; charset=utf-8",
+    "elements.js": "text/javascript; charset=utf-8",
     "words.js": "text/javascript; charset=utf-8",
     "icon.svg": "image/svg+xml",
 }

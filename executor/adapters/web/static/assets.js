@@ -1,11 +1,20 @@
 // What became of each asset: missed ones first. Names and what is asked came with the map; the rest is fetched while
 // somebody looks, when the state says that it is another.
-import { element, write } from "./words.js";
+import { byId, element, find, write } from "./elements.js";
 
-const byId = (id) => document.getElementById(id);
+/** @import { PageAssets, PageChart, State } from "../documents.js" */
+/** @import { Intents } from "./intents.js" */
+
+/** @typedef {{ inspected: Set<number>, inferred: Set<number>, missed: Set<number> }} Lists */
+/** @typedef {ReturnType<Assets["of"]>} Asset */
+
+const list = byId("assets", HTMLDetailsElement);
+const sought = byId("sought", HTMLInputElement);
 const RANKS = ["missed", "given_up", "left_over", "open", "inferred", "seen"];
+/** @type {Record<string, string>} */
 const MARKS = { missed: "✗", given_up: "✗", left_over: "–", open: "○", inferred: "≈", seen: "✓" };
 const MAY_AGAIN = new Set(["seen", "inferred", "given_up"]);
+/** @type {Record<string, string>} */
 const WHY = {
   missed: "Pictures of it are missing: it is flown again.",
   given_up: "Nobody flies it any more in this flight.",
@@ -19,55 +28,73 @@ const MANY = 10;
 const LEAST_MS = 1500;
 
 export class Assets {
+  /**
+   * @param {(segment: number | null) => void} pointTo
+   * @param {Intents} intents
+   */
   constructor(pointTo, intents) {
     this.pointTo = pointTo;
     this.intents = intents;
+    /** @type {string[]} */
     this.names = [];
-    // Of each asset: how many pictures it asks for.
+    this.pictures = false;
+    /**
+     * Of each asset: how many pictures it asks for.
+     * @type {Map<number, number>}
+     */
     this.asked = new Map();
+    /** @type {Map<number, PageAssets["rows"][number]>} */
     this.known = new Map();
+    /** @type {Map<number | null, HTMLElement>} */
     this.rows = new Map();
+    /** @type {State | null} */
     this.state = null;
+    /** @type {number | null} */
     this.chosen = null;
+    /** @type {number | null} */
     this.loaded = null;
+    this.lists = "";
     this.loading = false;
     this.waitMs = LEAST_MS;
     this.order = "";
-    byId("assets").addEventListener("toggle", () => this.toggled());
-    byId("sought").addEventListener("input", () => this.draw());
+    list.addEventListener("toggle", () => this.toggled());
+    sought.addEventListener("input", () => this.draw());
   }
 
+  /** @param {PageChart} chart */
   load(chart) {
     const first = !this.asked.size;
     this.names = chart.names;
     this.pictures = chart.pictures;
     this.asked = new Map(chart.assets);
     write(byId("assets-what"), this.pictures ? "Assets" : "Segments");
-    byId("sought").hidden = this.asked.size < MANY;
+    sought.hidden = this.asked.size < MANY;
     // On a phone it takes no room until it is asked for, nor where there are no pictures to look after.
-    if (first) byId("assets").open = this.pictures && matchMedia("(min-width: 901px)").matches;
+    if (first) list.open = this.pictures && matchMedia("(min-width: 901px)").matches;
     if (this.state) this.show(this.state);
   }
 
+  /** @param {State} state */
   show(state) {
     this.state = state;
     const shown = this.asked.size > 0 && (state.flight_s !== null || state.finished);
-    byId("assets").hidden = !shown;
-    document.body.classList.toggle("listing", shown && byId("assets").open);
+    list.hidden = !shown;
+    document.body.classList.toggle("listing", shown && list.open);
     if (!shown) return;
     const lists = `${state.inspected.length} ${state.missed.join()} ${state.inferred.length} ${state.uncovered.length}`;
     if (lists !== this.lists) {
       this.lists = lists;
-      this.count();
+      this.count(state);
       this.draw();
     }
     this.act();
-    if (byId("assets").open && state.assets !== this.loaded && !this.loading) this.fetch();
+    if (list.open && state.assets !== this.loaded && !this.loading) this.fetch();
   }
 
-  count() {
-    const seen = this.state.inspected.filter((segment) => this.asked.has(segment)).length;
-    const missed = this.state.missed.length;
+  /** @param {State} state */
+  count(state) {
+    const seen = state.inspected.filter((segment) => this.asked.has(segment)).length;
+    const missed = state.missed.length;
     write(byId("tally"), `${seen} of ${this.asked.size} ${this.pictures ? "seen" : "inspected"}`);
     write(byId("tally-missed"), missed ? `${missed} missed` : "");
   }
@@ -78,9 +105,12 @@ export class Assets {
     this.draw();
   }
 
-  // A row that was touched on the map, or in the list.
+  /**
+   * A row that was touched on the map, or in the list.
+   * @param {number | null} segment
+   */
   choose(segment) {
-    this.chosen = this.asked.has(segment) ? segment : null;
+    this.chosen = segment !== null && this.asked.has(segment) ? segment : null;
     this.draw();
     this.reveal();
   }
@@ -91,9 +121,8 @@ export class Assets {
   }
 
   find() {
-    byId("assets").open = true;
-    const field = byId("sought");
-    (field.hidden ? byId("listed").querySelector("button") : field)?.focus();
+    list.open = true;
+    (sought.hidden ? byId("listed").querySelector("button") : sought)?.focus();
   }
 
   async fetch() {
@@ -102,6 +131,7 @@ export class Assets {
     try {
       const answer = await fetch("/assets");
       if (answer.ok) {
+        /** @type {PageAssets} */
         const content = await answer.json();
         this.known = new Map(content.rows.map((row) => [row[0], row]));
         this.loaded = content.assets;
@@ -114,7 +144,11 @@ export class Assets {
     setTimeout(() => { this.loading = false; }, Math.max(LEAST_MS, 10 * (performance.now() - beganMs)));
   }
 
-  // What is known of one asset; what the newest state says goes first.
+  /**
+   * What is known of one asset; what the newest state says goes first.
+   * @param {number} segment
+   * @param {Lists} lists
+   */
   of(segment, lists) {
     const [, told, pictures, vehicle] = this.known.get(segment) ?? [segment, "open", 0, null];
     let state = told;
@@ -125,10 +159,11 @@ export class Assets {
   }
 
   draw() {
-    if (!this.state || !byId("assets").open) return;
-    const lists = Object.fromEntries(["inspected", "inferred", "missed"].map((name) => [name, new Set(this.state[name])]));
-    const sought = byId("sought").value.trim().toLowerCase();
-    const found = [...this.asked.keys()].map((segment) => this.of(segment, lists)).filter((one) => this.fits(one, sought));
+    if (!this.state || !list.open) return;
+    const { inspected, inferred, missed } = this.state;
+    const lists = { inspected: new Set(inspected), inferred: new Set(inferred), missed: new Set(missed) };
+    const wanted = sought.value.trim().toLowerCase();
+    const found = [...this.asked.keys()].map((segment) => this.of(segment, lists)).filter((one) => this.fits(one, wanted));
     found.sort((one, other) => RANKS.indexOf(one.state) - RANKS.indexOf(other.state) || one.segment - other.segment);
     const shown = found.slice(0, MOST_ROWS);
     const chosen = found.find((one) => one.segment === this.chosen);
@@ -140,24 +175,33 @@ export class Assets {
     this.act();
   }
 
-  fits(one, sought) {
-    return !sought || `${one.name}\n${this.word(one.state)}\n${one.vehicle ?? ""}`.toLowerCase().includes(sought);
+  /**
+   * @param {Asset} one
+   * @param {string} wanted
+   */
+  fits(one, wanted) {
+    return !wanted || `${one.name}\n${this.word(one.state)}\n${one.vehicle ?? ""}`.toLowerCase().includes(wanted);
   }
 
+  /** @param {string} state */
   word(state) {
     return state === "seen" && !this.pictures ? "inspected" : state.replace("_", " ");
   }
 
-  // Rows that stay where they are keep the finger, and the keyboard, that is on them.
+  /**
+   * Rows that stay where they are keep the finger, and the keyboard, that is on them.
+   * @param {HTMLElement[]} rows
+   */
   place(rows) {
     const order = rows.map((row) => row.dataset.segment).join();
     if (order === this.order) return;
     this.order = order;
     const held = document.activeElement;
     byId("listed").replaceChildren(...rows);
-    if (held?.isConnected && held.closest("#listed")) held.focus({ preventScroll: true });
+    if (held instanceof HTMLElement && held.isConnected && held.closest("#listed")) held.focus({ preventScroll: true });
   }
 
+  /** @param {Asset} one */
   row(one) {
     let row = this.rows.get(one.segment);
     if (!row) {
@@ -167,17 +211,18 @@ export class Assets {
     row.className = `asset is-${one.state}${one.segment === this.chosen ? " chosen" : ""}`;
     row.dataset.state = one.state;
     const count = one.asked && (one.pictures || one.state !== "open") ? `${one.pictures} of ${one.asked}` : "";
-    write(row.querySelector(".mark"), MARKS[one.state]);
-    write(row.querySelector(".became"), [this.word(one.state), count].filter(Boolean).join(" "));
-    write(row.querySelector(".by"), one.vehicle ?? "");
-    row.querySelector(".pick").setAttribute("aria-expanded", one.segment === this.chosen);
-    row.querySelector(".more").hidden = one.segment !== this.chosen;
+    write(find(row, ".mark"), MARKS[one.state]);
+    write(find(row, ".became"), [this.word(one.state), count].filter(Boolean).join(" "));
+    write(find(row, ".by"), one.vehicle ?? "");
+    find(row, ".pick").setAttribute("aria-expanded", String(one.segment === this.chosen));
+    find(row, ".more").hidden = one.segment !== this.chosen;
     return row;
   }
 
+  /** @param {Asset} one */
   make(one) {
     const row = element("li");
-    row.dataset.segment = one.segment;
+    row.dataset.segment = String(one.segment);
     const pick = element("button", "", "pick");
     pick.append(element("b", "", "mark"), element("span", one.name, "asset-name"), element("span", "", "became"), element("span", "", "by"));
     pick.addEventListener("click", () => this.picked(one.segment));
@@ -189,6 +234,7 @@ export class Assets {
     return row;
   }
 
+  /** @param {number} segment */
   picked(segment) {
     this.chosen = this.chosen === segment ? null : segment;
     this.pointTo(this.chosen);
@@ -199,9 +245,10 @@ export class Assets {
   // What may be asked of the one that is chosen.
   act() {
     const row = this.rows.get(this.chosen);
-    if (!row) return;
+    if (!row || !this.state) return;
     const over = this.state.finished || this.state.recalled;
-    row.querySelector(".again").hidden = over || !MAY_AGAIN.has(row.dataset.state);
-    write(row.querySelector(".asset-why"), WHY[row.dataset.state] ?? "");
+    const became = row.dataset.state ?? "";
+    find(row, ".again").hidden = over || !MAY_AGAIN.has(became);
+    write(find(row, ".asset-why"), WHY[became] ?? "");
   }
 }

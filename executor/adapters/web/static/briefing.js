@@ -1,20 +1,30 @@
 // Before the take-off: what is asked, and the checklist with what stops the flight first.
-import { element, write } from "./words.js";
+import { byId, element, write } from "./elements.js";
 
-const byId = (id) => document.getElementById(id);
+/** @import { CheckLine, Question, State } from "../documents.js" */
+/** @import { Intents } from "./intents.js" */
+
+/**
+ * Severity, mark, and the heading for a number of checks.
+ * @typedef {[string, string, (count: number) => string]} Group
+ */
+/** @type {Group[]} */
 const GROUPS = [
   ["stop", "STOP", (count) => `${count} ${count === 1 ? "check stops" : "checks stop"} the flight`],
   ["warning", "warn", (count) => `${count} ${count === 1 ? "warning" : "warnings"}`],
   ["ok", "ok", (count) => `${count} ok`],
 ];
+/** @type {Record<string, string>} */
 const MEANINGS = {
   prepare: "What is listed is changed and put on board. Nothing moves yet.",
   "take-off": "Everybody with a route takes off now. The pads, and all around them, are clear of people.",
 };
 
 export class Briefing {
+  /** @param {Intents} intents */
   constructor(intents) {
     this.intents = intents;
+    /** @type {Question | null} */
     this.question = null;
     this.shown = "";
     byId("agree").addEventListener("click", () => this.answer());
@@ -24,6 +34,7 @@ export class Briefing {
     if (this.question) this.intents.confirm(this.question.id, this.question.text, MEANINGS[this.question.id] ?? "");
   }
 
+  /** @param {State} state */
   show(state) {
     const before = state.flight_s === null && !state.finished;
     document.body.classList.toggle("before", before);
@@ -40,6 +51,10 @@ export class Briefing {
     byId("checks").replaceChildren(...GROUPS.flatMap((group) => this.group(group, state.checks)));
   }
 
+  /**
+   * @param {Group} group
+   * @param {CheckLine[]} checks
+   */
   group([severity, mark, words], checks) {
     const found = checks.filter((one) => one.severity === severity);
     if (!found.length) return [];

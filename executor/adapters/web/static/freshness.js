@@ -1,4 +1,6 @@
 // How old what is shown is, by the flight's own clock: a link that is slow looks like a flight that stands still.
+/** @import { State } from "../documents.js" */
+
 export const STALE_S = 3;
 const ASK_MS = 2000;
 const ANSWER_MS = 15000;
@@ -6,28 +8,39 @@ const ANSWER_MS = 15000;
 export class Freshness {
   constructor() {
     this.speedup = 1;
+    /** @type {number | null} */
     this.shownS = null;
     // The flight's clock less this browser's; what has arrived by now says that it is at least so much.
     this.ahead = -Infinity;
+    /** @type {number | null} */
     this.askedMs = null;
     this.tripS = 0;
     this.failed = false;
     this.ask();
   }
 
-  // A state has come.
+  /**
+   * A state has come.
+   * @param {State} state
+   */
   shows(state, atMs = performance.now()) {
     this.speedup = state.speedup ?? 1;
     this.shownS = state.now_s;
     this.ahead = Math.max(this.ahead, state.now_s - this.scaled(atMs));
   }
 
-  // The flight's clock was asked for by itself, beside the stream of states.
+  /**
+   * The flight's clock was asked for by itself, beside the stream of states.
+   * @param {number} nowS
+   * @param {number} sentMs
+   * @param {number} gotMs
+   */
   answered(nowS, sentMs, gotMs) {
     this.tripS = (gotMs - sentMs) / 1000;
     this.ahead = Math.min(Math.max(this.ahead, nowS - this.scaled(gotMs)), nowS - this.scaled(sentMs));
   }
 
+  /** @param {number} ms */
   scaled(ms) {
     return (ms / 1000) * this.speedup;
   }

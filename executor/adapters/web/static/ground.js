@@ -1,27 +1,38 @@
 // What lies below the map: a picture of the ground or its relief, contour lines, and what is known of a place.
+import { style } from "./elements.js";
+
+/** @import { ContourPart, GroundDocument, Place } from "../documents.js" */
+/** @import { Chart } from "./map.js" */
+
+/** @type {Record<string, string>} */
 const SHOWN = { photo: "Photo", relief: "Relief", plain: "Plain" };
 const VEIL = 0.38;
 const SHADE = 0.42;
 // Pixels that a contour line needs, to be written on; and that lie between two heights.
 const LABEL_PX = 170;
 const APART_PX = 90;
-const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 export class Ground {
+  /** @param {() => void} changed */
   constructor(changed) {
     this.changed = changed;
+    /** @type {GroundDocument | null} */
     this.document = null;
+    /** @type {Record<string, HTMLImageElement>} */
     this.images = {};
     this.layer = "plain";
     this.layers = ["plain"];
+    /** @type {Contour[]} */
     this.lines = [];
   }
 
   async load() {
     const answer = await fetch("/ground/ground.json");
     if (!answer.ok) return;
-    this.document = await answer.json();
-    const { photo, relief } = this.document;
+    /** @type {GroundDocument} */
+    const content = await answer.json();
+    this.document = content;
+    const { photo, relief } = content;
     this.layers = [...(photo ? ["photo"] : []), ...(relief ? ["relief"] : []), "plain"];
     this.layer = this.layers[0];
     if (photo) this.fetch("photo", photo);
@@ -32,6 +43,10 @@ export class Ground {
     this.changed();
   }
 
+  /**
+   * @param {string} layer
+   * @param {string} name
+   */
   fetch(layer, name) {
     const image = new Image();
     image.fetchPriority = "low";
@@ -55,10 +70,12 @@ export class Ground {
 
   attribution() {
     if (this.document === null || this.layer === "plain") return "";
-    const lines = this.lines.length ? `contours every ${this.document.relief.interval_m} m` : "";
+    const { relief } = this.document;
+    const lines = relief && this.lines.length ? `contours every ${relief.interval_m} m` : "";
     return [lines, this.layer === "photo" ? this.document.attribution : ""].filter(Boolean).join(" · ");
   }
 
+  /** @param {Chart} chart */
   draw(chart) {
     const image = this.images[this.layer];
     chart.canvas.dataset.ground = image ? this.layer : "plain";
@@ -80,6 +97,7 @@ export class Ground {
     this.drawLines(chart);
   }
 
+  /** @param {Chart} chart */
   drawLines(chart) {
     const context = chart.context;
     const ratio = devicePixelRatio || 1;
@@ -97,8 +115,10 @@ export class Ground {
     this.writeHeights(chart);
   }
 
+  /** @param {Chart} chart */
   writeHeights(chart) {
     const context = chart.context;
+    /** @type {Place[]} */
     const taken = [];
     context.save();
     context.font = "600 11px system-ui, sans-serif";
@@ -119,37 +139,54 @@ export class Ground {
     context.restore();
   }
 
-  // Where a place is, and how high the ground there, in words; nothing where that is not known.
+  /**
+   * Where a place is, and how high the ground there, in words; nothing where that is not known.
+   * @param {Place} place
+   */
   describe(place) {
     if (this.document === null) return "";
     const { degrees, relief } = this.document;
-    const lat = this.between(place, degrees, degrees.lat_deg, true);
-    const lon = this.between(place, degrees, degrees.lon_deg, true);
+    const lat = between(this.document, place, degrees, degrees.lat_deg, true);
+    const lon = between(this.document, place, degrees, degrees.lon_deg, true);
     if (lat === null || lon === null) return "";
-    const metres = relief ? this.between(place, relief.heights, relief.heights.metres, false) : null;
+    const metres = relief ? between(this.document, place, relief.heights, relief.heights.metres, false) : null;
     return `${lat.toFixed(6)}, ${lon.toFixed(6)}${metres === null ? "" : ` · ground ${metres.toFixed(0)} m`}`;
-  }
-
-  // A value between those of a grid over the whole area: at its corners, or in the middles of its cells.
-  between([east, north], { rows, columns }, values, corners) {
-    const { low_m: low, high_m: high } = this.document;
-    const [right, down] = [(east - low[0]) / (high[0] - low[0]), (high[1] - north) / (high[1] - low[1])];
-    if (!corners && (right < 0 || right > 1 || down < 0 || down > 1)) return null;
-    // Beyond the area latitudes and longitudes go on as they do at its edge.
-    const at = (share, count) => (corners ? share * (count - 1) : Math.min(count - 1, Math.max(0, share * count - 0.5)));
-    const [i, j] = [at(down, rows), at(right, columns)];
-    const [top, left] = [within(Math.floor(i), rows - 2), within(Math.floor(j), columns - 2)];
-    const value = (row, column) => values[row * columns + column];
-    const around = [value(top, left), value(top, left + 1), value(top + 1, left), value(top + 1, left + 1)];
-    if (around.some((one) => one === null)) return null;
-    const [y, x] = [i - top, j - left];
-    return (around[0] * (1 - x) + around[1] * x) * (1 - y) + (around[2] * (1 - x) + around[3] * x) * y;
   }
 }
 
+/**
+ * A value between those of a grid over the whole area: at its corners, or in the middles of its cells.
+ * @param {GroundDocument} ground
+ * @param {Place} place
+ * @param {{ rows: number, columns: number }} grid
+ * @param {(number | null)[]} values
+ * @param {boolean} corners
+ */
+function between({ low_m: low, high_m: high }, [east, north], { rows, columns }, values, corners) {
+  const [right, down] = [(east - low[0]) / (high[0] - low[0]), (high[1] - north) / (high[1] - low[1])];
+  if (!corners && (right < 0 || right > 1 || down < 0 || down > 1)) return null;
+  // Beyond the area latitudes and longitudes go on as they do at its edge.
+  const at = (/** @type {number} */ share, /** @type {number} */ count) => (corners ? share * (count - 1) : Math.min(count - 1, Math.max(0, share * count - 0.5)));
+  const [i, j] = [at(down, rows), at(right, columns)];
+  const [top, left] = [within(Math.floor(i), rows - 2), within(Math.floor(j), columns - 2)];
+  const value = (/** @type {number} */ row, /** @type {number} */ column) => values[row * columns + column];
+  const [a, b, c, d] = [value(top, left), value(top, left + 1), value(top + 1, left), value(top + 1, left + 1)];
+  if (a === null || b === null || c === null || d === null) return null;
+  const [y, x] = [i - top, j - left];
+  return (a * (1 - x) + b * x) * (1 - y) + (c * (1 - x) + d * x) * y;
+}
+
+/**
+ * @param {number} value
+ * @param {number} most
+ */
 const within = (value, most) => Math.min(most, Math.max(0, value));
 
-// A contour line, ready to be drawn.
+/**
+ * A contour line, ready to be drawn.
+ * @typedef {ReturnType<typeof contour>} Contour
+ * @param {ContourPart} line
+ */
 function contour({ height_m: height, places_m: places, bold }) {
   const path = new Path2D();
   let length = 0;

@@ -1,5 +1,24 @@
 // An operator's wishes: asked back once, or twice where the flight has a question of its own; sent once; and answered
 // by the vehicle itself.
+import { byId, find } from "./elements.js";
+
+/** @import { IntentView, State } from "../documents.js" */
+
+/**
+ * What is asked for; `what` names it to the operator.
+ * @typedef {object} Wish
+ * @property {string} action
+ * @property {string | null} vehicle
+ * @property {string} what
+ * @property {boolean} confirmed
+ * @property {string} [base]
+ * @property {string} [pack]
+ * @property {number[]} [assets]
+ */
+/** @typedef {{ heading: string, meaning: string, button: string, again?: boolean }} Asked */
+/** @typedef {IntentView & { confirmed: boolean }} Answer */
+
+/** @type {Record<string, [string, string]>} */
 const WORDS = {
   hold: ["Hold", "It stops where it is and waits. Its battery goes on being used."],
   resume: ["Resume", "It goes on with its mission from where it holds."],
@@ -22,27 +41,41 @@ const AGAIN = "It is open again: its pictures so far do not count, and it is pla
 const HANDS = "It is with its pilot. ";
 const DANGER = new Set(["abort", "land", "exclude", "disarm", "take-off"]);
 const TOLD_MS = 8000;
-const byId = (id) => document.getElementById(id);
 
+/** @param {string} action */
 export const label = (action) => WORDS[action]?.[0] ?? action;
 
 export class Intents {
+  /** @param {() => State | null} now */
   constructor(now) {
     this.now = now;
+    /** @type {Map<string, { what: string, outcome: string }>} */
     this.mine = new Map();
     this.timer = 0;
   }
 
+  /**
+   * @param {string} action
+   * @param {string | null} vehicle
+   */
   ask(action, vehicle) {
     const what = vehicle ? `${label(action)} ${vehicle}` : label(action);
     this.open({ heading: `${what}?`, meaning: this.meaning(action, vehicle), button: what }, { action, vehicle, what, confirmed: false });
   }
 
+  /**
+   * @param {string} action
+   * @param {string} base
+   */
   askBase(action, base) {
     const what = `${label(action)} ${base}`;
     this.open({ heading: `${what}?`, meaning: WORDS[action][1], button: what }, { action, vehicle: null, base, what, confirmed: false });
   }
 
+  /**
+   * @param {number} segment
+   * @param {string} name
+   */
   lookAgain(segment, name) {
     const what = `Look again at ${name}`;
     this.open({ heading: `${what}?`, meaning: AGAIN, button: "Look again" }, {
@@ -50,19 +83,32 @@ export class Intents {
     });
   }
 
-  // The answer to what the flight itself asks.
+  /**
+   * The answer to what the flight itself asks.
+   * @param {string} action
+   * @param {string} heading
+   * @param {string} meaning
+   */
   confirm(action, heading, meaning) {
     this.open({ heading, meaning, button: "Yes" }, { action, vehicle: null, what: label(action), confirmed: false });
   }
 
+  /**
+   * @param {string} action
+   * @param {string | null} vehicle
+   */
   meaning(action, vehicle) {
     const taken = this.now()?.vehicles.find((one) => one.name === vehicle)?.taken;
     if (!taken) return WORDS[action][1];
     return action === "include" ? BACK : HANDS + WORDS[action][1];
   }
 
+  /**
+   * @param {Asked} asked
+   * @param {Wish} wish
+   */
   open({ heading, meaning, button, again = false }, wish) {
-    const dialog = byId("ask");
+    const dialog = byId("ask", HTMLDialogElement);
     if (dialog.open) return false;
     byId("question").textContent = heading;
     byId("meaning").textContent = meaning;
@@ -72,11 +118,11 @@ export class Intents {
     dialog.classList.toggle("again", again);
     const packed = wish.action === "swap" && !again;
     byId("packed").hidden = !packed;
-    if (packed) byId("pack").value = "";
+    const pack = byId("pack", HTMLInputElement);
+    if (packed) pack.value = "";
     // Not when it is closed: that event comes later, and may find another question in the dialog.
-    dialog.querySelector("form").onsubmit = (event) => {
-      const pack = packed ? byId("pack").value.trim() : wish.pack;
-      if (event.submitter === yes) this.send({ ...wish, pack });
+    find(dialog, "form", HTMLFormElement).onsubmit = (event) => {
+      if (event.submitter === yes) this.send(packed ? { ...wish, pack: pack.value.trim() } : wish);
     };
     dialog.showModal();
     // A second question is read before it is answered: Enter alone means no.
@@ -84,8 +130,11 @@ export class Intents {
     return true;
   }
 
-  async send({ action, vehicle, base, what, confirmed, pack, assets }) {
+  /** @param {Wish} asked */
+  async send(asked) {
+    const { action, vehicle, base, what, confirmed, pack, assets } = asked;
     const id = Array.from(crypto.getRandomValues(new Uint8Array(12)), (byte) => byte.toString(16).padStart(2, "0")).join("");
+    /** @type {Partial<Wish> & { id: string }} */
     const wish = { id, action };
     if (vehicle) wish.vehicle = vehicle;
     if (base) wish.base = base;
@@ -102,7 +151,7 @@ export class Intents {
           this.tell(`${what}: ${await answer.text()}`, "failed");
           return;
         }
-        this.answered(await answer.json(), { action, vehicle, base, what, confirmed: true, pack, assets });
+        this.answered(await answer.json(), { ...asked, confirmed: true });
         return;
       } catch {
         await new Promise((resolve) => setTimeout(resolve, 1000));
@@ -111,6 +160,10 @@ export class Intents {
     this.tell(`${what}: the ground station does not answer`, "failed");
   }
 
+  /**
+   * @param {Answer} record
+   * @param {Wish} next
+   */
   answered(record, next) {
     if (record.outcome === "refused" && record.question && !record.confirmed) {
       const asked = { heading: `${next.what}: really?`, meaning: record.question, button: `Yes, ${next.what}`, again: true };
@@ -121,6 +174,7 @@ export class Intents {
     this.tell(`${next.what}: ${record.outcome}, ${record.text || record.question}`, record.outcome);
   }
 
+  /** @param {State} state */
   show(state) {
     for (const record of state.intents) {
       const known = this.mine.get(record.id);
@@ -131,6 +185,10 @@ export class Intents {
     }
   }
 
+  /**
+   * @param {string} text
+   * @param {string} outcome
+   */
   tell(text, outcome) {
     const place = byId("answer");
     place.textContent = text;

@@ -1,42 +1,78 @@
 // The map: a canvas in local metres, north up.
+import { style } from "./elements.js";
 import { Ground } from "./ground.js";
+
+/** @import { PageArea, PageChart, PageVehicle, Place, State, Vehicle } from "../documents.js" */
+
+/**
+ * Where a name was written, in pixels: left, top, width.
+ * @typedef {[number, number, number]} Taken
+ */
+/** @typedef {{ colour: string, width: number, dash?: number[], alpha?: number }} Stroke */
 
 const HUES = ["#0072b2", "#d55e00", "#7a3e9d", "#b8860b", "#c2569a", "#1b9aaa", "#8b4513", "#5a6b00"];
 const PAD_PX = 46;
 // A shorter line is not seen between others.
 const LEAST_PX = 12;
+/** @type {Record<string, string>} */
+const STATES = { pilot: ": with its pilot", down: ": keep away", lost: ": lost" };
 const OUT = new Set(["flying", "holding", "starting", "returning", "landing", "pilot"]);
 
+/** @param {number} index */
 export const hueOf = (index) => HUES[index % HUES.length];
-const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 export class Chart {
-  constructor(canvas, choose, pointed = () => {}, touched = () => {}) {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {(name: string) => void} choose
+   * @param {(place: Place | null) => void} pointed
+   * @param {(segment: number | null) => void} touched
+   */
+  constructor(canvas, choose, pointed, touched) {
+    const context = canvas.getContext("2d");
+    if (!context) throw new TypeError("expected a canvas that can be drawn on");
     this.canvas = canvas;
     this.pointed = pointed;
     this.touched = touched;
     this.ground = new Ground(() => this.later());
-    this.context = canvas.getContext("2d");
+    this.context = context;
+    this.width = 0;
+    this.height = 0;
     this.choose_ = choose;
+    /** @type {PageChart | null} */
     this.chart = null;
+    /** @type {State | null} */
     this.state = null;
+    /** @type {string | null} */
     this.chosen = null;
-    // The segment whose name is shown, as somebody touched it.
+    /**
+     * The segment whose name is shown, as somebody touched it.
+     * @type {number | null}
+     */
     this.named = null;
+    /** @type {Map<string, Place[]>} */
     this.tracks = new Map();
     this.scale = 1;
+    /** @type {Place} */
     this.middle = [0, 0];
     this.fitted = true;
     this.due = false;
+    /** @type {Map<number, Place>} */
     this.pointers = new Map();
-    // The pixel that a mouse rests on: the map moves under it.
+    /**
+     * The pixel that a mouse rests on: the map moves under it.
+     * @type {Place | null}
+     */
     this.rests = null;
+    /** @type {Place | null} */
+    this.pressed = null;
     new ResizeObserver(() => this.resize()).observe(canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.later());
     this.listen();
     this.resize();
   }
 
+  /** @param {PageChart} chart */
   load(chart) {
     const first = this.chart === null;
     this.chart = chart;
@@ -48,6 +84,7 @@ export class Chart {
     this.later();
   }
 
+  /** @param {State} state */
   show(state) {
     this.state = state;
     for (const vehicle of state.vehicles) {
@@ -60,6 +97,7 @@ export class Chart {
     this.later();
   }
 
+  /** @param {string | null} name */
   choose(name) {
     this.chosen = name;
     this.later();
@@ -77,6 +115,10 @@ export class Chart {
     this.later();
   }
 
+  /**
+   * @param {number} factor
+   * @param {Place} at
+   */
   zoom(factor, at = [this.width / 2, this.height / 2]) {
     const before = this.metres(at);
     this.scale = Math.min(20, Math.max(0.005, this.scale * factor));
@@ -86,16 +128,28 @@ export class Chart {
     this.later();
   }
 
+  /**
+   * @param {number} right
+   * @param {number} down
+   */
   move(right, down) {
     this.middle = [this.middle[0] - right / this.scale, this.middle[1] + down / this.scale];
     this.fitted = false;
     this.later();
   }
 
+  /**
+   * @param {Place} place
+   * @returns {Place}
+   */
   pixels([east, north]) {
     return [this.width / 2 + (east - this.middle[0]) * this.scale, this.height / 2 - (north - this.middle[1]) * this.scale];
   }
 
+  /**
+   * @param {Place} pixel
+   * @returns {Place}
+   */
   metres([x, y]) {
     return [this.middle[0] + (x - this.width / 2) / this.scale, this.middle[1] - (y - this.height / 2) / this.scale];
   }
@@ -122,7 +176,7 @@ export class Chart {
   }
 
   listen() {
-    const at = (event) => [event.offsetX, event.offsetY];
+    const at = (/** @type {MouseEvent} */ event) => /** @type {Place} */ ([event.offsetX, event.offsetY]);
     this.canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
       this.zoom(Math.exp(-event.deltaY / 400), at(event));
@@ -148,45 +202,55 @@ export class Chart {
       const now = at(event);
       const other = [...this.pointers].find(([id]) => id !== event.pointerId)?.[1];
       if (other) {
-        const apart = (one) => Math.max(10, Math.hypot(one[0] - other[0], one[1] - other[1]));
+        const apart = (/** @type {Place} */ one) => Math.max(10, Math.hypot(one[0] - other[0], one[1] - other[1]));
         this.zoom(apart(now) / apart(before), [(now[0] + other[0]) / 2, (now[1] + other[1]) / 2]);
       } else {
         this.move(now[0] - before[0], now[1] - before[1]);
       }
       this.pointers.set(event.pointerId, now);
     });
-    const end = (event) => {
+    const end = (/** @type {PointerEvent} */ event) => {
       const now = at(event);
       if (this.pressed && Math.hypot(now[0] - this.pressed[0], now[1] - this.pressed[1]) < 6) this.pick(now);
       this.pointers.delete(event.pointerId);
       this.pressed = null;
     };
     this.canvas.addEventListener("pointerup", end);
-    this.canvas.addEventListener("pointercancel", (event) => this.pointers.delete(event.pointerId));
+    this.canvas.addEventListener("pointercancel", (event) => {
+      this.pointers.delete(event.pointerId);
+    });
   }
 
+  /** @param {Place} pixel */
   pick([x, y]) {
     this.named = null;
     this.later();
     for (const vehicle of this.state?.vehicles ?? []) {
       if (!vehicle.place_m) continue;
       const [px, py] = this.pixels(vehicle.place_m);
-      if (Math.hypot(px - x, py - y) < 24) return this.choose_(vehicle.name);
+      if (Math.hypot(px - x, py - y) < 24) {
+        this.choose_(vehicle.name);
+        return;
+      }
     }
     this.name(this.segmentAt([x, y]));
     this.touched(this.named);
   }
 
+  /** @param {number | null} segment */
   name(segment) {
     this.named = segment;
-    this.canvas.title = this.chart?.names[segment] ?? "";
+    this.canvas.title = segment === null ? "" : (this.chart?.names[segment] ?? "");
     this.later();
   }
 
-  // Shows where a segment is, with its name; nothing moves where it is seen already.
+  /**
+   * Shows where a segment is, with its name; nothing moves where it is seen already.
+   * @param {number | null} segment
+   */
   pointTo(segment) {
     this.name(segment);
-    const ends = this.chart?.segments_m[segment];
+    const ends = segment === null ? null : this.chart?.segments_m[segment];
     if (!ends) return;
     const pixels = ends.map((end) => this.pixels(end));
     const inside = pixels.every(([x, y]) => x > PAD_PX && y > PAD_PX && x < this.width - PAD_PX && y < this.height - PAD_PX);
@@ -199,9 +263,15 @@ export class Chart {
     this.fitted = false;
   }
 
-  // The segment nearest to a pixel; null where none is near.
+  /**
+   * The segment nearest to a pixel; null where none is near.
+   * @param {Place} pixel
+   * @returns {number | null}
+   */
   segmentAt([x, y]) {
-    let [found, least] = [null, 14];
+    /** @type {number | null} */
+    let found = null;
+    let least = 14;
     (this.chart?.segments_m ?? []).forEach((ends, segment) => {
       const [[ax, ay], [bx, by]] = ends.map((end) => this.pixels(end));
       const length = Math.max(1, (bx - ax) ** 2 + (by - ay) ** 2);
@@ -212,6 +282,10 @@ export class Chart {
     return found;
   }
 
+  /**
+   * @param {Place[]} places
+   * @param {Stroke} stroke
+   */
   line(places, { colour, width, dash = [], alpha = 1 }) {
     if (places.length < 2) return;
     const context = this.context;
@@ -223,13 +297,27 @@ export class Chart {
     if (dash.length) context.lineCap = "butt";
     context.setLineDash(dash);
     context.beginPath();
-    places.forEach((place, index) => context[index ? "lineTo" : "moveTo"](...this.pixels(place)));
+    this.trace(places);
     if (this.ground.layer !== "plain" && alpha > 0.4) this.edge(width, HUES.includes(colour));
     context.stroke();
     context.restore();
   }
 
-  // An edge about the line that is about to be drawn: over the colours of the ground it needs one.
+  /**
+   * Makes places the canvas's path.
+   * @param {Place[]} places
+   */
+  trace(places) {
+    places.forEach((place, index) => {
+      this.context[index ? "lineTo" : "moveTo"](...this.pixels(place));
+    });
+  }
+
+  /**
+   * An edge about the line that is about to be drawn: over the colours of the ground it needs one.
+   * @param {number} width
+   * @param {boolean} bright
+   */
   edge(width, bright) {
     const context = this.context;
     context.save();
@@ -242,30 +330,34 @@ export class Chart {
   }
 
   draw() {
-    const context = this.context;
-    context.clearRect(0, 0, this.width, this.height);
-    if (!this.chart) return;
+    this.context.clearRect(0, 0, this.width, this.height);
+    const chart = this.chart;
+    if (!chart) return;
     this.ground.draw(this);
-    for (const area of this.chart.areas ?? []) this.drawArea(area);
-    this.drawNetwork();
+    for (const area of chart.areas) this.drawArea(area);
+    this.drawNetwork(chart);
     const vehicles = this.state?.vehicles ?? [];
-    this.chart.vehicles.forEach((chart, index) => this.drawWays(chart, vehicles[index], index));
-    this.chart.vehicles.forEach((chart, index) => this.drawPad(chart, index));
+    for (const [index, one] of chart.vehicles.entries()) this.drawWays(one, vehicles[index], index);
+    for (const [index, one] of chart.vehicles.entries()) this.drawPad(one, index);
     // No name is written over a vehicle, nor over another name.
-    const taken = vehicles.filter((one) => one.place_m).map((one) => this.pixels(one.place_m)).map(([x, y]) => [x - 13, y - 9, 26]);
-    vehicles.forEach((vehicle, index) => this.drawVehicle(vehicle, index));
+    const places = vehicles.flatMap((one) => (one.place_m ? [this.pixels(one.place_m)] : []));
+    const taken = places.map(([x, y]) => /** @type {Taken} */ ([x - 13, y - 9, 26]));
+    for (const [index, one] of vehicles.entries()) this.drawVehicle(one, index);
     for (const vehicle of vehicles) this.label(vehicle, taken);
-    this.drawName(taken);
+    this.drawName(chart, taken);
     this.drawRuler();
   }
 
-  // What flights keep out of; with a height limit, what they keep low in.
+  /**
+   * What flights keep out of; with a height limit, what they keep low in.
+   * @param {PageArea} area
+   */
   drawArea(area) {
     const context = this.context;
     for (const outline of area.outlines_m) {
       context.save();
       context.beginPath();
-      outline.forEach((place, index) => context[index ? "lineTo" : "moveTo"](...this.pixels(place)));
+      this.trace(outline);
       context.closePath();
       context.globalAlpha = area.limit ? 0.06 : 0.16;
       context.fillStyle = style("--bad");
@@ -278,20 +370,24 @@ export class Chart {
       context.restore();
     }
     const places = area.outlines_m.flat();
-    const [x, y] = this.pixels([0, 1].map((axis) => places.reduce((sum, place) => sum + place[axis], 0) / places.length));
+    const mean = (/** @type {0 | 1} */ axis) => places.reduce((sum, place) => sum + place[axis], 0) / places.length;
+    const [x, y] = this.pixels([mean(0), mean(1)]);
     context.font = "600 12px system-ui, sans-serif";
     context.fillStyle = style("--bad");
     context.fillText(area.name, x - context.measureText(area.name).width / 2, y);
   }
 
-  drawNetwork() {
+  /** @param {PageChart} chart */
+  drawNetwork(chart) {
     const inspected = new Set(this.state?.inspected ?? []);
     const left = new Set(this.state?.uncovered ?? []);
     const inferred = new Set(this.state?.inferred ?? []);
     const missed = new Set(this.state?.missed ?? []);
+    /** @type {Map<number | null, number>} */
     const current = new Map((this.state?.vehicles ?? []).map((one, index) => [one.progress.segment, index]));
-    this.chart.segments_m.forEach((ends, segment) => {
-      if (current.has(segment)) this.line(ends, { colour: hueOf(current.get(segment)), width: 15, alpha: 0.33 });
+    chart.segments_m.forEach((ends, segment) => {
+      const by = current.get(segment);
+      if (by !== undefined) this.line(ends, { colour: hueOf(by), width: 15, alpha: 0.33 });
       if (missed.has(segment)) this.line(ends, { colour: style("--left"), width: 7 });
       else if (inspected.has(segment)) {
         this.line(ends, { colour: style("--done"), width: 7, dash: inferred.has(segment) ? [7, 5] : [] });
@@ -305,13 +401,18 @@ export class Chart {
     });
   }
 
+  /**
+   * @param {PageVehicle} chart
+   * @param {Vehicle | undefined} vehicle
+   * @param {number} index
+   */
   drawWays(chart, vehicle, index) {
     const chosen = this.chosen === null || this.chosen === chart.name;
     const colour = hueOf(index);
     this.line(this.tracks.get(chart.name) ?? [], { colour, width: chosen ? 3 : 2, alpha: chosen ? 0.9 : 0.45 });
     const flying = vehicle && ["flying", "holding", "starting", "pilot"].includes(vehicle.state);
     if (!chart.route || !vehicle) return;
-    if (this.state.flight_s === null) {
+    if (this.state?.flight_s === null) {
       this.line([chart.pad_m, ...chart.route.places_m], { colour, width: 2, dash: [7, 5], alpha: chosen ? 1 : 0.4 });
     }
     if (!flying || !vehicle.place_m) return;
@@ -320,6 +421,10 @@ export class Chart {
     });
   }
 
+  /**
+   * @param {PageVehicle} chart
+   * @param {number} index
+   */
   drawPad(chart, index) {
     const [x, y] = this.pixels(chart.pad_m);
     this.context.strokeStyle = hueOf(index);
@@ -328,6 +433,10 @@ export class Chart {
     this.context.strokeRect(x - 5, y - 5, 10, 10);
   }
 
+  /**
+   * @param {Vehicle} vehicle
+   * @param {number} index
+   */
   drawVehicle(vehicle, index) {
     if (!vehicle.place_m) return;
     const context = this.context;
@@ -356,6 +465,13 @@ export class Chart {
     if (vehicle.state === "holding") this.pause(x, y);
   }
 
+  /**
+   * @param {number} x
+   * @param {number} y
+   * @param {number} radius
+   * @param {string} colour
+   * @param {number[]} dash
+   */
   ring(x, y, radius, colour, dash) {
     const context = this.context;
     context.setLineDash(dash);
@@ -367,6 +483,10 @@ export class Chart {
     context.setLineDash([]);
   }
 
+  /**
+   * @param {number} x
+   * @param {number} y
+   */
   cross(x, y) {
     const context = this.context;
     context.strokeStyle = style("--bad");
@@ -379,28 +499,45 @@ export class Chart {
     context.stroke();
   }
 
+  /**
+   * @param {number} x
+   * @param {number} y
+   */
   pause(x, y) {
     this.context.fillStyle = style("--ink");
     for (const dx of [-20, -13]) this.context.fillRect(x + dx - 3, y - 20, 4, 12);
   }
 
+  /**
+   * @param {Vehicle} vehicle
+   * @param {Taken[]} taken
+   */
   label(vehicle, taken) {
     const told = OUT.has(vehicle.state) || vehicle.fault || vehicle.state === "down" || vehicle.offered;
     if (!vehicle.place_m || !told) return;
     const [x, y] = this.pixels(vehicle.place_m);
     const height = vehicle.position ? ` ${vehicle.position.relative_alt_m.toFixed(0)} m` : "";
-    const word = { pilot: ": with its pilot", down: ": keep away", lost: ": lost" }[vehicle.state];
-    this.write(`${vehicle.name}${word ?? ` L${vehicle.layer + 1}${height}`}`, x, y, taken);
+    this.write(`${vehicle.name}${STATES[vehicle.state] ?? ` L${vehicle.layer + 1}${height}`}`, x, y, taken);
   }
 
-  drawName(taken) {
-    if (this.named === null || !this.chart.names[this.named]) return;
-    const ends = this.chart.segments_m[this.named];
+  /**
+   * @param {PageChart} chart
+   * @param {Taken[]} taken
+   */
+  drawName(chart, taken) {
+    if (this.named === null || !chart.names[this.named]) return;
+    const ends = chart.segments_m[this.named];
     this.line(ends, { colour: style("--focus"), width: 5 });
     const [[ax, ay], [bx, by]] = ends.map((end) => this.pixels(end));
-    this.write(this.chart.names[this.named], (ax + bx) / 2, (ay + by) / 2, taken);
+    this.write(chart.names[this.named], (ax + bx) / 2, (ay + by) / 2, taken);
   }
 
+  /**
+   * @param {string} text
+   * @param {number} x
+   * @param {number} y
+   * @param {Taken[]} taken
+   */
   write(text, x, y, taken) {
     const context = this.context;
     context.font = "600 13px system-ui, sans-serif";

@@ -1,14 +1,16 @@
 // Vehicles on the ground that could take over work: offered, and started by somebody's word alone.
-import { element, write } from "./words.js";
+import { byId, element, write } from "./elements.js";
 
-const byId = (id) => document.getElementById(id);
+/** @import { State } from "../documents.js" */
 
 export class Offers {
+  /** @param {(action: string, vehicle: string) => void} ask */
   constructor(ask) {
     this.ask = ask;
     this.shown = "";
   }
 
+  /** @param {State} state */
   show(state) {
     const offer = state.finished ? null : state.offer;
     byId("offer").hidden = offer === null;

@@ -1,38 +1,51 @@
 // The page to fly by: takes the newest state from the server, shows it, and hands the operator's wishes back.
 import { Assets } from "./assets.js";
 import { Briefing } from "./briefing.js";
+import { all, byId, element, write } from "./elements.js";
 import { Freshness, STALE_S } from "./freshness.js";
 import { Intents } from "./intents.js";
 import { Chart } from "./map.js";
 import { Offers } from "./offers.js";
 import { Strips } from "./strips.js";
-import { age, element, flightTime, since, write } from "./words.js";
+import { age, flightTime, since } from "./words.js";
 
+/** @import { PageChart, Place, State } from "../documents.js" */
+
+/**
+ * What is wrong with what is shown; whether it is old, and whether that is because the flight is over.
+ * @typedef {{ text: string, old?: boolean, over?: boolean }} Trouble
+ */
+
+/** @type {Record<string, string>} */
 const MARKS = { info: "·", warning: "▲", fault: "■" };
-const byId = (id) => document.getElementById(id);
 
-const chart = new Chart(byId("map"), choose, pointed, (segment) => assets.choose(segment));
+const chart = new Chart(byId("map", HTMLCanvasElement), choose, pointed, (segment) => assets.choose(segment));
 const intents = new Intents(() => state);
-const ask = (action, vehicle) => intents.ask(action, vehicle);
+const ask = (/** @type {string} */ action, /** @type {string | null} */ vehicle) => intents.ask(action, vehicle);
 const strips = new Strips(byId("vehicles"), choose, ask, (action, base) => intents.askBase(action, base));
 const briefing = new Briefing(intents);
 const offers = new Offers(ask);
 const assets = new Assets((segment) => chart.pointTo(segment), intents);
 const freshness = new Freshness();
 const openedAt = performance.now();
+/** @type {State | null} */
 let state = null;
+/** @type {string | null} */
 let chosen = null;
 let charted = "";
 let charting = false;
 let shownLines = "";
+/** @type {PageChart["window"]} */
 let planned = null;
 
+/** @param {string} name */
 function choose(name) {
   chosen = name;
   strips.choose(name);
   chart.choose(name);
 }
 
+/** @param {State} next */
 function show(next) {
   state = next;
   freshness.shows(next);
@@ -52,8 +65,9 @@ function show(next) {
   showLines(next);
   intents.show(next);
   const idle = next.finished || next.recalled || next.flight_s === null;
-  const nothing = { prove: !next.inferred.length };
-  for (const button of byId("fleet").querySelectorAll("[data-action]")) button.disabled = idle || nothing[button.dataset.action];
+  for (const button of all(byId("fleet"), "[data-action]", HTMLButtonElement)) {
+    button.disabled = idle || (button.dataset.action === "prove" && !next.inferred.length);
+  }
   byId("legend-inferred").hidden = !next.inferred.length;
   byId("legend-missed").hidden = !next.missed.length;
   document.title = `${next.inspected.length}/${next.segments_total} faultline`;
@@ -62,9 +76,10 @@ function show(next) {
   watch();
 }
 
+/** @param {State} next */
 function showWindow(next) {
   const judged = next.vehicles.filter((one) => one.loss);
-  const outside = judged.filter((one) => !one.loss.inside_window).map((one) => one.name);
+  const outside = judged.filter((one) => !one.loss?.inside_window).map((one) => one.name);
   const place = byId("window");
   // What is left over now stays so in any case.
   const left = next.uncovered.length;
@@ -75,11 +90,14 @@ function showWindow(next) {
   place.title = outside.length ? "The loss of these could not be made good by the others" : "";
 }
 
-// From when on the plan itself can do without any one vehicle, and whose loss it cannot make good before.
+/**
+ * From when on the plan itself can do without any one vehicle, and whose loss it cannot make good before.
+ * @param {State} next
+ */
 function showPlanned(next) {
   const place = byId("planned");
   place.hidden = planned === null || next.revision !== 0 || next.finished;
-  if (place.hidden) return;
+  if (planned === null || place.hidden) return;
   const { earliest_s: earliest, longest_route_s: longest, window_pct: share, breaking } = planned;
   const inside = next.flight_s !== null && next.flight_s >= earliest;
   const whom = breaking ? `, until then not ${breaking.vehicle}` : "";
@@ -89,6 +107,7 @@ function showPlanned(next) {
     + (breaking ? `; ${breaking.vehicle} lost between ${since(breaking.from_s)} and ${since(breaking.to_s)} breaks it` : "");
 }
 
+/** @param {Place | null} place */
 function pointed(place) {
   write(byId("pointed"), place === null ? "" : chart.ground.describe(place));
 }
@@ -109,8 +128,10 @@ async function loadGround() {
   showLayer();
 }
 
+/** @param {State} next */
 function showLines(next) {
-  const key = next.said.length ? `${next.said.length} ${next.said.at(-1).at_s} ${next.said.at(-1).text} ${next.flight_s === null}` : "";
+  const last = next.said.at(-1);
+  const key = last ? `${next.said.length} ${last.at_s} ${last.text} ${next.flight_s === null}` : "";
   if (key === shownLines) return;
   shownLines = key;
   const rows = [...next.said].reverse().map((line) => {
@@ -123,11 +144,13 @@ function showLines(next) {
   byId("lines").replaceChildren(...rows);
 }
 
+/** @param {string} stamp */
 async function loadChart(stamp) {
   charting = true;
   try {
     const answer = await fetch("/chart");
     if (answer.ok) {
+      /** @type {PageChart} */
       const content = await answer.json();
       strips.names = content.names;
       planned = content.window;
@@ -152,46 +175,52 @@ function listen() {
   };
 }
 
-// What is wrong with what is shown, if anything is; ages are in the flight's own time.
+/**
+ * What is wrong with what is shown, if anything is; ages are in the flight's own time.
+ * @param {number} nowMs
+ * @returns {Trouble | null}
+ */
 function trouble(nowMs) {
   if (state === null) {
-    return nowMs - openedAt > 1000 * STALE_S ? ["The ground station does not answer", true] : null;
+    return nowMs - openedAt > 1000 * STALE_S ? { text: "The ground station does not answer", old: true } : null;
   }
   const behindS = freshness.ageS(nowMs);
   if (behindS > STALE_S * freshness.speedup) {
-    if (state.finished) return ["The flight is over; this page shows its end", false, true];
+    if (state.finished) return { text: "The flight is over; this page shows its end", over: true };
     const who = freshness.failed ? "The ground station does not answer" : "The link to this page is behind";
     const shown = state.flight_s === null ? "" : ` ${since(state.flight_s)},`;
     const now = state.flight_s === null ? "" : `; the flight is at ${since(state.flight_s + behindS)}`;
-    return [`${who}: this is${shown} ${age(behindS)} old${now}`, true];
+    return { text: `${who}: this is${shown} ${age(behindS)} old${now}`, old: true };
   }
   if (freshness.waitS(nowMs) > STALE_S) {
-    return [`The link to this page is slow: an answer takes ${age(freshness.waitS(nowMs))}`, false];
+    return { text: `The link to this page is slow: an answer takes ${age(freshness.waitS(nowMs))}` };
   }
   const flies = state.flight_s !== null && !state.finished;
   if (flies && state.decided_age_s !== null && state.decided_age_s > STALE_S * freshness.speedup) {
-    return [`The ground station itself is behind: nothing was decided for ${age(state.decided_age_s)}`, true];
+    return { text: `The ground station itself is behind: nothing was decided for ${age(state.decided_age_s)}`, old: true };
   }
-  return state.all_silent ? ["All links lost at once: check the radio first", false] : null;
+  return state.all_silent ? { text: "All links lost at once: check the radio first" } : null;
 }
 
 function watch() {
   const found = trouble(performance.now());
   const banner = byId("banner");
   banner.hidden = found === null;
-  const old = found !== null && found[1];
+  const old = found?.old ?? false;
   document.body.classList.toggle("old", old);
   if (old && state !== null) strips.show(state, freshness.ageS());
-  banner.classList.toggle("over", found !== null && found[2] === true);
-  if (found !== null) write(banner, found[0]);
+  banner.classList.toggle("over", found?.over ?? false);
+  if (found !== null) write(banner, found.text);
 }
 
+/** @type {Record<string, string>} */
 const KEYS = { h: "hold", r: "resume", b: "return", l: "land", x: "exclude", i: "include", s: "swap", d: "disarm" };
+/** @type {Record<string, [number, number]>} */
 const MOVES = { ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], ArrowDown: [0, -60] };
 
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]") || !state) return;
-  if (event.target.closest?.("input")) return;
+  if (event.target instanceof Element && event.target.closest("input")) return;
   const key = event.key;
   const vehicle = state.vehicles[Number(key) - 1];
   if (/^[1-9]$/.test(key) && vehicle) choose(vehicle.name);
@@ -199,11 +228,11 @@ document.addEventListener("keydown", (event) => {
   else if (key === "p") ask("replan", null);
   else if (key === "f" && state.inferred.length) ask("prove", null);
   else if (key === "y") briefing.answer();
-  else if (key === "?") byId("help").showModal();
+  else if (key === "?") byId("help", HTMLDialogElement).showModal();
   else if (KEYS[key] && chosen) ask(KEYS[key], chosen);
   else if (KEYS[key]) intents.tell("Choose a vehicle first, with its number", "refused");
   else if (key === "/" && !byId("assets").hidden) assets.find();
-  else if (MOVES[key] && !document.activeElement.closest("#vehicles, #assets")) chart.move(...MOVES[key]);
+  else if (MOVES[key] && !document.activeElement?.closest("#vehicles, #assets")) chart.move(...MOVES[key]);
   else if (key === "+" || key === "=") chart.zoom(1.4);
   else if (key === "-") chart.zoom(1 / 1.4);
   else if (key === "0") chart.fit();
@@ -212,12 +241,12 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 byId("fleet").addEventListener("click", (event) => {
-  const button = event.target.closest("[data-action]");
-  if (button) ask(button.dataset.action, null);
+  const button = event.target instanceof Element ? event.target.closest("button") : null;
+  if (button?.dataset.action) ask(button.dataset.action, null);
 });
-byId("keys").addEventListener("click", () => byId("help").showModal());
+byId("keys").addEventListener("click", () => byId("help", HTMLDialogElement).showModal());
 byId("zoom").addEventListener("click", (event) => {
-  const way = event.target.dataset.zoom;
+  const way = event.target instanceof HTMLElement ? event.target.dataset.zoom : "";
   if (way === "fit") chart.fit();
   else if (way) chart.zoom(way === "in" ? 1.5 : 1 / 1.5);
 });

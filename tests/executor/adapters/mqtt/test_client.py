@@ -16,15 +16,14 @@ from executor.adapters.mqtt.broker import Broker
 from executor.adapters.mqtt.client import Client, Presence, Subscriber
 from executor.adapters.mqtt.outbox import Letter, Outbox
 from executor.core.commands import Level
-from tests.brokers import KIND, MOSQUITTO, PASSWORD, USER, RealBroker, running, secured_in
+from tests.brokers import KIND, PASSWORD, USER, RealBroker, running, secured_in
 from tests.patience import PATIENCE_S
 from tests.ports import free_port
 
 pytestmark = pytest.mark.asyncio
 
 THERE = "t/there"
-no_mosquitto = pytest.mark.skipif(MOSQUITTO is None, reason="mosquitto is not installed")
-KINDS = [pytest.param("mosquitto", marks=no_mosquitto), "amqtt"]
+KINDS = [pytest.param("mosquitto", marks=pytest.mark.needs("mosquitto")), "amqtt"]
 
 
 class Station:

@@ -1,0 +1,372 @@
+// Made by ./scripts/reference from the program's documents (DOCUMENTS in scripts/pages/page_types.py).
+
+/** East and north of the depot, in metres. */
+export type Place = [number, number];
+
+/** A vehicle as the page gets it. */
+export type Vehicle = VehicleView & BesideVehicle;
+
+/** The flight at one moment, as the page gets it. */
+export type State = Omit<FleetView, "vehicles"> & BesideFleet & { vehicles: Vehicle[] };
+
+/** The flight at one moment. */
+export interface FleetView {
+  /** The flight's clock. */
+  now_s: number;
+  /** Since the launch. */
+  flight_s: number | null;
+  revision: number;
+  segments_total: number;
+  inspected: number[];
+  /** Segments that nobody inspects in this flight: left for the next sortie by the plan, or given up since. */
+  uncovered: number[];
+  /** Segments that were flown but not seen: pictures of them are missing. */
+  missed: number[];
+  replan: ReplanView | null;
+  /** Whether nobody at all is heard. */
+  all_silent: boolean;
+  recalled: boolean;
+  finished: boolean;
+  min_separation_m: number | null;
+  vehicles: VehicleView[];
+  /** The last decisions, the oldest first. */
+  said: SaidView[];
+  /** The last ones, the oldest first. */
+  intents: IntentView[];
+  /** The checklist, in the order in which a crew reads it. */
+  checks: CheckLine[];
+  /** What the crew is asked now, before the flight. */
+  question: Question | null;
+  offer: OfferView | null;
+}
+
+/** What the page gets in each state beside a fleet's view. */
+export interface BesideFleet {
+  /** Seconds of the flight in a real one. */
+  speedup: number;
+  /** How long ago the flight decided last. */
+  decided_age_s: number | null;
+  /** Changes whenever a route does: then there is a new `PageChart`. */
+  chart: number[];
+  /** Segments that count as inspected by evidence alone. */
+  inferred: number[];
+  /** Changes whenever `PageAssets` may have. */
+  assets: number;
+}
+
+/** What the page gets of each vehicle beside its view. */
+export interface BesideVehicle {
+  place_m: [number, number] | null;
+  /** Of its route: the one that it flies to. */
+  waypoint: number;
+}
+
+/** `/chart`: what changes seldom. */
+export interface PageChart {
+  chart: number[];
+  /** The re-plan window of the first plan. */
+  window: Window | null;
+  /** Whether segments are inspected by pictures. */
+  pictures: boolean;
+  /** Segments, and how many pictures each asks for. */
+  assets: [number, number][];
+  /** Of each segment. */
+  names: string[];
+  areas: PageArea[];
+  segments_m: [[number, number], [number, number]][];
+  vehicles: PageVehicle[];
+}
+
+/** `/assets`: all but open ones without a picture. */
+export interface PageAssets {
+  assets: number;
+  rows: ([number, string, number, string | null])[];
+}
+
+/** `ground.json`. */
+export interface GroundDocument {
+  format: "faultline-ground/1";
+  /** South-western corner of what is shown, in metres east and north of the depot. */
+  low_m: [number, number];
+  high_m: [number, number];
+  attribution: string;
+  /** The picture's file. */
+  photo: string | null;
+  relief: HillshadePart | null;
+  degrees: DegreesPart;
+}
+
+/** A re-plan under way. */
+export interface ReplanView {
+  revision: number;
+  trigger: string;
+  solving: boolean;
+  /** Vehicles whose new mission is not on board yet. */
+  pending: string[];
+}
+
+/** One vehicle. */
+export interface VehicleView {
+  name: string;
+  sysid: number;
+  /** ground, starting, flying, holding, pilot, returning, landing, landed, down or lost. */
+  state: string;
+  mode: string | null;
+  armed: boolean;
+  /** 0 is the lowest. */
+  layer: number;
+  /** How far its layer lies over the lowest one. */
+  layer_m: number;
+  position: PositionView | null;
+  battery: BatteryView;
+  link_age_s: number | null;
+  /** Share of frames lost in the last seconds. */
+  link_loss: number | null;
+  stale: boolean;
+  progress: ProgressView;
+  fault: string | null;
+  fault_kind: string | null;
+  fault_code: "link_lost" | "heartbeat_lost" | "position_lost" | "item_lost" | "battery_report_lost" | "battery_step" | "voltage_step" | "cell_weak" | "battery_critical" | "battery_failsafe" | "battery_plunge" | "battery_drift" | "pack_short" | "battery_low" | "disarmed" | "crashed" | "falling" | "sinking" | "thrust_lost" | "terminated" | "position_jump" | "mode_changed" | "fence_breached" | "stall" | "down" | "not_started" | "mission_foreign" | "mission_mixed" | "operator_land" | "camera_silent" | "camera_mute" | "card_full" | "gimbal_stuck" | "operator_exclude" | null;
+  excluded: boolean;
+  /** None while it is not known, or where there is nothing to lose. */
+  loss: LossView | null;
+  /** How long it should take until it is back on its pad; None where nobody knows. */
+  lands_in_s: number | null;
+  /** GPS_FIX_TYPE. */
+  gps_fix: number | null;
+  satellites: number | null;
+  voltage_v: number | null;
+  /** As it measures it. */
+  wind: WindView | null;
+  /** Who has it, if it is not flown from here. */
+  taken: TakenView | null;
+  /** Whether it could take over work, and waits for the crew's word. */
+  offered: boolean;
+  /** None in a flight of one sortie. */
+  turn: TurnView | null;
+}
+
+/** A decision, in one line. */
+export interface SaidView {
+  at_s: number;
+  level: string;
+  text: string;
+}
+
+/** What an operator asked for, and what became of it. */
+export interface IntentView {
+  id: string;
+  action: string;
+  vehicle: string | null;
+  source: string;
+  outcome: string;
+  text: string;
+  at_s: number;
+  /** What has to be confirmed before it is done; empty if nothing has. */
+  question: string;
+}
+
+/** One line of the checklist before the flight. */
+export interface CheckLine {
+  /** ok, warning or stop. */
+  severity: string;
+  subject: string;
+  text: string;
+  code: "not_ready" | "firmware" | "vehicle_type" | "autopilot" | "double_sysid" | "armed" | "far_from_depot" | "pad_height" | "link_failsafe" | "watched_station" | "other_station" | "battery_failsafe" | "geofence" | "energy" | "pack" | "rtl_altitude" | "parameter_change" | "signing" | "disk" | "separation" | "heights" | "clearance" | "camera" | "terrain" | "ceiling" | "areas" | "plan" | "left_over";
+}
+
+/** What the crew is asked before anything goes on. */
+export interface Question {
+  /** prepare or take-off: the action that answers it with yes. */
+  id: string;
+  text: string;
+  /** What it is about, line by line. */
+  lines: string[];
+}
+
+/** Vehicles on the ground that could take over work. */
+export interface OfferView {
+  vehicles: string[];
+  /** What nobody has. */
+  segments: number[];
+  /** Whose pads must be clear, and for what. */
+  text: string;
+}
+
+/** The re-plan window: from when on the others can finish if any one vehicle is lost. */
+export interface Window {
+  /** Of the longest route. */
+  window_pct: number;
+  earliest_s: number;
+  longest_route_s: number;
+  /** The loss just before it that has no re-plan. */
+  breaking: BreakingLoss | null;
+}
+
+/** What flights keep out of. */
+export interface PageArea {
+  name: string;
+  /** Whether it is a height limit. */
+  limit: boolean;
+  outlines_m: [number, number][][];
+}
+
+/** A vehicle on the map. */
+export interface PageVehicle {
+  name: string;
+  pad_m: [number, number];
+  route: PageRoute | null;
+  /** Where it has flown so far. */
+  track_m: [number, number][];
+}
+
+/** The shape of the ground. */
+export interface HillshadePart {
+  file: string;
+  interval_m: number;
+  contours: ContourPart[];
+  heights: GroundHeightsPart;
+}
+
+/** Where the local metres are: latitudes and longitudes of a lattice from corner to corner, the north first. */
+export interface DegreesPart {
+  rows: number;
+  columns: number;
+  lat_deg: number[];
+  lon_deg: number[];
+}
+
+/** Where a vehicle is. */
+export interface PositionView {
+  lat_deg: number;
+  lon_deg: number;
+  /** Over its own home. */
+  relative_alt_m: number;
+  heading_deg: number | null;
+  ground_speed_m_s: number;
+  age_s: number;
+  /** fix: by GPS. reckoned: GPS is lost, and its autopilot reckons on. unsaid: it has said nothing of its GPS. */
+  known: string;
+  /** By so much it may be off; a reckoned one by this or more. */
+  accuracy_m: number | null;
+  /** Of one that is reckoned: where it was by GPS last. That is where to look for it. */
+  last_fix: LastFixView | null;
+}
+
+/** A battery, in percent of a full one. A band about a figure should hold what comes nine times of ten. */
+export interface BatteryView {
+  measured_pct: number | null;
+  /** What the energy model says should be left now. */
+  predicted_pct: number | null;
+  predicted_band_pct: number | null;
+  /** What the mission on board still costs. */
+  to_finish_pct: number;
+  /** What should be left at the landing, from what is measured. */
+  landing_pct: number | null;
+  landing_band_pct: number | null;
+  reserve_pct: number;
+}
+
+/** How far a vehicle is on its route. */
+export interface ProgressView {
+  /** Segments of its route behind it. */
+  done: number;
+  total: number;
+  /** The segment that it inspects or flies to. */
+  segment: number | null;
+  /** The same by the name of the asset. */
+  segment_name: string | null;
+  /** takeoff, transit, inspect, return or land. */
+  phase: string | null;
+  /** How much of the segment is behind it, from 0 to 1. */
+  segment_share: number | null;
+  /** Segments that it has inspected, on this route and on earlier ones. */
+  inspected: number;
+}
+
+/** What the loss of a vehicle would mean. */
+export interface LossView {
+  /** Whether the others could still finish everything but what is left over anyway. */
+  inside_window: boolean;
+  /** Segments that they could not. */
+  uncovered: number[];
+  /** How long ago that was found. */
+  age_s: number;
+  /** Segments that nobody inspects in any case: `uncovered` of the fleet. */
+  left_over: number[];
+}
+
+/** Wind. */
+export interface WindView {
+  speed_m_s: number;
+  from_deg: number;
+}
+
+/** A vehicle in other hands than ours: it is not commanded from here. */
+export interface TakenView {
+  /** On the flight's clock. */
+  since_s: number;
+  /** How long its segments are still kept for it; 0 when they were given away. */
+  kept_s: number;
+  /** Whether its pilot has put it back on its mission: it may be included. */
+  returned: boolean;
+}
+
+/** A vehicle on its base between two sorties, or on a later one. */
+export interface TurnView {
+  /** The id of the pack in it, as the crew said; empty if nobody did. */
+  pack: string;
+  /** The one under way, or the next, from 1. */
+  sortie: number;
+  /** Whether it waits for the crew's word that its pack is changed. */
+  awaited: boolean;
+  /** What it waits for, in words; empty if for nothing. */
+  text: string;
+  /** Its base of the day; empty where the flight is no day of sorties. */
+  base: string;
+  /** Whether nobody takes off from there. */
+  base_closed: boolean;
+}
+
+/** A loss that nothing repairs. */
+export interface BreakingLoss {
+  /** Its name. */
+  vehicle: string;
+  from_s: number;
+  to_s: number;
+}
+
+/** A route on board. */
+export interface PageRoute {
+  revision: number;
+  places_m: [number, number][];
+  /** Of each waypoint: whether the way to it is an inspection. */
+  inspect: boolean[];
+  segments: number[];
+}
+
+/** A line of one height, above mean sea level. */
+export interface ContourPart {
+  height_m: number;
+  places_m: [number, number][];
+  bold: boolean;
+}
+
+/** The ground's heights above mean sea level in the middles of cells; the northernmost row first. */
+export interface GroundHeightsPart {
+  rows: number;
+  columns: number;
+  /** Row after row; null where nobody knows. */
+  metres: (number | null)[];
+}
+
+/** The last place of a vehicle that is by GPS. */
+export interface LastFixView {
+  lat_deg: number;
+  lon_deg: number;
+  relative_alt_m: number;
+  accuracy_m: number | null;
+  age_s: number;
+  /** There: it has flown on. */
+  ground_speed_m_s: number;
+}

@@ -1,0 +1,83 @@
+"""The types of the documents that a browser gets, for the type checker of the page's JavaScript."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Iterator
+from enum import Enum
+from types import NoneType, UnionType
+from typing import Annotated, Literal, Union, get_args, get_origin, get_type_hints
+
+from executor.adapters.web.documents import BesideFleet, BesideVehicle, PageAssets, PageChart
+from executor.core.view import FleetView
+from executor.site.ground_files import GroundDocument
+from scripts.pages.schemas import docstrings
+
+TYPES = "../executor/adapters/web/documents.d.ts"
+"""Beside what makes the documents."""
+DOCUMENTS = (FleetView, BesideFleet, BesideVehicle, PageChart, PageAssets, GroundDocument)
+PLAIN: dict[object, str] = {NoneType: "null", bool: "boolean", int: "number", float: "number", str: "string"}
+HEAD = """\
+// Made by ./scripts/reference from the program's documents (DOCUMENTS in scripts/pages/page_types.py).
+
+/** East and north of the depot, in metres. */
+export type Place = [number, number];
+
+/** A vehicle as the page gets it. */
+export type Vehicle = VehicleView & BesideVehicle;
+
+/** The flight at one moment, as the page gets it. */
+export type State = Omit<FleetView, "vehicles"> & BesideFleet & { vehicles: Vehicle[] };
+"""
+
+
+def page_types() -> str:
+    """Return the file: an interface for each document, and for each part of one."""
+    wanted: dict[type, None] = dict.fromkeys(DOCUMENTS)
+    texts = [HEAD]
+    while len(texts) <= len(wanted):
+        texts.append("\n".join(_interface(list(wanted)[len(texts) - 1], wanted)))
+    return "\n".join(texts)
+
+
+def _interface(kind: type, wanted: dict[type, None]) -> Iterator[str]:
+    """Yield the lines of an interface; what its keys need is added to what is wanted."""
+    words = {key: text for name, key, text in docstrings(sys.modules[kind.__module__]) if name == kind.__name__}
+    yield f"/** {' '.join(inspect.cleandoc(kind.__doc__ or '').split())} */"
+    yield f"export interface {kind.__name__} {{"
+    for key, held in get_type_hints(kind).items():
+        if key == "model_config":
+            continue
+        if key in words:
+            yield f"  /** {words[key]} */"
+        yield f"  {key}: {_typed(held, wanted)};"
+    yield "}\n"
+
+
+def _typed(kind: object, wanted: dict[type, None]) -> str:
+    """Return a type as JSON has it.
+
+    >>> _typed(tuple[int | None, ...], {}), _typed(tuple[float, str], {}), _typed(Literal["a", "b"], {})
+    ('(number | null)[]', '[number, string]', '"a" | "b"')
+    """
+    if kind in PLAIN:
+        return PLAIN[kind]
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin is Literal:
+        return " | ".join(f'"{one}"' for one in parts)
+    if origin is Annotated:
+        return _typed(parts[0], wanted)
+    if origin in {Union, UnionType}:
+        return " | ".join(_typed(one, wanted) for one in parts)
+    if origin is list or (origin is tuple and parts[-1] is ...):
+        inner = _typed(parts[0], wanted)
+        return f"({inner})[]" if " | " in inner else f"{inner}[]"
+    if origin is tuple:
+        return f"[{', '.join(_typed(one, wanted) for one in parts)}]"
+    if not isinstance(kind, type):
+        raise TypeError(f"{kind}: expected a type that JSON has")
+    if issubclass(kind, Enum):
+        return " | ".join(f'"{one.value}"' for one in kind)
+    wanted[kind] = None
+    return kind.__name__
