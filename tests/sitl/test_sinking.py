@@ -22,7 +22,7 @@ SOON_S = 5.0
 def weaken(vehicle: RealVehicle) -> None:
     """Take thrust away until it cannot hover."""
     if vehicle.other.bytewise:
-        vehicle.set("SIH_T_MAX", 2.2)  # of each of four rotors, in newtons, for a kilogram
+        vehicle.set("SIH_T_MAX", 1.9)  # of each of four rotors, in newtons, for a kilogram
     else:
         vehicle.set("SIM_ENGINE_MUL", 0.52)
         vehicle.set("SIM_ENGINE_FAIL", 15.0)  # all four
