@@ -162,7 +162,7 @@ class FaultCode(StrEnum):
     """An operator's intent took it out of the plan."""
 
 
-SINKS = frozenset({FaultCode.SINKING, FaultCode.THRUST_LOST})
+SINKS = frozenset({FaultCode.FALLING, FaultCode.SINKING, FaultCode.THRUST_LOST})
 """Of a vehicle that cannot hold its height."""
 
 

@@ -22,9 +22,9 @@ SOON_S = 5.0
 def weaken(vehicle: RealVehicle) -> None:
     """Take thrust away until it cannot hover."""
     if vehicle.other.bytewise:
-        vehicle.set("SIH_T_MAX", 2.2)  # of each of four rotors, in newtons, for a kilogram
+        vehicle.set("SIH_T_MAX", 1.9)  # of each of four rotors, in newtons, for a kilogram
     else:
-        vehicle.set("SIM_ENGINE_MUL", 0.42)
+        vehicle.set("SIM_ENGINE_MUL", 0.52)
         vehicle.set("SIM_ENGINE_FAIL", 15.0)  # all four
 
 
@@ -41,7 +41,7 @@ def below_s(flight: Flown) -> float:
 
 @BOTH
 def test_it_is_declared_before_it_lies(autopilot: Autopilot, tmp_path: Path) -> None:
-    flight = flown(autopilot, Story(weaken, radius_m=400.0), tmp_path)
+    flight = flown(autopilot, Story(weaken), tmp_path)
     ended_well(flight, ["interruption"], down=("uav1", "uav3"))
     [fault] = flight.report["faults"]
     assert fault["code"] == "sinking", flight.said

@@ -23,6 +23,8 @@ DRAIN = (FaultKind.BATTERY, "battery-drain", "used 5 % in 20 s where 1 % is usua
 PACK = (FaultKind.BATTERY, "pack", "its pack rests at 3.81 V a cell, about 42 %, and reports 91 %")
 STEP = (FaultKind.BATTERY, "voltage-step", "13.9 V where 15.2 V is usual under this load")
 FALLS = (FaultKind.INTERRUPTION, "falling", "falls at 5.8 m/s")
+SINKS = (FaultKind.INTERRUPTION, "sinking", "sinks at 2.0 m/s, 6 m below its mission")
+LIES = (FaultKind.DOWN, "lies", "has not moved for 5 s on its mission")
 DISARMED = (FaultKind.INTERRUPTION, "off-pad", "disarmed 20 m over its home at 3.0 m/s")
 AT_S = 60.0
 
@@ -129,6 +131,15 @@ def tumbled() -> Writer:
     return writer
 
 
+def lowered(up_m: Callable[[int], float], *, armed: Callable[[int], bool] = lambda _: True) -> Writer:
+    """Write a flight that stands where it has come down to."""
+    writer = Writer()
+    for second in range(200):
+        writer.say(second + 0.1, 1, heartbeat(armed=armed(second)))
+        writer.say(second + 0.2, 1, position(second, 3.0 * min(second, AT_S), up_m(second)))
+    return writer
+
+
 ROWS: list[tuple[str, Callable[[], Writer], tuple[FaultKind, str, str], Stand, str]] = [
     ("a mode that was accepted", accepted, MODE, Stand.REFUTED, "COMMAND_ACK"),
     ("a mode that was refused before", refused, MODE, Stand.UNDECIDED, "names nobody"),
@@ -160,6 +171,14 @@ ROWS: list[tuple[str, Callable[[], Writer], tuple[FaultKind, str, str], Stand, s
      Stand.REFUTED, "no text"),
     ("a fall on the ground", lambda: flown(Writer(), up_m=0.2), FALLS, Stand.REFUTED, "not left the ground"),
     ("a fall that is flown on", lambda: flown(Writer()), FALLS, Stand.REFUTED, "flew on"),
+    ("sinking to the ground", lambda: lowered(lambda s: max(0.0, 60.0 - 2.0 * max(0, s - 50))), SINKS,
+     Stand.CONFIRMED, "did not climb again"),
+    ("sinking that is over", lambda: lowered(lambda s: 40.0 + 2.0 * abs(s - AT_S)), SINKS, Stand.REFUTED, "high again"),
+    ("sinking that was none", lambda: flown(Writer()), SINKS, Stand.REFUTED, "lost 0.0 m"),
+    ("lying there, armed", lambda: lowered(lambda s: max(0.0, 2.0 * (AT_S - s))), LIES, Stand.CONFIRMED, "armed"),
+    ("lying there for a landing", lambda: lowered(lambda s: max(0.0, 2.0 * (AT_S - s)), armed=lambda s: s < AT_S + 5),
+     LIES, Stand.REFUTED, "disarmed"),
+    ("lying there and flying on", lambda: flown(Writer()), LIES, Stand.REFUTED, "moved"),
     ("a crash that is spoken of", lambda: said("Crash: Disarming", armed=lambda s: s < AT_S), DISARMED,
      Stand.CONFIRMED, "Crash: Disarming"),
     ("a crash that is seen", tumbled, DISARMED, Stand.CONFIRMED, "tilted by"),

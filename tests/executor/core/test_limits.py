@@ -16,6 +16,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: flat(Limits()),
         {
             "link_stale_s": 3.0,
+            "sinks_m_s": 0.5,
+            "drops_m_s": 1.8,
+            "below_mission_m": 5.0,
+            "below_target_m": 2.0,
+            "lies_s": 8.0,
             "all_silent_s": 60.0,
             "battery_step_pct": 8.0,
             "battery_step_window_s": 6.0,
