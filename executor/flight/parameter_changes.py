@@ -16,9 +16,9 @@ from executor.core.ports import Clock, OpenLink
 from executor.core.preflight import fences
 from executor.core.preflight.checks import Check
 from executor.core.preflight.parameters import (
+    Answers,
     ChangeStage,
     Kept,
-    Present,
     Proposal,
     number,
     on_record,
@@ -40,7 +40,7 @@ Links = Mapping[str, OpenLink]
 async def read_changes(context: Context, links: Links, clock: Clock) -> Proposal:
     """Ask every vehicle what it has, and return what the flight would change; nothing is set."""
 
-    async def read(name: str) -> Present:
+    async def read(name: str) -> Answers:
         beside = fences.parameter_names(context, name)
         return await parameters.read_present(links[name], clock, context.vehicles[name].dialect, beside)
 

@@ -3,6 +3,9 @@
 The vehicle drives: it asks for each item, and asks again for what got lost. We repeat only MISSION_COUNT, and only
 until the first request, because PX4 answers a later one with ERROR "Busy" (mavlink_mission.cpp). The last item is
 repeated when the final acknowledgement stays away: PX4 acknowledges it again, and ArduPilot ignores it.
+
+PX4 asks again every 0.25 s, whatever the link. What it asked before our answer can have reached it is not answered
+twice: over a radio that is slower than that, every item would go out many times over, and feed the jam that it is in.
 """
 
 from __future__ import annotations
@@ -21,13 +24,17 @@ from executor.core.messages import (
     SendMissionItem,
 )
 from executor.protocols.machine import Accepted, BrokenOff, Machine, Rejected, TimedOut
+from executor.protocols.round_trip import RoundTrip
 from missions.items import MissionItem, MissionKind
 
 COUNT_PERIOD_S = 1.5
 COUNT_TRIES = 5
 """QGroundControl's figures (PlanManager.h), recommended by the mission protocol page of mavlink.io."""
 REPEAT_S = 0.1
-"""A request repeated sooner than this crossed our answer on the way and is not answered twice (PX4 issue 11078)."""
+"""A request repeated sooner than this, or than a round trip, crossed our answer on the way and is not answered twice
+(PX4 issue 11078)."""
+MOST_REPEAT_S = 2.0
+"""PX4 gives up after 5 s without an item: two that get lost in a row must be made good in that time."""
 LAST_ITEM_PERIOD_S = 1.0
 
 RESULT_ACCEPTED = 0
@@ -64,6 +71,9 @@ class UploadDialogue(Machine):
     answered: int = -1
     """The item answered last, at `answered_s`."""
     answered_s: float = float("-inf")
+    repeated: bool = False
+    """Whether that item was sent more than once; then its answer is no measure of the link."""
+    round_trip: RoundTrip = RoundTrip(waits_s=REPEAT_S, least_s=REPEAT_S, most_s=MOST_REPEAT_S)
     heard_s: float = 0.0
     """When the vehicle last asked for an item."""
     refusal: int | None = None
@@ -76,7 +86,7 @@ class UploadDialogue(Machine):
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Announce the number of items."""
-        state = replace(self, counts_sent=1, deadline_s=now_s + COUNT_PERIOD_S)
+        state = replace(self, counts_sent=1, answered_s=now_s, deadline_s=now_s + COUNT_PERIOD_S)
         return state, (SendMissionCount(len(self.items), self.kind),)
 
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
@@ -104,7 +114,7 @@ class UploadDialogue(Machine):
             if self.refusal is not None:
                 return self._ended(rejected(what_of(self.kind), self.refusal)), ()
             return self._ended(TimedOut(f"no answer after item {self.furthest} of {len(self.items)}")), ()
-        state = replace(self, deadline_s=now_s + LAST_ITEM_PERIOD_S)
+        state = replace(self, deadline_s=now_s + max(LAST_ITEM_PERIOD_S, self.round_trip.waits_s))
         if self.furthest == len(self.items) - 1:
             return state, (SendMissionItem(self.items[-1], self.kind),)
         return state, ()
@@ -116,16 +126,26 @@ class UploadDialogue(Machine):
         return self._ended(BrokenOff()), (SendMissionAck(RESULT_CANCELLED, self.kind),)
 
     def _answer(self, seq: int, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        round_trip = self.round_trip
+        if seq == self.answered + 1 and not self.repeated:
+            # Of a count that was sent again nobody knows which one is answered: since the first it took at most so long.
+            round_trip = round_trip.measured(now_s - self.answered_s)
+        waits_s = max(LAST_ITEM_PERIOD_S, round_trip.waits_s)
         state = replace(
             self,
             furthest=max(self.furthest, seq),
             heard_s=now_s,
             refusal=None,
-            deadline_s=now_s + min(LAST_ITEM_PERIOD_S, self.silence_s),
+            round_trip=round_trip,
+            deadline_s=now_s + min(waits_s, self.silence_s),
         )
-        if seq == self.answered and now_s - self.answered_s < REPEAT_S:
+        again = seq <= self.answered  # one before the last is a late double, or a vehicle that has begun anew
+        if again and now_s - self.answered_s < round_trip.waits_s:
             return state, ()
-        return replace(state, answered=seq, answered_s=now_s), (SendMissionItem(self.items[seq], self.kind),)
+        if again:
+            state = replace(state, round_trip=round_trip.missed())
+        state = replace(state, answered=seq, answered_s=now_s, repeated=again)
+        return state, (SendMissionItem(self.items[seq], self.kind),)
 
     def _acknowledged(self, result: int) -> Self:
         all_asked = self.furthest == len(self.items) - 1

@@ -65,7 +65,8 @@ ARDUPILOT: Mapping[str, Param] = {
 # PX4 1.17. NAV_DLL_ACT is 0 in the firmware; here it is 2, for the same reason.
 PX4: Mapping[str, Param] = {
     "MAV_TYPE": _i32(2), "SYS_AUTOSTART": _i32(4001), "NAV_DLL_ACT": _i32(2), "NAV_RCL_ACT": _i32(2),
-    "COM_DL_LOSS_T": _i32(10), "COM_FAIL_ACT_T": Param(5), "COM_LOW_BAT_ACT": _i32(0), "COM_DISARM_LAND": Param(2),
+    "COM_DL_LOSS_T": _i32(10), "COM_FAIL_ACT_T": Param(5), "COM_LOW_BAT_ACT": _i32(0), "COM_FLTT_LOW_ACT": _i32(0),
+    "COM_DISARM_LAND": Param(2),
     "COM_RC_IN_MODE": _i32(1), "BAT_LOW_THR": Param(0.15), "BAT_CRIT_THR": Param(0.07), "BAT_EMERGEN_THR": Param(0.05),
     "BAT1_CAPACITY": Param(-1), "BAT1_N_CELLS": _i32(0), "RTL_TYPE": _i32(0), "RTL_RETURN_ALT": Param(60),
     "RTL_DESCEND_ALT": Param(30), "RTL_LAND_DELAY": Param(0), "RTL_CONE_ANG": _i32(45), "MPC_XY_CRUISE": Param(5),

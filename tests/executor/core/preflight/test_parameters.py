@@ -10,6 +10,7 @@ from executor.core.context import Context
 from executor.core.messages import ParamValue
 from executor.core.preflight.checks import Severity
 from executor.core.preflight.parameters import (
+    Answers,
     KEPT_HIGHER_M,
     Change,
     ChangeStage,
@@ -37,7 +38,7 @@ def said(kind: int = REAL32, **values: float) -> dict[str, ParamValue]:
 
 def proposed(context: Context, vehicle: str, kind: int = REAL32, **values: float) -> Proposal:
     """Return what is proposed for one vehicle that has these parameters."""
-    return propose(context, {vehicle: said(kind, **values)})
+    return propose(context, {vehicle: Answers(said(kind, **values))})
 
 
 def new_values(proposal: Proposal) -> dict[str, float]:
@@ -114,7 +115,7 @@ def test_the_highest_may_return_higher_and_nobody_else() -> None:
     assert proposed(COPTERS, "uav3", RTL_ALT=100 * (height_m + 20.0)).changes == ()
     assert proposed(COPTERS, "uav2", RTL_ALT=100 * (height_m + 20.0)).changes
     assert proposed(COPTERS, "uav3", RTL_ALT=100 * (height_m + KEPT_HIGHER_M + 1.0)).changes, "it would cost too much"
-    low = propose(COPTERS, {"uav3": said(RTL_ALT=100 * (height_m + 20.0))}, ceiling_m=height_m + 10.0)
+    low = propose(COPTERS, {"uav3": Answers(said(RTL_ALT=100 * (height_m + 20.0)))}, ceiling_m=height_m + 10.0)
     assert new_values(low) == {"RTL_ALT": 100 * height_m}, "it would be above the ceiling"
 
 

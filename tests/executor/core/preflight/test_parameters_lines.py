@@ -39,12 +39,12 @@ def known(**values: float) -> Mapping[str, ParamValue]:
 def proposed(
     said: Mapping[str, ParamValue], name: str = "uav1", context: Context = CONTEXT, ceiling_m: float | None = None
 ) -> list[str]:
-    found = parameters.propose(context, {name: said}, ceiling_m=ceiling_m)
+    found = parameters.propose(context, {name: parameters.Answers(said)}, ceiling_m=ceiling_m)
     return [one.words for one in found.changes] + lines(found.checks)
 
 
 def settled(ends: Mapping[str, str], said: Mapping[str, ParamValue]) -> list[str]:
-    found = parameters.propose(CONTEXT, {"uav1": said})
+    found = parameters.propose(CONTEXT, {"uav1": parameters.Answers(said)})
     return lines(parameters.return_heights(CONTEXT, "uav1", found, ends))
 
 
