@@ -1,4 +1,4 @@
-"""Parameters of a vehicle: many are read at the pace of the link, one is set and confirmed by the value that comes back.
+"""A vehicle's parameters: many are read at the pace of the link; one is set, and confirmed by what comes back.
 
 Neither autopilot answers a question for a parameter that it does not have (measured), unless with the newer PARAM_ERROR.
 On a link that loses, a silence says nothing: it counts only where a question that was asked later is answered, and
@@ -83,7 +83,8 @@ class ParameterReading(Machine):
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask for the first few."""
-        return replace(self, began_s=now_s, heard_s=now_s)._fill(now_s)
+        state = replace(self, began_s=now_s, heard_s=now_s)
+        return state._fill(now_s)
 
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take an answer, and ask for the next."""

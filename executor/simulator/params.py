@@ -132,6 +132,11 @@ class ParamTable:
             raise KeyError(name)
         self._values[name] = value
 
+    def forget(self, name: str) -> None:
+        """Be as a firmware that does not have a parameter; what reads it in here must not be flown."""
+        self._names.remove(name)
+        del self._values[name]
+
     def answer(self, request: ParamRequestList | ParamRequestRead | ParamSet) -> Iterator[Outbound]:
         """Yield the answers; an unknown name gets none, as both autopilots do."""
         match request:

@@ -10,8 +10,8 @@ from executor.core.context import Context
 from executor.core.messages import ParamValue
 from executor.core.preflight.checks import Severity
 from executor.core.preflight.parameters import (
-    Answers,
     KEPT_HIGHER_M,
+    Answers,
     Change,
     ChangeStage,
     FoundParameters,

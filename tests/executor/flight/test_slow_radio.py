@@ -1,0 +1,189 @@
+"""Three vehicles behind one radio of 2 kB/s: everything is asked, set and put on board that is so over a fast link."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from executor.adapters.clock import SystemClock
+from executor.bench.virtual.flight import Quiet
+from executor.bench.virtual.loop import run_virtual
+from executor.bench.virtual.radio import MemoryRadio
+from executor.core.check_codes import CheckCode
+from executor.core.context import Context
+from executor.core.preflight.checks import Check, Facts, Severity
+from executor.flight.flight_order import Order
+from executor.flight.parameter_changes import apply_changes, read_changes
+from executor.flight.preparing import examined, interviews, load_all
+from executor.runtime.flight import keep_heartbeat
+from executor.simulated.fleet import fleet_of
+from executor.simulator.channel import Channel, LinkCondition
+from executor.simulator.vehicle import SimulatedVehicle
+from missions import dialect_for
+from tests.executor.bench.virtual.short_line import shared, short_ground
+
+STEP_S = 0.05
+MISSION_ITEM_INT = 73
+FAST, SLOW = LinkCondition(), LinkCondition(rate_bytes_s=2000.0, delay_s=0.3)
+LOSSY = replace(SLOW, loss=0.2)
+FENCES = {
+    "ardupilot": {"FENCE_ENABLE": 1.0, "FENCE_RADIUS": 60.0, "FENCE_ALT_MAX": 25.0},
+    "px4": {"GF_MAX_HOR_DIST": 60.0, "GF_MAX_VER_DIST": 25.0},
+}
+AUTOPILOTS = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+
+
+class _Frame(bytes):
+    """A datagram that knows between whom it passes."""
+
+    name: str
+
+    @classmethod
+    def of(cls, name: str, datagram: bytes) -> _Frame:
+        frame = cls(datagram)
+        frame.name = name
+        return frame
+
+
+class _End(MemoryRadio):
+    """One vehicle's end of it."""
+
+    def __init__(self, vehicle: SimulatedVehicle, sysid: int, send: Callable[[bytes], None]) -> None:
+        self._send = send
+        super().__init__(vehicle, sysid)
+
+    def write(self, frame: bytes) -> bool:
+        self._send(frame)
+        return True
+
+
+class SharedRadio:
+    """One radio for everybody: what one vehicle says waits behind what the others say."""
+
+    def __init__(self, vehicles: Mapping[str, tuple[SimulatedVehicle, int]], condition: LinkCondition) -> None:
+        self.vehicles = {name: vehicle for name, (vehicle, _) in vehicles.items()}
+        self._ends = {
+            name: _End(vehicle, sysid, partial(self._send, name)) for name, (vehicle, sysid) in vehicles.items()
+        }
+        self.links = {name: end.link for name, end in self._ends.items()}
+        rng = random.Random(7)
+        self._up, self._down = Channel(condition, rng), Channel(condition, rng)
+        self._now_s = 0.0
+        self.items: Counter[tuple[str, int]] = Counter()
+        """How often each item of a mission was sent."""
+        for end in self._ends.values():
+            end.spare()
+
+    def _send(self, name: str, frame: bytes) -> None:
+        if int.from_bytes(frame[7:10], "little") == MISSION_ITEM_INT:
+            self.items[name, int.from_bytes(frame[38:40], "little")] += 1
+        self._up.offer(_Frame.of(name, frame), self._now_s)
+
+    def pass_on(self, now_s: float) -> None:
+        """Live until now."""
+        self._now_s = now_s
+        for frame in self._up.due(now_s):
+            assert isinstance(frame, _Frame)
+            self.vehicles[frame.name].receive(frame)
+        for name, vehicle in self.vehicles.items():
+            vehicle.advance(now_s)
+            for datagram in vehicle.drain():
+                self._down.offer(_Frame.of(name, datagram), now_s)
+        for frame in self._down.due(now_s):
+            assert isinstance(frame, _Frame)
+            self._ends[frame.name].heard(frame)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """All that is known before a take-off."""
+
+    facts: Mapping[str, Facts]
+    context: Context
+    found: list[Check]
+    radio: SharedRadio
+    times_s: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def stops(self) -> list[str]:
+        return [check.text for check in self.found if check.severity is Severity.STOP]
+
+    def lines(self, code: CheckCode) -> list[tuple[Severity, str, str]]:
+        return [(check.severity, check.subject, check.text) for check in self.found if check.code is code]
+
+
+def prepared(
+    folder: Path, autopilot: str, condition: LinkCondition, *, without: tuple[str, ...] = (), **parameters: float
+) -> Prepared:
+    """Return three vehicles after their checklist, with their RTL heights set and their missions on board."""
+    ground = short_ground(folder, 3, autopilot)
+    order = Order(ground.site, folder, ground, shared(ground), folder, lambda _: ())
+
+    async def prepare() -> Prepared:
+        clock = SystemClock(1.0, 0.0, 0.0, asyncio.get_running_loop().time, (0.0, 0.0))
+        fleet = fleet_of(ground, speedup=1.0, faults=(), seed=1, wind=1.0, failsafe=True)
+        vehicles = {}
+        for one in fleet.vehicles:
+            vehicle = SimulatedVehicle(replace(one, parameters={**one.parameters, **parameters}))
+            for name in without:
+                vehicle.autopilot.params.forget(name)
+            vehicles[one.name] = (vehicle, one.sysid)
+        radio = SharedRadio(vehicles, replace(condition))
+        tasks = [asyncio.create_task(_live(radio)), asyncio.create_task(keep_heartbeat(radio.links, clock))]
+        try:
+            times_s = {}
+            facts = await interviews(order, radio.links, clock, Quiet())
+            times_s["asked"] = clock.now_s()
+            context, boards, found = examined(order, facts)
+            proposal = await read_changes(context, radio.links, clock)
+            found += proposal.checks
+            if not any(check.severity is Severity.STOP for check in found):
+                found += await apply_changes(folder, proposal, context, radio.links, clock, Quiet())
+                times_s["set"] = clock.now_s()
+                await load_all(context, radio.links, clock, boards, Quiet())
+                times_s["on board"] = clock.now_s()
+            return Prepared(facts, context, found, radio, times_s)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    return run_virtual(prepare)
+
+
+async def _live(radio: SharedRadio) -> None:
+    loop, step = asyncio.get_running_loop(), 0
+    while True:
+        step += 1
+        radio.pass_on(step * STEP_S)
+        await asyncio.sleep(max(0.0, (step + 1) * STEP_S - loop.time()))
+
+
+@AUTOPILOTS
+@pytest.mark.parametrize("condition", [SLOW, LOSSY], ids=["slow", "slow and lossy"])
+def test_everything_is_known_and_set_and_on_board(autopilot: str, condition: LinkCondition, tmp_path: Path) -> None:
+    fast, slow = (prepared(tmp_path, autopilot, one, **FENCES[autopilot]) for one in (FAST, condition))
+    print(
+        fast.times_s,
+        slow.times_s,
+        slow.radio.items.most_common(3),
+        sum(slow.radio.items.values()),
+        len(slow.radio.items),
+    )
+    assert slow.stops == []
+    for name, facts in slow.facts.items():
+        assert not facts.unread
+        assert facts.parameters == fast.facts[name].parameters
+        rule, wanted_m = dialect_for(autopilot).return_parameters, slow.context.return_height_m(name)
+        assert slow.radio.vehicles[name].autopilot.params[rule.height] * rule.unit_m == pytest.approx(wanted_m, abs=0.1)
+    assert slow.lines(CheckCode.GEOFENCE) == fast.lines(CheckCode.GEOFENCE)
+    assert len(slow.lines(CheckCode.GEOFENCE)) == 6
+    if condition is SLOW:
+        assert max(slow.radio.items.values()) <= 2
