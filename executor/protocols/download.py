@@ -11,7 +11,7 @@ repeated question comes two items late, and without a word after 5 s: then the l
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Self, TypeVar
 
 from executor.core.messages import (
     Message,
@@ -27,6 +27,8 @@ from executor.protocols.machine import Accepted, BrokenOff, Machine, TimedOut
 from executor.protocols.round_trip import RoundTrip
 from executor.protocols.upload import rejected
 from missions.items import MissionItem, MissionKind
+
+D = TypeVar("D", bound="DownloadDialogue")
 
 MOST_PERIOD_S = 2.0
 """PX4 ends the transfer after 5 s without a question: two in a row may get lost."""
@@ -61,7 +63,7 @@ class DownloadDialogue(Machine):
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask how many items there are."""
-        return replace(self, heard_s=now_s)._ask(now_s)
+        return _asked(replace(self, heard_s=now_s), now_s)
 
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take the count, then the items in their order."""
@@ -69,9 +71,9 @@ class DownloadDialogue(Machine):
             return self, ()
         match message:
             case MissionCount(count, kind) if kind is self.kind and self.count is None:
-                return replace(self._measured(now_s), count=count)._next(now_s)
+                return self._taken(now_s, count, ())
             case MissionItemReceived(item, kind) if kind is self.kind and self._is_next(item):
-                return replace(self._measured(now_s), items=(*self.items, item))._next(now_s)
+                return self._taken(now_s, self.count, (*self.items, item))
             case MissionAck(result, kind) if kind is self.kind and result != 0:
                 return replace(self, refusal=result), ()
             case _:
@@ -91,7 +93,7 @@ class DownloadDialogue(Machine):
             state = replace(
                 state, count=None, items=(), tries=0, refusal=None, begun=self.begun + 1, broke_off_at=self._open
             )
-        return state._ask(now_s)
+        return _asked(state, now_s)
 
     def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
         """Give up."""
@@ -109,22 +111,24 @@ class DownloadDialogue(Machine):
     def _is_next(self, item: MissionItem) -> bool:
         return self.count is not None and item.seq == len(self.items)
 
-    def _measured(self, now_s: float) -> Self:
-        """Return what is known once the question that is open was answered."""
+    def _taken(
+        self, now_s: float, count: int | None, items: tuple[MissionItem, ...]
+    ) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Ask for what comes after an answer, or say that all has come."""
         trip = self.round_trip.measured(now_s - self.asked_s) if self.tries == 1 else self.round_trip
-        return replace(self, round_trip=trip, heard_s=now_s, tries=0, refusal=None, broke_off_at="")
+        state = replace(
+            self, count=count, items=items, round_trip=trip, heard_s=now_s, tries=0, refusal=None, broke_off_at=""
+        )
+        if len(items) == count:
+            done = replace(state, outcome=Accepted(), deadline_s=float("inf"))
+            return done, (SendMissionAck(0, self.kind),)
+        return _asked(state, now_s)
 
-    def _next(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Ask for the next item, or say that all have come."""
-        if len(self.items) == self.count:
-            return self._ended(Accepted()), (SendMissionAck(0, self.kind),)
-        return self._ask(now_s)
 
-    def _ask(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Ask what is open."""
-        deadline_s = now_s + self.round_trip.waits_s
-        deadline_s = min(deadline_s, self.heard_s + SILENT_S)
-        state = replace(self, tries=self.tries + 1, asked_s=now_s, deadline_s=deadline_s)
-        if self.count is None:
-            return state, (SendMissionRequestList(self.kind),)
-        return state, (SendMissionRequest(len(self.items), self.kind),)
+def _asked(state: D, now_s: float) -> tuple[D, tuple[Outgoing, ...]]:
+    """Ask what is open."""
+    deadline_s = min(now_s + state.round_trip.waits_s, state.heard_s + SILENT_S)
+    state = replace(state, tries=state.tries + 1, asked_s=now_s, deadline_s=deadline_s)
+    if state.count is None:
+        return state, (SendMissionRequestList(state.kind),)
+    return state, (SendMissionRequest(len(state.items), state.kind),)

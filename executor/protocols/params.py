@@ -1,29 +1,33 @@
 """A vehicle's parameters: many are read at the pace of the link; one is set, and confirmed by what comes back.
 
-Neither autopilot answers a question for a parameter that it does not have (measured), unless with the newer PARAM_ERROR.
-On a link that loses, a silence says nothing: it counts only where a question that was asked later is answered, and
-only so often in a row that the link, by what it loses of questions that are answered, cannot be the reason.
+Neither autopilot answers a question for a parameter that it does not have (measured), or with the newer PARAM_ERROR.
+On a link that loses, a silence says nothing: it counts only where a question that was asked later is answered, and only
+so often in a row that the link, by what it loses of questions that are answered, cannot be the reason.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Self, TypeVar
 
 from executor.core.endings import Ending
 from executor.core.messages import Message, Outgoing, ParamRefused, ParamValue, SendParamRequest, SendParamSet
 from executor.protocols.machine import Accepted, Machine, Rejected, TimedOut
 from executor.protocols.round_trip import RoundTrip
 
+R = TypeVar("R", bound="ParameterReading")
+
 AT_ONCE, MOST_AT_ONCE = 4, 8
 """Questions under way in the beginning, and where nothing gets lost: ArduPilot drops what is beyond 20
 (GCS_Param.cpp), and the queue of a radio holds some 50 answers for everybody behind it."""
-SILENT_S = 15.0
-"""After so long without any answer the rest is not read: three times what a radio's full queue holds a frame back."""
+SILENT_S = 20.0
+"""After so long without any answer the rest is not read: four times what a radio's full queue holds a frame back."""
 LONGEST_S = 180.0
 BY_CHANCE = 1e-6
 """How likely at most the link alone may have swallowed all questions for a parameter that is said not to be there."""
+SAME_S = 1e-6
+"""Sums of times differ by their rounding."""
 PERIOD_S, LONGEST_PERIOD_S = 1.0, 4.0
 TRIES, TRIES_ANSWERED = 6, 4
 """Of setting a parameter; fewer where it is answered, and another value stays."""
@@ -61,7 +65,7 @@ class ParameterReading(Machine):
     """What the vehicle does not have."""
     refused: frozenset[str] = frozenset()
     """What it answers without a value."""
-    round_trip: RoundTrip = field(default_factory=lambda: RoundTrip(waits_s=1.5))
+    round_trip: RoundTrip = field(default_factory=lambda: RoundTrip(waits_s=1.5, most_s=4.0))
     room: int = AT_ONCE
     """How many may be under way."""
     sent: int = 0
@@ -83,8 +87,7 @@ class ParameterReading(Machine):
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask for the first few."""
-        state = replace(self, began_s=now_s, heard_s=now_s)
-        return state._fill(now_s)
+        return _filled(replace(self, began_s=now_s, heard_s=now_s), now_s)
 
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take an answer, and ask for the next."""
@@ -92,19 +95,19 @@ class ParameterReading(Machine):
             return self, ()
         control, name = self.control, message.name
         question = next((one for one in (*self.asked, *self.waiting) if one.name == name and one.tries), None)
-        if question is not None:
-            state = self._without(question)
-            match message:
-                case ParamValue():
-                    state = replace(state, values=(*state.values, message))
-                case ParamRefused(absent=True):
-                    state = replace(state, absent=state.absent | {name})
-                case ParamRefused():
-                    state = replace(state, refused=state.refused | {name})
-            return state._answered(question, now_s)._fill(now_s)
-        if control is not None and control.name == name:
-            return replace(self, control=None)._answered(control, now_s)._fill(now_s)
-        return self, ()
+        if question is None and control is not None and control.name == name:
+            return _filled(_answered(replace(self, control=None), control, now_s), now_s)
+        if question is None:
+            return self, ()
+        state = _without(self, question)
+        match message:
+            case ParamValue():
+                state = replace(state, values=(*state.values, message))
+            case ParamRefused(absent=True):
+                state = replace(state, absent=state.absent | {name})
+            case ParamRefused():
+                state = replace(state, refused=state.refused | {name})
+        return _filled(_answered(state, question, now_s), now_s)
 
     def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask again what was not answered in time; or give up."""
@@ -112,65 +115,68 @@ class ParameterReading(Machine):
             return self, ()
         if now_s >= min(self.heard_s + SILENT_S, self.began_s + LONGEST_S):
             return self._ended(TimedOut(f"{', '.join(sorted(self.unread))}: no answer")), ()
-        late = [one for one in self.asked if now_s >= one.asked_s + self.round_trip.waits_s]
+        latest_s = now_s - self.round_trip.waits_s
+        late = [one for one in self.asked if one.asked_s <= latest_s + SAME_S]
         state = self
         for question in late:
-            state = state._missed(question)
-        if self.control is not None and now_s >= self.control.asked_s + self.round_trip.waits_s:
+            state = _missed(state, question)
+        if self.control is not None and self.control.asked_s <= latest_s + SAME_S:
             state = replace(state, control=None, lost=state.lost + 1)
-        if any(not one.outlived for one in late):
-            state = replace(state, round_trip=self.round_trip.missed(), room=max(1, self.room // 2))
-        return state._fill(now_s)
+        if any(not one.outlived for one in late):  # a jam is not to be fed: fewer at a time, and then more seldom
+            trip = self.round_trip.missed() if self.room == 1 else self.round_trip
+            state = replace(state, round_trip=trip, room=max(1, self.room // 2))
+        return _filled(state, now_s)
 
-    def _without(self, question: _Question) -> Self:
-        asked = tuple(one for one in self.asked if one is not question)
-        return replace(self, asked=asked, waiting=tuple(one for one in self.waiting if one is not question))
 
-    def _answered(self, question: _Question, now_s: float) -> Self:
-        """Note what an answer says of the link, and of what was asked before."""
-        asked = tuple(one if one.number > question.first else replace(one, outlived=True) for one in self.asked)
-        round_trip = self.round_trip
-        if question.tries == 1:
-            round_trip = round_trip.measured(now_s - question.asked_s)
-        return replace(
-            self, asked=asked, round_trip=round_trip, heard_s=now_s, room=min(self.room + 1, MOST_AT_ONCE),
-            lost=self.lost + question.tries - 1, answered=self.answered + 1,
-        )  # fmt: skip
+def _without(state: R, question: _Question) -> R:
+    asked = tuple(one for one in state.asked if one is not question)
+    return replace(state, asked=asked, waiting=tuple(one for one in state.waiting if one is not question))
 
-    def _missed(self, question: _Question) -> Self:
-        """Put a question that was not answered in time behind the others; or believe that nobody ever will."""
-        in_vain = question.in_vain + question.outlived
-        state = self._without(question)
-        share = (self.lost + 1.0) / (self.lost + self.answered + 2.0)
-        if share**in_vain <= BY_CHANCE:
-            return replace(state, absent=state.absent | {question.name})
-        return replace(state, waiting=(*state.waiting, replace(question, in_vain=in_vain)))
 
-    def _fill(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Ask as many as may be under way, and one that is there behind those that were silent."""
-        state, said, again = self, list[str](), False
-        while state.waiting and len(state.asked) < state.room:
-            question, *rest = state.waiting
-            question = state._sent(question, now_s)
-            again |= question.tries > 1
-            said.append(question.name)
-            state = replace(state, waiting=tuple(rest), asked=(*state.asked, question), sent=state.sent + 1)
-        if again and state.values and state.control is None and not any(one.tries == 1 for one in state.asked):
-            name = state.values[state.sent % len(state.values)].name
-            said.append(name)
-            control = state._sent(_Question(name), now_s)
-            state = replace(state, control=control, sent=state.sent + 1)
-        if not state.asked and not state.waiting:
-            return state._ended(Accepted()), ()
-        under_way = state.asked if state.control is None else (*state.asked, state.control)
-        deadline_s = min(one.asked_s for one in under_way) + state.round_trip.waits_s
-        patience_s = min(state.heard_s + SILENT_S, state.began_s + LONGEST_S)
-        return replace(state, deadline_s=min(deadline_s, patience_s)), tuple(SendParamRequest(name) for name in said)
+def _answered(state: R, question: _Question, now_s: float) -> R:
+    """Note what an answer says of the link, and of what was asked before."""
+    asked = tuple(one if one.number > question.first else replace(one, outlived=True) for one in state.asked)
+    trip = state.round_trip.measured(now_s - question.asked_s) if question.tries == 1 else state.round_trip
+    return replace(
+        state, asked=asked, round_trip=trip, heard_s=now_s, room=min(state.room + 1, MOST_AT_ONCE),
+        lost=state.lost + question.tries - 1, answered=state.answered + 1,
+    )  # fmt: skip
 
-    def _sent(self, question: _Question, now_s: float) -> _Question:
-        number = self.sent + 1
-        first = number if question.tries == 0 else question.first
-        return replace(question, asked_s=now_s, number=number, first=first, tries=question.tries + 1, outlived=False)
+
+def _missed(state: R, question: _Question) -> R:
+    """Put a question that was not answered in time behind the others; or believe that nobody ever will."""
+    in_vain = question.in_vain + question.outlived
+    state = _without(state, question)
+    share = (state.lost + 1.0) / (state.lost + state.answered + 2.0)
+    if share**in_vain <= BY_CHANCE:
+        return replace(state, absent=state.absent | {question.name})
+    return replace(state, waiting=(*state.waiting, replace(question, in_vain=in_vain)))
+
+
+def _filled(state: R, now_s: float) -> tuple[R, tuple[Outgoing, ...]]:
+    """Ask as many as may be under way, and one that is there behind those that were silent."""
+    said: list[str] = []
+    while state.waiting and len(state.asked) < state.room:
+        question = _sent(state, state.waiting[0], now_s)
+        said.append(question.name)
+        state = replace(state, waiting=state.waiting[1:], asked=(*state.asked, question), sent=question.number)
+    silent = bool(said) and all(one.tries > 1 for one in state.asked)
+    if silent and state.values and state.control is None:
+        control = _sent(state, _Question(state.values[state.sent % len(state.values)].name), now_s)
+        said.append(control.name)
+        state = replace(state, control=control, sent=control.number)
+    if not state.asked and not state.waiting:
+        return replace(state, outcome=Accepted(), deadline_s=math.inf), ()
+    under_way = state.asked if state.control is None else (*state.asked, state.control)
+    deadline_s = min(one.asked_s for one in under_way) + state.round_trip.waits_s
+    patience_s = min(state.heard_s + SILENT_S, state.began_s + LONGEST_S)
+    return replace(state, deadline_s=min(deadline_s, patience_s)), tuple(SendParamRequest(name) for name in said)
+
+
+def _sent(state: ParameterReading, question: _Question, now_s: float) -> _Question:
+    number = state.sent + 1
+    first = question.first or number
+    return replace(question, asked_s=now_s, number=number, first=first, tries=question.tries + 1, outlived=False)
 
 
 @dataclass(frozen=True, slots=True)

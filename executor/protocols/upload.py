@@ -35,6 +35,7 @@ REPEAT_S = 0.1
 (PX4 issue 11078)."""
 MOST_REPEAT_S = 2.0
 """PX4 gives up after 5 s without an item: two that get lost in a row must be made good in that time."""
+FIRST_TRIP = RoundTrip(waits_s=REPEAT_S, least_s=REPEAT_S, most_s=MOST_REPEAT_S)
 LAST_ITEM_PERIOD_S = 1.0
 
 RESULT_ACCEPTED = 0
@@ -73,7 +74,7 @@ class UploadDialogue(Machine):
     answered_s: float = float("-inf")
     repeated: bool = False
     """Whether that item was sent more than once; then its answer is no measure of the link."""
-    round_trip: RoundTrip = RoundTrip(waits_s=REPEAT_S, least_s=REPEAT_S, most_s=MOST_REPEAT_S)
+    round_trip: RoundTrip = FIRST_TRIP
     heard_s: float = 0.0
     """When the vehicle last asked for an item."""
     refusal: int | None = None
@@ -128,7 +129,7 @@ class UploadDialogue(Machine):
     def _answer(self, seq: int, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         round_trip = self.round_trip
         if seq == self.answered + 1 and not self.repeated:
-            # Of a count that was sent again nobody knows which one is answered: since the first it took at most so long.
+            # Which count is answered nobody knows where it was sent again: since the first it took at most so long.
             round_trip = round_trip.measured(now_s - self.answered_s)
         waits_s = max(LAST_ITEM_PERIOD_S, round_trip.waits_s)
         state = replace(

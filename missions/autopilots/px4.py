@@ -61,8 +61,8 @@ PX4_LINK = GroundStationFailsafe(
 )
 _PX4_LOW = "COM_LOW_BAT_ACT"
 PX4_BATTERY = BatteryFailsafe(
-    # failsafe.cpp: the low level only warns; 3 is 'return, and land in an emergency'. PX4 1.18 has 5 for the same without
-    # its new early return, what comes after it 4 for 'return, and flight termination in an emergency' (issue 28064).
+    # failsafe.cpp: the low level only warns; 3 is 'return, and land in an emergency'. 1.18 has 5 for the same without
+    # its new early return, what comes after it 4 for 'return, and flight termination in an emergency' (PX4 28064).
     levels=(
         BatteryLevel(
             "critical",
@@ -81,7 +81,7 @@ PX4_BATTERY = BatteryFailsafe(
             None,
         ),
     ),
-    early=(  # up to 1.16 COM_FLTT_LOW_ACT is 3 by default, in 1.17 it is 0 (issue 25267); 1.18 has it in the other
+    early=(  # up to 1.16 COM_FLTT_LOW_ACT is 3 by default, in 1.17 it is 0 (PX4 25267); 1.18 has it in the other
         EarlyReturn("COM_FLTT_LOW_ACT", ((1, "warning"), (3, "RTL")), (0,), since=None),
         EarlyReturn(_PX4_LOW, ((3, "RTL"),), (0, 1, 2, 4, 5), since=(1, 18)),
     ),

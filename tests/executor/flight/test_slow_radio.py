@@ -120,7 +120,7 @@ class Prepared:
 
 
 def prepared(
-    folder: Path, autopilot: str, condition: LinkCondition, *, without: tuple[str, ...] = (), **parameters: float
+    folder: Path, autopilot: str, condition: LinkCondition, parameters: Mapping[str, float], *lacks: str
 ) -> Prepared:
     """Return three vehicles after their checklist, with their RTL heights set and their missions on board."""
     ground = short_ground(folder, 3, autopilot)
@@ -132,7 +132,7 @@ def prepared(
         vehicles = {}
         for one in fleet.vehicles:
             vehicle = SimulatedVehicle(replace(one, parameters={**one.parameters, **parameters}))
-            for name in without:
+            for name in lacks:
                 vehicle.autopilot.params.forget(name)
             vehicles[one.name] = (vehicle, one.sysid)
         radio = SharedRadio(vehicles, replace(condition))
@@ -169,7 +169,7 @@ async def _live(radio: SharedRadio) -> None:
 @AUTOPILOTS
 @pytest.mark.parametrize("condition", [SLOW, LOSSY], ids=["slow", "slow and lossy"])
 def test_everything_is_known_and_set_and_on_board(autopilot: str, condition: LinkCondition, tmp_path: Path) -> None:
-    fast, slow = (prepared(tmp_path, autopilot, one, **FENCES[autopilot]) for one in (FAST, condition))
+    fast, slow = (prepared(tmp_path, autopilot, one, FENCES[autopilot]) for one in (FAST, condition))
     print(
         fast.times_s,
         slow.times_s,

@@ -28,15 +28,44 @@ def test_a_mission_is_announced_five_times() -> None:
     assert ended.outcome == TimedOut("the vehicle did not ask for the first item")
 
 
-def test_a_request_that_is_repeated_at_once_crossed_our_answer() -> None:
+def test_a_request_that_is_repeated_within_a_round_trip_crossed_our_answer() -> None:
+    """The count was answered after 0.5 s; the first guess is three times that."""
     state, _ = uploading().begin(100.0)
     state, sent = state.on_message(MissionRequest(0), 100.5)
-    assert (sent, state.deadline_s) == ((SendMissionItem(ITEMS[0]),), 101.5)
+    assert (sent, state.deadline_s) == ((SendMissionItem(ITEMS[0]),), 102.0)
     assert state.on_message(MissionRequest(0), 100.59)[1] == ()
-    assert state.on_message(MissionRequest(0), 100.61)[1] == (SendMissionItem(ITEMS[0]),)
+    assert state.on_message(MissionRequest(0), 101.99)[1] == ()
+    assert state.on_message(MissionRequest(0), 102.01)[1] == (SendMissionItem(ITEMS[0]),)
     assert state.on_message(MissionRequest(1), 100.51)[1] == (SendMissionItem(ITEMS[1]),)
     assert state.on_message(MissionRequest(3), 100.51) == (state, ())
     assert state.on_message(MissionRequest(-1), 100.51) == (state, ())
+
+
+def test_on_a_fast_link_a_request_is_answered_again_after_a_tenth_of_a_second() -> None:
+    state, _ = uploading().begin(100.0)
+    state, _ = state.on_message(MissionRequest(0), 100.001)
+    assert state.on_message(MissionRequest(0), 100.1)[1] == ()
+    assert state.on_message(MissionRequest(0), 100.11)[1] == (SendMissionItem(ITEMS[0]),)
+
+
+def test_what_was_sent_twice_is_no_measure_and_makes_more_patient() -> None:
+    state, _ = uploading().begin(100.0)
+    state, _ = state.on_message(MissionRequest(0), 100.2)
+    waits_s = state.round_trip.waits_s
+    state, sent = state.on_message(MissionRequest(0), 101.0)
+    assert (sent, state.round_trip.waits_s) == ((SendMissionItem(ITEMS[0]),), 2 * waits_s)
+    state, _ = state.on_message(MissionRequest(1), 101.05)
+    assert state.round_trip.waits_s == 2 * waits_s, "it may have been the first one that arrived"
+    state, _ = state.on_message(MissionRequest(2), 101.25)
+    assert state.round_trip.waits_s < waits_s
+
+
+def test_a_request_of_before_is_late_unless_it_goes_on() -> None:
+    state, _ = uploading().begin(100.0)
+    state, _ = state.on_message(MissionRequest(0), 100.2)
+    state, _ = state.on_message(MissionRequest(1), 100.4)
+    assert state.on_message(MissionRequest(0), 100.5)[1] == ()
+    assert state.on_message(MissionRequest(0), 101.4)[1] == (SendMissionItem(ITEMS[0]),), "it has begun anew"
 
 
 @pytest.mark.parametrize(("asked", "repeats"), [(0, False), (1, False), (2, True)])

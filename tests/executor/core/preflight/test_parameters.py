@@ -126,12 +126,14 @@ def test_a_vehicle_alone_keeps_what_its_crew_chose() -> None:
     assert low.why == "keeps its RTL above the line"
 
 
-def test_a_return_whose_height_is_not_known_is_said() -> None:
+def test_a_return_whose_height_is_not_known_is_a_reason_not_to_fly() -> None:
     proposal = proposed(COPTERS, "uav1", RTL_CONE_SLOPE=3.0)
     assert proposal.changes == ()
     [check] = proposal.checks
-    assert check.severity is Severity.WARNING
-    assert check.text == "RTL altitude not known: RTL_ALT does not answer; nothing is set"
+    assert check.severity is Severity.STOP
+    assert check.text == (
+        "RTL altitude not known: it has no RTL_ALT or RTL_ALT_M, so nothing keeps it clear of the others"
+    )
 
 
 def test_what_became_of_it() -> None:

@@ -108,7 +108,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ],
             ["ok: RTL altitude is 15 m (RTL_ALT_M)"],
             ["ok: RTL altitude is 15 m (RTL_ALT)"],
-            [("warning: RTL altitude not known: RTL_ALT does not answer; nothing is set")],
+            ["stop: RTL altitude not known: it has no RTL_ALT or RTL_ALT_M, so nothing keeps it clear of the others"],
         ],
     ),
     (
