@@ -87,7 +87,7 @@ class DownloadDialogue(Machine):
             if self.refusal is not None:
                 return self._ended(rejected("download", self.refusal)), ()
             return self._ended(TimedOut(f"no answer when asked for {self._open}")), ()
-        state = replace(self, round_trip=self.round_trip.missed())
+        state = replace(self, round_trip=self.round_trip.missed() if self.tries > 1 else self.round_trip)
         ended = self.refusal is not None or now_s - self.heard_s >= LEFT_S
         if self.count is not None and ended and self.begun < ANEW:
             state = replace(

@@ -101,11 +101,11 @@ class ParameterReading(Machine):
             return self, ()
         state = _without(self, question)
         match message:
-            case ParamValue():
+            case ParamValue(value=value) if math.isfinite(value):
                 state = replace(state, values=(*state.values, message))
             case ParamRefused(absent=True):
                 state = replace(state, absent=state.absent | {name})
-            case ParamRefused():
+            case _:
                 state = replace(state, refused=state.refused | {name})
         return _filled(_answered(state, question, now_s), now_s)
 
@@ -154,14 +154,14 @@ def _missed(state: R, question: _Question) -> R:
 
 
 def _filled(state: R, now_s: float) -> tuple[R, tuple[Outgoing, ...]]:
-    """Ask as many as may be under way, and one that is there behind those that were silent."""
+    """Ask as many as may be under way, and one that is there behind them where none of them may be."""
     said: list[str] = []
     while state.waiting and len(state.asked) < state.room:
         question = _sent(state, state.waiting[0], now_s)
         said.append(question.name)
         state = replace(state, waiting=state.waiting[1:], asked=(*state.asked, question), sent=question.number)
-    silent = bool(said) and all(one.tries > 1 for one in state.asked)
-    if silent and state.values and state.control is None:
+    silent = all(one.tries > 1 for one in state.asked) or now_s >= state.heard_s + state.round_trip.waits_s
+    if said and silent and state.values and state.control is None:
         control = _sent(state, _Question(state.values[state.sent % len(state.values)].name), now_s)
         said.append(control.name)
         state = replace(state, control=control, sent=control.number)

@@ -23,6 +23,11 @@ class RoundTrip:
     mean_s: float | None = None
     varies_s: float = 0.0
 
+    @property
+    def usual_s(self) -> float:
+        """By when most answers have come."""
+        return self.least_s if self.mean_s is None else max(self.least_s, self.mean_s + self.varies_s)
+
     def measured(self, took_s: float) -> Self:
         """Return what is known after a question that was asked once was answered."""
         if self.mean_s is None:

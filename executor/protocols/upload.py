@@ -33,9 +33,7 @@ COUNT_TRIES = 5
 REPEAT_S = 0.1
 """A request repeated sooner than this, or than a round trip, crossed our answer on the way and is not answered twice
 (PX4 issue 11078)."""
-MOST_REPEAT_S = 2.0
-"""PX4 gives up after 5 s without an item: two that get lost in a row must be made good in that time."""
-FIRST_TRIP = RoundTrip(waits_s=REPEAT_S, least_s=REPEAT_S, most_s=MOST_REPEAT_S)
+FIRST_TRIP = RoundTrip(least_s=REPEAT_S, most_s=2.0)
 LAST_ITEM_PERIOD_S = 1.0
 
 RESULT_ACCEPTED = 0
@@ -72,8 +70,8 @@ class UploadDialogue(Machine):
     answered: int = -1
     """The item answered last, at `answered_s`."""
     answered_s: float = float("-inf")
-    repeated: bool = False
-    """Whether that item was sent more than once; then its answer is no measure of the link."""
+    first_s: float = float("-inf")
+    """When that item was sent first."""
     round_trip: RoundTrip = FIRST_TRIP
     heard_s: float = 0.0
     """When the vehicle last asked for an item."""
@@ -87,7 +85,7 @@ class UploadDialogue(Machine):
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Announce the number of items."""
-        state = replace(self, counts_sent=1, answered_s=now_s, deadline_s=now_s + COUNT_PERIOD_S)
+        state = replace(self, counts_sent=1, answered_s=now_s, first_s=now_s, deadline_s=now_s + COUNT_PERIOD_S)
         return state, (SendMissionCount(len(self.items), self.kind),)
 
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
@@ -127,26 +125,26 @@ class UploadDialogue(Machine):
         return self._ended(BrokenOff()), (SendMissionAck(RESULT_CANCELLED, self.kind),)
 
     def _answer(self, seq: int, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        round_trip = self.round_trip
-        if seq == self.answered + 1 and not self.repeated:
-            # Which count is answered nobody knows where it was sent again: since the first it took at most so long.
-            round_trip = round_trip.measured(now_s - self.answered_s)
-        waits_s = max(LAST_ITEM_PERIOD_S, round_trip.waits_s)
+        trip = self._measured(now_s) if seq == self.answered + 1 else self.round_trip
+        deadline_s = now_s + min(max(LAST_ITEM_PERIOD_S, trip.waits_s), self.silence_s)
         state = replace(
-            self,
-            furthest=max(self.furthest, seq),
-            heard_s=now_s,
-            refusal=None,
-            round_trip=round_trip,
-            deadline_s=now_s + min(waits_s, self.silence_s),
+            self, furthest=max(self.furthest, seq), heard_s=now_s, refusal=None, round_trip=trip, deadline_s=deadline_s
         )
         again = seq <= self.answered  # one before the last is a late double, or a vehicle that has begun anew
-        if again and now_s - self.answered_s < round_trip.waits_s:
+        if again and now_s - self.answered_s < min(trip.usual_s, trip.most_s):
             return state, ()
-        if again:
-            state = replace(state, round_trip=round_trip.missed())
-        state = replace(state, answered=seq, answered_s=now_s, repeated=again)
+        first_s = self.first_s if seq == self.answered else now_s
+        state = replace(state, answered=seq, answered_s=now_s, first_s=first_s)
         return state, (SendMissionItem(self.items[seq], self.kind),)
+
+    def _measured(self, now_s: float) -> RoundTrip:
+        """Return what is known of the link once the next item is asked for.
+
+        Which of two copies arrived tells the time since the last: one that cannot have come and gone since was in vain.
+        """
+        since_s = now_s - self.answered_s
+        vain = self.round_trip.mean_s is not None and since_s < self.round_trip.mean_s / 2
+        return self.round_trip.measured(now_s - self.first_s if vain else since_s)
 
     def _acknowledged(self, result: int) -> Self:
         all_asked = self.furthest == len(self.items) - 1

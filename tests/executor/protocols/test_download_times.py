@@ -22,7 +22,7 @@ ITEMS = tuple(MissionItem(seq, 3, 16, x=seq) for seq in range(3))
 
 def test_a_mission_is_asked_for_more_and_more_seldom_until_the_silence_is_too_long() -> None:
     spoken_s, ended = unanswered(DownloadDialogue())
-    assert spoken_s == [100.0, 101.0, 103.0, 105.0, 107.0]
+    assert spoken_s == [100.0, 101.0, 102.0, 104.0, 106.0]
     assert ended.outcome == TimedOut("no answer when asked for the count")
 
 
@@ -34,10 +34,12 @@ def test_a_question_is_asked_again_when_the_link_would_have_answered_it() -> Non
     assert state.deadline_s == pytest.approx(101.6)
     state, sent = state.on_deadline(101.6)
     assert (sent, state.tries) == ((SendMissionRequest(0),), 2)
-    assert state.deadline_s == pytest.approx(103.6), "twice as long, but no longer than PX4 allows"
-    state, sent = state.on_message(MissionItemReceived(ITEMS[0]), 101.7)
+    assert state.deadline_s == pytest.approx(102.8)
+    state, _ = state.on_deadline(102.8)
+    assert state.deadline_s == pytest.approx(104.8), "more and more seldom, but as often as PX4 wants it"
+    state, sent = state.on_message(MissionItemReceived(ITEMS[0]), 102.9)
     assert (sent, state.tries) == ((SendMissionRequest(1),), 1)
-    assert state.deadline_s == pytest.approx(103.7), "which of the two was answered nobody knows"
+    assert state.deadline_s == pytest.approx(104.9), "which of them was answered nobody knows"
 
 
 def test_a_fast_link_is_asked_again_soon() -> None:

@@ -56,7 +56,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: talk(DownloadDialogue(), *late(*range(101, 109))),
         [
             (SendMissionRequestList(), 101.0),
-            (SendMissionRequestList(), 103.0),
+            (SendMissionRequestList(), 102.0),
             (SendMissionRequestList(), 104.0),
             (SendMissionRequestList(), 105.0),
             (SendMissionRequestList(), 106.0),

@@ -44,7 +44,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "furthest": -1,
                 "answered": -1,
                 "answered_s": -math.inf,
-                "repeated": False,
+                "first_s": -math.inf,
                 "round_trip": upload.FIRST_TRIP,
                 "heard_s": 0.0,
                 "refusal": None,
