@@ -117,6 +117,8 @@ class ParamTable:
         self._names = list(self._kinds)
         self._bytewise = bytewise
         """Whether integers travel as their bits (PX4) or as numbers (ArduPilot)."""
+        self.hidden: set[str] = set()
+        """What it does not answer for, as a firmware that does not have it."""
 
     def __getitem__(self, name: str) -> float:
         """Return the value of a parameter that the dialect has."""
@@ -132,14 +134,11 @@ class ParamTable:
             raise KeyError(name)
         self._values[name] = value
 
-    def forget(self, name: str) -> None:
-        """Be as a firmware that does not have a parameter; what reads it in here must not be flown."""
-        self._names.remove(name)
-        del self._values[name]
-
     def answer(self, request: ParamRequestList | ParamRequestRead | ParamSet) -> Iterator[Outbound]:
         """Yield the answers; an unknown name gets none, as both autopilots do."""
         match request:
+            case ParamRequestRead(name=name) | ParamSet(name=name) if name in self.hidden:
+                return
             case ParamRequestList():
                 for index in range(len(self._names)):
                     yield self._value(index, index)

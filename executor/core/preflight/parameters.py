@@ -180,7 +180,7 @@ def return_heights(context: Context, vehicle: str, proposal: Proposal, ends: Map
             f"RTL altitude stays {round(height_m, 1):g} m ({name}), not the {wanted_m:.0f} m that keep it clear of the "
             f"others: {problems}"
         )
-        return Check(Severity.WARNING, vehicle, text, CheckCode.RTL_ALTITUDE)
+        return Check(Severity.STOP, vehicle, text, CheckCode.RTL_ALTITUDE)
     if problems:
         return Check(
             Severity.WARNING,

@@ -6,7 +6,7 @@ import asyncio
 import random
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from executor.bench.virtual.loop import run_virtual
 from executor.bench.virtual.radio import MemoryRadio
 from executor.core.check_codes import CheckCode
 from executor.core.context import Context
+from executor.core.preflight import failsafes
 from executor.core.preflight.checks import Check, Facts, Severity
 from executor.flight.flight_order import Order
 from executor.flight.parameter_changes import apply_changes, read_changes
@@ -25,6 +26,8 @@ from executor.flight.preparing import examined, interviews, load_all
 from executor.runtime.flight import keep_heartbeat
 from executor.simulated.fleet import fleet_of
 from executor.simulator.channel import Channel, LinkCondition
+from executor.simulator.config import AutopilotKind, SimVehicle
+from executor.simulator.params import defaults_for
 from executor.simulator.vehicle import SimulatedVehicle
 from missions import dialect_for
 from tests.executor.bench.virtual.short_line import shared, short_ground
@@ -109,7 +112,6 @@ class Prepared:
     context: Context
     found: list[Check]
     radio: SharedRadio
-    times_s: dict[str, float] = field(default_factory=dict)
 
     @property
     def stops(self) -> list[str]:
@@ -132,24 +134,19 @@ def prepared(
         vehicles = {}
         for one in fleet.vehicles:
             vehicle = SimulatedVehicle(replace(one, parameters={**one.parameters, **parameters}))
-            for name in lacks:
-                vehicle.autopilot.params.forget(name)
+            vehicle.autopilot.params.hidden |= {*lacks}
             vehicles[one.name] = (vehicle, one.sysid)
         radio = SharedRadio(vehicles, replace(condition))
         tasks = [asyncio.create_task(_live(radio)), asyncio.create_task(keep_heartbeat(radio.links, clock))]
         try:
-            times_s = {}
             facts = await interviews(order, radio.links, clock, Quiet())
-            times_s["asked"] = clock.now_s()
             context, boards, found = examined(order, facts)
             proposal = await read_changes(context, radio.links, clock)
             found += proposal.checks
             if not any(check.severity is Severity.STOP for check in found):
                 found += await apply_changes(folder, proposal, context, radio.links, clock, Quiet())
-                times_s["set"] = clock.now_s()
                 await load_all(context, radio.links, clock, boards, Quiet())
-                times_s["on board"] = clock.now_s()
-            return Prepared(facts, context, found, radio, times_s)
+            return Prepared(facts, context, found, radio)
         finally:
             for task in tasks:
                 task.cancel()
@@ -170,13 +167,6 @@ async def _live(radio: SharedRadio) -> None:
 @pytest.mark.parametrize("condition", [SLOW, LOSSY], ids=["slow", "slow and lossy"])
 def test_everything_is_known_and_set_and_on_board(autopilot: str, condition: LinkCondition, tmp_path: Path) -> None:
     fast, slow = (prepared(tmp_path, autopilot, one, FENCES[autopilot]) for one in (FAST, condition))
-    print(
-        fast.times_s,
-        slow.times_s,
-        slow.radio.items.most_common(3),
-        sum(slow.radio.items.values()),
-        len(slow.radio.items),
-    )
     assert slow.stops == []
     for name, facts in slow.facts.items():
         assert not facts.unread
@@ -185,5 +175,26 @@ def test_everything_is_known_and_set_and_on_board(autopilot: str, condition: Lin
         assert slow.radio.vehicles[name].autopilot.params[rule.height] * rule.unit_m == pytest.approx(wanted_m, abs=0.1)
     assert slow.lines(CheckCode.GEOFENCE) == fast.lines(CheckCode.GEOFENCE)
     assert len(slow.lines(CheckCode.GEOFENCE)) == 6
+    assert max(fast.radio.items.values()) == 1
     if condition is SLOW:
         assert max(slow.radio.items.values()) <= 2
+
+
+@AUTOPILOTS
+def test_what_is_not_there_is_told_from_what_is_lost(autopilot: str, tmp_path: Path) -> None:
+    absent = {"ardupilot": "FENCE_AUTOENABLE", "px4": "COM_FLTT_LOW_ACT"}[autopilot]
+    slow = prepared(tmp_path, autopilot, SLOW, {}, absent)
+    assert slow.stops == []
+    assert all(not facts.unread and absent not in facts.parameters for facts in slow.facts.values())
+
+
+@AUTOPILOTS
+def test_who_answers_no_question_does_not_fly(autopilot: str, tmp_path: Path) -> None:
+    """Nobody knows whether it is the radio: what its failsafes do, what fences it has, and where its RTL leads."""
+    names = defaults_for(SimVehicle("uav1", 1, AutopilotKind(autopilot), "udpin://127.0.0.1:1", 49.6, 15.6, 450.0), 5e3)
+    mute = prepared(tmp_path, autopilot, SLOW, {}, *names)
+    asked = len(failsafes.names(dialect_for(autopilot)))
+    assert all((len(facts.unread), facts.parameters) == (asked, {}) for facts in mute.facts.values())
+    codes = {check.code for check in mute.found if check.severity is Severity.STOP}
+    assert {CheckCode.LINK_FAILSAFE, CheckCode.BATTERY_FAILSAFE, CheckCode.GEOFENCE, CheckCode.RTL_ALTITUDE} <= codes
+    assert not mute.radio.items, "nothing is put on board"

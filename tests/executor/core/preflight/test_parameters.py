@@ -142,7 +142,7 @@ def test_what_became_of_it() -> None:
     good = return_heights(COPTERS, "uav1", proposal, {"RTL_ALT": "", "RTL_CONE_SLOPE": ""})
     assert (good.severity, good.text) == (Severity.OK, f"RTL altitude set to {height_m:g} m (RTL_ALT)")
     low = return_heights(COPTERS, "uav1", proposal, {"RTL_ALT": "RTL_ALT stays 1200", "RTL_CONE_SLOPE": ""})
-    assert low.severity is Severity.WARNING
+    assert low.severity is Severity.STOP
     assert low.text == (
         f"RTL altitude stays 12 m (RTL_ALT), not the {height_m:.0f} m that keep it clear of the others: "
         "RTL_ALT stays 1200"

@@ -179,8 +179,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ["ok: RTL altitude set to 15 m (RTL_ALT)"],
             [
                 (
-                    "warning: RTL altitude stays 30 m (RTL_ALT), not the 15 m that keep it clear of "
-                    "the others: RTL_ALT stays 3000"
+                    "stop: RTL altitude stays 30 m (RTL_ALT), not the 15 m that keep it clear of the others: "
+                    "RTL_ALT stays 3000"
                 )
             ],
             ["warning: RTL altitude set to 15 m, but RTL_CONE_SLOPE: no answer"],
