@@ -44,14 +44,15 @@ AUTOPILOTS = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 
 
 class _Frame(bytes):
-    """A datagram that knows between whom it passes."""
+    """A datagram that knows which vehicle it is from, or for."""
 
     name: str
+    up: bool
 
     @classmethod
-    def of(cls, name: str, datagram: bytes) -> _Frame:
+    def of(cls, datagram: bytes, name: str, *, up: bool) -> _Frame:
         frame = cls(datagram)
-        frame.name = name
+        frame.name, frame.up = name, up
         return frame
 
 
@@ -68,7 +69,7 @@ class _End(MemoryRadio):
 
 
 class SharedRadio:
-    """One radio for everybody: what one vehicle says waits behind what the others say."""
+    """One radio for everybody and both directions: what one says waits behind what the others say."""
 
     def __init__(self, vehicles: Mapping[str, tuple[SimulatedVehicle, int]], condition: LinkCondition) -> None:
         self.vehicles = {name: vehicle for name, (vehicle, _) in vehicles.items()}
@@ -76,8 +77,7 @@ class SharedRadio:
             name: _End(vehicle, sysid, partial(self._send, name)) for name, (vehicle, sysid) in vehicles.items()
         }
         self.links = {name: end.link for name, end in self._ends.items()}
-        rng = random.Random(7)
-        self._up, self._down = Channel(condition, rng), Channel(condition, rng)
+        self._air = Channel(condition, random.Random(7))
         self._now_s = 0.0
         self.items: Counter[tuple[str, int]] = Counter()
         """How often each item of a mission was sent."""
@@ -87,21 +87,25 @@ class SharedRadio:
     def _send(self, name: str, frame: bytes) -> None:
         if int.from_bytes(frame[7:10], "little") == MISSION_ITEM_INT:
             self.items[name, int.from_bytes(frame[38:40], "little")] += 1
-        self._up.offer(_Frame.of(name, frame), self._now_s)
+        self._air.offer(_Frame.of(frame, name, up=True), self._now_s)
 
     def pass_on(self, now_s: float) -> None:
         """Live until now."""
         self._now_s = now_s
-        for frame in self._up.due(now_s):
-            assert isinstance(frame, _Frame)
-            self.vehicles[frame.name].receive(frame)
         for name, vehicle in self.vehicles.items():
             vehicle.advance(now_s)
-            for datagram in vehicle.drain():
-                self._down.offer(_Frame.of(name, datagram), now_s)
-        for frame in self._down.due(now_s):
+            self._carry(name)
+        for frame in self._air.due(now_s):
             assert isinstance(frame, _Frame)
-            self._ends[frame.name].heard(frame)
+            if frame.up:
+                self.vehicles[frame.name].receive(frame)
+                self._carry(frame.name)
+            else:
+                self._ends[frame.name].heard(frame)
+
+    def _carry(self, name: str) -> None:
+        for datagram in self.vehicles[name].drain():
+            self._air.offer(_Frame.of(datagram, name, up=False), self._now_s)
 
 
 @dataclass(frozen=True)
