@@ -31,15 +31,17 @@ def test_a_question_is_asked_again_when_the_link_would_have_answered_it() -> Non
     state, _ = DownloadDialogue().begin(100.0)
     state, sent = state.on_message(MissionCount(3), 100.4)
     assert (sent, state.tries) == ((SendMissionRequest(0),), 1)
-    assert state.deadline_s == pytest.approx(101.6)
-    state, sent = state.on_deadline(101.6)
+    assert state.deadline_s == pytest.approx(101.2)
+    state, sent = state.on_deadline(101.2)
     assert (sent, state.tries) == ((SendMissionRequest(0),), 2)
-    assert state.deadline_s == pytest.approx(102.8)
-    state, _ = state.on_deadline(102.8)
-    assert state.deadline_s == pytest.approx(104.8), "more and more seldom, but as often as PX4 wants it"
-    state, sent = state.on_message(MissionItemReceived(ITEMS[0]), 102.9)
+    assert state.deadline_s == pytest.approx(102.0)
+    state, _ = state.on_deadline(102.0)
+    assert state.deadline_s == pytest.approx(103.6), "more and more seldom"
+    state, _ = state.on_deadline(103.6)
+    assert state.deadline_s == pytest.approx(105.6), "but as often as PX4 wants it"
+    state, sent = state.on_message(MissionItemReceived(ITEMS[0]), 103.7)
     assert (sent, state.tries) == ((SendMissionRequest(1),), 1)
-    assert state.deadline_s == pytest.approx(104.9), "which of them was answered nobody knows"
+    assert state.deadline_s == pytest.approx(105.7), "which of them was answered nobody knows"
 
 
 def test_a_fast_link_is_asked_again_soon() -> None:

@@ -40,7 +40,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [
             (SendMissionRequestList(), 101.0),
             (SendMissionRequest(seq=0), 103.0),
-            (SendMissionRequest(seq=1), 104.0),
+            (SendMissionRequest(seq=1), 103.75),
             (SendMissionAck(result=0), math.inf),
             (math.inf,),
             Accepted(),

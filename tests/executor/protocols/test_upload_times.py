@@ -32,7 +32,7 @@ def test_a_request_that_is_repeated_within_a_round_trip_crossed_our_answer() -> 
     """The count was answered after 0.5 s; that the next answer takes half as long again surprises nobody."""
     state, _ = uploading().begin(100.0)
     state, sent = state.on_message(MissionRequest(0), 100.5)
-    assert (sent, state.deadline_s) == ((SendMissionItem(ITEMS[0]),), 102.0)
+    assert (sent, state.deadline_s) == ((SendMissionItem(ITEMS[0]),), 101.5)
     assert state.on_message(MissionRequest(0), 100.59)[1] == ()
     assert state.on_message(MissionRequest(0), 101.24)[1] == ()
     assert state.on_message(MissionRequest(0), 101.26)[1] == (SendMissionItem(ITEMS[0]),)

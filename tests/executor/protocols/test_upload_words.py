@@ -38,7 +38,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "an upload",
         lambda: talk(UPLOAD, *ALL, (104.0, MissionAck(0))),
-        [("count 3", 101.5), ("item 0", 103.0), ("item 1", 104.0), ("item 2", 105.0), (math.inf,), Accepted()],
+        [("count 3", 101.5), ("item 0", 103.0), ("item 1", 103.75), ("item 2", 104.562), (math.inf,), Accepted()],
     ),
     (
         "an upload that nobody answers",
@@ -81,10 +81,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [
             ("count 3", 101.5),
             ("item 0", 103.0),
-            ("item 1", 104.0),
-            ("item 2", 105.0),
-            ("item 2", 106.0),
-            ("item 2", 112.9),
+            ("item 1", 103.75),
+            ("item 2", 104.562),
+            ("item 2", 105.562),
+            ("item 2", 112.463),
             (math.inf,),
             TimedOut(reason="no answer after item 2 of 3"),
         ],
@@ -95,10 +95,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [
             ("count 3", 101.5),
             ("item 0", 103.0),
-            ("item 1", 104.0),
-            ("item 2", 105.0),
-            (105.5,),
-            ("item 2", 106.5),
+            ("item 1", 103.75),
+            ("item 2", 104.562),
+            (105.062,),
+            ("item 2", 106.062),
             None,
         ],
     ),
