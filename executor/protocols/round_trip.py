@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 VARIANCES = 2
-"""How far above the mean an answer is waited for. RFC 6298 has four, and whole segments to lose by a mistake. A question
-here is 20 bytes, and on a link that loses a fifth each way every third one waits for this."""
+"""How far above the mean an answer is waited for. RFC 6298 has four, and whole segments to lose by a mistake. Here a
+question is 20 bytes, and on a link that loses a fifth each way every third one waits for this."""
 LEAST_VARIANCE_S = 0.1
 """Beyond the round trip itself: a busy computer, and a vehicle that answers in its own rhythm."""
 
