@@ -11,7 +11,15 @@
 
 from missions.autopilots.ardupilot import ARDUPILOT
 from missions.autopilots.dialect import Dialect, ModeNumber, Modes, ReturnParameters, SetCurrent, StartStep
-from missions.autopilots.failsafes import BatteryFailsafe, BatteryLevel, Geofence, GroundStationFailsafe, ThresholdUnit
+from missions.autopilots.failsafes import (
+    BatteryFailsafe,
+    BatteryLevel,
+    EarlyReturn,
+    Geofence,
+    GroundStationFailsafe,
+    ThresholdUnit,
+    Words,
+)
 from missions.autopilots.px4 import PX4
 from missions.autopilots.registry import AUTOPILOTS, dialect_for, dialect_of
 from missions.clearance import (
@@ -96,6 +104,7 @@ __all__ = [
     "Command",
     "DayPlanFile",
     "Dialect",
+    "EarlyReturn",
     "EncodeError",
     "EncodedMission",
     "Estimate",
@@ -147,6 +156,7 @@ __all__ = [
     "Understood",
     "Waypoint",
     "Window",
+    "Words",
     "alike",
     "check_ceiling",
     "check_clearance",

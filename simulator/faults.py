@@ -42,6 +42,8 @@ class InjectionKind(Enum):
     """A share VALUE of the datagrams comes twice."""
     REORDER = "reorder"
     """A share VALUE of the datagrams is overtaken by later ones."""
+    RATE = "rate"
+    """VALUE bytes a second pass each way, as over a radio: the rest waits, and is lost where the queue is full."""
     PILOT = "pilot"
     """A person switches to the mode VALUE by remote control, and holds the sticks from then on."""
     STICKS = "sticks"
@@ -118,6 +120,7 @@ _RULES: dict[InjectionKind, _Rule] = {
     InjectionKind.DELAY: _Rule("seconds", seconds=True),
     InjectionKind.DUPLICATE: _SHARE,
     InjectionKind.REORDER: _SHARE,
+    InjectionKind.RATE: _Rule("bytes a second from 1", low=1.0),
     InjectionKind.PILOT: _MODE,
     InjectionKind.STATION: _MODE,
     InjectionKind.EMERGENCY: _Rule("LAND or RTL, or nothing", required=False, words=frozenset({"LAND", "RTL"})),

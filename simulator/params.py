@@ -65,7 +65,8 @@ ARDUPILOT: Mapping[str, Param] = {
 # PX4 1.17. NAV_DLL_ACT is 0 in the firmware; here it is 2, for the same reason.
 PX4: Mapping[str, Param] = {
     "MAV_TYPE": _i32(2), "SYS_AUTOSTART": _i32(4001), "NAV_DLL_ACT": _i32(2), "NAV_RCL_ACT": _i32(2),
-    "COM_DL_LOSS_T": _i32(10), "COM_FAIL_ACT_T": Param(5), "COM_LOW_BAT_ACT": _i32(0), "COM_DISARM_LAND": Param(2),
+    "COM_DL_LOSS_T": _i32(10), "COM_FAIL_ACT_T": Param(5), "COM_LOW_BAT_ACT": _i32(0), "COM_FLTT_LOW_ACT": _i32(0),
+    "COM_DISARM_LAND": Param(2),
     "COM_RC_IN_MODE": _i32(1), "BAT_LOW_THR": Param(0.15), "BAT_CRIT_THR": Param(0.07), "BAT_EMERGEN_THR": Param(0.05),
     "BAT1_CAPACITY": Param(-1), "BAT1_N_CELLS": _i32(0), "RTL_TYPE": _i32(0), "RTL_RETURN_ALT": Param(60),
     "RTL_DESCEND_ALT": Param(30), "RTL_LAND_DELAY": Param(0), "RTL_CONE_ANG": _i32(45), "MPC_XY_CRUISE": Param(5),
@@ -116,6 +117,8 @@ class ParamTable:
         self._names = list(self._kinds)
         self._bytewise = bytewise
         """Whether integers travel as their bits (PX4) or as numbers (ArduPilot)."""
+        self.hidden: set[str] = set()
+        """What it does not answer for, as a firmware that does not have it."""
 
     def __getitem__(self, name: str) -> float:
         """Return the value of a parameter that the dialect has."""
@@ -134,6 +137,8 @@ class ParamTable:
     def answer(self, request: ParamRequestList | ParamRequestRead | ParamSet) -> Iterator[Outbound]:
         """Yield the answers; an unknown name gets none, as both autopilots do."""
         match request:
+            case ParamRequestRead(name=name) | ParamSet(name=name) if name in self.hidden:
+                return
             case ParamRequestList():
                 for index in range(len(self._names)):
                     yield self._value(index, index)

@@ -27,6 +27,7 @@ LINK_FIELDS = {
     InjectionKind.DELAY: "delay_s",
     InjectionKind.DUPLICATE: "duplicate",
     InjectionKind.REORDER: "reorder",
+    InjectionKind.RATE: "rate_bytes_s",
 }
 
 

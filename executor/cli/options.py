@@ -140,9 +140,9 @@ FaultOption = Annotated[
         metavar="SPEC",
         help="VEHICLE:KIND[=VALUE]@WHEN, such as uav2:silent@40% or uav3:battery-step=30@300s; may be repeated. Kinds: "
         "silent[=20s], battery-step=30, drain=3, crash, weak=0.7, reboot[=pad], refuse-upload, half-upload, loss=0.2, "
-        "delay=0.3, duplicate=0.1, reorder=0.1, wreck, fence, emergency[=RTL], ekf, gps[=20s]; acts of people: "
-        "pilot=MODE, sticks, station=MODE, kill, disarm, pack[=80]. 'all' means every vehicle. WHEN is a time (300s), "
-        "a share of the route (40%) or a height (2.5m in the climb, 20m-down in the descent), or landed.",
+        "delay=0.3, duplicate=0.1, reorder=0.1, rate=2000, wreck, fence, emergency[=RTL], ekf, gps[=20s]; acts of "
+        "people: pilot=MODE, sticks, station=MODE, kill, disarm, pack[=80]. 'all' means every vehicle. WHEN is a time "
+        "(300s), a share of the route (40%) or a height (2.5m in the climb, 20m-down in the descent), or landed.",
     ),
 ]
 AfterOption = Annotated[

@@ -339,6 +339,15 @@ class ParamValue:
 
 
 @dataclass(frozen=True, slots=True)
+class ParamRefused:
+    """PARAM_ERROR, or a PARAM_VALUE that is no number: an answer without a value."""
+
+    name: str
+    absent: bool
+    """Whether the vehicle says that it does not have it."""
+
+
+@dataclass(frozen=True, slots=True)
 class Version:
     """AUTOPILOT_VERSION."""
 
@@ -468,7 +477,9 @@ FlightMessage = (
 )
 """What the core follows in flight; it is logged and replayed."""
 
-DialogueMessage = MissionRequest | MissionAck | MissionCount | MissionItemReceived | CommandAck | ParamValue | Version
+DialogueMessage = (
+    MissionRequest | MissionAck | MissionCount | MissionItemReceived | CommandAck | ParamValue | ParamRefused | Version
+)
 """What only an open dialogue waits for."""
 
 Message = FlightMessage | DialogueMessage

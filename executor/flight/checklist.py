@@ -60,6 +60,7 @@ def checklist(
         found += cameras.shutter(fact, setup.dialect, path)
         found += checks.fence(context, fact, path)
         found += packs.pack_checks(context, fact)
+        found += checks.flight_times(fact, setup.dialect)
         found.append(checks.energy_for_flight(context, name, path, fact.remaining_pct))
     # Last, beside the question that follows: what is said yes to is what is seen.
     later = frozenset[int]() if order.day is None else dayflight.later_segments(order.day)

@@ -14,11 +14,11 @@ from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.ports import Clock, OpenLink
 from executor.core.preflight import fences
-from executor.core.preflight.checks import Check
+from executor.core.preflight.checks import Check, Severity
 from executor.core.preflight.parameters import (
+    Answers,
     ChangeStage,
     Kept,
-    Present,
     Proposal,
     number,
     on_record,
@@ -40,7 +40,7 @@ Links = Mapping[str, OpenLink]
 async def read_changes(context: Context, links: Links, clock: Clock) -> Proposal:
     """Ask every vehicle what it has, and return what the flight would change; nothing is set."""
 
-    async def read(name: str) -> Present:
+    async def read(name: str) -> Answers:
         beside = fences.parameter_names(context, name)
         return await parameters.read_present(links[name], clock, context.vehicles[name].dialect, beside)
 
@@ -72,8 +72,8 @@ async def apply_changes(
     What was there before is on record in the run directory, and on its disk, before anything is sent.
 
     Raises:
-        PreflightFailed: the record cannot be written, and nothing was set; or a vehicle does not take what its fence
-            needs.
+        PreflightFailed: the record cannot be written, and nothing was set; or a vehicle does not take what keeps it
+            clear of the others, or what its fence needs.
         LogError: there is a record of an earlier attempt, and it cannot be read.
     """
     about = {name: (setup.sysid, setup.dialect.name) for name, setup in context.vehicles.items()}
@@ -104,8 +104,9 @@ async def apply_changes(
     async with asyncio.TaskGroup() as tasks:
         for name in dict.fromkeys(change.vehicle for change in proposal.changes):
             tasks.create_task(one(name))
-    if unfenced:
-        raise PreflightFailed(unfenced[0])
+    refused = unfenced + [f"{check.subject}: {check.text}" for check in checks if check.severity is Severity.STOP]
+    if refused:
+        raise PreflightFailed(refused[0])
     return checks
 
 

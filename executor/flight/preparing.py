@@ -73,7 +73,7 @@ def examined(order: Order, facts: Mapping[str, Facts]) -> tuple[Context, Mapping
     setup = _setup(ground, facts)
     task, plan = order.plan.task(), order.plan.plan
     dialects = {table.name: dialect_for(table.autopilot) for table in order.site.vehicle}
-    own = {name: link_failsafe(dialects[name], fact.parameters) for name, fact in facts.items()}
+    own = {name: link_failsafe(dialects[name], fact.parameters, fact.unread) for name, fact in facts.items()}
     performances = {
         name: tuned(dialects[name].performance, dialects[name].tunings, fact.parameters) for name, fact in facts.items()
     }

@@ -3,6 +3,9 @@
 The vehicle drives: it asks for each item, and asks again for what got lost. We repeat only MISSION_COUNT, and only
 until the first request, because PX4 answers a later one with ERROR "Busy" (mavlink_mission.cpp). The last item is
 repeated when the final acknowledgement stays away: PX4 acknowledges it again, and ArduPilot ignores it.
+
+PX4 asks again every 0.25 s, whatever the link. What it asked before our answer can have reached it is not answered
+twice: over a radio that is slower than that, every item would go out many times over, and feed the jam that it is in.
 """
 
 from __future__ import annotations
@@ -21,13 +24,16 @@ from executor.core.messages import (
     SendMissionItem,
 )
 from executor.protocols.machine import Accepted, BrokenOff, Machine, Rejected, TimedOut
+from executor.protocols.round_trip import RoundTrip
 from missions.items import MissionItem, MissionKind
 
 COUNT_PERIOD_S = 1.5
 COUNT_TRIES = 5
 """QGroundControl's figures (PlanManager.h), recommended by the mission protocol page of mavlink.io."""
 REPEAT_S = 0.1
-"""A request repeated sooner than this crossed our answer on the way and is not answered twice (PX4 issue 11078)."""
+"""A request repeated sooner than this, or than a round trip, crossed our answer on the way and is not answered twice
+(PX4 issue 11078)."""
+FIRST_TRIP = RoundTrip(least_s=REPEAT_S, most_s=2.0)
 LAST_ITEM_PERIOD_S = 1.0
 
 RESULT_ACCEPTED = 0
@@ -64,6 +70,9 @@ class UploadDialogue(Machine):
     answered: int = -1
     """The item answered last, at `answered_s`."""
     answered_s: float = float("-inf")
+    first_s: float = float("-inf")
+    """When that item was sent first."""
+    round_trip: RoundTrip = FIRST_TRIP
     heard_s: float = 0.0
     """When the vehicle last asked for an item."""
     refusal: int | None = None
@@ -76,7 +85,7 @@ class UploadDialogue(Machine):
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Announce the number of items."""
-        state = replace(self, counts_sent=1, deadline_s=now_s + COUNT_PERIOD_S)
+        state = replace(self, counts_sent=1, answered_s=now_s, first_s=now_s, deadline_s=now_s + COUNT_PERIOD_S)
         return state, (SendMissionCount(len(self.items), self.kind),)
 
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
@@ -104,7 +113,7 @@ class UploadDialogue(Machine):
             if self.refusal is not None:
                 return self._ended(rejected(what_of(self.kind), self.refusal)), ()
             return self._ended(TimedOut(f"no answer after item {self.furthest} of {len(self.items)}")), ()
-        state = replace(self, deadline_s=now_s + LAST_ITEM_PERIOD_S)
+        state = replace(self, deadline_s=now_s + max(LAST_ITEM_PERIOD_S, self.round_trip.waits_s))
         if self.furthest == len(self.items) - 1:
             return state, (SendMissionItem(self.items[-1], self.kind),)
         return state, ()
@@ -116,16 +125,26 @@ class UploadDialogue(Machine):
         return self._ended(BrokenOff()), (SendMissionAck(RESULT_CANCELLED, self.kind),)
 
     def _answer(self, seq: int, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        trip = self._measured(now_s) if seq == self.answered + 1 else self.round_trip
+        deadline_s = now_s + min(max(LAST_ITEM_PERIOD_S, trip.waits_s), self.silence_s)
         state = replace(
-            self,
-            furthest=max(self.furthest, seq),
-            heard_s=now_s,
-            refusal=None,
-            deadline_s=now_s + min(LAST_ITEM_PERIOD_S, self.silence_s),
+            self, furthest=max(self.furthest, seq), heard_s=now_s, refusal=None, round_trip=trip, deadline_s=deadline_s
         )
-        if seq == self.answered and now_s - self.answered_s < REPEAT_S:
+        again = seq <= self.answered  # one before the last is a late double, or a vehicle that has begun anew
+        if again and now_s - self.answered_s < min(trip.usual_s, trip.most_s):
             return state, ()
-        return replace(state, answered=seq, answered_s=now_s), (SendMissionItem(self.items[seq], self.kind),)
+        first_s = self.first_s if seq == self.answered else now_s
+        state = replace(state, answered=seq, answered_s=now_s, first_s=first_s)
+        return state, (SendMissionItem(self.items[seq], self.kind),)
+
+    def _measured(self, now_s: float) -> RoundTrip:
+        """Return what is known of the link once the next item is asked for.
+
+        Which of two copies arrived tells the time since the last: one that cannot have come and gone since was in vain.
+        """
+        since_s = now_s - self.answered_s
+        vain = self.round_trip.mean_s is not None and since_s < self.round_trip.mean_s / 2
+        return self.round_trip.measured(now_s - self.first_s if vain else since_s)
 
     def _acknowledged(self, result: int) -> Self:
         all_asked = self.furthest == len(self.items) - 1

@@ -7,7 +7,8 @@ from executor.core.events import Examined
 from executor.core.messages import Heartbeat
 from executor.core.ports import Clock, Link
 from executor.core.preflight import fences
-from executor.core.preflight.checks import Facts
+from executor.core.preflight.checks import Facts, Severity
+from executor.core.preflight.failsafes import not_read
 from executor.core.preflight.parameters import Proposal, propose
 from executor.errors import PreflightFailed
 from executor.runtime import preflight, procedures
@@ -42,7 +43,7 @@ async def vehicle_examined(
             proposal = await _proposal(context, name, link, clock)
     except PreflightFailed as error:
         return Examined(name, ready=False, reason=str(error).removeprefix(f"{name}: "))
-    if reason := _another(context, facts):
+    if reason := _another(context, facts) or _unknown(facts, proposal):
         return Examined(name, ready=False, reason=reason)
     return Examined(
         name,
@@ -62,6 +63,13 @@ async def _proposal(context: Context, name: str, link: Link, clock: Clock) -> Pr
     beside = fences.parameter_names(context, name)
     present = await read_present(link, clock, context.vehicles[name].dialect, beside)
     return fences.with_fences(context, propose(context, {name: present}))
+
+
+def _unknown(facts: Facts, proposal: Proposal) -> str:
+    """Return what cannot be known of its parameters; empty if everything is."""
+    if facts.unread:
+        return not_read(facts.unread)
+    return next((check.text for check in proposal.checks if check.severity is Severity.STOP), "")
 
 
 def _another(context: Context, facts: Facts) -> str:

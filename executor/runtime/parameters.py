@@ -1,9 +1,8 @@
-"""A vehicle's parameters: read several at once, set for a flight, and given back after it."""
+"""A vehicle's parameters: read, set for a flight, and given back after it."""
 
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
@@ -11,17 +10,20 @@ from dataclasses import dataclass, replace
 from executor.core.messages import Heartbeat, Message, ParamValue, SendParamRequest
 from executor.core.ports import Clock, Link
 from executor.core.preflight.parameters import (
+    Answers,
     Change,
     ChangeStage,
     FoundParameters,
     Kept,
+    Present,
     first_names,
     found,
     newer_names,
     number,
 )
-from executor.protocols.machine import Accepted
+from executor.protocols.params import ParameterReading
 from executor.runtime import procedures
+from executor.runtime.dialogue import converse
 from missions import Dialect, dialect_for
 
 HEARD_S = 5.0
@@ -35,28 +37,43 @@ SETTLE_S = 1.0
 """Between two rounds: what is under way by then, such as a setting that comes twice, has arrived."""
 
 
-async def read_present(link: Link, clock: Clock, dialect: Dialect, beside: Iterable[str] = ()) -> dict[str, ParamValue]:
+async def read_present(link: Link, clock: Clock, dialect: Dialect, beside: Iterable[str] = ()) -> Answers:
     """Return what a vehicle has of the parameters that its RTL goes by, and of some others."""
-    present = await read_parameters(link, clock, (*first_names(dialect), *beside))
-    return present | await read_parameters(link, clock, newer_names(dialect, present))
+    return await read_parameters(
+        link, clock, (*first_names(dialect), *beside), lambda present: newer_names(dialect, present)
+    )
 
 
-async def read_parameters(link: Link, clock: Clock, names: Iterable[str]) -> dict[str, ParamValue]:
-    """Read parameters, all at once: one that the vehicle does not have is answered by nothing."""
-    asked = {name: asyncio.create_task(_read(link, clock, name)) for name in names}
-    try:
-        values = {name: await value for name, value in asked.items()}
-    finally:
-        for value in asked.values():
-            value.cancel()
-    return {name: value for name, value in values.items() if value is not None}
+async def read_parameters(
+    link: Link, clock: Clock, names: Iterable[str], others: Callable[[Present], Iterable[str]] = lambda _: ()
+) -> Answers:
+    """Read parameters at the pace of the link, until each is answered, or not there, or the link is silent.
+
+    Args:
+        link: To the vehicle.
+        clock: The flight's.
+        names: Which ones.
+        others: Given what is there, the names that some have in other firmware.
+    """
+    answers = await _read(link, clock, names)
+    more = () if answers.unread else tuple(others(answers.present))
+    if not more:
+        return answers
+    # One that is there goes with them: beside it a silence can be told from the link's.
+    found = await _read(link, clock, (*more, *tuple(answers.present)[:1]))
+    return Answers({**answers.present, **found.present}, found.unread.difference(answers.present))
 
 
-async def _read(link: Link, clock: Clock, name: str) -> ParamValue | None:
-    ended = await procedures.read_parameter(link, clock, name)
-    if not isinstance(ended.outcome, Accepted) or ended.value is None or not math.isfinite(ended.value.value):
-        return None
-    return ended.value
+async def _read(link: Link, clock: Clock, names: Iterable[str]) -> Answers:
+    present: dict[str, ParamValue] = {}
+    began_s, unread = clock.now_s(), tuple(names)
+    while unread:
+        reading = await converse(ParameterReading.of(unread), link, clock)
+        present |= {value.name: value for value in reading.values}
+        unread = tuple(name for name in unread if name in reading.unread)
+        if clock.now_s() - began_s >= procedures.PATIENCE_REAL_S * clock.speedup or reading.refused:
+            break
+    return Answers(present, frozenset(unread))
 
 
 async def set_changes(link: Link, clock: Clock, changes: Iterable[Change]) -> dict[str, str]:
@@ -179,11 +196,11 @@ async def _in_rounds(link: Link, clock: Clock, kept: Sequence[Kept], watch: _Wat
     waiting = {one.name: one for one in kept}
     ended: dict[str, Kept] = {}
     problems: list[str] = []
-    said: dict[str, ParamValue] = {}
+    said: Present = {}
     for turn in range(ROUNDS):
         if turn:
             await asyncio.sleep(SETTLE_S / clock.speedup)
-        said = await read_parameters(link, clock, waiting)
+        said = (await read_parameters(link, clock, waiting)).present
         for name, value in said.items():
             one = waiting[name]
             what = found(one, value.value)
@@ -196,7 +213,7 @@ async def _in_rounds(link: Link, clock: Clock, kept: Sequence[Kept], watch: _Wat
                 if not watch.rests:
                     return _ended(kept, ended, [*problems, "was armed meanwhile"])
                 await procedures.set_parameter(link, clock, name, one.old, value.kind)
-        if not waiting:
+        if not (waiting and said):
             break
     for name in waiting:
         stays = f"stays {number(said[name].value)}" if name in said else "does not answer"

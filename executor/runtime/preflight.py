@@ -189,10 +189,9 @@ async def interview(
             raise PreflightFailed(f"{name}: not ready after {ready_timeout_s:g} s: {heard.missing()}") from None
         if heard.version is None:
             await _banner(heard, link, clock)
-        said = await read_parameters(link, clock, (*failsafes.names(dialect), *more))
-        parameters = {name: one.value for name, one in said.items()}
-        for older in failsafes.older_names(dialect, parameters):
-            parameters |= {name: one.value for name, one in (await read_parameters(link, clock, [older])).items()}
+        answers = await read_parameters(
+            link, clock, (*failsafes.names(dialect), *more), lambda present: failsafes.older_names(dialect, present)
+        )
     finally:
         stop_listening()
     if heard.heartbeat is None or heard.position is None or heard.remaining is None:
@@ -204,12 +203,13 @@ async def interview(
         heard.position,
         heard.remaining,
         heard.version,
-        parameters,
+        {name: one.value for name, one in answers.present.items()},
         tuple(sorted(stations, key=lambda station: (station.system, station.component))),
         tuple(one for one in heard.strangers if isinstance(one, DoubleHeard)),
         heard.voltage_v,
         None if heard.battery is None else len(heard.battery.cells_v) or None,
         heard.gps,
+        answers.unread,
     )
 
 

@@ -14,7 +14,7 @@ from executor.core.messages import Heartbeat, Message, SendCommand, SendParamSet
 from executor.core.ports import Clock, Link
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
-from executor.protocols.download import DownloadDialogue
+from executor.protocols.download import FIRST_TRIP, DownloadDialogue
 from executor.protocols.machine import Accepted, Machine, Outcome, Rejected, TimedOut
 from executor.protocols.params import Parameter
 from executor.protocols.upload import UploadDialogue
@@ -39,6 +39,7 @@ been freed: on PX4 asking sooner keeps it alive."""
 BUSY = frozenset({Ending.ERROR, Ending.OTHER_STATION})
 """As an answer to the announcement of an upload."""
 FREED_MARGIN_S = 1.0
+READ_BACK_TRIES = 3
 SILENCE_MARGIN_S = 1.0
 """We wait this much longer than the vehicle itself before an upload is given up."""
 MODE_TIMEOUT_S = 5.0
@@ -145,7 +146,7 @@ async def put_on_board(
             if (items and not upload.begun) or upload.furthest < len(items) - 1:
                 continue
             # Every item was asked for: perhaps only the acknowledgement got lost. What is on board decides.
-        download = await converse(DownloadDialogue(kind), link, clock)
+        download = await _read_back(link, clock, kind, upload)
         if not isinstance(download.outcome, Accepted):
             reason, code = reason_of(download.outcome), code_of(download.outcome)
             broken_off |= isinstance(download.outcome, TimedOut)
@@ -159,6 +160,16 @@ async def put_on_board(
             return Done(accepted=True)
         reason, code = f"read-back differs: {different[0]}", Ending.READ_BACK_DIFFERS
     return Done(accepted=False, reason=reason, mixed=mixed, code=code, broken_off=broken_off)
+
+
+async def _read_back(link: Link, clock: Clock, kind: MissionKind, upload: UploadDialogue) -> DownloadDialogue:
+    """Read what is on board; after a good acknowledgement it is there, and only the reading is begun again."""
+    trip = replace(FIRST_TRIP, waits_s=max(FIRST_TRIP.waits_s, upload.round_trip.waits_s))
+    for _ in range(READ_BACK_TRIES if isinstance(upload.outcome, Accepted) else 1):
+        download = await converse(DownloadDialogue(kind, round_trip=trip), link, clock)
+        if isinstance(download.outcome, Accepted):
+            break
+    return download
 
 
 def _broken_off(upload: UploadDialogue, *, broken: bool) -> bool:

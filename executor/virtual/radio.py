@@ -39,7 +39,11 @@ class MemoryRadio:
             self.vehicle.receive(frame)
         self.vehicle.advance(now_s)
         for datagram in self.vehicle.drain():
-            self._router.take(self._router.codec.decode(datagram), self.write)
+            self.heard(datagram)
+
+    def heard(self, datagram: bytes) -> None:
+        """Take what has come down."""
+        self._router.take(self._router.codec.decode(datagram), self.write)
 
     def spare(self) -> None:
         """Stop the streams that nobody reads."""

@@ -65,8 +65,10 @@ ARDUPILOT_LINK = GroundStationFailsafe(
     ),
     timeout="FS_GCS_TIMEOUT",
     timeout_s=5.0,  # recorded parameters
+    timeout_most_s=120.0,  # its range in Parameters.cpp
     pause=None,
     pause_s=0.0,
+    pause_most_s=0.0,
     reacts_after_s=5.0,  # measured
     returns_after_s=5.0,  # measured
     exception=("FS_OPTIONS", 1 << 1),  # continue in AUTO (guide 3.3)
@@ -77,6 +79,7 @@ ARDUPILOT_BATTERY = BatteryFailsafe(
         BatteryLevel("low", "BATT_FS_LOW_ACT", _ARDUPILOT_LOW, "BATT_LOW_MAH", ThresholdUnit.MAH, "BATT_LOW_VOLT"),
         BatteryLevel("critical", "BATT_FS_CRT_ACT", _ARDUPILOT_LOW, "BATT_CRT_MAH", ThresholdUnit.MAH, "BATT_CRT_VOLT"),
     ),
+    early=(),
     capacity="BATT_CAPACITY",
 )
 ARDUPILOT_FENCE = Geofence(

@@ -26,10 +26,14 @@ class GroundStationFailsafe:
     """Parameter: seconds without a link until it acts."""
     timeout_s: float
     """Its default."""
+    timeout_most_s: float
+    """The longest that its reference allows."""
     pause: str | None
     """Parameter: seconds for which it holds before it acts; None if it acts at once."""
     pause_s: float
     """Its default."""
+    pause_most_s: float
+    """The longest that its reference allows."""
     reacts_after_s: float
     """Silence from the last heartbeat to the first reaction with the default timeout, in the vehicle's time."""
     returns_after_s: float
@@ -65,11 +69,26 @@ class BatteryLevel:
 
 
 @dataclass(frozen=True, slots=True)
+class EarlyReturn:
+    """A failsafe that acts as soon as the time left in the air is only just enough to come home."""
+
+    action: str
+    """Parameter that chooses what is done."""
+    actions: Words
+    nothing: tuple[int, ...]
+    """Its values for no action."""
+    since: tuple[int, int] | None
+    """Major and minor number of the firmware from which on it does so; None where it does if it has the parameter."""
+
+
+@dataclass(frozen=True, slots=True)
 class BatteryFailsafe:
     """What the vehicle does on a low battery."""
 
     levels: tuple[BatteryLevel, ...]
     """From the first to the last."""
+    early: tuple[EarlyReturn, ...]
+    """What acts before them."""
     capacity: str | None
     """Parameter: the full battery in mAh, where a threshold counts them."""
 

@@ -19,7 +19,14 @@ from missions.autopilots.dialect import (
     StartStep,
     TerrainRule,
 )
-from missions.autopilots.failsafes import BatteryFailsafe, BatteryLevel, Geofence, GroundStationFailsafe, ThresholdUnit
+from missions.autopilots.failsafes import (
+    BatteryFailsafe,
+    BatteryLevel,
+    EarlyReturn,
+    Geofence,
+    GroundStationFailsafe,
+    ThresholdUnit,
+)
 from missions.cameras import Trigger
 from missions.items import Frame
 from missions.performance import Performance, Ramp, Tuning
@@ -43,8 +50,10 @@ PX4_LINK = GroundStationFailsafe(
     actions=((1, "hold"), (2, "RTL"), (3, "land"), (5, "flight termination"), (6, "disarm")),
     timeout="COM_DL_LOSS_T",
     timeout_s=10.0,  # commander_params.c
+    timeout_most_s=300.0,  # its range in commander_params.c
     pause="COM_FAIL_ACT_T",
     pause_s=5.0,  # commander_params.c
+    pause_most_s=25.0,  # its range in commander_params.c
     reacts_after_s=12.0,  # measured: AUTO.LOITER
     returns_after_s=17.0,  # measured: RTL, not cancelled when heartbeats return
     exception=("COM_DLL_EXCEPT", 1 << 0),  # missions are exempt (guide 3.3)
@@ -52,11 +61,13 @@ PX4_LINK = GroundStationFailsafe(
 )
 _PX4_LOW = "COM_LOW_BAT_ACT"
 PX4_BATTERY = BatteryFailsafe(
-    levels=(  # failsafe.cpp: the low level only warns; 3 is 'return, and land in an emergency'
+    # failsafe.cpp: the low level only warns; 3 is 'return, and land in an emergency'. 1.18 has 5 for the same without
+    # its new early return, what comes after it 4 for 'return, and flight termination in an emergency' (PX4 28064).
+    levels=(
         BatteryLevel(
             "critical",
             _PX4_LOW,
-            ((1, "RTL"), (2, "land"), (3, "RTL")),
+            ((1, "RTL"), (2, "land"), (3, "RTL"), (4, "RTL"), (5, "RTL")),
             "BAT_CRIT_THR",
             ThresholdUnit.SHARE,
             None,
@@ -64,11 +75,15 @@ PX4_BATTERY = BatteryFailsafe(
         BatteryLevel(
             "emergency",
             _PX4_LOW,
-            ((1, "RTL"), (2, "land"), (3, "land")),
+            ((1, "RTL"), (2, "land"), (3, "land"), (4, "flight termination"), (5, "land")),
             "BAT_EMERGEN_THR",
             ThresholdUnit.SHARE,
             None,
         ),
+    ),
+    early=(  # up to 1.16 COM_FLTT_LOW_ACT is 3 by default, in 1.17 it is 0 (PX4 25267); 1.18 has it in the other
+        EarlyReturn("COM_FLTT_LOW_ACT", ((1, "warning"), (3, "RTL")), (0,), since=None),
+        EarlyReturn(_PX4_LOW, ((3, "RTL"),), (0, 1, 2, 4, 5), since=(1, 18)),
     ),
     capacity=None,
 )

@@ -111,7 +111,7 @@ def test_a_cancelled_command_sends_nothing() -> None:
 
 def test_a_parameter_that_stays_as_it_is() -> None:
     machine, sent = play(Parameter("RTL_ALT", SET), [Told(ParamValue("RTL_ALT", 0.0, 9), 0.1)])
-    assert sent == [SET] * params.TRIES
+    assert sent == [SET] * params.TRIES_ANSWERED
     assert machine.outcome == Rejected("RTL_ALT stays 0")
 
 

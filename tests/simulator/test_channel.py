@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import random
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulator.channel import Channel, LinkCondition
+from simulator.channel import QUEUE_BYTES, Channel, LinkCondition
 
 COUNT = 2000
 
@@ -70,3 +71,21 @@ def test_silence_for_good() -> None:
 def test_a_seed_repeats_the_link(seed: int) -> None:
     condition = LinkCondition(loss=0.1, delay_s=0.05, duplicate=0.1, reorder=0.2)
     assert carry(condition, seed) == carry(condition, seed)
+
+
+def test_a_radio_carries_so_many_bytes_a_second_one_behind_the_other() -> None:
+    channel = Channel(LinkCondition(rate_bytes_s=1000.0, delay_s=0.3), random.Random(1))
+    for _ in range(3):
+        channel.offer(bytes(100), 10.0)
+    assert [len(channel.due(10.39)), len(channel.due(10.41)), len(channel.due(10.51)), len(channel.due(10.61))] == [
+        0, 1, 1, 1,
+    ]  # fmt: skip
+    channel.offer(bytes(100), 20.0)
+    assert len(channel.due(20.41)) == 1, "its queue is empty again"
+
+
+def test_what_comes_to_a_full_queue_is_lost() -> None:
+    channel = Channel(LinkCondition(rate_bytes_s=1000.0), random.Random(1))
+    for _ in range(100):
+        channel.offer(bytes(100), 10.0)
+    assert len(channel.due(99.0)) * 100 == pytest.approx(QUEUE_BYTES, abs=100)

@@ -25,6 +25,7 @@ from simulator.faults import Injection, InjectionKind, faults_of, is_due, parse_
         ("all:delay=0.3@0s", Injection("all", InjectionKind.DELAY, 0.3, after_s=0.0)),
         ("all:duplicate=0.1@0s", Injection("all", InjectionKind.DUPLICATE, 0.1, after_s=0.0)),
         ("all:reorder=0.1@0s", Injection("all", InjectionKind.REORDER, 0.1, after_s=0.0)),
+        ("all:rate=2000@0s", Injection("all", InjectionKind.RATE, 2000.0, after_s=0.0)),
         ("uav1:reboot=pad@100s", Injection("uav1", InjectionKind.REBOOT, after_s=100.0, word="pad")),
         ("uav1:pilot=LOITER@40%", Injection("uav1", InjectionKind.PILOT, share=0.4, word="LOITER")),
         ("uav1:station=RTL@40%", Injection("uav1", InjectionKind.STATION, share=0.4, word="RTL")),

@@ -262,7 +262,7 @@ def test_half_upload_stops_asking(kind: AutopilotKind, result: int | None) -> No
 
 
 @KINDS
-@pytest.mark.parametrize("fault", ["loss=0.2", "delay=0.3", "duplicate=0.3", "reorder=0.3"])
+@pytest.mark.parametrize("fault", ["loss=0.2", "delay=0.3", "duplicate=0.3", "reorder=0.3", "rate=4000"])
 def test_an_upload_gets_through_a_bad_link(kind: AutopilotKind, fault: str) -> None:
     flight = Flight(kind, f"all:{fault}@0s", seed=5)
     flight.run(4)

@@ -45,6 +45,7 @@ from executor.core.messages import (
     OrderSeen,
     Outgoing,
     OwnFailsafe,
+    ParamRefused,
     ParamValue,
     Position,
     Radio,
@@ -215,8 +216,9 @@ class Codec:
             return None  # another parser's definition of the message is another one
         lost = name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in integers.INTEGER_TYPES
         [received] = self.read([frame])
-        said = received.more if lost else (received.message, *received.more)
-        return packed, tuple(message for message in said if message is not None)
+        message = ParamRefused(words.shown(frame.param_id), absent=False) if lost else received.message
+        said = (message, *received.more)
+        return packed, tuple(one for one in said if one is not None)
 
     def _read_event(
         self, sysid: int, compid: int, fields: Mapping[str, object]
@@ -247,8 +249,9 @@ class Codec:
         if not _for_us(frame):
             return None
         if frame.get_type() == "PARAM_VALUE":
+            name = words.shown(frame.param_id)
             value = integers.from_wire(frame.param_value, frame.param_type, self.autopilots.get(frame.get_srcSystem()))
-            return plausible(ParamValue(words.shown(frame.param_id), value, frame.param_type))
+            return plausible(ParamValue(name, value, frame.param_type)) or ParamRefused(name, absent=False)
         if frame.get_type() == RADIO and not self._takes(frame):
             return None
         read = _READERS.get(frame.get_type())
@@ -491,6 +494,9 @@ _READERS: dict[str, Any] = {
     "MISSION_ITEM_INT": _item,
     "RC_CHANNELS": _channels,
     **cameras.READERS,
+    "PARAM_ERROR": lambda frame: ParamRefused(
+        words.shown(frame.param_id), absent=frame.error == mav.MAV_PARAM_ERROR_DOES_NOT_EXIST
+    ),
     "COMMAND_ACK": lambda frame: CommandAck(frame.command, frame.result),
     "AUTOPILOT_VERSION": _version,
 }

@@ -18,6 +18,8 @@ def shutter(facts: Facts, dialect: Dialect, path: FlightPath | None) -> list[Che
     asked = {capture.trigger for point in path.waypoints for capture in point.captures} if path is not None else set()
     if not asked & rule.triggers:
         return []
+    if unread := facts.not_read((rule.parameter,), "whether its autopilot takes pictures is", CheckCode.CAMERA):
+        return unread
     value = facts.parameters.get(rule.parameter)
     if value:
         text = f"its autopilot takes pictures ({rule.parameter} {value:g})"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
@@ -58,7 +58,7 @@ class Facts:
     remaining_pct: float
     version: Version | None
     parameters: Parameters
-    """Those of `failsafes.names` that were answered."""
+    """Those that were answered."""
     stations: tuple[StationHeard, ...] = ()
     """Other ground stations whose heartbeats came over its link."""
     doubles: tuple[DoubleHeard, ...] = ()
@@ -69,6 +69,16 @@ class Facts:
     """How many cells it tells apart."""
     gps: Gps | None = None
     """What its position is by; None where it did not say."""
+    unread: frozenset[str] = frozenset()
+    """Parameters of which nobody knows; what is in neither, the vehicle does not have."""
+
+    def not_read(self, names: Iterable[str], what: str, code: CheckCode) -> list[Check]:
+        """Return the reason not to fly where something cannot be checked, as a parameter of it was not read."""
+        lacking = self.unread.intersection(names)
+        if not lacking:
+            return []
+        text = f"{what} not known: {failsafes.not_read(lacking)}; is the link too bad?"
+        return [Check(Severity.STOP, self.name, text, code)]
 
     @property
     def words(self) -> str:
@@ -155,6 +165,8 @@ def link(facts: Facts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | 
         wanted_s: The site file's figure for that; None if it has none.
     """
     declared = f"declared lost after {waited_s:g} s"
+    if own.unread:
+        return Check(Severity.STOP, facts.name, f"{own.words}; {declared}", CheckCode.LINK_FAILSAFE)
     if wanted_s is not None and waited_s > wanted_s:
         text = (
             f"{own.words}; faults.link_timeout_s {wanted_s:g} is shorter, and its segments would be reassigned while "
@@ -170,7 +182,12 @@ def stations(facts: Facts, dialect: Dialect) -> list[Check]:
     """Check that it is our heartbeat, and ours alone, that the vehicle's failsafe waits for."""
     found: list[Check] = []
     ours = GROUND_STATION[0]
+    names = dialect.ground_station_failsafe.station_sysid
+    found += facts.not_read(names, "whose HEARTBEATs its GCS failsafe watches is", CheckCode.WATCHED_STATION)
     counted = failsafes.counted_station(dialect, facts.parameters)
+    if names and counted is None and not found:
+        text = f"whose HEARTBEATs its GCS failsafe watches is not known: it has no {' or '.join(names)}"
+        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.WATCHED_STATION))
     if counted is not None and counted[1] != ours:
         name, value = counted
         text = f"its GCS failsafe watches system {value} ({name}), ours is {ours}: it will not notice our loss"
@@ -185,26 +202,24 @@ def stations(facts: Facts, dialect: Dialect) -> list[Check]:
 
 def battery_failsafes(facts: Facts, dialect: Dialect, left_pct: float | None) -> list[Check]:
     """Say what the vehicle does on a low battery, and whether that fits a flight that lands with `left_pct`."""
+    if unread := facts.not_read(failsafes.battery_names(dialect), "battery failsafe", CheckCode.BATTERY_FAILSAFE):
+        return unread
     rule = failsafes.battery_rule(dialect, facts.parameters)
-    settings = ", ".join(
-        dict.fromkeys(
-            f"{level.action}={facts.parameters[level.action]:g}" if level.action in facts.parameters else level.action
-            for level in dialect.battery_failsafe.levels
-        )
-    )
-    if not rule.actions:
-        text = f"no battery failsafe ({settings}): on an empty battery it flies on until it falls"
-        if not rule.said:
-            text = f"battery failsafe not known ({settings})"
-        return [Check(Severity.WARNING, facts.name, text, CheckCode.BATTERY_FAILSAFE)]
-    found = [
-        Check(
-            Severity.OK,
-            facts.name,
-            "battery failsafe: " + ", ".join(action.words for action in rule.actions),
-            CheckCode.BATTERY_FAILSAFE,
-        )
-    ]
+    levels = dict.fromkeys(level.action for level in dialect.battery_failsafe.levels)
+    absent = [name for name in levels if name not in facts.parameters]
+    settings = ", ".join(name if name in absent else f"{name}={facts.parameters[name]:g}" for name in levels)
+    known = bool(rule.actions) and rule.said and all(action.known for action in rule.actions)
+    text = f"no battery failsafe ({settings}): on an empty battery it flies on until it falls"
+    if rule.actions:
+        text = f"battery failsafe: {', '.join(action.words for action in rule.actions)}"
+        text += f"; it has no {', '.join(absent)}" if absent else ""
+    elif not rule.said:
+        text = f"battery failsafe not known ({settings})"
+    severity = Severity.OK if known else Severity.WARNING
+    found = [Check(severity, facts.name, text, CheckCode.BATTERY_FAILSAFE)]
+    for words in failsafes.early_returns(dialect, facts.parameters, facts.version):
+        text = f"battery failsafe: {words}: it may leave its mission"
+        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.BATTERY_FAILSAFE))
     for action in rule.actions:
         if left_pct is not None and action.below_pct is not None and action.below_pct >= left_pct:
             text = (
@@ -217,6 +232,8 @@ def battery_failsafes(facts: Facts, dialect: Dialect, left_pct: float | None) ->
 def fence(context: Context, facts: Facts, path: FlightPath | None) -> list[Check]:
     """Check that the flight, and the return by itself, fit into the vehicle's own geofence."""
     setup = context.vehicles[facts.name]
+    if unread := facts.not_read(failsafes.fence_names(setup.dialect), "its geofence is", CheckCode.GEOFENCE):
+        return unread
     cylinder = failsafes.geofence(setup.dialect, facts.parameters)
     if cylinder is None:
         return []
@@ -224,7 +241,11 @@ def fence(context: Context, facts: Facts, path: FlightPath | None) -> list[Check
     for point in path.waypoints if path is not None else ():
         high_m = max(high_m, point.alt_rel_m)
         away_m = max(away_m, math.dist(setup.pad_m, context.frame.to_local_m(point.lat_deg, point.lon_deg)))
-    rule, found = setup.dialect.geofence, []
+    rule, found = setup.dialect.geofence, list[Check]()
+    action = facts.parameters.get(rule.action, 0.0)
+    if action and failsafes.does_in_words(rule.actions, action) == failsafes.UNKNOWN:
+        text = f"at a breach of its geofence: {failsafes.UNKNOWN} ({rule.action}={action:g})"
+        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.GEOFENCE))
     # What its owner has set is no limit to be lifted for a fence of ours.
     stops = context.fencing is not None and context.fencing.enabled
     for limit_m, needed_m, name, what in (
@@ -237,6 +258,18 @@ def fence(context: Context, facts: Facts, path: FlightPath | None) -> list[Check
     return found or [
         Check(Severity.OK, facts.name, "its flight fits into the cylinder of its own geofence", CheckCode.GEOFENCE)
     ]
+
+
+def flight_times(facts: Facts, dialect: Dialect) -> list[Check]:
+    """Say where it is not known how fast a vehicle flies: its times and its energy are planned by that."""
+    names = [tuning.parameter for tuning in dialect.tunings]
+    if unread := facts.not_read(names, "how it flies is", CheckCode.ENERGY):
+        return unread
+    absent = [name for name in names if name not in facts.parameters]
+    if not absent:
+        return []
+    text = f"it has no {', '.join(absent)}: its times are planned by {dialect.tested_version}'s default"
+    return [Check(Severity.WARNING, facts.name, text, CheckCode.ENERGY)]
 
 
 def left_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:

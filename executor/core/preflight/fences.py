@@ -10,7 +10,7 @@ from executor.core.check_codes import CheckCode
 from executor.core.context import Context
 from executor.core.fencing import top_m
 from executor.core.preflight.checks import Check, Facts, Severity
-from executor.core.preflight.failsafes import Parameters
+from executor.core.preflight.failsafes import UNKNOWN, Parameters, does_in_words, fence_names
 from executor.core.preflight.parameters import REAL32, Change, Present, Proposal, number, to_be_set
 from executor.core.words import count_of
 from missions import Dialect, FlightPath, MissionItem
@@ -97,12 +97,13 @@ def fence_checks(context: Context, name: str, said: Present, made: Sequence[Chan
         return [Check(Severity.STOP, name, text, CheckCode.GEOFENCE)]
     rule, new = context.vehicles[name].dialect.geofence, {change.name: change.new for change in made}
     action = int(new.get(rule.action, said[rule.action].value))
-    does = dict(rule.actions).get(action)
+    does = does_in_words(rule.actions, action) if action else "nothing"
     setting = f"{rule.action}={action}"
     top = new.get(rule.height, said[rule.height].value)
     margin_m = 0.0 if context.fencing is None else context.fencing.margin_m
-    if does is None or does == "warning":
-        text = f"does nothing when it breaches its fence ({setting})"
+    if does in {"nothing", "warning", UNKNOWN}:
+        does = UNKNOWN if does == UNKNOWN else "does nothing"
+        text = f"{does} when it breaches its fence ({setting})"
         return [Check(Severity.WARNING, name, text, CheckCode.GEOFENCE)]
     text = f"fence {margin_m:g} m about its ways and {number(top)} m high; at a breach: {does} ({setting})"
     return [Check(Severity.OK, name, text, CheckCode.GEOFENCE)]
@@ -132,6 +133,8 @@ def _fence_found(context: Context, facts: Facts, path: FlightPath | None, lists:
     if not lists.fence or lists.fence == ours.fence:
         return []
     what = f"a fence of {count_of(len(lists.fence), 'item')} that is not ours is on board"
+    if unread := facts.not_read(fence_names(dialect), f"{what}; whether it is switched on is", CheckCode.GEOFENCE):
+        return unread
     if not _polygons_stand(dialect, facts.parameters):
         return [Check(Severity.OK, name, f"{what}, switched off", CheckCode.GEOFENCE)]
     pad_m = context.vehicles[name].pad_m

@@ -78,6 +78,9 @@ def rested(setup: VehicleSetup, heard: PackHeard) -> Rested | None:
 
 def pack_checks(context: Context, facts: Facts) -> list[Check]:
     """Hold the capacity that it counts by against the plan's, and its voltage at rest against its percentage."""
+    names = context.vehicles[facts.name].dialect.pack_parameters
+    if unread := facts.not_read(names, "what its pack is taken for is", CheckCode.PACK):
+        return unread
     said = facts_said(facts.parameters)
     heard = PackHeard(facts.remaining_pct, facts.voltage_v, facts.cells, facts.parameters)
     found = rested(context.vehicles[facts.name], heard)

@@ -11,10 +11,11 @@ from executor.core.check_codes import CheckCode
 from executor.core.context import Context
 from executor.core.messages import ParamValue
 from executor.core.preflight.checks import Check, Severity
+from executor.core.preflight.failsafes import not_read
 from missions import Dialect, ReturnParameters, highest_return_m
 
 Present = Mapping[str, ParamValue]
-"""What one vehicle answered, by name; a parameter that it does not have, or did not say, is missing."""
+"""What one vehicle answered, by name; a parameter that it does not have is missing."""
 
 REAL32 = 9
 """MAV_PARAM_TYPE of a float; 1 to 8 are integers."""
@@ -23,6 +24,15 @@ HIGHER_M = 0.5
 KEPT_HIGHER_M = 50.0
 """The highest of a fleet may return this much higher than it must: a crew knows why, nobody else is up there, and the
 longer way up and down takes a minute and some 4 % of a battery."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What came of asking one vehicle for parameters: what is in neither of these is not there."""
+
+    present: Present
+    unread: frozenset[str] = frozenset()
+    """Of these nobody knows: the link was silent, or what came was no value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +60,7 @@ class Proposal:
     """What a flight would change on board, and what that is held against."""
 
     present: Mapping[str, Present]
-    """What each vehicle has now, as far as it matters to its RTL."""
+    """What each vehicle has now, as far as it matters to its RTL; without those of which that is not known."""
     changes: tuple[Change, ...]
     checks: tuple[Check, ...]
     """The same for the checklist, with what is right already and what is not known."""
@@ -86,7 +96,7 @@ def newer_names(dialect: Dialect, present: Present) -> tuple[str, ...]:
     return (rule.newer_height,) if rule.newer_height is not None and rule.height not in present else ()
 
 
-def propose(context: Context, present: Mapping[str, Present], *, ceiling_m: float | None = None) -> Proposal:
+def propose(context: Context, answered: Mapping[str, Answers], *, ceiling_m: float | None = None) -> Proposal:
     """Return what must be set so that every vehicle comes home by itself clear of the others.
 
     What is right already stays, and so does a higher return of the one vehicle above which there is nobody. A vehicle
@@ -94,18 +104,24 @@ def propose(context: Context, present: Mapping[str, Present], *, ceiling_m: floa
 
     Args:
         context: Of the flight.
-        present: What each vehicle answered.
+        answered: What came of asking each vehicle.
         ceiling_m: How high over its own home a return that is set already may be to stay; by default as high as the
             site's ceiling over the ground allows.
     """
     changes: list[Change] = []
     checks: list[Check] = []
     highest = max(context.vehicles, key=lambda name: _return_up_m(context, name))
-    for name, said in present.items():
+    for name, answers in answered.items():
+        said = answers.present
+        if answers.unread:
+            text = f"what must be set on it is not known: {not_read(answers.unread)}; is the link too bad?"
+            checks.append(Check(Severity.STOP, name, text, CheckCode.RTL_ALTITUDE))
+            continue
         allowed_m = highest_return_m(context.setup, name) if ceiling_m is None else ceiling_m
         own, check = _of_vehicle(context, name, said, allowed_m if name == highest else 0.0)
         changes += own
         checks += [check, *to_be_set(own)]
+    present = {name: answers.present for name, answers in answered.items() if not answers.unread}
     return Proposal(present, tuple(changes), tuple(checks))
 
 
@@ -127,8 +143,9 @@ def _of_vehicle(context: Context, vehicle: str, said: Present, kept_to_m: float)
     name, unit_m = height_name(rule, said)
     known = said.get(name)
     if known is None:
-        text = f"RTL altitude not known: {name} does not answer; nothing is set"
-        return [], Check(Severity.WARNING, vehicle, text, CheckCode.RTL_ALTITUDE)
+        names = " or ".join(one for one in (rule.height, rule.newer_height) if one is not None)
+        text = f"RTL altitude not known: it has no {names}, so nothing keeps it clear of the others"
+        return [], Check(Severity.STOP, vehicle, text, CheckCode.RTL_ALTITUDE)
     is_m = known.value * unit_m
     most_m = max(wanted_m + HIGHER_M, min(kept_to_m, wanted_m + KEPT_HIGHER_M))
     changes, height_m = [], is_m
@@ -163,7 +180,7 @@ def return_heights(context: Context, vehicle: str, proposal: Proposal, ends: Map
             f"RTL altitude stays {round(height_m, 1):g} m ({name}), not the {wanted_m:.0f} m that keep it clear of the "
             f"others: {problems}"
         )
-        return Check(Severity.WARNING, vehicle, text, CheckCode.RTL_ALTITUDE)
+        return Check(Severity.STOP, vehicle, text, CheckCode.RTL_ALTITUDE)
     if problems:
         return Check(
             Severity.WARNING,

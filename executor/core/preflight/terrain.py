@@ -22,13 +22,24 @@ def named_parameters(dialect: Dialect) -> tuple[str, ...]:
 
 def following(facts: Facts, dialect: Dialect) -> list[Check]:
     """Say what a vehicle follows by itself: a warning where its flight is another for it than was planned."""
-    on = [rule for rule in dialect.terrain if int(facts.parameters.get(rule.parameter, -1)) in rule.on]
+    if unread := facts.not_read(named_parameters(dialect), "whether it follows the ground is", CheckCode.TERRAIN):
+        return unread
+    set_ = [rule for rule in dialect.terrain if facts.parameters.get(rule.parameter)]
+    on = [rule for rule in set_ if int(facts.parameters[rule.parameter]) in rule.on]
     said = "follows the ground by itself"
     found = [
         Check(Severity.WARNING, facts.name, f"{said}: {_said(facts, rule.parameter)}: {rule.words}", CheckCode.TERRAIN)
         for rule in on
         if rule.in_flight
     ]
+    found += [
+        Check(
+            Severity.WARNING, facts.name, f"may follow the ground by itself: {_said(facts, rule.parameter)} is unknown",
+            CheckCode.TERRAIN,
+        )
+        for rule in set_
+        if rule not in on
+    ]  # fmt: skip
     idle = [f"{_said(facts, rule.parameter)} {rule.words}" for rule in on if not rule.in_flight]
     if found:
         return found

@@ -357,11 +357,11 @@ async def test_what_somebody_set_since_is_left(tmp_path: Path) -> None:
     pads.close()
 
 
-async def test_a_vehicle_that_takes_nothing_is_said(tmp_path: Path) -> None:
+async def test_a_vehicle_that_does_not_take_its_layer_does_not_fly(tmp_path: Path) -> None:
     pads = Pads(tmp_path, "ardupilot", names=1)
     pads.vehicles["uav1"].stubborn.add("RTL_ALT")
-    [check] = await pads.apply()
-    assert check.severity is Severity.WARNING
+    with pytest.raises(PreflightFailed, match=r"uav1: RTL altitude stays 12.2 m \(RTL_ALT\), not the .* RTL_ALT stays"):
+        await pads.apply()
     assert {one.name: one.stage for one in read_kept(tmp_path) or ()} == {
         "RTL_ALT": ChangeStage.PLANNED, "RTL_CONE_SLOPE": ChangeStage.SET,
     }  # fmt: skip

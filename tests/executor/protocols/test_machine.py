@@ -10,7 +10,7 @@ import pytest
 
 from executor.protocols import orders, upload
 from executor.protocols.command import CommandDialogue
-from executor.protocols.download import DownloadDialogue
+from executor.protocols.download import FIRST_TRIP, DownloadDialogue
 from executor.protocols.params import Parameter
 from missions import ARDUPILOT, MissionKind, encode
 from tests.executor.core.steps import rounded
@@ -44,6 +44,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "furthest": -1,
                 "answered": -1,
                 "answered_s": -math.inf,
+                "first_s": -math.inf,
+                "round_trip": upload.FIRST_TRIP,
                 "heard_s": 0.0,
                 "refusal": None,
             },
@@ -55,6 +57,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "items": (),
                 "tries": 0,
                 "refusal": None,
+                "round_trip": FIRST_TRIP,
+                "asked_s": 0.0,
+                "heard_s": 0.0,
+                "begun": 0,
+                "broke_off_at": "",
             },
             {"command": ARM, "what": "arm", "outcome": None, "deadline_s": 0.0, "tries": 0, "refusal": ""},
             {"name": "RTL_ALT", "wanted": None, "outcome": None, "deadline_s": 0.0, "tries": 0, "value": None},

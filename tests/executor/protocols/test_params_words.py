@@ -30,13 +30,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a parameter that nobody answers",
-        lambda: talk(Parameter("RTL_ALT"), *late(*range(101, 106))),
+        lambda: talk(Parameter("RTL_ALT"), *late(101, 103, 107, 111, 115, 119)),
         [
             (SendParamRequest(name="RTL_ALT"), 101.0),
-            (SendParamRequest(name="RTL_ALT"), 102.0),
             (SendParamRequest(name="RTL_ALT"), 103.0),
-            (SendParamRequest(name="RTL_ALT"), 104.0),
-            (math.inf,),
+            (SendParamRequest(name="RTL_ALT"), 107.0),
+            (SendParamRequest(name="RTL_ALT"), 111.0),
+            (SendParamRequest(name="RTL_ALT"), 115.0),
+            (SendParamRequest(name="RTL_ALT"), 119.0),
             (math.inf,),
             TimedOut(reason="RTL_ALT: no answer"),
         ],
@@ -77,7 +78,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a parameter that is not set",
-        lambda: talk(Parameter("RTL_ALT", WANTED), *late(*range(101, 105)))[-1],
+        lambda: talk(Parameter("RTL_ALT", WANTED), *late(101, 103, 107, 111, 115, 119))[-1],
         TimedOut(reason="RTL_ALT: no answer"),
     ),
     (

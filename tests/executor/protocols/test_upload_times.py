@@ -28,15 +28,43 @@ def test_a_mission_is_announced_five_times() -> None:
     assert ended.outcome == TimedOut("the vehicle did not ask for the first item")
 
 
-def test_a_request_that_is_repeated_at_once_crossed_our_answer() -> None:
+def test_a_request_that_is_repeated_within_a_round_trip_crossed_our_answer() -> None:
+    """The count was answered after 0.5 s; that the next answer takes half as long again surprises nobody."""
     state, _ = uploading().begin(100.0)
     state, sent = state.on_message(MissionRequest(0), 100.5)
     assert (sent, state.deadline_s) == ((SendMissionItem(ITEMS[0]),), 101.5)
     assert state.on_message(MissionRequest(0), 100.59)[1] == ()
-    assert state.on_message(MissionRequest(0), 100.61)[1] == (SendMissionItem(ITEMS[0]),)
+    assert state.on_message(MissionRequest(0), 101.24)[1] == ()
+    assert state.on_message(MissionRequest(0), 101.26)[1] == (SendMissionItem(ITEMS[0]),)
     assert state.on_message(MissionRequest(1), 100.51)[1] == (SendMissionItem(ITEMS[1]),)
     assert state.on_message(MissionRequest(3), 100.51) == (state, ())
     assert state.on_message(MissionRequest(-1), 100.51) == (state, ())
+
+
+def test_on_a_fast_link_a_request_is_answered_again_after_a_tenth_of_a_second() -> None:
+    state, _ = uploading().begin(100.0)
+    state, _ = state.on_message(MissionRequest(0), 100.001)
+    assert state.on_message(MissionRequest(0), 100.1)[1] == ()
+    assert state.on_message(MissionRequest(0), 100.11)[1] == (SendMissionItem(ITEMS[0]),)
+
+
+def test_of_an_item_that_was_sent_twice_the_copy_that_can_have_arrived_is_the_measure() -> None:
+    state, _ = uploading().begin(100.0)
+    state, _ = state.on_message(MissionRequest(0), 100.4)
+    twice, sent = state.on_message(MissionRequest(0), 101.2)
+    assert sent == (SendMissionItem(ITEMS[0]),)
+    second, _ = twice.on_message(MissionRequest(1), 101.6)
+    assert second.round_trip.mean_s == pytest.approx(0.4), "the second: the first had got lost"
+    first, _ = twice.on_message(MissionRequest(1), 101.25)
+    assert first.round_trip.mean_s == pytest.approx(0.4 + (0.85 - 0.4) / 8), "the first: it only took longer"
+
+
+def test_a_request_of_before_is_late_unless_it_goes_on() -> None:
+    state, _ = uploading().begin(100.0)
+    state, _ = state.on_message(MissionRequest(0), 100.2)
+    state, _ = state.on_message(MissionRequest(1), 100.4)
+    assert state.on_message(MissionRequest(0), 100.5)[1] == ()
+    assert state.on_message(MissionRequest(0), 101.4)[1] == (SendMissionItem(ITEMS[0]),), "it has begun anew"
 
 
 @pytest.mark.parametrize(("asked", "repeats"), [(0, False), (1, False), (2, True)])

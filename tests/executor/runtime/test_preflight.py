@@ -21,6 +21,7 @@ from executor.core.messages import (
     SystemStatus,
     Version,
 )
+from executor.core.preflight import failsafes
 from executor.core.preflight.checks import Facts
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import orders
@@ -67,6 +68,7 @@ async def test_a_vehicle_that_is_ready(dialect: Dialect) -> None:
     facts = await ready.interview()
     assert (facts.name, facts.remaining_pct, facts.version) == ("uav1", 100.0, Version(4, 7, 2))
     assert facts.parameters == {rule.action: 1.0, rule.timeout: 5.0}
+    assert facts.unread == frozenset(), "the others are not there: these two were answered over the same link"
     assert facts.words == f"quadrotor, {'ArduPilot' if dialect is ARDUPILOT else 'PX4'} 4.7.2"
     assert FRAME.to_local_m(facts.position.lat_deg, facts.position.lon_deg) == pytest.approx((3.0, 4.0), abs=0.01)
     assert ready.vehicle.commands.count(511) == len(streams.streams_hz(dialect))
@@ -75,6 +77,7 @@ async def test_a_vehicle_that_is_ready(dialect: Dialect) -> None:
 async def test_what_a_vehicle_does_not_say_is_not_made_up() -> None:
     facts = await Ready(PX4).interview()
     assert (facts.version, facts.parameters, facts.stations) == (None, {}, ())
+    assert facts.unread == {*failsafes.names(PX4)}, "nobody knows whether it is the link or the vehicle"
     assert facts.words == "quadrotor, PX4 of unknown version"
 
 
@@ -124,17 +127,20 @@ async def test_a_thousand_reasons_are_told_once_a_second() -> None:
     assert 5 <= len(ready.waited_for) <= 12
 
 
-async def test_the_parameters_are_asked_for_at_once() -> None:
-    """One that the firmware does not have costs four seconds, so they must not be asked for in turn."""
-    ready = Ready(ARDUPILOT)
+async def test_what_a_firmware_does_not_have_costs_a_moment() -> None:
+    """It takes several questions to know that it is not the link."""
+    known = dict.fromkeys(failsafes.names(ARDUPILOT), 1.0)
+    del known["WPNAV_JERK"], known["FENCE_AUTOENABLE"]
+    ready = Ready(ARDUPILOT, **known)
     ready.says(Version(4, 7, 2), 0.5)
-    await ready.interview()
-    assert ready.clock.now_s() < preflight.STEADY_S + 10.0
+    facts = await ready.interview()
+    assert (facts.parameters, facts.unread) == (known, frozenset())
+    assert ready.clock.now_s() < preflight.STEADY_S + 3.0
 
 
-async def test_the_older_name_of_a_parameter_is_asked_for_where_the_newer_is_not_known() -> None:
-    ready = Ready(ARDUPILOT, SYSID_MYGCS=252.0)
-    assert (await ready.interview()).parameters == {"SYSID_MYGCS": 252.0}
+async def test_the_older_name_of_a_parameter_is_asked_for_where_the_newer_is_not_there() -> None:
+    facts = await Ready(ARDUPILOT, SYSID_MYGCS=252.0, FS_GCS_ENABLE=1.0).interview()
+    assert facts.parameters == {"SYSID_MYGCS": 252.0, "FS_GCS_ENABLE": 1.0}
 
 
 async def test_a_parameter_that_is_no_number_is_not_known() -> None:

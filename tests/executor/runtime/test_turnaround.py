@@ -11,7 +11,7 @@ import pytest
 from executor.core.intents import Action, IntentReason, Outcome
 from executor.core.vehicle import Stage
 from tests.executor.runtime.turns_of_a_day import Crew, Day, DaySky, day_flown
-from tests.stories.story import When, World, at, told, wants
+from tests.stories.story import Moment, When, World, asks, at, befalls, told, wants
 
 pytestmark = [pytest.mark.asyncio, pytest.mark.looptime(noop_cycles=2)]
 DIALECTS = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
@@ -146,15 +146,27 @@ async def test_nobody_starts_without_the_crews_word_and_an_abort_ends_the_day() 
 @DIALECTS
 async def test_who_reboots_after_its_checks_is_looked_at_before_it_starts(autopilot: str) -> None:
     """Its first sortie waits for the other's take-off; meanwhile somebody unplugs it."""
+    unplugged: list[str] = []
+
+    def unplug(world: World) -> None:
+        plan = world.state.replanning.replan
+        assert plan is not None
+        unplugged.extend(name for name in world.state.vehicles if name not in plan.pending)
+        befalls(f"{unplugged[0]}:reboot")(world)
+
+    def swap(world: World) -> None:
+        asks(Action.SWAP, unplugged[0])(world)
+
     day = Day(
         Crew({}), first={"uav1": (0, 2), "uav2": (4, 6)}, later={}, segments=4,
-        moments=(told(at(1), "uav2:reboot"), wants(at(60), Action.SWAP, "uav2")),
+        moments=(Moment(at(1), unplug), Moment(at(60), swap)),
     )  # fmt: skip
     sky, flown = await day_flown(day, autopilot)
+    [who] = unplugged
     why = "(its autopilot|no position for 10 s: it may) (has|have) rebooted since its checks"
-    told_once(sky, f"uav2: stays on the ground: {why}; swap again when it is well")
-    told_once(sky, "uav2: its checks have passed")
-    assert starts(sky, "uav2") == 1
+    told_once(sky, f"{who}: stays on the ground: {why}; swap again when it is well")
+    told_once(sky, f"{who}: its checks have passed")
+    assert starts(sky, who) == 1
     assert set(flown.inspected) == {0, 1, 2, 3}, "\n".join(sky.lines)
 
 

@@ -34,6 +34,7 @@ from executor.core.messages import (
     MissionRequest,
     OrderSeen,
     Outgoing,
+    ParamRefused,
     ParamValue,
     Position,
     RcChannels,
@@ -523,6 +524,17 @@ def test_px4_puts_an_integers_bits_where_ardupilot_puts_its_value(value: int) ->
 @pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
 def test_a_float_parameter_is_a_float(autopilot: int) -> None:
     assert param(8.5, 9, autopilot).value == 8.5
+
+
+def test_a_parameter_without_a_value_is_an_answer_all_the_same() -> None:
+    """Who says nothing of it may be unheard: this vehicle was heard."""
+    said = {
+        (1, True): mav.MAVLink_param_error_message(255, 190, b"SOME_NAME", -1, mav.MAV_PARAM_ERROR_DOES_NOT_EXIST),
+        (2, False): mav.MAVLink_param_error_message(255, 190, b"SOME_NAME", -1, mav.MAV_PARAM_ERROR_PERMISSION_DENIED),
+        (3, False): mav.MAVLink_param_value_message(b"SOME_NAME", math.nan, 9, 900, 1),
+    }
+    for (_, absent), frame in said.items():
+        assert heard(frame) == [ParamRefused("SOME_NAME", absent=absent)]
 
 
 @given(value=st.integers(-(2**31), 2**31 - 1))

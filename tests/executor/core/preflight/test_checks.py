@@ -28,14 +28,14 @@ COPTER: Parameters = {
     "BATT_CRT_MAH": 500.0, "BATT_CRT_VOLT": 0.0, "FENCE_ENABLE": 0.0, "FENCE_AUTOENABLE": 0.0, "FENCE_TYPE": 7.0,
     "FENCE_ALT_MAX": 100.0, "FENCE_RADIUS": 300.0, "WPNAV_ACCEL": 250.0, "WPNAV_JERK": 1.0, "WPNAV_ACCEL_Z": 100.0,
     "WPNAV_SPEED_UP": 250.0, "WPNAV_SPEED_DN": 150.0, "LAND_SPEED": 50.0, "LAND_ALT_LOW": 1000.0,
-    "WPNAV_SPEED": 1000.0, "RTL_SPEED": 0.0,
+    "WPNAV_SPEED": 1000.0, "RTL_SPEED": 0.0, "FENCE_ACTION": 1.0,
 }  # fmt: skip
 PIXHAWK: Parameters = {
     "NAV_DLL_ACT": 2.0, "COM_DL_LOSS_T": 10.0, "COM_FAIL_ACT_T": 5.0, "COM_DLL_EXCEPT": 0.0, "COM_LOW_BAT_ACT": 3.0,
     "BAT1_CAPACITY": 5000.0, "BAT1_N_CELLS": 4.0,
     "BAT_CRIT_THR": 0.07, "BAT_EMERGEN_THR": 0.05, "GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 0.0, "GF_MAX_VER_DIST": 0.0,
     "MPC_ACC_HOR": 3.0, "MPC_Z_V_AUTO_UP": 3.0, "MPC_Z_V_AUTO_DN": 1.5, "MPC_Z_VEL_MAX_DN": 1.5, "MPC_TKO_SPEED": 1.5,
-    "MPC_XY_CRUISE": 5.0,
+    "MPC_XY_CRUISE": 5.0, "COM_FLTT_LOW_ACT": 0.0,
 }  # fmt: skip
 GOOD = {"ardupilot": COPTER, "px4": PIXHAWK}
 
@@ -156,7 +156,6 @@ def test_an_old_firmware_is_a_warning_that_names_what_was_tested(
         (PX4, {}, "GCS failsafe: RTL after 17 s (NAV_DLL_ACT=2)"),
         (PX4, {"COM_DL_LOSS_T": 30.0, "COM_FAIL_ACT_T": 10.0}, "GCS failsafe: RTL after 42 s (NAV_DLL_ACT=2)"),
         (PX4, {"NAV_DLL_ACT": 1.0}, "GCS failsafe: hold after 17 s (NAV_DLL_ACT=1)"),
-        (ARDUPILOT, {"FS_GCS_ENABLE": 9.0}, "GCS failsafe: unknown action after 5 s"),
     ],
 )
 def test_what_it_does_without_us_in_words(dialect: Dialect, changes: dict[str, float], words: str) -> None:

@@ -40,6 +40,9 @@ def stood(**pad: Any) -> list[str]:
     return lines(checks.pad_height(replace(CONTEXT, setup=replace(CONTEXT.setup, pads=pads)), FACTS))
 
 
+NOBODYS = "warning: whose HEARTBEATs its GCS failsafe watches is not known: it has no MAV_GCS_SYSID or SYSID_MYGCS"
+OTHER = "another ground station is on its link, system {} component 190"
+
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who it is",
@@ -190,24 +193,16 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
+            [NOBODYS],
             [],
-            [],
-            [("warning: its GCS failsafe watches system 254 (SYSID_MYGCS), ours is 255: it will not notice our loss")],
+            ["warning: its GCS failsafe watches system 254 (SYSID_MYGCS), ours is 255: it will not notice our loss"],
             [
-                (
-                    "warning: another ground station is on its link, system 3 component 190: its "
-                    "HEARTBEATs would hide the loss of ours"
-                )
+                NOBODYS,
+                f"warning: {OTHER.format(3)}: its HEARTBEATs would hide the loss of ours",
             ],
             [
-                (
-                    "warning: another ground station is on its link, system 3 component 190: it may command "
-                    "the vehicle too"
-                ),
-                (
-                    "warning: another ground station is on its link, system 255 component 190: its "
-                    "HEARTBEATs would hide the loss of ours"
-                ),
+                f"warning: {OTHER.format(3)}: it may command the vehicle too",
+                f"warning: {OTHER.format(255)}: its HEARTBEATs would hide the loss of ours",
             ],
         ],
     ),

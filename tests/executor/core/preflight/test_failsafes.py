@@ -37,29 +37,21 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            LinkFailsafe(acts=None, after_s=5.0, words="GCS failsafe not known: no answer for FS_GCS_ENABLE"),
+            LinkFailsafe(acts=None, after_s=5.0, words="GCS failsafe not known: it has no FS_GCS_ENABLE"),
             LinkFailsafe(acts=True, after_s=7.0, words="GCS failsafe: RTL after 7 s (FS_GCS_ENABLE=1)", returns=True),
             LinkFailsafe(
                 acts=False,
                 after_s=7.0,
-                words=("no GCS failsafe (FS_GCS_ENABLE=0): without a link it flies its mission to the end"),
+                words="no GCS failsafe (FS_GCS_ENABLE=0): without a link it flies its mission to the end",
             ),
             LinkFailsafe(acts=True, after_s=7.0, words="GCS failsafe: land after 7 s (FS_GCS_ENABLE=5)"),
+            LinkFailsafe(acts=None, after_s=7.0, words="GCS failsafe: unknown action after 7 s (FS_GCS_ENABLE=99)"),
             LinkFailsafe(
-                acts=True,
-                after_s=7.0,
-                words="GCS failsafe: unknown action after 7 s (FS_GCS_ENABLE=99)",
-            ),
-            LinkFailsafe(
-                acts=False,
-                after_s=7.0,
-                words="no GCS failsafe in a mission (FS_GCS_ENABLE=1, but FS_OPTIONS=2)",
+                acts=False, after_s=7.0, words="no GCS failsafe in a mission (FS_GCS_ENABLE=1, but FS_OPTIONS=2)"
             ),
             LinkFailsafe(acts=True, after_s=7.0, words="GCS failsafe: RTL after 7 s (FS_GCS_ENABLE=1)", returns=True),
             LinkFailsafe(
-                acts=False,
-                after_s=7.0,
-                words="no GCS failsafe in a mission (FS_GCS_ENABLE=1, but FS_OPTIONS=6)",
+                acts=False, after_s=7.0, words="no GCS failsafe in a mission (FS_GCS_ENABLE=1, but FS_OPTIONS=6)"
             ),
         ],
     ),
@@ -76,9 +68,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            LinkFailsafe(
-                acts=None, after_s=17.0, words="GCS failsafe not known: no answer for NAV_DLL_ACT", holds_s=5.0
-            ),
+            LinkFailsafe(acts=None, after_s=17.0, words="GCS failsafe not known: it has no NAV_DLL_ACT", holds_s=5.0),
             LinkFailsafe(
                 acts=True, after_s=17.0, words="GCS failsafe: RTL after 17 s (NAV_DLL_ACT=2)", returns=True, holds_s=5.0
             ),
@@ -88,7 +78,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             LinkFailsafe(
                 acts=False,
                 after_s=17.0,
-                words=("no GCS failsafe (NAV_DLL_ACT=0): without a link it flies its mission to the end"),
+                words="no GCS failsafe (NAV_DLL_ACT=0): without a link it flies its mission to the end",
                 holds_s=5.0,
             ),
             LinkFailsafe(
@@ -127,6 +117,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "FENCE_ALT_MAX",
                 "FENCE_RADIUS",
                 "FENCE_TYPE",
+                "FENCE_ACTION",
                 "WPNAV_ACCEL",
                 "WPNAV_JERK",
                 "WPNAV_ACCEL_Z",
@@ -143,6 +134,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "COM_DL_LOSS_T",
                 "COM_FAIL_ACT_T",
                 "COM_DLL_EXCEPT",
+                "COM_FLTT_LOW_ACT",
                 "COM_LOW_BAT_ACT",
                 "BAT_CRIT_THR",
                 "BAT_EMERGEN_THR",
@@ -217,8 +209,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 said=False,
                 actions=(
                     BatteryAction(
-                        below_pct=20.0,
-                        words="unknown action below 20 % or 14.4 V (BATT_FS_LOW_ACT=99)",
+                        below_pct=20.0, words="unknown action below 20 % or 14.4 V (BATT_FS_LOW_ACT=99)", known=False
                     ),
                 ),
             ),

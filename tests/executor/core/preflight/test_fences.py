@@ -12,7 +12,7 @@ from executor.core.messages import ParamValue
 from executor.core.preflight import checks, fences
 from executor.core.preflight.checks import Severity
 from executor.core.preflight.fences import Lists
-from executor.core.preflight.parameters import propose
+from executor.core.preflight.parameters import Answers, propose
 from missions import MissionItem
 from missions.items import Place
 from tests.executor.builders import fleet_of
@@ -45,7 +45,7 @@ def test_nothing_is_read_or_set_without_the_sites_word() -> None:
     for context in (SHIPS["px4"].context, context_of("px4", enabled=False)):
         assert fences.parameter_names(context, "uav1") == ()
         assert fences.fence_changes(context, "uav1", present(**PIXHAWK)) == []
-        before = propose(context, {"uav1": {}, "uav2": {}})
+        before = propose(context, {"uav1": Answers({}), "uav2": Answers({})})
         assert fences.with_fences(context, before) == before
 
 

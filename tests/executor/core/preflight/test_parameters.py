@@ -11,6 +11,7 @@ from executor.core.messages import ParamValue
 from executor.core.preflight.checks import Severity
 from executor.core.preflight.parameters import (
     KEPT_HIGHER_M,
+    Answers,
     Change,
     ChangeStage,
     FoundParameters,
@@ -37,7 +38,7 @@ def said(kind: int = REAL32, **values: float) -> dict[str, ParamValue]:
 
 def proposed(context: Context, vehicle: str, kind: int = REAL32, **values: float) -> Proposal:
     """Return what is proposed for one vehicle that has these parameters."""
-    return propose(context, {vehicle: said(kind, **values)})
+    return propose(context, {vehicle: Answers(said(kind, **values))})
 
 
 def new_values(proposal: Proposal) -> dict[str, float]:
@@ -114,7 +115,7 @@ def test_the_highest_may_return_higher_and_nobody_else() -> None:
     assert proposed(COPTERS, "uav3", RTL_ALT=100 * (height_m + 20.0)).changes == ()
     assert proposed(COPTERS, "uav2", RTL_ALT=100 * (height_m + 20.0)).changes
     assert proposed(COPTERS, "uav3", RTL_ALT=100 * (height_m + KEPT_HIGHER_M + 1.0)).changes, "it would cost too much"
-    low = propose(COPTERS, {"uav3": said(RTL_ALT=100 * (height_m + 20.0))}, ceiling_m=height_m + 10.0)
+    low = propose(COPTERS, {"uav3": Answers(said(RTL_ALT=100 * (height_m + 20.0)))}, ceiling_m=height_m + 10.0)
     assert new_values(low) == {"RTL_ALT": 100 * height_m}, "it would be above the ceiling"
 
 
@@ -125,12 +126,14 @@ def test_a_vehicle_alone_keeps_what_its_crew_chose() -> None:
     assert low.why == "keeps its RTL above the line"
 
 
-def test_a_return_whose_height_is_not_known_is_said() -> None:
+def test_a_return_whose_height_is_not_known_is_a_reason_not_to_fly() -> None:
     proposal = proposed(COPTERS, "uav1", RTL_CONE_SLOPE=3.0)
     assert proposal.changes == ()
     [check] = proposal.checks
-    assert check.severity is Severity.WARNING
-    assert check.text == "RTL altitude not known: RTL_ALT does not answer; nothing is set"
+    assert check.severity is Severity.STOP
+    assert check.text == (
+        "RTL altitude not known: it has no RTL_ALT or RTL_ALT_M, so nothing keeps it clear of the others"
+    )
 
 
 def test_what_became_of_it() -> None:
@@ -139,7 +142,7 @@ def test_what_became_of_it() -> None:
     good = return_heights(COPTERS, "uav1", proposal, {"RTL_ALT": "", "RTL_CONE_SLOPE": ""})
     assert (good.severity, good.text) == (Severity.OK, f"RTL altitude set to {height_m:g} m (RTL_ALT)")
     low = return_heights(COPTERS, "uav1", proposal, {"RTL_ALT": "RTL_ALT stays 1200", "RTL_CONE_SLOPE": ""})
-    assert low.severity is Severity.WARNING
+    assert low.severity is Severity.STOP
     assert low.text == (
         f"RTL altitude stays 12 m (RTL_ALT), not the {height_m:.0f} m that keep it clear of the others: "
         "RTL_ALT stays 1200"

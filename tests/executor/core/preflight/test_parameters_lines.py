@@ -39,12 +39,12 @@ def known(**values: float) -> Mapping[str, ParamValue]:
 def proposed(
     said: Mapping[str, ParamValue], name: str = "uav1", context: Context = CONTEXT, ceiling_m: float | None = None
 ) -> list[str]:
-    found = parameters.propose(context, {name: said}, ceiling_m=ceiling_m)
+    found = parameters.propose(context, {name: parameters.Answers(said)}, ceiling_m=ceiling_m)
     return [one.words for one in found.changes] + lines(found.checks)
 
 
 def settled(ends: Mapping[str, str], said: Mapping[str, ParamValue]) -> list[str]:
-    found = parameters.propose(CONTEXT, {"uav1": said})
+    found = parameters.propose(CONTEXT, {"uav1": parameters.Answers(said)})
     return lines(parameters.return_heights(CONTEXT, "uav1", found, ends))
 
 
@@ -108,7 +108,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ],
             ["ok: RTL altitude is 15 m (RTL_ALT_M)"],
             ["ok: RTL altitude is 15 m (RTL_ALT)"],
-            [("warning: RTL altitude not known: RTL_ALT does not answer; nothing is set")],
+            ["stop: RTL altitude not known: it has no RTL_ALT or RTL_ALT_M, so nothing keeps it clear of the others"],
         ],
     ),
     (
@@ -179,8 +179,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ["ok: RTL altitude set to 15 m (RTL_ALT)"],
             [
                 (
-                    "warning: RTL altitude stays 30 m (RTL_ALT), not the 15 m that keep it clear of "
-                    "the others: RTL_ALT stays 3000"
+                    "stop: RTL altitude stays 30 m (RTL_ALT), not the 15 m that keep it clear of the others: "
+                    "RTL_ALT stays 3000"
                 )
             ],
             ["warning: RTL altitude set to 15 m, but RTL_CONE_SLOPE: no answer"],

@@ -1,0 +1,191 @@
+"""What was not read is a reason not to fly, and what nobody here knows is a warning: neither is ever an ok."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
+
+import pytest
+
+from executor.core.messages import ParamValue, Version
+from executor.core.preflight import cameras, checks, failsafes, packs, terrain
+from executor.core.preflight.checks import Check, Facts, Severity
+from executor.core.preflight.parameters import Answers, propose
+from missions import ARDUPILOT, PX4, Dialect, FlightPath
+from missions.cameras import Trigger
+from tests.executor.builders import fleet_of
+from tests.executor.core.preflight.test_checks import CONTEXT, FLEET, lacking, said
+
+BOTH = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda dialect: str(dialect.name))
+PIXHAWKS = fleet_of(autopilot="px4").context
+BOARD = FLEET.boards["uav1"]
+assert BOARD is not None
+PATH = BOARD.path
+
+
+def unread(facts: Facts, *names: str) -> Facts:
+    """Return what is known of a vehicle that may have these parameters, and did not answer."""
+    for name in names:
+        facts = lacking(facts, name)
+    return replace(facts, unread=frozenset(names))
+
+
+def link_lines(facts: Facts, dialect: Dialect) -> list[Check]:
+    own = failsafes.link_failsafe(dialect, facts.parameters, facts.unread)
+    return [checks.link(facts, own, waited_s=failsafes.declared_lost_after_s(dialect, None, 0.0, own), wanted_s=None)]
+
+
+READERS: list[tuple[str, Callable[[Dialect], tuple[str, ...]], Callable[[Facts, Dialect], list[Check]]]] = [
+    ("the link failsafe", failsafes.link_names, link_lines),
+    ("the watched station", lambda dialect: dialect.ground_station_failsafe.station_sysid[:1], checks.stations),
+    (
+        "the battery failsafe",
+        failsafes.battery_names,
+        lambda facts, known: checks.battery_failsafes(facts, known, 40.0),
+    ),
+    ("the flight times", lambda known: tuple(one.parameter for one in known.tunings), checks.flight_times),
+    ("the ground", terrain.named_parameters, terrain.following),
+]
+
+
+@BOTH
+@pytest.mark.parametrize(("what", "names", "lines"), READERS, ids=[row[0] for row in READERS])
+def test_whatever_was_not_read_is_a_reason_not_to_fly(
+    what: str, names: Callable[[Dialect], tuple[str, ...]], lines: Callable[[Facts, Dialect], list[Check]],
+    dialect: Dialect,
+) -> None:  # fmt: skip
+    for name in names(dialect):
+        found = lines(unread(said(dialect), name), dialect)
+        assert [check.severity for check in found] == [Severity.STOP], f"{what}: {name}"
+        assert f"{name} was not read" in found[0].text
+
+
+@pytest.mark.parametrize("name", failsafes.fence_names(ARDUPILOT))
+def test_a_fence_of_which_a_half_was_read_is_not_said_to_be_left_alone(name: str) -> None:
+    """Over a bad link six warnings had become one: what was not read counted as no limit."""
+    facts = said(FENCE_ENABLE=1.0, FENCE_ALT_MAX=10.0, FENCE_RADIUS=60.0)
+    assert [check.severity for check in checks.fence(CONTEXT, facts, PATH)] == [Severity.WARNING] * 2
+    [check] = checks.fence(CONTEXT, unread(facts, name), PATH)
+    assert (check.severity, check.text) == (
+        Severity.STOP,
+        f"its geofence is not known: {name} was not read; is the link too bad?",
+    )
+
+
+def test_a_pack_that_is_not_known_is_not_taken_for_the_planned_one() -> None:
+    [check] = packs.pack_checks(CONTEXT, unread(said(), "BATT_CAPACITY"))
+    assert check.severity is Severity.STOP
+
+
+def test_a_camera_of_which_nobody_knows_is_a_reason_not_to_fly_where_pictures_are_asked_for() -> None:
+    capture = SimpleNamespace(trigger=Trigger.DISTANCE)
+    asked = cast("FlightPath", SimpleNamespace(waypoints=[SimpleNamespace(captures=[capture])]))
+    [check] = cameras.shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, asked)
+    assert check.severity is Severity.STOP
+    assert cameras.shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, PATH) == [], "it is asked for none"
+
+
+def test_an_rtl_that_was_not_read_is_a_reason_not_to_fly_and_nothing_is_set() -> None:
+    known = {"RTL_ALT": ParamValue("RTL_ALT", 1200.0, 6)}
+    found = propose(CONTEXT, {"uav1": Answers(known, frozenset({"RTL_CONE_SLOPE"}))})
+    [check] = found.checks
+    assert (found.changes, check.severity) == ((), Severity.STOP)
+    assert "RTL_CONE_SLOPE was not read" in check.text
+
+
+@BOTH
+def test_a_silence_is_borne_for_as_long_as_what_was_not_read_may_be(dialect: Dialect) -> None:
+    rule = dialect.ground_station_failsafe
+    own = failsafes.link_failsafe(dialect, {rule.action: 1.0}, {rule.timeout})
+    assert (own.acts, own.after_s >= rule.timeout_most_s) == (None, True)
+    assert failsafes.declared_lost_after_s(dialect, None, 0.0, own) >= rule.timeout_most_s
+    assert failsafes.declared_lost_after_s(dialect, 20.0, 0.0, own) >= rule.timeout_most_s
+    nothing = failsafes.link_failsafe(dialect, {rule.action: 0.0}, ())
+    assert failsafes.declared_lost_after_s(dialect, 20.0, 0.0, nothing) == 20.0
+
+
+@pytest.mark.parametrize(
+    ("facts", "dialect"),
+    [
+        (said(BATT_FS_LOW_ACT=9.0), ARDUPILOT),
+        (said(BATT_FS_CRT_ACT=9.0), ARDUPILOT),
+        (said(PX4, COM_LOW_BAT_ACT=9.0), PX4),
+    ],
+)
+def test_a_battery_failsafe_that_nobody_here_knows_is_a_warning(facts: Facts, dialect: Dialect) -> None:
+    [check] = checks.battery_failsafes(facts, dialect, 40.0)
+    assert check.severity is Severity.WARNING
+    assert "unknown action" in check.text
+
+
+@pytest.mark.parametrize(("dialect", "name"), [(ARDUPILOT, "FS_GCS_ENABLE"), (PX4, "NAV_DLL_ACT")])
+def test_a_link_failsafe_that_nobody_here_knows_is_a_warning(dialect: Dialect, name: str) -> None:
+    [check] = link_lines(said(dialect, **{name: 9.0}), dialect)
+    assert (check.severity, "unknown action" in check.text) == (Severity.WARNING, True)
+
+
+@pytest.mark.parametrize(
+    ("facts", "text"),
+    [
+        (said(FENCE_ENABLE=1.0, FENCE_ACTION=9.0), "at a breach of its geofence: unknown action (FENCE_ACTION=9)"),
+        (said(PX4, GF_ACTION=9.0, GF_MAX_HOR_DIST=1e4), "at a breach of its geofence: unknown action (GF_ACTION=9)"),
+    ],
+)
+def test_a_breach_of_which_nobody_here_knows_the_end_is_a_warning(facts: Facts, text: str) -> None:
+    context = CONTEXT if "FENCE_ENABLE" in facts.parameters else PIXHAWKS
+    assert (Severity.WARNING, text) in [(one.severity, one.text) for one in checks.fence(context, facts, None)]
+
+
+@pytest.mark.parametrize(("dialect", "name"), [(ARDUPILOT, "RTL_ALT_TYPE"), (PX4, "MPC_ALT_MODE")])
+def test_a_way_to_follow_the_ground_that_nobody_here_knows_is_a_warning(dialect: Dialect, name: str) -> None:
+    [check] = terrain.following(said(dialect, **{name: 9.0}), dialect)
+    assert (check.severity, check.text) == (
+        Severity.WARNING,
+        f"may follow the ground by itself: {name} 9 is unknown",
+    )
+
+
+@BOTH
+def test_figures_that_a_firmware_does_not_have_are_planned_with_and_said(dialect: Dialect) -> None:
+    name = dialect.tunings[0].parameter
+    assert checks.flight_times(said(dialect), dialect) == []
+    [check] = checks.flight_times(lacking(said(dialect), name), dialect)
+    assert (check.severity, name in check.text) == (Severity.WARNING, True)
+
+
+EARLY = "as soon as its time left in the air is only just enough to come home"
+
+
+@pytest.mark.parametrize(
+    ("version", "changes", "early"),
+    [
+        ((1, 17, 0), {"COM_FLTT_LOW_ACT": 0.0}, []),
+        ((1, 16, 0), {"COM_FLTT_LOW_ACT": 3.0}, [f"RTL {EARLY} (COM_FLTT_LOW_ACT=3)"]),
+        ((1, 16, 0), {"COM_FLTT_LOW_ACT": 2.0}, [f"unknown action {EARLY} (COM_FLTT_LOW_ACT=2)"]),
+        ((1, 17, 0), {"COM_LOW_BAT_ACT": 3.0}, []),
+        ((1, 18, 0), {"COM_LOW_BAT_ACT": 3.0}, [f"RTL {EARLY} (COM_LOW_BAT_ACT=3)"]),
+        ((1, 18, 0), {"COM_LOW_BAT_ACT": 5.0}, []),
+        ((1, 18, 0), {"COM_LOW_BAT_ACT": 9.0}, []),
+        (None, {"COM_LOW_BAT_ACT": 3.0}, [f"RTL {EARLY} (COM_LOW_BAT_ACT=3) from 1.18 on"]),
+    ],
+)
+def test_a_return_long_before_the_battery_is_low(
+    version: tuple[int, int, int] | None, changes: dict[str, float], early: list[str]
+) -> None:
+    facts = replace(said(PX4, **changes), version=None if version is None else Version(*version))
+    found = checks.battery_failsafes(facts, PX4, 40.0)
+    assert [check.text for check in found[1:]] == [
+        f"battery failsafe: {one}: it may leave its mission" for one in early
+    ]
+    assert all(check.severity is Severity.WARNING for check in found[1:])
+
+
+@pytest.mark.parametrize(("value", "last"), [(4.0, "flight termination"), (5.0, "land")])
+def test_what_newer_px4_does_on_a_low_battery_has_words(value: float, last: str) -> None:
+    [check] = checks.battery_failsafes(said(PX4, COM_LOW_BAT_ACT=value), PX4, 40.0)
+    assert check.severity is Severity.OK
+    assert check.text == (
+        f"battery failsafe: RTL below 7 % (COM_LOW_BAT_ACT={value:g}), {last} below 5 % (COM_LOW_BAT_ACT={value:g})"
+    )

@@ -1,0 +1,106 @@
+"""Three real autopilots behind one radio of 2 kB/s: everything is asked, set and put on board."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import subprocess
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import common as mav
+
+from executor.adapters.clock import SystemClock
+from executor.core.preflight.checks import Severity
+from executor.flight import linking
+from executor.flight.flight_order import Order
+from executor.flight.parameter_changes import apply_changes, read_changes
+from executor.flight.preparing import examined, interviews, load_all
+from executor.simulated.demo_site import demo_site
+from executor.site import assembly
+from executor.site.assembly import Ground
+from executor.site.config import check_site
+from missions import dialect_for
+from simulator.channel import LinkCondition
+from tests.executor.virtual.short_line import shared, write_line
+from tests.sitl.flights import Story, WatchfulConsole
+from tests.sitl.radio import Radio
+from tests.sitl.real import BOTH, PX4, RELAYED, Autopilot, RealVehicle, Wanted, running
+
+pytestmark = [pytest.mark.sitl, pytest.mark.timeout(590)]
+
+RADIO = LinkCondition(rate_bytes_s=2000.0, delay_s=0.3)
+PX4_RATE = 1200
+"""MAV_0_RATE of a radio; without one PX4 in simulation sends ten times what passes."""
+
+
+def ground_of(folder: Path, autopilot: Autopilot) -> Ground:
+    ports = range(autopilot.port + RELAYED, autopilot.port + RELAYED + 3)
+    site = demo_site(
+        network=write_line(folder / "line.geojson"), radius_m=1e6, vehicles=3, speedup=1.0, autopilot=autopilot.name,
+        ports=ports,
+    )  # fmt: skip
+    site["flight"] = {"speedup": 1.0, "connect_timeout_s": 120.0, "ready_timeout_s": 240.0}
+    return assembly.ground_of(check_site(site, "test"), folder)
+
+
+def slowed(number: int, folder: Path) -> None:
+    """Have a PX4 speak as over a radio: it does not throttle itself on a network."""
+    client = Path(os.environ.get("FAULTLINE_PX4_BUILD", "")) / "bin" / "px4-mavlink"
+    if not client.exists():
+        pytest.skip("FAULTLINE_PX4_BUILD: expected the build directory of PX4, with bin/px4-mavlink")
+    port = str(14580 + number)
+    for arguments in (
+        ["stop", "-u", port],
+        ["start", "-x", "-u", port, "-r", str(PX4_RATE), "-f", "-o", str(PX4.port + number)],
+    ):
+        subprocess.run([client, "--instance", str(number), *arguments], cwd=folder, check=True, capture_output=True)
+
+
+@BOTH
+def test_a_checklist_and_missions_over_a_slow_radio(autopilot: Autopilot, tmp_path: Path) -> None:
+    if autopilot.binary is None:
+        pytest.skip(f"{autopilot.variable}: expected the path of a real {autopilot.name}")
+    ground = ground_of(tmp_path, autopilot)
+    setup = assembly.setup_of(ground)
+    pads = {pad.vehicle: pad for pad in setup.pads}
+    wanted = Wanted(pads, ground.network.frame, 1.0, {}, frozenset())
+    order = Order(ground.site, tmp_path, ground, shared(ground), tmp_path, lambda _: ())
+    ports = range(autopilot.port, autopilot.port + 3)
+    radio = Radio(ports, range(ports.start + RELAYED, ports.stop + RELAYED), RADIO)
+    with radio.running(), running(autopilot, Path(autopilot.binary), tmp_path / "work", wanted) as vehicles:
+        if autopilot is PX4:
+            for number, name in enumerate(vehicles):
+                slowed(number, tmp_path / "work" / name)
+        asyncio.run(_prepare(order, autopilot, vehicles, radio))
+
+
+async def _prepare(order: Order, autopilot: Autopilot, vehicles: Mapping[str, RealVehicle], radio: Radio) -> None:
+    clock, console, began_s = SystemClock(1.0), WatchfulConsole(Story()), time.monotonic()
+
+    def told(what: str) -> None:
+        print(f"{time.monotonic() - began_s:6.1f} s {what}; down, up: {radio.bytes[False]}, {radio.bytes[True]} bytes")
+
+    async with linking.open_links(order, clock, recorded=False) as links:
+        facts = await interviews(order, links, clock, console)
+        told(f"asked, {[len(one.parameters) for one in facts.values()]} parameters")
+        context, boards, found = examined(order, facts)
+        proposal = await read_changes(context, links, clock)
+        told("looked at what is to be set")
+        found += proposal.checks
+        print("\n".join(f"{one.severity.value} {one.subject}: {one.text}" for one in found))
+        assert not [one.text for one in found if one.severity is Severity.STOP]
+        assert not any(one.unread for one in facts.values())
+        await apply_changes(order.run, proposal, context, links, clock, console)
+        told("set")
+        await load_all(context, links, clock, boards, console)
+        told(f"on board; {len(radio.items)} items, {sum(radio.items.values())} sent, at most "
+             f"{max(radio.items.values())} times")  # fmt: skip
+    rule = dialect_for(autopilot.name).return_parameters
+    for name, vehicle in vehicles.items():
+        question = mav.MAVLink_param_request_read_message(vehicle.sysid, 1, rule.height.encode(), -1)
+        height_m = vehicle.other.ask(question, "PARAM_VALUE").param_value * rule.unit_m
+        assert height_m == pytest.approx(context.return_height_m(name), abs=0.2)
+    assert max(radio.items.values()) <= 2
