@@ -9,7 +9,7 @@ from enum import StrEnum
 from missions.errors import NetworkError
 from missions.files import MOST_FIGURE
 from missions.readers.attributes import LINES, heights_of, name_of
-from missions.readers.choice import Choice
+from missions.readers.choice import Choice, quoted_names
 from missions.readers.crs import ToWgs84
 from missions.readers.drawing import Attributes, Depot, Drawing, Line, Matter, Pole, Remark
 
@@ -58,7 +58,8 @@ def wanted_layers(layers: Sequence[Layer], source: str, choice: Choice) -> list[
     """
     useful = [layer for layer in layers if layer.kind is not Kind.OTHER]
     if not useful:
-        raise NetworkError(f"{source}: layers: expected one of lines, found none of lines or points")
+        others = f" but {quoted_names(layer.name for layer in layers)}" if layers else ""
+        raise NetworkError(f"{source}: layers: expected one of lines, found none of lines or points{others}")
     names = choice.chosen_layers(source, [layer.name for layer in useful])
     wanted = [layer for layer in useful if layer.name in names]
     for kind in (Kind.POINT, Kind.LINE):

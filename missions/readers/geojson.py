@@ -17,11 +17,12 @@ and one whose ``elevation_m`` it contradicts.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from missions.errors import NetworkError
-from missions.files import is_figure, printable
+from missions.files import is_figure, parse_json, printable
 from missions.readers.attributes import LINES, heights_of, name_of
 from missions.readers.choice import Choice
 from missions.readers.crs import ToWgs84, to_wgs84
@@ -58,8 +59,9 @@ def draw_geojson(document: Mapping[str, object], source: str, choice: Choice) ->
     """
     choice.no_layers(source, FORMAT)
     choice.no_crs(source, FORMAT)
+    check_whole(document, source)
     system = system_of(document, source)
-    drawing = Drawing(source, FORMAT, crs=system.words, flat=document.get(FLAT) is True)
+    drawing = choice.drawing(source, FORMAT, system.words, flat=document.get(FLAT) is True)
     for feature in features_of(document, source):
         if feature.kind == "Point":
             _add_point(drawing, feature, system)
@@ -74,6 +76,63 @@ def draw_geojson(document: Mapping[str, object], source: str, choice: Choice) ->
             drawing.found.append(Remark(Matter.LEFT_OUT, place, f"a {feature.kind}: left out, it is no line"))
     _check_names(drawing)
     return drawing
+
+
+def parse_features(text: str, source: str) -> Mapping[str, object]:
+    """Return the JSON object of a text; of GeoJSON lines, one feature a line, a collection of them.
+
+    Raises:
+        NetworkError: it is none.
+    """
+    first, _, rest = text.strip("\x1e \t\r\n").partition("\n")
+    if rest and first.rstrip().endswith("}") and _is_feature(first):
+        lines = [(number, line.strip("\x1e \t\r")) for number, line in enumerate(text.split("\n"), 1)]
+        features = [parse_json(line, f"{source}: line {number}", NetworkError) for number, line in lines if line]
+        return {"type": "FeatureCollection", "features": features}
+    document = parse_json(text.strip("\x1e \t\r\n"), source, NetworkError)
+    if not isinstance(document, dict):
+        raise NetworkError(f"{source}: content: expected a JSON object")
+    return document
+
+
+def _is_feature(line: str) -> bool:
+    try:
+        found = json.loads(line)
+    except ValueError:
+        return False
+    return isinstance(found, dict) and found.get("type") == "Feature"
+
+
+def check_whole(document: Mapping[str, object], source: str) -> None:
+    """Refuse the part of an answer whose server says that there is more: ArcGIS, WFS and OGC API Features.
+
+    Raises:
+        NetworkError: it is a part.
+    """
+    inner = document.get("properties")
+    for said in (document, inner if isinstance(inner, dict) else {}):
+        if said.get("exceededTransferLimit") is True:
+            raise NetworkError(
+                f"{source}: exceededTransferLimit: expected all features, the server sent a part: ask for the rest "
+                "(resultOffset); taken out, the part is read as it is"
+            )
+    matched, returned = (document.get(key) for key in ("numberMatched", "numberReturned"))
+    matched = document.get("totalFeatures") if matched is None else matched
+    features = document.get("features")
+    returned = len(features) if returned is None and isinstance(features, list) else returned
+    known = is_figure(matched) and is_figure(returned)
+    if is_figure(matched) and is_figure(returned) and matched > returned:
+        raise NetworkError(
+            f"{source}: numberMatched: expected all {matched:g} features, the server sent {returned:g}: ask for the "
+            "rest (limit, count, the link 'next'); taken out, the part is read as it is"
+        )
+    links = document.get("links")
+    for link in links if isinstance(links, list) and not known else ():
+        if isinstance(link, dict) and link.get("rel") == "next":
+            raise NetworkError(
+                f"{source}: links: expected all features, the server sent a part and a link to the next: ask for the "
+                "rest; taken out, the part is read as it is"
+            )
 
 
 def system_of(document: Mapping[str, object], source: str) -> ToWgs84:
@@ -98,6 +157,11 @@ def features_of(document: Mapping[str, object], source: str) -> Iterator[GeoFeat
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
+    if document.get("type") == "Feature":
+        document = {"type": "FeatureCollection", "features": [document]}
+    error = document.get("error")
+    if isinstance(error, dict):
+        raise NetworkError(f"{source}: content: expected features, got a server's error: {printable(str(error))[:200]}")
     features = document.get("features")
     if document.get("type") != "FeatureCollection" or not isinstance(features, list):
         raise NetworkError(f"{source}: type: expected a FeatureCollection with a list of features")

@@ -28,7 +28,7 @@ def draw_gpx(root: etree._Element, source: str, choice: Choice) -> Drawing:
     """
     choice.no_layers(source, FORMAT)
     choice.no_crs(source, FORMAT)
-    drawing = Drawing(source, FORMAT)
+    drawing = choice.drawing(source, FORMAT)
     for point in children(root, "wpt"):
         _add_pole(drawing, point, "")
     for line in children(root, "rte", "trk"):

@@ -16,7 +16,7 @@ from missions.errors import NetworkError
 from missions.files import is_figure, printable
 from missions.readers.attributes import figure_of
 from missions.readers.choice import Choice
-from missions.readers.drawing import Drawing, Line, Matter, Pole, Remark, Vertex
+from missions.readers.drawing import Drawing, Line, Matter, Pole, Remark, Vertex, why_nothing
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -41,6 +41,8 @@ class _Content:
 
     nodes: dict[str, _Node] = field(default_factory=dict)
     ways: dict[str, tuple[tuple[str, ...], Mapping[str, str]]] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+    """What the server says of its answer."""
 
 
 def draw_osm_xml(root: etree._Element, source: str, choice: Choice) -> Drawing:
@@ -51,6 +53,10 @@ def draw_osm_xml(root: etree._Element, source: str, choice: Choice) -> Drawing:
     """
     content = _Content()
     for element in root:
+        if element.tag == "remark":
+            content.remarks.append(printable(element.text or ""))
+        if element.get("action") == "delete" or element.get("visible") == "false":
+            continue  # of an editor that has not uploaded yet, or of a history
         if element.tag == "node":
             name = f"node {element.get('id')} (line {element.sourceline})"
             node = _node(element.get("lat"), element.get("lon"), _tags(element), f"{source}: {name}")
@@ -68,6 +74,8 @@ def draw_overpass(document: Mapping[str, object], source: str, choice: Choice) -
         NetworkError: one line that names the file, the place in it and what was expected.
     """
     elements, content = document.get("elements"), _Content()
+    if document.get("remark"):
+        content.remarks.append(printable(str(document["remark"])))
     if not isinstance(elements, list):
         raise NetworkError(f"{source}: elements: expected a list of nodes and ways")
     for index, element in enumerate(elements):
@@ -116,7 +124,14 @@ def _tags(element: etree._Element) -> dict[str, str]:
 def _drawn(content: _Content, source: str, what: str, choice: Choice) -> Drawing:
     choice.no_layers(source, what)
     choice.no_crs(source, what)
-    drawing = Drawing(source, what)
+    drawing = choice.drawing(source, what)
+    for remark in content.remarks:
+        if "error" in remark.lower() or "timed out" in remark.lower():
+            raise NetworkError(
+                f"{source}: remark: expected a whole answer, the server gave up: {remark}; ask again with a longer "
+                "[timeout:...] or for a smaller area"
+            )
+        drawing.found.append(Remark(Matter.WHOLE, source, f"the server remarks: {remark}"))
     used: dict[str, None] = {}
     for way, (references, tags) in content.ways.items():
         name, power = tags.get("name") or tags.get("ref") or f"way {way}", tags.get("power")
@@ -135,7 +150,9 @@ def _drawn(content: _Content, source: str, what: str, choice: Choice) -> Drawing
         used |= dict.fromkeys(reference for part in parts for reference in part)
     _add_poles(drawing, content, used)
     if not drawing.lines and not choice.looked:
-        raise NetworkError(f"{source}: ways: expected some with power = line or minor_line, found none")
+        raise NetworkError(
+            f"{source}: ways: expected some with power = line or minor_line, found none{why_nothing(drawing.found)}"
+        )
     return drawing
 
 

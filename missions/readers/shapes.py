@@ -19,6 +19,7 @@ from missions.readers.crs import ToWgs84, to_wgs84
 from missions.readers.drawing import Drawing, Matter, Remark
 from missions.readers.features import Feature, Kind, Layer, add_features, wanted_layers
 from missions.readers.opened import NEEDS, Archive, limited_content
+from missions.readers.shapeparts import PartError, whole_shapes
 
 if TYPE_CHECKING:
     import shapefile
@@ -76,7 +77,7 @@ def draw_zipped_shapes(archive: Archive, source: str, choice: Choice) -> Drawing
 def _drawn(every: list[_Shapes], source: str, choice: Choice) -> Drawing:
     if find_spec("shapefile") is None:
         raise NetworkError(f"{source}: a shapefile {NEEDS}")
-    drawing, systems = Drawing(source, FORMAT), []
+    drawing, systems = choice.drawing(source, FORMAT), []
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         readers = {shapes.name: _opened(shapes, source) for shapes in every}
@@ -97,11 +98,14 @@ def _opened(shapes: _Shapes, source: str) -> shapefile.Reader:
 
     if "dbf" not in shapes.files:
         raise NetworkError(f"{source}: {shapes.name}.dbf: expected the names and attributes beside the .shp")
+    try:
+        shp = whole_shapes(shapes.files["shp"], shapes.files.get("shx"), shapes.files["dbf"])
+    except (PartError, struct.error) as reason:
+        raise NetworkError(f"{source}: {shapes.name}: expected a whole shapefile: {reason}") from reason
     encoding = printable(shapes.files.get("cpg", b"utf-8").decode("ascii", "replace")) or "utf-8"
     try:
         return shapefile.Reader(
-            shp=io.BytesIO(shapes.files["shp"]), dbf=io.BytesIO(shapes.files["dbf"]),
-            shx=io.BytesIO(shapes.files["shx"]) if "shx" in shapes.files else None,
+            shp=io.BytesIO(shp), dbf=io.BytesIO(shapes.files["dbf"]),
             encoding=_known(encoding), encodingErrors="replace",
         )  # fmt: skip
     except (shapefile.ShapefileException, struct.error, ValueError, LookupError, OSError, TypeError) as reason:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import csv
 import io
 import itertools
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,11 +22,12 @@ from missions.files import is_figure, printable
 from missions.readers.attributes import LINES, NAMES, heights_of, name_of, said
 from missions.readers.choice import Choice, quoted_names
 from missions.readers.crs import ToWgs84, to_wgs84
-from missions.readers.drawing import Drawing, Line, Pole
+from missions.readers.drawing import Drawing, Line, Matter, Pole, Remark
 from missions.readers.opened import NEEDS, UNREADABLE, Archive
 
 if TYPE_CHECKING:
     import openpyxl
+    from openpyxl.worksheet._read_only import ReadOnlyWorksheet
 
 CSV, XLSX = "CSV", "XLSX"
 ORDER = ("order", "seq", "sequence", "position", "nr", "no")
@@ -34,12 +36,17 @@ EAST, NORTH = ("easting", "east", "x", "e"), ("northing", "north", "y", "n")
 POLE_NAMES = tuple(name for name in NAMES if name not in LINES)
 DELIMITERS = ";\t|,"
 MOST_ROWS = 500_000
+MOST_ABOVE = 30
+"""Rows with a title and the like above those with the names of the columns."""
+_SAID = re.compile(r"\ufeff?\"?sep=(.)\"?\s*", re.IGNORECASE)
+"""What Excel puts into the first line of a file for itself."""
+_HIDDEN = re.compile(rb'<row\b[^>]*\bhidden="(?:1|true)"')
 
 
 @dataclass(frozen=True, slots=True)
 class _Row:
     place: str
-    cells: Mapping[str, object]
+    cells: dict[str, object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,27 +58,49 @@ class _Member:
 
 
 def looks_like_table(text: str) -> bool:
-    """Return whether the first line of a text has the columns of a table of poles."""
-    header = {cell.lower() for cell in _header(text)}
-    return bool(header & {*LAT, *EAST}) and bool(header & {*LON, *NORTH})
+    """Return whether one of the first lines of a text has the columns of a table of poles."""
+    return _begin(text)[1]
 
 
-def draw_csv(text: str, source: str, choice: Choice) -> Drawing:
+def draw_csv(text: str, source: str, choice: Choice, *, remark: str = "") -> Drawing:
     """Return what a table in a text file shows; a comma, semicolon, tab or bar divides it.
+
+    Args:
+        text: The file's.
+        source: Its name, for messages.
+        choice: What of it is wanted.
+        remark: What is to be said of how its text was read.
 
     Raises:
         NetworkError: one line that names the file, the row and what was expected.
     """
     choice.no_layers(source, CSV)
-    delimiter = _delimiter(text)
+    (delimiter, _), found = _begin(text), [Remark(Matter.FILE, CSV, remark)] if remark else []
     try:
-        rows = [
-            (f"line {number}", row)
-            for number, row in enumerate(csv.reader(io.StringIO(text, newline=None), delimiter=delimiter), 1)
-        ]
+        reader = csv.reader(io.StringIO(text.lstrip("\ufeff"), newline=None), delimiter=delimiter, strict=True)
+        rows = [(f"line {reader.line_num}", row) for row in reader]
     except csv.Error as reason:
-        raise NetworkError(f"{source}: content: expected a table: {reason}") from reason
-    return _drawn(_rows(rows, source, comma=delimiter != ","), source, CSV, choice)
+        words = "a quote that is not closed" if "end of data" in str(reason) else str(reason)
+        raise NetworkError(f"{source}: line {reader.line_num}: expected a table: {words}") from reason
+    rows = rows[1:] if _SAID.fullmatch(text.partition("\n")[0]) else rows
+    table = _table(rows, source, CSV, found)
+    if rows and not text.endswith(("\n", "\r")):
+        _check_end(table, source, found)
+    return _drawn(_rows(table, source, comma=delimiter != ","), source, CSV, choice, found)
+
+
+def _check_end(table: Sequence[tuple[str, Sequence[object]]], source: str, found: list[Remark]) -> None:
+    """Look at a last line without its end: was the file cut off there?"""
+    (place, last), others = table[-1], [row for _, row in table[1:-1]]
+    if len(last) < len(table[0][1]):
+        raise NetworkError(
+            f"{source}: {place}: expected {len(table[0][1])} cells as in the first row, got {len(last)}: the file ends "
+            "in the middle of a line"
+        )
+    lengths = [len(str(row[-1]).strip()) for row in others if len(row) == len(last)]
+    if len(table) > 1 and lengths and len(str(last[-1]).strip()) < min(lengths):
+        text = f"{place}, the last, ends with {str(last[-1])!r} and without an end of line: was the file cut off there?"
+        found.append(Remark(Matter.WHOLE, source, text))
 
 
 def draw_xlsx(archive: Archive, content: bytes, source: str, choice: Choice) -> Drawing:
@@ -92,43 +121,82 @@ def draw_xlsx(archive: Archive, content: bytes, source: str, choice: Choice) -> 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and extensions that are not read
             book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
-        rows = _sheet(book, source, choice)
+        sheet = _sheet(book, source, choice)
+        hidden = _hidden_rows(archive, sheet)
+        rows = _cells(sheet)
     except (
         *UNREADABLE, InvalidFileException, SyntaxError, KeyError, TypeError, AttributeError, IndexError,
     ) as reason:  # fmt: skip
         raise NetworkError(f"{source}: content: expected a workbook: {printable(str(reason))}") from reason
-    return _drawn(_rows(rows, source, comma=False), source, XLSX, choice)
+    found: list[Remark] = []
+    if hidden:
+        text = f"{hidden} rows are hidden, as by a filter: they are read all the same"
+        found.append(Remark(Matter.WHOLE, source, text))
+    return _drawn(_rows(_table(rows, source, XLSX, found), source, comma=False), source, XLSX, choice, found)
 
 
-def _sheet(book: openpyxl.Workbook, source: str, choice: Choice) -> list[tuple[str, Sequence[object]]]:
+def _sheet(book: openpyxl.Workbook, source: str, choice: Choice) -> ReadOnlyWorksheet:
     titles = [sheet.title for sheet in book.worksheets]
     wanted = choice.chosen_layers(source, titles, "sheet")
+    if not choice.layers and len(wanted) > 1:
+        wanted = tuple(sheet.title for sheet in book.worksheets if sheet.sheet_state == "visible")
     if len(wanted) != 1:
         raise NetworkError(f"{source}: layer: expected one sheet of {quoted_names(titles)}, found {len(wanted)}")
-    sheet = book[wanted[0]]
+    return book[wanted[0]]
+
+
+def _cells(sheet: ReadOnlyWorksheet) -> list[tuple[str, Sequence[object]]]:
     sheet.reset_dimensions()  # what a sheet says of its own size may be anything
     rows = zip(range(1, MOST_ROWS + 3), sheet.iter_rows(values_only=True), strict=False)
-    return [(f"sheet {wanted[0]!r} row {number}", row) for number, row in rows]
+    return [(f"sheet {sheet.title!r} row {number}", row) for number, row in rows]
 
 
-def _header(text: str) -> list[str]:
-    first = text.lstrip("\ufeff").partition("\n")[0]
-    return [cell.strip().strip('"') for cell in first.split(_delimiter(text))]
+def _hidden_rows(archive: Archive, sheet: ReadOnlyWorksheet) -> int:
+    """Return how many rows people do not see in a sheet, which is read row by row and does not say so itself."""
+    path = str(getattr(sheet, "_worksheet_path", "")).lstrip("/")
+    return len(_HIDDEN.findall(archive.read(path))) if path in archive.names else 0
 
 
-def _delimiter(text: str) -> str:
-    first = text.partition("\n")[0]
-    return max(DELIMITERS, key=first.count)
+def _begin(text: str) -> tuple[str, bool]:
+    """Return what divides the cells of a text, and whether one of its first lines has the columns of a table."""
+    lines = re.split("\r\n|\r|\n", text.lstrip("\ufeff"), maxsplit=MOST_ABOVE + 1)[: MOST_ABOVE + 1]
+    said = _SAID.fullmatch(lines[0])
+    for line in lines:
+        for delimiter in DELIMITERS if said is None else said[1]:
+            if _has_columns([cell.strip().strip('"') for cell in line.split(delimiter)]):
+                return delimiter, True
+    return max(DELIMITERS, key=lines[0].count) if said is None else said[1], False
 
 
-def _rows(rows: Sequence[tuple[str, Sequence[object]]], source: str, *, comma: bool) -> Iterator[_Row]:
+def _has_columns(row: Sequence[object]) -> bool:
+    names = {printable(cell).lower() for cell in row if isinstance(cell, str)}
+    return bool(names & {*LAT, *EAST}) and bool(names & {*LON, *NORTH})
+
+
+def _table(
+    rows: Sequence[tuple[str, Sequence[object]]], source: str, what: str, found: list[Remark]
+) -> list[tuple[str, Sequence[object]]]:
+    """Return the rows from the names of the columns on, without empty ones; a title above is said.
+
+    Raises:
+        NetworkError: there are too many, or none.
+    """
     filled = [(place, row) for place, row in rows if any(cell not in {None, ""} for cell in row)]
     if len(filled) > MOST_ROWS:
         raise NetworkError(f"{source}: content: expected at most {MOST_ROWS} rows")
     if not filled:
         raise NetworkError(f"{source}: content: expected a row of column names, found none")
-    header = [printable(str(cell)) if cell is not None else "" for cell in filled[0][1]]
-    for place, row in filled[1:]:
+    begin = next((at for at, (_, row) in enumerate(filled[: MOST_ABOVE + 1]) if _has_columns(row)), 0)
+    if begin:
+        first = printable(str(next(cell for cell in filled[0][1] if cell not in {None, ""})))[:60]
+        count = "a row" if begin == 1 else f"{begin} rows"
+        found.append(Remark(Matter.FILE, what, f"{count} above the names of the columns, {first!r}: not read"))
+    return filled[begin:]
+
+
+def _rows(table: Sequence[tuple[str, Sequence[object]]], source: str, *, comma: bool) -> Iterator[_Row]:
+    header = [printable(str(cell)) if cell is not None else "" for cell in table[0][1]]
+    for place, row in table[1:]:
         if len(row) > len(header) and any(cell not in {None, ""} for cell in row[len(header) :]):
             raise NetworkError(f"{source}: {place}: expected {len(header)} cells as in the first row, got {len(row)}")
         cells = {name: _cell(cell, comma=comma) for name, cell in zip(header, row, strict=False) if name}
@@ -143,7 +211,7 @@ def _cell(cell: object, *, comma: bool) -> object:
     return text.replace(",", ".") if comma and text.replace(",", "", 1).lstrip("+-").isdigit() else text
 
 
-def _drawn(rows: Iterator[_Row], source: str, what: str, choice: Choice) -> Drawing:
+def _drawn(rows: Iterator[_Row], source: str, what: str, choice: Choice, found: list[Remark]) -> Drawing:
     every = list(rows)
     if not every:
         raise NetworkError(f"{source}: content: expected rows of poles below the column names, found none")
@@ -154,16 +222,40 @@ def _drawn(rows: Iterator[_Row], source: str, what: str, choice: Choice) -> Draw
             f"{source}: columns: expected one that says which pole follows which, {quoted_names(ORDER)}, "
             f"got {quoted_names(columns)}"
         )
-    drawing = Drawing(source, what, crs=system.words)
+    drawing = choice.drawing(source, what, system.words)
+    drawing.found += found
     members: dict[str, list[_Member]] = {}
-    for row in every:
-        if choice.takes(row.cells):
+    for row, line, cells in _with_lines(every, drawing):
+        if choice.takes(cells):
             x, y = (_figure(row, keys, source) for keys in horizontal)
-            line = name_of(row.cells, LINES)
             members.setdefault(line, []).append(_Member(_figure(row, ORDER, source), row, x, y))
     for line, own in members.items():
         _add_line(drawing, line, own, system)
     return drawing
+
+
+def _with_lines(rows: Sequence[_Row], drawing: Drawing) -> Iterator[tuple[_Row, str, Mapping[str, object]]]:
+    """Yield every row with its line: where a table names one once for a group of rows, that of the row above.
+
+    With it comes what a filter goes by: what the group's first row says of the line is true of the others.
+
+    Raises:
+        NetworkError: rows above the first name have none, and others have.
+    """
+    names = [name_of(row.cells, LINES) for row in rows]
+    first, line, went_on = rows[0], "", 0
+    for row, name in zip(rows, names, strict=True):
+        if name or not any(names):
+            first, line = row, name
+            yield row, line, row.cells
+            continue
+        if not line:
+            raise NetworkError(f"{drawing.source}: {row.place}: {LINES[0]}: expected its name, as other rows have it")
+        went_on += 1
+        yield row, line, first.cells | {key: cell for key, cell in row.cells.items() if cell not in {None, ""}}
+    if went_on:
+        text = f"{went_on} rows without the name of their line: taken for that of the line above them"
+        drawing.found.append(Remark(Matter.FILE, drawing.format, text))
 
 
 def _system(

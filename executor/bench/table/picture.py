@@ -8,7 +8,8 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from executor.analysis.pictures.style import COLOURS, DPI, FAINT, INK, MARKERS, PAPER, WIDTH_IN
+from executor.analysis.pictures import save
+from executor.analysis.pictures.style import COLOURS, FAINT, INK, MARKERS, PAPER, WIDTH_IN
 from executor.bench.table.cells import Cell
 from executor.bench.table.report import COST_NAMES
 
@@ -30,7 +31,7 @@ def draw_table(cells: Sequence[Cell], path: Path) -> None:
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=10)
     figure.suptitle("Largest re-plan window found, by cost function", color=INK, fontsize=13, fontweight="bold")
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=DPI)
+    save(figure, path)
 
 
 def _panel(axes: Axes, cells: Sequence[Cell]) -> None:
