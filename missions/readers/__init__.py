@@ -46,8 +46,6 @@ FIRST = (Matter.WHOLE, Matter.FILTER)
 SAME_DEPOT_M = 100.0
 """A site's depot without a height takes that of the file's when it is this near."""
 GRAPH = "graph file"
-STRIPPED = " \t\r\n\x1e"
-"""Before JSON; the last is what GeoJSON text sequences begin with."""
 XML = (".kml", ".gpx", ".osm", ".xml")
 """Whatever is in them: UTF-16 does not begin with a bracket."""
 FORMATS = (
@@ -174,8 +172,8 @@ def _drawn_by_content(path: Path, source: str, choice: Choice) -> Drawing | str:
     if path.suffix.lower() in XML or content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         return _drawn_xml(content, source, choice)
     text, remark = text_of_table(content, source, choice.encoding)
-    if text.lstrip(STRIPPED).startswith("{"):
-        return _drawn_json(decoded(content, source, NetworkError).lstrip(STRIPPED), source, choice)
+    if text.lstrip().startswith("{"):
+        return _drawn_json((decoded(content, source, NetworkError) if remark else text).lstrip(), source, choice)
     if "pylons_position" in text:
         return decoded(content, source, NetworkError)
     if table.looks_like_table(text) or path.suffix.lower() == ".csv":
@@ -292,7 +290,7 @@ def _cut(built: Built, frame: LocalFrame, radius_m: float) -> Built:
     lines = {segment.label: built.lines.get(segment.label, "") for segment in segments}
     known = {pylon.id for pylon in built.pylons} | set(built.lines) | set(built.lines.values())
     gone = known - {pylon.id for pylon in pylons} - set(lines) - set(lines.values())
-    return Built(pylons, segments, lines, tuple(one for one in built.found if one.asset not in gone))
+    return Built(pylons, segments, lines, tuple(one for one in built.found if (one.about or one.asset) not in gone))
 
 
 def _own_depot(drawing: Drawing, known: LocalFrame | None) -> tuple[LocalFrame | None, bool]:

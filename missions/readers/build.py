@@ -265,7 +265,7 @@ def _lay(chains: Sequence[_Chain], spans: _Spans, max_span_m: float | None) -> N
                     spans.add(one, other, label, chain.line.name or chain.line.place)
                 else:
                     text = f"runs over the same poles as {spans.labels[twin]}: inspected once"
-                    spans.found.append(Remark(Matter.DUPLICATE, label or chain.asset, text))
+                    spans.found.append(Remark(Matter.DUPLICATE, label or chain.asset, text, spans.labels[twin]))
 
 
 def _divided(a: int, b: int, spans: _Spans, asset: str, max_span_m: float | None) -> list[int]:

@@ -56,6 +56,8 @@ class Remark:
     """The line's, span's or pole's name."""
     text: str
     """What was found of it and what was done."""
+    about: str = ""
+    """The span that there is of it, where that has another name."""
 
     @property
     def words(self) -> str:
@@ -170,7 +172,7 @@ class Drawing:
             NetworkError: there are too many vertices by now.
         """
         if self.near is not None and not self.near.reaches(places_of(line)):
-            self.far = next(places_of(line))
+            self.far = self.far or next(places_of(line))
             return
         self.vertices += sum(map(len, line.parts))
         if self.vertices > MOST_VERTICES:
@@ -188,7 +190,8 @@ class Drawing:
         lines, self.lines = self.lines, []
         for line in lines:
             self.draw(line)
-        kept, gone = [], []
+        kept: list[Pole] = []
+        gone: list[Pole] = []
         for pole in self.poles:
             (kept if near.reaches([(pole.lat_deg, pole.lon_deg)]) else gone).append(pole)
         if gone:

@@ -71,9 +71,10 @@ def draw_geojson(document: Mapping[str, object], source: str, choice: Choice) ->
         elif feature.kind in {"LineString", "MultiLineString"}:
             if choice.takes(feature.properties):
                 drawing.draw(_line(feature, source, system))
-        elif feature.kind is not None:
+        else:
+            what = "without a geometry" if feature.kind is None else f"a {feature.kind}"
             place = _name(feature) or feature.place
-            drawing.found.append(Remark(Matter.LEFT_OUT, place, f"a {feature.kind}: left out, it is no line"))
+            drawing.found.append(Remark(Matter.LEFT_OUT, place, f"{what}: left out, it is no line"))
     _check_names(drawing)
     return drawing
 
@@ -84,12 +85,12 @@ def parse_features(text: str, source: str) -> Mapping[str, object]:
     Raises:
         NetworkError: it is none.
     """
-    first, _, rest = text.strip("\x1e \t\r\n").partition("\n")
+    first, _, rest = text.strip().partition("\n")
     if rest and first.rstrip().endswith("}") and _is_feature(first):
-        lines = [(number, line.strip("\x1e \t\r")) for number, line in enumerate(text.split("\n"), 1)]
+        lines = [(number, line.strip()) for number, line in enumerate(text.split("\n"), 1)]
         features = [parse_json(line, f"{source}: line {number}", NetworkError) for number, line in lines if line]
         return {"type": "FeatureCollection", "features": features}
-    document = parse_json(text.strip("\x1e \t\r\n"), source, NetworkError)
+    document = parse_json(text.lstrip(), source, NetworkError)
     if not isinstance(document, dict):
         raise NetworkError(f"{source}: content: expected a JSON object")
     return document

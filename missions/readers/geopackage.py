@@ -9,7 +9,7 @@ from __future__ import annotations
 import sqlite3
 import struct
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from shutil import copyfile
 from tempfile import TemporaryDirectory
@@ -71,16 +71,18 @@ def opened(path: Path) -> Iterator[sqlite3.Connection]:
         OSError: it cannot be copied.
     """
     path = path.resolve()
-    with TemporaryDirectory(prefix="faultline-") as folder:
-        journals = [path.with_name(path.name + end) for end in JOURNALS]
-        live = any(one.is_file() and one.stat().st_size for one in journals)
-        file, how = (_copied(path, journals, Path(folder)), "rw") if live else (path, "ro&immutable=1")
-        with closing(sqlite3.connect(f"file:{quote(str(file))}?mode={how}", uri=True)) as database:
-            database.execute("PRAGMA trusted_schema = OFF")
-            database.execute("PRAGMA cell_size_check = ON")
-            left = iter(range(MOST_WORK))
-            database.set_progress_handler(lambda: int(next(left, None) is None), 1000)
-            yield database
+    journals = [path.with_name(path.name + end) for end in JOURNALS]
+    with ExitStack() as stack:
+        file, how = path, "ro&immutable=1"
+        if any(one.is_file() and one.stat().st_size for one in journals):
+            folder = stack.enter_context(TemporaryDirectory(prefix="faultline-"))
+            file, how = _copied(path, journals, Path(folder)), "rw"
+        database = stack.enter_context(closing(sqlite3.connect(f"file:{quote(str(file))}?mode={how}", uri=True)))
+        database.execute("PRAGMA trusted_schema = OFF")
+        database.execute("PRAGMA cell_size_check = ON")
+        left = iter(range(MOST_WORK))
+        database.set_progress_handler(lambda: int(next(left, None) is None), 1000)
+        yield database
 
 
 def _copied(path: Path, journals: Sequence[Path], folder: Path) -> Path:
@@ -165,6 +167,7 @@ def _features(database: sqlite3.Connection, table: str, column: str, source: str
         place = f"layer {table!r} feature {number if key is None else attributes.pop(key)}"
         blob = row[at]
         if blob is None:
+            yield Feature(place, Kind.OTHER, (), {})
             continue
         try:
             kind, parts = geometry_of(blob)

@@ -28,6 +28,7 @@ FORMAT = "KML"
 GEOMETRIES = ("Point", "LineString", "MultiGeometry", "Polygon", "LinearRing", "Track", "MultiTrack", "Model")
 ROOTS = ("kml", "Document", "Folder", "Placemark")
 """Elements that a file may begin with; programs leave out the outermost."""
+OVERLAYS = ("GroundOverlay", "PhotoOverlay", "Tour")
 CLAMPED = "clampToGround"
 MODES = {
     "absolute": "above sea level (absolute): kept, and not flown by",
@@ -93,6 +94,10 @@ def draw_kml(roots: Sequence[etree._Element], source: str, choice: Choice, *, in
     for link in links_of(roots, inside):
         text = "a link to another file: not followed"
         drawing.found.append(Remark(Matter.WHOLE, text_of(link, "name") or line_of(link), text))
+    for root in roots:
+        for overlay in root.iter(*(f"{{*}}{tag}" for tag in OVERLAYS)):
+            what = f"a {tag_of(overlay)}: left out, it is no line"
+            drawing.found.append(Remark(Matter.LEFT_OUT, text_of(overlay, "name") or line_of(overlay), what))
     for mode, count in modes.items():
         what = "position has an altitude" if count == 1 else "positions have an altitude"
         drawing.found.append(Remark(Matter.HEIGHTS, FORMAT, f"{count} {what} {MODES.get(mode, f'{mode}: not used')}"))
@@ -124,6 +129,8 @@ def _add(drawing: Drawing, mark: etree._Element, folder: str, choice: Choice, mo
             (points if tag == "Point" else parts).append(vertices)
         else:
             drawing.found.append(Remark(Matter.LEFT_OUT, name or place, f"a {tag}: left out, it is no line"))
+    if next(geometries_of(mark), None) is None:
+        drawing.found.append(Remark(Matter.LEFT_OUT, name or place, "without a geometry: left out, it is no line"))
     heights = heights_of(attributes, f"{drawing.source}: {place}") if points else (None, None)
     for vertices in points:
         lat_deg, lon_deg, third_m = vertices[0]

@@ -39,7 +39,8 @@ def whole_shapes(shp: bytes, shx: bytes | None, dbf: bytes) -> bytes:
 
 def _all_shapes(shp: bytes) -> list[bytes]:
     """Return the shapes of a file without its index."""
-    found, numbers, at = [], set(), HEADER
+    found: list[bytes] = []
+    numbers, at = set[int](), HEADER
     while at + 8 <= len(shp):
         number, words = struct.unpack_from(">ii", shp, at)
         if words < 2 or at + 8 + 2 * words > len(shp):
@@ -56,7 +57,7 @@ def _indexed(shp: bytes, shx: bytes) -> list[bytes]:
     (length,) = struct.unpack_from(">i", shx, 24)
     if 2 * length > len(shx):
         raise PartError(f"the .shx ends after {len(shx)} of {2 * length} bytes")
-    found = []
+    found: list[bytes] = []
     for number, (offset, words) in enumerate(
         struct.iter_unpack(">ii", shx[HEADER : HEADER + (len(shx) - 100) // 8 * 8])
     ):
