@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import stat
@@ -114,6 +113,4 @@ def write_document(path: Path, document: Mapping[str, object]) -> None:
         OSError: it cannot be written.
         ValueError: a figure is NaN or infinite.
     """
-    if path.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     write_whole(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())

@@ -171,8 +171,8 @@ class Drawing:
         Raises:
             NetworkError: there are too many vertices by now.
         """
-        if self.near is not None and not self.near.reaches(places_of(line)):
-            self.far = self.far or next(places_of(line))
+        if self.near is not None and not self.near.reaches(_places_of(line)):
+            self.far = self.far or next(_places_of(line))
             return
         self.vertices += sum(map(len, line.parts))
         if self.vertices > MOST_VERTICES:
@@ -201,6 +201,6 @@ class Drawing:
         self.spans = [span for span in self.spans if span.a not in lost and span.b not in lost]
 
 
-def places_of(line: Line) -> Iterator[tuple[float, float]]:
+def _places_of(line: Line) -> Iterator[tuple[float, float]]:
     """Yield latitude and longitude of every position of a line."""
     return ((lat_deg, lon_deg) for part in line.parts for lat_deg, lon_deg, _ in part)
