@@ -106,6 +106,7 @@ def understand(
         understood = _graph(drawing, str(path), choice, frame, anywhere=anywhere)
     else:
         choice.check_where(str(path))
+        drawing.finish()
         understood = _placed(drawing, build(drawing, wanted.mending), frame, depot, anywhere=anywhere)
     return understood if radius_m is None else _within(understood, radius_m)
 
@@ -203,7 +204,8 @@ def _placed(
     """Return a network about its depot: the caller's, or the file's, or where neither is, if it may, its middle."""
     if not built.segments:
         poles = f": {len(drawing.poles)} points and no line" if drawing.poles else ""
-        raise NetworkError(f"{drawing.source}: segments: expected at least one, found none{poles}")
+        left = f"; left out are {drawing.left_words}" if drawing.left else ""
+        raise NetworkError(f"{drawing.source}: segments: expected at least one, found none{poles}{left}")
     alt_known = given is not None and given[2] is not None
     if frame is None or not alt_known:
         frame, alt_known = _own_depot(drawing, frame)

@@ -141,7 +141,10 @@ def _frame_of(drawing: Drawing) -> LocalFrame:
                 )
         first = first or (max(min(lat_deg, MAX_LATITUDE_DEG), -MAX_LATITUDE_DEG), lon_deg)
     if first is None:
-        raise NetworkError(f"{drawing.source}: segments: expected at least one, found none: neither lines nor poles")
+        left = f"; left out are {drawing.left_words}" if drawing.left else ""
+        raise NetworkError(
+            f"{drawing.source}: segments: expected at least one, found none: neither lines nor poles{left}"
+        )
     return LocalFrame(*first)
 
 

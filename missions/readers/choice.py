@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from missions.errors import NetworkError
-from missions.readers.attributes import figure_of
+from missions.readers.attributes import plain_name
 from missions.readers.drawing import Attributes
+from missions.readers.values import figure_of
 
 OPERATORS: Mapping[str, Callable[[float, float], bool]] = {
     "<=": operator.le, ">=": operator.ge, "!=": operator.ne, "=": operator.eq, "<": operator.lt, ">": operator.gt,
@@ -91,6 +92,10 @@ class Choice:
             return False
         self.passed += 1
         return True
+
+    def asks_for(self, attribute: str) -> bool:
+        """Return whether a comparison is of an attribute, given by its plain name."""
+        return any(plain_name(term.attribute) == attribute for term in self.where)
 
     def check_where(self, source: str) -> None:
         """Refuse a filter that nothing of the file answers to.

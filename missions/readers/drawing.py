@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from missions.errors import NetworkError
@@ -14,6 +14,8 @@ Attributes = Mapping[str, object]
 
 MOST_VERTICES = 1_000_000
 """Of all lines together; what holds more is a country's, to be cut to what is flown."""
+NAMED = 3
+"""How many of what is left out are named."""
 
 
 class Matter(StrEnum):
@@ -117,6 +119,10 @@ class Drawing:
     flat: bool = False
     """Whether the file says that its ground is as high as the depot's everywhere."""
     vertices: int = 0
+    left: dict[str, list[str]] = field(default_factory=dict)
+    """What is no line and no pole, by what it is: the names of each."""
+    loose: dict[str, dict[int, str]] = field(default_factory=dict)
+    """Poles whose heights are used if all poles have them, and which attribute said them, by the pole's key."""
 
     def draw(self, line: Line) -> None:
         """Add a line.
@@ -131,3 +137,33 @@ class Drawing:
                 "cut of the file choose what is flown"
             )
         self.lines.append(line)
+
+    def leave_out(self, what: str, asset: str) -> None:
+        """Note something that is no line and no pole."""
+        self.left.setdefault(what, []).append(asset)
+
+    @property
+    def left_words(self) -> str:
+        """What was left out: how many of each kind, and the first of them; empty if nothing was."""
+        return ", ".join(
+            f"{len(names)} {what}{'s' if len(names) > 1 else ''} "
+            f"({', '.join(names[:NAMED])}{', ...' if len(names) > NAMED else ''})"
+            for what, names in self.left.items()
+        )
+
+    def finish(self) -> None:
+        """Say what was left out, and forget heights that only some poles have and nobody needs."""
+        for key, said in self.loose.items():
+            known = sum(getattr(pole, key) is not None for pole in self.poles)
+            if said and known < len(self.poles):
+                other = next(iter(said.values()))
+                text = f"{other} is known of {known} of {len(self.poles)} poles: not used"
+                self.found.append(Remark(Matter.HEIGHTS, self.format, text))
+                for index in said:
+                    self.poles[index] = _without(self.poles[index], key)
+        if self.left:
+            self.found.append(Remark(Matter.LEFT_OUT, self.format, self.left_words))
+
+
+def _without(pole: Pole, key: str) -> Pole:
+    return replace(pole, elevation_m=None) if key == "elevation_m" else replace(pole, height_m=None)

@@ -18,11 +18,22 @@ from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
-from missions.readers.attributes import LINES, NAMES, heights_of, name_of, said
+from missions.readers.attributes import ELEVATION, HEIGHT, LINES, POLES, flattened, heights_of, name_of, plain, said
 from missions.readers.choice import Choice, quoted_names
 from missions.readers.crs import ToWgs84, to_wgs84
 from missions.readers.drawing import Drawing, Line, Pole
+from missions.readers.meaning import Meaning, line_meaning, point_meaning
 from missions.readers.opened import NEEDS, UNREADABLE, Archive
+from missions.readers.values import (
+    EAST_WEST,
+    NORTH_SOUTH,
+    Rank,
+    decimal_mark_of,
+    degrees_of,
+    number_of,
+    rank_keys,
+    rank_of,
+)
 
 if TYPE_CHECKING:
     import openpyxl
@@ -31,9 +42,10 @@ CSV, XLSX = "CSV", "XLSX"
 ORDER = ("order", "seq", "sequence", "position", "nr", "no")
 LAT, LON = ("lat", "latitude", "lat_deg"), ("lon", "lng", "long", "longitude", "lon_deg")
 EAST, NORTH = ("easting", "east", "x", "e"), ("northing", "north", "y", "n")
-POLE_NAMES = tuple(name for name in NAMES if name not in LINES)
 DELIMITERS = ";\t|,"
 MOST_ROWS = 500_000
+LEFT = {Meaning.UNBUILT_POLE, Meaning.REMOVED_POLE, Meaning.DELETED}
+"""Poles over which the wires of their neighbours go."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,10 +56,12 @@ class _Row:
 
 @dataclass(frozen=True, slots=True)
 class _Member:
-    order: float
+    order: Rank
     row: _Row
     x: float
     y: float
+    is_pole: bool = True
+    is_buried: bool = False
 
 
 def looks_like_table(text: str) -> bool:
@@ -71,7 +85,7 @@ def draw_csv(text: str, source: str, choice: Choice) -> Drawing:
         ]
     except csv.Error as reason:
         raise NetworkError(f"{source}: content: expected a table: {reason}") from reason
-    return _drawn(_rows(rows, source, comma=delimiter != ","), source, CSV, choice)
+    return _drawn(_rows(rows, source), source, CSV, choice)
 
 
 def draw_xlsx(archive: Archive, content: bytes, source: str, choice: Choice) -> Drawing:
@@ -97,7 +111,7 @@ def draw_xlsx(archive: Archive, content: bytes, source: str, choice: Choice) -> 
         *UNREADABLE, InvalidFileException, SyntaxError, KeyError, TypeError, AttributeError, IndexError,
     ) as reason:  # fmt: skip
         raise NetworkError(f"{source}: content: expected a workbook: {printable(str(reason))}") from reason
-    return _drawn(_rows(rows, source, comma=False), source, XLSX, choice)
+    return _drawn(_rows(rows, source), source, XLSX, choice)
 
 
 def _sheet(book: openpyxl.Workbook, source: str, choice: Choice) -> list[tuple[str, Sequence[object]]]:
@@ -121,7 +135,7 @@ def _delimiter(text: str) -> str:
     return max(DELIMITERS, key=first.count)
 
 
-def _rows(rows: Sequence[tuple[str, Sequence[object]]], source: str, *, comma: bool) -> Iterator[_Row]:
+def _rows(rows: Sequence[tuple[str, Sequence[object]]], source: str) -> Iterator[_Row]:
     filled = [(place, row) for place, row in rows if any(cell not in {None, ""} for cell in row)]
     if len(filled) > MOST_ROWS:
         raise NetworkError(f"{source}: content: expected at most {MOST_ROWS} rows")
@@ -131,16 +145,9 @@ def _rows(rows: Sequence[tuple[str, Sequence[object]]], source: str, *, comma: b
     for place, row in filled[1:]:
         if len(row) > len(header) and any(cell not in {None, ""} for cell in row[len(header) :]):
             raise NetworkError(f"{source}: {place}: expected {len(header)} cells as in the first row, got {len(row)}")
-        cells = {name: _cell(cell, comma=comma) for name, cell in zip(header, row, strict=False) if name}
+        cells = {name: cell.strip() if isinstance(cell, str) else cell
+                 for name, cell in zip(header, row, strict=False) if name}  # fmt: skip
         yield _Row(place, cells)
-
-
-def _cell(cell: object, *, comma: bool) -> object:
-    """Return a cell; a text that is a number becomes one, with a decimal comma too where that divides no cells."""
-    if not isinstance(cell, str):
-        return cell
-    text = cell.strip()
-    return text.replace(",", ".") if comma and text.replace(",", "", 1).lstrip("+-").isdigit() else text
 
 
 def _drawn(rows: Iterator[_Row], source: str, what: str, choice: Choice) -> Drawing:
@@ -156,14 +163,41 @@ def _drawn(rows: Iterator[_Row], source: str, what: str, choice: Choice) -> Draw
         )
     drawing = Drawing(source, what, crs=system.words)
     members: dict[str, list[_Member]] = {}
+    mark = _mark_of(every, horizontal)
     for row in every:
-        if choice.takes(row.cells):
-            x, y = (_figure(row, keys, source) for keys in horizontal)
-            line = name_of(row.cells, LINES)
-            members.setdefault(line, []).append(_Member(_figure(row, ORDER, source), row, x, y))
+        member = _member(row, drawing, horizontal, mark, choice)
+        if member is not None:
+            members.setdefault(name_of(row.cells, LINES), []).append(member)
     for line, own in members.items():
-        _add_line(drawing, line, own, system)
+        _add_line(drawing, line, own, system, mark)
     return drawing
+
+
+def _mark_of(rows: Sequence[_Row], horizontal: Sequence[Sequence[str]]) -> str | None:
+    """Return the decimal mark that coordinates and heights of a table show; degrees need none."""
+    keys = (*horizontal, ELEVATION, HEIGHT)
+    cells = (said(row.cells, own) for row in rows for own in keys)
+    return decimal_mark_of(cell for cell in cells if isinstance(cell, str))
+
+
+def _member(
+    row: _Row, drawing: Drawing, horizontal: Sequence[Sequence[str]], mark: str | None, choice: Choice
+) -> _Member | None:
+    """Return a pole of a line; None for one that is left out: not built, not there any more, or not wanted."""
+    attributes = flattened(row.cells)
+    known = plain(attributes)
+    name = name_of(known, POLES) or row.place
+    (point, _), (line, key) = point_meaning(known, of_map=False), line_meaning(known, of_map=False)
+    if point in LEFT or (line is Meaning.DISUSED and not choice.asks_for(key)):
+        drawing.leave_out(point.value, name)
+        return None
+    if not choice.takes(attributes):
+        return None
+    is_pole, is_buried = point in {Meaning.POLE, Meaning.DISUSED_POLE}, line in {Meaning.UNDERGROUND, Meaning.CABLE}
+    if not is_pole or is_buried:
+        drawing.leave_out("pole of an underground line" if is_buried else point.value, name)
+    x, y = (_coordinate(row, keys, drawing.source, mark) for keys in horizontal)
+    return _Member(_rank(row, drawing.source), row, x, y, is_pole, is_buried)
 
 
 def _system(
@@ -182,25 +216,37 @@ def _system(
     return to_wgs84(choice.crs, source), (EAST, NORTH)
 
 
-def _figure(row: _Row, keys: Sequence[str], source: str) -> float:
+def _coordinate(row: _Row, keys: Sequence[str], source: str, mark: str | None) -> float:
     value = said(row.cells, keys)
-    try:
-        figure = float(value) if isinstance(value, str | int | float) else None
-    except ValueError:
-        figure = None
+    if keys in {LAT, LON}:
+        figure, what = degrees_of(value, NORTH_SOUTH if keys == LAT else EAST_WEST), "a number of degrees"
+    else:
+        figure, what = number_of(value, mark), "a number"
     if figure is None or not is_figure(figure):
-        raise NetworkError(f"{source}: {row.place}: {keys[0]}: expected a number, got {value!r}")
+        raise NetworkError(f"{source}: {row.place}: {keys[0]}: expected {what}, got {value!r}")
     return figure
 
 
-def _add_line(drawing: Drawing, line: str, members: list[_Member], system: ToWgs84) -> None:
-    members.sort(key=lambda member: member.order)
-    for one, other in itertools.pairwise(members):
-        if one.order == other.order:
+def _rank(row: _Row, source: str) -> Rank:
+    value = said(row.cells, ORDER)
+    rank = rank_of(value)
+    if rank is None:
+        raise NetworkError(f"{source}: {row.place}: {ORDER[0]}: expected a number, or one with letters, got {value!r}")
+    return rank
+
+
+def _add_line(drawing: Drawing, line: str, members: list[_Member], system: ToWgs84, mark: str | None) -> None:
+    keyed = sorted(zip(rank_keys([member.order for member in members]), members, strict=True), key=lambda pair: pair[0])
+    for (key, one), (next_key, other) in itertools.pairwise(keyed):
+        if key == next_key:
             raise NetworkError(
                 f"{drawing.source}: {other.row.place}: {ORDER[0]}: expected another than that of {one.row.place}, "
-                f"got {other.order:g}" + (f" twice in line {line!r}" if line else "")
+                f"got {other.order.text}" + (f" twice in line {line!r}" if line else "")
             )
+    members = [member for _, member in keyed]
+    if len(members) < 2 and drawing.left:
+        drawing.leave_out("line of one pole", line or members[0].row.place)
+        return
     if len(members) < 2:
         raise NetworkError(
             f"{drawing.source}: {members[0].row.place}: expected two poles or more of line {line!r}, found one"
@@ -208,8 +254,13 @@ def _add_line(drawing: Drawing, line: str, members: list[_Member], system: ToWgs
     places = [f"{drawing.source}: {member.row.place}" for member in members]
     found = system.lat_lon_deg([member.x for member in members], [member.y for member in members], places)
     for (lat_deg, lon_deg), member, place in zip(found, members, places, strict=True):
-        heights = heights_of(member.row.cells, place)
-        name = name_of(member.row.cells, POLE_NAMES)
-        drawing.poles.append(Pole(member.row.place, name, lat_deg, lon_deg, *heights, line=line))
-    vertices = tuple((lat_deg, lon_deg, None) for lat_deg, lon_deg in found)
-    drawing.draw(Line(members[0].row.place, line, (vertices,)))
+        heights = heights_of(member.row.cells, place, mark)
+        name = name_of(member.row.cells, POLES)
+        if member.is_pole and not member.is_buried:
+            drawing.poles.append(Pole(member.row.place, name, lat_deg, lon_deg, *heights, line=line))
+    # Between poles of which one is under the ground the wires are not in the air.
+    runs = itertools.groupby(zip(found, members, strict=True), key=lambda pair: pair[1].is_buried)
+    parts = [tuple((*at, None) for at, _ in run) for is_buried, run in runs if not is_buried]
+    parts = [part for part in parts if len(part) > 1]
+    if parts:
+        drawing.draw(Line(members[0].row.place, line, tuple(parts)))
