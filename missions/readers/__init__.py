@@ -106,7 +106,6 @@ def understand(
         understood = _graph(drawing, str(path), choice, frame, anywhere=anywhere)
     else:
         choice.check_where(str(path))
-        drawing.finish()
         understood = _placed(drawing, build(drawing, wanted.mending), frame, depot, anywhere=anywhere)
     return understood if radius_m is None else _within(understood, radius_m)
 

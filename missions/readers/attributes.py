@@ -30,7 +30,7 @@ ELEVATION = ("elevation_m", "elevation_")
 HEIGHT = ("height_m",)
 LOOSE = {"elevation_m": ("ele", "elevation"), "height_m": ("height",)}
 """What says the same where a unit stands beside the figure, or where OpenStreetMap says that it is metres."""
-NESTED = ("tags", "other_tags", "all_tags")
+NESTED = ("tags", "other_tags", "all_tags", "raw_tags", "osm_tags")
 """Attributes with attributes in them, of OpenStreetMap: a table, a text of one, or PostgreSQL's hstore."""
 NODE, WAY = "node", "way"
 

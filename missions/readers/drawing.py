@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from missions.errors import NetworkError
@@ -70,6 +70,8 @@ class Pole:
     third_m: float | None = None
     line: str = ""
     """What tells it from another line's pole of the same name."""
+    hinted: Mapping[str, str] = field(default_factory=dict)
+    """Which of its heights count only if all poles have them, and what said them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +123,6 @@ class Drawing:
     vertices: int = 0
     left: dict[str, list[str]] = field(default_factory=dict)
     """What is no line and no pole, by what it is: the names of each."""
-    loose: dict[str, dict[int, str]] = field(default_factory=dict)
-    """Poles whose heights are used if all poles have them, and which attribute said them, by the pole's key."""
 
     def draw(self, line: Line) -> None:
         """Add a line.
@@ -151,19 +151,8 @@ class Drawing:
             for what, names in self.left.items()
         )
 
-    def finish(self) -> None:
-        """Say what was left out, and forget heights that only some poles have and nobody needs."""
-        for key, said in self.loose.items():
-            known = sum(getattr(pole, key) is not None for pole in self.poles)
-            if said and known < len(self.poles):
-                other = next(iter(said.values()))
-                text = f"{other} is known of {known} of {len(self.poles)} poles: not used"
-                self.found.append(Remark(Matter.HEIGHTS, self.format, text))
-                for index in said:
-                    self.poles[index] = _without(self.poles[index], key)
-        if self.left:
-            self.found.append(Remark(Matter.LEFT_OUT, self.format, self.left_words))
-
-
-def _without(pole: Pole, key: str) -> Pole:
-    return replace(pole, elevation_m=None) if key == "elevation_m" else replace(pole, height_m=None)
+    @property
+    def remarks(self) -> list[Remark]:
+        """What was found, and in one line what was left out."""
+        left = [Remark(Matter.LEFT_OUT, self.format, self.left_words)] if self.left else []
+        return [*self.found, *left]

@@ -167,14 +167,11 @@ def add_points(drawing: Drawing, feature: Feature, system: ToWgs84, pole_names: 
 
 def _add_pole(drawing: Drawing, pole: Pole, known: Plain, *, of_map: bool) -> None:
     """Add a pole; heights that an attribute only hints at count if all poles of the file have them."""
-    found = {}
-    for key in LOOSE:
-        value_m, other = loose_metres(known, key, of_map=of_map)
-        if getattr(pole, key) is None and value_m is not None:
-            found[key] = value_m
-            drawing.loose.setdefault(key, {})[len(drawing.poles)] = other
+    hints = {key: loose_metres(known, key, of_map=of_map) for key in LOOSE if getattr(pole, key) is None}
+    found = {key: value_m for key, (value_m, _) in hints.items() if value_m is not None}
     elevation_m, height_m = found.get("elevation_m", pole.elevation_m), found.get("height_m", pole.height_m)
-    drawing.poles.append(replace(pole, elevation_m=elevation_m, height_m=height_m) if found else pole)
+    hinted = {key: hints[key][1] for key in found}
+    drawing.poles.append(replace(pole, elevation_m=elevation_m, height_m=height_m, hinted=hinted) if found else pole)
 
 
 def _is_of_map(feature: Feature, known: Plain) -> bool:

@@ -1,6 +1,6 @@
 """What a feature is of a power line, by its attributes.
 
-They are OpenStreetMap's tags, in whatever format they come, and what utilities write instead. Cables, lines that are not
+They are OpenStreetMap's tags in whatever format they come, and what utilities write instead. Cables, lines that are not
 built or not there any more, and what is no pole are never flown.
 """
 
@@ -40,8 +40,8 @@ CABLES = ("cable", "cables", "minor_cable", "power_cable", "underground_cable", 
 GENERATORS = ("generator", "plant", "power_plant", "power_station", "solar_farm", "wind_farm", "heliostat")
 SUBSTATIONS = ("substation", "sub_station", "station", "electrical_substation", "switchgear", "switching_station",
                "converter", "converter_station", "compensator", "cable_distribution_cabinet", "battery")  # fmt: skip
-NO_LINES = ("portal", "tower", "pole", "switch", "transformer", "insulator", "terminal", "catenary_mast", "connection",
-            "outlet", "circuit", *GENERATORS, *SUBSTATIONS)  # fmt: skip
+SUPPORTS = frozenset(("tower", "pole", "portal", "terminal", "catenary_mast", "insulator"))
+NO_LINES = (*SUPPORTS, "switch", "transformer", "connection", "outlet", "circuit", *GENERATORS, *SUBSTATIONS)
 NO_POLES = (*POWER_LINES, *CABLES, "marker", "bay", "busbar", "outlet", "circuit")
 INDOORS = ("bay", "busbar")
 
@@ -124,11 +124,24 @@ def point_meaning(known: Plain, *, of_map: bool) -> tuple[Meaning, str]:
     # What is out of use stands there all the same.
     if found is not None and not (found[0] is Meaning.DISUSED and power and power <= {*NO_LINES}):
         return OF_POLES[found[0]], found[1]
+    if power & SUPPORTS:
+        return Meaning.POLE, "power"
     # A type may be a pole's own: 'line' is one that the wires pass straight, 'cable' one where they go down.
     types = set() if power else {word for key in TYPE_KEYS for word in _words(known, key)}
     if power & {*NO_POLES} or (power | types) & {*GENERATORS, *SUBSTATIONS}:
         return _other(power | types), "power"
     return (Meaning.OTHER, "power") if of_map and not power else (Meaning.POLE, "power")
+
+
+def row_meaning(known: Plain) -> tuple[Meaning, Meaning, str]:
+    """Return what a row of a table is as a pole, what the line at it is, and which attribute says that.
+
+    Its attributes may be those of its line.
+    """
+    line, key = line_meaning(known, of_map=False)
+    of_line = _words(known, "power") & {*POWER_LINES, *CABLES, *INDOORS}
+    own = Plain((name, value) for name, value in known.items() if name != "power" or not of_line)
+    return point_meaning(own, of_map=False)[0], line, key
 
 
 def speaks_of_power(known: Plain) -> bool:

@@ -22,7 +22,7 @@ from missions.readers.attributes import ELEVATION, HEIGHT, LINES, POLES, flatten
 from missions.readers.choice import Choice, quoted_names
 from missions.readers.crs import ToWgs84, to_wgs84
 from missions.readers.drawing import Drawing, Line, Pole
-from missions.readers.meaning import Meaning, line_meaning, point_meaning
+from missions.readers.meaning import Meaning, row_meaning
 from missions.readers.opened import NEEDS, UNREADABLE, Archive
 from missions.readers.values import (
     EAST_WEST,
@@ -187,7 +187,7 @@ def _member(
     attributes = flattened(row.cells)
     known = plain(attributes)
     name = name_of(known, POLES) or row.place
-    (point, _), (line, key) = point_meaning(known, of_map=False), line_meaning(known, of_map=False)
+    point, line, key = row_meaning(known)
     if point in LEFT or (line is Meaning.DISUSED and not choice.asks_for(key)):
         drawing.leave_out(point.value, name)
         return None
