@@ -13,7 +13,7 @@ from missions.network import MAX_DISTANCE_M, Network
 from missions.readers import geojson, geopackage, gpx, kml, osm, shapes, table
 from missions.readers.build import SNAP_M, Built, Mending, build
 from missions.readers.choice import Choice, Term, parse_where
-from missions.readers.drawing import Drawing, Matter, Remark
+from missions.readers.drawing import Drawing, Matter, Remark, why_nothing
 from missions.readers.graph import parse_graph
 from missions.readers.opened import Archive, begin_of, limited_content
 from missions.readers.understood import Selection, Understood
@@ -134,7 +134,10 @@ def station_points(path: Path | str) -> dict[str, tuple[float, float, float | No
         raise NetworkError(f"{path}: content: expected a file with points, got a {GRAPH}")
     depot = drawing.depot
     found = {} if depot is None else {"depot": (depot.lat_deg, depot.lon_deg, depot.elevation_m)}
-    return found | {pole.name or pole.place: (pole.lat_deg, pole.lon_deg, pole.elevation_m) for pole in drawing.poles}
+    return found | {
+        pole.name or pole.place: (pole.lat_deg, pole.lon_deg, pole.elevation_m)
+        for pole in (*drawing.others, *drawing.poles)
+    }
 
 
 def _drawn(path: Path, choice: Choice) -> Drawing | str:
@@ -203,8 +206,8 @@ def _placed(
     """Return a network about its depot: the caller's, or the file's, or where neither is, if it may, its middle."""
     if not built.segments:
         poles = f": {len(drawing.poles)} points and no line" if drawing.poles else ""
-        left = f"; left out are {drawing.left_words}" if drawing.left else ""
-        raise NetworkError(f"{drawing.source}: segments: expected at least one, found none{poles}{left}")
+        why = why_nothing(drawing.remarks)
+        raise NetworkError(f"{drawing.source}: segments: expected at least one, found none{poles}{why}")
     alt_known = given is not None and given[2] is not None
     if frame is None or not alt_known:
         frame, alt_known = _own_depot(drawing, frame)

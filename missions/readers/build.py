@@ -19,7 +19,7 @@ from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.geometry import bends
 from missions.network import SHORTEST_SEGMENT_M, Pylon, Segment
 from missions.readers.aftermath import look_over
-from missions.readers.drawing import Drawing, Line, Matter, Remark, Vertex
+from missions.readers.drawing import Drawing, Line, Matter, Remark, Vertex, why_nothing
 from missions.readers.nodes import SAME_POLE_M, Nodes
 from missions.readers.planar import PlaceIndex
 
@@ -141,10 +141,8 @@ def _frame_of(drawing: Drawing) -> LocalFrame:
                 )
         first = first or (max(min(lat_deg, MAX_LATITUDE_DEG), -MAX_LATITUDE_DEG), lon_deg)
     if first is None:
-        left = f"; left out are {drawing.left_words}" if drawing.left else ""
-        raise NetworkError(
-            f"{drawing.source}: segments: expected at least one, found none: neither lines nor poles{left}"
-        )
+        why = f"neither lines nor poles{why_nothing(drawing.remarks)}"
+        raise NetworkError(f"{drawing.source}: segments: expected at least one, found none: {why}")
     return LocalFrame(*first)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -53,6 +53,11 @@ class Remark:
     def words(self) -> str:
         """The whole line."""
         return f"{self.asset}: {self.text}"
+
+
+def why_nothing(found: Iterable[Remark]) -> str:
+    """Return why nothing remains of a file, to be put behind a message."""
+    return "".join(f"; left out: {one.text}" for one in found if one.matter is Matter.LEFT_OUT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +126,8 @@ class Drawing:
     flat: bool = False
     """Whether the file says that its ground is as high as the depot's everywhere."""
     vertices: int = 0
+    others: list[Pole] = field(default_factory=list)
+    """Points that are no poles: a vehicle may stand at a substation."""
     left: dict[str, list[str]] = field(default_factory=dict)
     """What is no line and no pole, by what it is: the names of each."""
 

@@ -151,18 +151,20 @@ def add_points(drawing: Drawing, feature: Feature, system: ToWgs84, pole_names: 
     meaning, _ = point_meaning(known, of_map=of_map)
     # Programs write a point without a place as one of no numbers.
     positions = [at for at in itertools.chain.from_iterable(feature.parts) if not (isnan(at[0]) and isnan(at[1]))]
-    if not is_depot and (meaning is not Meaning.POLE or not positions):
-        drawing.leave_out(meaning.value if meaning is not Meaning.POLE else EMPTY, name or feature.place)
-        return
+    is_pole = meaning is Meaning.POLE and not is_depot
+    if not is_depot and not (is_pole and positions):
+        drawing.leave_out(meaning.value if positions else EMPTY, name or feature.place)
     _check_positions(positions, place)
-    heights, line = heights_of(known, place), name_of(known, LINES)
-    for x, y, third_m in positions:
-        ((lat_deg, lon_deg),) = system.lat_lon_deg([x], [y], place)
+    at = system.lat_lon_deg([x for x, _, _ in positions], [y for _, y, _ in positions], place)
+    heights = heights_of(known, place) if is_pole or is_depot else (None, None)
+    for (lat_deg, lon_deg), (_, _, third_m) in zip(at, positions, strict=True):
+        pole = Pole(feature.place, name, lat_deg, lon_deg, *heights, third_of(third_m), name_of(known, LINES))
         if is_depot:
             drawing.depot = drawing.depot or Depot(feature.place, lat_deg, lon_deg, heights[0])
-        else:
-            pole = Pole(feature.place, name, lat_deg, lon_deg, *heights, third_of(third_m), line)
+        elif is_pole:
             _add_pole(drawing, pole, known, of_map=of_map or "power" in known)
+        else:
+            drawing.others.append(pole)
 
 
 def _add_pole(drawing: Drawing, pole: Pole, known: Plain, *, of_map: bool) -> None:

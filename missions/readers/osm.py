@@ -16,7 +16,7 @@ from missions.files import is_figure, printable
 from missions.readers.attributes import NODE, WAY, plain
 from missions.readers.choice import Choice
 from missions.readers.crs import wgs84
-from missions.readers.drawing import Drawing, Matter, Remark
+from missions.readers.drawing import Drawing, Matter, Remark, why_nothing
 from missions.readers.features import Feature, Kind, Position, add_line, add_points, takes_line
 from missions.readers.meaning import POWER_LINES, speaks_of_power
 from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of
@@ -143,8 +143,8 @@ def _drawn(content: _Content, source: str, what: str, choice: Choice) -> Drawing
     if content.deleted:
         drawing.found.append(Remark(Matter.LEFT_OUT, what, f"{content.deleted} nodes and ways that are deleted"))
     if not drawing.lines and not choice.looked:
-        left = f": {drawing.left_words}" if drawing.left else ""
-        raise NetworkError(f"{source}: ways: expected some with power = {' or '.join(POWER_LINES)}, found none{left}")
+        power, why = " or ".join(POWER_LINES), why_nothing(drawing.remarks)
+        raise NetworkError(f"{source}: ways: expected some with power = {power}, found none{why}")
     return drawing
 
 
