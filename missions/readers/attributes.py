@@ -10,6 +10,7 @@ import json
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
@@ -43,6 +44,7 @@ class Plain(dict[str, object]):
     """Attributes by their plain names, without those that say nothing."""
 
 
+@lru_cache(maxsize=4096)
 def plain_name(key: str) -> str:
     """Return an attribute's name in small letters, with one kind of divider."""
     low = key.strip().lower()
@@ -50,7 +52,7 @@ def plain_name(key: str) -> str:
     return found if low.endswith("_") else found.strip("_")
 
 
-def plain(attributes: Attributes) -> Plain:
+def by_plain_name(attributes: Attributes) -> Plain:
     """Return attributes by their plain names, without those that say nothing."""
     if isinstance(attributes, Plain):
         return attributes
@@ -94,13 +96,13 @@ def _unescaped(text: str) -> str:
 
 def said(attributes: Attributes, keys: Sequence[str]) -> object:
     """Return the value of the first of some attributes that is there and says something."""
-    known = plain(attributes)
+    known = by_plain_name(attributes)
     return next((known[key] for key in keys if key in known), None)
 
 
 def name_of(attributes: Attributes, keys: Sequence[str] = NAMES) -> str:
     """Return what people call a feature; empty where nothing says so."""
-    known = plain(attributes)
+    known = by_plain_name(attributes)
     for key in keys:
         value = known.get(key)
         if isinstance(value, str | int | float) and not isinstance(value, bool):
@@ -118,7 +120,7 @@ def map_id(attributes: Attributes, own_id: object, kind: str) -> tuple[str, str]
         own_id: What its file says beside them, as GeoJSON does.
         kind: What it is where its number is there alone: a point is a node.
     """
-    known = plain(attributes)
+    known = by_plain_name(attributes)
     for value in (known.get("@id"), known.get("full_id"), known.get("id"), own_id):
         match = _MAP_ID.fullmatch(value.strip()) if isinstance(value, str) else None
         if match is not None and (len(match[1]) > 1 or value is not known.get("id")):
@@ -157,7 +159,7 @@ def metres(attributes: Attributes, keys: Sequence[str], place: str, mark: str | 
     Raises:
         NetworkError: it is no length.
     """
-    known = plain(attributes)
+    known = by_plain_name(attributes)
     value, factor = said(known, keys), 1.0
     if value is None and keys[0].endswith("_m"):
         value, factor = said(known, (f"{keys[0].removesuffix('_m')}_ft",)), METRES["ft"]
@@ -176,7 +178,7 @@ def loose_metres(attributes: Attributes, key: str, *, of_map: bool) -> tuple[flo
 
     A figure alone is one of nobody knows what, unless OpenStreetMap has it.
     """
-    known = plain(attributes)
+    known = by_plain_name(attributes)
     for other in LOOSE[key]:
         value = known.get(other)
         text = value if isinstance(value, str) else ""

@@ -21,13 +21,13 @@ from missions.readers.attributes import (
     POLES,
     WAY,
     Plain,
+    by_plain_name,
     flattened,
     heights_of,
     loose_metres,
     map_id,
     map_name,
     name_of,
-    plain,
 )
 from missions.readers.choice import Choice
 from missions.readers.crs import ToWgs84
@@ -120,7 +120,7 @@ def add_features(
         if feature.kind is Kind.POINT:
             add_points(drawing, feature, system, pole_names)
         elif feature.kind is Kind.OTHER:
-            drawing.leave_out(feature.other, _name(feature, plain(feature.attributes)) or feature.place)
+            drawing.leave_out(feature.other, _name(feature, by_plain_name(feature.attributes)) or feature.place)
         elif takes_line(drawing, feature, choice):
             add_line(drawing, feature, system)
 
@@ -131,7 +131,7 @@ def takes_line(drawing: Drawing, feature: Feature, choice: Choice) -> bool:
     What is in use no more is wanted where a filter asks for the attribute that says so.
     """
     attributes = flattened(feature.attributes)
-    known = plain(attributes)
+    known = by_plain_name(attributes)
     meaning, key = line_meaning(known, of_map=_is_of_map(feature, known))
     if meaning is not Meaning.SPAN and not (meaning is Meaning.DISUSED and choice.asks_for(key)):
         drawing.leave_out(meaning.value, _name(feature, known) or feature.place)
@@ -145,7 +145,7 @@ def add_points(drawing: Drawing, feature: Feature, system: ToWgs84, pole_names: 
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
     """
-    place, known = f"{drawing.source}: {feature.place}", plain(flattened(feature.attributes))
+    place, known = f"{drawing.source}: {feature.place}", by_plain_name(flattened(feature.attributes))
     name, is_depot = _name(feature, known, pole_names), str(known.get("role", "")).strip().lower() == "depot"
     of_map = _is_of_map(feature, known)
     meaning, _ = point_meaning(known, of_map=of_map)
@@ -177,7 +177,7 @@ def _add_pole(drawing: Drawing, pole: Pole, known: Plain, *, of_map: bool) -> No
 
 
 def _is_of_map(feature: Feature, known: Plain) -> bool:
-    return has_all_tags(feature.attributes) and _map_id(feature, known) is not None
+    return _map_id(feature, known) is not None and has_all_tags(feature.attributes)
 
 
 def _map_id(feature: Feature, known: Plain) -> tuple[str, str] | None:
@@ -211,7 +211,7 @@ def add_line(drawing: Drawing, feature: Feature, system: ToWgs84) -> None:
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
     """
-    place, name = f"{drawing.source}: {feature.place}", _name(feature, plain(flattened(feature.attributes)))
+    place, name = f"{drawing.source}: {feature.place}", _name(feature, by_plain_name(flattened(feature.attributes)))
     parts = []
     for part in feature.parts:
         if len(part) < 2:

@@ -61,18 +61,25 @@ OF_POWER = {
     for word, meaning in {**LIFE, "was": Meaning.REMOVED, "historic": Meaning.REMOVED}.items()
     for key in (f"{word}_power", f"{word}_power"[:TEN])
 }
-STATUS_KEYS = ("status", "state", "lifecycle", "lifecycle_status", "life_cycle", "operational_status", "op_status",
-               "operation_status", "service_status", "construction_status", "stage")  # fmt: skip
+LIFE_KEYS = FLAGS.keys() | OF_POWER.keys()
+STATUS_KEYS = frozenset((
+    "status", "state", "lifecycle", "lifecycle_status", "life_cycle", "operational_status", "op_status",
+    "operation_status", "service_status", "construction_status", "stage",
+))  # fmt: skip
 STATUS = LIFE | {
     "future": Meaning.UNBUILT, "under construction": Meaning.UNBUILT, "under const": Meaning.UNBUILT,
     "in construction": Meaning.UNBUILT, "not built": Meaning.UNBUILT, "projected": Meaning.UNBUILT,
     "not in service": Meaning.DISUSED, "out of service": Meaning.DISUSED, "inactive": Meaning.DISUSED,
     "decommissioned": Meaning.DISUSED, "retired": Meaning.DISUSED, "deleted": Meaning.REMOVED,
 }  # fmt: skip
-TYPE_KEYS = ("type", "line_type", "linetype", "subtype", "sub_type", "class", "category", "kind", "feature_type",
-             "asset_type", "power_type", "conductor_type", "structure_type", "fclass")  # fmt: skip
-LAID_KEYS = ("location", "installation", "install_type", "placement", "position", "laying", "construction",
-             "construction_type", "overhead_underground", "oh_ug", "ohug", "ug_oh", "ugoh", *TYPE_KEYS)  # fmt: skip
+TYPE_KEYS = frozenset((
+    "type", "line_type", "linetype", "subtype", "sub_type", "class", "category", "kind", "feature_type",
+    "asset_type", "power_type", "conductor_type", "structure_type", "fclass",
+))  # fmt: skip
+LAID_KEYS = frozenset((
+    "location", "installation", "install_type", "placement", "position", "laying", "construction",
+    "construction_type", "overhead_underground", "oh_ug", "ohug", "ug_oh", "ugoh", *TYPE_KEYS,
+))  # fmt: skip
 UNDER = frozenset(("underground", "underwater", "submarine", "undersea", "subsea", "buried", "ug", "ugc", "erdkabel",
                    "unterirdisch", "souterrain", "souterraine", "podzemni", "podziemna", "subterranea", "subterraneo",
                    "interrata", "ondergronds"))  # fmt: skip
@@ -102,7 +109,7 @@ def line_meaning(known: Plain, *, of_map: bool) -> tuple[Meaning, str]:
         if _words(known, "line") & {*INDOORS}:
             return Meaning.INDOORS, "line"
         return (Meaning.UNDERGROUND, "location") if _is_underground(known) else (Meaning.SPAN, "power")
-    kinds = power or {word for key in TYPE_KEYS for word in _words(known, key)}
+    kinds = power or {word for key in known.keys() & TYPE_KEYS for word in _words(known, key)}
     if kinds & {*CABLES}:
         return Meaning.CABLE, "power"
     if _is_underground(known):
@@ -127,7 +134,7 @@ def point_meaning(known: Plain, *, of_map: bool) -> tuple[Meaning, str]:
     if power & SUPPORTS:
         return Meaning.POLE, "power"
     # A type may be a pole's own: 'line' is one that the wires pass straight, 'cable' one where they go down.
-    types = set() if power else {word for key in TYPE_KEYS for word in _words(known, key)}
+    types = set() if power else {word for key in known.keys() & TYPE_KEYS for word in _words(known, key)}
     if power & {*NO_POLES} or (power | types) & {*GENERATORS, *SUBSTATIONS}:
         return _other(power | types), "power"
     return (Meaning.OTHER, "power") if of_map and not power else (Meaning.POLE, "power")
@@ -171,15 +178,15 @@ def _is_deleted(known: Plain) -> bool:
 
 def _life(known: Plain, power: set[str]) -> tuple[Meaning, str] | None:
     """Return whether something is not in use yet, or not any more, and which attribute says so."""
-    for word in power & LIFE.keys():
+    for word in sorted(power & LIFE.keys()):
         return LIFE[word], "power"
-    for key in known.keys() & (FLAGS.keys() | OF_POWER.keys()):
+    for key in sorted(known.keys() & LIFE_KEYS):
         value = _words(known, key)
         if key in OF_POWER and not power and value & (KINDS | YES):
             return OF_POWER[key], key
         if key in FLAGS and value & (YES | {*POWER_LINES, *CABLES, "power", "tower", "pole", "portal"}):
             return FLAGS[key], key
-    for key in STATUS_KEYS:
+    for key in sorted(known.keys() & STATUS_KEYS):
         for part in re.split(r"[;,/]", _text(known.get(key))):
             if (found := STATUS.get(part.strip().replace("_", " ").replace("-", " "))) is not None:
                 return found, key
@@ -191,13 +198,15 @@ def _is_underground(known: Plain) -> bool:
         return True
     if _text(known.get("tunnel")) not in {"", *NO}:
         return True
-    words = {word for key in LAID_KEYS for word in re.findall(r"[a-z]+", _text(known.get(key)))}
+    words = {word for key in known.keys() & LAID_KEYS for word in re.findall(r"[a-z]+", _text(known[key]))}
     indoor = _text(known.get("location")) in {"indoor", "indoors"}
     return (indoor or bool(words & UNDER)) and not words & OVER
 
 
 def _words(known: Plain, key: str) -> set[str]:
     """Return the values of a list such as 'line;cable', in small letters with underscores."""
+    if key not in known:
+        return set()
     parts = (part.strip().replace(" ", "_").replace("-", "_") for part in re.split("[;,]", _text(known.get(key))))
     return {part for part in parts if part}
 
@@ -206,5 +215,8 @@ def _text(value: object) -> str:
     """Return a value in small letters without accents."""
     if is_blank(value):
         return ""
-    letters = unicodedata.normalize("NFKD", str(value).strip().lower())
+    text = str(value).strip().lower()
+    if text.isascii():
+        return text
+    letters = unicodedata.normalize("NFKD", text)
     return "".join(letter for letter in letters if not unicodedata.combining(letter))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
-from missions.readers.attributes import NODE, WAY, plain
+from missions.readers.attributes import NODE, WAY, by_plain_name
 from missions.readers.choice import Choice
 from missions.readers.crs import wgs84
 from missions.readers.drawing import Drawing, Matter, Remark, why_nothing
@@ -121,7 +121,7 @@ def _drawn(content: _Content, source: str, what: str, choice: Choice) -> Drawing
     choice.no_crs(source, what)
     drawing, used = Drawing(source, what), dict[str, None]()
     for way, (references, tags) in content.ways.items():
-        if not speaks_of_power(plain(tags)):
+        if not speaks_of_power(by_plain_name(tags)):
             continue
         feature = Feature(f"way {way}", Kind.LINE, (), {**tags, "id": way}, f"way/{way}")
         if not takes_line(drawing, feature, choice):
@@ -136,7 +136,7 @@ def _drawn(content: _Content, source: str, what: str, choice: Choice) -> Drawing
         add_line(drawing, replace(feature, parts=places), wgs84(source))
         used |= dict.fromkeys(reference for part in parts for reference in part)
     for node in used:
-        if speaks_of_power(plain(content.nodes[node].tags)):
+        if speaks_of_power(by_plain_name(content.nodes[node].tags)):
             place = f"node {node}"
             own = Feature(place, Kind.POINT, [[_position(content, node)]], content.nodes[node].tags, f"node/{node}")
             add_points(drawing, own, wgs84(source))

@@ -18,7 +18,17 @@ from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
-from missions.readers.attributes import ELEVATION, HEIGHT, LINES, POLES, flattened, heights_of, name_of, plain, said
+from missions.readers.attributes import (
+    ELEVATION,
+    HEIGHT,
+    LINES,
+    POLES,
+    by_plain_name,
+    flattened,
+    heights_of,
+    name_of,
+    said,
+)
 from missions.readers.choice import Choice, quoted_names
 from missions.readers.crs import ToWgs84, to_wgs84
 from missions.readers.drawing import Drawing, Line, Pole
@@ -27,7 +37,7 @@ from missions.readers.opened import NEEDS, UNREADABLE, Archive
 from missions.readers.values import (
     EAST_WEST,
     NORTH_SOUTH,
-    Rank,
+    PoleRank,
     decimal_mark_of,
     degrees_of,
     number_of,
@@ -56,7 +66,7 @@ class _Row:
 
 @dataclass(frozen=True, slots=True)
 class _Member:
-    order: Rank
+    order: PoleRank
     row: _Row
     x: float
     y: float
@@ -185,7 +195,7 @@ def _member(
 ) -> _Member | None:
     """Return a pole of a line; None for one that is left out: not built, not there any more, or not wanted."""
     attributes = flattened(row.cells)
-    known = plain(attributes)
+    known = by_plain_name(attributes)
     name = name_of(known, POLES) or row.place
     point, line, key = row_meaning(known)
     if point in LEFT or (line is Meaning.DISUSED and not choice.asks_for(key)):
@@ -227,7 +237,7 @@ def _coordinate(row: _Row, keys: Sequence[str], source: str, mark: str | None) -
     return figure
 
 
-def _rank(row: _Row, source: str) -> Rank:
+def _rank(row: _Row, source: str) -> PoleRank:
     value = said(row.cells, ORDER)
     rank = rank_of(value)
     if rank is None:

@@ -152,7 +152,7 @@ def _sexagesimal(text: str) -> float | None:
     # Only the last of degrees, minutes and seconds may be broken; rounding makes 60 of 59.99.
     if any("." in part for part in parts[:-1]) or any(figure > 60 for figure in figures[1:]):
         return None
-    return sum(figure / 60**power for power, figure in enumerate(figures))
+    return sum(figure / unit for figure, unit in zip(figures, (1.0, 60.0, 3600.0), strict=False))
 
 
 def _packed(text: str) -> float | None:
@@ -188,7 +188,7 @@ def metres_of(value: object, mark: str | None = None) -> float | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Rank:
+class PoleRank:
     """Where a pole stands in its line, by its number and the letters around that: '12A' is between 12 and 13."""
 
     text: str
@@ -197,24 +197,24 @@ class Rank:
     after: tuple[tuple[int, float, str], ...]
 
 
-def rank_of(value: object) -> Rank | None:
+def rank_of(value: object) -> PoleRank | None:
     """Return what a number of a pole says about its place in a line; None where it has no figure in it."""
     text = str(value).strip()
     figure = number_of(value) if not (isinstance(value, str) and "e" in value.lower()) else None
     if figure is not None:
-        return Rank(f"{figure:g}", "", figure, ()) if math.isfinite(figure) else None
+        return PoleRank(f"{figure:g}", "", figure, ()) if math.isfinite(figure) else None
     match = _NUMBERED.fullmatch(_plain(value)) if isinstance(value, str) else None
     if match is None:
         return None
     pieces = _PIECE.findall(match[3].lower())
     after = tuple((0, float(piece), "") if piece.isdigit() else (1, 0.0, piece) for piece in pieces)
-    return Rank(text, match[1].strip(" ./-_").lower(), float(match[2]), after)
+    return PoleRank(text, match[1].strip(" ./-_").lower(), float(match[2]), after)
 
 
 RankKey = tuple[str, float, tuple[tuple[int, float, str], ...]]
 
 
-def rank_keys(ranks: Sequence[Rank]) -> list[RankKey]:
+def rank_keys(ranks: Sequence[PoleRank]) -> list[RankKey]:
     """Return by what the poles of one line are sorted.
 
     Letters before the number divide a line into parts, B1 after A9; where some poles have none, a letter marks a pole

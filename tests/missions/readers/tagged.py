@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
+import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,8 +58,12 @@ class Extract:
     ways: tuple[MapWay, ...]
 
     @property
+    def tags(self) -> list[Tags]:
+        return [*(node.tags for node in self.nodes), *(way.tags for way in self.ways)]
+
+    @property
     def keys(self) -> list[str]:
-        return sorted({key for one in (*self.nodes, *self.ways) for key in one.tags})
+        return sorted({key for tags in self.tags for key in tags})
 
     def features(self) -> Iterator[tuple[str, MapNode | MapWay, shapely.Geometry]]:
         for node in self.nodes:
@@ -174,8 +180,6 @@ def geopackage(extract: Extract, folder: Path) -> Path:
 
 def shapes(extract: Extract, folder: Path, encoding: str = "utf-8") -> Path:
     """Write a zip of two shapefiles: names of ten letters, in capitals."""
-    import zipfile
-
     path = folder / "shapes.zip"
     with zipfile.ZipFile(path, "w") as archive:
         for kind, shape_type in (("node", shapefile.POINT), ("way", shapefile.POLYLINE)):
@@ -241,8 +245,8 @@ def _rows(extract: Extract) -> Iterator[list[object]]:
 def table(extract: Extract, folder: Path) -> Path:
     """Write a table with the tags of its line at every pole."""
     path = folder / "poles.csv"
-    rows = (";".join("" if cell is None else str(cell) for cell in row) for row in _rows(extract))
-    path.write_text("\n".join(rows), encoding="utf-8")
+    with path.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, delimiter=";").writerows(_rows(extract))
     return path
 
 

@@ -39,8 +39,8 @@ def names_of(understood: Understood) -> set[str]:
     ("encoding", "byte", "cpg"),
     [
         ("cp1250", 0xC8, None), ("cp852", 0x64, None), ("cp1250", 0, "1250"), ("cp1250", 0x57, "ANSI 1250"),
-        ("iso8859-2", 0, "88592"), ("iso8859-2", 0, "ISO 8859-2"), ("cp1250", 0x03, "LDID/200"), ("cp1250", 0, "windows-1250"),
-        ("mac_latin2", 0x97, None),
+        ("iso8859-2", 0, "88592"), ("iso8859-2", 0, "ISO 8859-2"), ("cp1250", 0x03, "LDID/200"),
+        ("cp1250", 0, "windows-1250"), ("mac_latin2", 0x97, None),
     ],
 )  # fmt: skip
 def test_names_are_read_by_the_code_page_that_the_file_says(

@@ -52,7 +52,11 @@ def extracts(draw: st.DrawFn) -> Extract:
     return Extract((*nodes, MapNode(9999, *middle, {"power": "generator"})), tuple(ways))
 
 
-def seen(understood: Understood) -> tuple[object, ...]:
+Place = tuple[float, float, float | None, float | None]
+Seen = tuple[list[tuple[str, str, str]], dict[str, Place], list[str]]
+
+
+def seen(understood: Understood) -> Seen:
     """Return all that a network is: spans by their poles' names, poles by place and height, names of lines."""
     network = understood.network
     names = [pylon.id for pylon in network.pylons]
@@ -73,7 +77,8 @@ def left(understood: Understood) -> dict[str, int]:
 @settings(max_examples=12, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(extract=extracts())
 def test_a_map_means_the_same_in_every_format(extract: Extract) -> None:
-    expected, kinds = None, {}
+    expected: Seen | None = None
+    kinds: dict[str, int] = {}
     for name, (write, wanted) in EXPORTS.items():
         with tempfile.TemporaryDirectory() as folder:
             understood = understand(write(extract, Path(folder)), wanted, anywhere=True)
@@ -82,9 +87,9 @@ def test_a_map_means_the_same_in_every_format(extract: Extract) -> None:
         counts = {what: count for what, count in left(understood).items() if what != "generator"}
         kinds = kinds or counts
         assert counts == kinds, name
-    spans, *_ = expected or ([],)
+    assert expected is not None
     flown = [way for way in extract.ways if not any(tags.items() <= way.tags.items() for tags in LEFT_OUT.values())]
-    assert len(spans) == sum(len(way.nodes) - 1 for way in flown)
+    assert len(expected[0]) == sum(len(way.nodes) - 1 for way in flown)
     assert sum(kinds.values()) == len(extract.ways) - len(flown)
 
 
@@ -129,11 +134,13 @@ def lines_of(understood: Understood) -> list[str]:
     "says",
     [
         {"TYPE": "AC; UNDERGROUND"}, {"STATUS": "NOT IN SERVICE"}, {"STATUS": "UNDER CONST"}, {"Status": "Proposed"},
-        {"STATUS": "INACTIVE"}, {"power": "cable"}, {"power": "minor_cable"}, {"power": "portal"}, {"line_type": "Cable"},
+        {"STATUS": "INACTIVE"}, {"power": "cable"}, {"power": "minor_cable"}, {"power": "portal"},
+        {"line_type": "Cable"},
         {"type": "Erdkabel"}, {"placement": "podzemní"}, {"OH_UG": "UG"}, {"underground": True}, {"Overhead": "No"},
         {"power": "line", "tunnel": "yes"}, {"power": "line", "location": "underwater"}, {"abandoned_power": "line"},
         {"abandoned:power": "minor_line"}, {"ABANDONED_": "line"}, {"DISUSED_PO": "line"}, {"power": "proposed"},
-        {"power": "line", "disused": "yes"}, {"power": "line", "construction": True}, {"power": "line", "removed": "yes"},
+        {"power": "line", "disused": "yes"}, {"power": "line", "construction": True},
+        {"power": "line", "removed": "yes"},
         {"visible": False}, {"@visible": "false"}, {"power": "line", "line": "bay"}, {"tags": {"power": "cable"}},
         {"other_tags": '"power"=>"line","location"=>"underground"'}, {"tags": '{"power": "cable"}'},
         {"tags.power": "line", "tags.location": "underground"}, {"@id": "way/7", "barrier": "fence"},
@@ -151,9 +158,11 @@ def test_what_is_not_in_the_air_is_left_out_and_said(says: dict[str, object], tm
     "says",
     [
         {"TYPE": "AC; OVERHEAD", "STATUS": "IN SERVICE"}, {"TYPE": "NOT AVAILABLE"}, {"type": "overhead/underground"},
-        {"power": "400 kV"}, {"power": "minor_line"}, {"power": "line", "location": "overground"}, {"construction": "steel"},
+        {"power": "400 kV"}, {"power": "minor_line"}, {"power": "line", "location": "overground"},
+        {"construction": "steel"},
         {"underground": "no"}, {"power": "line", "construction": "minor"}, {"power": "line", "planned": "no"},
-        {"STATE": "OH"}, {"disused:railway": "rail"}, {"power": "line", "historic": "yes"}, {"osm_id": "7"}, {"visible": 1},
+        {"STATE": "OH"}, {"disused:railway": "rail"}, {"power": "line", "historic": "yes"}, {"osm_id": "7"},
+        {"visible": 1},
     ],
 )  # fmt: skip
 def test_what_is_in_the_air_stays_a_line(says: dict[str, object], tmp_path: Path) -> None:
@@ -185,7 +194,8 @@ def test_a_point_that_is_no_pole_is_left_out_and_said(says: dict[str, object], t
 @pytest.mark.parametrize(
     "says",
     [
-        {"power": "pole;substation"}, {"power": "tower", "disused": "yes"}, {"type": "line"}, {"structure_type": "Terminal"},
+        {"power": "pole;substation"}, {"power": "tower", "disused": "yes"}, {"type": "line"},
+        {"structure_type": "Terminal"},
         {"power": "transformer"}, {"@id": "node/7", "power": "portal"}, {"osm_id": "7"}, {},
     ],
 )  # fmt: skip
