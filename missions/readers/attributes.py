@@ -33,11 +33,15 @@ LOOSE = {"elevation_m": ("ele", "elevation"), "height_m": ("height",)}
 """What says the same where a unit stands beside the figure, or where OpenStreetMap says that it is metres."""
 NESTED = ("tags", "other_tags", "all_tags", "raw_tags", "osm_tags")
 """Attributes with attributes in them, of OpenStreetMap: a table, a text of one, or PostgreSQL's hstore."""
-NODE, WAY = "node", "way"
+NODE, WAY, RELATION = "node", "way", "relation"
+MAP_KINDS = {kind[0]: kind for kind in (NODE, WAY, RELATION)}
+
+TYPES = ("@type", "osm_type", "type", "element")
+"""What says which of them a feature is."""
 
 _DIVIDER = re.compile(r"[^\w@]+")
 _HSTORE = re.compile(r'"((?:[^"\\]|\\.)*)"\s*=>\s*"((?:[^"\\]|\\.)*)"')
-_MAP_ID = re.compile(r"(n|node|w|way)/?(\d+)")
+_MAP_ID = re.compile(r"(n|node|w|way|r|relation)/?(-?\d+)")
 
 
 class Plain(dict[str, object]):
@@ -113,7 +117,7 @@ def name_of(attributes: Attributes, keys: Sequence[str] = NAMES) -> str:
 
 
 def map_id(attributes: Attributes, own_id: object, kind: str) -> tuple[str, str] | None:
-    """Return whether a feature is a node or a way of OpenStreetMap, and its number; None where it is of no map.
+    """Return whether a feature is a node, a way or a relation of OpenStreetMap, and its number; else None.
 
     Args:
         attributes: Of the feature.
@@ -124,19 +128,19 @@ def map_id(attributes: Attributes, own_id: object, kind: str) -> tuple[str, str]
     for value in (known.get("@id"), known.get("full_id"), known.get("id"), own_id):
         match = _MAP_ID.fullmatch(value.strip()) if isinstance(value, str) else None
         if match is not None and (len(match[1]) > 1 or value is not known.get("id")):
-            return (NODE if match[1].startswith("n") else WAY), match[2]
-    of = next((known[key] for key in ("@type", "osm_type", "type", "element") if known.get(key) in {NODE, WAY}), None)
+            return MAP_KINDS[match[1][0]], match[2]
+    of = next((known[key] for key in TYPES if known.get(key) in (NODE, WAY, RELATION)), None)
     keys = ("osm_id", "osmid", "@osm_id", "osm_way_id") + (("@id", "id") if of is not None else ())
     number = name_of(known, keys)
-    return (str(of or kind), number) if number.isdigit() else None
+    return (str(of or kind), number) if number.removeprefix("-").isdigit() else None
 
 
 def map_name(attributes: Attributes, place: tuple[str, str]) -> str:
-    """Return what a node or a way of OpenStreetMap is called: a pole by its ref, a line by its name first."""
+    """Return what a feature of OpenStreetMap is called: a pole by its ref, a line by its name first."""
     kind, number = place
     if kind == NODE:
         return name_of(attributes, ("ref",)) or f"n{number}"
-    return name_of(attributes, ("name", "ref")) or f"way {number}"
+    return name_of(attributes, ("name", "ref")) or f"{kind} {number}"
 
 
 def heights_of(attributes: Attributes, place: str, mark: str | None = None) -> tuple[float | None, float | None]:

@@ -178,8 +178,9 @@ def _is_deleted(known: Plain) -> bool:
 
 def _life(known: Plain, power: set[str]) -> tuple[Meaning, str] | None:
     """Return whether something is not in use yet, or not any more, and which attribute says so."""
-    for word in sorted(power & LIFE.keys()):
-        return LIFE[word], "power"
+    for word in sorted(re.split("[:_]", value)[0] for value in power):  # of 'abandoned:line' too
+        if word in LIFE:
+            return LIFE[word], "power"
     for key in sorted(known.keys() & LIFE_KEYS):
         value = _words(known, key)
         if key in OF_POWER and not power and value & (KINDS | YES):

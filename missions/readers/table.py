@@ -40,7 +40,7 @@ from missions.readers.values import (
     PoleRank,
     decimal_mark_of,
     degrees_of,
-    number_of,
+    grid_figure_of,
     rank_keys,
     rank_of,
 )
@@ -229,11 +229,11 @@ def _system(
 def _coordinate(row: _Row, keys: Sequence[str], source: str, mark: str | None) -> float:
     value = said(row.cells, keys)
     if keys in {LAT, LON}:
-        figure, what = degrees_of(value, NORTH_SOUTH if keys == LAT else EAST_WEST), "a number of degrees"
+        figure = degrees_of(value, NORTH_SOUTH if keys == LAT else EAST_WEST)
     else:
-        figure, what = number_of(value, mark), "a number"
+        figure = grid_figure_of(value, mark)
     if figure is None or not is_figure(figure):
-        raise NetworkError(f"{source}: {row.place}: {keys[0]}: expected {what}, got {value!r}")
+        raise NetworkError(f"{source}: {row.place}: {keys[0]}: expected a number, got {value!r}")
     return figure
 
 

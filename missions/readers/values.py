@@ -10,6 +10,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from missions.files import is_number
+
 BLANK = {"", "nan", "null", "(null)", "<null>", "none", "n/a", "#n/a", "nil", "not available"}
 """Texts by which programs say nothing."""
 NO_FIGURE = BLANK | {"-", "--", "?", "na", "unknown"}
@@ -22,6 +24,8 @@ METRES: Mapping[str, float] = {
 }  # fmt: skip
 FEET = ("ft", "feet", "foot", "'")
 INCH_M = 0.0254
+GRID_UNITS = ("", "m", "e", "n", "me", "mn")
+"""Behind an easting or a northing, which is in the grid's own unit."""
 
 _LETTERS = str.maketrans({
     "−": "-", "‐": "-", "‑": "-", "–": "-", "—": "-", "’": "'", "‘": "'", "ʹ": "'", "ʼ": "'", "´": "'", "`": "'",
@@ -116,7 +120,7 @@ def number_of(value: object, mark: str | None = None) -> float | None:
     """Return a cell's or a tag's number; None where it says none."""
     if isinstance(value, str):
         return figure_of(value, mark)
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+    return float(value) if is_number(value) else None
 
 
 def degrees_of(value: object, letters: str) -> float | None:
@@ -167,10 +171,10 @@ def _packed(text: str) -> float | None:
 
 def measure_of(text: str, mark: str | None = None) -> tuple[float, str] | None:
     """Return a figure and its unit in small letters: '132 kV' is 132 and 'kv'; None where it is none."""
-    plain = _plain(text)
-    match = _MEASURE.fullmatch(plain)
-    figure = figure_of(match[1], mark) if match else None
-    return None if match is None or figure is None else (figure, (match[2] or "").rstrip(".").lower())
+    alone = figure_of(text, mark)
+    match = None if alone is not None else _MEASURE.fullmatch(_plain(text))
+    figure = figure_of(match[1], mark) if match else alone
+    return None if figure is None else (figure, (match[2] or "").rstrip(".").lower() if match else "")
 
 
 def metres_of(value: object, mark: str | None = None) -> float | None:
@@ -185,6 +189,14 @@ def metres_of(value: object, mark: str | None = None) -> float | None:
     if found is None or found[1] not in METRES or (measure_of(value, mark) is None and found[1] not in FEET):
         return None
     return found[0] * METRES[found[1]]
+
+
+def grid_figure_of(value: object, mark: str | None = None) -> float | None:
+    """Return an easting or a northing, as '543 355,1 m E' too; None where it is none."""
+    if not isinstance(value, str):
+        return number_of(value)
+    found = measure_of(value, mark)
+    return None if found is None or found[1] not in GRID_UNITS else found[0]
 
 
 @dataclass(frozen=True, slots=True)

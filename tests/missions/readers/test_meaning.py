@@ -144,7 +144,7 @@ def lines_of(understood: Understood) -> list[str]:
         {"visible": False}, {"@visible": "false"}, {"power": "line", "line": "bay"}, {"tags": {"power": "cable"}},
         {"other_tags": '"power"=>"line","location"=>"underground"'}, {"tags": '{"power": "cable"}'},
         {"tags.power": "line", "tags.location": "underground"}, {"@id": "way/7", "barrier": "fence"},
-        {"osm_id": "7", "power": None, "highway": "track"},
+        {"osm_id": "7", "power": None, "highway": "track"}, {"power": "abandoned:line"}, {"power": "disused_line"},
     ],
 )  # fmt: skip
 def test_what_is_not_in_the_air_is_left_out_and_said(says: dict[str, object], tmp_path: Path) -> None:
@@ -168,6 +168,13 @@ def test_what_is_not_in_the_air_is_left_out_and_said(says: dict[str, object], tm
 def test_what_is_in_the_air_stays_a_line(says: dict[str, object], tmp_path: Path) -> None:
     understood = read(tmp_path, document({"name": "V1"}, {"name": "V2", **says}))
     assert (lines_of(understood), understood.found) == (["V1", "V2"], ())
+
+
+def test_a_circuit_is_no_line_of_its_own(tmp_path: Path) -> None:
+    circuit: dict[str, object] = {"@id": "relation/5", "type": "route", "route": "power", "ref": "C5"}
+    understood = read(tmp_path, document({"@id": "way/-3", "power": "line"}, circuit))
+    assert lines_of(understood) == ["way -3"]
+    assert [one.words for one in understood.found] == ["GeoJSON: 1 feature of another kind (C5)"]
 
 
 def test_a_line_out_of_service_is_flown_where_the_filter_asks_for_it(tmp_path: Path) -> None:
@@ -302,7 +309,7 @@ V1;12A;T12A;49,6005;15.602;31"""
     assert [(round(p.lat_deg, 6), round(p.lon_deg, 6)) for p in found.pylons] == [
         (49.6, 15.6), (49.6005, 15.602), (49.601, 15.604)
     ]  # fmt: skip
-    metres = "order\teasting\tnorthing\n1\t543'355.1\t5'494'274.6\n2\t543.498,8\t5.494.386,9\n"
+    metres = "order\teasting\tnorthing\n1\t543'355.1 m\t5'494'274.6 m N\n2\t543.498,8\t5.494.386,9\n"
     path = tmp_path / "b.csv"
     path.write_text(metres)
     network = understand(path, Selection(crs="EPSG:32633"), anywhere=True).network

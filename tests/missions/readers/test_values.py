@@ -6,14 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from missions.files import is_figure
 from missions.readers.values import (
     EAST_WEST,
     NORTH_SOUTH,
     decimal_mark_of,
     degrees_of,
     figure_of,
+    grid_figure_of,
     measure_of,
     metres_of,
+    number_of,
     rank_keys,
     rank_of,
 )
@@ -97,6 +100,13 @@ def test_heights_have_their_unit_beside_them(text: str, metres: float) -> None:
     assert metres_of(text) == pytest.approx(metres)
     assert metres_of("30 yards") is None
     assert metres_of("1,345 m") is None
+
+
+@pytest.mark.parametrize("value", [10**400, "9" * 400, float("inf"), float("nan"), True, [1], None])
+def test_what_no_place_can_have_is_no_figure(value: object) -> None:
+    for found in (number_of(value), degrees_of(value, NORTH_SOUTH), metres_of(value), grid_figure_of(value)):
+        assert not is_figure(found)
+    assert rank_of(value) is None
 
 
 def test_a_figure_of_another_kind_has_its_unit_too() -> None:
