@@ -25,7 +25,9 @@ CrsOption = Annotated[
 ]
 EncodingOption = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="The encoding of a CSV file that is not UTF-8, such as cp1250; tried without."),
+    typer.Option(
+        metavar="NAME", help="The encoding of a CSV file or a shapefile's names, such as cp1250; tried without."
+    ),
 ]
 SnapOption = Annotated[
     float,

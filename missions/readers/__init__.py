@@ -146,16 +146,21 @@ def station_points(path: Path | str) -> dict[str, tuple[float, float, float | No
         raise NetworkError(f"{path}: content: expected a file with points, got a {GRAPH}")
     depot = drawing.depot
     found = {} if depot is None else {"depot": (depot.lat_deg, depot.lon_deg, depot.elevation_m)}
-    return found | {pole.name or pole.place: (pole.lat_deg, pole.lon_deg, pole.elevation_m) for pole in drawing.poles}
+    return found | {
+        pole.name or pole.place: (pole.lat_deg, pole.lon_deg, pole.elevation_m)
+        for pole in (*drawing.others, *drawing.poles)
+    }
 
 
 def _drawn(path: Path, choice: Choice) -> Drawing | str:
     """Return what a file shows; of a graph file its text, which its depot gives a place to."""
     source = str(path)
     drawing = _drawn_by_content(path, source, choice)
-    if choice.encoding is not None and (isinstance(drawing, str) or drawing.format != table.CSV):
+    if choice.encoding is not None and (isinstance(drawing, str) or drawing.format not in {table.CSV, shapes.FORMAT}):
         kind = GRAPH if isinstance(drawing, str) else drawing.format
-        raise NetworkError(f"{source}: encoding: expected none for {kind}, only for CSV; got {choice.encoding!r}")
+        raise NetworkError(
+            f"{source}: encoding: expected none for {kind}, only for CSV and shapefiles; got {choice.encoding!r}"
+        )
     return drawing
 
 
@@ -254,7 +259,9 @@ def _placed(
     built = build(drawing, mending)
     if not built.segments:
         poles = f": {len(drawing.poles)} points and no line" if drawing.poles else ""
-        raise NetworkError(f"{source}: segments: expected at least one, found none{poles}{why_nothing(drawing.found)}")
+        raise NetworkError(
+            f"{source}: segments: expected at least one, found none{poles}{why_nothing(drawing.remarks)}"
+        )
     if frame is not None and radius_m is not None:
         built = _cut(built, frame, radius_m)
         if not built.segments:

@@ -141,7 +141,7 @@ def _frame_of(drawing: Drawing) -> LocalFrame:
                 )
         first = first or (max(min(lat_deg, MAX_LATITUDE_DEG), -MAX_LATITUDE_DEG), lon_deg)
     if first is None:
-        why = f"neither lines nor poles{why_nothing(drawing.found)}"
+        why = f"neither lines nor poles{why_nothing(drawing.remarks)}"
         raise NetworkError(f"{drawing.source}: segments: expected at least one, found none: {why}")
     return LocalFrame(*first)
 
@@ -292,7 +292,8 @@ def _built(drawing: Drawing, nodes: Nodes, spans: _Spans, mending: Mending) -> B
     new_index = {old: new for new, old in enumerate(used)}
     # What a file has drawn as spans by their poles' names may have poles beside; they were never on a line.
     unused: Sequence[int] = [index for index, node in enumerate(nodes.nodes) if node.drawn and index not in new_index]
-    found = [*drawing.found, *nodes.found, *spans.found, *look_over(nodes, spans.pairs, spans.labels, spans.lines,
+    nodes.forget_hinted(used, drawing.format)
+    found = [*drawing.remarks, *nodes.found, *spans.found, *look_over(nodes, spans.pairs, spans.labels, spans.lines,
              unused, longest_m=mending.max_span_m or LONG_M)]  # fmt: skip
     pylons = (nodes.nodes[old] for old in used)
     return Built(

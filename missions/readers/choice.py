@@ -10,8 +10,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from missions.errors import NetworkError
-from missions.readers.attributes import figure_of
+from missions.readers.attributes import plain_name
 from missions.readers.drawing import Attributes, Drawing, Matter, Near, Remark
+from missions.readers.values import figure_of, is_blank, measure_of
 
 OPERATORS: Mapping[str, Callable[[float, float], bool]] = {
     "<=": operator.le, ">=": operator.ge, "!=": operator.ne, "=": operator.eq, "<": operator.lt, ">": operator.gt,
@@ -23,7 +24,6 @@ UNITS = ("v", "kv", "mv", "hz", "w", "kw", "mw", "mva", "m", "km", "mm", "cm", "
 KILOVOLTS = ("kv", "кв")
 MOST_KV = 2000.0
 """No line has more: a filter that asks for more of kilovolts means volts."""
-_FIGURE = re.compile(r"([+-]?\d[\d \u00a0\u202f]*(?:\.\d+)?)\s*([^\W\d_]+|%)?")
 _TERM = re.compile(
     r"""\s*(?:"(?P<quoted>[^"]+)"|(?P<name>[^\s<>=!'"]+))\s*(?P<op><=|>=|!=|==|=|<|>)\s*"""
     r"""(?:'(?P<text>[^']*)'|"(?P<text2>[^"]*)"|(?P<bare>[^\s<>=!'"]+))\s*"""
@@ -92,13 +92,12 @@ def figure_with_unit(text: str) -> tuple[float, str] | None:
     >>> figure_with_unit("132 kV"), figure_with_unit("132 000"), figure_with_unit("12A")
     ((132.0, 'kv'), (132000.0, ''), None)
     """
-    figure = figure_of(text)
-    if figure is not None:
-        return (figure, "") if math.isfinite(figure) else None
-    match = _FIGURE.fullmatch(text.strip())
-    unit = "" if match is None else (match[2] or "").lower()
-    figure = None if match is None or (unit and unit not in UNITS) else figure_of(re.sub(r"\s", "", match[1]))
-    return None if figure is None else (figure, unit)
+    alone = figure_of(text)
+    found = measure_of(text) if alone is None else (alone, "")
+    if found is None or not math.isfinite(found[0]):
+        return None
+    is_whole = alone is not None or (found[1] in UNITS and text.rstrip(" .").lower().endswith(found[1]))
+    return found if is_whole else None
 
 
 def parse_where(text: str) -> tuple[Term, ...]:
@@ -134,7 +133,7 @@ class Choice:
     crs: str | None = None
     """Of files that do not say theirs."""
     encoding: str | None = None
-    """Of tables in text; None to try."""
+    """Of tables in text and of shapefiles' names; None to try."""
     near: Near | None = None
     """What is wanted of a country's file; None: all of it."""
     seen: set[str] = field(default_factory=set)
@@ -159,10 +158,10 @@ class Choice:
             self.seen.update(attributes)
         values = [lowered.get(term.attribute.lower()) for term in self.where]
         wrong = [(term, value) for term, value in zip(self.where, values, strict=True) if not term.holds(value)]
-        if all(value in {None, ""} or not term.can_compare(value) for term, value in wrong):
+        if all(is_blank(value) or not term.can_compare(value) for term, value in wrong):
             # Nothing speaks against it but what cannot be read.
-            self.nameless.update({term.attribute for term, value in wrong if value in {None, ""} and term.is_by_order})
-            self.uncompared.update((term.attribute, str(value)) for term, value in wrong if value not in {None, ""})
+            self.nameless.update({term.attribute for term, value in wrong if is_blank(value) and term.is_by_order})
+            self.uncompared.update((term.attribute, str(value)) for term, value in wrong if not is_blank(value))
         for term, value in zip(self.where, values, strict=True):
             parts = parts_of(value, by_order=True) if figure_with_unit(term.value) else []
             if any(found[1] for found in map(figure_with_unit, parts) if found):
@@ -171,6 +170,10 @@ class Choice:
             return False
         self.passed += 1
         return True
+
+    def asks_for(self, attribute: str) -> bool:
+        """Return whether a comparison is of an attribute, given by its plain name."""
+        return any(plain_name(term.attribute) == attribute for term in self.where)
 
     @property
     def said(self) -> tuple[Remark, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -17,8 +18,12 @@ Attributes = Mapping[str, object]
 
 MOST_VERTICES = 1_000_000
 """Of all lines together; what holds more is a country's, to be cut to what is flown."""
-NAMED = 6
+REASONS = 6
 """How many reasons a message names."""
+NAMED = 3
+"""How many of what is left out are named."""
+_PLURAL = re.compile(r"(?= of )|$")
+"""Where a name gets its s: 'lines of a substation'."""
 DEGREE_M = 110_500.0
 """Of latitude; nowhere less."""
 
@@ -67,8 +72,12 @@ class Remark:
 
 def why_nothing(found: Iterable[Remark]) -> str:
     """Return why nothing remains of a file, to be put behind a message: what was left out, and how often."""
-    counts = Counter(one.text for one in found if one.matter in {Matter.WHOLE, Matter.FILTER, Matter.LEFT_OUT})
-    words = [text if count == 1 else f"{count} times {text}" for text, count in counts.most_common(NAMED)]
+    counts = Counter(
+        f"left out: {one.text}" if one.matter is Matter.LEFT_OUT else one.text
+        for one in found
+        if one.matter in {Matter.WHOLE, Matter.FILTER, Matter.LEFT_OUT}
+    )
+    words = [text if count == 1 else f"{count} times {text}" for text, count in counts.most_common(REASONS)]
     return "".join(f"; {one}" for one in words)
 
 
@@ -87,6 +96,8 @@ class Pole:
     third_m: float | None = None
     line: str = ""
     """What tells it from another line's pole of the same name."""
+    hinted: Mapping[str, str] = field(default_factory=dict)
+    """Which of its heights count only if all poles have them, and what said them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +171,10 @@ class Drawing:
     flat: bool = False
     """Whether the file says that its ground is as high as the depot's everywhere."""
     vertices: int = 0
+    others: list[Pole] = field(default_factory=list)
+    """Points that are no poles: a vehicle may stand at a substation."""
+    left: dict[str, list[str]] = field(default_factory=dict)
+    """What is no line and no pole, by what it is: the names of each."""
     near: Near | None = None
     """Lines that reach nowhere near are not kept; None keeps all."""
     far: tuple[float, float] | None = None
@@ -181,6 +196,25 @@ class Drawing:
                 "cut of the file choose what is flown"
             )
         self.lines.append(line)
+
+    def leave_out(self, what: str, asset: str) -> None:
+        """Note something that is no line and no pole."""
+        self.left.setdefault(what, []).append(asset)
+
+    @property
+    def left_words(self) -> str:
+        """What was left out: how many of each kind, and the first of them; empty if nothing was."""
+        return ", ".join(
+            f"{len(names)} {_PLURAL.sub('s', what, count=1) if len(names) > 1 else what} "
+            f"({', '.join(names[:NAMED])}{', ...' if len(names) > NAMED else ''})"
+            for what, names in self.left.items()
+        )
+
+    @property
+    def remarks(self) -> list[Remark]:
+        """What was found, and in one line what was left out."""
+        left = [Remark(Matter.LEFT_OUT, self.format, self.left_words)] if self.left else []
+        return [*self.found, *left]
 
     def keep_near(self) -> None:
         """Leave out what is far away."""

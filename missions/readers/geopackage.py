@@ -20,7 +20,7 @@ from missions.files import printable
 from missions.readers.choice import Choice
 from missions.readers.crs import ToWgs84, to_wgs84
 from missions.readers.drawing import Drawing, Matter, Remark
-from missions.readers.features import Feature, Kind, Layer, Position, add_features, wanted_layers
+from missions.readers.features import EMPTY, OTHER, Feature, Kind, Layer, Position, add_features, wanted_layers
 
 FORMAT = "GeoPackage"
 MAGIC = b"SQLite format 3\x00"
@@ -166,14 +166,11 @@ def _features(database: sqlite3.Connection, table: str, column: str, source: str
         attributes = {name: value for name, value in zip(names, row, strict=True) if name != column}
         place = f"layer {table!r} feature {number if key is None else attributes.pop(key)}"
         blob = row[at]
-        if blob is None:
-            yield Feature(place, Kind.OTHER, (), {})
-            continue
         try:
-            kind, parts = geometry_of(blob)
+            kind, parts = (Kind.OTHER, ()) if blob is None else geometry_of(blob)
         except (_Damaged, struct.error, TypeError) as reason:
             raise NetworkError(f"{source}: {place}: geometry: expected a GeoPackage's: {reason}") from reason
-        yield Feature(place, kind, parts, attributes)
+        yield Feature(place, kind, parts, attributes, other=EMPTY if blob is None else OTHER)
 
 
 def geometry_of(blob: bytes) -> tuple[Kind, Sequence[Sequence[Position]]]:

@@ -15,10 +15,12 @@ from urllib.parse import unquote
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
-from missions.readers.attributes import LINES, figure_of, heights_of, name_of
 from missions.readers.choice import Choice, quoted_names
-from missions.readers.drawing import Drawing, Line, Matter, Pole, Remark, Vertex
+from missions.readers.crs import wgs84
+from missions.readers.drawing import Drawing, Matter, Remark, Vertex
+from missions.readers.features import EMPTY, Feature, Kind, Position, add_line, add_points, takes_line
 from missions.readers.opened import Archive
+from missions.readers.values import figure_of
 from missions.readers.xmltree import children, line_of, root_of, tag_of, text_of
 
 if TYPE_CHECKING:
@@ -96,8 +98,7 @@ def draw_kml(roots: Sequence[etree._Element], source: str, choice: Choice, *, in
         drawing.found.append(Remark(Matter.WHOLE, text_of(link, "name") or line_of(link), text))
     for root in roots:
         for overlay in root.iter(*(f"{{*}}{tag}" for tag in OVERLAYS)):
-            what = f"a {tag_of(overlay)}: left out, it is no line"
-            drawing.found.append(Remark(Matter.LEFT_OUT, text_of(overlay, "name") or line_of(overlay), what))
+            drawing.leave_out(tag_of(overlay), text_of(overlay, "name") or line_of(overlay))
     for mode, count in modes.items():
         what = "position has an altitude" if count == 1 else "positions have an altitude"
         drawing.found.append(Remark(Matter.HEIGHTS, FORMAT, f"{count} {what} {MODES.get(mode, f'{mode}: not used')}"))
@@ -128,18 +129,22 @@ def _add(drawing: Drawing, mark: etree._Element, folder: str, choice: Choice, mo
             vertices = vertices_of(geometry, f"{drawing.source}: {place}", modes)
             (points if tag == "Point" else parts).append(vertices)
         else:
-            drawing.found.append(Remark(Matter.LEFT_OUT, name or place, f"a {tag}: left out, it is no line"))
+            drawing.leave_out(tag, name or place)
     if next(geometries_of(mark), None) is None:
-        drawing.found.append(Remark(Matter.LEFT_OUT, name or place, "without a geometry: left out, it is no line"))
-    heights = heights_of(attributes, f"{drawing.source}: {place}") if points else (None, None)
-    for vertices in points:
-        lat_deg, lon_deg, third_m = vertices[0]
-        drawing.poles.append(Pole(place, name, lat_deg, lon_deg, *heights, third_m, name_of(attributes, LINES)))
+        drawing.leave_out(EMPTY, name or place)
+    system = wgs84(drawing.source)
+    if points:
+        add_points(drawing, Feature(place, Kind.POINT, _positions(points), attributes), system)
     for part in parts:
         if len(part) < 2:
             raise NetworkError(f"{drawing.source}: {place}: coordinates: expected a line of at least two positions")
-    if parts and choice.takes(attributes):
-        drawing.draw(Line(place, name, tuple(map(tuple, parts))))
+    line = Feature(place, Kind.LINE, _positions(parts), attributes)
+    if parts and takes_line(drawing, line, choice):
+        add_line(drawing, line, system)
+
+
+def _positions(parts: Iterable[Iterable[Vertex]]) -> list[list[Position]]:
+    return [[(lon_deg, lat_deg, third_m) for lat_deg, lon_deg, third_m in part] for part in parts]
 
 
 def geometries_of(element: etree._Element) -> Iterator[etree._Element]:
@@ -175,10 +180,10 @@ def vertices_of(geometry: etree._Element, place: str, modes: Counter[str]) -> li
     vertices: list[Vertex] = []
     for word in words:
         figures = [figure_of(figure) for figure in word.split(",")]
-        if len(figures) not in {2, 3} or not all(map(is_figure, figures)):
+        if len(figures) < 2 or not all(map(is_figure, figures[:2])):
             raise NetworkError(f"{place}: coordinates: expected longitude,latitude[,altitude], got {word[:60]!r}")
         lon_deg, lat_deg = float(figures[0] or 0.0), float(figures[1] or 0.0)
-        altitude_m = figures[2] if len(figures) == 3 else None
+        altitude_m = figures[2] if len(figures) > 2 else None
         if altitude_m:
             modes[mode] += 1
         vertices.append((lat_deg, lon_deg, altitude_m if altitude_m and mode == "absolute" else None))

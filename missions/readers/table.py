@@ -19,11 +19,32 @@ from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
-from missions.readers.attributes import LINES, NAMES, heights_of, name_of, said
+from missions.readers.attributes import (
+    ELEVATION,
+    HEIGHT,
+    LINES,
+    POLES,
+    by_plain_name,
+    flattened,
+    heights_of,
+    name_of,
+    said,
+)
 from missions.readers.choice import Choice, quoted_names
-from missions.readers.crs import ToWgs84, to_wgs84
+from missions.readers.crs import ToWgs84, to_wgs84, wgs84
 from missions.readers.drawing import Drawing, Line, Matter, Pole, Remark
+from missions.readers.meaning import Meaning, row_meaning
 from missions.readers.opened import NEEDS, UNREADABLE, Archive
+from missions.readers.values import (
+    EAST_WEST,
+    NORTH_SOUTH,
+    PoleRank,
+    decimal_mark_of,
+    degrees_of,
+    grid_figure_of,
+    rank_keys,
+    rank_of,
+)
 
 if TYPE_CHECKING:
     import openpyxl
@@ -33,7 +54,6 @@ CSV, XLSX = "CSV", "XLSX"
 ORDER = ("order", "seq", "sequence", "position", "nr", "no")
 LAT, LON = ("lat", "latitude", "lat_deg"), ("lon", "lng", "long", "longitude", "lon_deg")
 EAST, NORTH = ("easting", "east", "x", "e"), ("northing", "north", "y", "n")
-POLE_NAMES = tuple(name for name in NAMES if name not in LINES)
 DELIMITERS = ";\t|,"
 MOST_ROWS = 500_000
 MOST_ABOVE = 30
@@ -41,6 +61,8 @@ MOST_ABOVE = 30
 _SAID = re.compile(r"\ufeff?\"?sep=(.)\"?\s*", re.IGNORECASE)
 """What Excel puts into the first line of a file for itself."""
 _HIDDEN = re.compile(rb'<row\b[^>]*\bhidden="(?:1|true)"')
+LEFT = {Meaning.UNBUILT_POLE, Meaning.REMOVED_POLE, Meaning.DELETED}
+"""Poles over which the wires of their neighbours go."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +73,12 @@ class _Row:
 
 @dataclass(frozen=True, slots=True)
 class _Member:
-    order: float
+    order: PoleRank
     row: _Row
     x: float
     y: float
+    is_pole: bool = True
+    is_buried: bool = False
 
 
 def looks_like_table(text: str) -> bool:
@@ -86,7 +110,7 @@ def draw_csv(text: str, source: str, choice: Choice, *, remark: str = "") -> Dra
     table = _table(rows, source, CSV, found)
     if rows and not text.endswith(("\n", "\r")):
         _check_end(table, source, found)
-    return _drawn(_rows(table, source, comma=delimiter != ","), source, CSV, choice, found)
+    return _drawn(_rows(table, source), source, CSV, choice, found)
 
 
 def _check_end(table: Sequence[tuple[str, Sequence[object]]], source: str, found: list[Remark]) -> None:
@@ -132,7 +156,7 @@ def draw_xlsx(archive: Archive, content: bytes, source: str, choice: Choice) -> 
     if hidden:
         text = f"{hidden} rows are hidden, as by a filter: they are read all the same"
         found.append(Remark(Matter.WHOLE, source, text))
-    return _drawn(_rows(_table(rows, source, XLSX, found), source, comma=False), source, XLSX, choice, found)
+    return _drawn(_rows(_table(rows, source, XLSX, found), source), source, XLSX, choice, found)
 
 
 def _sheet(book: openpyxl.Workbook, source: str, choice: Choice) -> ReadOnlyWorksheet:
@@ -160,12 +184,12 @@ def _hidden_rows(archive: Archive, sheet: ReadOnlyWorksheet) -> int:
 def _begin(text: str) -> tuple[str, bool]:
     """Return what divides the cells of a text, and whether one of its first lines has the columns of a table."""
     lines = re.split("\r\n|\r|\n", text.lstrip("\ufeff"), maxsplit=MOST_ABOVE + 1)[: MOST_ABOVE + 1]
-    said = _SAID.fullmatch(lines[0])
+    own = _SAID.fullmatch(lines[0])
     for line in lines:
-        for delimiter in DELIMITERS if said is None else said[1]:
+        for delimiter in DELIMITERS if own is None else own[1]:
             if _has_columns([cell.strip().strip('"') for cell in line.split(delimiter)]):
                 return delimiter, True
-    return max(DELIMITERS, key=lines[0].count) if said is None else said[1], False
+    return max(DELIMITERS, key=lines[0].count) if own is None else own[1], False
 
 
 def _has_columns(row: Sequence[object]) -> bool:
@@ -194,21 +218,14 @@ def _table(
     return filled[begin:]
 
 
-def _rows(table: Sequence[tuple[str, Sequence[object]]], source: str, *, comma: bool) -> Iterator[_Row]:
+def _rows(table: Sequence[tuple[str, Sequence[object]]], source: str) -> Iterator[_Row]:
     header = [printable(str(cell)) if cell is not None else "" for cell in table[0][1]]
     for place, row in table[1:]:
         if len(row) > len(header) and any(cell not in {None, ""} for cell in row[len(header) :]):
             raise NetworkError(f"{source}: {place}: expected {len(header)} cells as in the first row, got {len(row)}")
-        cells = {name: _cell(cell, comma=comma) for name, cell in zip(header, row, strict=False) if name}
+        cells = {name: cell.strip() if isinstance(cell, str) else cell
+                 for name, cell in zip(header, row, strict=False) if name}  # fmt: skip
         yield _Row(place, cells)
-
-
-def _cell(cell: object, *, comma: bool) -> object:
-    """Return a cell; a text that is a number becomes one, with a decimal comma too where that divides no cells."""
-    if not isinstance(cell, str):
-        return cell
-    text = cell.strip()
-    return text.replace(",", ".") if comma and text.replace(",", "", 1).lstrip("+-").isdigit() else text
 
 
 def _drawn(rows: Iterator[_Row], source: str, what: str, choice: Choice, found: list[Remark]) -> Drawing:
@@ -225,12 +242,13 @@ def _drawn(rows: Iterator[_Row], source: str, what: str, choice: Choice, found: 
     drawing = choice.drawing(source, what, system.words)
     drawing.found += found
     members: dict[str, list[_Member]] = {}
+    mark = _mark_of(every, horizontal)
     for row, line, cells in _with_lines(every, drawing):
-        if choice.takes(cells):
-            x, y = (_figure(row, keys, source) for keys in horizontal)
-            members.setdefault(line, []).append(_Member(_figure(row, ORDER, source), row, x, y))
+        member = _member(row, cells, drawing, horizontal, mark, choice)
+        if member is not None:
+            members.setdefault(line, []).append(member)
     for line, own in members.items():
-        _add_line(drawing, line, own, system)
+        _add_line(drawing, line, own, system, mark)
     return drawing
 
 
@@ -258,13 +276,47 @@ def _with_lines(rows: Sequence[_Row], drawing: Drawing) -> Iterator[tuple[_Row, 
         drawing.found.append(Remark(Matter.FILE, drawing.format, text))
 
 
+def _mark_of(rows: Sequence[_Row], horizontal: Sequence[Sequence[str]]) -> str | None:
+    """Return the decimal mark that coordinates and heights of a table show; degrees need none."""
+    keys = (*horizontal, ELEVATION, HEIGHT)
+    cells = (said(row.cells, own) for row in rows for own in keys)
+    return decimal_mark_of(cell for cell in cells if isinstance(cell, str))
+
+
+def _member(
+    row: _Row,
+    of_line: Mapping[str, object],
+    drawing: Drawing,
+    horizontal: Sequence[Sequence[str]],
+    mark: str | None,
+    choice: Choice,
+) -> _Member | None:
+    """Return a pole of a line; None for one that is left out: not built, not there any more, or not wanted.
+
+    What is said of the line may stand in the first row of its group.
+    """
+    known, attributes = by_plain_name(flattened(row.cells)), flattened(of_line)
+    name = name_of(known, POLES) or row.place
+    point, (_, line, key) = row_meaning(known)[0], row_meaning(by_plain_name(attributes))
+    if point in LEFT or (line is Meaning.DISUSED and not choice.asks_for(key)):
+        drawing.leave_out((point if point in LEFT else Meaning.DISUSED_POLE).value, name)
+        return None
+    if not choice.takes(attributes):
+        return None
+    is_pole, is_buried = point in {Meaning.POLE, Meaning.DISUSED_POLE}, line in {Meaning.UNDERGROUND, Meaning.CABLE}
+    if not is_pole or is_buried:
+        drawing.leave_out("pole of an underground line" if is_buried else point.value, name)
+    x, y = (_coordinate(row, keys, drawing.source, mark) for keys in horizontal)
+    return _Member(_rank(row, drawing.source), row, x, y, is_pole, is_buried)
+
+
 def _system(
     columns: Sequence[str], source: str, choice: Choice
 ) -> tuple[ToWgs84, tuple[tuple[str, ...], tuple[str, ...]]]:
     known = {name.lower() for name in columns}
     if known & set(LAT) and known & set(LON):
         choice.no_crs(source, "columns lat and lon")
-        return ToWgs84("WGS 84", source, None), (LON, LAT)
+        return wgs84(source), (LON, LAT)
     if not (known & set(EAST) and known & set(NORTH)):
         raise NetworkError(
             f"{source}: columns: expected lat and lon, or easting and northing, got {quoted_names(columns)}"
@@ -274,25 +326,37 @@ def _system(
     return to_wgs84(choice.crs, source), (EAST, NORTH)
 
 
-def _figure(row: _Row, keys: Sequence[str], source: str) -> float:
+def _coordinate(row: _Row, keys: Sequence[str], source: str, mark: str | None) -> float:
     value = said(row.cells, keys)
-    try:
-        figure = float(value) if isinstance(value, str | int | float) else None
-    except ValueError:
-        figure = None
+    if keys in {LAT, LON}:
+        figure = degrees_of(value, NORTH_SOUTH if keys == LAT else EAST_WEST)
+    else:
+        figure = grid_figure_of(value, mark)
     if figure is None or not is_figure(figure):
         raise NetworkError(f"{source}: {row.place}: {keys[0]}: expected a number, got {value!r}")
     return figure
 
 
-def _add_line(drawing: Drawing, line: str, members: list[_Member], system: ToWgs84) -> None:
-    members.sort(key=lambda member: member.order)
-    for one, other in itertools.pairwise(members):
-        if one.order == other.order:
+def _rank(row: _Row, source: str) -> PoleRank:
+    value = said(row.cells, ORDER)
+    rank = rank_of(value)
+    if rank is None:
+        raise NetworkError(f"{source}: {row.place}: {ORDER[0]}: expected a number, or one with letters, got {value!r}")
+    return rank
+
+
+def _add_line(drawing: Drawing, line: str, members: list[_Member], system: ToWgs84, mark: str | None) -> None:
+    keyed = sorted(zip(rank_keys([member.order for member in members]), members, strict=True), key=lambda pair: pair[0])
+    for (key, one), (next_key, other) in itertools.pairwise(keyed):
+        if key == next_key:
             raise NetworkError(
                 f"{drawing.source}: {other.row.place}: {ORDER[0]}: expected another than that of {one.row.place}, "
-                f"got {other.order:g}" + (f" twice in line {line!r}" if line else "")
+                f"got {other.order.text}" + (f" twice in line {line!r}" if line else "")
             )
+    members = [member for _, member in keyed]
+    if len(members) < 2 and drawing.left:
+        drawing.leave_out("line of one pole", line or members[0].row.place)
+        return
     if len(members) < 2:
         raise NetworkError(
             f"{drawing.source}: {members[0].row.place}: expected two poles or more of line {line!r}, found one"
@@ -300,8 +364,13 @@ def _add_line(drawing: Drawing, line: str, members: list[_Member], system: ToWgs
     places = [f"{drawing.source}: {member.row.place}" for member in members]
     found = system.lat_lon_deg([member.x for member in members], [member.y for member in members], places)
     for (lat_deg, lon_deg), member, place in zip(found, members, places, strict=True):
-        heights = heights_of(member.row.cells, place)
-        name = name_of(member.row.cells, POLE_NAMES)
-        drawing.poles.append(Pole(member.row.place, name, lat_deg, lon_deg, *heights, line=line))
-    vertices = tuple((lat_deg, lon_deg, None) for lat_deg, lon_deg in found)
-    drawing.draw(Line(members[0].row.place, line, (vertices,)))
+        heights = heights_of(member.row.cells, place, mark)
+        name = name_of(member.row.cells, POLES)
+        if member.is_pole and not member.is_buried:
+            drawing.poles.append(Pole(member.row.place, name, lat_deg, lon_deg, *heights, line=line))
+    # Between poles of which one is under the ground the wires are not in the air.
+    runs = itertools.groupby(zip(found, members, strict=True), key=lambda pair: pair[1].is_buried)
+    parts = [tuple((*at, None) for at, _ in run) for is_buried, run in runs if not is_buried]
+    parts = [part for part in parts if len(part) > 1]
+    if parts:
+        drawing.draw(Line(members[0].row.place, line, tuple(parts)))

@@ -60,26 +60,31 @@ def text_of_table(content: bytes, source: str, encoding: str | None) -> tuple[st
     except UnicodeDecodeError as reason:
         if _CONTROL.search(content):
             raise NetworkError(f"{source}: encoding: expected text, found other bytes at {reason.start}") from reason
-    return _tried(content)
+    page, names = likely_page(content)
+    return content.decode(page, "replace"), f"no encoding is said: read as {page}{names}; encoding says another"
 
 
 def _decoded_as(content: bytes, source: str, encoding: str) -> str:
     try:
         return content.decode(encoding)
     except (LookupError, ValueError) as reason:
-        raise NetworkError(
-            f"{source}: encoding: expected the table's own, such as 'cp1250' or 'utf-16', got {encoding!r}: "
-            f"{printable(str(reason))}"
-        ) from reason
+        raise encoding_error(source, encoding, reason) from reason
 
 
-def _tried(content: bytes) -> tuple[str, str]:
-    """Return the text in the code page one of whose languages has its letters most likely."""
+def encoding_error(source: str, encoding: str, reason: Exception) -> NetworkError:
+    """Return what is said of an encoding that is unknown, or is not that of the bytes."""
+    return NetworkError(
+        f"{source}: encoding: expected the table's own, such as 'cp1250' or 'utf-16', got {encoding!r}: "
+        f"{printable(str(reason))}"
+    )
+
+
+def likely_page(content: bytes) -> tuple[str, str]:
+    """Return the code page one of whose languages has a text's letters most likely, and words with such names."""
     page = max(PAGES, key=lambda one: _likely(content.decode(one, "replace"), one))
     text = content.decode(page, "replace")
     names = list(dict.fromkeys(word for word in _WORD.findall(text) if not word.isascii()))[:NAMED]
-    such = f", with names such as {', '.join(map(repr, names))}" if names else ""
-    return text, f"no encoding is said: read as {page}{such}; encoding says another"
+    return page, f", with names such as {', '.join(map(repr, names))}" if names else ""
 
 
 def _likely(text: str, page: str) -> float:

@@ -158,7 +158,8 @@ MALFORMED: dict[str, tuple[str, bytes, str, str]] = {
     "CSV of another encoding": ("a.csv", b"pole,order,lat,lon\n\x8e,1,49,15\n", "--encoding utf-8",
                                 "a.csv: encoding: expected the table's own, such as 'cp1250' or 'utf-16', got 'utf-8'"),
     "an encoding for what has its own": ("a.osm", osm(TWO + WAY), "--encoding cp1250",
-                                         "a.osm: encoding: expected none for OpenStreetMap XML, only for CSV; got"),
+                                         ("a.osm: encoding: expected none for "
+                                         "OpenStreetMap XML, only for CSV and shapefiles; got 'cp1250'")),
     "CSV that is cut off": ("a.csv", b"line,order,lat,lon\nV1,1,49,15\nV1,2,49", "",
                             "a.csv: line 3: expected 4 cells as in the first row, got 3: the file ends in the middle"),
     "CSV with an open quote": ("a.csv", b'line,order,lat,lon\n"V1,1,49,15\nV1,2,49,16\n', "",

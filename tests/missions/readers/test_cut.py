@@ -122,6 +122,25 @@ def test_figures_with_units_are_compared_and_what_cannot_be_is_said(
     assert said[:-1] == (["1 without a value: left out", "1 such as 'high' are no numbers: left out"] * by_order)
 
 
+def test_a_filter_of_what_is_nested_or_blank_is_no_fault(tmp_path: Path) -> None:
+    nested = {**NEAR, "properties": {"name": "V1", "volt": {"of": 110}}}
+    blank = {**NEAR, "properties": {"name": "V2", "volt": "<Null>"}}
+    known = {**NEAR, "properties": {"name": "V3", "volt": 110}}
+    path = file_of(tmp_path, nested, blank, known)
+    understood = understand(path, Selection(where=parse_where("volt >= 110")), anywhere=True)
+    assert [one.text for one in understood.found[:2]] == [
+        "1 without a value: left out", "1 such as \"{'of': 110}\" are no numbers: left out",
+    ]  # fmt: skip
+
+
+def test_a_track_with_a_lost_fix_far_away_is_cut_as_well(tmp_path: Path) -> None:
+    path = tmp_path / "a.gpx"
+    points = "<trkpt lat='52' lon='15.6'/><trkpt lat='52' lon='15.602'/>"
+    path.write_text(f"<gpx><trk><trkseg><trkpt lat='52' lon='15'/></trkseg><trkseg>{points}</trkseg></trk></gpx>")
+    with pytest.raises(NetworkError, match="radius_m: no segment lies within 1000 m of the depot"):
+        read_network(path, depot=DEPOT, radius_m=1000)
+
+
 def test_a_filter_that_could_compare_nothing_says_so(tmp_path: Path) -> None:
     path = file_of(tmp_path, {**NEAR, "properties": {"name": "V1", "volt": "high"}})
     with pytest.raises(NetworkError, match=r"found none of 1; volt: 1 such as 'high' are no numbers: left out"):

@@ -36,6 +36,18 @@ def test_a_filter_goes_by_what_the_group_says_of_its_line(tmp_path: Path) -> Non
     assert [segment.label for segment in chosen.network.segments] == ["V1.1", "V1.2"]
 
 
+def test_what_the_group_says_of_its_line_is_true_of_all_its_poles_but_not_what_it_says_of_a_pole(
+    tmp_path: Path,
+) -> None:
+    more = [("underground", ""), ("", ""), ("", ""), ("", "removed"), ("", ""), ("", "")]
+    poles = [*POLES, ("", 3, "F", 49.61, 15.604, "")]
+    rows = [(*pole, *own) for pole, own in zip(poles, more, strict=True)]
+    understood = understand(csv_of(tmp_path, (*HEADER, "location", "status"), *rows), anywhere=True)
+    assert [pylon.id for pylon in understood.network.pylons] == ["E", "F"]
+    left_out = "3 poles of an underground line (A, B, C), 1 removed pole (D)"
+    assert left_out in texts(understood)
+
+
 def test_a_group_that_begins_anew_without_a_name_is_refused(tmp_path: Path) -> None:
     rows = [(*POLES[0],), (*POLES[1],), ("", 1, "X", 49.7, 15.6, "")]
     with pytest.raises(NetworkError, match="line 4: order: expected another than that of line 2, got 1 twice in line"):
