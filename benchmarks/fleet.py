@@ -344,7 +344,8 @@ def draw_growth(flights: Sequence[FleetFlight], path: Path) -> None:
     """Draw processor time, the loop's delays and memory over the number of vehicles."""
     from matplotlib.figure import Figure
 
-    from executor.analysis.pictures.style import COLOURS, DPI, FAINT, MARKERS, PAPER
+    from executor.analysis.pictures import save
+    from executor.analysis.pictures.style import COLOURS, FAINT, MARKERS, PAPER
 
     figure = Figure(figsize=(12.0, 3.8), facecolor=PAPER, layout="constrained")
     counts = [one.vehicles for one in flights]
@@ -365,4 +366,4 @@ def draw_growth(flights: Sequence[FleetFlight], path: Path) -> None:
         axes.grid(color=FAINT, alpha=0.3, lw=0.5)
         if len(lines) > 1:
             axes.legend(frameon=False)
-    figure.savefig(path, dpi=DPI)
+    save(figure, path)

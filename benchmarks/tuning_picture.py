@@ -7,7 +7,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from executor.analysis.pictures.style import DPI, FAINT, INK, LOSS, PAPER, WIDTH_IN, style_of
+from executor.analysis.pictures import save
+from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, WIDTH_IN, style_of
 from executor.replay.result import Point
 
 
@@ -42,4 +43,4 @@ def draw_tuning(points: Sequence[Point], path: Path) -> None:
         axis.grid(visible=True, color=FAINT, alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
     figure.tight_layout()
-    figure.savefig(path, dpi=DPI)
+    save(figure, path)

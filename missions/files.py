@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import math
 import os
+import stat
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -61,13 +61,29 @@ NESTED = "expected lists and objects that are not nested hundreds deep"
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that it is there whole or not at all, after a power loss too."""
+    """Write a file so that it is there whole or not at all, after a power loss or on a full disk too.
+
+    A link stays one, and its file is replaced; what is no file, such as a pipe, is written to as it is.
+
+    Raises:
+        OSError: it cannot be written; what was there before is untouched.
+    """
+    path = path.resolve()
+    if path.exists() and not path.is_file():
+        path.write_bytes(content)
+        return
     draft = path.with_name(path.name + ".part")
-    with draft.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    draft.replace(path)
+    try:
+        with draft.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        if path.exists():
+            draft.chmod(stat.S_IMODE(path.stat().st_mode))
+        draft.replace(path)
+    except OSError:
+        draft.unlink(missing_ok=True)
+        raise
     folder = os.open(path.parent, os.O_RDONLY)
     try:
         os.fsync(folder)  # the new name
@@ -118,6 +134,4 @@ def write_document(path: Path, document: Mapping[str, object]) -> None:
         OSError: it cannot be written.
         ValueError: a figure is NaN or infinite.
     """
-    if path.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     write_whole(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())

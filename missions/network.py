@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +14,7 @@ from missions.geo import FloatArray, LocalFrame
 MAX_DISTANCE_M = 200_000.0
 """A pylon farther from the depot than this is a mistake in the file or in the depot."""
 
+CUT = "; radius_m, or --radius with --depot, cuts what is near out of a larger file"
 SHORTEST_SEGMENT_M = 0.05
 """Two pylons nearer than this are one place: PX4 refuses waypoints less than 5 cm apart (FeasibilityChecker.cpp)."""
 
@@ -104,17 +106,10 @@ class Network:
         Raises:
             NetworkError: no segment lies within the radius.
         """
-        near = np.hypot(self.positions_m[:, 0], self.positions_m[:, 1]) < radius_m
-        kept = [segment for segment in self.segments if near[segment.a] and near[segment.b]]
-        if not kept:
+        pylons, segments = part_within(self.pylons, self.segments, self.frame, radius_m)
+        if not segments:
             raise NetworkError(f"{self.source}: radius_m: no segment lies within {radius_m:g} m of the depot")
-        used = sorted({end for segment in kept for end in (segment.a, segment.b)})
-        new_index = {old: new for new, old in enumerate(used)}
-        segments = tuple(
-            Segment(number, new_index[segment.a], new_index[segment.b], segment.label)
-            for number, segment in enumerate(kept)
-        )
-        return Network(tuple(self.pylons[old] for old in used), segments, self.frame, self.source, self.flat)
+        return Network(pylons, segments, self.frame, self.source, self.flat)
 
     def _check_pylons(self) -> None:
         seen: set[str] = set()
@@ -153,7 +148,7 @@ class Network:
         raise NetworkError(
             f"{self.source}: pylon {pylon.id!r}: position: expected within {MAX_DISTANCE_M / 1000:g} km of the depot "
             f"({self.frame.lat_deg:.6f}, {self.frame.lon_deg:.6f}), got ({pylon.lat_deg:.6f}, {pylon.lon_deg:.6f}), "
-            f"{distances_m[far[0]] / 1000:.0f} km away{hint}"
+            f"{distances_m[far[0]] / 1000:.0f} km away{hint or CUT}"
         )
 
     def _check_segments(self) -> None:
@@ -175,3 +170,21 @@ class Network:
             if pair in pairs:
                 raise NetworkError(f"{place}: pylons: expected a pair only once, {names} already are {pairs[pair]}")
             pairs[pair] = f"segment {segment.label or segment.id}"
+
+
+def part_within(
+    pylons: Sequence[Pylon], segments: Sequence[Segment], frame: LocalFrame, radius_m: float
+) -> tuple[tuple[Pylon, ...], tuple[Segment, ...]]:
+    """Return the part whose segments have both pylons nearer than ``radius_m`` to the depot; it may be empty.
+
+    It may be cut out of what is too large for a network. Segments and pylons are numbered anew in their old order.
+    """
+    places_m = frame.many_to_local_m(np.array([(one.lat_deg, one.lon_deg) for one in pylons], dtype=np.float64))
+    near = np.hypot(places_m[:, 0], places_m[:, 1]) < radius_m
+    kept = [segment for segment in segments if near[segment.a] and near[segment.b]]
+    used = sorted({end for segment in kept for end in (segment.a, segment.b)})
+    new_index = {old: new for new, old in enumerate(used)}
+    return tuple(pylons[old] for old in used), tuple(
+        Segment(number, new_index[segment.a], new_index[segment.b], segment.label)
+        for number, segment in enumerate(kept)
+    )

@@ -180,6 +180,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/site/test_looks.py": ("executor/site/tables/cameras.py",),
     "tests/missions/test_payload.py": ("missions/cameras.py",),
+    "tests/missions/readers/test_whole.py": ("missions/readers/shapeparts.py",),
     "tests/missions/readers/test_build.py": (
         "missions/readers/aftermath.py",
         "missions/readers/choice.py",
@@ -196,7 +197,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/readers/kml.py",
         "missions/readers/osm.py",
         "missions/readers/shapes.py",
-        "missions/readers/table.py",
         "missions/readers/written.py",
     ),
     "tests/executor/cli/test_init_site.py": ("executor/site/template.py",),
@@ -323,10 +323,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/autopilots/ardupilot.py",
         "missions/autopilots/px4.py",
     ),
-    "tests/missions/test_planfile.py": (
-        "missions/files.py",
-        "missions/planjson.py",
-    ),
+    "tests/missions/test_planfile.py": ("missions/planjson.py",),
     "tests/missions/test_routes.py": ("missions/setup.py",),
     "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),
     "tests/benchmarks/scenarios/test_losses.py": ("planner/streets.py",),

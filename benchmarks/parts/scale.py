@@ -144,7 +144,8 @@ def draw_scale(result: Json, path: Path) -> None:
     """Draw time to the first plan and memory over the number of segments, both axes logarithmic."""
     from matplotlib.figure import Figure
 
-    from executor.analysis.pictures.style import COLOURS, DPI, FAINT, MARKERS, PAPER
+    from executor.analysis.pictures import save
+    from executor.analysis.pictures.style import COLOURS, FAINT, MARKERS, PAPER
 
     figure = Figure(figsize=(10.0, 4.2), facecolor=PAPER, layout="constrained")
     left, right = figure.subplots(1, 2)
@@ -160,4 +161,4 @@ def draw_scale(result: Json, path: Path) -> None:
         axes.set(xscale="log", yscale="log", xlabel="segments (hollow: the paper's network)", ylabel=label)
         axes.grid(color=FAINT, alpha=0.3, which="both", lw=0.5)
     left.legend(frameon=False)
-    figure.savefig(path, dpi=DPI)
+    save(figure, path)

@@ -19,6 +19,7 @@ from executor.analysis.flight_record import FlightRecord, given_away
 from executor.core import words
 from executor.core.commands import Level
 from executor.core.preflight.checks import Severity
+from missions.files import write_whole
 
 PICTURES = {
     "map.png": "The first plan, and what was flown",
@@ -139,7 +140,7 @@ def write_page(record: FlightRecord, report: FlightReport, path: Path) -> None:
     """
     text = page(record, report, _pictures(path.parent))
     # A vehicle's words may hold half a surrogate pair; that must not cost the page.
-    path.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
+    write_whole(path, text.encode("utf-8", errors="xmlcharrefreplace"))
 
 
 def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, bytes]) -> str:

@@ -32,6 +32,7 @@ from missions import (
 )
 from missions.exports import Drawn, drawn_plan, geojson_text, gpx_text, kml_text
 from missions.fences import fence_around, fence_items, flown_places, rally_items
+from missions.files import write_whole
 from missions.plansetup import setup_of_plan
 
 DRAWN: Mapping[FormatName, Callable[[Drawn], str]] = {
@@ -160,5 +161,5 @@ def _export_run(run: Path, output: Path, to: FormatName) -> None:
 def _write(output: Path, name: str, text: str) -> None:
     writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
     path = output / name
-    writable(path, partial(path.write_text, text, encoding="utf-8"))
+    writable(path, partial(write_whole, path, text.encode()))
     print(path)

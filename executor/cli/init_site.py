@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from executor.cli.network_options import (
     CrsOption,
     DepotOption,
+    EncodingOption,
     LayersOption,
     MaxSpanOption,
     RadiusOption,
@@ -27,6 +28,7 @@ from executor.errors import SiteError
 from executor.site import assembly, template
 from executor.site.tables.ground import DepotTable
 from missions import SNAP_M, Mending, Network, NetworkError, Selection, default_network_path, understand
+from missions.files import write_whole
 
 
 def init(
@@ -47,6 +49,7 @@ def init(
     layer: LayersOption = None,
     where: WhereOption = None,
     crs: CrsOption = None,
+    encoding: EncodingOption = None,
     snap: SnapOption = SNAP_M,
     max_span: MaxSpanOption = None,
 ) -> None:
@@ -55,19 +58,19 @@ def init(
     if output is not None and output.exists():
         raise SiteError(f"{output}: expected a new file, this one exists already")
     place = None if depot is None else depot_of(depot)
-    chosen = wanted(layer, where, crs, Mending(snap, max_span))
+    chosen = wanted(layer, where, crs, Mending(snap, max_span), encoding)
     known = _network(network, chosen, place, radius)
     file = network
     if network != assembly.DEFAULT_NETWORK:
         file = Path(os.path.relpath(network, output.parent if output is not None else Path())).as_posix()
     table = None if place is None else _depot_table(place)
-    choice = {"layer": layer, "where": where, "crs": crs, "snap_m": None if snap == SNAP_M else snap,
-              "max_span_m": max_span}  # fmt: skip
+    choice = {"layer": layer, "where": where, "crs": crs, "encoding": encoding,
+              "snap_m": None if snap == SNAP_M else snap, "max_span_m": max_span}  # fmt: skip
     text = template.starter(template.Wish(file, known.has_heights, table, radius, vehicles, autopilot.value, choice))
     if output is None:
         print(text, end="")
         return
-    writable(output, lambda: output.write_text(text, encoding="utf-8"))
+    writable(output, lambda: write_whole(output, text.encode()))
     print(f"{output}: {len(known.segments)} segments, {vehicles} vehicles; next: {command_line('plan', output)}")
 
 

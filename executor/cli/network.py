@@ -16,6 +16,7 @@ from rich.text import Text
 from executor.cli.network_options import (
     CrsOption,
     DepotOption,
+    EncodingOption,
     LayersOption,
     MaxSpanOption,
     RadiusOption,
@@ -27,10 +28,10 @@ from executor.cli.network_options import (
 from executor.cli.options import JsonOption
 from executor.cli.planning import can_be_drawn, can_be_written, writable
 from executor.core import words
-from executor.errors import SiteError
 from executor.site import assembly
 from missions import (
     SNAP_M,
+    Matter,
     Mending,
     Pylon,
     Remark,
@@ -39,7 +40,7 @@ from missions import (
     network_document,
     understand,
 )
-from missions.files import json_text
+from missions.files import json_text, write_whole
 
 SHOWN = 5
 """Findings of one matter on the screen; the JSON has all."""
@@ -73,6 +74,7 @@ def network(
     layer: LayersOption = None,
     where: WhereOption = None,
     crs: CrsOption = None,
+    encoding: EncodingOption = None,
     depot: DepotOption = None,
     radius: RadiusOption = None,
     snap: SnapOption = SNAP_M,
@@ -84,22 +86,16 @@ def network(
     can_be_drawn("--picture", picture)
     path = default_network_path() if file == assembly.DEFAULT_NETWORK else Path(file)
     place = None if depot is None else depot_of(depot)
-    if (
-        radius is not None
-        and place is None
-        and not understand(path, wanted(layer, where, crs), anywhere=True).has_depot
-    ):
-        raise SiteError("--radius: expected --depot beside it, this network's file has none")
     understood = understand(
         path,
-        wanted(layer, where, crs, Mending(snap, max_span)),
+        wanted(layer, where, crs, Mending(snap, max_span), encoding),
         depot=place,
         radius_m=radius,
         anywhere=True,
     )
     if output is not None:
         text = json.dumps(network_document(understood), ensure_ascii=False, indent=1, allow_nan=False)
-        writable(output, lambda: output.write_text(text + "\n", encoding="utf-8"))
+        writable(output, lambda: write_whole(output, f"{text}\n".encode()))
     if picture is not None:
         from executor.analysis.pictures import network_figure, save
 
@@ -152,6 +148,9 @@ def _show(understood: Understood) -> None:
     network, console = understood.network, Console(highlight=False, soft_wrap=True)
     rows = line_rows(understood)
     console.print(Text(words.shown(f"{network.source}: {understood.format}, {understood.crs}")))
+    first = [one for one in understood.found if one.matter in {Matter.WHOLE, Matter.FILTER}]
+    for line in _finding_lines(first):
+        print(words.shown(line))
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
     for column in ("line", "spans", "length", "shortest", "longest", "poles", "ground of", "height of"):
         table.add_column(column, justify="left" if column == "line" else "right", overflow="fold")
@@ -167,7 +166,7 @@ def _show(understood: Understood) -> None:
     lat_deg, lon_deg, alt_m = network.depot
     depot = f"depot {words.place(lat_deg, lon_deg)}, {alt_m:g} m" if understood.has_depot else "no depot in the file"
     print(f"{depot}; lines {len(rows)}")
-    for line in _finding_lines(understood.found):
+    for line in _finding_lines([one for one in understood.found if one not in first]):
         print(words.shown(line))
 
 

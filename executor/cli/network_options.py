@@ -23,6 +23,12 @@ WhereOption = Annotated[
 CrsOption = Annotated[
     str | None, typer.Option(metavar="CRS", help="The reference system of a file that does not say its own.")
 ]
+EncodingOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME", help="The encoding of a CSV file or a shapefile's names, such as cp1250; tried without."
+    ),
+]
 SnapOption = Annotated[
     float,
     typer.Option(
@@ -59,7 +65,11 @@ DepotOption = Annotated[
 
 
 def wanted(
-    layer: Sequence[str] | None, where: str | None, crs: str | None, mending: Mending | None = None
+    layer: Sequence[str] | None,
+    where: str | None,
+    crs: str | None,
+    mending: Mending | None = None,
+    encoding: str | None = None,
 ) -> Selection:
     """Return what options ask of a network's file.
 
@@ -70,7 +80,7 @@ def wanted(
         terms = () if where is None else parse_where(where)
     except ValueError as error:
         raise SiteError(f"--where: {error}, got {where!r}") from error
-    return Selection(tuple(layer or ()), terms, crs, mending or Mending())
+    return Selection(tuple(layer or ()), terms, crs, mending or Mending(), encoding)
 
 
 def depot_of(text: str) -> tuple[float, float, float | None]:

@@ -27,7 +27,7 @@ from executor.replay.run import Comparison, rerun
 from executor.site.assembly import drone_of
 from executor.site.config import Site, read_site
 from executor.site.packs import PacksDocument, read_packs
-from missions.files import json_text
+from missions.files import json_text, write_whole
 from planner import PRESETS
 
 LogsArgument = Annotated[
@@ -268,7 +268,7 @@ def _learn(paths: Sequence[Path], site: Site | None, output: Path | None, *, as_
     drone, base = ("mavic3", PRESETS["mavic3"]) if site is None else (site.energy.drone, drone_of(site))
     content = learned_toml(found, drone, base)
     if output is not None:
-        writable(output, lambda: output.write_text(content, encoding="utf-8"))
+        writable(output, lambda: write_whole(output, content.encode()))
     if as_json:
         print(json_text({"system": system, "left_out": others, **table(found)}))
     elif output is None:

@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 
 from executor.replay.result import LogReplay, RecordedTruth
+from missions.files import write_whole
 
 _STYLE = """
 :root { color-scheme: light dark; }
@@ -55,7 +56,7 @@ def write_replay_page(replay: LogReplay, truth: RecordedTruth | None, picture: P
         parts += ["<h2>What really happened</h2>", _table(("at (s)", "what"), rows)]
     skipped = [(name.replace("_", " "), count) for name, count in replay.skipped.counts().items() if count]
     parts += ["<h2>Not read, or not used</h2>", _table(("what", "how often"), skipped), "</html>"]
-    path.write_text("\n".join(parts), encoding="utf-8")
+    write_whole(path, "\n".join(parts).encode())
 
 
 def _s(replay: LogReplay, usec: int) -> str:

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from executor.analysis.pictures.style import DPI, FAINT, INK, LOSS, PAPER, WIDTH_IN, style_of
+from executor.analysis.pictures import save
+from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, WIDTH_IN, style_of
 from executor.core.vehicle import FaultKind
 from executor.replay.result import LogReplay, RecordedTruth, VehicleReplay
 
@@ -41,7 +42,7 @@ def draw_replay(replay: LogReplay, truth: RecordedTruth | None, path: Path) -> N
     axes[-1].set_xlabel("seconds since the log began", color=INK)
     figure.suptitle(_title(replay), color=INK, fontsize=11)
     figure.tight_layout()
-    figure.savefig(path, dpi=DPI)
+    save(figure, path)
 
 
 def _title(replay: LogReplay) -> str:

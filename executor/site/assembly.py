@@ -160,7 +160,7 @@ def wanted_of(site: Site) -> Selection:
     table = site.network
     layers = (table.layer,) if isinstance(table.layer, str) else table.layer
     where = () if table.where is None else parse_where(table.where)
-    return Selection(layers, where, table.crs, Mending(table.snap_m, table.max_span_m))
+    return Selection(layers, where, table.crs, Mending(table.snap_m, table.max_span_m), table.encoding)
 
 
 def remark_lines(found: Iterable[Remark]) -> Iterator[str]:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from missions.errors import NetworkError
-from missions.files import NESTED, decoded, parse_json
+from missions.files import NESTED, decoded, printable
 from missions.geo import LocalFrame, distance_m
-from missions.network import MAX_DISTANCE_M, Network
+from missions.network import CUT, MAX_DISTANCE_M, Network, part_within
 from missions.readers import geojson, geopackage, gpx, kml, osm, shapes, table
 from missions.readers.build import SNAP_M, Built, Mending, build
 from missions.readers.choice import Choice, Term, parse_where
-from missions.readers.drawing import Drawing, Matter, Remark
+from missions.readers.drawing import Drawing, Matter, Near, Remark, why_nothing
 from missions.readers.graph import parse_graph
 from missions.readers.opened import Archive, begin_of, limited_content
+from missions.readers.text import text_of_table
 from missions.readers.understood import Selection, Understood
 from missions.readers.written import network_document
 from missions.readers.xmltree import root_of, tag_of
@@ -36,6 +38,11 @@ __all__ = [
     "understand",
 ]
 
+BESIDE_SHP = (".shx", ".dbf", ".prj", ".cpg", ".sbn", ".sbx", ".qpj")
+OTHERS = (".shp", ".kml", ".kmz", ".geojson", ".geojsonl", ".gpkg", ".gpx", ".osm", ".csv", ".xlsx", ".xls", ".zip")
+"""What of an archive may hold lines as well."""
+FIRST = (Matter.WHOLE, Matter.FILTER)
+"""Said before all else."""
 SAME_DEPOT_M = 100.0
 """A site's depot without a height takes that of the file's when it is this near."""
 GRAPH = "graph file"
@@ -97,17 +104,22 @@ def understand(
     """
     path, wanted = Path(path), wanted or Selection()
     frame = _frame_of(path, depot)
-    choice = Choice(wanted.layers, wanted.where, wanted.crs)
+    choice = Choice(wanted.layers, wanted.where, wanted.crs, wanted.encoding, _near(frame, radius_m))
     try:
         drawing = _drawn(path, choice)
     except RecursionError:
         raise NetworkError(f"{path}: content: {NESTED}") from None
     if isinstance(drawing, str):
         understood = _graph(drawing, str(path), choice, frame, anywhere=anywhere)
-    else:
-        choice.check_where(str(path))
-        understood = _placed(drawing, build(drawing, wanted.mending), frame, depot, anywhere=anywhere)
-    return understood if radius_m is None else _within(understood, radius_m)
+        return understood if radius_m is None else replace(understood, network=understood.network.within(radius_m))
+    choice.check_where(str(path))
+    drawing.found += choice.said
+    return _placed(drawing, wanted.mending, depot, radius_m, anywhere=anywhere)
+
+
+def _near(frame: LocalFrame | None, radius_m: float | None) -> Near | None:
+    """Return what of a file may be within a radius: all that may be in a network, so that names stay as they are."""
+    return None if frame is None or radius_m is None or radius_m > MAX_DISTANCE_M else Near(frame, MAX_DISTANCE_M)
 
 
 def _graph(text: str, source: str, choice: Choice, frame: LocalFrame | None, *, anywhere: bool) -> Understood:
@@ -134,12 +146,27 @@ def station_points(path: Path | str) -> dict[str, tuple[float, float, float | No
         raise NetworkError(f"{path}: content: expected a file with points, got a {GRAPH}")
     depot = drawing.depot
     found = {} if depot is None else {"depot": (depot.lat_deg, depot.lon_deg, depot.elevation_m)}
-    return found | {pole.name or pole.place: (pole.lat_deg, pole.lon_deg, pole.elevation_m) for pole in drawing.poles}
+    return found | {
+        pole.name or pole.place: (pole.lat_deg, pole.lon_deg, pole.elevation_m)
+        for pole in (*drawing.others, *drawing.poles)
+    }
 
 
 def _drawn(path: Path, choice: Choice) -> Drawing | str:
     """Return what a file shows; of a graph file its text, which its depot gives a place to."""
     source = str(path)
+    drawing = _drawn_by_content(path, source, choice)
+    if choice.encoding is not None and (isinstance(drawing, str) or drawing.format not in {table.CSV, shapes.FORMAT}):
+        kind = GRAPH if isinstance(drawing, str) else drawing.format
+        raise NetworkError(
+            f"{source}: encoding: expected none for {kind}, only for CSV and shapefiles; got {choice.encoding!r}"
+        )
+    return drawing
+
+
+def _drawn_by_content(path: Path, source: str, choice: Choice) -> Drawing | str:
+    if path.suffix.lower() in BESIDE_SHP:
+        raise NetworkError(f"{source}: file: expected the .shp, of which this is a part")
     if begin_of(path) == geopackage.MAGIC:
         return geopackage.draw_geopackage(path, source, choice)
     content = limited_content(path)
@@ -149,13 +176,13 @@ def _drawn(path: Path, choice: Choice) -> Drawing | str:
         return _drawn_archive(content, source, choice)
     if path.suffix.lower() in XML or content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         return _drawn_xml(content, source, choice)
-    text = decoded(content, str(path), NetworkError)
+    text, remark = text_of_table(content, source, choice.encoding)
     if text.lstrip().startswith("{"):
-        return _drawn_json(text.lstrip(), source, choice)
+        return _drawn_json((decoded(content, source, NetworkError) if remark else text).lstrip(), source, choice)
     if "pylons_position" in text:
-        return text
+        return decoded(content, source, NetworkError)
     if table.looks_like_table(text) or path.suffix.lower() == ".csv":
-        return table.draw_csv(text, source, choice)
+        return table.draw_csv(text, source, choice, remark=remark)
     raise NetworkError(
         f"{source}: content: expected GeoJSON, or a graph file with pylons_position, or one of {FORMATS}; found none"
     )
@@ -166,27 +193,45 @@ def _drawn_archive(content: bytes, source: str, choice: Choice) -> Drawing:
     if "xl/workbook.xml" in archive.names:
         return table.draw_xlsx(archive, content, source, choice)
     if archive.ending_in(".shp"):
-        return shapes.draw_zipped_shapes(archive, source, choice)
-    if archive.ending_in(".kml"):
-        return kml.draw_kml(root_of(kml.kml_of(archive), source), source, choice)
-    raise NetworkError(f"{source}: content: expected a KMZ, shapefiles or a workbook in the archive, found none")
+        drawing, read = shapes.draw_zipped_shapes(archive, source, choice), ".shp"
+    elif archive.ending_in(".kml"):
+        drawing, read = kml.draw_kmz(archive, source, choice), ".kml"
+    else:
+        others = ", ".join(map(repr, _others(archive, "")))
+        raise NetworkError(
+            f"{source}: content: expected a KMZ, shapefiles or a workbook in the archive, found none"
+            + (f" but {others}: unpack it" if others else "")
+        )
+    others = ", ".join(map(repr, _others(archive, read)))
+    if others:
+        drawing.found.append(Remark(Matter.WHOLE, source, f"also in the archive, and not read: {others}"))
+    return drawing
+
+
+def _others(archive: Archive, read: str) -> Iterator[str]:
+    """Yield what else of an archive may hold lines, by its name."""
+    return (
+        printable(name)
+        for name in archive.names
+        if name.lower().endswith(OTHERS) and not name.lower().endswith(read or "/")
+    )
 
 
 def _drawn_xml(content: bytes, source: str, choice: Choice) -> Drawing:
     root = root_of(content, source)
-    readers = {"kml": kml.draw_kml, "gpx": gpx.draw_gpx, "osm": osm.draw_osm_xml} | dict.fromkeys(
-        kml.ROOTS, kml.draw_kml
-    )
-    reader = readers.get(tag_of(root))
+    if tag_of(root) in {"kml", *kml.ROOTS}:
+        return kml.draw_kml([root], source, choice)
+    reader = {"gpx": gpx.draw_gpx, "osm": osm.draw_osm_xml}.get(tag_of(root))
     if reader is None:
-        raise NetworkError(f"{source}: content: expected XML that is kml, gpx or osm, got {tag_of(root)!r}")
+        says = printable(" ".join(str(text) for text in root.itertext()))[:200]
+        is_error = any(word in tag_of(root).lower() for word in ("exception", "error"))
+        words = f": a server's error: {says}" if is_error else ""
+        raise NetworkError(f"{source}: content: expected XML that is kml, gpx or osm, got {tag_of(root)!r}{words}")
     return reader(root, source, choice)
 
 
 def _drawn_json(text: str, source: str, choice: Choice) -> Drawing:
-    document = parse_json(text, source, NetworkError)
-    if not isinstance(document, dict):
-        raise NetworkError(f"{source}: content: expected a JSON object")
+    document = geojson.parse_features(text, source)
     if "elements" in document and "features" not in document:
         return osm.draw_overpass(document, source, choice)
     return geojson.draw_geojson(document, source, choice)
@@ -194,33 +239,65 @@ def _drawn_json(text: str, source: str, choice: Choice) -> Drawing:
 
 def _placed(
     drawing: Drawing,
-    built: Built,
-    frame: LocalFrame | None,
+    mending: Mending,
     given: tuple[float, float, float | None] | None,
+    radius_m: float | None,
     *,
     anywhere: bool,
 ) -> Understood:
     """Return a network about its depot: the caller's, or the file's, or where neither is, if it may, its middle."""
-    if not built.segments:
-        poles = f": {len(drawing.poles)} points and no line" if drawing.poles else ""
-        raise NetworkError(f"{drawing.source}: segments: expected at least one, found none{poles}")
-    alt_known = given is not None and given[2] is not None
+    source = drawing.source
+    frame, alt_known = _frame_of(Path(source), given), given is not None and given[2] is not None
     if frame is None or not alt_known:
         frame, alt_known = _own_depot(drawing, frame)
+    if frame is None and radius_m is not None:
+        raise NetworkError(f"{source}: radius_m: expected a depot beside it, the network's file has none")
+    drawing.near = _near(frame, radius_m)
+    drawing.keep_near()
+    if drawing.far is not None and not (drawing.lines or drawing.spans):
+        raise _nothing_near(drawing, frame, radius_m)
+    built = build(drawing, mending)
+    if not built.segments:
+        poles = f": {len(drawing.poles)} points and no line" if drawing.poles else ""
+        raise NetworkError(
+            f"{source}: segments: expected at least one, found none{poles}{why_nothing(drawing.remarks)}"
+        )
+    if frame is not None and radius_m is not None:
+        built = _cut(built, frame, radius_m)
+        if not built.segments:
+            raise _nothing_near(drawing, frame, radius_m)
     has_depot, knows_ground = frame is not None, any(pylon.elevation_m is not None for pylon in built.pylons)
     if frame is None:
         if not anywhere:
             raise NetworkError(
-                f"{drawing.source}: depot: expected a Point with property role 'depot', or a depot in the site file"
+                f"{source}: depot: expected a Point with property role 'depot', or a depot in the site file"
             )
-        frame = _middle(drawing.source, built)
+        frame = _middle(source, built)
     elif not alt_known and knows_ground and not anywhere:
         raise NetworkError(
-            f"{drawing.source}: depot: expected its height above sea level, because the pylons have elevation_m: alt_m "
+            f"{source}: depot: expected its height above sea level, because the pylons have elevation_m: alt_m "
             "of the site's [depot], or elevation_m of the file's"
         )
-    network = Network(built.pylons, built.segments, frame, drawing.source, drawing.flat)
-    return Understood(network, drawing.format, drawing.crs, has_depot, built.lines, built.found)
+    network = Network(built.pylons, built.segments, frame, source, drawing.flat)
+    found = sorted(built.found, key=lambda one: one.matter not in FIRST)
+    return Understood(network, drawing.format, drawing.crs, has_depot, built.lines, tuple(found))
+
+
+def _nothing_near(drawing: Drawing, frame: LocalFrame | None, radius_m: float | None) -> NetworkError:
+    hint = ""
+    if frame is not None and drawing.far is not None and abs(drawing.far[1]) <= 90.0:
+        swapped = distance_m(frame.lat_deg, frame.lon_deg, drawing.far[1], drawing.far[0]) <= MAX_DISTANCE_M
+        hint = "; latitude and longitude look swapped (GeoJSON has longitude first)" if swapped else ""
+    return NetworkError(f"{drawing.source}: radius_m: no segment lies within {radius_m:g} m of the depot{hint}")
+
+
+def _cut(built: Built, frame: LocalFrame, radius_m: float) -> Built:
+    """Return what lies within a radius, and what was found of it; a network of a country would be refused as such."""
+    pylons, segments = part_within(built.pylons, built.segments, frame, radius_m)
+    lines = {segment.label: built.lines.get(segment.label, "") for segment in segments}
+    known = {pylon.id for pylon in built.pylons} | set(built.lines) | set(built.lines.values())
+    gone = known - {pylon.id for pylon in pylons} - set(lines) - set(lines.values())
+    return Built(pylons, segments, lines, tuple(one for one in built.found if (one.about or one.asset) not in gone))
 
 
 def _own_depot(drawing: Drawing, known: LocalFrame | None) -> tuple[LocalFrame | None, bool]:
@@ -252,17 +329,11 @@ def _middle(source: str, built: Built) -> LocalFrame:
             raise NetworkError(
                 f"{source}: pylon {pylon.id!r}: position: expected within {MAX_DISTANCE_M / 1000:g} km of pylon "
                 f"{first.id!r}, got {pylon.lat_deg:.6f}, {pylon.lon_deg:.6f}; are latitude and longitude swapped, or "
-                "is it another crs?"
+                f"is it another crs?{CUT}"
             )
     east_m, north_m = ([place_m[axis] for place_m in places_m] for axis in (0, 1))
     middle = about.to_wgs84_deg((min(east_m) + max(east_m)) / 2, (min(north_m) + max(north_m)) / 2)
     return LocalFrame(*middle)
-
-
-def _within(understood: Understood, radius_m: float) -> Understood:
-    network = understood.network.within(radius_m)
-    lines = {segment.label: understood.lines.get(segment.label, "") for segment in network.segments}
-    return replace(understood, network=network, lines=lines)
 
 
 def _frame_of(path: Path, depot: tuple[float, float, float | None] | None) -> LocalFrame | None:

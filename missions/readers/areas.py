@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from missions.errors import AreaError, NetworkError
-from missions.files import NESTED, decoded, parse_json
+from missions.files import NESTED, decoded
 from missions.readers import geojson, kml
 from missions.readers.attributes import metres, name_of
 from missions.readers.choice import Choice, Term
@@ -62,6 +62,8 @@ def read_areas(path: Path, *, layers: Sequence[str] = (), where: Sequence[Term] 
     try:
         found = tuple(_read(path, choice))
         choice.check_where(str(path))
+        for attribute, value in choice.uncompared:
+            raise AreaError(f"{path}: where: expected numbers of {attribute!r} to compare, got {value!r}")
     except NetworkError as error:
         raise AreaError(str(error)) from error
     except RecursionError:
@@ -100,21 +102,21 @@ def _read(path: Path, choice: Choice) -> Iterator[ReadArea]:
         archive = Archive(content, source)
         if not archive.ending_in(".kml"):
             raise AreaError(f"{source}: content: expected {FORMATS}, found an archive without a .kml")
-        content = kml.kml_of(archive)
+        roots = [root_of(document, source) for document in kml.kml_of(archive)]
+        yield from _of_kml(roots, source, choice, archive.ending_in(".kml"))
+        return
     if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") or path.suffix.lower() in {".kml", ".kmz"}:
-        yield from _of_kml(root_of(content, source), source, choice)
+        yield from _of_kml([root_of(content, source)], source, choice)
         return
     text = decoded(content, source, AreaError).lstrip()
     if not text.startswith("{"):
         raise AreaError(f"{source}: content: expected {FORMATS}, found none")
-    document = parse_json(text, source, AreaError)
-    if not isinstance(document, dict):
-        raise AreaError(f"{source}: content: expected a JSON object")
-    yield from _of_geojson(document, source, choice)
+    yield from _of_geojson(geojson.parse_features(text, source), source, choice)
 
 
 def _of_geojson(document: Mapping[str, object], source: str, choice: Choice) -> Iterator[ReadArea]:
     choice.no_layers(source, geojson.FORMAT)
+    geojson.check_whole(document, source)
     system = geojson.system_of(document, source)
     for feature in geojson.features_of(document, source):
         if not choice.takes(feature.properties):
@@ -137,12 +139,15 @@ def _of_geojson(document: Mapping[str, object], source: str, choice: Choice) -> 
                 raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {other or 'none'}")
 
 
-def _of_kml(root: etree._Element, source: str, choice: Choice) -> Iterator[ReadArea]:
-    if tag_of(root) not in {"kml", *kml.ROOTS}:
-        raise AreaError(f"{source}: content: expected {FORMATS}, got XML with {tag_of(root)!r}")
-    for link in root.iter("{*}NetworkLink"):
+def _of_kml(
+    roots: Sequence[etree._Element], source: str, choice: Choice, inside: Sequence[str] = ()
+) -> Iterator[ReadArea]:
+    for root in roots:
+        if tag_of(root) not in {"kml", *kml.ROOTS}:
+            raise AreaError(f"{source}: content: expected {FORMATS}, got XML with {tag_of(root)!r}")
+    for link in kml.links_of(roots, inside):
         raise AreaError(f"{source}: NetworkLink {text_of(link, 'name')!r}: expected the areas themselves, got a link")
-    marks = list(kml.placemarks_of([root], ""))
+    marks = list(kml.placemarks_of(roots, ""))
     wanted = choice.chosen_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
     for mark, folder in marks:
         name = text_of(mark, "name")

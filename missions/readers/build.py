@@ -19,7 +19,7 @@ from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.geometry import bends
 from missions.network import SHORTEST_SEGMENT_M, Pylon, Segment
 from missions.readers.aftermath import look_over
-from missions.readers.drawing import Drawing, Line, Matter, Remark, Vertex
+from missions.readers.drawing import Drawing, Line, Matter, Remark, Vertex, why_nothing
 from missions.readers.nodes import SAME_POLE_M, Nodes
 from missions.readers.planar import PlaceIndex
 
@@ -141,7 +141,8 @@ def _frame_of(drawing: Drawing) -> LocalFrame:
                 )
         first = first or (max(min(lat_deg, MAX_LATITUDE_DEG), -MAX_LATITUDE_DEG), lon_deg)
     if first is None:
-        raise NetworkError(f"{drawing.source}: segments: expected at least one, found none: neither lines nor poles")
+        why = f"neither lines nor poles{why_nothing(drawing.remarks)}"
+        raise NetworkError(f"{drawing.source}: segments: expected at least one, found none: {why}")
     return LocalFrame(*first)
 
 
@@ -264,7 +265,7 @@ def _lay(chains: Sequence[_Chain], spans: _Spans, max_span_m: float | None) -> N
                     spans.add(one, other, label, chain.line.name or chain.line.place)
                 else:
                     text = f"runs over the same poles as {spans.labels[twin]}: inspected once"
-                    spans.found.append(Remark(Matter.DUPLICATE, label or chain.asset, text))
+                    spans.found.append(Remark(Matter.DUPLICATE, label or chain.asset, text, spans.labels[twin]))
 
 
 def _divided(a: int, b: int, spans: _Spans, asset: str, max_span_m: float | None) -> list[int]:
@@ -291,7 +292,8 @@ def _built(drawing: Drawing, nodes: Nodes, spans: _Spans, mending: Mending) -> B
     new_index = {old: new for new, old in enumerate(used)}
     # What a file has drawn as spans by their poles' names may have poles beside; they were never on a line.
     unused: Sequence[int] = [index for index, node in enumerate(nodes.nodes) if node.drawn and index not in new_index]
-    found = [*drawing.found, *nodes.found, *spans.found, *look_over(nodes, spans.pairs, spans.labels, spans.lines,
+    nodes.forget_hinted(used, drawing.format)
+    found = [*drawing.remarks, *nodes.found, *spans.found, *look_over(nodes, spans.pairs, spans.labels, spans.lines,
              unused, longest_m=mending.max_span_m or LONG_M)]  # fmt: skip
     pylons = (nodes.nodes[old] for old in used)
     return Built(

@@ -50,6 +50,11 @@ class ToWgs84:
         return found
 
 
+def wgs84(place: str) -> ToWgs84:
+    """Return the system of files that have no other: there is nothing to do."""
+    return ToWgs84("WGS 84", place, None)
+
+
 def to_wgs84(said: object, place: str) -> ToWgs84:
     """Return the way from a reference system to WGS 84.
 
@@ -76,5 +81,5 @@ def to_wgs84(said: object, place: str) -> ToWgs84:
     name = printable(system.name)
     words = name if code is None else f"{name} ({':'.join(code)})"
     if code is not None and ":".join(code) in {WGS84, "OGC:CRS84"}:
-        return ToWgs84("WGS 84", place, None)
+        return wgs84(place)
     return ToWgs84(words, place, pyproj.Transformer.from_crs(system, WGS84, always_xy=True))

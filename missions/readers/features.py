@@ -1,21 +1,44 @@
-"""Layers of features, as a GeoPackage and shapefiles have them: points are poles, lines are lines."""
+"""The one road from what a file has to what is drawn, so that a file means the same in every format.
+
+Points are poles and lines are lines, if they are any by what their attributes say.
+"""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from math import isnan
 
 from missions.errors import NetworkError
-from missions.files import MOST_FIGURE
-from missions.readers.attributes import LINES, heights_of, name_of
-from missions.readers.choice import Choice
+from missions.files import MOST_FIGURE, is_figure
+from missions.readers.attributes import (
+    LINES,
+    LOOSE,
+    NAMES,
+    NODE,
+    POLES,
+    WAY,
+    Plain,
+    by_plain_name,
+    flattened,
+    heights_of,
+    loose_metres,
+    map_id,
+    map_name,
+    name_of,
+)
+from missions.readers.choice import Choice, quoted_names
 from missions.readers.crs import ToWgs84
-from missions.readers.drawing import Attributes, Depot, Drawing, Line, Matter, Pole, Remark
+from missions.readers.drawing import Attributes, Depot, Drawing, Line, Pole
+from missions.readers.meaning import Meaning, has_all_tags, line_meaning, point_meaning
+from missions.readers.values import NO_HEIGHT_M
 
 Position = tuple[float, float, float | None]
 """Easting or longitude first, then northing or latitude, and the third coordinate where there is one."""
 POLE_NAMES = ("name", "ref", "id")
+EMPTY, OTHER = "empty feature", "feature of another geometry"
 
 
 class Kind(StrEnum):
@@ -42,12 +65,18 @@ class Layer:
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """One feature: a point, or a line of several parts."""
+    """One feature: points, or a line of several parts."""
 
     place: str
     kind: Kind
     parts: Sequence[Sequence[Position]]
     attributes: Attributes
+    id: object = None
+    """What the file says beside the attributes, as GeoJSON and OpenStreetMap do."""
+    name: str = ""
+    """What it is called whatever its attributes say."""
+    other: str = OTHER
+    """What it is where it is neither."""
 
 
 def wanted_layers(layers: Sequence[Layer], source: str, choice: Choice) -> list[Layer]:
@@ -58,7 +87,8 @@ def wanted_layers(layers: Sequence[Layer], source: str, choice: Choice) -> list[
     """
     useful = [layer for layer in layers if layer.kind is not Kind.OTHER]
     if not useful:
-        raise NetworkError(f"{source}: layers: expected one of lines, found none of lines or points")
+        others = f" but {quoted_names(layer.name for layer in layers)}" if layers else ""
+        raise NetworkError(f"{source}: layers: expected one of lines, found none of lines or points{others}")
     names = choice.chosen_layers(source, [layer.name for layer in useful])
     wanted = [layer for layer in useful if layer.name in names]
     for kind in (Kind.POINT, Kind.LINE):
@@ -68,55 +98,129 @@ def wanted_layers(layers: Sequence[Layer], source: str, choice: Choice) -> list[
     return wanted
 
 
-def add_features(drawing: Drawing, features: Iterable[Feature], system: ToWgs84, choice: Choice) -> None:
-    """Add the features of a layer to what is drawn.
+def add_features(
+    drawing: Drawing,
+    features: Iterable[Feature],
+    system: ToWgs84,
+    choice: Choice,
+    pole_names: Sequence[str] = POLE_NAMES,
+) -> None:
+    """Add features to what is drawn.
+
+    Args:
+        drawing: What is drawn.
+        features: Of a layer, or of a whole file.
+        system: Of their positions.
+        choice: What of them is wanted.
+        pole_names: What is taken for a pole's name first.
 
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
     """
-    left_out = 0
     for feature in features:
-        place = f"{drawing.source}: {feature.place}"
-        for x, y, _ in (position for part in feature.parts for position in part):
-            if not (abs(x) <= MOST_FIGURE and abs(y) <= MOST_FIGURE):
-                raise NetworkError(f"{place}: position: expected finite coordinates, got {x}, {y}")
         if feature.kind is Kind.POINT:
-            _add_points(drawing, feature, system)
-        elif feature.kind is Kind.LINE:
-            if choice.takes(feature.attributes):
-                _add_line(drawing, feature, system)
+            add_points(drawing, feature, system, pole_names)
+        elif feature.kind is Kind.OTHER:
+            drawing.leave_out(feature.other, _name(feature, by_plain_name(feature.attributes)) or feature.place)
+        elif takes_line(drawing, feature, choice):
+            add_line(drawing, feature, system)
+
+
+def takes_line(drawing: Drawing, feature: Feature, choice: Choice) -> bool:
+    """Return whether a line is one that is flown and wanted; what is not flown is noted.
+
+    What is in use no more is wanted where a filter asks for the attribute that says so.
+    """
+    attributes = flattened(feature.attributes)
+    known = by_plain_name(attributes)
+    meaning, key = line_meaning(known, of_map=_is_of_map(feature, known))
+    if meaning is not Meaning.SPAN and not (meaning is Meaning.DISUSED and choice.asks_for(key)):
+        drawing.leave_out(meaning.value, _name(feature, known) or feature.place)
+        return False
+    return choice.takes(attributes)
+
+
+def add_points(drawing: Drawing, feature: Feature, system: ToWgs84, pole_names: Sequence[str] = POLE_NAMES) -> None:
+    """Add the poles of a feature, or the depot; what is no pole is noted.
+
+    Raises:
+        NetworkError: one line that names the file, the feature and what was expected.
+    """
+    place, known = f"{drawing.source}: {feature.place}", by_plain_name(flattened(feature.attributes))
+    name, is_depot = _name(feature, known, pole_names), str(known.get("role", "")).strip().lower() == "depot"
+    of_map = _is_of_map(feature, known)
+    meaning, _ = point_meaning(known, of_map=of_map)
+    # Programs write a point without a place as one of no numbers.
+    positions = [at for at in itertools.chain.from_iterable(feature.parts) if not (isnan(at[0]) and isnan(at[1]))]
+    is_pole = meaning is Meaning.POLE and not is_depot
+    if not is_depot and not (is_pole and positions):
+        drawing.leave_out(meaning.value if positions else EMPTY, name or feature.place)
+    _check_positions(positions, place)
+    at = system.lat_lon_deg([x for x, _, _ in positions], [y for _, y, _ in positions], place)
+    heights = heights_of(known, place) if is_pole or is_depot else (None, None)
+    for (lat_deg, lon_deg), (_, _, third_m) in zip(at, positions, strict=True):
+        pole = Pole(feature.place, name, lat_deg, lon_deg, *heights, third_of(third_m), name_of(known, LINES))
+        if is_depot:
+            drawing.depot = drawing.depot or Depot(feature.place, lat_deg, lon_deg, heights[0])
+        elif is_pole:
+            _add_pole(drawing, pole, known, of_map=of_map or "power" in known)
         else:
-            left_out += 1
-    if left_out:
-        drawing.found.append(Remark(Matter.LEFT_OUT, drawing.source, f"{left_out} features are no points or lines"))
+            drawing.others.append(pole)
 
 
-def _add_points(drawing: Drawing, feature: Feature, system: ToWgs84) -> None:
-    place = f"{drawing.source}: {feature.place}"
-    heights = heights_of(feature.attributes, place)
-    for part in feature.parts:
-        for x, y, third_m in part:
-            ((lat_deg, lon_deg),) = system.lat_lon_deg([x], [y], place)
-            if str(feature.attributes.get("role", "")) == "depot":
-                drawing.depot = drawing.depot or Depot(feature.place, lat_deg, lon_deg, heights[0])
-                continue
-            name, line = _name(feature), name_of(feature.attributes, LINES)
-            drawing.poles.append(Pole(feature.place, name, lat_deg, lon_deg, *heights, third_m or None, line))
+def _add_pole(drawing: Drawing, pole: Pole, known: Plain, *, of_map: bool) -> None:
+    """Add a pole; heights that an attribute only hints at count if all poles of the file have them."""
+    hints = {key: loose_metres(known, key, of_map=of_map) for key in LOOSE if getattr(pole, key) is None}
+    found = {key: value_m for key, (value_m, _) in hints.items() if value_m is not None}
+    elevation_m, height_m = found.get("elevation_m", pole.elevation_m), found.get("height_m", pole.height_m)
+    hinted = {key: hints[key][1] for key in found}
+    drawing.poles.append(replace(pole, elevation_m=elevation_m, height_m=height_m, hinted=hinted) if found else pole)
 
 
-def _name(feature: Feature) -> str:
-    return name_of(feature.attributes, POLE_NAMES) or name_of(feature.attributes)
+def _is_of_map(feature: Feature, known: Plain) -> bool:
+    return _map_id(feature, known) is not None and has_all_tags(feature.attributes)
 
 
-def _add_line(drawing: Drawing, feature: Feature, system: ToWgs84) -> None:
-    place = f"{drawing.source}: {feature.place}"
+def _map_id(feature: Feature, known: Plain) -> tuple[str, str] | None:
+    return map_id(known, feature.id, NODE if feature.kind is Kind.POINT else WAY)
+
+
+def _name(feature: Feature, known: Plain, names: Sequence[str] = POLE_NAMES) -> str:
+    if feature.name:
+        return feature.name
+    place = _map_id(feature, known)
+    if place is not None:
+        return map_name(known, place)
+    further = POLES if feature.kind is Kind.POINT else NAMES
+    return name_of(known, names) or name_of(known, further) or name_of({"id": feature.id})
+
+
+def third_of(value: object) -> float | None:
+    """Return a third coordinate; None where it is none that a place can have, or nothing at all."""
+    return float(value) if is_figure(value) and value and value > NO_HEIGHT_M else None
+
+
+def _check_positions(positions: Iterable[Position], place: str) -> None:
+    for x, y, _ in positions:
+        if not (abs(x) <= MOST_FIGURE and abs(y) <= MOST_FIGURE):
+            raise NetworkError(f"{place}: position: expected finite coordinates, got {x}, {y}")
+
+
+def add_line(drawing: Drawing, feature: Feature, system: ToWgs84) -> None:
+    """Add a line.
+
+    Raises:
+        NetworkError: one line that names the file, the feature and what was expected.
+    """
+    place, name = f"{drawing.source}: {feature.place}", _name(feature, by_plain_name(flattened(feature.attributes)))
     parts = []
     for part in feature.parts:
         if len(part) < 2:
             raise NetworkError(f"{place}: expected a line of at least two positions, found {len(part)}")
+        _check_positions(part, place)
         at = system.lat_lon_deg([x for x, _, _ in part], [y for _, y, _ in part], place)
-        parts.append(tuple((*one, third_m or None) for one, (_, _, third_m) in zip(at, part, strict=True)))
+        parts.append(tuple((*one, third_of(third_m)) for one, (_, _, third_m) in zip(at, part, strict=True)))
     if not parts:
-        drawing.found.append(Remark(Matter.LEFT_OUT, _name(feature) or feature.place, "a line without geometry"))
+        drawing.leave_out(EMPTY, name or feature.place)
         return
-    drawing.draw(Line(feature.place, _name(feature), tuple(parts)))
+    drawing.draw(Line(feature.place, name, tuple(parts)))

@@ -7,7 +7,7 @@
 - A LineString or MultiLineString is a line, named by its ``name``, ``ref`` or ``id``; it becomes spans at the pylons.
 - A feature of any other or no geometry with properties ``a`` and ``b`` is one segment between two pylons by their ids;
   a LineString with both is taken that way too. ``line`` says which line it belongs to.
-- Polygons are left out.
+- Polygons are left out, and so is what is no pole or no line by its attributes (`meaning`).
 - ``flat_ground: true`` beside ``features`` says that the ground is as high as the depot's everywhere.
 
 A third coordinate is metres above the ellipsoid by the RFC, tens of metres off mean sea level, and whether ground, wire
@@ -17,21 +17,25 @@ and one whose ``elevation_m`` it contradicts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import json
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from missions.errors import NetworkError
-from missions.files import is_figure, printable
-from missions.readers.attributes import LINES, heights_of, name_of
+from missions.files import is_figure, parse_json, printable
+from missions.readers.attributes import LINES, name_of
 from missions.readers.choice import Choice
-from missions.readers.crs import ToWgs84, to_wgs84
-from missions.readers.drawing import Depot, Drawing, Line, Matter, Pole, Remark, Span, Vertex
+from missions.readers.crs import ToWgs84, to_wgs84, wgs84
+from missions.readers.drawing import Drawing, Span, Vertex
+from missions.readers.features import EMPTY, Feature, Kind, Position, add_features, takes_line, third_of
+from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of, is_blank
 
 FORMAT = "GeoJSON"
 FLAT = "flat_ground"
 OWN_NAMES = ("id", "ref", "name")
 LINE_NAMES = ("name", "ref", "id")
-LEFT_OUT = ("Polygon", "MultiPolygon", "GeometryCollection", "MultiPoint")
+KINDS = {"Point": Kind.POINT, "MultiPoint": Kind.POINT, "LineString": Kind.LINE, "MultiLineString": Kind.LINE}
+LEFT_OUT = ("Polygon", "MultiPolygon", "GeometryCollection")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,22 +62,74 @@ def draw_geojson(document: Mapping[str, object], source: str, choice: Choice) ->
     """
     choice.no_layers(source, FORMAT)
     choice.no_crs(source, FORMAT)
+    check_whole(document, source)
     system = system_of(document, source)
-    drawing = Drawing(source, FORMAT, crs=system.words, flat=document.get(FLAT) is True)
-    for feature in features_of(document, source):
-        if feature.kind == "Point":
-            _add_point(drawing, feature, system)
-        elif "a" in feature.properties and "b" in feature.properties:
-            if choice.takes(feature.properties):
-                drawing.spans.append(_span(feature))
-        elif feature.kind in {"LineString", "MultiLineString"}:
-            if choice.takes(feature.properties):
-                drawing.draw(_line(feature, source, system))
-        elif feature.kind is not None:
-            place = _name(feature) or feature.place
-            drawing.found.append(Remark(Matter.LEFT_OUT, place, f"a {feature.kind}: left out, it is no line"))
-    _check_names(drawing)
+    drawing = choice.drawing(source, FORMAT, system.words, flat=document.get(FLAT) is True)
+    every = list(features_of(document, source))
+    meant = frozenset(end for one in every if _is_span(one) for end in _ends(one))
+    spans = (one for one in every if _is_span(one) and takes_line(drawing, _feature(one, meant), choice))
+    drawing.spans += map(_span, spans)
+    rest = (_drawn(one, source, meant) for one in every if not _is_span(one))
+    add_features(drawing, rest, system, choice, OWN_NAMES)
+    _check_names(drawing, meant)
     return drawing
+
+
+def parse_features(text: str, source: str) -> Mapping[str, object]:
+    """Return the JSON object of a text; of GeoJSON lines, one feature a line, a collection of them.
+
+    Raises:
+        NetworkError: it is none.
+    """
+    first, _, rest = text.strip().partition("\n")
+    if rest and first.rstrip().endswith("}") and _is_feature(first):
+        lines = [(number, line.strip()) for number, line in enumerate(text.split("\n"), 1)]
+        features = [parse_json(line, f"{source}: line {number}", NetworkError) for number, line in lines if line]
+        return {"type": "FeatureCollection", "features": features}
+    document = parse_json(text.lstrip(), source, NetworkError)
+    if not isinstance(document, dict):
+        raise NetworkError(f"{source}: content: expected a JSON object")
+    return document
+
+
+def _is_feature(line: str) -> bool:
+    try:
+        found = json.loads(line)
+    except ValueError:
+        return False
+    return isinstance(found, dict) and found.get("type") == "Feature"
+
+
+def check_whole(document: Mapping[str, object], source: str) -> None:
+    """Refuse the part of an answer whose server says that there is more: ArcGIS, WFS and OGC API Features.
+
+    Raises:
+        NetworkError: it is a part.
+    """
+    inner = document.get("properties")
+    for said in (document, inner if isinstance(inner, dict) else {}):
+        if said.get("exceededTransferLimit") is True:
+            raise NetworkError(
+                f"{source}: exceededTransferLimit: expected all features, the server sent a part: ask for the rest "
+                "(resultOffset); taken out, the part is read as it is"
+            )
+    matched, returned = (document.get(key) for key in ("numberMatched", "numberReturned"))
+    matched = document.get("totalFeatures") if matched is None else matched
+    features = document.get("features")
+    returned = len(features) if returned is None and isinstance(features, list) else returned
+    known = is_figure(matched) and is_figure(returned)
+    if is_figure(matched) and is_figure(returned) and matched > returned:
+        raise NetworkError(
+            f"{source}: numberMatched: expected all {matched:g} features, the server sent {returned:g}: ask for the "
+            "rest (limit, count, the link 'next'); taken out, the part is read as it is"
+        )
+    links = document.get("links")
+    for link in links if isinstance(links, list) and not known else ():
+        if isinstance(link, dict) and link.get("rel") == "next":
+            raise NetworkError(
+                f"{source}: links: expected all features, the server sent a part and a link to the next: ask for the "
+                "rest; taken out, the part is read as it is"
+            )
 
 
 def system_of(document: Mapping[str, object], source: str) -> ToWgs84:
@@ -84,7 +140,7 @@ def system_of(document: Mapping[str, object], source: str) -> ToWgs84:
     """
     crs = document.get("crs")
     if crs is None:
-        return ToWgs84("WGS 84", source, None)
+        return wgs84(source)
     properties = crs.get("properties") if isinstance(crs, dict) else None
     name = properties.get("name") if isinstance(properties, dict) else None
     if not isinstance(name, str):
@@ -98,6 +154,11 @@ def features_of(document: Mapping[str, object], source: str) -> Iterator[GeoFeat
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
+    if document.get("type") == "Feature":
+        document = {"type": "FeatureCollection", "features": [document]}
+    error = document.get("error")
+    if isinstance(error, dict):
+        raise NetworkError(f"{source}: content: expected features, got a server's error: {printable(str(error))[:200]}")
     features = document.get("features")
     if document.get("type") != "FeatureCollection" or not isinstance(features, list):
         raise NetworkError(f"{source}: type: expected a FeatureCollection with a list of features")
@@ -109,14 +170,13 @@ def features_of(document: Mapping[str, object], source: str) -> Iterator[GeoFeat
         if not isinstance(properties, dict) or not isinstance(geometry, dict):
             raise NetworkError(f"{source}: {place}: expected properties and geometry to be objects or null")
         kind = geometry.get("type")
-        if kind not in ("Point", "LineString", "MultiLineString", None, *LEFT_OUT):
+        if kind not in (None, *KINDS, *LEFT_OUT):
             raise NetworkError(f"{source}: {place}.geometry.type: expected Point or LineString, got {kind!r}")
         yield GeoFeature(place, kind, geometry.get("coordinates"), properties, feature.get("id"))
 
 
-def _check_names(drawing: Drawing) -> None:
+def _check_names(drawing: Drawing, meant: Container[str]) -> None:
     """Refuse a name of several pylons that a segment means one by."""
-    meant = {end for span in drawing.spans for end in (span.a, span.b)}
     seen: set[str] = set()
     for pole in drawing.poles:
         if pole.name in seen and pole.name in meant:
@@ -127,45 +187,42 @@ def _check_names(drawing: Drawing) -> None:
         seen.add(pole.name)
 
 
-def _add_point(drawing: Drawing, feature: GeoFeature, system: ToWgs84) -> None:
-    place = f"{drawing.source}: {feature.place}"
-    vertex = _vertex(feature.coordinates, f"{place}.geometry.coordinates")
-    ((lat_deg, lon_deg),) = system.lat_lon_deg([vertex[1]], [vertex[0]], place)
-    elevation_m, height_m = heights_of(feature.properties, place)
-    if feature.properties.get("role") == "depot":
-        drawing.depot = drawing.depot or Depot(feature.place, lat_deg, lon_deg, elevation_m)
-        return
-    name = _pylon_name(feature, place)
-    line = name_of(feature.properties, LINES)
-    drawing.poles.append(Pole(feature.place, name, lat_deg, lon_deg, elevation_m, height_m, vertex[2], line))
+def _ends(feature: GeoFeature) -> tuple[str, str]:
+    return name_of(feature.properties, ("a",)), name_of(feature.properties, ("b",))
 
 
-def _pylon_name(feature: GeoFeature, place: str) -> str:
-    key = next((key for key in OWN_NAMES if key in feature.properties), None)
-    name = feature.id if key is None else feature.properties[key]
-    if name is None and key is None:
-        return ""
-    if not isinstance(name, str | int) or isinstance(name, bool) or not printable(str(name)):
-        raise NetworkError(f"{place}.properties.{key or 'id'}: expected the pylon's name, got {name!r}")
-    return printable(str(name))
-
-
-def _name(feature: GeoFeature) -> str:
-    """Return what people call a line or a segment."""
-    return name_of(feature.properties, LINE_NAMES) or name_of({"id": feature.id})
+def _is_span(feature: GeoFeature) -> bool:
+    return feature.kind != "Point" and all(_ends(feature))
 
 
 def _span(feature: GeoFeature) -> Span:
-    a, b = (printable(str(feature.properties[key])) for key in ("a", "b"))
-    return Span(f"{feature.place}.properties", _name(feature), a, b, name_of(feature.properties, LINES))
+    name = name_of(feature.properties, LINE_NAMES) or name_of({"id": feature.id})
+    return Span(f"{feature.place}.properties", name, *_ends(feature), name_of(feature.properties, LINES))
 
 
-def _line(feature: GeoFeature, source: str, system: ToWgs84) -> Line:
+def _feature(feature: GeoFeature, meant: Container[str], parts: Sequence[Sequence[Position]] = ()) -> Feature:
+    """Return a feature for the drawing; a pole that a segment means by its id is called by that."""
+    own = name_of(feature.properties, ("id",)) or name_of({"id": feature.id})
+    kind = Kind.OTHER if feature.kind is None else KINDS.get(feature.kind, Kind.OTHER)
+    name = own if kind is Kind.POINT and own in meant else ""
+    other = feature.kind or EMPTY
+    return Feature(feature.place, kind, parts, feature.properties, feature.id, name, other)
+
+
+def _drawn(feature: GeoFeature, source: str, meant: Container[str]) -> Feature:
     place = f"{source}: {feature.place}.geometry.coordinates"
-    parts = feature.coordinates if feature.kind == "MultiLineString" else [feature.coordinates]
-    if not isinstance(parts, list):
-        raise NetworkError(f"{place}: expected a list of lines, got {parts!r}")
-    return Line(feature.place, _name(feature), tuple(positions_of(part, place, system) for part in parts))
+    at = feature.coordinates
+    is_empty = not at or (feature.kind == "Point" and isinstance(at, list) and all(map(is_blank, at[:2])))
+    if feature.kind not in KINDS or is_empty:
+        return _feature(feature, meant)
+    if feature.kind == "Point":
+        return _feature(feature, meant, [[_position(at, place)]])
+    if not isinstance(at, list):
+        raise NetworkError(f"{place}: expected a list of lines, got {at!r}")
+    if feature.kind == "MultiPoint":
+        return _feature(feature, meant, [[_position(one, f"{place}[{number}]") for number, one in enumerate(at)]])
+    parts = at if feature.kind == "MultiLineString" else [at]
+    return _feature(feature, meant, [_positions(part, place) for part in parts])
 
 
 def positions_of(positions: object, place: str, system: ToWgs84) -> tuple[Vertex, ...]:
@@ -174,14 +231,21 @@ def positions_of(positions: object, place: str, system: ToWgs84) -> tuple[Vertex
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
+    read = _positions(positions, place)
+    places = system.lat_lon_deg([x for x, _, _ in read], [y for _, y, _ in read], place)
+    return tuple((*at, third_m) for at, (_, _, third_m) in zip(places, read, strict=True))
+
+
+def _positions(positions: object, place: str) -> list[Position]:
     if not isinstance(positions, list) or len(positions) < 2:
         raise NetworkError(f"{place}: expected a line of at least two positions")
-    read = [_vertex(position, f"{place}[{number}]") for number, position in enumerate(positions)]
-    places = system.lat_lon_deg([vertex[1] for vertex in read], [vertex[0] for vertex in read], place)
-    return tuple((*at, vertex[2]) for at, vertex in zip(places, read, strict=True))
+    return [_position(position, f"{place}[{number}]") for number, position in enumerate(positions)]
 
 
-def _vertex(coordinates: object, place: str) -> Vertex:
-    if not isinstance(coordinates, Sequence) or len(coordinates) < 2 or not all(map(is_figure, coordinates)):
+def _position(coordinates: object, place: str) -> Position:
+    """Return a position; what comes after longitude and latitude is none that anybody flies by (RFC 7946, 3.1.1)."""
+    own = coordinates if isinstance(coordinates, list) else []
+    x, y = (degrees_of(own[i], letters) if i < len(own) else None for i, letters in enumerate((EAST_WEST, NORTH_SOUTH)))
+    if not is_figure(x) or not is_figure(y):
         raise NetworkError(f"{place}: expected finite numbers [longitude, latitude], got {coordinates!r}")
-    return float(coordinates[1]), float(coordinates[0]), float(coordinates[2]) if len(coordinates) > 2 else None
+    return x, y, third_of(own[2]) if len(own) > 2 else None

@@ -9,19 +9,25 @@ from __future__ import annotations
 import sqlite3
 import struct
 from collections.abc import Iterator, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
+from shutil import copyfile
+from tempfile import TemporaryDirectory
 from urllib.parse import quote
 
 from missions.errors import NetworkError
 from missions.files import printable
 from missions.readers.choice import Choice
 from missions.readers.crs import ToWgs84, to_wgs84
-from missions.readers.drawing import Drawing
-from missions.readers.features import Feature, Kind, Layer, Position, add_features, wanted_layers
+from missions.readers.drawing import Drawing, Matter, Remark
+from missions.readers.features import EMPTY, OTHER, Feature, Kind, Layer, Position, add_features, wanted_layers
 
 FORMAT = "GeoPackage"
 MAGIC = b"SQLite format 3\x00"
+JOURNALS = ("-wal", "-journal")
+WAL = b"\x02\x02"
+COPIES = 5
+"""How often a file is copied that is written meanwhile."""
 MOST_FEATURES = 500_000
 ENVELOPE_BYTES = {0: 0, 1: 32, 2: 48, 3: 48, 4: 64}
 POINT, LINE, POLYGON, MULTI_POINT, MULTI_LINE, COLLECTION = 1, 2, 3, 4, 5, 7
@@ -44,24 +50,64 @@ def draw_geopackage(path: Path, source: str, choice: Choice) -> Drawing:
         NetworkError: one line that names the file, the layer and feature and what was expected.
     """
     try:
-        with closing(opened(path)) as database:
-            return _drawn(database, source, choice)
-    except (sqlite3.Error, sqlite3.Warning, UnicodeDecodeError) as reason:
+        with opened(path) as database:
+            drawing = _drawn(database, source, choice)
+    except (sqlite3.Error, sqlite3.Warning, UnicodeDecodeError, OSError) as reason:
         raise NetworkError(f"{source}: content: expected a GeoPackage: {printable(str(reason))}") from reason
+    if _is_left_open(path):
+        text = "a program has it open, or it was copied without its -wal: what was saved last may be missing"
+        drawing.found.append(Remark(Matter.WHOLE, source, text))
+    return drawing
 
 
-def opened(path: Path) -> sqlite3.Connection:
-    """Return an SQLite file of a stranger, to be read: nothing is written, and no query lasts for ever.
+@contextmanager
+def opened(path: Path) -> Iterator[sqlite3.Connection]:
+    """Open an SQLite file of a stranger, to be read: nothing is written, and no query lasts for ever.
+
+    What a program that has it open has saved lies in a journal beside it: both are read, from a copy.
 
     Raises:
         sqlite3.Error: it cannot be opened.
+        OSError: it cannot be copied.
     """
-    database = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1", uri=True)
-    database.execute("PRAGMA trusted_schema = OFF")
-    database.execute("PRAGMA cell_size_check = ON")
-    left = iter(range(MOST_WORK))
-    database.set_progress_handler(lambda: int(next(left, None) is None), 1000)
-    return database
+    path = path.resolve()
+    journals = [path.with_name(path.name + end) for end in JOURNALS]
+    with ExitStack() as stack:
+        file, how = path, "ro&immutable=1"
+        if any(one.is_file() and one.stat().st_size for one in journals):
+            folder = stack.enter_context(TemporaryDirectory(prefix="faultline-"))
+            file, how = _copied(path, journals, Path(folder)), "rw"
+        database = stack.enter_context(closing(sqlite3.connect(f"file:{quote(str(file))}?mode={how}", uri=True)))
+        database.execute("PRAGMA trusted_schema = OFF")
+        database.execute("PRAGMA cell_size_check = ON")
+        left = iter(range(MOST_WORK))
+        database.set_progress_handler(lambda: int(next(left, None) is None), 1000)
+        yield database
+
+
+def _copied(path: Path, journals: Sequence[Path], folder: Path) -> Path:
+    """Return a copy of a database with its journals, as of one moment."""
+    for _ in range(COPIES):
+        before = _state(path, journals)
+        for one in (path, *journals):
+            (folder / one.name).unlink(missing_ok=True)
+            if one.is_file():
+                copyfile(one, folder / one.name)
+        if _state(path, journals) == before:
+            return folder / path.name
+    raise sqlite3.OperationalError("a program writes into it all the time: close it there, or save a copy")
+
+
+def _state(path: Path, journals: Sequence[Path]) -> list[tuple[int, int] | None]:
+    each = [one.stat() if one.is_file() else None for one in (path, *journals)]
+    return [None if one is None else (one.st_size, one.st_mtime_ns) for one in each]
+
+
+def _is_left_open(path: Path) -> bool:
+    """Return whether a database says that its last changes go to a -wal, and none is there."""
+    with path.open("rb") as file:
+        modes = file.read(20)[18:20]
+    return modes == WAL and not path.resolve().with_name(path.resolve().name + JOURNALS[0]).exists()
 
 
 def _drawn(database: sqlite3.Connection, source: str, choice: Choice) -> Drawing:
@@ -74,7 +120,7 @@ def _drawn(database: sqlite3.Connection, source: str, choice: Choice) -> Drawing
     for table, _, kind, _ in rows:
         ((count,),) = database.execute(_select("count(*)", table))
         layers.append(Layer(str(table), KINDS.get(str(kind).upper(), Kind.OTHER), count))
-    drawing, systems = Drawing(source, FORMAT), []
+    drawing, systems = choice.drawing(source, FORMAT), []
     for layer in wanted_layers(layers, source, choice):
         if layer.count > MOST_FEATURES:
             raise NetworkError(f"{source}: layer {layer.name!r}: expected at most {MOST_FEATURES} features")
@@ -120,13 +166,11 @@ def _features(database: sqlite3.Connection, table: str, column: str, source: str
         attributes = {name: value for name, value in zip(names, row, strict=True) if name != column}
         place = f"layer {table!r} feature {number if key is None else attributes.pop(key)}"
         blob = row[at]
-        if blob is None:
-            continue
         try:
-            kind, parts = geometry_of(blob)
+            kind, parts = (Kind.OTHER, ()) if blob is None else geometry_of(blob)
         except (_Damaged, struct.error, TypeError) as reason:
             raise NetworkError(f"{source}: {place}: geometry: expected a GeoPackage's: {reason}") from reason
-        yield Feature(place, kind, parts, attributes)
+        yield Feature(place, kind, parts, attributes, other=EMPTY if blob is None else OTHER)
 
 
 def geometry_of(blob: bytes) -> tuple[Kind, Sequence[Sequence[Position]]]:

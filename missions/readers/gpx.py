@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
-from missions.files import is_figure
-from missions.readers.attributes import figure_of
+from missions.files import is_figure, printable
 from missions.readers.choice import Choice
-from missions.readers.drawing import Drawing, Line, Matter, Pole, Remark, Vertex
+from missions.readers.crs import wgs84
+from missions.readers.drawing import Drawing, Matter, Remark
+from missions.readers.features import Feature, Kind, Position, add_line, add_points, takes_line
+from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of, figure_of
 from missions.readers.xmltree import children, line_of, tag_of, text_of
 
 if TYPE_CHECKING:
@@ -28,14 +31,14 @@ def draw_gpx(root: etree._Element, source: str, choice: Choice) -> Drawing:
     """
     choice.no_layers(source, FORMAT)
     choice.no_crs(source, FORMAT)
-    drawing = Drawing(source, FORMAT)
+    drawing = choice.drawing(source, FORMAT)
     for point in children(root, "wpt"):
         _add_pole(drawing, point, "")
     for line in children(root, "rte", "trk"):
         name, tag = text_of(line, "name"), tag_of(line)
         place = f"{tag} {name!r} ({line_of(line)})" if name else f"{tag} in {line_of(line)}"
-        attributes = {"name": name, "type": text_of(line, "type"), "desc": text_of(line, "desc"), "kind": tag}
-        if not choice.takes(attributes):
+        feature = Feature(place, Kind.LINE, (), {**_attributes(line), "kind": tag})
+        if not takes_line(drawing, feature, choice):
             continue
         if tag == "rte":
             points = list(children(line, "rtept"))
@@ -51,22 +54,32 @@ def draw_gpx(root: etree._Element, source: str, choice: Choice) -> Drawing:
             text = f"{short} parts of fewer than two points: left out" if short else "a line without points: left out"
             drawing.found.append(Remark(Matter.LEFT_OUT, name or place, text))
         if parts:
-            drawing.draw(Line(place, name, tuple(tuple(_vertex(point, source) for point in part) for part in parts)))
-    if drawing.found and not drawing.lines:
+            places = [[_position(point, source) for point in part] for part in parts]
+            add_line(drawing, replace(feature, parts=places), wgs84(source))
+    if drawing.found and not drawing.lines and drawing.far is None:
         raise NetworkError(f"{source}: {drawing.found[0].asset}: expected a line of at least two points")
     return drawing
 
 
 def _add_pole(drawing: Drawing, point: etree._Element, line: str) -> None:
-    lat_deg, lon_deg, third_m = _vertex(point, drawing.source)
     place = f"{tag_of(point)} in {line_of(point)}"
-    drawing.poles.append(Pole(place, text_of(point, "name"), lat_deg, lon_deg, third_m=third_m, line=line))
+    attributes = {**_attributes(point), **({"line": line} if line else {})}
+    feature = Feature(place, Kind.POINT, [[_position(point, drawing.source)]], attributes)
+    add_points(drawing, feature, wgs84(drawing.source))
 
 
-def _vertex(point: etree._Element, source: str) -> Vertex:
-    figures = [figure_of(point.get(key) or "") for key in ("lat", "lon")]
-    if not all(map(is_figure, figures)):
+def _attributes(element: etree._Element) -> dict[str, object]:
+    """Return what is said of a point or a line, in its own words and in those of the program that wrote it."""
+    own = {key: text_of(element, key) for key in ("name", "type", "desc")}
+    extensions = (
+        leaf for more in children(element, "extensions") for leaf in more.iterdescendants("*") if not len(leaf)
+    )
+    return {**{tag_of(leaf): printable(leaf.text or "") for leaf in extensions}, **own}
+
+
+def _position(point: etree._Element, source: str) -> Position:
+    lat_deg, lon_deg = degrees_of(point.get("lat"), NORTH_SOUTH), degrees_of(point.get("lon"), EAST_WEST)
+    if not is_figure(lat_deg) or not is_figure(lon_deg):
         got = f"{point.get('lat')!r} and {point.get('lon')!r}"
         raise NetworkError(f"{source}: {tag_of(point)} in {line_of(point)}: expected lat and lon in degrees, got {got}")
-    height_m = figure_of(text_of(point, "ele") or "")
-    return float(figures[0] or 0.0), float(figures[1] or 0.0), height_m if is_figure(height_m) else None
+    return lon_deg, lat_deg, figure_of(text_of(point, "ele"))

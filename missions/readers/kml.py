@@ -8,16 +8,20 @@ is kept with its pole and never flown by; one that is relative to the ground, or
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from posixpath import normpath
 from typing import TYPE_CHECKING
+from urllib.parse import unquote
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
-from missions.readers.attributes import LINES, figure_of, heights_of, name_of
-from missions.readers.choice import Choice
-from missions.readers.drawing import Drawing, Line, Matter, Pole, Remark, Vertex
+from missions.readers.choice import Choice, quoted_names
+from missions.readers.crs import wgs84
+from missions.readers.drawing import Drawing, Matter, Remark, Vertex
+from missions.readers.features import EMPTY, Feature, Kind, Position, add_line, add_points, takes_line
 from missions.readers.opened import Archive
-from missions.readers.xmltree import children, line_of, tag_of, text_of
+from missions.readers.values import figure_of
+from missions.readers.xmltree import children, line_of, root_of, tag_of, text_of
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -26,6 +30,7 @@ FORMAT = "KML"
 GEOMETRIES = ("Point", "LineString", "MultiGeometry", "Polygon", "LinearRing", "Track", "MultiTrack", "Model")
 ROOTS = ("kml", "Document", "Folder", "Placemark")
 """Elements that a file may begin with; programs leave out the outermost."""
+OVERLAYS = ("GroundOverlay", "PhotoOverlay", "Tour")
 CLAMPED = "clampToGround"
 MODES = {
     "absolute": "above sea level (absolute): kept, and not flown by",
@@ -35,32 +40,65 @@ MODES = {
 """What is said of each altitudeMode."""
 
 
-def kml_of(archive: Archive) -> bytes:
-    """Return the document of a KMZ: doc.kml, or else the first .kml file of its root.
+def kml_of(archive: Archive) -> tuple[bytes, ...]:
+    """Return the documents of a KMZ: doc.kml, which programs show, and then all others.
 
     Raises:
         NetworkError: it cannot be read.
     """
     names = archive.ending_in(".kml")
-    return archive.read(min(names, key=lambda name: (name.lower() != "doc.kml", name.count("/"), names.index(name))))
+    every = sorted(names, key=lambda name: (name.lower() != "doc.kml", name.count("/"), names.index(name)))
+    return tuple(archive.read(name) for name in every)
 
 
-def draw_kml(root: etree._Element, source: str, choice: Choice) -> Drawing:
-    """Return what a KML document shows.
+def links_of(roots: Iterable[etree._Element], inside: Collection[str] = ()) -> Iterator[etree._Element]:
+    """Yield the links to other files, but for those to files of the same archive, which are read anyway."""
+    for root in roots:
+        for link in root.iter("{*}NetworkLink"):
+            hrefs = [unquote((href.text or "").strip()) for href in link.iter("{*}href")]
+            if not any(normpath(href) in inside for href in hrefs):
+                yield link
+
+
+def draw_kmz(archive: Archive, source: str, choice: Choice) -> Drawing:
+    """Return what all documents of an archive show.
+
+    Raises:
+        NetworkError: as `draw_kml`.
+    """
+    names, documents = archive.ending_in(".kml"), kml_of(archive)
+    drawing = draw_kml([root_of(content, source) for content in documents], source, choice, inside=names)
+    if len(names) > 1:
+        text = f"{len(names)} KML files in the archive, all of them are read: {quoted_names(names)}"
+        drawing.found.insert(0, Remark(Matter.WHOLE, source, text))
+    return drawing
+
+
+def draw_kml(roots: Sequence[etree._Element], source: str, choice: Choice, *, inside: Collection[str] = ()) -> Drawing:
+    """Return what KML documents show.
+
+    Args:
+        roots: Of the documents.
+        source: The file's name, for messages.
+        choice: What of it is wanted.
+        inside: The names of the archive's documents.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
     choice.no_crs(source, FORMAT)
-    drawing, modes = Drawing(source, FORMAT), Counter[str]()
-    marks = list(placemarks_of([root], ""))
+    drawing, modes = choice.drawing(source, FORMAT), Counter[str]()
+    marks = list(placemarks_of(roots, ""))
     wanted = choice.chosen_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
     for mark, folder in marks:
         if folder in wanted:
             _add(drawing, mark, folder, choice, modes)
-    for link in root.iter("{*}NetworkLink"):
+    for link in links_of(roots, inside):
         text = "a link to another file: not followed"
-        drawing.found.append(Remark(Matter.LEFT_OUT, text_of(link, "name") or line_of(link), text))
+        drawing.found.append(Remark(Matter.WHOLE, text_of(link, "name") or line_of(link), text))
+    for root in roots:
+        for overlay in root.iter(*(f"{{*}}{tag}" for tag in OVERLAYS)):
+            drawing.leave_out(tag_of(overlay), text_of(overlay, "name") or line_of(overlay))
     for mode, count in modes.items():
         what = "position has an altitude" if count == 1 else "positions have an altitude"
         drawing.found.append(Remark(Matter.HEIGHTS, FORMAT, f"{count} {what} {MODES.get(mode, f'{mode}: not used')}"))
@@ -91,16 +129,22 @@ def _add(drawing: Drawing, mark: etree._Element, folder: str, choice: Choice, mo
             vertices = vertices_of(geometry, f"{drawing.source}: {place}", modes)
             (points if tag == "Point" else parts).append(vertices)
         else:
-            drawing.found.append(Remark(Matter.LEFT_OUT, name or place, f"a {tag}: left out, it is no line"))
-    heights = heights_of(attributes, f"{drawing.source}: {place}") if points else (None, None)
-    for vertices in points:
-        lat_deg, lon_deg, third_m = vertices[0]
-        drawing.poles.append(Pole(place, name, lat_deg, lon_deg, *heights, third_m, name_of(attributes, LINES)))
+            drawing.leave_out(tag, name or place)
+    if next(geometries_of(mark), None) is None:
+        drawing.leave_out(EMPTY, name or place)
+    system = wgs84(drawing.source)
+    if points:
+        add_points(drawing, Feature(place, Kind.POINT, _positions(points), attributes), system)
     for part in parts:
         if len(part) < 2:
             raise NetworkError(f"{drawing.source}: {place}: coordinates: expected a line of at least two positions")
-    if parts and choice.takes(attributes):
-        drawing.draw(Line(place, name, tuple(map(tuple, parts))))
+    line = Feature(place, Kind.LINE, _positions(parts), attributes)
+    if parts and takes_line(drawing, line, choice):
+        add_line(drawing, line, system)
+
+
+def _positions(parts: Iterable[Iterable[Vertex]]) -> list[list[Position]]:
+    return [[(lon_deg, lat_deg, third_m) for lat_deg, lon_deg, third_m in part] for part in parts]
 
 
 def geometries_of(element: etree._Element) -> Iterator[etree._Element]:
@@ -136,10 +180,10 @@ def vertices_of(geometry: etree._Element, place: str, modes: Counter[str]) -> li
     vertices: list[Vertex] = []
     for word in words:
         figures = [figure_of(figure) for figure in word.split(",")]
-        if len(figures) not in {2, 3} or not all(map(is_figure, figures)):
+        if len(figures) < 2 or not all(map(is_figure, figures[:2])):
             raise NetworkError(f"{place}: coordinates: expected longitude,latitude[,altitude], got {word[:60]!r}")
         lon_deg, lat_deg = float(figures[0] or 0.0), float(figures[1] or 0.0)
-        altitude_m = figures[2] if len(figures) == 3 else None
+        altitude_m = figures[2] if len(figures) > 2 else None
         if altitude_m:
             modes[mode] += 1
         vertices.append((lat_deg, lon_deg, altitude_m if altitude_m and mode == "absolute" else None))

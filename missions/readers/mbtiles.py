@@ -6,7 +6,6 @@ import io
 import math
 import sqlite3
 from collections.abc import Mapping
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,9 +61,9 @@ def read_mbtiles(path: Path, wanted: AreaWanted) -> Read:
         BackgroundError: one line that names the file, the tile and what was expected.
     """
     try:
-        with closing(opened(path)) as database:
+        with opened(path) as database:
             return _read(path, database, wanted)
-    except (sqlite3.Error, sqlite3.Warning, UnicodeDecodeError) as error:
+    except (sqlite3.Error, sqlite3.Warning, UnicodeDecodeError, OSError) as error:
         raise BackgroundError(f"{path}: content: expected MBTiles: {printable(str(error))}") from error
 
 

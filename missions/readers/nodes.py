@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from missions.geo import LocalFrame
@@ -26,6 +26,8 @@ class Node:
     third_m: float | None = None
     drawn: bool = True
     """Whether the file has it as a pole."""
+    hinted: Mapping[str, str] = field(default_factory=dict)
+    """As its pole has it."""
 
 
 @dataclass(slots=True)
@@ -64,7 +66,8 @@ class Nodes:
             name = self._own_name(pole) if pole.name else ""
             if not name:
                 unnamed.append(len(self.nodes))
-            self._add(Node(name, pole.lat_deg, pole.lon_deg, at_m, pole.elevation_m, pole.height_m, pole.third_m))
+            heights = pole.elevation_m, pole.height_m, pole.third_m
+            self._add(Node(name, pole.lat_deg, pole.lon_deg, at_m, *heights, hinted=pole.hinted))
         for index in unnamed:
             self._name(index)
 
@@ -84,6 +87,18 @@ class Nodes:
         lat_deg, lon_deg = self.frame.to_wgs84_deg(*at_m)
         self._add(Node("", lat_deg, lon_deg, at_m, drawn=False))
         return len(self.nodes) - 1
+
+    def forget_hinted(self, used: Iterable[int], asset: str) -> None:
+        """Forget heights that count only if all poles on lines have them, where some have not."""
+        poles = [self.nodes[index] for index in used if self.nodes[index].drawn]
+        for key in ("elevation_m", "height_m"):
+            hinted = [node for node in poles if key in node.hinted]
+            known = sum(getattr(node, key) is not None for node in poles)
+            if hinted and known < len(poles):
+                text = f"{hinted[0].hinted[key]} is known of {known} of {len(poles)} poles: not used"
+                self.found.append(Remark(Matter.HEIGHTS, asset, text))
+            for node in hinted if known < len(poles) else ():
+                setattr(node, key, None)
 
     def name_made(self, indices: Iterable[int]) -> None:
         """Name what has no name yet."""
@@ -106,6 +121,7 @@ class Nodes:
 
     def _join(self, node: Node, pole: Pole, away_m: float) -> None:
         """Take a pole for one that is there already; what only one of them knows is kept."""
+        node.hinted = {**{key: by for key, by in pole.hinted.items() if getattr(node, key) is None}, **node.hinted}
         node.elevation_m = pole.elevation_m if node.elevation_m is None else node.elevation_m
         node.height_m = pole.height_m if node.height_m is None else node.height_m
         node.third_m = pole.third_m if node.third_m is None else node.third_m

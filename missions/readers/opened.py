@@ -23,21 +23,48 @@ MOST_MEMBERS = 10_000
 MOST_RATIO = 200
 """A member that unpacks to more than so many times its size is a bomb, or empty space."""
 RATIO_FROM_BYTES = 10_000_000
+PACKED = "a file that is packed ({}): unpack it first"
+FOREIGN = {
+    b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1": "an old Excel file (.xls), or one with a password: save it as .xlsx or as CSV",
+    b"\x1f\x8b": PACKED.format("gzip"),
+    b"BZh": PACKED.format("bzip2"),
+    b"\xfd7zXZ\x00": PACKED.format("xz"),
+    b"\x28\xb5\x2f\xfd": PACKED.format("Zstandard"),
+    b"7z\xbc\xaf\x27\x1c": PACKED.format("7-Zip"),
+    b"Rar!": PACKED.format("RAR"),
+    b"%PDF": "a PDF, which is a picture of a map",
+    b"\x89PNG": "a picture (PNG)",
+    b"\xff\xd8\xff": "a picture (JPEG)",
+    b"II*\x00": "a picture or a raster (TIFF)",
+    b"MM\x00*": "a picture or a raster (TIFF)",
+    b"AC10": "a drawing of AutoCAD (DWG): export it as KML, GeoPackage or a shapefile",
+    b"PAR1": "GeoParquet: export it as a GeoPackage or GeoJSON",
+    b"fgb\x03": "FlatGeobuf: export it as a GeoPackage or GeoJSON",
+    b"!table": "a MapInfo table: export it as a GeoPackage or a shapefile",
+    b"\x37\x7f\x06\x82": "the -wal file of a database: name the database beside it",
+    b"\x37\x7f\x06\x83": "the -wal file of a database: name the database beside it",
+    b"version https://": "a pointer of Git LFS: fetch the file itself",
+}
+"""What begins otherwise than anything that is read, and what people do about it."""
 
 
 def begin_of(path: Path) -> bytes:
     """Return the first 16 bytes of a file.
 
     Raises:
-        NetworkError: it cannot be read.
+        NetworkError: it cannot be read, or is of a kind that is not read anywhere.
     """
     if path.exists() and not path.is_file() and not path.is_dir():
         raise NetworkError(f"{path}: file: expected a readable network file: it is a device or a pipe")
     try:
         with path.open("rb") as file:
-            return file.read(16)
+            begin = file.read(16)
     except OSError as reason:
         raise NetworkError(f"{path}: file: expected a readable network file: {reason.strerror}") from reason
+    for magic, words in FOREIGN.items():
+        if begin.startswith(magic):
+            raise NetworkError(f"{path}: content: expected a map's data, got {words}")
+    return begin
 
 
 def limited_content(path: Path) -> bytes:

@@ -1,31 +1,30 @@
 """OpenStreetMap: its XML, and the JSON of Overpass; always WGS 84.
 
-Ways with ``power`` line or minor_line are lines, by ``name`` or ``ref``; cables, and the bays and busbars of
-substations, are left out. Nodes of such ways with ``power`` tower, pole or any other are poles, by ``ref``, else by
-their number, as ``n123``. ``ele`` and ``height`` are used where all poles of all lines have them.
+Ways with ``power`` line or minor_line are lines, by ``name`` or ``ref``. Nodes of such ways with ``power`` tower, pole
+or the like are poles, by ``ref``, else by their number, as ``n123``. What else has to do with power is left out
+(`meaning`), and so is what an editor has deleted.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
-from missions.readers.attributes import figure_of
+from missions.readers.attributes import NODE, WAY, by_plain_name
 from missions.readers.choice import Choice
-from missions.readers.drawing import Drawing, Line, Matter, Pole, Remark, Vertex
+from missions.readers.crs import wgs84
+from missions.readers.drawing import Drawing, Matter, Remark, why_nothing
+from missions.readers.features import Feature, Kind, Position, add_line, add_points, takes_line
+from missions.readers.meaning import POWER_LINES, speaks_of_power
+from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of
 
 if TYPE_CHECKING:
     from lxml import etree
 
-LINES = ("line", "minor_line")
-INDOORS = ("bay", "busbar")
 XML, JSON = "OpenStreetMap XML", "Overpass JSON"
-FOOT_M = 0.3048
-_METRES = re.compile(r"([0-9.]+) ?(m|ft|')?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +40,9 @@ class _Content:
 
     nodes: dict[str, _Node] = field(default_factory=dict)
     ways: dict[str, tuple[tuple[str, ...], Mapping[str, str]]] = field(default_factory=dict)
+    deleted: int = 0
+    remarks: list[str] = field(default_factory=list)
+    """What the server says of its answer."""
 
 
 def draw_osm_xml(root: etree._Element, source: str, choice: Choice) -> Drawing:
@@ -51,7 +53,11 @@ def draw_osm_xml(root: etree._Element, source: str, choice: Choice) -> Drawing:
     """
     content = _Content()
     for element in root:
-        if element.tag == "node":
+        if element.tag == "remark":
+            content.remarks.append(printable(element.text or ""))
+        elif element.get("action") == "delete" or element.get("visible") == "false":
+            content.deleted += element.tag in {NODE, WAY}  # of an editor that has not uploaded yet, or of a history
+        elif element.tag == "node":
             name = f"node {element.get('id')} (line {element.sourceline})"
             node = _node(element.get("lat"), element.get("lon"), _tags(element), f"{source}: {name}")
             content.nodes[str(element.get("id"))] = node
@@ -68,6 +74,8 @@ def draw_overpass(document: Mapping[str, object], source: str, choice: Choice) -
         NetworkError: one line that names the file, the place in it and what was expected.
     """
     elements, content = document.get("elements"), _Content()
+    if document.get("remark"):
+        content.remarks.append(printable(str(document["remark"])))
     if not isinstance(elements, list):
         raise NetworkError(f"{source}: elements: expected a list of nodes and ways")
     for index, element in enumerate(elements):
@@ -76,7 +84,9 @@ def draw_overpass(document: Mapping[str, object], source: str, choice: Choice) -
             raise NetworkError(f"{place}: expected an object with type, id and tags")
         tags = {str(key): printable(str(value)) for key, value in element.get("tags", {}).items()}
         number_ = str(element.get("id"))
-        if element.get("type") == "node":
+        if element.get("visible") is False or element.get("action") == "delete":
+            content.deleted += element.get("type") in {NODE, WAY}
+        elif element.get("type") == "node":
             content.nodes[number_] = _node(element.get("lat"), element.get("lon"), tags, place)
         elif element.get("type") == "way":
             content.ways[number_] = (_references(element, number_, content, place), tags)
@@ -102,11 +112,10 @@ def _references(way: Mapping[str, object], number_: str, content: _Content, plac
 
 
 def _node(lat: object, lon: object, tags: Mapping[str, str], place: str) -> _Node:
-    figures = [figure_of(value) if isinstance(value, str) else value for value in (lat, lon)]
-    lat_deg, lon_deg = figures
+    lat_deg, lon_deg = degrees_of(lat, NORTH_SOUTH), degrees_of(lon, EAST_WEST)
     if not is_figure(lat_deg) or not is_figure(lon_deg):
         raise NetworkError(f"{place}: expected lat and lon in degrees, got {lat!r} and {lon!r}")
-    return _Node(float(lat_deg), float(lon_deg), tags)
+    return _Node(lat_deg, lon_deg, tags)
 
 
 def _tags(element: etree._Element) -> dict[str, str]:
@@ -116,31 +125,54 @@ def _tags(element: etree._Element) -> dict[str, str]:
 def _drawn(content: _Content, source: str, what: str, choice: Choice) -> Drawing:
     choice.no_layers(source, what)
     choice.no_crs(source, what)
-    drawing = Drawing(source, what)
-    used: dict[str, None] = {}
+    drawing = choice.drawing(source, what)
+    drawing.found += _of_server(content.remarks, source)
+    used = dict[str, None]()
     for way, (references, tags) in content.ways.items():
-        name, power = tags.get("name") or tags.get("ref") or f"way {way}", tags.get("power")
-        if power == "cable" or (power in LINES and tags.get("line") in INDOORS):
-            kind = "a cable" if power == "cable" else f"a {tags['line']} of a substation"
-            drawing.found.append(Remark(Matter.LEFT_OUT, name, f"{kind}: left out"))
-        if power not in LINES or tags.get("line") in INDOORS or not choice.takes({**tags, "id": way}):
+        if not speaks_of_power(by_plain_name(tags)):
             continue
-        parts = _parts(references, content, name, drawing.found)
+        feature = Feature(f"way {way}", Kind.LINE, (), {**tags, "id": way}, f"way/{way}")
+        if not takes_line(drawing, feature, choice):
+            continue
+        parts = _parts(references, content, tags.get("name") or tags.get("ref") or f"way {way}", drawing.found)
         if not parts:
             raise NetworkError(
                 f"{source}: way {way}: expected at least two of its nodes in the file, found {len(references)} by "
                 "number alone; ask Overpass for '(._;>;); out body;' or 'out geom'"
             )
-        drawing.draw(Line(f"way {way}", name, tuple(tuple(_vertex(content, node) for node in part) for part in parts)))
+        places = [[_position(content, node) for node in part] for part in parts]
+        add_line(drawing, replace(feature, parts=places), wgs84(source))
         used |= dict.fromkeys(reference for part in parts for reference in part)
-    _add_poles(drawing, content, used)
+    for node in used:
+        if speaks_of_power(by_plain_name(content.nodes[node].tags)):
+            place = f"node {node}"
+            own = Feature(place, Kind.POINT, [[_position(content, node)]], content.nodes[node].tags, f"node/{node}")
+            add_points(drawing, own, wgs84(source))
+    if content.deleted:
+        drawing.found.append(Remark(Matter.LEFT_OUT, what, f"{content.deleted} nodes and ways that are deleted"))
     if not drawing.lines and not choice.looked:
-        raise NetworkError(f"{source}: ways: expected some with power = line or minor_line, found none")
+        power, why = " or ".join(POWER_LINES), why_nothing(drawing.remarks)
+        raise NetworkError(f"{source}: ways: expected some with power = {power}, found none{why}")
     return drawing
 
 
-def _vertex(content: _Content, node: str) -> Vertex:
-    return content.nodes[node].lat_deg, content.nodes[node].lon_deg, None
+def _of_server(remarks: Iterable[str], source: str) -> Iterator[Remark]:
+    """Yield what a server says of its answer.
+
+    Raises:
+        NetworkError: it gave up.
+    """
+    for remark in remarks:
+        if "error" in remark.lower() or "timed out" in remark.lower():
+            raise NetworkError(
+                f"{source}: remark: expected a whole answer, the server gave up: {remark}; ask again with a longer "
+                "[timeout:...] or for a smaller area"
+            )
+        yield Remark(Matter.WHOLE, source, f"the server remarks: {remark}")
+
+
+def _position(content: _Content, node: str) -> Position:
+    return content.nodes[node].lon_deg, content.nodes[node].lat_deg, None
 
 
 def _parts(references: Iterable[str], content: _Content, name: str, found: list[Remark]) -> list[tuple[str, ...]]:
@@ -157,29 +189,3 @@ def _parts(references: Iterable[str], content: _Content, name: str, found: list[
     if missing and whole:
         found.append(Remark(Matter.LEFT_OUT, name, f"{missing} nodes are not in the file: interrupted there"))
     return whole
-
-
-def _add_poles(drawing: Drawing, content: _Content, used: Iterable[str]) -> None:
-    poles = [
-        Pole(f"node {node}", content.nodes[node].tags.get("ref") or f"n{node}", content.nodes[node].lat_deg,
-             content.nodes[node].lon_deg, _metres(content.nodes[node].tags.get("ele")),
-             _metres(content.nodes[node].tags.get("height")))
-        for node in used
-        if "power" in content.nodes[node].tags
-    ]  # fmt: skip
-    for key, of in (("elevation_m", "ele"), ("height_m", "height")):
-        known = sum(getattr(pole, key) is not None for pole in poles)
-        if 0 < known < len(poles):
-            text = f"{of} is known of {known} of {len(poles)} poles: not used"
-            drawing.found.append(Remark(Matter.HEIGHTS, drawing.format, text))
-            poles = [replace(pole, elevation_m=None) if of == "ele" else replace(pole, height_m=None) for pole in poles]
-    drawing.poles += poles
-
-
-def _metres(text: str | None) -> float | None:
-    """Return a length as OpenStreetMap writes it: in metres unless it says otherwise."""
-    match = _METRES.fullmatch(text or "")
-    figure = figure_of(match[1]) if match else None
-    if match is None or figure is None:
-        return None
-    return figure * FOOT_M if match[2] in {"ft", "'"} else figure

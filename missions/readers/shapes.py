@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING
 from missions.errors import NetworkError
 from missions.files import printable
 from missions.readers.choice import Choice
+from missions.readers.codepages import code_page_of
 from missions.readers.crs import ToWgs84, to_wgs84
 from missions.readers.drawing import Drawing, Matter, Remark
-from missions.readers.features import Feature, Kind, Layer, add_features, wanted_layers
+from missions.readers.features import EMPTY, OTHER, Feature, Kind, Layer, add_features, wanted_layers
 from missions.readers.opened import NEEDS, Archive, limited_content
+from missions.readers.shapeparts import PartError, whole_shapes
 
 if TYPE_CHECKING:
     import shapefile
@@ -76,10 +78,10 @@ def draw_zipped_shapes(archive: Archive, source: str, choice: Choice) -> Drawing
 def _drawn(every: list[_Shapes], source: str, choice: Choice) -> Drawing:
     if find_spec("shapefile") is None:
         raise NetworkError(f"{source}: a shapefile {NEEDS}")
-    drawing, systems = Drawing(source, FORMAT), []
+    drawing, systems = choice.drawing(source, FORMAT), []
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
-        readers = {shapes.name: _opened(shapes, source) for shapes in every}
+        readers = {shapes.name: _opened(shapes, drawing, choice) for shapes in every}
         layers = [Layer(name, _kind(reader.shapeType), len(reader)) for name, reader in readers.items()]
         for layer in wanted_layers(layers, source, choice):
             files = next(shapes.files for shapes in every if shapes.name == layer.name)
@@ -92,25 +94,25 @@ def _drawn(every: list[_Shapes], source: str, choice: Choice) -> Drawing:
     return drawing
 
 
-def _opened(shapes: _Shapes, source: str) -> shapefile.Reader:
+def _opened(shapes: _Shapes, drawing: Drawing, choice: Choice) -> shapefile.Reader:
     import shapefile
 
+    source = drawing.source
     if "dbf" not in shapes.files:
         raise NetworkError(f"{source}: {shapes.name}.dbf: expected the names and attributes beside the .shp")
-    encoding = printable(shapes.files.get("cpg", b"utf-8").decode("ascii", "replace")) or "utf-8"
+    try:
+        shp = whole_shapes(shapes.files["shp"], shapes.files.get("shx"), shapes.files["dbf"])
+    except (PartError, struct.error) as reason:
+        raise NetworkError(f"{source}: {shapes.name}: expected a whole shapefile: {reason}") from reason
+    encoding, words = code_page_of(shapes.files["dbf"], shapes.files.get("cpg"), choice.encoding, source)
+    if words:
+        drawing.found.append(Remark(Matter.FILE, f"{shapes.name}.dbf", words))
     try:
         return shapefile.Reader(
-            shp=io.BytesIO(shapes.files["shp"]), dbf=io.BytesIO(shapes.files["dbf"]),
-            shx=io.BytesIO(shapes.files["shx"]) if "shx" in shapes.files else None,
-            encoding=_known(encoding), encodingErrors="replace",
+            shp=io.BytesIO(shp), dbf=io.BytesIO(shapes.files["dbf"]), encoding=encoding, encodingErrors="replace",
         )  # fmt: skip
     except (shapefile.ShapefileException, struct.error, ValueError, LookupError, OSError, TypeError) as reason:
         raise NetworkError(f"{source}: {shapes.name}: expected a shapefile: {printable(str(reason))}") from reason
-
-
-def _known(encoding: str) -> str:
-    """Return what Python calls an encoding: .cpg files say 1250 where they mean cp1250."""
-    return f"cp{encoding}" if encoding.isdigit() else encoding
 
 
 def _kind(shape_type: int) -> Kind:
@@ -138,7 +140,8 @@ def _features(reader: shapefile.Reader, layer: str, source: str) -> Iterator[Fea
             shape, place = found.shape, f"layer {layer!r} feature {number}"
             kind = _kind(shape.shapeType)
             if shape.shapeType == shapefile.NULL or kind is Kind.OTHER:
-                yield Feature(place, Kind.OTHER, (), {})
+                other = EMPTY if shape.shapeType == shapefile.NULL else OTHER
+                yield Feature(place, Kind.OTHER, (), found.record.as_dict(), other=other)
                 continue
             heights = getattr(shape, "z", None) or [None] * len(shape.points)
             positions = [(float(point[0]), float(point[1]), third_m) for point, third_m in

@@ -11,6 +11,7 @@ from __future__ import annotations
 import csv
 import io
 import itertools
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,60 +19,112 @@ from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, printable
-from missions.readers.attributes import LINES, NAMES, heights_of, name_of, said
+from missions.readers.attributes import (
+    ELEVATION,
+    HEIGHT,
+    LINES,
+    POLES,
+    by_plain_name,
+    flattened,
+    heights_of,
+    name_of,
+    said,
+)
 from missions.readers.choice import Choice, quoted_names
-from missions.readers.crs import ToWgs84, to_wgs84
-from missions.readers.drawing import Drawing, Line, Pole
+from missions.readers.crs import ToWgs84, to_wgs84, wgs84
+from missions.readers.drawing import Drawing, Line, Matter, Pole, Remark
+from missions.readers.meaning import Meaning, row_meaning
 from missions.readers.opened import NEEDS, UNREADABLE, Archive
+from missions.readers.values import (
+    EAST_WEST,
+    NORTH_SOUTH,
+    PoleRank,
+    decimal_mark_of,
+    degrees_of,
+    grid_figure_of,
+    rank_keys,
+    rank_of,
+)
 
 if TYPE_CHECKING:
     import openpyxl
+    from openpyxl.worksheet._read_only import ReadOnlyWorksheet
 
 CSV, XLSX = "CSV", "XLSX"
 ORDER = ("order", "seq", "sequence", "position", "nr", "no")
 LAT, LON = ("lat", "latitude", "lat_deg"), ("lon", "lng", "long", "longitude", "lon_deg")
 EAST, NORTH = ("easting", "east", "x", "e"), ("northing", "north", "y", "n")
-POLE_NAMES = tuple(name for name in NAMES if name not in LINES)
 DELIMITERS = ";\t|,"
 MOST_ROWS = 500_000
+MOST_ABOVE = 30
+"""Rows with a title and the like above those with the names of the columns."""
+_SAID = re.compile(r"\ufeff?\"?sep=(.)\"?\s*", re.IGNORECASE)
+"""What Excel puts into the first line of a file for itself."""
+_HIDDEN = re.compile(rb'<row\b[^>]*\bhidden="(?:1|true)"')
+LEFT = {Meaning.UNBUILT_POLE, Meaning.REMOVED_POLE, Meaning.DELETED}
+"""Poles over which the wires of their neighbours go."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Row:
     place: str
-    cells: Mapping[str, object]
+    cells: dict[str, object]
 
 
 @dataclass(frozen=True, slots=True)
 class _Member:
-    order: float
+    order: PoleRank
     row: _Row
     x: float
     y: float
+    is_pole: bool = True
+    is_buried: bool = False
 
 
 def looks_like_table(text: str) -> bool:
-    """Return whether the first line of a text has the columns of a table of poles."""
-    header = {cell.lower() for cell in _header(text)}
-    return bool(header & {*LAT, *EAST}) and bool(header & {*LON, *NORTH})
+    """Return whether one of the first lines of a text has the columns of a table of poles."""
+    return _begin(text)[1]
 
 
-def draw_csv(text: str, source: str, choice: Choice) -> Drawing:
+def draw_csv(text: str, source: str, choice: Choice, *, remark: str = "") -> Drawing:
     """Return what a table in a text file shows; a comma, semicolon, tab or bar divides it.
+
+    Args:
+        text: The file's.
+        source: Its name, for messages.
+        choice: What of it is wanted.
+        remark: What is to be said of how its text was read.
 
     Raises:
         NetworkError: one line that names the file, the row and what was expected.
     """
     choice.no_layers(source, CSV)
-    delimiter = _delimiter(text)
+    (delimiter, _), found = _begin(text), [Remark(Matter.FILE, CSV, remark)] if remark else []
     try:
-        rows = [
-            (f"line {number}", row)
-            for number, row in enumerate(csv.reader(io.StringIO(text, newline=None), delimiter=delimiter), 1)
-        ]
+        reader = csv.reader(io.StringIO(text.lstrip("\ufeff"), newline=None), delimiter=delimiter, strict=True)
+        rows = [(f"line {reader.line_num}", row) for row in reader]
     except csv.Error as reason:
-        raise NetworkError(f"{source}: content: expected a table: {reason}") from reason
-    return _drawn(_rows(rows, source, comma=delimiter != ","), source, CSV, choice)
+        words = "a quote that is not closed" if "end of data" in str(reason) else str(reason)
+        raise NetworkError(f"{source}: line {reader.line_num}: expected a table: {words}") from reason
+    rows = rows[1:] if _SAID.fullmatch(text.partition("\n")[0]) else rows
+    table = _table(rows, source, CSV, found)
+    if rows and not text.endswith(("\n", "\r")):
+        _check_end(table, source, found)
+    return _drawn(_rows(table, source), source, CSV, choice, found)
+
+
+def _check_end(table: Sequence[tuple[str, Sequence[object]]], source: str, found: list[Remark]) -> None:
+    """Look at a last line without its end: was the file cut off there?"""
+    (place, last), others = table[-1], [row for _, row in table[1:-1]]
+    if len(last) < len(table[0][1]):
+        raise NetworkError(
+            f"{source}: {place}: expected {len(table[0][1])} cells as in the first row, got {len(last)}: the file ends "
+            "in the middle of a line"
+        )
+    lengths = [len(str(row[-1]).strip()) for row in others if len(row) == len(last)]
+    if len(table) > 1 and lengths and len(str(last[-1]).strip()) < min(lengths):
+        text = f"{place}, the last, ends with {str(last[-1])!r} and without an end of line: was the file cut off there?"
+        found.append(Remark(Matter.WHOLE, source, text))
 
 
 def draw_xlsx(archive: Archive, content: bytes, source: str, choice: Choice) -> Drawing:
@@ -92,58 +145,90 @@ def draw_xlsx(archive: Archive, content: bytes, source: str, choice: Choice) -> 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and extensions that are not read
             book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
-        rows = _sheet(book, source, choice)
+        sheet = _sheet(book, source, choice)
+        hidden = _hidden_rows(archive, sheet)
+        rows = _cells(sheet)
     except (
         *UNREADABLE, InvalidFileException, SyntaxError, KeyError, TypeError, AttributeError, IndexError,
     ) as reason:  # fmt: skip
         raise NetworkError(f"{source}: content: expected a workbook: {printable(str(reason))}") from reason
-    return _drawn(_rows(rows, source, comma=False), source, XLSX, choice)
+    found: list[Remark] = []
+    if hidden:
+        text = f"{hidden} rows are hidden, as by a filter: they are read all the same"
+        found.append(Remark(Matter.WHOLE, source, text))
+    return _drawn(_rows(_table(rows, source, XLSX, found), source), source, XLSX, choice, found)
 
 
-def _sheet(book: openpyxl.Workbook, source: str, choice: Choice) -> list[tuple[str, Sequence[object]]]:
+def _sheet(book: openpyxl.Workbook, source: str, choice: Choice) -> ReadOnlyWorksheet:
     titles = [sheet.title for sheet in book.worksheets]
     wanted = choice.chosen_layers(source, titles, "sheet")
+    if not choice.layers and len(wanted) > 1:
+        wanted = tuple(sheet.title for sheet in book.worksheets if sheet.sheet_state == "visible")
     if len(wanted) != 1:
         raise NetworkError(f"{source}: layer: expected one sheet of {quoted_names(titles)}, found {len(wanted)}")
-    sheet = book[wanted[0]]
+    return book[wanted[0]]
+
+
+def _cells(sheet: ReadOnlyWorksheet) -> list[tuple[str, Sequence[object]]]:
     sheet.reset_dimensions()  # what a sheet says of its own size may be anything
     rows = zip(range(1, MOST_ROWS + 3), sheet.iter_rows(values_only=True), strict=False)
-    return [(f"sheet {wanted[0]!r} row {number}", row) for number, row in rows]
+    return [(f"sheet {sheet.title!r} row {number}", row) for number, row in rows]
 
 
-def _header(text: str) -> list[str]:
-    first = text.lstrip("\ufeff").partition("\n")[0]
-    return [cell.strip().strip('"') for cell in first.split(_delimiter(text))]
+def _hidden_rows(archive: Archive, sheet: ReadOnlyWorksheet) -> int:
+    """Return how many rows people do not see in a sheet, which is read row by row and does not say so itself."""
+    path = str(getattr(sheet, "_worksheet_path", "")).lstrip("/")
+    return len(_HIDDEN.findall(archive.read(path))) if path in archive.names else 0
 
 
-def _delimiter(text: str) -> str:
-    first = text.partition("\n")[0]
-    return max(DELIMITERS, key=first.count)
+def _begin(text: str) -> tuple[str, bool]:
+    """Return what divides the cells of a text, and whether one of its first lines has the columns of a table."""
+    lines = re.split("\r\n|\r|\n", text.lstrip("\ufeff"), maxsplit=MOST_ABOVE + 1)[: MOST_ABOVE + 1]
+    own = _SAID.fullmatch(lines[0])
+    for line in lines:
+        for delimiter in DELIMITERS if own is None else own[1]:
+            if _has_columns([cell.strip().strip('"') for cell in line.split(delimiter)]):
+                return delimiter, True
+    return max(DELIMITERS, key=lines[0].count) if own is None else own[1], False
 
 
-def _rows(rows: Sequence[tuple[str, Sequence[object]]], source: str, *, comma: bool) -> Iterator[_Row]:
+def _has_columns(row: Sequence[object]) -> bool:
+    names = {printable(cell).lower() for cell in row if isinstance(cell, str)}
+    return bool(names & {*LAT, *EAST}) and bool(names & {*LON, *NORTH})
+
+
+def _table(
+    rows: Sequence[tuple[str, Sequence[object]]], source: str, what: str, found: list[Remark]
+) -> list[tuple[str, Sequence[object]]]:
+    """Return the rows from the names of the columns on, without empty ones; a title above is said.
+
+    Raises:
+        NetworkError: there are too many, or none.
+    """
     filled = [(place, row) for place, row in rows if any(cell not in {None, ""} for cell in row)]
     if len(filled) > MOST_ROWS:
         raise NetworkError(f"{source}: content: expected at most {MOST_ROWS} rows")
     if not filled:
         raise NetworkError(f"{source}: content: expected a row of column names, found none")
-    header = [printable(str(cell)) if cell is not None else "" for cell in filled[0][1]]
-    for place, row in filled[1:]:
+    begin = next((at for at, (_, row) in enumerate(filled[: MOST_ABOVE + 1]) if _has_columns(row)), 0)
+    if begin:
+        first = printable(str(next(cell for cell in filled[0][1] if cell not in {None, ""})))[:60]
+        count = "a row" if begin == 1 else f"{begin} rows"
+        found.append(Remark(Matter.FILE, what, f"{count} above the names of the columns, {first!r}: not read"))
+    return filled[begin:]
+
+
+def _rows(table: Sequence[tuple[str, Sequence[object]]], source: str) -> Iterator[_Row]:
+    header = [printable(str(cell)) if cell is not None else "" for cell in table[0][1]]
+    for place, row in table[1:]:
         if len(row) > len(header) and any(cell not in {None, ""} for cell in row[len(header) :]):
             raise NetworkError(f"{source}: {place}: expected {len(header)} cells as in the first row, got {len(row)}")
-        cells = {name: _cell(cell, comma=comma) for name, cell in zip(header, row, strict=False) if name}
+        cells = {name: cell.strip() if isinstance(cell, str) else cell
+                 for name, cell in zip(header, row, strict=False) if name}  # fmt: skip
         yield _Row(place, cells)
 
 
-def _cell(cell: object, *, comma: bool) -> object:
-    """Return a cell; a text that is a number becomes one, with a decimal comma too where that divides no cells."""
-    if not isinstance(cell, str):
-        return cell
-    text = cell.strip()
-    return text.replace(",", ".") if comma and text.replace(",", "", 1).lstrip("+-").isdigit() else text
-
-
-def _drawn(rows: Iterator[_Row], source: str, what: str, choice: Choice) -> Drawing:
+def _drawn(rows: Iterator[_Row], source: str, what: str, choice: Choice, found: list[Remark]) -> Drawing:
     every = list(rows)
     if not every:
         raise NetworkError(f"{source}: content: expected rows of poles below the column names, found none")
@@ -154,16 +239,75 @@ def _drawn(rows: Iterator[_Row], source: str, what: str, choice: Choice) -> Draw
             f"{source}: columns: expected one that says which pole follows which, {quoted_names(ORDER)}, "
             f"got {quoted_names(columns)}"
         )
-    drawing = Drawing(source, what, crs=system.words)
+    drawing = choice.drawing(source, what, system.words)
+    drawing.found += found
     members: dict[str, list[_Member]] = {}
-    for row in every:
-        if choice.takes(row.cells):
-            x, y = (_figure(row, keys, source) for keys in horizontal)
-            line = name_of(row.cells, LINES)
-            members.setdefault(line, []).append(_Member(_figure(row, ORDER, source), row, x, y))
+    mark = _mark_of(every, horizontal)
+    for row, line, cells in _with_lines(every, drawing):
+        member = _member(row, cells, drawing, horizontal, mark, choice)
+        if member is not None:
+            members.setdefault(line, []).append(member)
     for line, own in members.items():
-        _add_line(drawing, line, own, system)
+        _add_line(drawing, line, own, system, mark)
     return drawing
+
+
+def _with_lines(rows: Sequence[_Row], drawing: Drawing) -> Iterator[tuple[_Row, str, Mapping[str, object]]]:
+    """Yield every row with its line: where a table names one once for a group of rows, that of the row above.
+
+    With it comes what a filter goes by: what the group's first row says of the line is true of the others.
+
+    Raises:
+        NetworkError: rows above the first name have none, and others have.
+    """
+    names = [name_of(row.cells, LINES) for row in rows]
+    first, line, went_on = rows[0], "", 0
+    for row, name in zip(rows, names, strict=True):
+        if name or not any(names):
+            first, line = row, name
+            yield row, line, row.cells
+            continue
+        if not line:
+            raise NetworkError(f"{drawing.source}: {row.place}: {LINES[0]}: expected its name, as other rows have it")
+        went_on += 1
+        yield row, line, first.cells | {key: cell for key, cell in row.cells.items() if cell not in {None, ""}}
+    if went_on:
+        text = f"{went_on} rows without the name of their line: taken for that of the line above them"
+        drawing.found.append(Remark(Matter.FILE, drawing.format, text))
+
+
+def _mark_of(rows: Sequence[_Row], horizontal: Sequence[Sequence[str]]) -> str | None:
+    """Return the decimal mark that coordinates and heights of a table show; degrees need none."""
+    keys = (*horizontal, ELEVATION, HEIGHT)
+    cells = (said(row.cells, own) for row in rows for own in keys)
+    return decimal_mark_of(cell for cell in cells if isinstance(cell, str))
+
+
+def _member(
+    row: _Row,
+    of_line: Mapping[str, object],
+    drawing: Drawing,
+    horizontal: Sequence[Sequence[str]],
+    mark: str | None,
+    choice: Choice,
+) -> _Member | None:
+    """Return a pole of a line; None for one that is left out: not built, not there any more, or not wanted.
+
+    What is said of the line may stand in the first row of its group.
+    """
+    known, attributes = by_plain_name(flattened(row.cells)), flattened(of_line)
+    name = name_of(known, POLES) or row.place
+    point, (_, line, key) = row_meaning(known)[0], row_meaning(by_plain_name(attributes))
+    if point in LEFT or (line is Meaning.DISUSED and not choice.asks_for(key)):
+        drawing.leave_out((point if point in LEFT else Meaning.DISUSED_POLE).value, name)
+        return None
+    if not choice.takes(attributes):
+        return None
+    is_pole, is_buried = point in {Meaning.POLE, Meaning.DISUSED_POLE}, line in {Meaning.UNDERGROUND, Meaning.CABLE}
+    if not is_pole or is_buried:
+        drawing.leave_out("pole of an underground line" if is_buried else point.value, name)
+    x, y = (_coordinate(row, keys, drawing.source, mark) for keys in horizontal)
+    return _Member(_rank(row, drawing.source), row, x, y, is_pole, is_buried)
 
 
 def _system(
@@ -172,7 +316,7 @@ def _system(
     known = {name.lower() for name in columns}
     if known & set(LAT) and known & set(LON):
         choice.no_crs(source, "columns lat and lon")
-        return ToWgs84("WGS 84", source, None), (LON, LAT)
+        return wgs84(source), (LON, LAT)
     if not (known & set(EAST) and known & set(NORTH)):
         raise NetworkError(
             f"{source}: columns: expected lat and lon, or easting and northing, got {quoted_names(columns)}"
@@ -182,25 +326,37 @@ def _system(
     return to_wgs84(choice.crs, source), (EAST, NORTH)
 
 
-def _figure(row: _Row, keys: Sequence[str], source: str) -> float:
+def _coordinate(row: _Row, keys: Sequence[str], source: str, mark: str | None) -> float:
     value = said(row.cells, keys)
-    try:
-        figure = float(value) if isinstance(value, str | int | float) else None
-    except ValueError:
-        figure = None
+    if keys in {LAT, LON}:
+        figure = degrees_of(value, NORTH_SOUTH if keys == LAT else EAST_WEST)
+    else:
+        figure = grid_figure_of(value, mark)
     if figure is None or not is_figure(figure):
         raise NetworkError(f"{source}: {row.place}: {keys[0]}: expected a number, got {value!r}")
     return figure
 
 
-def _add_line(drawing: Drawing, line: str, members: list[_Member], system: ToWgs84) -> None:
-    members.sort(key=lambda member: member.order)
-    for one, other in itertools.pairwise(members):
-        if one.order == other.order:
+def _rank(row: _Row, source: str) -> PoleRank:
+    value = said(row.cells, ORDER)
+    rank = rank_of(value)
+    if rank is None:
+        raise NetworkError(f"{source}: {row.place}: {ORDER[0]}: expected a number, or one with letters, got {value!r}")
+    return rank
+
+
+def _add_line(drawing: Drawing, line: str, members: list[_Member], system: ToWgs84, mark: str | None) -> None:
+    keyed = sorted(zip(rank_keys([member.order for member in members]), members, strict=True), key=lambda pair: pair[0])
+    for (key, one), (next_key, other) in itertools.pairwise(keyed):
+        if key == next_key:
             raise NetworkError(
                 f"{drawing.source}: {other.row.place}: {ORDER[0]}: expected another than that of {one.row.place}, "
-                f"got {other.order:g}" + (f" twice in line {line!r}" if line else "")
+                f"got {other.order.text}" + (f" twice in line {line!r}" if line else "")
             )
+    members = [member for _, member in keyed]
+    if len(members) < 2 and drawing.left:
+        drawing.leave_out("line of one pole", line or members[0].row.place)
+        return
     if len(members) < 2:
         raise NetworkError(
             f"{drawing.source}: {members[0].row.place}: expected two poles or more of line {line!r}, found one"
@@ -208,8 +364,13 @@ def _add_line(drawing: Drawing, line: str, members: list[_Member], system: ToWgs
     places = [f"{drawing.source}: {member.row.place}" for member in members]
     found = system.lat_lon_deg([member.x for member in members], [member.y for member in members], places)
     for (lat_deg, lon_deg), member, place in zip(found, members, places, strict=True):
-        heights = heights_of(member.row.cells, place)
-        name = name_of(member.row.cells, POLE_NAMES)
-        drawing.poles.append(Pole(member.row.place, name, lat_deg, lon_deg, *heights, line=line))
-    vertices = tuple((lat_deg, lon_deg, None) for lat_deg, lon_deg in found)
-    drawing.draw(Line(members[0].row.place, line, (vertices,)))
+        heights = heights_of(member.row.cells, place, mark)
+        name = name_of(member.row.cells, POLES)
+        if member.is_pole and not member.is_buried:
+            drawing.poles.append(Pole(member.row.place, name, lat_deg, lon_deg, *heights, line=line))
+    # Between poles of which one is under the ground the wires are not in the air.
+    runs = itertools.groupby(zip(found, members, strict=True), key=lambda pair: pair[1].is_buried)
+    parts = [tuple((*at, None) for at, _ in run) for is_buried, run in runs if not is_buried]
+    parts = [part for part in parts if len(part) > 1]
+    if parts:
+        drawing.draw(Line(members[0].row.place, line, tuple(parts)))

@@ -20,6 +20,8 @@ class Selection:
     crs: str | None = None
     """Of a file that does not say its own; of a graph file the map grid of its metres."""
     mending: Mending = field(default_factory=Mending)
+    encoding: str | None = None
+    """Of a table in text that is not UTF-8; None to try."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ Only matplotlib's objects are used, and each figure's own Agg canvas: no window,
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -18,6 +19,7 @@ from executor.analysis.pictures.profile import profile_figure
 from executor.analysis.pictures.risk import risk_figure
 from executor.analysis.pictures.style import DPI
 from executor.analysis.pictures.window import window_figure
+from missions.files import write_whole
 
 __all__ = [
     "FrontPoint",
@@ -35,9 +37,11 @@ __all__ = [
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a picture.
+    """Write a picture, whole or not at all.
 
     Raises:
         OSError: the file cannot be written.
     """
-    figure.savefig(path, format="png", dpi=DPI)
+    content = BytesIO()
+    figure.savefig(content, format="png", dpi=DPI)
+    write_whole(path, content.getvalue())

@@ -50,6 +50,8 @@ class NetworkTable(SiteTable):
     crs: str | None = None
     """The reference system of a file that does not say its own, such as `EPSG:5514`. Of a graph file the map grid of
     its metres; without it they are true east and north."""
+    encoding: Annotated[str, Field(min_length=1, max_length=40)] | None = None
+    """The encoding of a CSV file or of a shapefile's names, such as `cp1250`; without it it is tried, and said."""
     tallest_m: Positive | None = None
     """Height of the tallest structure. Confirms that heights which look too large for pylons are metres over ground."""
     pylon_height_m: Annotated[float, Field(ge=2, le=400, allow_inf_nan=False)] | None = None

@@ -17,6 +17,7 @@ from executor.site.config import read_site
 from missions import read_network, understand
 from tests.executor.cli.test_main import Place, place
 from tests.missions.readers import same
+from tests.missions.test_files import room_for
 
 __all__ = ["place"]
 
@@ -152,8 +153,19 @@ MALFORMED: dict[str, tuple[str, bytes, str, str]] = {
                                   "a.csv: line 3: order: expected another than that of line 2, got 1"),
     "CSV with a line of one pole": ("a.csv", b"line,order,lat,lon\nV1,1,49,15\n", "",
                                     "a.csv: line 2: expected two poles or more of line 'V1', found one"),
-    "CSV of an old encoding": ("a.csv", "pole,order,lat,lon\nŽ,1,49,15\n".encode("cp1250"), "",
-                               "a.csv: encoding: expected UTF-8 text, found other bytes at 19"),
+    "CSV of an unknown encoding": ("a.csv", b"pole,order,lat,lon\nP,1,49,15\n", "--encoding cp9",
+                                   "a.csv: encoding: expected the table's own, such as 'cp1250' or 'utf-16', got"),
+    "CSV of another encoding": ("a.csv", b"pole,order,lat,lon\n\x8e,1,49,15\n", "--encoding utf-8",
+                                "a.csv: encoding: expected the table's own, such as 'cp1250' or 'utf-16', got 'utf-8'"),
+    "an encoding for what has its own": ("a.osm", osm(TWO + WAY), "--encoding cp1250",
+                                         ("a.osm: encoding: expected none for "
+                                         "OpenStreetMap XML, only for CSV and shapefiles; got 'cp1250'")),
+    "CSV that is cut off": ("a.csv", b"line,order,lat,lon\nV1,1,49,15\nV1,2,49", "",
+                            "a.csv: line 3: expected 4 cells as in the first row, got 3: the file ends in the middle"),
+    "CSV with an open quote": ("a.csv", b'line,order,lat,lon\n"V1,1,49,15\nV1,2,49,16\n', "",
+                               "a.csv: line 3: expected a table: a quote that is not closed"),
+    "CSV whose first rows have no line": ("a.csv", b"line,order,lat,lon\n,1,49,15\nV1,2,49,16\n", "",
+                                          "a.csv: line 2: line: expected its name, as other rows have it"),
     "CSV with too many cells": ("a.csv", b"order,lat,lon\n1,49,15,7\n", "",
                                 "a.csv: line 2: expected 3 cells as in the first row, got 4"),
     "a workbook of two sheets": ("a.xlsx", sheets("North", "South"), "",
@@ -185,7 +197,8 @@ MALFORMED: dict[str, tuple[str, bytes, str, str]] = {
                                       "which voltage < 1 holds, found none of 1")),
     "a crs for what has its own": ("a.osm", osm(TWO + WAY), "--crs EPSG:5514", ("a.osm: crs: expected none for "
                                    "OpenStreetMap XML, which is always WGS 84; got 'EPSG:5514'")),
-    "a picture": ("a.png", b"\x89PNG\r\n\x1a\n" + bytes(30), "", "a.png: encoding: expected UTF-8 text"),
+    "a picture": ("a.png", b"\x89PNG\r\n\x1a\n" + bytes(30), "",
+                  "a.png: content: expected a map's data, got a picture (PNG)"),
     "a letter": ("a.txt", b"Dear Sir,\nplease find attached", "", "a.txt: content: expected GeoJSON, or a graph file"),
     "an empty file": ("a.csv", b"", "", "a.csv: content: expected a row of column names, found none"),
 }  # fmt: skip
@@ -234,6 +247,41 @@ def test_what_is_written_reads_back_and_is_drawn(place: Place) -> None:
     assert place.run("network", str(source), "-o", written, "--picture", str(picture))[0] == 0
     assert understand(written, anywhere=True).network.segments == understand(source, anywhere=True).network.segments
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_full_disk_leaves_what_was_written_before(place: Place) -> None:
+    source, written = same.overpass(place.folder), Path(place.path("o.geojson"))
+    written.write_text("before")
+    with room_for(100):
+        assert place.refused("network", str(source), "-o", str(written)).endswith("cannot be written: File too large")
+    assert written.read_text() == "before"
+
+
+def test_what_is_missing_is_said_before_the_lines_and_where_it_is_planned(place: Place) -> None:
+    source, site = Path(place.path("a.kmz")), Path(place.path("new.toml"))
+    link = b"<NetworkLink><name>more</name></NetworkLink>"
+    source.write_bytes(
+        zipped(doc__kml=kml(LINE.format("15.6,49.6 15.602,49.6")).replace(b"<Placemark>", link + b"<Placemark>"))
+    )
+    _, out, _ = place.run("network", str(source))
+    assert out.splitlines()[1:3] == ["is it whole (1):", "  more: a link to another file: not followed"]
+    assert place.run("init", str(source), "--depot", "49.6,15.6", "-o", str(site))[0] == 0
+    site.write_text(site.read_text().replace('# heights = "flat"', 'heights = "flat"'))
+    _, out, err = place.run("plan", str(site), "--seconds", "0.2", "--cost", "minmax")
+    assert "is it whole: more: a link to another file: not followed" in out + err
+
+
+def test_a_country_is_cut_and_a_code_page_is_kept_in_the_site(place: Place) -> None:
+    site, rows = Path(place.path("new.toml")), ["line,order,lat,lon"]
+    rows += [f"{name},{k},{lat},{15.6 + k / 500}" for name, lat in (("Ole\xe8", 49.6), ("far", 55.0)) for k in (1, 2)]
+    source = Path(place.path("a.csv"))
+    source.write_bytes("\n".join([*rows, ""]).encode("latin-1"))
+    words = ("--depot", "49.6,15.6,450", "--radius", "1500", "--encoding", "cp1252", "--vehicles", "1", "-o", str(site))
+    assert place.run("init", str(source), *words)[0] == 0
+    assert 'encoding = "cp1252"' in site.read_text()
+    site.write_text(site.read_text().replace('# heights = "flat"', 'heights = "flat"'))
+    assert place.run("plan", str(site), "--seconds", "0.2", "--cost", "minmax", "-o", place.path("plan.json"))[0] == 0
+    assert [one["name"] for one in json.loads(Path(place.path("plan.json")).read_text())["segments"]] == ["Oleè.1"]
 
 
 def test_flat_ground_by_format_is_still_flat_when_written(place: Place) -> None:

@@ -125,12 +125,11 @@ def test_the_callers_depot_wins_over_the_files(tmp_path: Path) -> None:
             [depot_point(), *PYLONS, PYLONS[0], step("A", "B")],
             r"features\[4\]\.properties\.id: expected a name that no other pylon has",
         ),
-        ([depot_point(), point("", 15.6, 49.6)], r"features\[1\]\.properties\.id: expected the pylon's name, got ''"),
         ([depot_point(), point("A", 15.6, None)], r"features\[1\]\.geometry\.coordinates: expected finite numbers"),
         ([depot_point(), point("A", 15.6, True)], r"features\[1\]\.geometry\.coordinates: expected finite numbers"),
         ([depot_point(), point("A", 15.6, float("nan"))], r"features\[1\]\.geometry\.coordinates: expected finite"),
         (
-            [depot_point(), point("A", 15.6, 49.6, height_m="30 m")],
+            [depot_point(), point("A", 15.6, 49.6, height_m="30 yards")],
             r"features\[1\]: height_m: expected metres",
         ),
         ([depot_point(), *PYLONS, line((15.602, 49.601))], r"features\[4\]\.geometry\.coordinates: expected a line"),

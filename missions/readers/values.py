@@ -1,0 +1,237 @@
+"""What cells, attributes and tags say in figures, so that a file means the same in every format.
+
+Decimal commas, thousands, degrees with minutes and seconds, units, and numbers of poles.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from missions.files import is_number
+
+BLANK = {"", "nan", "null", "(null)", "<null>", "none", "n/a", "#n/a", "nil", "not available"}
+"""Texts by which programs say nothing."""
+NO_FIGURE = BLANK | {"-", "--", "?", "na", "unknown"}
+NO_HEIGHT_M = -9999.0
+"""Lower ones stand for heights that are not known: -9999, -32768, -1e38."""
+NORTH_SOUTH, EAST_WEST = "NS", "EW"
+METRES: Mapping[str, float] = {
+    "": 1.0, "m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "mtr": 1.0, "mtrs": 1.0,
+    "masl": 1.0, "mamsl": 1.0, "ft": 0.3048, "feet": 0.3048, "foot": 0.3048, "'": 0.3048, "km": 1000.0,
+}  # fmt: skip
+FEET = ("ft", "feet", "foot", "'")
+INCH_M = 0.0254
+GRID_UNITS = ("", "m", "e", "n", "me", "mn")
+"""Behind an easting or a northing, which is in the grid's own unit."""
+
+_LETTERS = str.maketrans({
+    "−": "-", "‐": "-", "‑": "-", "–": "-", "—": "-", "’": "'", "‘": "'", "ʹ": "'", "ʼ": "'", "´": "'", "`": "'",
+    "′": "'", "″": '"', "”": '"', "“": '"', "ʺ": '"', "º": "°", "˚": "°",
+})  # fmt: skip
+_FIGURE = re.compile(r"([+-]?)(\d[\d .,']*|[.,]\d+)(e[+-]?\d{1,3})?", re.ASCII | re.IGNORECASE)
+_GROUPED = {mark: re.compile(rf"\d{{1,3}}(?:{re.escape(mark)}\d{{3}})+", re.ASCII) for mark in " '.,"}
+_MEASURE = re.compile(r"([+-]?[\d.,][\d .,']*?) ?(?<=[\d.,' ])([^\W\d]\S*|['%])?(?: (\D*))?", re.ASCII)
+_FEET = re.compile(r"(\d+)' ?(\d+(?:\.\d+)?)\"", re.ASCII)
+_PARTS = re.compile(
+    r"""(\d{1,3}(?:\.\d+)?)\ ?(?:°|d|deg|:|-|\ )?\ ?
+        (?:(\d{1,2}(?:\.\d+)?)\ ?(?:'|:|-|m|min|\ )?\ ?
+        (?:(\d{1,2}(?:\.\d+)?)\ ?(?:"|'')?)?)?""",
+    re.ASCII | re.IGNORECASE | re.VERBOSE,
+)
+_PACKED = re.compile(r"(\d{2,3})(\d{2})(?:(\d{2})(\.\d+)?|(\.\d+))?", re.ASCII)
+_NUMBERED = re.compile(r"(\D*)(\d+)(.*)", re.ASCII | re.DOTALL)
+_PIECE = re.compile(r"\d+|[^\d\s./\-]+", re.ASCII)
+
+
+def is_blank(value: object) -> bool:
+    """Return whether a value says nothing."""
+    if isinstance(value, str):
+        return value.strip().lower() in BLANK
+    return value is None or (isinstance(value, float) and math.isnan(value))
+
+
+def _plain(text: str) -> str:
+    """Return a text with one kind of spaces, dashes and quotation marks."""
+    return " ".join(text.translate(_LETTERS).split())
+
+
+def figure_of(text: str, mark: str | None = None) -> float | None:
+    """Return what a text says as a number; None where it is none, or may be two.
+
+    Thousands may be divided by spaces, apostrophes, dots or commas.
+
+    Args:
+        text: Such as '543 355,1' or '1,345.5'.
+        mark: The file's decimal mark, where it is known: without it nobody knows how much '1,345' is.
+    """
+    match = _FIGURE.fullmatch(_plain(text))
+    if match is None:
+        return None
+    sign, digits, exponent = match[1], match[2], match[3] or ""
+    decimal = _decimal_mark(digits, mark)
+    if decimal is None:
+        return None
+    whole, _, rest = digits.partition(decimal) if decimal else (digits, "", "")
+    between = {letter for letter in whole if not letter.isdigit()}
+    if between and (len(between) > 1 or not _GROUPED[between.pop()].fullmatch(whole)):
+        return None
+    if rest and not rest.isdigit():
+        return None
+    return float(f"{sign}{''.join(filter(str.isdigit, whole)) or '0'}.{rest or '0'}{exponent}")
+
+
+def _decimal_mark(digits: str, mark: str | None) -> str | None:
+    """Return what is before a figure's decimals: empty if it has none, None if that may be one or not."""
+    marks = [letter for letter in digits if letter in ".,"]
+    if len(set(marks)) == 2:
+        return marks[-1]
+    if len(marks) != 1:
+        return ""
+    (own,) = marks
+    may_group = bool(_GROUPED[own].fullmatch(digits)) and not digits.startswith("0")
+    if not may_group or own == mark:
+        return own
+    if mark is not None:
+        return ""
+    return own if own == "." else None
+
+
+def decimal_mark_of(texts: Iterable[str]) -> str | None:
+    """Return the decimal mark that figures of one file show, where all that show one show the same."""
+    shown: set[str] = set()
+    for text in texts:
+        match = _FIGURE.fullmatch(_plain(text))
+        marks = [letter for letter in match[2] if letter in ".,"] if match else []
+        if match is None or not marks:
+            continue
+        if len(set(marks)) == 2:
+            shown.add(marks[-1])
+        elif len(marks) > 1:
+            shown.add("," if marks[0] == "." else ".")
+        elif not _GROUPED[marks[0]].fullmatch(match[2]) or match[2].startswith("0"):
+            shown.add(marks[0])
+    return shown.pop() if len(shown) == 1 else None
+
+
+def number_of(value: object, mark: str | None = None) -> float | None:
+    """Return a cell's or a tag's number; None where it says none."""
+    if isinstance(value, str):
+        return figure_of(value, mark)
+    return float(value) if is_number(value) else None
+
+
+def degrees_of(value: object, letters: str) -> float | None:
+    """Return a latitude or a longitude; None where it is none.
+
+    Args:
+        value: A number; or a text such as '49.6', '49,6', '49°35′57.4″N', 'N 49 35.957', '493557N'.
+        letters: Which letters of hemispheres it may have: `NORTH_SOUTH` or `EAST_WEST`.
+    """
+    if not isinstance(value, str):
+        return number_of(value)
+    text = _plain(value).upper()
+    figure = figure_of(text, "," if "," in text else ".")
+    if figure is not None:
+        return figure
+    side = next((letter for letter in letters if text.endswith(letter) or text.startswith(letter)), "")
+    text = (text.removesuffix(side) if text.endswith(side) else text.removeprefix(side)).strip() if side else text
+    negative, text = text.startswith("-"), text.lstrip("+-").strip().replace(",", ".")
+    degrees = _packed(text) if side else None
+    if degrees is None:
+        degrees = _sexagesimal(text)
+    if degrees is None or (negative and side):
+        return None
+    return -degrees if negative or side in {"S", "W"} else degrees
+
+
+def _sexagesimal(text: str) -> float | None:
+    match = _PARTS.fullmatch(text)
+    if match is None:
+        return None
+    parts = [part for part in match.groups() if part is not None]
+    figures = [float(part) for part in parts]
+    # Only the last of degrees, minutes and seconds may be broken; rounding makes 60 of 59.99.
+    if any("." in part for part in parts[:-1]) or any(figure > 60 for figure in figures[1:]):
+        return None
+    return sum(figure / unit for figure, unit in zip(figures, (1.0, 60.0, 3600.0), strict=False))
+
+
+def _packed(text: str) -> float | None:
+    """Return degrees of figures without a mark between them, as aeronautical data has them: 493557.4."""
+    match = _PACKED.fullmatch(text)
+    if match is None:
+        return None
+    degrees, minutes, seconds, after, broken = match.groups()
+    figures = float(degrees), float(minutes + (broken or "")), float((seconds or "0") + (after or ""))
+    return None if max(figures[1:]) > 60 else figures[0] + figures[1] / 60 + figures[2] / 3600
+
+
+def measure_of(text: str, mark: str | None = None) -> tuple[float, str] | None:
+    """Return a figure and its unit in small letters: '132 kV' is 132 and 'kv'; None where it is none."""
+    alone = figure_of(text, mark)
+    match = None if alone is not None else _MEASURE.fullmatch(_plain(text))
+    figure = figure_of(match[1], mark) if match else alone
+    return None if figure is None else (figure, (match[2] or "").rstrip(".").lower() if match else "")
+
+
+def metres_of(value: object, mark: str | None = None) -> float | None:
+    """Return a length in metres, which is its unit where it says none; None where it is none."""
+    if not isinstance(value, str):
+        return number_of(value)
+    feet = _FEET.fullmatch(_plain(value))
+    if feet is not None:
+        return float(feet[1]) * METRES["ft"] + float(feet[2]) * INCH_M
+    # Who writes feet divides thousands by a comma.
+    found = measure_of(value, mark) or measure_of(value, ".")
+    if found is None or found[1] not in METRES or (measure_of(value, mark) is None and found[1] not in FEET):
+        return None
+    return found[0] * METRES[found[1]]
+
+
+def grid_figure_of(value: object, mark: str | None = None) -> float | None:
+    """Return an easting or a northing, as '543 355,1 m E' too; None where it is none."""
+    if not isinstance(value, str):
+        return number_of(value)
+    found = measure_of(value, mark)
+    return None if found is None or found[1] not in GRID_UNITS else found[0]
+
+
+@dataclass(frozen=True, slots=True)
+class PoleRank:
+    """Where a pole stands in its line, by its number and the letters around that: '12A' is between 12 and 13."""
+
+    text: str
+    before: str
+    number: float
+    after: tuple[tuple[int, float, str], ...]
+
+
+def rank_of(value: object) -> PoleRank | None:
+    """Return what a number of a pole says about its place in a line; None where it has no figure in it."""
+    text = str(value).strip()
+    figure = number_of(value) if not (isinstance(value, str) and "e" in value.lower()) else None
+    if figure is not None:
+        return PoleRank(f"{figure:g}", "", figure, ()) if math.isfinite(figure) else None
+    match = _NUMBERED.fullmatch(_plain(value)) if isinstance(value, str) else None
+    if match is None:
+        return None
+    pieces = _PIECE.findall(match[3].lower())
+    after = tuple((0, float(piece), "") if piece.isdigit() else (1, 0.0, piece) for piece in pieces)
+    return PoleRank(text, match[1].strip(" ./-_").lower(), float(match[2]), after)
+
+
+RankKey = tuple[str, float, tuple[tuple[int, float, str], ...]]
+
+
+def rank_keys(ranks: Sequence[PoleRank]) -> list[RankKey]:
+    """Return by what the poles of one line are sorted.
+
+    Letters before the number divide a line into parts, B1 after A9; where some poles have none, a letter marks a pole
+    that was put in later: A12 is between 12 and 13, as 12A is.
+    """
+    if all(rank.before for rank in ranks):
+        return [(rank.before, rank.number, rank.after) for rank in ranks]
+    return [("", rank.number, (((1, 0.0, rank.before),) if rank.before else ()) + rank.after) for rank in ranks]
