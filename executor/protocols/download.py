@@ -23,7 +23,7 @@ from executor.core.messages import (
     SendMissionRequest,
     SendMissionRequestList,
 )
-from executor.protocols.machine import Accepted, BrokenOff, Machine, TimedOut
+from executor.protocols.machine import SAME_S, Accepted, BrokenOff, Machine, TimedOut
 from executor.protocols.round_trip import RoundTrip
 from executor.protocols.upload import rejected
 from missions.items import MissionItem, MissionKind
@@ -83,7 +83,7 @@ class DownloadDialogue(Machine):
         """Ask again, for the list where the vehicle has ended the transfer; or give up."""
         if self.outcome is not None:
             return self, ()
-        if now_s >= self.heard_s + SILENT_S:
+        if now_s >= self.heard_s + SILENT_S - SAME_S:
             if self.refusal is not None:
                 return self._ended(rejected("download", self.refusal)), ()
             return self._ended(TimedOut(f"no answer when asked for {self._open}")), ()

@@ -13,6 +13,9 @@ from typing import Self
 from executor.core.endings import Ending
 from executor.core.messages import Message, Outgoing
 
+SAME_S = 1e-6
+"""Times nearer to each other than this are one: a timer may end that much before its deadline, and sums are rounded."""
+
 
 @dataclass(frozen=True, slots=True)
 class Accepted:

@@ -13,7 +13,7 @@ from typing import Self, TypeVar
 
 from executor.core.endings import Ending
 from executor.core.messages import Message, Outgoing, ParamRefused, ParamValue, SendParamRequest, SendParamSet
-from executor.protocols.machine import Accepted, Machine, Rejected, TimedOut
+from executor.protocols.machine import SAME_S, Accepted, Machine, Rejected, TimedOut
 from executor.protocols.round_trip import RoundTrip
 
 R = TypeVar("R", bound="ParameterReading")
@@ -26,8 +26,6 @@ SILENT_S = 20.0
 LONGEST_S = 180.0
 BY_CHANCE = 1e-6
 """How likely at most the link alone may have swallowed all questions for a parameter that is said not to be there."""
-SAME_S = 1e-6
-"""Sums of times differ by their rounding."""
 PERIOD_S, LONGEST_PERIOD_S = 1.0, 4.0
 TRIES, TRIES_ANSWERED = 6, 4
 """Of setting a parameter; fewer where it is answered, and another value stays."""
@@ -113,14 +111,14 @@ class ParameterReading(Machine):
         """Ask again what was not answered in time; or give up."""
         if self.outcome is not None:
             return self, ()
-        if now_s >= min(self.heard_s + SILENT_S, self.began_s + LONGEST_S):
+        if now_s >= min(self.heard_s + SILENT_S, self.began_s + LONGEST_S) - SAME_S:
             return self._ended(TimedOut(f"{', '.join(sorted(self.unread))}: no answer")), ()
-        latest_s = now_s - self.round_trip.waits_s
-        late = [one for one in self.asked if one.asked_s <= latest_s + SAME_S]
+        latest_s = now_s - self.round_trip.waits_s + SAME_S
+        late = [one for one in self.asked if one.asked_s <= latest_s]
         state = self
         for question in late:
             state = _missed(state, question)
-        if self.control is not None and self.control.asked_s <= latest_s + SAME_S:
+        if self.control is not None and self.control.asked_s <= latest_s:
             state = replace(state, control=None, lost=state.lost + 1)
         if any(not one.outlived for one in late):  # a jam is not to be fed: fewer at a time, and then more seldom
             trip = self.round_trip.missed() if self.room == 1 else self.round_trip

@@ -27,7 +27,7 @@ from simulator.channel import LinkCondition
 from tests.executor.virtual.short_line import shared, write_line
 from tests.sitl.flights import Story, WatchfulConsole
 from tests.sitl.radio import Radio
-from tests.sitl.real import BOTH, PX4, RELAYED, Autopilot, RealVehicle, Wanted, running
+from tests.sitl.real import BOTH, PX4, RELAYED, START_REAL_S, Autopilot, RealVehicle, Wanted, running
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(590)]
 
@@ -51,6 +51,10 @@ def slowed(number: int, folder: Path) -> None:
     client = Path(os.environ.get("FAULTLINE_PX4_BUILD", "")) / "bin" / "px4-mavlink"
     if not client.exists():
         pytest.skip("FAULTLINE_PX4_BUILD: expected the build directory of PX4, with bin/px4-mavlink")
+    until_s = time.monotonic() + START_REAL_S
+    while b"Startup script returned" not in (folder / "out.txt").read_bytes():
+        assert time.monotonic() < until_s, f"PX4 has not started within {START_REAL_S:g} s"
+        time.sleep(0.5)
     port = str(14580 + number)
     for arguments in (
         ["stop", "-u", port],

@@ -79,3 +79,11 @@ def test_a_transfer_that_nobody_answers_is_begun_anew_when_px4_has_given_it_up()
     assert {message for later, message in said if not later} == {SendMissionRequest(0)}
     assert {message for later, message in said if later} == {SendMissionRequestList()}
     assert state.outcome == TimedOut("no answer when asked for item 0 of 3")
+
+
+def test_a_timer_that_ends_a_hair_early_is_the_end_of_the_silence_all_the_same() -> None:
+    """Else it would be asked, and asked again, in no time."""
+    state, _ = DownloadDialogue().begin(100.0)
+    for _ in range(20):
+        state, _ = state.on_deadline(state.deadline_s - 1e-9)
+    assert state.outcome == TimedOut("no answer when asked for the count")

@@ -134,3 +134,11 @@ def test_an_answer_that_nobody_asked_for_changes_nothing() -> None:
     ended, _ = Wire().read()
     assert ended.on_message(ParamValue("P0", 9.0, 9), 99.0) == (ended, ())
     assert ended.on_deadline(99.0) == (ended, ())
+
+
+def test_a_timer_that_ends_a_hair_early_is_the_end_of_the_silence_all_the_same() -> None:
+    """Else it would be asked, and asked again, in no time."""
+    state, _ = ParameterReading.of(NAMES).begin(100.0)
+    for _ in range(60):
+        state, _ = state.on_deadline(state.deadline_s - 1e-9)
+    assert isinstance(state.outcome, TimedOut)
