@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -251,6 +252,17 @@ def test_a_file_that_the_architecture_names_is_there() -> None:
     assert [
         file for file in sorted(files) if not any((ROOT / above / file).exists() for above in ("", "executor"))
     ] == []
+
+
+def test_the_sizes_in_the_architecture_are_what_the_script_counts() -> None:
+    """Within 3 %; `./scripts/size` prints the table anew."""
+    printed = subprocess.run([ROOT / "scripts" / "size"], check=True, capture_output=True, text=True).stdout
+    row = re.compile(r"^\| (\S+) \| (\d+) \|$", re.MULTILINE)
+    counted = {name: int(lines) for name, lines in row.findall(printed)}
+    _, _, section = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8").partition("## Size\n")
+    stated = {name: int(lines) for name, lines in row.findall(section)}
+    assert len(counted) == 7
+    assert stated == {name: pytest.approx(lines, rel=0.03) for name, lines in counted.items()}
 
 
 def test_where_names_every_script() -> None:
