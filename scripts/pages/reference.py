@@ -48,7 +48,7 @@ UNITS = (
 
 def pages() -> dict[str, str]:
     """Return each page, and each schema, by its place below `docs`."""
-    states = states_page(MADE.format(what="tables (executor/core/vehicle.py and flags.py)"))
+    states = states_page(MADE.format(what="tables (executor/core/vehicle.py, flags.py and fleet.py)"))
     return {
         COMMANDS: commands_page(),
         SITE_FILE: site_page(),
