@@ -6,14 +6,13 @@ events fed to `step` again gives the same commands.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from executor.core import giving_way, launching, leg_times
 from executor.core.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
 from executor.core.context import Context
-from executor.core.coverage import GAP_S
 from executor.core.custody import causes, reading
 from executor.core.events import (
     Asked,
@@ -257,39 +256,12 @@ def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
     return state, (Say(Level.INFO, text), SendHome(vehicle.name))
 
 
-def _tick(context: Context, state: FleetState, late_s: float, now_s: float) -> Stepped:
+def _look_at_all(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands: list[Command] = []
-    state, more = link_loss.own_sleep(state, now_s, late_s)
-    commands.extend(more)
-    state, more = link_loss.of_all(context, state, now_s)
-    commands.extend(more)
-    if state.listening.silent_since_s is not None and now_s - state.listening.silent_since_s >= GAP_S:
-        state = blackout.began(state, state.listening.silent_since_s)
     for name in state.vehicles:
         state, more = _look_at(context, state, name, now_s)
         commands.extend(more)
-    for look in (proof.pictures_judged, faults_of_cameras.cameras_looked_at):
-        state, more = look(context, state, now_s)
-        commands.extend(more)
-    state, more = offering.offered_again(context, state, now_s)
-    commands.extend(more)
-    state, more = replanning.begin(context, state, now_s)
-    commands.extend(more)
-    state, more = closer.closer(context, state, now_s)
-    commands.extend(more)
-    state, more = giving_way.giving_way(context, state, now_s)
-    commands.extend(more)
-    state, more = turnaround.turnarounds_pursued(context, state, now_s)
-    commands.extend(more)
-    state, more = launching.starts_pursued(context, state, now_s)
-    commands.extend(more)
-    state, more = texts.tell_passed_over(state, now_s)
-    commands.extend(more)
-    state, more = offers.looked_at(context, state, now_s)
-    commands.extend(more)
-    state = handling.settle_intents(context, state, now_s)
-    state, more = _finish(context, state, now_s)
-    return state, (*commands, *more)
+    return state, tuple(commands)
 
 
 def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
@@ -494,3 +466,98 @@ def _finish(context: Context, state: FleetState, now_s: float) -> Stepped:
     if left := state.coverage.left_over - set(state.coverage.inspected):
         reason += f", {len(left)} of them left for the next sortie by the plan"
     return replace(state, progress=replace(state.progress, finished=True)), (Finish(reason),)
+
+
+@dataclass(frozen=True, slots=True)
+class TickPhase:
+    """One part of what happens in each tick."""
+
+    name: str
+    act: Callable[[Context, FleetState, float], Stepped]
+    why_here: str
+    """What it needs from the phases before it, and what those after it need from it."""
+
+
+PHASES: tuple[TickPhase, ...] = (
+    TickPhase(
+        "host pause", link_loss.own_sleep,
+        "First: each silence is counted from when a link was last heard, and a pause of our own must not count.",
+    ),
+    TickPhase(
+        "loss of all links", link_loss.of_all,
+        "Before the vehicles: while all are silent none is declared lost that may still fly, and no re-plan begins.",
+    ),
+    TickPhase(
+        "gap in the tracks", blackout.began,
+        "After the loss of all links: needs to know since when. Before the vehicles: one with a gap is judged by its "
+        "link alone until it has said what it flew meanwhile.",
+    ),
+    TickPhase(
+        "vehicles", _look_at_all,
+        "After the loss of all links: needs to know whether one is silent or all are. Before the re-plan, and all else "
+        "that plans or commands: it goes by the stages and faults that are set here.",
+    ),
+    TickPhase(
+        "pictures", proof.pictures_judged,
+        "After the vehicles: only those in the air with a link are asked again. Before the re-plan: what is flown but "
+        "not seen is open.",
+    ),
+    TickPhase(
+        "cameras", faults_of_cameras.cameras_looked_at,
+        "After the vehicles: a vehicle's first fault stands. After the pictures: what they have just shown is not "
+        "reassigned.",
+    ),
+    TickPhase(
+        "missions offered again", offering.offered_again,
+        "After the vehicles: one that is lost is offered none. Before the re-plan: it begins in this tick, with the "
+        "vehicle that answers again.",
+    ),
+    TickPhase(
+        "re-plan", replanning.begin,
+        "After the vehicles, pictures, cameras and missions offered again: one re-plan serves all that they open.",
+    ),
+    TickPhase(
+        "asked distance", closer.closer,
+        "After the re-plan: open segments come before a nearer look, and only one re-plan is under way at a time.",
+    ),
+    TickPhase(
+        "climbs", giving_way.giving_way,
+        "After the vehicles and the cameras: an RTL commanded in this tick is already a climb to give way to.",
+    ),
+    TickPhase(
+        "turnarounds", turnaround.turnarounds_pursued,
+        "After the re-plan and the asked distance: a sortie can wait on its base, a vehicle in the air cannot.",
+    ),
+    TickPhase(
+        "starts", launching.starts_pursued,
+        "After the vehicles: one that has just left its start, to its pilot or by a fault, is not started again.",
+    ),
+    TickPhase(
+        "status texts", texts.tell_passed_over,
+        "Needs no other phase and none needs it: it only counts lines, so it comes after all that command vehicles.",
+    ),
+    TickPhase(
+        "take-off offers", offers.looked_at,
+        "After the re-plan and the asked distance: it offers only what these leave. Before the end of flight: that "
+        "waits for the crew's answer.",
+    ),
+    TickPhase(
+        "operator intents", handling.settle_intents,
+        "After the vehicles and the re-plan: a new stage, or nothing to plan, ends an intent. Before the end of "
+        "flight: it may be the last tick.",
+    ),
+    TickPhase(
+        "end of flight", _finish,
+        "Last: the flight ends only if no phase has found anything more to fly, to plan or to ask.",
+    ),
+)  # fmt: skip
+"""What happens in each tick, in this order."""
+
+
+def _tick(context: Context, state: FleetState, late_s: float, now_s: float) -> Stepped:
+    state = replace(state, listening=replace(state.listening, late_s=late_s))
+    commands: list[Command] = []
+    for phase in PHASES:
+        state, more = phase.act(context, state, now_s)
+        commands.extend(more)
+    return state, tuple(commands)

@@ -263,6 +263,8 @@ class Listening:
     """Whether the ground station was there, and heard anybody."""
 
     tick_s: float | None = None
+    late_s: float = 0.0
+    """How much of the time before the last tick its computer kept it from its work."""
     silent_since_s: float | None = None
     """Since when nobody at all is heard."""
     silence_told_s: float | None = None

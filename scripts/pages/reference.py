@@ -52,7 +52,7 @@ UNITS = (
 
 def pages() -> dict[str, str]:
     """Return each page, and each schema, by its place from `docs`."""
-    states = states_page(MADE.format(what="tables (executor/core/vehicle.py and flags.py)"))
+    states = states_page(MADE.format(what="tables (executor/core/vehicle.py, flags.py and fleet.py)"))
     return {
         COMMANDS: commands_page(),
         SITE_FILE: site_page(),

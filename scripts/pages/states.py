@@ -1,4 +1,4 @@
-"""The page of a vehicle's stages and flags, and its picture, made from the tables that the program decides by."""
+"""The page of stages, flags and ticks, and its picture, made from the tables that the program decides by."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from executor.core.flags import EVERYWHERE, FLAGS, FlagRule
+from executor.core.fleet import PHASES
 from executor.core.vehicle import TRANSITIONS, Stage
 
 PAGE, PICTURE = "reference/states.md", "reference/states.svg"
@@ -44,7 +45,12 @@ def states_page(made: str) -> str:
         "## Stages", "", "| stage | meaning | may become |", "| --- | --- | --- |",
         *(f"| {stage.value} | {MEANINGS[stage]} | {_listed(TRANSITIONS[stage])} |" for stage in Stage), "",
         "## Flags", "", "| flag | meaning | where it may be set | what sets it | what ends it |",
-        "| --- | --- | --- | --- | --- |", *map(_row, FLAGS),
+        "| --- | --- | --- | --- | --- |", *map(_row, FLAGS), "",
+        "## What happens in each tick", "",
+        "In flight the program looks at everything anew in each tick, phase by phase, in this order. It is the table",
+        "that it goes by (`executor/core/fleet.py`); a phase sees what the ones before it have changed.", "",
+        "| | phase | why it stands here |", "| --- | --- | --- |",
+        *(f"| {number} | {phase.name} | {phase.why_here} |" for number, phase in enumerate(PHASES, 1)),
     ]  # fmt: skip
     return "\n".join(lines) + "\n"
 

@@ -20,15 +20,10 @@ NOTED_SLEEP_S = 5.0
 """A pause this long is worth a line."""
 
 
-def own_sleep(state: FleetState, now_s: float, late_s: float = 0.0) -> Stepped:
-    """Look whether the ground station itself stood still since the last tick, and count that against nobody.
-
-    Args:
-        state: Of the flight.
-        now_s: The time.
-        late_s: How much of the time since the last tick its computer kept it from its work.
-    """
+def own_sleep(context: Scene, state: FleetState, now_s: float) -> Stepped:  # noqa: ARG001
+    """Look whether the ground station itself stood still since the last tick, and count that against nobody."""
     slept_s = 0.0 if state.listening.tick_s is None else now_s - state.listening.tick_s
+    late_s = state.listening.late_s
     state = replace(state, listening=replace(state.listening, tick_s=now_s))
     if slept_s <= SLEPT_S:
         return (_excused(state, late_s, now_s) if late_s > 0.0 else state), ()

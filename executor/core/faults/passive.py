@@ -241,7 +241,7 @@ def _left_to(scene: Scene, before: VehicleState, vehicle: VehicleState) -> Vehic
 
 
 def _tick(scene: Scene, state: Watched, now_s: float) -> Stepped:
-    fleet, _ = link_loss.own_sleep(state.fleet, now_s)
+    fleet, _ = link_loss.own_sleep(scene, state.fleet, now_s)
     fleet, _ = link_loss.of_all(scene, fleet, now_s, least=link_loss.ALL)
     alone = (
         fleet.listening.silent_since_s is not None

@@ -11,6 +11,7 @@ from dataclasses import replace
 from enum import IntEnum
 
 from executor.core.commands import Command, Level, Say
+from executor.core.context import Scene
 from executor.core.messages import ComponentText, StatusText
 from executor.core.parts import TextFlow
 from executor.core.state import FleetState
@@ -58,7 +59,7 @@ def said_aboard(state: FleetState, vehicle: VehicleState, text: ComponentText, n
     )
 
 
-def tell_passed_over(state: FleetState, now_s: float) -> Told:
+def tell_passed_over(context: Scene, state: FleetState, now_s: float) -> Told:  # noqa: ARG001
     """Say how many texts were passed over, once their window has ended."""
     commands: list[Command] = []
     for vehicle in state.vehicles.values():

@@ -434,7 +434,7 @@ def _closed(
     return replace(state, crew=replace(state.crew, intents=MappingProxyType(intents)))
 
 
-def settle_intents(context: Context, state: FleetState, now_s: float) -> FleetState:
+def settle_intents(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Bring intents to their end that no answer ends, and notice who was sent on by somebody else."""
     for vehicle in state.vehicles.values():
         if vehicle.orders.held_s is not None and _goes_on(context, vehicle, now_s):
@@ -452,11 +452,10 @@ def settle_intents(context: Context, state: FleetState, now_s: float) -> FleetSt
         for outcome, text, code in (_settlement(state, record, now_s),)
         if outcome is not None
     }
-    return (
-        replace(state, crew=replace(state.crew, intents=MappingProxyType({**state.crew.intents, **ended})))
-        if ended
-        else state
-    )
+    if not ended:
+        return state, ()
+    intents = MappingProxyType({**state.crew.intents, **ended})
+    return replace(state, crew=replace(state.crew, intents=intents)), ()
 
 
 def _goes_on(context: Context, vehicle: VehicleState, now_s: float) -> bool:

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from executor.core.commands import Level, Say
 from executor.core.context import Context, Scene
+from executor.core.coverage import GAP_S
 from executor.core.homing.homeward import on_mission
 from executor.core.parts import OnBoard
 from executor.core.replan.wording import listed
@@ -26,13 +27,16 @@ ENDURES = 1.5
 """Nobody flies longer than this many times what the energy model makes of its battery."""
 
 
-def began(state: FleetState, since_s: float) -> FleetState:
+def began(context: Scene, state: FleetState, now_s: float) -> Stepped:  # noqa: ARG001
     """Keep where all vehicles were when all links were lost: a run with such a gap proves nothing."""
+    since_s = state.listening.silent_since_s
+    if since_s is None or now_s - since_s < GAP_S:
+        return state, ()
     for vehicle in state.vehicles.values():
         before = vehicle.assignment.before or before_of(vehicle, since_s)
         if before is not vehicle.assignment.before:
             state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=before, run=None)))
-    return state
+    return state, ()
 
 
 def endures_s(context: Scene, vehicle: VehicleState) -> float:

@@ -28,6 +28,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "revision": 0,
             "launched_s": None,
             "tick_s": None,
+            "late_s": 0.0,
             "orphans_since_s": None,
             "urgent": False,
             "trigger": "",

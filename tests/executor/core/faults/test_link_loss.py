@@ -39,7 +39,7 @@ def ages(state: FleetState) -> list[float]:
     ("pause_s", "excused", "noted"), [(2.0, False, False), (2.1, True, False), (5.0, True, False), (5.1, True, True)]
 )
 def test_a_pause_of_our_own_is_held_against_nobody(pause_s: float, *, excused: bool, noted: bool) -> None:
-    state, said = own_sleep(heard(8.0, 8.0, 1.0, tick_s=NOW_S - pause_s), NOW_S)
+    state, said = own_sleep(CONTEXT, heard(8.0, 8.0, 1.0, tick_s=NOW_S - pause_s), NOW_S)
     assert state.listening.tick_s == NOW_S
     rest_s = 8.0 - pause_s if excused else 8.0
     assert ages(state) == pytest.approx([rest_s, rest_s, 0.0 if excused else 1.0])
@@ -54,12 +54,12 @@ def test_a_pause_of_our_own_is_held_against_nobody(pause_s: float, *, excused: b
 
 
 def test_the_first_tick_was_no_pause() -> None:
-    state, said = own_sleep(heard(8.0), NOW_S)
+    state, said = own_sleep(CONTEXT, heard(8.0), NOW_S)
     assert (state.listening.tick_s, said, ages(state)) == (NOW_S, (), [8.0])
 
 
 def test_who_was_never_heard_is_excused_from_nothing() -> None:
-    state, _ = own_sleep(heard(None, 8.0, tick_s=NOW_S - 4.0), NOW_S)
+    state, _ = own_sleep(CONTEXT, heard(None, 8.0, tick_s=NOW_S - 4.0), NOW_S)
     assert state.vehicles["uav1"].link.heard_s is None
 
 

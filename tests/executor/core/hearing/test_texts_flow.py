@@ -12,7 +12,7 @@ from executor.core.messages import ComponentText, StatusText
 from executor.core.parts import TextFlow
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import flight_of, rounded
-from tests.executor.core.vehicles import flying
+from tests.executor.core.vehicles import CONTEXT, flying
 
 
 def shown(*said: tuple[float, int, str], alarmed: bool = False, aboard: bool = False) -> list[str]:
@@ -25,7 +25,7 @@ def shown(*said: tuple[float, int, str], alarmed: bool = False, aboard: bool = F
         else:
             state, more = texts.tell_text(state, one, StatusText(severity, what), at_s)
         found += more
-    found += texts.tell_passed_over(state, 110.0)[1]
+    found += texts.tell_passed_over(CONTEXT, state, 110.0)[1]
     return [one.text for one in found if isinstance(one, Say)]
 
 
@@ -142,7 +142,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a window that has not ended",
-        lambda: texts.tell_passed_over(flight_of(flying(texts=TextFlow(since_s=100.1, passed_over=3))), 110.0)[1],
+        lambda: texts.tell_passed_over(CONTEXT, flight_of(flying(texts=TextFlow(since_s=100.1, passed_over=3))), 110.0)[
+            1
+        ],
         (),
     ),
 ]
