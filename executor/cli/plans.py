@@ -364,17 +364,17 @@ def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> N
         )  # fmt: skip
         return
     print(
-        f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s on any one vehicle may be lost"
+        f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s the fleet can absorb the loss of any one vehicle"
         f"{but_left_over(content)} (longest route {found.longest_route_s:.0f} s)"
     )
     if breaking is not None:
         name = content.vehicles[breaking.vehicle].name
         print(
-            f"before that it breaks: {name} lost between {breaking.from_s:.0f} s and {breaking.to_s:.0f} s leaves more "
-            "than the others were found to be able to do"
+            f"worst case before: no re-plan was found for a loss of {name} between {breaking.from_s:.0f} s and "
+            f"{breaking.to_s:.0f} s"
         )
         print(
-            f"certified: no re-plan for every loss exists before {found.certified_earliest_s:.0f} s, so no window of "
+            f"certified: not every loss can be re-planned before {found.certified_earliest_s:.0f} s, so no window of "
             f"this plan is larger than {found.certified_window_pct:.1f} %"
         )
 

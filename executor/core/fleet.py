@@ -393,14 +393,14 @@ def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, n
     if causes.never_landed(context, vehicle):
         return _flies_on(context, state, vehicle, "landed", now_s)
     if vehicle.armed and causes.start_overtaken(vehicle, now_s) and vehicle.custody.cause is Cause.OURS:
-        text = f"{vehicle.name}: its motors are on, on its pad: it armed before it was told to stay"
+        text = f"{vehicle.name}: armed on its pad although the start was cancelled"
         return state.put(moved_to(vehicle, Stage.RETURNING)), (Say(Level.WARNING, text),)
     return state, ()
 
 
 def _flies_on(context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float) -> Stepped:
     """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
-    text = f"{vehicle.name}: was thought to be {taken_for} but flies, {last_heard(context, vehicle, now_s)}"
+    text = f"{vehicle.name}: reported {taken_for} but is airborne, {last_heard(context, vehicle, now_s)}"
     back = replace(
         moved_to(vehicle, Stage.RETURNING),
         motion=replace(vehicle.motion, anchor=None),

@@ -48,7 +48,7 @@ def launch(context: Context, state: FleetState, now_s: float) -> Stepped:
         planned |= own
         if vehicle.sortie.rebooted_s is not None:
             why = "its autopilot has rebooted since its checks"
-            commands.append(Say(Level.WARNING, f"{vehicle.name}: not started: {why}; swap when it is well"))
+            commands.append(Say(Level.WARNING, f"{vehicle.name}: not started: {why}; `swap` when fixed"))
             continue
         if context.day is not None:
             continue  # one after the other, each when its base has a slot for it

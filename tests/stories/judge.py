@@ -301,7 +301,7 @@ class Judge(Record):
                 if re.search(pattern, line.text):
                     yield Finding("says", at_s, f"{line.text!r}: must not be said")
         for at_s, line in self.flown.said:
-            if line.text.startswith("internal mistake"):
+            if line.text.startswith("internal error"):
                 yield Finding("mistake", at_s, line.text)
 
     # What was shown.

@@ -234,7 +234,7 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
     vehicle = _vehicle(state, intent)
     if vehicle.stage is Stage.PILOT:
         state, more = takeover.given_back(context, state, vehicle, now_s)
-        return _Ordered(state, "it is back in the plan", more)
+        return _Ordered(state, "included", more)
     left = replanning.left_over(state)
     again = offers.takes_off_again(state, vehicle)
     state, ready = back_in_service(state, vehicle)
@@ -246,10 +246,10 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
             replanning=replace(state.replanning, wait_until_s=max(state.replanning.wait_until_s, now_s + SHARED_S)),
         )
     if replanning.orphans(context, state) or left:
-        return _Ordered(state, "it is back in the plan; re-planning with it")
+        return _Ordered(state, "included; re-planning with it")
     if again:
-        return _Ordered(state, "it flies again what counts from farther away than asked")
-    return _Ordered(state, "it is back in the plan; no segment is left over, a re-plan would share the others")
+        return _Ordered(state, "included; re-inspecting segments at inspection height")
+    return _Ordered(state, "included. Nothing is unassigned; use re-plan to redistribute")
 
 
 def _swap(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001

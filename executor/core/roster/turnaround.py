@@ -469,7 +469,7 @@ def _ended(state: FleetState, vehicle: VehicleState, code: IntentReason, why: st
     turn = replace(vehicle.turn, asked_s=None, ready_s=None)
     state = state.put(replace(vehicle, turn=turn, orders=replace(vehicle.orders, cleared_s=None)))
     state = _closed(state, vehicle.turn.intent, Outcome.FAILED, why, code, now_s)
-    return state, (Say(Level.WARNING, f"{vehicle.name}: stays on the ground: {why}; swap again when it is well"),)
+    return state, (Say(Level.WARNING, f"{vehicle.name}: not cleared for take-off: {why}; repeat `swap` when fixed"),)
 
 
 def _closed(

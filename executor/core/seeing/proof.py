@@ -178,7 +178,7 @@ def _judged(context: Context, state: FleetState, segment: int, waits: Unseen, wh
     passes = MappingProxyType({one: how for one, how in coverage.flown.items() if one != segment})
     found = NotSeen(waits.vehicle, segment, now_s, words)
     coverage = replace(coverage, unseen=unseen, flown=passes, not_seen=(*coverage.not_seen, found))
-    text = f"{waits.vehicle}: {context.segment_name(segment)} is flown but not seen: {words}"
+    text = f"{waits.vehicle}: {context.segment_name(segment)} flown, but pictures are missing: {words}"
     return replace(state, coverage=coverage), (Say(Level.WARNING, text),)
 
 
@@ -198,7 +198,7 @@ def _judged_again(
         if segment not in coverage.inspected:
             return state, ()  # somebody has it open again meanwhile
         name = context.segment_name(segment)
-        text = f"{waits.vehicle}: {name} counts as before, it is not seen from nearer: {'; '.join(why)}"
+        text = f"{waits.vehicle}: {name} counts as before, closer pictures are missing: {'; '.join(why)}"
         return state, (Say(Level.INFO, text),)
     coverage = replace(
         coverage,

@@ -45,7 +45,7 @@ async def test_a_day_of_two_vehicles_with_two_sorties_each_survives_a_loss_in_th
     sky, flown = await day_flown(day, autopilot)
     assert flown.ended_s is not None
     assert set(flown.inspected) == set(range(8)), "\n".join(sky.lines)
-    assert not [line for line in sky.lines if "internal mistake" in line]
+    assert not [line for line in sky.lines if "internal error" in line]
     lost, other = sky.state.vehicles["uav2"], sky.state.vehicles["uav1"]
     assert lost.fault is not None
     assert [flown.inspected[segment] for segment in (6, 7)] == ["uav1", "uav1"]
@@ -178,7 +178,7 @@ async def test_without_a_day_plan_a_new_pack_flies_what_is_open_while_others_fly
     assert set(flown.inspected) == {0, 1, 2, 3}, "\n".join(sky.lines)
     assert sky.state.vehicles["uav1"].turn.sorties[-1].pack == "P3"
     told_once(sky, "uav1: its checks have passed: .*re-planning with it")
-    assert not [line for line in sky.lines if "internal mistake" in line]
+    assert not [line for line in sky.lines if "internal error" in line]
 
 
 async def test_a_sortie_that_does_not_fit_into_its_hours_is_refused() -> None:
