@@ -109,7 +109,7 @@ def demo(
     autopilot: AutopilotOption = FIRST_AUTOPILOT,
     cost: PlanCostOption = None,
     flat: Annotated[
-        bool, typer.Option("--flat", help="For a network without heights: take its ground to be flat.")
+        bool, typer.Option("--flat", help="Assume flat ground for a network without heights.")
     ] = False,
     run: RunOption = None,
     as_json: JsonOption = False,
@@ -163,7 +163,7 @@ def simulate(
         bool,
         typer.Option(
             "--failsafe",
-            help="Vehicles have a GCS failsafe: RTL when the ground station is silent. Without it they fly on.",
+            help="GCS failsafe on the vehicles: RTL when GCS heartbeats stop. Without it they continue.",
         ),
     ] = False,
     cards: Annotated[
@@ -369,8 +369,8 @@ def resume(
         told = [] if yes else resuming.beforehand(directory, known)
         for line in told:
             console.say(Level.INFO, line)
-        if not console.confirm("Take this flight up again?"):
-            raise PreflightFailed("the operator did not say yes; nothing was told to any vehicle")
+        if not console.confirm("Resume this flight?"):
+            raise PreflightFailed("not confirmed; nothing was sent to any vehicle")
         _finish_flight(known.order, turns.run(resuming.take_up(directory, console, told)), as_json=as_json)
         return
     console.say(Level.INFO, f"{directory}: this flight is over")
@@ -393,7 +393,7 @@ def _finish_flight(order: Order, flown: flying.FlightResult, *, as_json: bool) -
             _told(f"not inspected: {', '.join(report.uncovered_names)}")
         if report.left_over:
             names = (report.segment_names[str(segment)] for segment in report.left_over)
-            _told(f"of these the plan left for the next sortie: {', '.join(names)}")
+            _told(f"of these, planned for the next sortie: {', '.join(names)}")
     _keep_next_sortie(order, report, quiet=as_json)
     _show_flight(order.run, report)
     if not report.finished:

@@ -364,8 +364,8 @@ def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> N
         )  # fmt: skip
         return
     print(
-        f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s the fleet can absorb the loss of any one vehicle"
-        f"{but_left_over(content)} (longest route {found.longest_route_s:.0f} s)"
+        f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s the fleet can absorb the loss of "
+        f"any one vehicle{but_left_over(content)} (longest route {found.longest_route_s:.0f} s)"
     )
     if breaking is not None:
         name = content.vehicles[breaking.vehicle].name

@@ -90,9 +90,8 @@ def window_words(plan: PlanFile) -> list[str]:
         f"; worst case before: {breaking.vehicle} at {breaking.from_s:.0f} to {breaking.to_s:.0f} s"
     )  # fmt: skip
     share = f"re-plan window {window.window_pct:.0f} %"
-    return [
-        f"{share}: from {window.earliest_s:.0f} s the fleet can absorb the loss of any one vehicle{but_left_over(plan)}{before}"
-    ]
+    absorbs = f"from {window.earliest_s:.0f} s the fleet can absorb the loss of any one vehicle"
+    return [f"{share}: {absorbs}{but_left_over(plan)}{before}"]
 
 
 def but_left_over(plan: PlanFile) -> str:

@@ -59,7 +59,7 @@ CHECKS = (
     CheckLine(
         "warning",
         "uav2",
-        "no battery failsafe (BATT_FS_LOW_ACT=0): on an empty battery it flies on until it falls",
+        "no battery failsafe (BATT_FS_LOW_ACT=0): on an empty battery it keeps flying until it falls",
         CheckCode.BATTERY_FAILSAFE,
     ),
     CheckLine("ok", "uav2", "battery 97 %, flight 5.0 min and 25 %, lands with 72 %", CheckCode.ENERGY),
@@ -318,7 +318,7 @@ def pictures(ready: Fleet) -> Scene:
         ),
         "given_up": frozenset({5}),
     }
-    text = "uav3: pylon p3 is flown but not seen: rgb has no picture from viewpoint 2, 3"
+    text = "uav3: pylon p3 flown, but pictures are missing: rgb has no picture from viewpoint 2, 3"
     line = SaidLine(now_s, Level.WARNING, text)
     state = with_facts(_fitted(story.state), **facts, said=(*story.state.crew.said, line))
     words = {
@@ -326,7 +326,7 @@ def pictures(ready: Fleet) -> Scene:
         "#tally": "2 of 8 seen",
         "#tally-missed": "3 missed",
         "#legend-missed": "missed",
-        "#lines": "pylon p3 is flown but not seen",
+        "#lines": "pylon p3 flown, but pictures are missing",
     }
     return Scene(ready.context, state, now_s, words, ETAS)
 

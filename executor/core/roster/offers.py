@@ -110,7 +110,7 @@ def looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:
     offer = Offer(tuple(able), segments, now_s, again)
     state = replace(state, crew=replace(state.crew, offer=offer, offer_wanted_s=state.crew.offer_wanted_s or now_s))
     level = Level.WARNING if again else Level.FAULT  # nothing is left open by a no
-    return state, (Say(level, f"{offer_words(context, offer)}Use include for each that may take off"),)
+    return state, (Say(level, f"{offer_words(context, offer)} Use include for each that may take off"),)
 
 
 def _again_by(
@@ -146,7 +146,7 @@ def offer_words(context: Context, offer: Offer) -> str:
     """Return an offer in words."""
     names = " and ".join(offer.vehicles)
     count = count_of(len(offer.segments), "segment")
-    pads = f"Are their pads" if len(offer.vehicles) > 1 else f"Is its pad"
+    pads = "Are their pads" if len(offer.vehicles) > 1 else "Is its pad"
     listed = ", ".join(context.segment_name(segment) for segment in offer.segments[:6])
     more = ", ..." if len(offer.segments) > 6 else ""
     what = f"re-inspect {count} at inspection height" if offer.again else f"take over {count}"

@@ -62,7 +62,7 @@ ROWS = [
                 Level.FAULT,
                 (
                     "uav1 can take over 6 segments (segment 0, segment 1, segment 2, segment 3, segment 4, "
-                    "segment 5): is the pad of uav1 clear of people?; include each that may take off"
+                    "segment 5). Is its pad clear of people? Use include for each that may take off"
                 ),
             )
         ],

@@ -57,7 +57,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (f"uav1: was thought to be down but flies, last position {OUT_THERE}, 20 m over its home, 0 s ago"),
+                (f"uav1: reported down but is airborne, last position {OUT_THERE}, 20 m over its home, 0 s ago"),
             ),
             SendHome("uav1"),
         ],
@@ -71,7 +71,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (f"uav1: was thought to be landed but flies, last position {OUT_THERE}, 20 m over its home, 0 s ago"),
+                (f"uav1: reported landed but is airborne, last position {OUT_THERE}, 20 m over its home, 0 s ago"),
             ),
             SendHome("uav1"),
         ],

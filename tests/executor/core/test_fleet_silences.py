@@ -42,7 +42,7 @@ ROWS = [
         ALONE,
         Tick(),
         [
-            Say(Level.WARNING, "no link to any vehicle: is it our own radio? No re-plan yet"),
+            Say(Level.WARNING, "no link to any vehicle: suspecting the ground radio; re-planning suspended"),
             Say(Level.WARNING, "uav1: no message for 10.0 s"),
         ],
         {

@@ -122,7 +122,7 @@ ROWS = [
         [
             Say(
                 Level.WARNING,
-                "uav1: not started: its autopilot has rebooted since its checks; swap when it is well",
+                "uav1: not started: its autopilot has rebooted since its checks; `swap` when fixed",
             ),
             Start("uav2"),
             Start("uav3"),

@@ -152,7 +152,7 @@ async def test_who_reboots_after_its_checks_is_looked_at_before_it_starts(autopi
     )  # fmt: skip
     sky, flown = await day_flown(day, autopilot)
     why = "(its autopilot|no position for 10 s: it may) (has|have) rebooted since its checks"
-    told_once(sky, f"uav2: stays on the ground: {why}; swap again when it is well")
+    told_once(sky, f"uav2: not cleared for take-off: {why}; repeat `swap` when fixed")
     told_once(sky, "uav2: its checks have passed")
     assert starts(sky, "uav2") == 1
     assert set(flown.inspected) == {0, 1, 2, 3}, "\n".join(sky.lines)

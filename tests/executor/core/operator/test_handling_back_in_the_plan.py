@@ -44,7 +44,7 @@ ROWS = [
         "back in the plan on the ground",
         again(),
         wish(Action.INCLUDE, confirmed=True),
-        [Say(Level.INFO, "page asks: include uav1; it is back in the plan; re-planning with it")],
+        [Say(Level.INFO, "page asks: include uav1; included; re-planning with it")],
         {
             "uav1": {
                 "stage": Stage.GROUND,
@@ -70,7 +70,7 @@ ROWS = [
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back in the plan; re-planning with it",
+                    "included; re-planning with it",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -84,7 +84,7 @@ ROWS = [
         "back in the plan on the ground, well",
         again(fault=None),
         wish(Action.INCLUDE, confirmed=True),
-        [Say(Level.INFO, "page asks: include uav1; it is back in the plan; re-planning with it")],
+        [Say(Level.INFO, "page asks: include uav1; included; re-planning with it")],
         {
             "uav1": {
                 "stage": Stage.GROUND,
@@ -107,7 +107,7 @@ ROWS = [
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back in the plan; re-planning with it",
+                    "included; re-planning with it",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -119,7 +119,7 @@ ROWS = [
         "back in the plan, one of two that were offered",
         again(fault=None),
         wish(Action.INCLUDE, confirmed=True),
-        [Say(Level.INFO, "page asks: include uav1; it is back in the plan; re-planning with it")],
+        [Say(Level.INFO, "page asks: include uav1; included; re-planning with it")],
         {
             "uav1": {
                 "stage": Stage.GROUND,
@@ -143,7 +143,7 @@ ROWS = [
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back in the plan; re-planning with it",
+                    "included; re-planning with it",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -155,7 +155,7 @@ ROWS = [
         "back in the plan, one of two, while there is a longer wait",
         again(fault=None),
         wish(Action.INCLUDE, confirmed=True),
-        [Say(Level.INFO, "page asks: include uav1; it is back in the plan; re-planning with it")],
+        [Say(Level.INFO, "page asks: include uav1; included; re-planning with it")],
         {
             "uav1": {
                 "stage": Stage.GROUND,
@@ -178,7 +178,7 @@ ROWS = [
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back in the plan; re-planning with it",
+                    "included; re-planning with it",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -221,7 +221,7 @@ ROWS = [
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back in the plan; no segment is left over, a re-plan would share the others",
+                    "included. Nothing is unassigned; use re-plan to redistribute",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -234,7 +234,7 @@ ROWS = [
         GIVES_BACK,
         wish(Action.INCLUDE),
         [
-            Say(Level.INFO, "page asks: include uav1; it is back in the plan"),
+            Say(Level.INFO, "page asks: include uav1; included"),
             Say(Level.INFO, "uav1: is back in the plan, from its pilot"),
             Resume(vehicle="uav1", speed_m_s=3.0),
         ],
@@ -248,14 +248,14 @@ ROWS = [
                 "taken": None,
             }
         },
-        {"intents": {"wish": noted(Action.INCLUDE, Outcome.DONE, "it is back in the plan", ended_s=NOW_S)}},
+        {"intents": {"wish": noted(Action.INCLUDE, Outcome.DONE, "included", ended_s=NOW_S)}},
     ),
     Row(
         "back in the plan from its pilot, its work given away",
         with_facts(GIVES_BACK, taken=replace(TAKEN, returned_s=NOW_S - 5.0, given_away=True)),
         wish(Action.INCLUDE),
         [
-            Say(Level.INFO, "page asks: include uav1; it is back in the plan"),
+            Say(Level.INFO, "page asks: include uav1; included"),
             Say(Level.INFO, "uav1: is back in the plan, from its pilot"),
             Resume(vehicle="uav1", speed_m_s=3.0),
         ],
@@ -272,7 +272,7 @@ ROWS = [
         {
             "trigger": "uav1: is back in the plan",
             "trigger_s": NOW_S,
-            "intents": {"wish": noted(Action.INCLUDE, Outcome.DONE, "it is back in the plan", ended_s=NOW_S)},
+            "intents": {"wish": noted(Action.INCLUDE, Outcome.DONE, "included", ended_s=NOW_S)},
             "ordered": True,
         },
     ),

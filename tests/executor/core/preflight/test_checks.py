@@ -129,7 +129,7 @@ def test_what_is_no_multicopter_stops(kind: int | None, words: str) -> None:
 def test_another_autopilot_than_the_site_files_stops() -> None:
     found = checks.identity(said(PX4), ARDUPILOT, AT_HOME)
     stops = [check.text for check in found if check.severity is Severity.STOP]
-    assert stops == ["its heartbeat says autopilot 12, expected ardupilot (3)"]
+    assert stops == ["HEARTBEAT autopilot is 12, expected ardupilot (3)"]
 
 
 @pytest.mark.parametrize(

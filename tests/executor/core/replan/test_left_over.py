@@ -153,7 +153,7 @@ def test_a_log_holds_what_a_re_plan_gained(tmp_path: Path) -> None:
 def test_whose_budget_does_not_last_is_named() -> None:
     flight = lost(lambda problem: replace(share_out(problem), gain=replace(TAKES_UP, short=("uav3", "uav1"))))
     flight.run(lambda: bool(flight.state.replanning.records))
-    assert "uav1, uav3: their budgets do not last for all that they have on board" in flight.said(Level.WARNING)
+    assert "uav1, uav3: not enough battery for their whole missions" in flight.said(Level.WARNING)
 
 
 def test_what_is_on_board_stays_where_nothing_is_better() -> None:
@@ -165,6 +165,7 @@ def test_what_is_on_board_stays_where_nothing_is_better() -> None:
     flight.run(lambda: bool(flight.state.replanning.records))
     assert flight.uploads() == []
     assert (
-        "re-plan 1 found in 0.10 s: nothing better than what is on board; new missions for no vehicle" in flight.said()
+        "re-plan 1 found in 0.10 s: no improvement over the missions on board; new missions for no vehicle"
+        in flight.said()
     )
     assert "re-plan 1 ended; no mission has changed" in flight.said()

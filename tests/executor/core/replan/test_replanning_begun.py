@@ -163,10 +163,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 Say(
                     Level.INFO,
-                    (
-                        "re-plan 1: 1 segment without a vehicle (not proven to be inspected: segment 0); "
-                        "planning for uav1"
-                    ),
+                    ("re-plan 1: 1 segment without a vehicle (inspection not proven: segment 0); planning for uav1"),
                 ),
                 Solve(
                     revision=1,
@@ -185,7 +182,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             facing_m=(100.0, 0.0),
                         ),
                     ),
-                    trigger="not proven to be inspected: segment 0",
+                    trigger="inspection not proven: segment 0",
                 ),
             ],
             {},
@@ -201,10 +198,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 Say(
                     Level.INFO,
-                    (
-                        "re-plan 1: 1 segment without a vehicle (not proven to be inspected: segment 0); "
-                        "planning for uav1"
-                    ),
+                    ("re-plan 1: 1 segment without a vehicle (inspection not proven: segment 0); planning for uav1"),
                 ),
                 Solve(
                     revision=1,
@@ -223,7 +217,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             facing_m=(100.0, 0.0),
                         ),
                     ),
-                    trigger="not proven to be inspected: segment 0",
+                    trigger="inspection not proven: segment 0",
                 ),
             ],
             {},
@@ -254,10 +248,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 Say(
                     Level.INFO,
-                    (
-                        "re-plan 1: 1 segment without a vehicle (not proven to be inspected: segment 1); "
-                        "planning for uav1"
-                    ),
+                    ("re-plan 1: 1 segment without a vehicle (inspection not proven: segment 1); planning for uav1"),
                 ),
                 Solve(
                     revision=1,
@@ -276,7 +267,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             facing_m=(100.0, 0.0),
                         ),
                     ),
-                    trigger="not proven to be inspected: segment 1",
+                    trigger="inspection not proven: segment 1",
                 ),
             ],
             {},

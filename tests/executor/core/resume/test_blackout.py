@@ -110,7 +110,7 @@ def test_the_last_one_that_is_heard_ends_no_flight_by_its_silence() -> None:
     flight.crafts["uav1"].mute = True
     flight.pass_s(100.0)
     assert (flight.over, flight.stage("uav1"), flight.vehicle("uav1").fault) == (False, Stage.FLYING, None)
-    assert "no link to any vehicle: is it our own radio? No re-plan yet" in flight.said()
+    assert "no link to any vehicle: suspecting the ground radio; re-planning suspended" in flight.said()
     flight.crafts["uav1"].mute = False
     flight.finish()
     assert {0, 1} <= set(flight.state.coverage.inspected)

@@ -18,7 +18,8 @@ CHANGED = "RTL_ALT 300 -> 1500 cm: keeps its RTL above the others' layers"
 SEEN = Examined("uav1", ready=True, reason="", remaining_pct=90.0, changed=(CHANGED,))
 STANDS = flying(stage=Stage.LANDED, heartbeat=DISARMED, fix=LOW, waypoint=0, anchor=None)
 REFUSED = (
-    f"uav1: stays on the ground: its parameters are not as the flight set them: {CHANGED}; swap again when it is well"
+    f"uav1: not cleared for take-off: its parameters are not as the flight set them: {CHANGED}; "
+    "repeat `swap` when fixed"
 )
 
 
@@ -47,4 +48,4 @@ def test_who_is_not_ready_is_set_nothing() -> None:
     assert not waits
     [line] = commands
     assert isinstance(line, Say)
-    assert line.text == "uav1: stays on the ground: it is armed; swap again when it is well"
+    assert line.text == "uav1: not cleared for take-off: it is armed; repeat `swap` when fixed"
