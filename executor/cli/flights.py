@@ -108,9 +108,7 @@ def demo(
     fault: FaultOption = None,
     autopilot: AutopilotOption = FIRST_AUTOPILOT,
     cost: PlanCostOption = None,
-    flat: Annotated[
-        bool, typer.Option("--flat", help="Assume flat ground for a network without heights.")
-    ] = False,
+    flat: Annotated[bool, typer.Option("--flat", help="Assume flat ground for a network without heights.")] = False,
     run: RunOption = None,
     as_json: JsonOption = False,
 ) -> None:

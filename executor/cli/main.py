@@ -130,9 +130,7 @@ def _say_at_once(given: Sequence[str]) -> None:
     quiet = {"--quiet", "-q", "--json", "--help"}
     if given[:1] == ["resume"] and len(given) > 1 and not quiet & set(given):
         with suppress(OSError, ValueError):
-            print(
-                "faultline: resuming the flight; heartbeats start once it is loaded", file=sys.stderr, flush=True
-            )
+            print("faultline: resuming the flight; heartbeats start once it is loaded", file=sys.stderr, flush=True)
 
 
 def _several(group: BaseExceptionGroup[BaseException], known: tuple[type[Exception], ...]) -> NoReturn:

@@ -453,9 +453,9 @@ def _missed_us(context: Context, state: FleetState, vehicle: VehicleState, now_s
         sortie=replace(vehicle.sortie, left_s=now_s),
     )
     state, more = homeward.sent_home(context, state, vehicle, now_s)
-    trigger = f"{vehicle.name}: ended its mission while the ground station was away"
+    trigger = f"{vehicle.name}: ended its mission while the ground station was offline"
     state = replace(state, replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s))
-    return state, (Say(Level.WARNING, f"{trigger}; it comes home"), *more)
+    return state, (Say(Level.WARNING, f"{trigger}; returning"), *more)
 
 
 def _fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
@@ -486,11 +486,7 @@ def _finish(context: Context, state: FleetState, now_s: float) -> Stepped:
     if not state.progress.recalled and replanning.orphans(context, state):
         return state, ()
     missing = context.segments - len(state.coverage.inspected)
-    reason = (
-        "every segment is inspected"
-        if missing == 0
-        else f"{count_of(missing, 'segment')} {'is' if missing == 1 else 'are'} not inspected"
-    )
+    reason = "all segments inspected" if missing == 0 else f"{count_of(missing, 'segment')} not inspected"
     if left := state.coverage.left_over - set(state.coverage.inspected):
-        reason += f", {len(left)} of them left for the next sortie by the plan"
+        reason += f", {len(left)} of them planned for the next sortie"
     return replace(state, progress=replace(state.progress, finished=True)), (Finish(reason),)

@@ -157,7 +157,7 @@ def test_another_stations_mission(autopilot: Autopilot, same_count: bool, tmp_pa
     nothing_was_commanded(flight, autopilot)
     assert sent_after(flight, taken) == []
     free_s = flight.says(
-        f"{VICTIM}: on another station's mission for {GRACE_S:g} s; its segments are free for the others"
+        f"{VICTIM}: on another station's mission for {GRACE_S:g} s; its segments are released to the others"
     )
     assert free_s is not None, flight.said
     assert GRACE_S - 2.0 <= free_s - taken <= GRACE_S + 2.0

@@ -304,7 +304,12 @@ def _look_again(context: Context, state: FleetState, intent: Intent, now_s: floa
     if not isinstance(found, frozenset):
         raise TypeError(found[1])
     names = listed(context, found)
-    known = replace(state.replanning, ordered=True, trigger=f"re-inspection of {names} requested by {intent.source}", trigger_s=now_s)
+    known = replace(
+        state.replanning,
+        ordered=True,
+        trigger=f"re-inspection of {names} requested by {intent.source}",
+        trigger_s=now_s,
+    )
     state = replace(state, coverage=again.open_again(state.coverage, found), replanning=known)
     return _Ordered(state, f"{names} reopened for re-inspection", open=True)
 

@@ -106,7 +106,9 @@ def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board:
     if not new:
         return state, ()
     names = listed(context, tuple(new))
-    return state, (Say(Level.INFO, f"{vehicle.name}: flew {names} during the outage, inferred from its clock and position"),)
+    return state, (
+        Say(Level.INFO, f"{vehicle.name}: flew {names} during the outage, inferred from its clock and position"),
+    )
 
 
 def _unproven(

@@ -180,7 +180,7 @@ def test_the_table_speaks_of_spans_states_and_places() -> None:
     assert "segments inspected" in rows[0]
     assert any("uav1 holding inspects P4-P5 3 of 7 10" in row and "3D, 14 sat" in row and "3:07" in row for row in rows)
     assert any(row.startswith("uav2 with its pilot: last at 49.5999") for row in rows)
-    assert "uav2: hands off; its segments are kept for it for 0:24" in rows
+    assert "uav2: not commanded; its segments are kept for 0:24" in rows
     assert any(row.startswith("uav3 down: keep away: last at 49.5999") and row.endswith("ago") for row in rows)
     assert rows[-1] == "? uav4 can take over 1 span: is its pad clear?"
 
@@ -195,7 +195,7 @@ async def test_a_mistake_in_the_table_is_said_and_the_drawing_goes_on(monkeypatc
         broken = console._drawn()
         monkeypatch.undo()
         await asyncio.sleep(0)
-    assert shown(broken) == "the fleet cannot be shown; what is decided is\n"
+    assert shown(broken) == "fleet display failed; decisions are still shown\n"
     assert [line.partition(": ")[2] for line in said] == [
         "ZeroDivisionError: integer division or modulo by zero",
     ]

@@ -25,7 +25,7 @@ def test_a_flight_without_a_fault(autopilot: str) -> None:
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING
     assert {flight.stage(name) for name in THREE} == {Stage.LANDED}
-    assert flight.given(Finish) == [Finish("every segment is inspected")]
+    assert flight.given(Finish) == [Finish("all segments inspected")]
     assert flight.solves() == []
     assert flight.said(Level.WARNING) == []
     assert flight.state.progress.separation is not None

@@ -91,7 +91,7 @@ ROWS = [
         flying(stage=Stage.GROUND, fix=LOW, took_off=False, cause=Cause.PERSON, mode_since_s=NOW_S - 1.0),
         Tick(),
         [
-            Say(Level.FAULT, "uav1: armed on the ground, not from here, mode MISSION: keep clear of it"),
+            Say(Level.FAULT, "uav1: armed on the ground by another source, mode MISSION: keep clear"),
             HandsOff("uav1"),
         ],
         {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(since_s=NOW_S - 1.0, given_away=True)}},

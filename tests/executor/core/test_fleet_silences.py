@@ -246,7 +246,9 @@ ROWS = [
         with_facts(BACK, item_s=None, heartbeat=DISARMED, fix=LOW),
         Tick(),
         [
-            Say(Level.WARNING, "uav1: what it flew meanwhile does not count: 70 s are too short for its way of 179 s"),
+            Say(
+                Level.WARNING, "uav1: flight during the outage is not counted: 70 s are too short for its way of 179 s"
+            ),
             Say(
                 Level.FAULT,
                 (
@@ -323,7 +325,7 @@ ROWS = [
             fix=replace(at(), place_m=(250.0, -5.0)),
         ),
         Tick(),
-        [Say(Level.INFO, "uav1: flew segment 0 meanwhile, by its clock and where it is now")],
+        [Say(Level.INFO, "uav1: flew segment 0 during the outage, inferred from its clock and position")],
         {
             "uav1": {
                 "run": Run(
@@ -352,7 +354,7 @@ ROWS = [
             fix=replace(at(), place_m=(250.0, -5.0)),
         ),
         Tick(),
-        [Say(Level.WARNING, "uav1: what it flew meanwhile does not count: it took 60 s where its way takes 38 s")],
+        [Say(Level.WARNING, "uav1: flight during the outage is not counted: it took 60 s, expected 38 s")],
         {"uav1": {"before": None, "runs_broken": ((0, "no position for 60.0 s"),)}},
         {},
     ),

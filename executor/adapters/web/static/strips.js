@@ -120,7 +120,7 @@ export class Strips {
     const height = position ? `${number(position.relative_alt_m)} m, ${number(position.ground_speed_m_s, 1)} m/s` : "no position";
     const armed = vehicle.armed && ["ground", "landed", "down"].includes(vehicle.state) ? " · ARMED" : "";
     write(find(".where"), `layer ${vehicle.layer + 1} · ${height}${vehicle.mode ? ` · ${vehicle.mode}` : ""}${armed}`);
-    write(find(".why"), vehicle.fault ? why(vehicle) : vehicle.excluded ? "out of the plan by the operator's word" : "");
+    write(find(".why"), vehicle.fault ? why(vehicle) : vehicle.excluded ? "excluded by the operator" : "");
     write(find(".hands"), hands(vehicle, state));
     write(find(".turn"), turn(vehicle));
     this.battery(strip, vehicle);

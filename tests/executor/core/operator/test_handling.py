@@ -145,7 +145,7 @@ def test_an_order_that_a_fault_overtakes_has_failed() -> None:
     flight.happen(IntentReceived(Intent("again", Action.HOLD, "uav2", "page")))
     assert flight.state.crew.intents["again"].text == "it holds already"
     flight._due.clear()
-    assert ends(flight, record).text.startswith("overtaken, uav2 is ")
+    assert ends(flight, record).text.startswith("superseded: uav2 is ")
 
 
 def test_a_returned_vehicle_stays_on_the_ground() -> None:
@@ -166,7 +166,7 @@ def test_an_excluded_vehicle_is_lost_by_the_operators_word() -> None:
     assert record.outcome is Outcome.DONE
     fault = flight.vehicle("uav2").fault
     assert fault is not None
-    assert (fault.kind, fault.reason) == (FaultKind.OPERATOR, "excluded by the operator's word")
+    assert (fault.kind, fault.reason) == (FaultKind.OPERATOR, "excluded by the operator")
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.sent_home() == ["uav2"]
@@ -252,7 +252,7 @@ def test_everything_is_planned_anew_on_demand() -> None:
     assert record.outcome is Outcome.ACCEPTED
     assert flight.ask(Action.REPLAN).text == "a re-plan is under way"
     assert ends(flight, record).text == "re-plan 1 is on board"
-    assert flight.solves()[0].trigger == "page asks for it"
+    assert flight.solves()[0].trigger == "requested by page"
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING
 

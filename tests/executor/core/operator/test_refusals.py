@@ -74,11 +74,11 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     (Action.HOLD, flying(stage=Stage.PILOT), ""),
     (Action.HOLD, flying(stage=Stage.RETURNING), "it is not on its mission, it is returning"),
     (Action.HOLD, HOLDS, "it holds already"),
-    (Action.HOLD, flying(pending=3), "its new mission is being put on board; ask again in a moment"),
+    (Action.HOLD, flying(pending=3), "mission upload in progress; try again in a moment"),
     (Action.HOLD, flying(heard_s=NOW_S - 2.9), ""),
     (Action.HOLD, flying(heard_s=NOW_S - 3.0), "no message from it for 3 s"),
     (Action.HOLD, flying(heard_s=None), "no message was ever received from it"),
-    (Action.HOLD, leg(Phase.TAKEOFF), "it climbs from its pad; below its layer it would be in the way of others"),
+    (Action.HOLD, leg(Phase.TAKEOFF), "it is climbing from its pad; below its layer it could conflict with others"),
     (Action.HOLD, leg(Phase.LAND), "it is landing"),
     (Action.HOLD, leg(Phase.TRANSIT), ""),
     (Action.RESUME, HOLDS, ""),
@@ -87,7 +87,7 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     (
         Action.RESUME,
         flying(stage=Stage.PILOT, held_s=NOW_S),
-        "it is with its pilot, who must set mission mode; then include it",
+        "it is with its pilot: the pilot must set mission mode; then include it",
     ),
     (Action.RESUME, with_facts(HOLDS, heard_s=NOW_S - 3.0), "no message from it for 3 s"),
     (Action.RETURN, flying(), ""),
@@ -101,8 +101,8 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     (Action.RETURN, DOWN, "it is on the ground"),
     (Action.RETURN, flying(stage=Stage.LOST), "no link; RTL will be commanded as soon as the link is back"),
     (Action.LAND, AWAY, ""),
-    (Action.LAND, replace(AWAY, stage=Stage.LOST), "it does not fly, it is lost"),
-    (Action.LAND, with_facts(AWAY, heartbeat=DISARMED), "it does not fly, it is flying"),
+    (Action.LAND, replace(AWAY, stage=Stage.LOST), "it is not flying, it is lost"),
+    (Action.LAND, with_facts(AWAY, heartbeat=DISARMED), "it is not flying, it is flying"),
     (Action.LAND, with_facts(AWAY, lands=True), "it is landing already"),
     (Action.LAND, with_facts(AWAY, fix=None), "its position is not known"),
     (Action.LAND, flying(fix=placed(PAD_E, LINE_N - 300.0, age_s=3.0)), ""),
@@ -149,11 +149,11 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     (Action.INCLUDE, grounded(fix=None), "it is not on its pad, where its climb and landing are planned"),
     (Action.INCLUDE, grounded(battery=pack(20.0)), ""),
     (Action.INCLUDE, grounded(battery=pack(19.9)), "its battery is 20 %; expected more than its reserve of 15 %"),
-    (Action.INCLUDE, flying(stage=Stage.PILOT), "it is with its pilot, who must set mission mode first"),
+    (Action.INCLUDE, flying(stage=Stage.PILOT), "it is with its pilot: the pilot must set mission mode first"),
     (
         Action.INCLUDE,
         flying(stage=Stage.PILOT, taken=TakenOver(NOW_S - 9.0)),
-        "it is with its pilot, who must set mission mode first",
+        "it is with its pilot: the pilot must set mission mode first",
     ),
     (Action.INCLUDE, flying(stage=Stage.PILOT, taken=TakenOver(NOW_S - 9.0, returned_s=NOW_S)), ""),
     (
@@ -208,8 +208,8 @@ def test_an_abort_needs_somebody_who_flies_a_mission() -> None:
 
 
 ASKED = [
-    (Action.DISARM, DOWN, "stop its motors by force? If it flies after all, it falls"),
-    (Action.INCLUDE, grounded(), "is its pad clear of people?"),
+    (Action.DISARM, DOWN, "force its motors off? If it is still flying, it will fall"),
+    (Action.INCLUDE, grounded(), "Is its pad clear of people?"),
     (Action.INCLUDE, flying(stage=Stage.PILOT), ""),
     (
         Action.HOLD,

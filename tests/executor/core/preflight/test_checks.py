@@ -286,7 +286,7 @@ def test_pre_arm_checks_in_words() -> None:
         complaint({"GPS: no fix": 95.0, "compass": 60.0}, status, 100.0) == "its own pre-arm checks fail: GPS: no fix"
     )
     assert complaint({}, status, 100.0) == "its own pre-arm checks fail: not healthy: compass, GPS"
-    assert complaint({}, None, 100.0) == "its own pre-arm checks fail, and it does not say why"
+    assert complaint({}, None, 100.0) == "its own pre-arm checks fail, no reason reported"
     many = complaint(dict.fromkeys("abcde", 99.0), status, 100.0)
     assert many == "its own pre-arm checks fail: a; b; c; 2 more"
 

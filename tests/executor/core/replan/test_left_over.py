@@ -50,14 +50,12 @@ def test_it_is_known_from_the_take_off_and_nobody_re_plans_for_it() -> None:
     assert flight.state.coverage.left_over == LEFT
     assert flight.state.coverage.given_up == set()
     assert replanning.orphans(READY.context, flight.state) == set()
-    assert "left for the next sortie by the plan: segments 6, 7" in flight.said(Level.INFO)
+    assert "planned for the next sortie: segments 6, 7" in flight.said(Level.INFO)
     assert fleet_view(READY.context, flight.state, flight.now_s).uncovered == (6, 7)
     flight.finish()
     assert flight.solves() == []
     assert set(flight.state.coverage.inspected) == set(range(6))
-    assert flight.given(Finish) == [
-        Finish("2 segments are not inspected, 2 of them left for the next sortie by the plan")
-    ]
+    assert flight.given(Finish) == [Finish("2 segments not inspected, 2 of them planned for the next sortie")]
     report = report_of(READY.context, flight.state, flight.now_s)
     assert (report.segments_uncovered, report.left_over, report.finished) == ((6, 7), (6, 7), False)
 

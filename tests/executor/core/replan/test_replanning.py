@@ -199,10 +199,10 @@ def test_what_the_budgets_do_not_cover_is_named() -> None:
     flight.crafts["uav2"].mute = True
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING - {3}
-    assert "the budgets that are left do not cover segment 3" in flight.said(Level.WARNING)
+    assert "remaining battery does not cover segment 3" in flight.said(Level.WARNING)
     [record] = flight.state.replanning.records
     assert (record.feasible, record.uncovered) == (False, (3,))
-    assert flight.given(Finish) == [Finish("1 segment is not inspected")]
+    assert flight.given(Finish) == [Finish("1 segment not inspected")]
 
 
 def test_a_segment_flown_too_fast_is_flown_again() -> None:
@@ -237,8 +237,8 @@ def test_a_segment_that_nobody_can_prove_is_left_in_the_end() -> None:
         craft.speed = 2.0
     flight.finish()
     assert set(flight.state.coverage.inspected) == set()
-    assert "some segments could not be proven to be inspected; left for later" in flight.said(Level.WARNING)
-    assert flight.given(Finish) == [Finish("6 segments are not inspected")]
+    assert "inspection of some segments not proven; left for later" in flight.said(Level.WARNING)
+    assert flight.given(Finish) == [Finish("6 segments not inspected")]
 
 
 def test_a_late_answer_to_an_unproven_segment_keeps_its_reason() -> None:
@@ -323,7 +323,7 @@ def test_who_flew_on_before_its_turn_keeps_its_mission(monkeypatch: pytest.Monke
         flight.happen(MissionsWanted(plan.solve.revision))
     assert last not in {upload.vehicle for upload in flight.uploads()}
     assert flight.vehicle(last).assignment.pending is None
-    assert any(f"{last}: flew on before its new mission came" in line for line in flight.said())
+    assert any(f"{last}: moved on before its new mission arrived" in line for line in flight.said())
     assert flight.state.replanning.urgent
 
 

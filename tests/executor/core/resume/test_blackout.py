@@ -35,7 +35,7 @@ def test_a_radio_that_was_gone_costs_nothing(long_s: float) -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.said(Level.FAULT) == ([] if long_s < 60.0 else [flight.said(Level.FAULT)[0]])
     assert {flight.stage(name) for name in THREE} == {Stage.LANDED}
-    assert flight.given(Finish) == [Finish("every segment is inspected")]
+    assert flight.given(Finish) == [Finish("all segments inspected")]
 
 
 def test_an_abort_that_nobody_may_hear_says_so() -> None:
@@ -96,7 +96,7 @@ def test_who_is_never_heard_again_is_lost_once_its_battery_is_empty() -> None:
     assert found_s - silent_s == pytest.approx(lasts_s, abs=2.0)
     flight.run(lambda: flight.over, limit_s=lasts_s)
     assert {flight.stage(name) for name in THREE} == {Stage.LOST}
-    assert flight.given(Finish) == [Finish("5 segments are not inspected")]
+    assert flight.given(Finish) == [Finish("5 segments not inspected")]
     aloft = "in the air at last contact: uav1, uav2, uav3"
     line = (
         f"no message from any vehicle for 60 s; {aloft}. The flight stays open and resumes with the first link regained"

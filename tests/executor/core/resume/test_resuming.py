@@ -88,7 +88,7 @@ def test_who_is_beside_its_way_has_not_flown_it() -> None:
     flight = under_way()
     flight.crafts["uav2"].aside_m = 30.0
     killed(flight, 20.0)
-    assert any("beside its way" in line for line in flight.said(Level.WARNING))
+    assert any("off its track" in line for line in flight.said(Level.WARNING))
     flight.crafts["uav2"].aside_m = 0.0
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING

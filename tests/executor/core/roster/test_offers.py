@@ -52,7 +52,7 @@ def test_who_is_included_takes_off_and_finishes() -> None:
     flight = one_left()
     flight.run(lambda: flight.state.crew.offer is not None)
     asked = flight.ask(Action.INCLUDE, "uav3")
-    assert asked.question == "uav3 may take off as soon as its mission is on board: is its pad clear of people?"
+    assert asked.question == "uav3 may take off once its mission is uploaded. Is its pad clear of people?"
     assert starts(flight, "uav3") == 1
     assert flight.ask(Action.INCLUDE, "uav3", confirmed=True).outcome is Outcome.DONE
     flight.finish()

@@ -18,7 +18,7 @@ CHANGED = "RTL_ALT 300 -> 1500 cm: keeps its RTL above the others' layers"
 SEEN = Examined("uav1", ready=True, reason="", remaining_pct=90.0, changed=(CHANGED,))
 STANDS = flying(stage=Stage.LANDED, heartbeat=DISARMED, fix=LOW, waypoint=0, anchor=None)
 REFUSED = (
-    f"uav1: not cleared for take-off: its parameters are not as the flight set them: {CHANGED}; "
+    f"uav1: not cleared for take-off: its parameters differ from those set for the flight: {CHANGED}; "
     "repeat `swap` when fixed"
 )
 
@@ -30,7 +30,7 @@ def answered(event: Examined, rebooted_s: float | None) -> tuple[bool, tuple[Com
 
 
 def test_what_it_lost_at_a_boot_is_set_again() -> None:
-    text = f"uav1: set again as before its boot: {CHANGED}"
+    text = f"uav1: parameters set again after reboot: {CHANGED}"
     assert answered(SEEN, NOW_S - 15.0) == (True, (Say(Level.INFO, text), Examine("uav1", sets=True)))
 
 
