@@ -324,7 +324,7 @@ def preflight(
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Read out every vehicle and run the checklist; nothing is uploaded, nothing moves."""
+    """Read every vehicle's state and parameters and run the checklist; nothing is uploaded, nothing moves."""
     from executor.flight.examination import examine
 
     wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
@@ -351,7 +351,7 @@ def resume(
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Resume a flight whose ground station died, from its run directory; on another computer too."""
+    """Resume a flight from its run directory after its ground station died; on another computer too."""
     from executor.flight import resume as resuming
 
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)

@@ -43,7 +43,7 @@ def images(
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Match the files of cameras to the pictures of a flight, by time and place; says what is missing."""
+    """Match camera files to the pictures of a flight by time and place, and list what is missing."""
     need(Extra.IMAGES, "faultline images")
     from executor.images.exif import picture_files
     from executor.images.pages import write_assets, write_into_report

@@ -275,7 +275,7 @@ def _print_trade(name: str, content: PlanFile) -> None:
 
 
 def check(plan: PlanArgument, as_json: JsonOption = False) -> None:
-    """Recompute every figure of a plan file, or a day plan, from its own network, and say what is wrong."""
+    """Recompute every figure of a plan file, or a day plan, from its own network and report errors."""
     wrong = check_day_plan(read_day_plan(plan)) if is_day_plan(plan) else check_plan(read_plan(plan))
     if as_json:
         print(json_text({"ok": not wrong, "wrong": wrong}))
@@ -297,7 +297,7 @@ def window(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Compute how early any one vehicle may be lost with the others still able to finish, and what breaks it before.
+    """Compute from when on the fleet can finish without any one vehicle, and which loss breaks it before.
 
     The window is the share of the longest route's time, counted from its end, in which every single loss has a re-plan
     that was found and checked. The certified time is a bound: before it at least one loss certainly has none.
@@ -335,7 +335,7 @@ def replan(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Plan what the others would do if one vehicle were lost at a given time; exit 1 if segments are left over."""
+    """Plan the response to the loss of one vehicle at a given time; exit 1 if segments are left over."""
     can_be_written(output)
     result = planning.after_loss(read_plan(plan), lost, at, cost=Cost(cost.value), seconds=seconds, seed=seed)
     if output is not None:

@@ -58,7 +58,7 @@ def risk(
     picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Estimate how likely it is that everything gets inspected, as planned and with re-plans after losses.
+    """Estimate the probability of a complete inspection, as planned and with re-plans after losses.
 
     A vehicle in the air fails at random, once in HOURS flight hours on average, or when its battery is used up. The
     others take over what a lost vehicle has not finished, where a re-plan is found that inspects everything; without

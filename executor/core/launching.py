@@ -225,7 +225,7 @@ def _began_anew(vehicle: VehicleState) -> str:
 
 
 def _beats(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether what its HEARTBEAT says is of now."""
+    """Return whether its HEARTBEAT is recent."""
     beat_s = vehicle.link.heartbeat_s
     return beat_s is not None and now_s - beat_s < context.limits.heartbeat_stale_s
 

@@ -81,7 +81,7 @@ def summary(plan: PlanFile) -> str:
 
 
 def window_words(plan: PlanFile) -> list[str]:
-    """Return in a line from when on any one vehicle may be lost, and whose loss is not repaired before; none known."""
+    """Return in a line from when on the fleet can absorb any one loss, and the worst case before; none known."""
     window = plan.window
     if window is None:
         return []

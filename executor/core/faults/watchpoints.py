@@ -93,7 +93,7 @@ def _down_in_flight(view: View) -> Finding:
 
 
 def terminated(view: View) -> Finding:
-    """Its heartbeat says that it gave itself up."""
+    """Its HEARTBEAT reports flight termination."""
     heartbeat = view.state.telemetry.heartbeat
     if heartbeat is None:
         return STALE

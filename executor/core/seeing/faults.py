@@ -111,7 +111,7 @@ def _findings(context: Context, vehicle: VehicleState, capture: Capture, now_s: 
     if memory.free_mib is not None and memory.free_mib < LEAST_MIB:
         yield FaultCode.CARD_FULL, f"{name}: its card is full"
     if memory.failures >= FAILURES:
-        yield FaultCode.CARD_FULL, f"{name}: {memory.failures} pictures in a row failed, by its own word"
+        yield FaultCode.CARD_FULL, f"{name}: {memory.failures} pictures in a row failed, as it reports"
     if capture.trigger is Trigger.ONCE:
         if memory.beside >= BESIDE:
             yield FaultCode.GIMBAL_STUCK, f"its gimbal pointed elsewhere at {memory.beside} viewpoints in a row"

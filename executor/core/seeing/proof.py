@@ -94,7 +94,7 @@ def _distances_m(context: Context, vehicle: VehicleState) -> Mapping[int, float]
 
 
 def passed_pylons(context: Context, state: FleetState, before: VehicleState, now_s: float) -> FleetState:
-    """Take pylons for flown once their last viewpoint is behind the vehicle, by its own word.
+    """Take pylons for flown once their last viewpoint is behind the vehicle, by its own report.
 
     Of viewpoints that were passed while nothing was heard, one counts as left behind without a picture.
     """
