@@ -226,7 +226,7 @@ def offered(ready: Fleet) -> Scene:
     def landed(vehicle: VehicleView) -> VehicleView:
         return replace(vehicle, offered=True, progress=replace(vehicle.progress, done=3, total=3))
 
-    offer = OfferView(("uav1",), (4, 5), "uav1 can take over 2 spans (P45-P46, P43-P47): is its pad clear?")
+    offer = OfferView(("uav1",), (4, 5), "uav1 can take over 2 spans (P45-P46, P43-P47). Is its pad clear of people?")
     line = SaidLine(story.now_s, Level.WARNING, offer.text)
     home = story.vehicle("uav1")
     assert home.motion.fix is not None

@@ -171,7 +171,7 @@ def test_the_table_speaks_of_spans_states_and_places() -> None:
     first = replace(first, progress=replace(first.progress, done=3, total=7, inspected=10, segment_name="P4-P5"))
     second = replace(second, state="pilot", taken=TakenView(flight.now_s, 24.0, returned=False))
     third = replace(third, state="down", fault="down, armed", fault_kind="down")
-    offer = OfferView(("uav4",), (5,), "uav4 can take over 1 span: is its pad clear?")
+    offer = OfferView(("uav4",), (5,), "uav4 can take over 1 span. Is its pad clear of people?")
     terminal = Console(width=140, record=True, file=StringIO())
     terminal.print(fleet_on_screen(replace(view, vehicles=(first, second, third), offer=offer)))
     shown = terminal.export_text()
@@ -182,7 +182,7 @@ def test_the_table_speaks_of_spans_states_and_places() -> None:
     assert any(row.startswith("uav2 with its pilot: last at 49.5999") for row in rows)
     assert "uav2: not commanded; its segments are kept for 0:24" in rows
     assert any(row.startswith("uav3 down: keep away: last at 49.5999") and row.endswith("ago") for row in rows)
-    assert rows[-1] == "? uav4 can take over 1 span: is its pad clear?"
+    assert rows[-1] == "? uav4 can take over 1 span. Is its pad clear of people?"
 
 
 @pytest.mark.asyncio

@@ -246,9 +246,7 @@ ROWS = [
         with_facts(BACK, item_s=None, heartbeat=DISARMED, fix=LOW),
         Tick(),
         [
-            Say(
-                Level.WARNING, "uav1: flight during the outage is not counted: 70 s are too short for its way of 179 s"
-            ),
+            Say(Level.WARNING, "uav1: flight during the outage is not counted: 70 s is too short for its leg of 179 s"),
             Say(
                 Level.FAULT,
                 (

@@ -214,7 +214,7 @@ def test_a_fresh_battery_brings_a_vehicle_back() -> None:
     flight.crafts["uav3"].battery_pct = 100.0
     flight.pass_s(3.0)
     for name in ("uav2", "uav3"):
-        assert "is its pad clear" in flight.ask(Action.INCLUDE, name).question
+        assert "Is its pad clear" in flight.ask(Action.INCLUDE, name).question
         assert flight.ask(Action.INCLUDE, name, confirmed=True).outcome is Outcome.DONE
     assert flight.vehicle("uav3").fault is None
     assert [name for name, _ in flight.state.replanning.mended] == ["uav3"]
@@ -313,7 +313,7 @@ def test_nobody_holds_below_its_layer() -> None:
     leg = flight.vehicle("uav2").leg
     assert leg is not None
     assert leg.phase is Phase.TAKEOFF
-    assert flight.ask(Action.HOLD, "uav2").text.startswith("it climbs from its pad")
+    assert flight.ask(Action.HOLD, "uav2").text.startswith("it is climbing from its pad")
 
 
 def test_a_mission_that_is_being_put_on_board_is_not_interrupted() -> None:
@@ -321,7 +321,7 @@ def test_a_mission_that_is_being_put_on_board_is_not_interrupted() -> None:
     flight.upload_s = 30.0
     flight.ask(Action.EXCLUDE, "uav3")
     flight.run(lambda: flight.vehicle("uav2").assignment.pending is not None)
-    assert flight.ask(Action.HOLD, "uav2").text.startswith("its new mission is being put on board")
+    assert flight.ask(Action.HOLD, "uav2").text.startswith("mission upload in progress")
 
 
 def test_before_the_launch_and_of_the_silent_nothing_is_wanted() -> None:

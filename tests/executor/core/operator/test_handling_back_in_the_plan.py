@@ -63,7 +63,7 @@ ROWS = [
         {
             "given_up": frozenset(),
             "urgent": True,
-            "trigger": "uav1: is back with 90 % in its battery",
+            "trigger": "uav1: back in service with 90 % in its battery",
             "trigger_s": NOW_S,
             "considered": frozenset({"uav2"}),
             "intents": {
@@ -101,7 +101,7 @@ ROWS = [
         },
         {
             "urgent": True,
-            "trigger": "uav1: is back with 90 % in its battery",
+            "trigger": "uav1: back in service with 90 % in its battery",
             "trigger_s": NOW_S,
             "intents": {
                 "wish": noted(
@@ -136,7 +136,7 @@ ROWS = [
         },
         {
             "urgent": True,
-            "trigger": "uav1: is back with 90 % in its battery",
+            "trigger": "uav1: back in service with 90 % in its battery",
             "trigger_s": NOW_S,
             "wait_until_s": NOW_S + 15.0,
             "intents": {
@@ -172,7 +172,7 @@ ROWS = [
         },
         {
             "urgent": True,
-            "trigger": "uav1: is back with 90 % in its battery",
+            "trigger": "uav1: back in service with 90 % in its battery",
             "trigger_s": NOW_S,
             "intents": {
                 "wish": noted(
@@ -193,10 +193,7 @@ ROWS = [
         [
             Say(
                 Level.INFO,
-                (
-                    "page asks: include uav1; it is back in the plan; no segment is left over, a re-plan would "
-                    "share the others"
-                ),
+                ("page asks: include uav1; included. Nothing is unassigned; use re-plan to redistribute"),
             )
         ],
         {
@@ -215,7 +212,7 @@ ROWS = [
         },
         {
             "urgent": True,
-            "trigger": "uav1: is back with 90 % in its battery",
+            "trigger": "uav1: back in service with 90 % in its battery",
             "trigger_s": NOW_S,
             "intents": {
                 "wish": noted(

@@ -214,12 +214,12 @@ ASKED = [
     (
         Action.HOLD,
         flying(stage=Stage.PILOT, cause=Cause.PERSON),
-        "take it out of the pilot's hands? Speak to the pilot first",
+        "Take control of it? Speak to the pilot first",
     ),
     (
         Action.LAND,
         flying(stage=Stage.PILOT, cause=Cause.PERSON),
-        "take it out of the pilot's hands? Speak to the pilot first",
+        "Take control of it? Speak to the pilot first",
     ),
     (Action.EXCLUDE, flying(stage=Stage.PILOT), ""),
     (Action.HOLD, flying(), ""),

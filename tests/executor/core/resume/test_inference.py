@@ -249,13 +249,13 @@ def test_who_is_back_on_its_pad_has_flown_its_mission() -> None:
 
 def test_who_landed_too_soon_has_not() -> None:
     assert landed(late_s=-WON_S + 0.1).segments == (0, 1)
-    assert "too short for its way" in landed(late_s=-WON_S - 0.1).why_not
+    assert "too short for its leg" in landed(late_s=-WON_S - 0.1).why_not
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_what_it_used_tells_how_far_it_flew(sign: float) -> None:
     assert landed(extra_pct=sign * 1.95).segments == (0, 1)
-    assert " where its way costs " in landed(extra_pct=sign * 2.05).why_not
+    assert " %, expected " in landed(extra_pct=sign * 2.05).why_not
     assert landed(before=None) == NOTHING
 
 
