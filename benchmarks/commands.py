@@ -32,9 +32,8 @@ from planner import Cost
 
 cli = typer.Typer(
     name="bench",
-    help="Measure: the planner against published figures, other solvers and the clock; uploads against MAVSDK; "
-    "what a fleet costs; how soon a flight is taken up again; what the watchpoints detect; what is flown "
-    "against what was planned.",
+    help="Run the benchmarks: the planner against published figures, other solvers and the clock; uploads against "
+    "MAVSDK; what a fleet costs; how soon a flight is resumed; what the watchpoints detect; flown against planned.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,

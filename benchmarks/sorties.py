@@ -285,7 +285,7 @@ def _judged(
     named = set(report.segments_uncovered)
     inspected = set(range(report.segments_total)) - named
     fell = [truth for truth in flight.truths if truth.what == f"fault {truth.vehicle}:crash@0s"]
-    mistakes = tuple(line.text for _, line in flight.said if "internal mistake" in line.text)
+    mistakes = tuple(line.text for _, line in flight.said if "internal error" in line.text)
     return replace(
         empty,
         losses=tuple(f"{truth.vehicle} after {truth.t_s - flight.launched_s:.0f} s" for truth in fell),

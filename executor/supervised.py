@@ -89,7 +89,7 @@ class Mistakes:
         why = "" if error is None else f": {type(error).__name__}: {error}"
         with suppress(Exception):
             if not context.get("said"):
-                self._say(" ".join(f"internal mistake in {what}{why}".split()))
+                self._say(" ".join(f"internal error in {what}{why}".split()))
         with suppress(Exception):
             self._keep(f"{what}\n" + ("" if error is None else "".join(traceback.format_exception(error))))
 

@@ -35,7 +35,7 @@ class Breaking:
 
 @dataclass(frozen=True, slots=True)
 class ReplanWindow:
-    """How early any one vehicle may be lost."""
+    """From when on the fleet can absorb any one loss."""
 
     earliest_s: float
     """t*: from here to the end of the longest route every loss has a re-plan; 0 for a full window."""

@@ -44,7 +44,7 @@ def _preamble(settings: TableSettings) -> str:
     return (
         f"Network: {name}; {VEHICLES} vehicles, none kept on the ground; the paper's model with {TRANSIT_M_S:g} m/s in "
         f"transit and {INSPECTION_M_S:g} m/s along the line, energy by the pen-and-paper model of the {DRONE}. "
-        "The window is the share of the longest route's time in which any one vehicle may be lost and a re-plan was "
+        "The window is the share of the longest route's time in which the fleet can absorb any one loss: a re-plan was "
         "found and checked; t* is when it begins, so less is better. Tightness is the best MinMax found by anybody "
         "over C_max: the budget of each route is C_max.\n\n"
         f"Each plan by a cost function had {each} on one core, {settings.seeds} seeds each. GRASP is the paper's "

@@ -206,7 +206,7 @@ def _facts(record: FlightRecord, report: FlightReport) -> str:
         facts.append("not inspected: " + ", ".join(segment.shown for segment in record.uncovered))
     if report.left_over:
         names = [report.segment_names.get(str(segment), str(segment)) for segment in report.left_over]
-        facts.append(f"of these the plan left for the next sortie: {', '.join(names)}")
+        facts.append(f"of these, planned for the next sortie: {', '.join(names)}")
     facts += words.not_reachable(record.never, len(record.never))
     return "; ".join(facts) + ". Times are minutes and seconds since the order to take off (T+)."
 

@@ -49,7 +49,7 @@ COMMANDS: Mapping[str, _Place] = {
     "network": _Place(
         "executor.cli.network",
         "network",
-        "Show what is understood of a network's file, what was mended, and what is worth a look; no depot is needed.",
+        "Show how a network file is read, what was repaired and what to check; needs no depot.",
     ),
     "plan": _Place(
         "executor.cli.plans",
@@ -59,18 +59,17 @@ COMMANDS: Mapping[str, _Place] = {
     "check": _Place(
         "executor.cli.plans",
         "check",
-        "Recompute every figure of a plan file, or a day plan, from its own network, and say what is wrong.",
+        "Recompute every figure of a plan file, or a day plan, from its own network and report errors.",
     ),
     "window": _Place(
         "executor.cli.plans",
         "window",
-        "Compute how early any one vehicle may be lost with the others still able to finish, and what breaks it "
-        "before.",
+        "Compute from when on the fleet can finish without any one vehicle, and which loss breaks it before.",
     ),
     "replan": _Place(
         "executor.cli.plans",
         "replan",
-        "Plan what the others would do if one vehicle were lost at a given time; exit 1 if segments are left over.",
+        "Plan the response to the loss of one vehicle at a given time; exit 1 if segments are left over.",
     ),
     "export": _Place(
         "executor.cli.exports",
@@ -80,7 +79,7 @@ COMMANDS: Mapping[str, _Place] = {
     "risk": _Place(
         "executor.cli.risk",
         "risk",
-        "Estimate how likely it is that everything gets inspected, as planned and with re-plans after losses.",
+        "Estimate the probability of a complete inspection, as planned and with re-plans after losses.",
     ),
     "simulate": _Place(
         "executor.cli.flights",
@@ -95,12 +94,12 @@ COMMANDS: Mapping[str, _Place] = {
     "preflight": _Place(
         "executor.cli.flights",
         "preflight",
-        "Read out every vehicle and run the checklist; nothing is uploaded, nothing moves.",
+        "Read every vehicle's state and parameters and run the checklist; nothing is uploaded, nothing moves.",
     ),
     "resume": _Place(
         "executor.cli.flights",
         "resume",
-        "Resume a flight whose ground station died, from its run directory; on another computer too.",
+        "Resume a flight from its run directory after its ground station died; on another computer too.",
     ),
     "restore": _Place(
         "executor.cli.restore",
@@ -110,7 +109,7 @@ COMMANDS: Mapping[str, _Place] = {
     "images": _Place(
         "executor.cli.images",
         "images",
-        "Match the files of cameras to the pictures of a flight, by time and place; says what is missing.",
+        "Match camera files to the pictures of a flight by time and place, and list what is missing.",
     ),
     "day": _Place(
         "executor.cli.flights",
@@ -125,9 +124,8 @@ COMMANDS: Mapping[str, _Place] = {
     "bench": _Place(
         BENCHMARKS,
         "cli",
-        "Measure: the planner against published figures, other solvers and the clock; uploads against MAVSDK; what a "
-        "fleet costs; how soon a flight is taken up again; what the watchpoints detect; what is flown against what was "
-        "planned.",
+        "Run the benchmarks: the planner against published figures, other solvers and the clock; uploads against "
+        "MAVSDK; what a fleet costs; how soon a flight is resumed; what the watchpoints detect; flown against planned.",
     ),
 }
 

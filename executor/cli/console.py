@@ -224,7 +224,7 @@ class TerminalConsole:
         except Exception as error:  # noqa: BLE001 - the boundary of that thread
             died = (type(error), error, error.__traceback__, threading.current_thread())
             threading.excepthook(threading.ExceptHookArgs(died))
-            return Group(Text("the fleet cannot be shown; what is decided is"))
+            return Group(Text("fleet display failed; decisions are still shown"))
 
 
 def fleet_on_screen(view: FleetView) -> Group:
@@ -279,7 +279,7 @@ def _notes(view: FleetView) -> Iterator[str]:
 def _last_place(vehicle: VehicleView) -> str:
     at = vehicle.position
     if at is None:
-        return "nobody knows where"
+        return "position unknown"
     place = words.known_place(at.lat_deg, at.lon_deg, at.known, at.accuracy_m)
     reported = f"last at {place}, {at.relative_alt_m:.0f} m, {words.ago(at.age_s)}"
     if (fix := at.last_fix) is None:
@@ -296,8 +296,8 @@ def in_other_hands_words(vehicle: VehicleView) -> str:
     if hands.returned:
         return "its pilot has put it back on its mission; include it to go on"
     if hands.kept_s > 0.0:
-        return f"hands off; its segments are kept for it for {words.minutes(hands.kept_s)}"
-    return "hands off; nothing is kept for it"
+        return f"not commanded; its segments are kept for {words.minutes(hands.kept_s)}"
+    return "not commanded; its segments are released"
 
 
 def _forget_typed() -> None:

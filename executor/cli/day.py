@@ -46,7 +46,7 @@ ObjectiveName = Annotated[
     str,
     typer.Option(
         "--objective", metavar="[finish|flight|swaps]",
-        help="Of a day plan: what comes first, the last landing, the time in the air, or the number of sorties.",
+        help="Day plan objective: earliest finish, least flight time or fewest sorties.",
     ),
 ]  # fmt: skip
 MtbfOption = Annotated[
@@ -195,7 +195,7 @@ def _planned(
     wanted = DayWanted(objective, Seconds(asked.seconds), asked.seed, asked.starts or os.cpu_count() or 1, spares)
     content = planned_day(content, wanted, progressed)
     for line in check_day_plan(content):
-        raise SiteError(f"the plan of the days does not hold: {line}")
+        raise SiteError(f"the day plan is invalid: {line}")
     return with_windows(content, console, asked.seed)
 
 
@@ -205,7 +205,7 @@ def with_windows(content: DayPlanFile, console: TerminalConsole, seed: int) -> D
         return content
 
     def told(done: int, of: int) -> None:
-        console.progress(f"losses looked at: {done} of {of}")
+        console.progress(f"losses checked: {done} of {of}")
 
     return replace(content, windows=sortie_window(content.instance(), content.plan, seed=seed, told=told))
 

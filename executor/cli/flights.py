@@ -108,9 +108,7 @@ def demo(
     fault: FaultOption = None,
     autopilot: AutopilotOption = FIRST_AUTOPILOT,
     cost: PlanCostOption = None,
-    flat: Annotated[
-        bool, typer.Option("--flat", help="For a network without heights: take its ground to be flat.")
-    ] = False,
+    flat: Annotated[bool, typer.Option("--flat", help="Assume flat ground for a network without heights.")] = False,
     run: RunOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -163,7 +161,7 @@ def simulate(
         bool,
         typer.Option(
             "--failsafe",
-            help="Vehicles have a GCS failsafe: RTL when the ground station is silent. Without it they fly on.",
+            help="GCS failsafe on the vehicles: RTL when GCS heartbeats stop. Without it they continue.",
         ),
     ] = False,
     cards: Annotated[
@@ -326,7 +324,7 @@ def preflight(
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Read out every vehicle and run the checklist; nothing is uploaded, nothing moves."""
+    """Read every vehicle's state and parameters and run the checklist; nothing is uploaded, nothing moves."""
     from executor.flight.examination import examine
 
     wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
@@ -353,7 +351,7 @@ def resume(
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Resume a flight whose ground station died, from its run directory; on another computer too."""
+    """Resume a flight from its run directory after its ground station died; on another computer too."""
     from executor.flight import resume as resuming
 
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
@@ -369,8 +367,8 @@ def resume(
         told = [] if yes else resuming.beforehand(directory, known)
         for line in told:
             console.say(Level.INFO, line)
-        if not console.confirm("Take this flight up again?"):
-            raise PreflightFailed("the operator did not say yes; nothing was told to any vehicle")
+        if not console.confirm("Resume this flight?"):
+            raise PreflightFailed("not confirmed; nothing was sent to any vehicle")
         _finish_flight(known.order, turns.run(resuming.take_up(directory, console, told)), as_json=as_json)
         return
     console.say(Level.INFO, f"{directory}: this flight is over")
@@ -393,7 +391,7 @@ def _finish_flight(order: Order, flown: flying.FlightResult, *, as_json: bool) -
             _told(f"not inspected: {', '.join(report.uncovered_names)}")
         if report.left_over:
             names = (report.segment_names[str(segment)] for segment in report.left_over)
-            _told(f"of these the plan left for the next sortie: {', '.join(names)}")
+            _told(f"of these, planned for the next sortie: {', '.join(names)}")
     _keep_next_sortie(order, report, quiet=as_json)
     _show_flight(order.run, report)
     if not report.finished:

@@ -43,7 +43,7 @@ def images(
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Match the files of cameras to the pictures of a flight, by time and place; says what is missing."""
+    """Match camera files to the pictures of a flight by time and place, and list what is missing."""
     need(Extra.IMAGES, "faultline images")
     from executor.images.exif import picture_files
     from executor.images.pages import write_assets, write_into_report
@@ -110,7 +110,7 @@ def _lines(found: Matching, placed: int, pictures: int) -> list[str]:
         clock = f"its clock is {abs(ahead_s):.1f} s {'ahead' if ahead_s > 0 else 'behind'}"
         lines.append(f"{card.name}: {len(card.files)} files of {card.key[0]}, camera {card.key[1]}; {clock}")
     if placed:
-        lines.append(f"{placed} files did not say where they were taken; that is written now")
+        lines.append(f"{placed} files had no position; position written")
     lines += _some(
         "missing", [f"{row.vehicle} {row.camera} {row.sequence} ({_of(row.asset)})" for row in found.missing]
     )

@@ -69,7 +69,7 @@ def _insist(code: str | int | None) -> None:
     def ends() -> None:
         time.sleep(ENDS_S)
         with suppress(OSError, ValueError):
-            print(f"faultline: ended; it still waited for {_waited_for()}", file=sys.stderr, flush=True)
+            print(f"faultline: ended while waiting for {_waited_for()}", file=sys.stderr, flush=True)
         os._exit(code if isinstance(code, int) else int(code is not None))
 
     threading.Thread(target=ends, name="the end", daemon=True).start()
@@ -130,9 +130,7 @@ def _say_at_once(given: Sequence[str]) -> None:
     quiet = {"--quiet", "-q", "--json", "--help"}
     if given[:1] == ["resume"] and len(given) > 1 and not quiet & set(given):
         with suppress(OSError, ValueError):
-            print(
-                "faultline: taking the flight up; the vehicles hear us once it is loaded", file=sys.stderr, flush=True
-            )
+            print("faultline: resuming the flight; heartbeats start once it is loaded", file=sys.stderr, flush=True)
 
 
 def _several(group: BaseExceptionGroup[BaseException], known: tuple[type[Exception], ...]) -> NoReturn:

@@ -81,7 +81,7 @@ def network(
     max_span: MaxSpanOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show what is understood of a network's file, what was mended, and what is worth a look; no depot is needed."""
+    """Show how a network file is read, what was repaired and what to check; needs no depot."""
     can_be_written(output)
     can_be_drawn("--picture", picture)
     path = default_network_path() if file == assembly.DEFAULT_NETWORK else Path(file)

@@ -95,8 +95,8 @@ PlanCostOption = Annotated[
     PlanCostName | None,
     typer.Option(
         help="What to optimise: minmax, the longest route; minsum, all routes together; mincomb, both; window, the "
-        "re-plan window, so that any one vehicle may be lost as early as possible. Without it the window, or minmax "
-        f"for one vehicle, for more than {WINDOW_UP_TO} segments and for other solvers."
+        "re-plan window, so that the fleet can finish without any one vehicle from as early as possible. Without it "
+        f"the window, or minmax for one vehicle, for more than {WINDOW_UP_TO} segments and for other solvers."
     ),
 ]
 SolverOption = Annotated[

@@ -76,10 +76,10 @@ def ground_with(site: Site, base: Path, learned: Path | None, console: TerminalC
     for vehicle in site.vehicle:
         row = rows.get(vehicle.name)
         if row is None:
-            console.say(Level.INFO, f"{vehicle.name}: nothing is learned of it in {path}; it starts from the defaults")
+            console.say(Level.INFO, f"{vehicle.name}: nothing learned in {path}; using the defaults")
         elif (row.autopilot, row.drone) != (vehicle.autopilot, drone):
             was = f"{row.autopilot} on a {row.drone}"
-            console.say(Level.WARNING, f"{vehicle.name}: was {was} in {path}; it starts from the defaults")
+            console.say(Level.WARNING, f"{vehicle.name}: was {was} in {path}; using the defaults")
         else:
             known[vehicle.name] = document.known[vehicle.name]
             console.say(Level.INFO, f"{learned_words(row)} ({document.date})")
@@ -161,7 +161,7 @@ def plan_and_tell(
     content = planning.first_plan(ground, wanted, progressed, task)
     console.progress("")
     for line in check_plan(content, search_window=False):
-        raise SiteError(f"the plan of --solver {wanted.solver.value} does not hold: {line}")
+        raise SiteError(f"the plan of --solver {wanted.solver.value} is invalid: {line}")
     return content
 
 

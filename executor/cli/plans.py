@@ -275,7 +275,7 @@ def _print_trade(name: str, content: PlanFile) -> None:
 
 
 def check(plan: PlanArgument, as_json: JsonOption = False) -> None:
-    """Recompute every figure of a plan file, or a day plan, from its own network, and say what is wrong."""
+    """Recompute every figure of a plan file, or a day plan, from its own network and report errors."""
     wrong = check_day_plan(read_day_plan(plan)) if is_day_plan(plan) else check_plan(read_plan(plan))
     if as_json:
         print(json_text({"ok": not wrong, "wrong": wrong}))
@@ -297,7 +297,7 @@ def window(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Compute how early any one vehicle may be lost with the others still able to finish, and what breaks it before.
+    """Compute from when on the fleet can finish without any one vehicle, and which loss breaks it before.
 
     The window is the share of the longest route's time, counted from its end, in which every single loss has a re-plan
     that was found and checked. The certified time is a bound: before it at least one loss certainly has none.
@@ -335,7 +335,7 @@ def replan(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Plan what the others would do if one vehicle were lost at a given time; exit 1 if segments are left over."""
+    """Plan the response to the loss of one vehicle at a given time; exit 1 if segments are left over."""
     can_be_written(output)
     result = planning.after_loss(read_plan(plan), lost, at, cost=Cost(cost.value), seconds=seconds, seed=seed)
     if output is not None:
@@ -364,17 +364,17 @@ def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> N
         )  # fmt: skip
         return
     print(
-        f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s on any one vehicle may be lost"
-        f"{but_left_over(content)} (longest route {found.longest_route_s:.0f} s)"
+        f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s the fleet can absorb the loss of "
+        f"any one vehicle{but_left_over(content)} (longest route {found.longest_route_s:.0f} s)"
     )
     if breaking is not None:
         name = content.vehicles[breaking.vehicle].name
         print(
-            f"before that it breaks: {name} lost between {breaking.from_s:.0f} s and {breaking.to_s:.0f} s leaves more "
-            "than the others were found to be able to do"
+            f"worst case before: no re-plan was found for a loss of {name} between {breaking.from_s:.0f} s and "
+            f"{breaking.to_s:.0f} s"
         )
         print(
-            f"certified: no re-plan for every loss exists before {found.certified_earliest_s:.0f} s, so no window of "
+            f"certified: not every loss can be re-planned before {found.certified_earliest_s:.0f} s, so no window of "
             f"this plan is larger than {found.certified_window_pct:.1f} %"
         )
 

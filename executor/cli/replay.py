@@ -209,7 +209,7 @@ BY: Mapping[Actor, str] = MappingProxyType(
         Actor.GROUND_STATION: "by a ground station",
         Actor.FAILSAFE: "by its own failsafe",
         Actor.MISSION: "by its mission",
-        Actor.UNKNOWN: "by whom nothing says",
+        Actor.UNKNOWN: "by an unknown source",
     }
 )
 """Who changed a mode, for people."""
@@ -230,10 +230,10 @@ def _print(done: _Done) -> None:
         print(f"  {vehicle.name} (system {vehicle.sysid}, {vehicle.autopilot}), flown {vehicle.flown_s / 60:.1f} min")
         _print_vehicle(vehicle, at)
     for happened in () if done.truth is None else done.truth.events:
-        print(f"  in truth    {at(happened.t_usec):>9}  {happened.what}")
+        print(f"  reference   {at(happened.t_usec):>9}  {happened.what}")
     skipped = [f"{name.replace('_', ' ')} {count}" for name, count in found.skipped.counts().items() if count]
     if skipped:
-        print(f"  not read, or not used: {', '.join(skipped)}")
+        print(f"  skipped: {', '.join(skipped)}")
 
 
 def _print_vehicle(vehicle: VehicleReplay, at: Callable[[int], str]) -> None:
@@ -244,9 +244,9 @@ def _print_vehicle(vehicle: VehicleReplay, at: Callable[[int], str]) -> None:
         print(f"    mode      {at(mode.t_usec):>9}  {mode.mode:<12}  {BY[mode.by]}{why}")
     for two in vehicle.degraded:
         span = f"{at(two.from_usec)} to {at(two.to_usec)}"
-        print(f"    not well  {span:>9}  {two.kind.value}, {two.reason}: {two.evidence}")
+        print(f"    degraded  {span:>9}  {two.kind.value}, {two.reason}: {two.evidence}")
     if not vehicle.declarations:
-        print("    nothing to declare")
+        print("    no declaration")
 
 
 def _write(done: Sequence[_Done], folder: Path) -> None:

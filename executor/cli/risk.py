@@ -58,7 +58,7 @@ def risk(
     picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Estimate how likely it is that everything gets inspected, as planned and with re-plans after losses.
+    """Estimate the probability of a complete inspection, as planned and with re-plans after losses.
 
     A vehicle in the air fails at random, once in HOURS flight hours on average, or when its battery is used up. The
     others take over what a lost vehicle has not finished, where a re-plan is found that inspects everything; without
@@ -74,7 +74,7 @@ def risk(
         console.progress(f"{flown} of {total} flights")
 
     with crew(jobs=jobs, dask=dask) as fly:
-        console.progress("looking at each first loss")
+        console.progress("checking each first loss")
         wanted = risk_campaign(
             content.instance(), content.plan, mtbf_h=(mtbf,), battery_spread_pct=battery_spread, reserve_pct=reserve,
             max_losses=max_losses, fly_again=content.fly_again,
@@ -142,7 +142,7 @@ def _print_risk(found: Risk, names: Sequence[str]) -> None:
         return
     worst = found.worst
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in zip(names, found.blame_share, strict=True))
-    print(f"losses that were not repaired: {shares}")
+    print(f"losses without a re-plan: {shares}")
     print(
         f"most of them: {names[worst.vehicle]} between {worst.from_s:.0f} and {worst.to_s:.0f} s "
         f"({100 * worst.share:.0f} %)"

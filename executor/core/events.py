@@ -163,7 +163,7 @@ class Found:
     heard: bool
     """Whether it was heard since."""
     seq: int | None
-    """The item that it flies to, by its own word; None if it did not say."""
+    """The item that it flies to, by its own report; None if it did not say."""
     items: int | None
     """How many are on board; None if they could not be read."""
     matches: tuple[Match, ...]

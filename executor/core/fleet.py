@@ -365,14 +365,14 @@ def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, n
     if causes.never_landed(context, vehicle):
         return _flies_on(context, state, vehicle, "landed", now_s)
     if vehicle.armed and causes.start_overtaken(vehicle, now_s) and vehicle.custody.cause is Cause.OURS:
-        text = f"{vehicle.name}: its motors are on, on its pad: it armed before it was told to stay"
+        text = f"{vehicle.name}: armed on its pad although the start was cancelled"
         return state.put(moved_to(vehicle, Stage.RETURNING)), (Say(Level.WARNING, text),)
     return state, ()
 
 
 def _flies_on(context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float) -> Stepped:
     """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
-    text = f"{vehicle.name}: was thought to be {taken_for} but flies, {last_heard(context, vehicle, now_s)}"
+    text = f"{vehicle.name}: reported {taken_for} but is airborne, {last_heard(context, vehicle, now_s)}"
     back = replace(
         moved_to(vehicle, Stage.RETURNING),
         motion=replace(vehicle.motion, anchor=None),
@@ -425,9 +425,9 @@ def _missed_us(context: Context, state: FleetState, vehicle: VehicleState, now_s
         sortie=replace(vehicle.sortie, left_s=now_s),
     )
     state, more = homeward.sent_home(context, state, vehicle, now_s)
-    trigger = f"{vehicle.name}: ended its mission while the ground station was away"
+    trigger = f"{vehicle.name}: ended its mission while the ground station was offline"
     state = replace(state, replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s))
-    return state, (Say(Level.WARNING, f"{trigger}; it comes home"), *more)
+    return state, (Say(Level.WARNING, f"{trigger}; returning"), *more)
 
 
 def _fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
@@ -458,13 +458,9 @@ def _finish(context: Context, state: FleetState, now_s: float) -> Stepped:
     if not state.progress.recalled and replanning.orphans(context, state):
         return state, ()
     missing = context.segments - len(state.coverage.inspected)
-    reason = (
-        "every segment is inspected"
-        if missing == 0
-        else f"{count_of(missing, 'segment')} {'is' if missing == 1 else 'are'} not inspected"
-    )
+    reason = "all segments inspected" if missing == 0 else f"{count_of(missing, 'segment')} not inspected"
     if left := state.coverage.left_over - set(state.coverage.inspected):
-        reason += f", {len(left)} of them left for the next sortie by the plan"
+        reason += f", {len(left)} of them planned for the next sortie"
     return replace(state, progress=replace(state.progress, finished=True)), (Finish(reason),)
 
 

@@ -140,8 +140,8 @@ def _looked_at(
 
 
 def _words(vehicle: VehicleState, climb: Climb) -> str:
-    does = "climbs in its RTL" if climb.seen else "has no link and may climb in its failsafe RTL"
-    return f"{vehicle.name}: slows down, {climb.vehicle} {does} ahead of it"
+    does = "is climbing in RTL" if climb.seen else "has no link and may climb in failsafe RTL"
+    return f"{vehicle.name}: slowing: {climb.vehicle} ahead {does}"
 
 
 def _kept_slow(vehicle: VehicleState, waits: GivesWay, now_s: float) -> tuple[VehicleState, tuple[Command, ...]]:

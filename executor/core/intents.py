@@ -24,7 +24,7 @@ class Action(Enum):
     LAND = "land"
     """Land where it is."""
     EXCLUDE = "exclude"
-    """Treat it as lost, by the operator's word."""
+    """Treat it as lost, on the operator's intent."""
     INCLUDE = "include"
     """Take a vehicle back into the plan: one on the ground takes off from its pad for that, one that its pilot has
     returned to its mission goes on."""

@@ -48,7 +48,7 @@ def launch(context: Context, state: FleetState, now_s: float) -> Stepped:
         planned |= own
         if vehicle.sortie.rebooted_s is not None:
             why = "its autopilot has rebooted since its checks"
-            commands.append(Say(Level.WARNING, f"{vehicle.name}: not started: {why}; swap when it is well"))
+            commands.append(Say(Level.WARNING, f"{vehicle.name}: not started: {why}; `swap` when fixed"))
             continue
         if context.day is not None:
             continue  # one after the other, each when its base has a slot for it
@@ -61,7 +61,7 @@ def launch(context: Context, state: FleetState, now_s: float) -> Stepped:
         state, begun = turnaround.lined_up(context, state, now_s), planned
     left = context.wanted - planned - state.ahead()
     if left:
-        commands.append(Say(Level.INFO, f"left for the next sortie by the plan: {listed(context, left)}"))
+        commands.append(Say(Level.INFO, f"planned for the next sortie: {listed(context, left)}"))
     given_up = state.coverage.given_up | (planned - begun)
     state = replace(state, coverage=replace(state.coverage, given_up=given_up, left_over=left))
     return replace(
@@ -112,7 +112,7 @@ def sent_up(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
         orders=replace(owed.orders, start_owed_s=now_s),
         sortie=replace(owed.sortie, rebooted_s=vehicle.sortie.rebooted_s if anew else None),
     )
-    said = () if placed else (Say(Level.WARNING, f"{vehicle.name}: starts once it says where it is"),)
+    said = () if placed else (Say(Level.WARNING, f"{vehicle.name}: take-off waits for a position"),)
     return state.put(owed), said
 
 
@@ -143,12 +143,12 @@ def started(context: Context, state: FleetState, event: StartEnded, now_s: float
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
         if not _placed(context, vehicle, now_s):
             owed = replace(vehicle, orders=replace(vehicle.orders, start_owed_s=now_s))
-            return state.put(owed), (Say(Level.WARNING, f"{text} once it says where it is"),)
+            return state.put(owed), (Say(Level.WARNING, f"{text} once a position is received"),)
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
     why = f"did not start: {event.reason}"
     if event.armed and not vehicle.armed and not _beats(context, vehicle, now_s):
         # It acknowledged that it armed, and what became of it nobody knows: it may stand there with its motors on.
-        why += ", and no HEARTBEAT comes from it"
+        why += ", and no HEARTBEAT since"
         return declare(context, state, vehicle, Fault(FaultKind.LINK, why, now_s, FaultCode.NOT_STARTED))
     why += ", and it has disarmed" if stopped else ""
     return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
@@ -160,7 +160,7 @@ def start_attended(context: Context, state: FleetState, vehicle: VehicleState, n
     # Two HEARTBEATs say so: one may be another's.
     stopped = vehicle.sortie.armed_once and not vehicle.armed and (beat_s or 0.0) > vehicle.sortie.disarmed_s
     if stopped and (released or context.fly_again is not FlyAgain.AUTO):
-        why = "its mode was changed, not from here, and it has disarmed" if released else "it armed, and disarmed again"
+        why = "mode changed by another source, then disarmed" if released else "armed, then disarmed"
         fault = Fault(FaultKind.INTERRUPTION, f"did not start: {why}", now_s, FaultCode.NOT_STARTED)
         state, more = declare(context, state, vehicle, fault)
         return state, (HandsOff(vehicle.name), *more)  # what goes on with its start would arm it again
@@ -225,7 +225,7 @@ def _began_anew(vehicle: VehicleState) -> str:
 
 
 def _beats(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether what its HEARTBEAT says is of now."""
+    """Return whether its HEARTBEAT is recent."""
     beat_s = vehicle.link.heartbeat_s
     return beat_s is not None and now_s - beat_s < context.limits.heartbeat_stale_s
 
@@ -244,7 +244,7 @@ def started_again(context: Context, state: FleetState, vehicle: VehicleState, no
     if vehicle.sortie.took_off:
         return _flies(state, vehicle, now_s)
     if not vehicle.armed and context.fly_again is not FlyAgain.AUTO and not _just_allowed(state, vehicle, now_s):
-        why = f"did not start within {START_WINDOW_S:.0f} s of the crew's clearance"
+        why = f"did not start within {START_WINDOW_S:.0f} s of take-off clearance"
         return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
     state, order = ordered(context, state, vehicle, now_s)
     return state, (order,)

@@ -1,6 +1,6 @@
 """When each leg of a mission on board began and ended, and what the battery gave for it: held against the plan.
 
-A leg ends when the vehicle goes on to the next waypoint, by its own word. As in a plan, the first one begins with the
+A leg ends when the vehicle goes on to the next waypoint, by its own report. As in a plan, the first one begins with the
 start of its motors, and the last one ends with their end on the ground. What is not heard, as in a silence, stays
 unknown. What was flown undisturbed tells of the vehicle: see `learning`.
 """

@@ -250,7 +250,7 @@ class Telemetry:
     doubted: tuple[Heartbeat, float] | None = None
     """A HEARTBEAT that said that it is disarmed where it flies, and when: believed if the next one says the same."""
     item: tuple[int, int | None] | None = None
-    """The mission item it flies to by its own word, and how many there are."""
+    """The mission item it flies to by its own report, and how many there are."""
     item_s: float | None = None
     """When it said so last."""
     on_ground: bool | None = None

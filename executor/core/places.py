@@ -96,7 +96,7 @@ def fell(context: Scene, vehicle: VehicleState) -> bool:
 
 
 def killed(context: Scene, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle disarmed as its kill switch was used, by its own words."""
+    """Return whether a vehicle disarmed as its kill switch was used, by its own report."""
     text, said_s = vehicle.telemetry.alarm
     return kill_switch_on(text) and abs(vehicle.sortie.disarmed_s - said_s) <= context.limits.alarm_s
 

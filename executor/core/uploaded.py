@@ -56,8 +56,8 @@ def _on_board(
         vehicle = replace(vehicle, assignment=replace(vehicle.assignment, waypoint=0))
     state = state.put(carrying(vehicle, board, now_s))
     to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
-    what = f"{count_of(to_go, 'segment')} to go" if to_go else "it has no segment left and comes home"
-    what += ", and a wider fence before it" if mission.fence is not None else ""
+    what = f"{count_of(to_go, 'segment')} to go" if to_go else "no segment left, returning"
+    what += "; fence widened first" if mission.fence is not None else ""
     return state, (Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"),)
 
 
@@ -72,7 +72,7 @@ def _not_on_board(
     if sortie:
         return state.put(vehicle), ()  # the crew is told, and asked again
     refused, how_long = offering.declined(context, vehicle, mission, event, now_s)
-    text = f"{vehicle.name}: upload of its new mission failed ({event.reason}); planning around it{how_long}"
+    text = f"{vehicle.name}: upload of its new mission failed ({event.reason}); re-planning without it{how_long}"
     trigger = f"{vehicle.name}: {event.reason}"
     known = replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s)
     return replace(state.put(refused), replanning=known), (Say(Level.WARNING, text),)
@@ -90,10 +90,10 @@ def _then(
         state, start = launching.ordered(context, state, state.vehicles[vehicle.name], now_s)
         return state, (start,)
     if sortie:
-        why = "its mission came on board too late" if event.accepted else f"its upload failed ({event.reason})"
+        why = "its mission was uploaded too late" if event.accepted else f"its upload failed ({event.reason})"
         return turnaround.not_started(state, vehicle.name, why, now_s)
     if mission.fresh and event.accepted:
-        return state, (Say(Level.WARNING, f"{vehicle.name}: stays on the ground, the crew's clearance is too old"),)
+        return state, (Say(Level.WARNING, f"{vehicle.name}: stays on the ground: take-off clearance expired"),)
     if vehicle.stage is Stage.STARTING and not event.mixed:
         return launching.started_again(context, state, state.vehicles[vehicle.name], now_s)
     return state, ()

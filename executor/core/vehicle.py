@@ -82,7 +82,7 @@ class FaultKind(Enum):
     FENCE = "fence"
     """It is outside its fence."""
     OPERATOR = "operator"
-    """By the operator's word."""
+    """On the operator's intent."""
     PAYLOAD = "payload"
     """Its cameras, or its gimbal."""
     DOWN = "down"

@@ -173,7 +173,7 @@ async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, 
     """Tell what the flight changes on board, ask, set it, put the missions on board, and ask for the take-off.
 
     Raises:
-        PreflightFailed: the operator did not say yes, or something cannot be put on board.
+        PreflightFailed: the operator did not confirm, or something cannot be put on board.
     """
     context, links, clock, proposal = seat.context, seat.links, seat.clock, beginning.proposal
     fence_lines = fencing.fence_lines(context, beginning.fences, beginning.lists)
@@ -225,7 +225,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
     """Begin a flight, or take one up again that was left in the midst; fly it to its end and report.
 
     Raises:
-        PreflightFailed: the operator did not say yes.
+        PreflightFailed: the operator did not confirm.
         ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
     """
     context, clock, links = seat.context, seat.clock, seat.links

@@ -110,7 +110,7 @@ class Publication:
         try:
             work()
         except Exception as error:  # noqa: BLE001 - what is told of the flight must not end it
-            text = f"internal mistake in mqtt: {type(error).__name__}: {error}"
+            text = f"internal error in mqtt: {type(error).__name__}: {error}"
             if text not in self._mistakes:
                 self._mistakes.add(text)
                 self._tell(Level.FAULT, text)

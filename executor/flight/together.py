@@ -78,4 +78,4 @@ async def _tell_once(fleet: FleetTime, speedup: float, console: Teller) -> None:
 
 def slower(kept: float, speedup: float) -> str:
     """Return what the crew is told."""
-    return f"this computer keeps {kept:.1f} of {speedup:g} times real time; the flight is slower, not different"
+    return f"host too slow: running at {kept:.1f}x instead of {speedup:g}x real time; results are unaffected"

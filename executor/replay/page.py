@@ -55,7 +55,7 @@ def write_replay_page(replay: LogReplay, truth: RecordedTruth | None, picture: P
         rows = [(_s(replay, one.t_usec), one.what) for one in truth.events]
         parts += ["<h2>What really happened</h2>", _table(("at (s)", "what"), rows)]
     skipped = [(name.replace("_", " "), count) for name, count in replay.skipped.counts().items() if count]
-    parts += ["<h2>Not read, or not used</h2>", _table(("what", "how often"), skipped), "</html>"]
+    parts += ["<h2>Skipped</h2>", _table(("what", "how often"), skipped), "</html>"]
     write_whole(path, "\n".join(parts).encode())
 
 

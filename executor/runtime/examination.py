@@ -76,5 +76,5 @@ def _another(context: Context, facts: Facts) -> str:
     """Return why it is not the vehicle that it was, or not at rest; empty if it is."""
     dialect = context.vehicles[facts.name].dialect
     if facts.heartbeat.autopilot != dialect.number:
-        return f"its heartbeat says autopilot {facts.heartbeat.autopilot}, expected {dialect.name} ({dialect.number})"
+        return f"HEARTBEAT autopilot is {facts.heartbeat.autopilot}, expected {dialect.name} ({dialect.number})"
     return "it is armed" if facts.heartbeat.armed else ""

@@ -98,7 +98,7 @@ class Flight:
         try:
             self._apply(event, now_s)
         except Exception as error:  # noqa: BLE001 - the boundary between one event and the flight
-            text = f"internal mistake at {type(event).__name__}: {type(error).__name__}: {error}"
+            text = f"internal error while handling {type(event).__name__}: {type(error).__name__}: {error}"
             if text not in self._mistakes:
                 self._mistakes.add(text)
                 line = commands.Say(commands.Level.FAULT, text)
@@ -333,7 +333,7 @@ class Flight:
             event = await work()
         except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
             supervised.report_mistake(what, error)
-            event = failed(f"internal mistake: {type(error).__name__}: {error}")
+            event = failed(f"internal error: {type(error).__name__}: {error}")
         self.apply(event)
 
     def _hands_off(self, vehicle: str) -> None:

@@ -56,7 +56,7 @@ class _Heard:
     gps: Gps | None = None
     version: Version | None = None
     reasons_s: dict[str, float] = field(default_factory=dict)
-    """Why it cannot be armed, by its own words, and when it said so last."""
+    """Why it cannot be armed, by its own report, and when it said so last."""
     strangers: frozenset[Stranger] = frozenset()
     twins: Twins = field(default_factory=Twins)
     changed: asyncio.Event = field(default_factory=asyncio.Event)

@@ -17,8 +17,8 @@ from planner import segment_of
 NAMED = 50
 """Segments that a line names; of more it says how many, and `--json` names all."""
 NAMED_IN_CHECKLIST = 12
-OUT_OF_REACH = "out of reach there and back within any budget"
-USED_UP = "within reach, but the others use the budgets up"
+OUT_OF_REACH = "out of range of every vehicle's budget"
+USED_UP = "reachable, but no battery left after the other segments"
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,22 +81,23 @@ def summary(plan: PlanFile) -> str:
 
 
 def window_words(plan: PlanFile) -> list[str]:
-    """Return in a line from when on any one vehicle may be lost, and whose loss is not repaired before; none known."""
+    """Return in a line from when on the fleet can absorb any one loss, and the worst case before; none known."""
     window = plan.window
     if window is None:
         return []
     breaking = window.breaking
     before = "" if breaking is None else (
-        f"; lost between {breaking.from_s:.0f} and {breaking.to_s:.0f} s, {breaking.vehicle} leaves segments over"
+        f"; worst case before: {breaking.vehicle} at {breaking.from_s:.0f} to {breaking.to_s:.0f} s"
     )  # fmt: skip
     share = f"re-plan window {window.window_pct:.0f} %"
-    return [f"{share}: from {window.earliest_s:.0f} s on any one vehicle may be lost{but_left_over(plan)}{before}"]
+    absorbs = f"from {window.earliest_s:.0f} s the fleet can absorb the loss of any one vehicle"
+    return [f"{share}: {absorbs}{but_left_over(plan)}{before}"]
 
 
 def but_left_over(plan: PlanFile) -> str:
     """Return in words what is left over in any case; empty where the plan inspects everything."""
     left = len(plan.plan.uncovered)
-    return f", and no more than the {count_of(left, 'segment')} of the plan is left over" if left else ""
+    return f", with no more left over than the plan's {count_of(left, 'segment')}" if left else ""
 
 
 def distance_words(plan: PlanFile) -> list[str]:

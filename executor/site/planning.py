@@ -134,7 +134,7 @@ class Wanted:
 DEFAULT = Wanted(cost=None, seconds=5.0, seed=1, stretch=0.05, usual=True)
 """What every command plans by where it is not told otherwise: what was looked at is what is flown.
 
-The window, so that any one vehicle may be lost as early as possible, at a small price in time."""
+The window, so that the fleet can finish without any one vehicle from as early as possible, at a small price in time."""
 
 
 def first_plan(

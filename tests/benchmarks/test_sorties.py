@@ -41,7 +41,7 @@ def test_a_small_day_is_flown_with_changed_packs_losses_and_a_dead_ground_statio
         ({"nearest_m": 4.99}, "4.99 m apart: uav1 and uav2 after 9413 s"),
         ({"inspected": 89}, "1 segments neither inspected nor named"),
         ({"strays": ("uav1 stood 7.0 m from its pad",)}, "uav1 stood 7.0 m from its pad"),
-        ({"mistakes": ("internal mistake at Tick",)}, "internal mistake at Tick"),
+        ({"mistakes": ("internal error at Tick",)}, "internal error at Tick"),
     ],
 )
 def test_whatever_should_not_have_come_of_a_day_has_a_line(spoilt: dict[str, object], line: str) -> None:

@@ -58,7 +58,7 @@ CHECKS = (
     CheckLine(
         "warning",
         "uav2",
-        "no battery failsafe (BATT_FS_LOW_ACT=0): on an empty battery it flies on until it falls",
+        "no battery failsafe (BATT_FS_LOW_ACT=0): on an empty battery it keeps flying until it falls",
         CheckCode.BATTERY_FAILSAFE,
     ),
     CheckLine("ok", "uav2", "battery 97 %, flight 5.0 min and 25 %, lands with 72 %", CheckCode.ENERGY),
@@ -243,7 +243,7 @@ def offered(ready: Fleet) -> Scene:
     def landed(vehicle: VehicleView) -> VehicleView:
         return replace(vehicle, offered=True, progress=replace(vehicle.progress, done=3, total=3))
 
-    offer = OfferView(("uav1",), (4, 5), "uav1 can take over 2 spans (P45-P46, P43-P47): is its pad clear?")
+    offer = OfferView(("uav1",), (4, 5), "uav1 can take over 2 spans (P45-P46, P43-P47). Is its pad clear of people?")
     line = SaidLine(story.now_s, Level.WARNING, offer.text)
     home = story.vehicle("uav1")
     assert home.motion.fix is not None
@@ -335,7 +335,7 @@ def pictures(ready: Fleet) -> Scene:
         ),
         "given_up": frozenset({5}),
     }
-    text = "uav3: pylon p3 is flown but not seen: rgb has no picture from viewpoint 2, 3"
+    text = "uav3: pylon p3 flown, but pictures are missing: rgb has no picture from viewpoint 2, 3"
     line = SaidLine(now_s, Level.WARNING, text)
     state = with_facts(_fitted(story.state), **facts, said=(*story.state.crew.said, line))
     words = {
@@ -343,7 +343,7 @@ def pictures(ready: Fleet) -> Scene:
         "#tally": "2 of 8 seen",
         "#tally-missed": "3 missed",
         "#legend-missed": "missed",
-        "#lines": "pylon p3 is flown but not seen",
+        "#lines": "pylon p3 flown, but pictures are missing",
     }
     return Scene(ready.context, state, now_s, words, ETAS)
 

@@ -111,7 +111,7 @@ class Outcome:
             for fault in report["faults"]
             if fault["vehicle"] not in self.lost
         ]
-        return wrong + [note["said"] for note in notes(self.run) if "internal mistake" in note["said"]]
+        return wrong + [note["said"] for note in notes(self.run) if "internal error" in note["said"]]
 
     def passed(self) -> dict[tuple[str, int], int]:
         """Return how often each vehicle flew along each segment from end to end, slowly enough."""

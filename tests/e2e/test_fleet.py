@@ -50,7 +50,7 @@ def finished(flown: Flown) -> None:
     assert report["segments_inspected"] == report["segments_total"] > 0
     assert report["segments_uncovered"] == []
     assert report["min_separation_m"] >= LEAST_APART_M
-    assert not any("internal mistake" in line for line in flown.said)
+    assert not any("internal error" in line for line in flown.said)
 
 
 def lost(flown: Flown) -> list[tuple[str, str]]:

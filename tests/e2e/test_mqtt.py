@@ -99,7 +99,7 @@ def flown_as_ever(run: Path, code: int | None) -> Mapping[str, Any]:
     assert report["segments_inspected"] == report["segments_total"] == PYLONS - 1
     assert ("uav2", "link") in [(fault["vehicle"], fault["kind"]) for fault in report["faults"]]
     assert all(replan["feasible"] for replan in report["replans"])
-    assert not any("internal mistake" in note["said"] for note in notes(run))
+    assert not any("internal error" in note["said"] for note in notes(run))
     again = rerun(run)
     assert (again.comparison.first_difference, again.comparison.reworded) == ("", "")
     return report

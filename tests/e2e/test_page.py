@@ -74,7 +74,7 @@ async def test_a_flight_with_a_loss_is_watched_and_steered(tmp_path: Path) -> No
             await expect(lines).to_contain_text("re-plan 1 is on board")
             await expect(lost.locator(".why")).to_contain_text("link lost for ")
             await ask(page, 3, "x")
-            await expect(third.locator(".why")).to_have_text("operator: excluded by the operator's word")
+            await expect(third.locator(".why")).to_have_text("operator: excluded by the operator")
             await expect(third.locator(".told")).to_contain_text("Exclude: done, it is out of the plan")
             await expect(lines).to_contain_text("planning for uav1, uav4")
             await expect(lines.locator("li").first).to_contain_text(re.compile("re-plan [23] is on board"))

@@ -118,5 +118,5 @@ async def test_a_terminal_that_is_gone_without_a_word_ends_no_supervision(tmp_pa
             code = await flight.wait()
     assert code == 0
     assert json.loads((run / "report.json").read_text(encoding="utf-8"))["finished"]
-    assert not any("internal mistake" in line for line in said(run))
+    assert not any("internal error" in line for line in said(run))
     assert not (run / "mistakes.txt").exists()

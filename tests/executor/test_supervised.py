@@ -31,7 +31,7 @@ async def test_what_dies_is_begun_again_with_longer_waits_and_said_once(tmp_path
             await asyncio.sleep(sum(WAITS_S) + WAITS_S[-1] + 0.1)
     gaps = [round(after - before, 3) for before, after in itertools.pairwise(began)]
     assert gaps == [*WAITS_S, WAITS_S[-1]]
-    assert said == ["internal mistake in the page's stream: ValueError: number 1"]
+    assert said == ["internal error in the page's stream: ValueError: number 1"]
     trace = (tmp_path / FILE).read_text(encoding="utf-8")
     assert trace.count("Traceback") == 1
     assert "in dies" in trace
@@ -86,7 +86,7 @@ async def test_other_kinds_of_mistakes_are_said_too(tmp_path: Path) -> None:
     with hear(said.append, tmp_path):
         for work in (first, second, first):
             safely("a link", work)
-    assert said == ["internal mistake in a link: ValueError: a", "internal mistake in a link: KeyError: 'b'"]
+    assert said == ["internal error in a link: ValueError: a", "internal error in a link: KeyError: 'b'"]
 
 
 async def test_a_task_that_nobody_waits_for_leaves_a_line_and_no_traceback(
@@ -103,7 +103,7 @@ async def test_a_task_that_nobody_waits_for_leaves_a_line_and_no_traceback(
         await asyncio.sleep(0)
         del task
         gc.collect()
-    assert said == ["internal mistake in keeping a plan: ValueError: unseen"]
+    assert said == ["internal error in keeping a plan: ValueError: unseen"]
     assert caplog.records == []
     assert "Traceback" not in capsys.readouterr().err
 
@@ -119,7 +119,7 @@ async def test_a_thread_that_dies_is_said(tmp_path: Path, capsys: pytest.Capture
         thread.start()
         thread.join()
         await asyncio.sleep(0)
-    assert said == ["internal mistake in the thread drawing: ValueError: drawn wrongly"]
+    assert said == ["internal error in the thread drawing: ValueError: drawn wrongly"]
     assert "Traceback" not in capsys.readouterr().err
 
 

@@ -84,7 +84,7 @@ def all_as_asked(autopilot: Autopilot, tmp_path: Path, routes: Mapping[str, tupl
 @BOTH
 def test_who_shares_a_pylon_comes_down_once_the_other_has_left(autopilot: Autopilot, tmp_path: Path) -> None:
     done = all_as_asked(autopilot, tmp_path, ROUTES, "uav2")
-    assert "uav2: nobody else comes to V104.1 any more; new mission at the asked distance" in done.said
+    assert "uav2: airspace at V104.1 is free; new mission at inspection height" in done.said
 
 
 @pytest.mark.sitl
@@ -92,6 +92,6 @@ def test_who_shares_a_pylon_comes_down_once_the_other_has_left(autopilot: Autopi
 @BOTH
 def test_what_counts_from_a_layer_is_flown_again_before_the_way_home(autopilot: Autopilot, tmp_path: Path) -> None:
     done = all_as_asked(autopilot, tmp_path, FIRST, "uav1")
-    assert "uav1: flies V104.1 again, at the asked distance; new mission before its way home" in done.said
+    assert "uav1: re-inspects V104.1 at inspection height; new mission before it returns" in done.said
     by = {row["segment"]: row["vehicle"] for row in done.report["inspections"]}
     assert by[SHARED] == "uav1"

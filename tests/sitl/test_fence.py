@@ -105,7 +105,7 @@ def test_a_replan_that_leads_out_of_a_fence_widens_it_first(autopilot: Autopilot
     flight = flown(autopilot, Story(look.strike, fence=FENCE, loses="uav3", loses_at=in_its_first_segment), tmp_path)
     print(flight.said)
     assert {fault["vehicle"] for fault in flight.report["faults"]} == {"uav3"}
-    assert "and a wider fence before it" in flight.said
+    assert "fence widened first" in flight.said
     assert "fence breached" not in flight.said
     assert flight.report["finished"]
     widened = [one for one in read_kept_lists(flight.run) if one.kind is MissionKind.FENCE and len(one.new) > 1]

@@ -83,7 +83,7 @@ def test_who_flies_above_a_climbing_rtl_is_slow_until_it_is_over(autopilot: Auto
     )  # fmt: skip
     done = flown(autopilot, story, tmp_path)
     assert done.lifted_s is not None, done.said
-    waits_s = done.says(f"{ABOVE}: slows down, {VICTIM} climbs in its RTL ahead of it")
+    waits_s = done.says(f"{ABOVE}: slowing: {VICTIM} ahead is climbing in RTL")
     over_s = done.says(f"{ABOVE}: flies on at ")
     assert waits_s is not None, done.said
     assert over_s is not None, done.said

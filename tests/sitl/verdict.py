@@ -30,7 +30,7 @@ def ended_well(flight: Flown, lost: list[str], *, down: tuple[str, ...] = NAMES,
         assert inferred == set()
     assert [one for one in wrongly_counted(flight.run, report) if one[1] not in inferred] == [], said
     assert report["min_separation_m"] >= LEAST_APART_M, said
-    assert not any(line for line in said.splitlines() if "internal mistake" in line), said
+    assert not any(line for line in said.splitlines() if "internal error" in line), said
     assert all(replan["feasible"] for replan in report["replans"]), said
     for name in down:
         assert flight.vehicle(name)["landed"], said

@@ -182,14 +182,17 @@ class Judge(Record):
     def _claims(self) -> Sequence[tuple[re.Pattern[str], Callable[[re.Match[str], float, Say], str]]]:
         name = rf"^(?P<name>{'|'.join(self.names)}): "
         return [
-            (re.compile(name + r"(?!.*(says|not landed|has not|taken to have)).*\blanded\b"), self._landed),
+            (
+                re.compile(name + r"(?!.*(says|not landed|has not|taken to have|reported landed but)).*\blanded\b"),
+                self._landed,
+            ),
             (re.compile(name + r".*down at (?P<lat>-?\d+\.\d+)\D+?(?P<lon>-?\d+\.\d+)"), self._down),
             (re.compile(name + r".*with its pilot"), self._with_pilot),
             (re.compile(name + r".*segments? to be reassigned"), self._given),
             (re.compile(name + r".*(link lost|no message) for "), self._is_silent),
             (re.compile(name + r"link regained"), self._is_heard),
             (re.compile(name + r".*(?P<what>by itself)"), self._by_itself),
-            (re.compile(r"^all links lost at once"), self._all_silent),
+            (re.compile(r"^all links lost"), self._all_silent),
             (re.compile(name + r".*(below|under) (its|the) reserve"), self._below_reserve),
             (re.compile(name + r".*"), self._a_fault),
         ]
@@ -301,7 +304,7 @@ class Judge(Record):
                 if re.search(pattern, line.text):
                     yield Finding("says", at_s, f"{line.text!r}: must not be said")
         for at_s, line in self.flown.said:
-            if line.text.startswith("internal mistake"):
+            if line.text.startswith("internal error"):
                 yield Finding("mistake", at_s, line.text)
 
     # What was shown.

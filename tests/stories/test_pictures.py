@@ -167,7 +167,7 @@ async def test_a_span_whose_picture_nobody_likes_is_seen_once_more(autopilot: st
     sky = Eyes(story(moment, fleet=FOUR), autopilot)
     flown = await sky.fly()
     said = lines(sky)
-    assert "terminal asks: prove of 1 asset; segment 0 open again, to be looked at once more" in said
+    assert "terminal asks: prove of 1 asset; segment 0 reopened for re-inspection" in said
     assert set(flown.inspected) == flown.wanted, said
     assert flown.solver_asked == 1, said
     shown = [one.segment for name in FOUR for one in sky.pictures(name) if not one.flaw]

@@ -52,7 +52,7 @@ AIRBORNE_M = 1.0
 OVER = frozenset({"landed", "down", "lost", "ground", "pilot"})
 """States in which the end of a vehicle is known, or openly unknown."""
 UNEXPLAINED_S = 60.0
-"""So long a takeover that was none is spoken of: until its segments are free for the others."""
+"""So long a takeover that was none is spoken of: until its segments are released to the others."""
 EXPLAINS_S = 20.0
 """So long a text of a failsafe explains a return, whoever said it."""
 DRAINS = frozenset({"battery step", "drain", "emergency", "gps jump", "no battery", "solver"})

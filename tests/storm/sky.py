@@ -353,7 +353,7 @@ class StormSky(Sky):
         self._then.sort()
 
     def _asks(self, action: Action, vehicle: str | None, *, sure: bool = True) -> None:
-        with suppress(RuntimeError):  # an internal mistake is said, and found among what was said
+        with suppress(RuntimeError):  # an internal error is said, and found among what was said
             self.ask(action, vehicle, sure=sure)
 
     def _recovers(self) -> None:

@@ -66,7 +66,7 @@ def test_a_foreign_mission_is_noticed_within_two_seconds(autopilot: str) -> None
     began_s = next(at_s for at_s, one in stormed.began if one.kind == "foreign mission")
     told_s = next(at_s for at_s, line in stormed.flown.said if "carries another mission" in line.text)
     assert told_s - began_s <= 2.0
-    free_s = next(at_s for at_s, line in stormed.flown.said if "its segments are free for the others" in line.text)
+    free_s = next(at_s for at_s, line in stormed.flown.said if "its segments are released to the others" in line.text)
     assert free_s - told_s == pytest.approx(30.0, abs=2.0), "they are kept for a while"
 
 
@@ -90,7 +90,7 @@ def test_a_solver_that_hangs_is_done_without(autopilot: str) -> None:
 @DIALECTS
 def test_a_kill_switch_on_who_stands_by_keeps_it_on_the_ground(autopilot: str) -> None:
     stormed = flown(autopilot, Happening("kill", "uav4", AT_S), Happening("crash", "uav2", AT_S + 2.0), spare=True)
-    assert "uav4: its kill switch is on; it is not started until it is included" in faults(stormed)
+    assert "uav4: its kill switch is on; no start until included" in faults(stormed)
     assert not any(one.what == "armed" for one in stormed.flown.truths if one.vehicle == "uav4")
 
 

@@ -56,7 +56,7 @@ def test_a_calm_flight_is_clean_and_what_is_not_so_is_seen() -> None:
     assert rules(lied(calm, inspected={**calm.flown.inspected, 2: "uav1"})) == {"inspected"}
     assert rules(lied(calm, said="uav1: landed with 90 %")) == {"line"}
     assert rules(lied(calm, said="uav2: with its pilot, mode HOLD")) == {"line"}
-    assert rules(lied(calm, said="internal mistake at Tick: KeyError: 'uav9'")) == {"mistake"}
+    assert rules(lied(calm, said="internal error at Tick: KeyError: 'uav9'")) == {"mistake"}
     assert rules(replace(calm, mistakes=("the task died",))) == {"traceback"}
     assert rules(replace(calm, shown={"uav1": "landed", "uav2": "flying"})) == {"unknown"}
     assert rules(replace(calm, flown=replace(calm.flown, ended_s=None))) == {"ends"}

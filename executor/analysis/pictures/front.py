@@ -55,7 +55,7 @@ def front_figure(front: Sequence[FrontPoint], references: Mapping[str, FrontPoin
         axes.plot(point.longest_route_s, point.earliest_s, ls="", marker=MARKERS[number % len(MARKERS)], ms=13,
                   mfc=shade(scale(point.energy_pct)), mec=INK, mew=1.6, zorder=2)  # fmt: skip
     axes.set_xlabel("longest route (s)")
-    axes.set_ylabel("earliest time at which any one vehicle may be lost (s)")
+    axes.set_ylabel("earliest time at which the fleet can absorb any one loss (s)")
     colours = figure.colorbar(ScalarMappable(scale, shade), cax=bar)
     colours.set_label("energy of all routes (% of a battery)")
     figure.text(0.01, 1.0 - 0.32 / HEIGHT_IN, "Plans that no other one beats in all three", fontsize=14,

@@ -140,8 +140,8 @@ def _ends(
 def _title(found: ReplanWindow) -> str:
     title = f"Re-plan window {found.window_pct:.1f} %"
     if found.earliest_s >= found.longest_route_s:
-        return f"{title}: at no time may every vehicle be lost"
-    return f"{title}: from {found.earliest_s:.0f} s on any one vehicle may be lost"
+        return f"{title}: at no time can the fleet absorb every loss"
+    return f"{title}: from {found.earliest_s:.0f} s the fleet can absorb any one loss"
 
 
 def _handles(content: PlanFile, found: ReplanWindow, repairs: Sequence[LossRepair]) -> list[Artist]:

@@ -31,7 +31,7 @@ def own_sleep(context: Scene, state: FleetState, now_s: float) -> Stepped:  # no
     if slept_s <= NOTED_SLEEP_S:
         return state, ()
     state = _away(state, Absence(now_s, slept_s, restarted=False))
-    return state, (Say(Level.WARNING, f"the ground station itself stood still for {slept_s:.1f} s"),)
+    return state, (Say(Level.WARNING, f"the ground station stalled for {slept_s:.1f} s"),)
 
 
 def of_all(context: Scene, state: FleetState, now_s: float, *, least: int = 1) -> Stepped:
@@ -62,8 +62,8 @@ def of_all(context: Scene, state: FleetState, now_s: float, *, least: int = 1) -
         return _over(state), ()
     if state.listening.silent_since_s is not None:
         return _lasting(context, state, now_s)
-    who = "all links lost at once" if len(expected) > 1 else "no link to any vehicle"
-    text = f"{who}: is it our own radio? No re-plan yet"
+    who = "all links lost" if len(expected) > 1 else "no link to any vehicle"
+    text = f"{who}: suspecting the ground radio; re-planning suspended"
     return replace(state, listening=replace(state.listening, silent_since_s=latest)), (Say(Level.WARNING, text),)
 
 

@@ -49,7 +49,7 @@ def doubtful(view: View) -> str:
     """A HEARTBEAT says what its positions refute."""
     if view.state.telemetry.doubted is None:
         return ""
-    return "a HEARTBEAT says disarmed, but it flies: does another station send it?"
+    return "HEARTBEAT reports disarmed, but it is flying: sent by another station?"
 
 
 def lossy(view: View) -> str:
@@ -108,7 +108,7 @@ def gps_lost(view: View) -> str:
     known = view.state.sensors.positioning
     if known.lost_s is None or (known.adrift_s is not None and view.now_s - known.lost_s < ESTIMATOR_S):
         return ""
-    return f"GPS lost ({known.why}): its place is reckoned from now on; {last_fix(view.context, view.state)}"
+    return f"GPS lost ({known.why}): position is dead-reckoned from now on; {last_fix(view.context, view.state)}"
 
 
 def position_off(view: View) -> str:

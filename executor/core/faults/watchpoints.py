@@ -62,7 +62,7 @@ def down_off_pad(view: View) -> Finding:  # noqa: C901, PLR0911 - one return for
     if state.stage is Stage.PILOT:
         return OK  # its pilot may disarm it anywhere
     if is_adrift(state):
-        return Finding(Verdict.FAIL, f"disarmed without GPS, nobody knows where{alarm_words(view)}")
+        return Finding(Verdict.FAIL, f"disarmed without GPS, position unknown{alarm_words(view)}")
     if away_m > limits.off_pad_m:
         return Finding(
             Verdict.FAIL,
@@ -93,7 +93,7 @@ def _down_in_flight(view: View) -> Finding:
 
 
 def terminated(view: View) -> Finding:
-    """Its heartbeat says that it gave itself up."""
+    """Its HEARTBEAT reports flight termination."""
     heartbeat = view.state.telemetry.heartbeat
     if heartbeat is None:
         return STALE
@@ -146,7 +146,7 @@ def _left_unplanned(view: View, mode: int) -> Finding:
         words = f"went to mode {name} by its own failsafe: {who.why or 'it does not say which'}"
         return Finding(Verdict.FAIL, words)
     if who.by is Actor.UNKNOWN and is_home_mode(view.setup.dialect, mode) and settled(state, view.now_s):
-        return Finding(Verdict.FAIL, f"went to mode {name}, and nothing says who chose it")
+        return Finding(Verdict.FAIL, f"went to mode {name}, by an unknown source")
     return OK
 
 

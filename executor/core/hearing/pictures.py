@@ -253,7 +253,7 @@ LONGEST_S = 3600.0
 def _look(
     vehicle: VehicleState, camera: Camera, message: PictureTaken, now_s: float
 ) -> tuple[float | None, float | None]:
-    """Return where the camera looked: by its own word, or by its gimbal's on a vehicle with this heading."""
+    """Return where the camera looked: by its own report, or by its gimbal's on a vehicle with this heading."""
     if message.source is PictureProof.CAPTURED and message.pitch_deg is not None:
         return message.pitch_deg, message.yaw_deg
     known = vehicle.payload

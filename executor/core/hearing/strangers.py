@@ -19,7 +19,7 @@ def noted(known: frozenset[Stranger], heard: Stranger) -> frozenset[Stranger]:
 def stranger_lines(before: frozenset[Stranger], now: frozenset[Stranger]) -> Iterator[str]:
     """Yield a line for who is new; the last of them says that it is."""
     for stranger in now - before if now is not before else ():
-        more = "; further ones are not named" if _count(now, stranger) == MOST_NAMED else ""
+        more = "; further ones are not listed" if _count(now, stranger) == MOST_NAMED else ""
         yield f"{stranger_words(stranger)}{more}"
 
 
@@ -29,10 +29,10 @@ def stranger_words(heard: Stranger) -> str:
         case StationHeard(system, component):
             return f"another ground station is on its link, system {system} component {component}"
         case DoubleHeard(system, ()):
-            whose = f"as system {system}" if system else "by its number"
-            return f"two vehicles answer {whose}: what they say is mixed, and both would obey"
+            whose = f"system id {system}" if system else "its system id"
+            return f"two vehicles use {whose}: their telemetry is mixed, and both would follow commands"
         case DoubleHeard(system, places):
-            return f"system {system} speaks from {' and '.join(places)}: two vehicles have the same sysid"
+            return f"sysid {system} is used at {' and '.join(places)}: duplicate system id"
 
 
 def _count(known: frozenset[Stranger], like: Stranger) -> int:

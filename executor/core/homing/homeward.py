@@ -91,7 +91,7 @@ def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # 
     if in_other_hands(vehicle):  # confirmed or not: an order that takes it from its pilot says so of its mode
         return Advice(Answer.LEAVE, "with its pilot, not commanded")
     if _stopped(vehicle, now_s) and not errand.force:
-        return Advice(Answer.WAIT, "its kill switch is on, by its own word: not commanded")
+        return Advice(Answer.WAIT, "reports its kill switch on, not commanded")
     if errand.land:
         return Advice(Answer.LAND)
     if comes_home(context, vehicle) and not errand.force:
@@ -99,7 +99,9 @@ def advice(context: Context, vehicle: VehicleState, now_s: float) -> Advice:  # 
     if not errand.force and (failsafe := _failsafe_acts(context, vehicle)) is not None:
         return failsafe
     if _cannot_climb(context, vehicle, now_s) and not errand.force:
-        return Advice(Answer.LEAVE, "cannot hold its height and RTL climbs, not commanded: its pilot may land it")
+        return Advice(
+            Answer.LEAVE, "cannot hold height and RTL begins with a climb, not commanded: its pilot may land it"
+        )
     fix = vehicle.motion.fix
     if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
         if now_s - errand.since_s < FRESH_FIX_S:
@@ -123,7 +125,7 @@ def _stopped(vehicle: VehicleState, now_s: float) -> bool:
 
 def _failsafe_acts(context: Context, vehicle: VehicleState) -> Advice | None:
     """Return that a failsafe is waited for that holds before it acts; None if none acts."""
-    waited_for = Advice(Answer.WAIT, "held by its own failsafe, which is waited for")
+    waited_for = Advice(Answer.WAIT, "holding in its own failsafe; waiting for it to act")
     if vehicle.custody.cause is Cause.OURS and begins_in_hold(context, vehicle):
         return waited_for
     if vehicle.custody.cause is not Cause.FAILSAFE or vehicle.telemetry.heartbeat is None:
@@ -217,7 +219,7 @@ def _through_areas(context: Context, vehicle: VehicleState) -> tuple[Command, ..
     names = areas_on_the_way_home(context.setup, vehicle.name, fix.place_m)
     if not names:
         return ()
-    text = f"{vehicle.name}: its RTL is straight, through area {first_of([repr(name) for name in names], MOST_NAMED)}"
+    text = f"{vehicle.name}: RTL will cross no-fly area {first_of([repr(name) for name in names], MOST_NAMED)}"
     return (Say(Level.WARNING, text),)
 
 

@@ -29,7 +29,7 @@ def has_landed(vehicle: VehicleState) -> bool:
 
 
 def _fell(context: Context, vehicle: VehicleState, now_s: float) -> bool | None:
-    """Return whether a vehicle came down, but not in a landing; None as long as that is not seen."""
+    """Return whether a vehicle came down outside a landing; None as long as that is not seen."""
     fix = vehicle.motion.fix
     if not vehicle.sortie.took_off or fix is None:
         return False
@@ -57,7 +57,7 @@ def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now
         return state, ()
     if came_down:
         leans = f"; {lean}" if (lean := lean_words(vehicle)) else ""
-        text = f"{vehicle.name}: came down, but not in a landing{leans}; {last_heard(context, vehicle, now_s)}"
+        text = f"{vehicle.name}: came down outside a landing{leans}; {last_heard(context, vehicle, now_s)}"
         lies = replace(
             moved_to(vehicle, Stage.DOWN),
             assignment=replace(vehicle.assignment, run=None),
@@ -86,7 +86,7 @@ def touched_down(context: Context, state: FleetState, vehicle: VehicleState, now
                 replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s),
             )
     if not vehicle.sortie.took_off:
-        return state, (Say(Level.INFO, f"{vehicle.name}: is disarmed, and was not heard in the air"),)
+        return state, (Say(Level.INFO, f"{vehicle.name}: disarmed; its take-off was not observed"),)
     left = _left_in_its_pack(context, vehicle, now_s)
     if vehicle.sortie.rebooted_s is not None and over_its_pad(context, vehicle):
         text = f"{vehicle.name}: is disarmed on its pad{left}; its autopilot has rebooted"
@@ -104,7 +104,7 @@ def _in_hand_words(context: Context, vehicle: VehicleState) -> str:
     beat, dialect = vehicle.telemetry.heartbeat, context.vehicles[vehicle.name].dialect
     if context.fly_again is not FlyAgain.AUTO or beat is None or not in_hand(context, vehicle):
         return ""
-    return f"; mode {mode_name(dialect, beat.custom_mode)}: it stays on the ground until it is included"
+    return f"; mode {mode_name(dialect, beat.custom_mode)}: stays on the ground until included"
 
 
 def _left_in_its_pack(context: Context, vehicle: VehicleState, now_s: float) -> str:
@@ -118,4 +118,4 @@ def _left_in_its_pack(context: Context, vehicle: VehicleState, now_s: float) -> 
         return f" with {held_pct:.0f} %"
     if not doubted_at_rest(last.rest_v, vehicle.power.volts.cells, facts_of(context, vehicle), last.began_pct):
         return f" with {held_pct:.0f} %"
-    return f", reports {held_pct:.0f} %, which its voltage before its take-off contradicted"
+    return f", reports {held_pct:.0f} %, contradicted by its voltage before take-off"

@@ -210,7 +210,7 @@ def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) 
         state, more = withdrawn(state, vehicle.name, f"{vehicle.name}: excluded, with its pilot", now_s)
         return _Ordered(state, "it stays with its pilot; its segments are to be reassigned", more)
     starting = vehicle.stage is Stage.STARTING and not vehicle.armed
-    fault = Fault(FaultKind.OPERATOR, "excluded by the operator's word", now_s, FaultCode.OPERATOR_EXCLUDE)
+    fault = Fault(FaultKind.OPERATOR, "excluded by the operator", now_s, FaultCode.OPERATOR_EXCLUDE)
     state, commands = declare(context, state, state.vehicles[vehicle.name], fault)
     if starting:
         commands = (*commands, SendHome(vehicle.name))  # in place of its start
@@ -234,7 +234,7 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
     vehicle = _vehicle(state, intent)
     if vehicle.stage is Stage.PILOT:
         state, more = takeover.given_back(context, state, vehicle, now_s)
-        return _Ordered(state, "it is back in the plan", more)
+        return _Ordered(state, "included", more)
     left = replanning.left_over(state)
     again = offers.takes_off_again(state, vehicle)
     state, ready = back_in_service(state, vehicle)
@@ -246,10 +246,10 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
             replanning=replace(state.replanning, wait_until_s=max(state.replanning.wait_until_s, now_s + SHARED_S)),
         )
     if replanning.orphans(context, state) or left:
-        return _Ordered(state, "it is back in the plan; re-planning with it")
+        return _Ordered(state, "included; re-planning with it")
     if again:
-        return _Ordered(state, "it flies again what counts from farther away than asked")
-    return _Ordered(state, "it is back in the plan; no segment is left over, a re-plan would share the others")
+        return _Ordered(state, "included; re-inspecting segments at inspection height")
+    return _Ordered(state, "included. Nothing is unassigned; use re-plan to redistribute")
 
 
 def _swap(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
@@ -261,11 +261,11 @@ def _close(context: Context, state: FleetState, intent: Intent, now_s: float) ->
     aloft = bases.in_the_air(bases.based_at(context, state, intent.base))
     state, told = bases.base_closed(context, state, intent.base, now_s)
     lands = f"; still to land there: {', '.join(aloft)}" if aloft else ""
-    return _Ordered(state, f"nobody takes off from it until it is opened{lands}", told, level=Level.WARNING)
+    return _Ordered(state, f"no take-off from it until it is opened{lands}", told, level=Level.WARNING)
 
 
 def _open(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
-    return _Ordered(bases.base_opened(context, state, intent.base), "vehicles may be sent out from it again, by `swap`")
+    return _Ordered(bases.base_opened(context, state, intent.base), "take-offs from it are allowed again; use `swap`")
 
 
 def _disarm(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
@@ -280,7 +280,7 @@ def _answer(context: Context, state: FleetState, intent: Intent, now_s: float) -
 
 
 def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
-    trigger = f"{intent.source} asks for it"
+    trigger = f"requested by {intent.source}"
     state = replace(
         state,
         replanning=replace(state.replanning, ordered=True, trigger=trigger, trigger_s=now_s),
@@ -294,8 +294,8 @@ def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) ->
         return _look_again(context, state, intent, now_s)
     wanted = state.coverage.unproven() | proof.missed(context, state)
     coverage = again.unproven(state.coverage, wanted)
-    known = replace(state.replanning, ordered=True, trigger=f"{intent.source} asks for proof", trigger_s=now_s)
-    text = f"{listed(context, wanted)} flown again for proof"
+    known = replace(state.replanning, ordered=True, trigger=f"proof requested by {intent.source}", trigger_s=now_s)
+    text = f"re-flying {listed(context, wanted)} for proof"
     return _Ordered(replace(state, coverage=coverage, replanning=known), text, open=True)
 
 
@@ -304,9 +304,14 @@ def _look_again(context: Context, state: FleetState, intent: Intent, now_s: floa
     if not isinstance(found, frozenset):
         raise TypeError(found[1])
     names = listed(context, found)
-    known = replace(state.replanning, ordered=True, trigger=f"{intent.source} looks again at {names}", trigger_s=now_s)
+    known = replace(
+        state.replanning,
+        ordered=True,
+        trigger=f"re-inspection of {names} requested by {intent.source}",
+        trigger_s=now_s,
+    )
     state = replace(state, coverage=again.open_again(state.coverage, found), replanning=known)
-    return _Ordered(state, f"{names} open again, to be looked at once more", open=True)
+    return _Ordered(state, f"{names} reopened for re-inspection", open=True)
 
 
 def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
@@ -486,7 +491,7 @@ def _settlement(state: FleetState, record: IntentRecord, now_s: float) -> _Settl
             return Outcome.FAILED, f"link to {name} lost", IntentReason.LINK_LOST
         if record.intent.action in {Action.HOLD, Action.RESUME} and vehicle.stage is not Stage.FLYING:
             why = f": {vehicle.fault.reason}" if vehicle.fault is not None else ""
-            return Outcome.FAILED, f"overtaken, {name} is {vehicle.stage.value}{why}", IntentReason.OVERTAKEN
+            return Outcome.FAILED, f"superseded: {name} is {vehicle.stage.value}{why}", IntentReason.OVERTAKEN
         if now_s - record.at_s > ANSWER_S:
             return Outcome.FAILED, f"{name} did not answer", IntentReason.UNANSWERED
     return None, "", None
@@ -500,5 +505,5 @@ def _replan_settled(state: FleetState, record: IntentRecord) -> _Settled:
     if state.progress.recalled:
         return Outcome.FAILED, "the flight was aborted", IntentReason.ABORTED
     if state.replanning.replan is None and not state.replanning.ordered and not state.replanning.urgent:
-        return Outcome.FAILED, "there was nothing to plan, or no vehicle to fly it", IntentReason.NOTHING_TO_PLAN
+        return Outcome.FAILED, "nothing to plan, or no vehicle available", IntentReason.NOTHING_TO_PLAN
     return None, "", None

@@ -77,7 +77,7 @@ def _of_base(context: Context, state: FleetState, intent: Intent) -> Why:
     if intent.vehicle is not None:
         return IntentReason.VEHICLE_UNEXPECTED, f"{intent.action.value} is for a base; expected no vehicle"
     if intent.base not in known:
-        expected = f"expected one of {', '.join(known)}" if known else "this flight is no day of sorties"
+        expected = f"expected one of {', '.join(known)}" if known else "this flight is not a day plan"
         return IntentReason.BASE_UNKNOWN, f"there is no base {intent.base!r}: {expected}"
     shut = is_closed(context, state, intent.base)
     if intent.action is Action.CLOSE and shut:
@@ -92,14 +92,14 @@ def question(context: Context, state: FleetState, intent: Intent) -> str:
         return ""
     if intent.action is Action.DISARM:
         where_ = where(context, vehicle)
-        return f"{vehicle.name} is down at {where_}: stop its motors by force? If it flies after all, it falls"
+        return f"{vehicle.name} is down at {where_}: force its motors off? If it is still flying, it will fall"
     if intent.action is Action.SWAP:
-        named = f"is pack {intent.pack} in it" if intent.pack else "is another pack in it, or its own charged"
-        return f"{vehicle.name} takes off as soon as its checks have passed: {named}, and its pad clear of people?"
+        named = f"Is pack {intent.pack} installed" if intent.pack else "Is another pack installed, or its own charged"
+        return f"{vehicle.name} will take off once its checks pass. {named}, and its pad clear of people?"
     if intent.action is Action.INCLUDE and vehicle.stage is not Stage.PILOT:
-        return f"{vehicle.name} may take off as soon as its mission is on board: is its pad clear of people?"
+        return f"{vehicle.name} may take off once its mission is uploaded. Is its pad clear of people?"
     if intent.action in _COMMANDING and in_other_hands(vehicle):
-        return f"{vehicle.name} is with its pilot: take it out of the pilot's hands? Speak to the pilot first"
+        return f"{vehicle.name} is with its pilot. Take control of it? Speak to the pilot first"
     return ""
 
 
@@ -110,7 +110,7 @@ def _before(state: FleetState, intent: Intent) -> Why:
     if intent.vehicle is not None:
         return IntentReason.VEHICLE_UNEXPECTED, f"{intent.action.value} is for the whole fleet; expected no vehicle"
     open_ = asked is not None and asked.id == intent.action.value
-    return None if open_ else (IntentReason.NOT_ASKED, "that question is not open now")
+    return None if open_ else (IntentReason.NOT_ASKED, "that question is not pending")
 
 
 def _silent(vehicle: VehicleState, context: Context, now_s: float) -> Why:
@@ -130,10 +130,10 @@ def _hold(context: Context, state: FleetState, vehicle: VehicleState, now_s: flo
     if vehicle.fault is not None or vehicle.orders.excluded:
         return IntentReason.OUT_OF_PLAN, "it is out of the plan; return or land it"
     if vehicle.assignment.pending is not None:
-        return IntentReason.UPLOADING, "its new mission is being put on board; ask again in a moment"
+        return IntentReason.UPLOADING, "mission upload in progress; try again in a moment"
     phase = None if vehicle.leg is None else vehicle.leg.phase
     if phase is Phase.TAKEOFF:
-        return IntentReason.CLIMBING, "it climbs from its pad; below its layer it would be in the way of others"
+        return IntentReason.CLIMBING, "it is climbing from its pad; below its layer it could conflict with others"
     if phase is Phase.LAND:
         return IntentReason.LANDING, "it is landing"
     return _silent(vehicle, context, now_s)
@@ -141,7 +141,7 @@ def _hold(context: Context, state: FleetState, vehicle: VehicleState, now_s: flo
 
 def _resume(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Why:
     if vehicle.stage is Stage.PILOT:
-        return IntentReason.WITH_PILOT, "it is with its pilot, who must set mission mode; then include it"
+        return IntentReason.WITH_PILOT, "it is with its pilot: the pilot must set mission mode; then include it"
     if vehicle.stage is not Stage.FLYING or vehicle.orders.held_s is None:
         return IntentReason.NOT_ON_HOLD, f"it is not on hold, it is {vehicle.stage.value}"
     if state.progress.recalled:
@@ -164,7 +164,7 @@ def _return(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
 def _land(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Why:
     fix = vehicle.motion.fix
     if vehicle.stage not in IN_THE_AIR or not vehicle.armed:
-        return IntentReason.NOT_FLYING, f"it does not fly, it is {vehicle.stage.value}"
+        return IntentReason.NOT_FLYING, f"it is not flying, it is {vehicle.stage.value}"
     if vehicle.orders.lands:
         return IntentReason.LANDING, "it is landing already"
     if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
@@ -252,7 +252,7 @@ def _swap(  # noqa: PLR0911 - one return for each reason
     if vehicle.assignment.pending is not None or vehicle.orders.cleared_s is not None:
         return IntentReason.CLEARED, "it is cleared for take-off already"
     if not turnaround.next_visits(context, state, vehicle) and not _open_for(context, state, vehicle):
-        return IntentReason.NOTHING_TO_PLAN, "no segment is open for another sortie of it"
+        return IntentReason.NOTHING_TO_PLAN, "no open segment for another sortie"
     if why := turnaround.out_of_hours(context, state, vehicle, now_s):
         return IntentReason.OUT_OF_HOURS, why
     return None
@@ -266,7 +266,7 @@ def _open_for(context: Context, state: FleetState, vehicle: VehicleState) -> fro
 
 def _from_its_pilot(state: FleetState, vehicle: VehicleState) -> Why:
     if vehicle.custody.taken is None or vehicle.custody.taken.returned_s is None:
-        return IntentReason.WITH_PILOT, "it is with its pilot, who must set mission mode first"
+        return IntentReason.WITH_PILOT, "it is with its pilot: the pilot must set mission mode first"
     if vehicle.fault is not None:
         return IntentReason.OUT_OF_PLAN, f"it is out of the plan: {vehicle.fault.reason}"
     return (IntentReason.ABORTED, "the flight was aborted") if state.progress.recalled else None
@@ -297,7 +297,7 @@ def _replan(context: Context, state: FleetState, now_s: float) -> Why:
 
 def _prove(context: Context, state: FleetState, now_s: float) -> Why:
     if not state.coverage.unproven() | proof.missed(context, state):
-        return IntentReason.NOTHING_TO_PLAN, "every segment that counts was proven by positions"
+        return IntentReason.NOTHING_TO_PLAN, "every counted segment is already proven by positions"
     return _nobody_free(context, state, now_s)
 
 

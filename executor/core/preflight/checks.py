@@ -102,17 +102,17 @@ def identity(
     found = [_who(facts, dialect)]
     kind = facts.heartbeat.vehicle_type
     if kind not in firmware.MULTICOPTERS:
-        text = f"its heartbeat says that it is a {firmware.vehicle_words(kind)}, expected a multicopter"
+        text = f"HEARTBEAT type is {firmware.vehicle_words(kind)}, expected a multicopter"
         found.append(Check(Severity.STOP, facts.name, text, CheckCode.VEHICLE_TYPE))
     if facts.heartbeat.autopilot != dialect.number:
-        text = f"its heartbeat says autopilot {facts.heartbeat.autopilot}, expected {dialect.name} ({dialect.number})"
+        text = f"HEARTBEAT autopilot is {facts.heartbeat.autopilot}, expected {dialect.name} ({dialect.number})"
         found.append(Check(Severity.STOP, facts.name, text, CheckCode.AUTOPILOT))
     found += [
         Check(Severity.STOP, facts.name, stranger_words(double), CheckCode.DOUBLE_SYSID) for double in facts.doubles
     ]
     if facts.heartbeat.armed:
         found.append(
-            Check(Severity.STOP, facts.name, "is armed already, expected a vehicle at rest on its pad", CheckCode.ARMED)
+            Check(Severity.STOP, facts.name, "already armed, expected a disarmed vehicle on its pad", CheckCode.ARMED)
         )
     away_m = math.dist(place_m, stated_m or (0.0, 0.0))
     if away_m > FARTHEST_PAD_M:
@@ -190,7 +190,7 @@ def stations(facts: Facts, dialect: Dialect) -> list[Check]:
         found.append(Check(Severity.WARNING, facts.name, text, CheckCode.WATCHED_STATION))
     if counted is not None and counted[1] != ours:
         name, value = counted
-        text = f"its GCS failsafe watches system {value} ({name}), ours is {ours}: it will not notice our loss"
+        text = f"its GCS failsafe watches system {value} ({name}), ours is {ours}: it will not act when we are lost"
         found.append(Check(Severity.WARNING, facts.name, text, CheckCode.WATCHED_STATION))
     for station in facts.stations:
         hides = counted is None or counted[1] == station.system
@@ -209,7 +209,7 @@ def battery_failsafes(facts: Facts, dialect: Dialect, left_pct: float | None) ->
     absent = [name for name in levels if name not in facts.parameters]
     settings = ", ".join(name if name in absent else f"{name}={facts.parameters[name]:g}" for name in levels)
     known = bool(rule.actions) and rule.said and all(action.known for action in rule.actions)
-    text = f"no battery failsafe ({settings}): on an empty battery it flies on until it falls"
+    text = f"no battery failsafe ({settings}): on an empty battery it keeps flying until it falls"
     if rule.actions:
         text = f"battery failsafe: {', '.join(action.words for action in rule.actions)}"
         text += f"; it has no {', '.join(absent)}" if absent else ""
@@ -312,7 +312,7 @@ def talkers(connections: Mapping[str, Connection], *, signed: bool) -> Check:
     """
     if signed:
         return Check(
-            Severity.OK, "signing", "frames are signed; what is not signed with our key is refused", CheckCode.SIGNING
+            Severity.OK, "signing", "frames are signed; frames not signed with our key are rejected", CheckCode.SIGNING
         )
     open_ = [name for name, connection in connections.items() if connection.is_on_a_network]
     if not open_:

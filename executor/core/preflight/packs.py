@@ -71,7 +71,7 @@ def rested(setup: VehicleSetup, heard: PackHeard) -> Rested | None:
     if found is None:
         return None
     counted = heard.cells or known.cells
-    count = f"{cells} cells" if counted else f"at least {cells} cells, as nobody says how many"
+    count = f"{cells} cells" if counted else f"at least {cells} cells, cell count not reported"
     reads_volts = setup.dialect.rounds_twice and heard.parameters.get("BAT1_CAPACITY", -1.0) <= 0.0
     return Rested(found, count, reads_volts)
 
@@ -137,7 +137,7 @@ def _capacity(context: Context, name: str, said: PackFacts) -> list[Check]:
 
 def _voltage(facts: Facts, found: Rested | None) -> list[Check]:
     if facts.voltage_v is None:
-        text = "no voltage is reported: nobody can say whether its pack holds what it reports"
+        text = "no voltage is reported: the reported charge cannot be verified"
         return [Check(Severity.OK, facts.name, text, CheckCode.PACK)]
     if found is None:
         return []

@@ -48,4 +48,4 @@ def complaint(reasons_s: Mapping[str, float], status: SystemStatus | None, now_s
         ill = [name for bit, name in SENSORS.items() if status.unhealthy & bit]
         if ill:
             parts.append(f"not healthy: {', '.join(ill)}")
-    return "its own pre-arm checks fail" + (f": {'; '.join(parts)}" if parts else ", and it does not say why")
+    return "its own pre-arm checks fail" + (f": {'; '.join(parts)}" if parts else ", no reason reported")

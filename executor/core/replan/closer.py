@@ -104,7 +104,7 @@ def _on_the_way(context: Context, state: FleetState, offer: Survivor, now_s: flo
     if not low > before or not _affords(context, vehicle, plan, low):
         return None
     names = listed(context, low - before)
-    why = f"{offer.vehicle}: nobody else comes to {names} any more; new mission at the asked distance"
+    why = f"{offer.vehicle}: airspace at {names} is free; new mission at inspection height"
     return _given(context, state, plan, why, now_s)
 
 
@@ -114,8 +114,8 @@ def _once_more(context: Context, state: FleetState, offer: Survivor, now_s: floa
     if plan is None:
         return None
     names = listed(context, frozenset(map(segment_of, plan.solve.given)) - set(map(segment_of, offer.tail)))
-    when = "new mission before its way home" if offer.airborne else "it takes off once its mission is on board"
-    return _given(context, state, plan, f"{offer.vehicle}: flies {names} again, at the asked distance; {when}", now_s)
+    when = "new mission before it returns" if offer.airborne else "takes off after upload"
+    return _given(context, state, plan, f"{offer.vehicle}: re-inspects {names} at inspection height; {when}", now_s)
 
 
 def flown_again(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Replan | None:

@@ -19,8 +19,8 @@ from missions import continue_path, flight_path
 RETRY_S = 5.0
 OLD_NEED_S = 90.0
 """A need that nobody could answer for longer says nothing of the re-plan that came in the end."""
-FLEW_ON = "flew on before its new mission came"
-LEFT = "left its mission before its new one came"
+FLEW_ON = "moved on before its new mission arrived"
+LEFT = "left its mission before the new one arrived"
 WAYS_AT_ONCE = 500
 """Of the missions that are made in one turn of the loop: ways to fly, times the pads that each may have to lead around.
 Some 10 ms for fifty vehicles, whose missions together would take a third of a second."""
@@ -56,7 +56,7 @@ def compose(context: Context, state: FleetState, plan: Replan, now_s: float) -> 
         if plan.low:
             waits, near = apart.in_the_way(context, state, plan, route.vehicle, mission.path, now_s)
             if near:
-                why = f"its way is not clear of others' parts of the line ({near[0]})"
+                why = f"its path conflicts with others' parts of the line ({near[0]})"
                 state, plan, said = let_go(state, plan, route.vehicle, why, now_s)
                 state = replace(state, replanning=replace(state.replanning, wait_until_s=now_s + RETRY_S))
                 commands.append(said)

@@ -94,7 +94,7 @@ def _begin(context: Context, state: FleetState, now_s: float) -> tuple[FleetStat
     if not state.replanning.urgent and not state.replanning.ordered:
         state, alone = _count_attempts(state, alone)
         if not alone:
-            return state, (Say(Level.WARNING, "some segments could not be proven to be inspected; left for later"),)
+            return state, (Say(Level.WARNING, "inspection of some segments not proven; left for later"),)
     freed = {segment_of(visit) for offer in offers for visit in offer.tail} - _under_way(state, offers)
     to_spare = left_over(state) | (freed & state.coverage.left_over)
     if not alone and not freed and not to_spare:
@@ -220,7 +220,7 @@ def solved(
     if event.gain is not None and event.gain.short:
         lines.append(Say(Level.WARNING, short_words(event.gain)))
     if event.uncovered:
-        what = f"the budgets that are left do not cover {listed(context, event.uncovered)}"
+        what = f"remaining battery does not cover {listed(context, event.uncovered)}"
         lines.append(Say(Level.WARNING, what))
     plan = replace(
         plan,

@@ -31,7 +31,7 @@ def flown_past(state: FleetState) -> frozenset[int]:
 def unasked(context: Context, state: FleetState, alone: frozenset[int]) -> str:
     """Return why segments are without a vehicle that no fault left behind."""
     past = flown_past(state)
-    reasons = {"not proven to be inspected": alone & past, "assigned to no vehicle": alone - past}
+    reasons = {"inspection not proven": alone & past, "assigned to no vehicle": alone - past}
     return "; ".join(f"{why}: {listed(context, segments)}" for why, segments in reasons.items() if segments)
 
 
@@ -49,30 +49,30 @@ def found_words(event: SolveEnded, names: list[str]) -> str:
 
 def _gain_words(gain: Gain, *, changed: bool) -> str:
     if not changed:
-        return "nothing better than what is on board"
-    longest = f"longest route {gain.longest_s:.0f} s"
+        return "no improvement over the missions on board"
+    longest = f"longest route now {gain.longest_s:.0f} s"
     shorter = round(gain.longest_s) < round(gain.carried_s)
     covered = []
     if gain.segments:
-        covered.append(f"{count_of(gain.segments, 'more segment')} covered")
+        covered.append(f"{count_of(gain.segments, 'segment')} recovered")
     elif gain.length_m >= 1.0 and not shorter:
-        covered.append(f"{gain.length_m:.0f} m more of the line covered")
+        covered.append(f"{gain.length_m:.0f} m of the line recovered")
     if gain.left_over > 0:
-        covered.append(f"{count_of(gain.left_over, 'segment')} of the next sortie taken up")
+        covered.append(f"{count_of(gain.left_over, 'segment')} taken over from the next sortie")
     if gain.left_over < 0:
-        covered.append(f"{count_of(-gain.left_over, 'segment')} left for the next sortie again")
+        covered.append(f"{count_of(-gain.left_over, 'segment')} moved back to the next sortie")
     if covered:
-        return ", ".join((*covered, longest))
+        return f"{', '.join(covered)}; {longest}"
     if gain.short:
-        return f"as much covered as the budgets on board last for, {longest}"
+        return f"limited by remaining battery; {longest}"
     if shorter:
         return f"{longest} instead of {gain.carried_s:.0f} s"
-    return f"without what others fly or have flown, {longest}"
+    return f"duplicate segments removed; {longest}"
 
 
 def short_words(gain: Gain) -> str:
     """Return who cannot go on with what is on board."""
     names = sorted(gain.short)
     if len(names) == 1:
-        return f"{names[0]}: its budget does not last for all that it has on board"
-    return f"{', '.join(names)}: their budgets do not last for all that they have on board"
+        return f"{names[0]}: not enough battery for its whole mission"
+    return f"{', '.join(names)}: not enough battery for their whole missions"

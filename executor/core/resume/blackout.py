@@ -105,12 +105,14 @@ def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board:
     inferred = state.coverage.inferred | {*new, *proven}
     state = replace(state, coverage=replace(state.coverage, inferred=inferred))
     if found.why_not:
-        text = f"{vehicle.name}: what it flew meanwhile does not count: {found.why_not}"
+        text = f"{vehicle.name}: flight during the outage is not counted: {found.why_not}"
         return state, (Say(Level.WARNING, text),)
     if not new:
         return state, ()
     names = listed(context, tuple(new))
-    return state, (Say(Level.INFO, f"{vehicle.name}: flew {names} meanwhile, by its clock and where it is now"),)
+    return state, (
+        Say(Level.INFO, f"{vehicle.name}: flew {names} during the outage, inferred from its clock and position"),
+    )
 
 
 def _unproven(

@@ -80,7 +80,7 @@ def _no_evidence(before: Fix, fix: Fix) -> str:
     """Return why two positions say nothing of the way between them; empty if they may."""
     if fix.boot_s <= before.boot_s:
         return "its clock was reset"
-    return "its GPS was lost: its place is reckoned" if before.reckoned or fix.reckoned else ""
+    return "its GPS was lost: its position is dead-reckoned" if before.reckoned or fix.reckoned else ""
 
 
 def _in_time(
@@ -106,7 +106,7 @@ def _in_time(
         between_m = math.dist(before.fix.place_m, fix.place_m)
         early_s = expected_s - (between_m - NOISE_M) / (SPEED_FACTOR * context.inspection_speed_m_s)
     if not -early_s <= elapsed_s - expected_s <= tolerance_s:
-        return Inferred(why_not=f"it took {elapsed_s:.0f} s where its way takes {expected_s:.0f} s")
+        return Inferred(why_not=f"it took {elapsed_s:.0f} s, expected {expected_s:.0f} s")
     segments = tuple(segment_of(board.visits[visit]) for visit in visits)
     if joins is None:
         return Inferred(segments)
@@ -124,21 +124,21 @@ def _elsewhere(context: Context, state: VehicleState, before: Before, fix: Fix, 
     """Return why a vehicle in the air is not where its mission leads; empty if it is."""
     dialect, beat = context.vehicles[state.name].dialect, state.telemetry.heartbeat
     if beat is None or not is_mission_mode(dialect, beat.custom_mode):
-        return "it is not on its mission any more"
+        return "it is no longer on its mission"
     if waypoint < before.waypoint:
         return "its mission went back"
     if state.telemetry.mode_since_s > before.fix.at_s:
         return "its mode changed meanwhile"
     away_m = _beside_m(board, waypoint, fix.place_m)
     return _touched(state, before.fix.at_s) or (
-        f"it is {away_m:.0f} m beside its way" if away_m > context.corridor_m else ""
+        f"it is {away_m:.0f} m off its track" if away_m > context.corridor_m else ""
     )
 
 
 def _touched(state: VehicleState, since_s: float) -> str:
     """Return what else happened to a vehicle than that it flew its mission; empty if nothing did."""
     if state.custody.taken is not None or state.custody.cause is Cause.PERSON:
-        return "it is in other hands"
+        return "it is under other control"
     if state.assignment.carried.doubted():
         return "it may carry another mission"
     return "its position jumped" if state.motion.jump[1] > since_s else ""
@@ -153,7 +153,7 @@ def _landed(context: Context, state: VehicleState, before: Before, fix: Fix, boa
     expected_s = _left_s(board, before.waypoint, before.fix, pace) + sum(_leg_s(board, leg, pace) for leg in rest)
     visits = _passed(before, board, len(board.legs))
     if elapsed_s < expected_s - _tolerance_s(context, board, visits):
-        return Inferred(why_not=f"{elapsed_s:.0f} s are too short for its way of {expected_s:.0f} s")
+        return Inferred(why_not=f"{elapsed_s:.0f} s is too short for its leg of {expected_s:.0f} s")
     if before.remaining_pct is None or state.power.battery.remaining_pct is None:
         return Inferred(why_not="its consumption is not known")
     modelled_pct = _share_left(board, before.waypoint, before.fix) * _leg_pct(board, before.waypoint, pace)
@@ -161,7 +161,7 @@ def _landed(context: Context, state: VehicleState, before: Before, fix: Fix, boa
     expected_pct = before.factor * modelled_pct
     used_pct = before.remaining_pct - state.power.battery.remaining_pct
     if abs(used_pct - expected_pct) > max(ENERGY_TOLERANCE_PCT, ENERGY_TOLERANCE * expected_pct):
-        return Inferred(why_not=f"it used {used_pct:.0f} % where its way costs {expected_pct:.0f} %")
+        return Inferred(why_not=f"it used {used_pct:.0f} %, expected {expected_pct:.0f} %")
     return Inferred(tuple(segment_of(board.visits[visit]) for visit in visits))
 
 

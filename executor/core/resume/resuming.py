@@ -202,7 +202,7 @@ def _taken_up(context: Context, state: FleetState, found: Found, now_s: float) -
     match = found.against(vehicle.assignment.board.revision)
     other = match is not None and not match.whole
     if match is not None and other and vehicle.armed:
-        why = f"carries another mission than the one that was put on board, from item {match.alike} on"
+        why = f"mission on board differs from the uploaded one from item {match.alike} on"
         return state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None))), _Taken(
             strange=((found.vehicle, why),)
         )
@@ -276,7 +276,7 @@ def _stranded(
     vehicle = state.vehicles[found.vehicle]
     board = aboard(context, found.vehicle, revision, mission.path, mission.visits)
     state, said = caught_up(context, state, vehicle, board, found.seq)
-    why = "reached the end of what was on board of its new mission"
+    why = "reached the end of its partly uploaded mission"
     left = left_plan(state.vehicles[found.vehicle], Stage.RETURNING, now_s)
     state, told = sent_home(context, state.put(left), left, now_s)
     state, more = withdrawn(state, found.vehicle, f"{found.vehicle}: {why}", now_s)

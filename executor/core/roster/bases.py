@@ -46,7 +46,7 @@ def base_closed(context: Context, state: FleetState, base: str, now_s: float) ->
 def _kept_there(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
     """Keep a vehicle on the ground that is being sent out."""
     if vehicle.stage is Stage.STARTING and vehicle.armed and not vehicle.sortie.took_off:
-        fault = Fault(FaultKind.OPERATOR, "its base was closed as it started", now_s, FaultCode.OPERATOR_EXCLUDE)
+        fault = Fault(FaultKind.OPERATOR, "its base was closed during its start", now_s, FaultCode.OPERATOR_EXCLUDE)
         return declare(context, state, vehicle, fault)
     if vehicle.stage is Stage.STARTING and not vehicle.armed:
         left = left_plan(vehicle, Stage.LANDED, now_s)

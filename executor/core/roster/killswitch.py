@@ -1,4 +1,4 @@
-"""A kill switch that is on where a vehicle stands: it is not started until it is included.
+"""A kill switch that is on where a vehicle stands: no start until included.
 
 In flight the vehicle shows it by being disarmed. On the ground nothing but its words tells it, and both autopilots
 refuse to arm as long as the switch is on.
@@ -43,5 +43,5 @@ def left_alone(state: FleetState, vehicle: VehicleState, now_s: float) -> Steppe
     if given:
         state, more = withdrawn(state, name, f"{name}: its kill switch is on", now_s)
         commands = (*commands, *more)
-    line = f"{name}: its kill switch is on; it is not started until it is included"
+    line = f"{name}: its kill switch is on; no start until included"
     return state, (Say(Level.FAULT, line), *commands)

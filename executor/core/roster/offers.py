@@ -110,7 +110,7 @@ def looked_at(context: Context, state: FleetState, now_s: float) -> Stepped:
     offer = Offer(tuple(able), segments, now_s, again)
     state = replace(state, crew=replace(state.crew, offer=offer, offer_wanted_s=state.crew.offer_wanted_s or now_s))
     level = Level.WARNING if again else Level.FAULT  # nothing is left open by a no
-    return state, (Say(level, f"{offer_words(context, offer)}; include each that may take off"),)
+    return state, (Say(level, f"{offer_words(context, offer)} Use include for each that may take off"),)
 
 
 def _again_by(
@@ -146,11 +146,11 @@ def offer_words(context: Context, offer: Offer) -> str:
     """Return an offer in words."""
     names = " and ".join(offer.vehicles)
     count = count_of(len(offer.segments), "segment")
-    pads = f"are the pads of {names}" if len(offer.vehicles) > 1 else f"is the pad of {names}"
+    pads = "Are their pads" if len(offer.vehicles) > 1 else "Is its pad"
     listed = ", ".join(context.segment_name(segment) for segment in offer.segments[:6])
     more = ", ..." if len(offer.segments) > 6 else ""
-    what = f"fly {count} again, at the asked distance" if offer.again else f"take over {count}"
-    return f"{names} can {what} ({listed}{more}): {pads} clear of people?"
+    what = f"re-inspect {count} at inspection height" if offer.again else f"take over {count}"
+    return f"{names} can {what} ({listed}{more}). {pads} clear of people?"
 
 
 def _without(state: FleetState) -> FleetState:
@@ -196,7 +196,7 @@ def _expired(context: Context, state: FleetState, now_s: float) -> Stepped:
         return state, ()
     left = open_segments(context, state)
     if offer.again:
-        text = f"no vehicle was cleared to take off again within {context.offer_s:g} s; {_stay_words(offer)}"
+        text = f"no vehicle was cleared for take-off within {context.offer_s:g} s; {_stay_words(offer)}"
         return replace(state, crew=replace(state.crew, offer=None, offers_over=True)), (Say(Level.INFO, text),)
     state = replace(
         state,
@@ -204,10 +204,10 @@ def _expired(context: Context, state: FleetState, now_s: float) -> Stepped:
         coverage=replace(state.coverage, given_up=state.coverage.given_up | (left - state.coverage.left_over)),
     )
     over = f"{count_of(len(left), 'segment')} {'is' if len(left) == 1 else 'are'} left over"
-    text = f"no vehicle was cleared to take off again within {context.offer_s:g} s; {over}"
+    text = f"no vehicle was cleared for take-off within {context.offer_s:g} s; {over}"
     return state, (Say(Level.WARNING, text),)
 
 
 def _stay_words(offer: Offer) -> str:
     count = count_of(len(offer.segments), "segment")
-    return f"{count} {'counts' if len(offer.segments) == 1 else 'count'} from farther away than asked"
+    return f"{count} {'was' if len(offer.segments) == 1 else 'were'} inspected above inspection height only"

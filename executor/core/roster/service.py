@@ -30,7 +30,7 @@ def back_in_service(state: FleetState, vehicle: VehicleState) -> tuple[FleetStat
 def cleared(state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
     """Return the state in which everything open is planned with a vehicle that may take off now."""
     left = replanning.left_over(state)
-    trigger = f"{vehicle.name}: is back with {vehicle.power.battery.remaining_pct or 0.0:.0f} % in its battery"
+    trigger = f"{vehicle.name}: back in service with {vehicle.power.battery.remaining_pct or 0.0:.0f} % in its battery"
     state = state.put(replace(vehicle, orders=replace(vehicle.orders, cleared_s=now_s)))
     return replace(
         state,

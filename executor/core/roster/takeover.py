@@ -49,7 +49,7 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped
     )
     state, more = _unsolved(state.put(vehicle), vehicle.name)
     if on_ground:
-        text = f"{vehicle.name}: armed on the ground, not from here, mode {mode}: keep clear of it"
+        text = f"{vehicle.name}: armed on the ground by another source, mode {mode}: keep clear"
         return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
     kept = f"; its segments are kept for {context.pilot_grace_s:g} s" if not hold.given_away else ""
     if vehicle.assignment.carried.foreign_s is not None:
@@ -119,7 +119,7 @@ def _returned(
         return state, (Say(Level.WARNING, text),)
     if context.pilot_returns:
         return given_back(context, state, state.vehicles[vehicle.name], now_s)
-    text = f"{vehicle.name}: its pilot has set mission mode again; include it to have it in the plan again"
+    text = f"{vehicle.name}: its pilot has set mission mode again; use include to put it back in the plan"
     return state, (Say(Level.FAULT, text),)
 
 
@@ -128,7 +128,7 @@ def _given_away(context: Context, state: FleetState, vehicle: VehicleState, hold
     who = "with its pilot" if vehicle.assignment.carried.foreign_s is None else "on another station's mission"
     trigger = f"{vehicle.name}: {who} for {context.pilot_grace_s:g} s"
     state, more = withdrawn(state, vehicle.name, trigger, now_s)
-    return state, (Say(Level.WARNING, f"{trigger}; its segments are free for the others"), *more)
+    return state, (Say(Level.WARNING, f"{trigger}; its segments are released to the others"), *more)
 
 
 def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -155,11 +155,11 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
         leans = f"; {lean}" if lean else ""
         text = f"{vehicle.name}: disarmed with its pilot{leans}; {last_heard(context, vehicle, now_s)}"
     if not place and not vehicle.sortie.took_off:
-        text = f"{vehicle.name}: disarmed by its pilot on its pad; it stays there until it is included"
+        text = f"{vehicle.name}: disarmed by its pilot on its pad; stays there until included"
     elif not place and vehicle.sortie.rebooted_s is not None:
-        text = f"{vehicle.name}: is disarmed on its pad; its autopilot has rebooted; it stays until it is included"
+        text = f"{vehicle.name}: is disarmed on its pad; its autopilot has rebooted; stays there until included"
     elif not place:
-        text = f"{vehicle.name}: landed by its pilot; it stays on the ground until it is included"
+        text = f"{vehicle.name}: landed by its pilot; stays on the ground until included"
     hold = vehicle.custody.taken
     trigger = f"{vehicle.name}: {'disarmed with' if fell else 'landed by'} its pilot"
     if hold is not None and not hold.given_away:

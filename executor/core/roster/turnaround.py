@@ -53,7 +53,7 @@ def pack_changed(
     turn = replace(ready.turn, label=intent.pack, asked_s=now_s, intent=intent.id, ready_s=None)
     state = state.put(replace(ready, turn=turn))
     named = f"pack {intent.pack}" if intent.pack else "a pack without an id"
-    return state, f"{named} is in it; looking at it before its next sortie", (Examine(vehicle.name),)
+    return state, f"{named} installed; running checks before the next sortie", (Examine(vehicle.name),)
 
 
 def turnaround_answered(context: Context, state: FleetState, event: Examined | SolveEnded, now_s: float) -> Stepped:
@@ -70,7 +70,7 @@ def _examined(context: Context, state: FleetState, event: Examined, now_s: float
         return state, ()
     if event.ready and event.changed and not event.sets and vehicle.sortie.rebooted_s is not None:
         # It lost them as it booted; who changed them without a boot meant it.
-        text = f"{vehicle.name}: set again as before its boot: {'; '.join(event.changed)}"
+        text = f"{vehicle.name}: parameters set again after reboot: {'; '.join(event.changed)}"
         return state, (Say(Level.INFO, text), Examine(vehicle.name, sets=True))
     if why := _not_ready(context, vehicle, event):
         return _ended(state, vehicle, IntentReason.NOT_READY, why, now_s)
@@ -82,7 +82,7 @@ def _examined(context: Context, state: FleetState, event: Examined, now_s: float
     state = state.put(vehicle)
     said = _pack_words(vehicle, heard, found)
     if held_pct < setup.reserve_pct + LEAST_SPARE_PCT:
-        why = f"{said}: too little over its reserve of {setup.reserve_pct:g} %"
+        why = f"{said}: too close to its reserve of {setup.reserve_pct:g} %"
         return _ended(state, vehicle, IntentReason.PACK_POOR, why, now_s)
     level, budget_pct = Level.INFO, survivors.from_its_pad(context, vehicle).budget_pct
     text = f"{vehicle.name}: its checks have passed: {said}"
@@ -237,7 +237,7 @@ def ahead_words(context: Context, state: FleetState, vehicle: VehicleState, now_
     if not open_:
         return ""
     what = f"sortie {_number(vehicle)}, " if visits else ""
-    return f"waits for its pack to be confirmed: {what}{count_of(open_, 'segment')}{'' if visits else ' open'}"
+    return f"waiting for pack confirmation: {what}{count_of(open_, 'segment')}{'' if visits else ' open'}"
 
 
 def out_of_hours(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
@@ -265,7 +265,7 @@ def _not_ready(context: Context, vehicle: VehicleState, event: Examined) -> str:
     if vehicle.sensors.tilted_since_s is not None:
         return "it is tilted, it may have tipped over"
     if event.changed:
-        return f"its parameters are not as the flight set them: {event.changed[0]}"
+        return f"its parameters differ from those set for the flight: {event.changed[0]}"
     own = link_failsafe(setup.dialect, dict(event.parameters))
     if own.acts is not None and (own.after_s if own.acts else None) != setup.failsafe_s:
         return f"its link failsafe is not the one before the flight: {own.words}"
@@ -343,7 +343,7 @@ def _over(state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[Inten
     if turn.ready_s is not None and now_s - max(turn.ready_s, _placed_s(vehicle)) > PLACELESS_S:
         return IntentReason.NOT_READY, f"no position for {PLACELESS_S:g} s: it may have rebooted since its checks"
     if turn.ready_s is None and now_s - (turn.asked_s or now_s) > READY_S + LATE_S:
-        return IntentReason.UNANSWERED, "its checks came to no end"
+        return IntentReason.UNANSWERED, "its checks did not finish"
     if turn.ready_s is not None and now_s - turn.ready_s > CLEARED_S:
         why = f"it could not start within {CLEARED_S:g} s, and its pad may not be clear any more"
         return IntentReason.OVERTAKEN, why
@@ -398,7 +398,7 @@ def _given(context: Context, state: FleetState, vehicle: VehicleState, ready_s: 
     )  # fmt: skip
     known = replace(state.replanning, revision=revision, replan=Replan(solve, now_s))
     state = replace(state.put(vehicle), replanning=known)
-    what = f"{count_of(len(visits), 'segment')}, as planned" if as_planned else "planned anew with its budget"
+    what = f"{count_of(len(visits), 'segment')}, as planned" if as_planned else "re-planned for its budget"
     return state, (*said, Say(Level.INFO, f"{trigger}: {what}"), solve)
 
 
@@ -469,7 +469,7 @@ def _ended(state: FleetState, vehicle: VehicleState, code: IntentReason, why: st
     turn = replace(vehicle.turn, asked_s=None, ready_s=None)
     state = state.put(replace(vehicle, turn=turn, orders=replace(vehicle.orders, cleared_s=None)))
     state = _closed(state, vehicle.turn.intent, Outcome.FAILED, why, code, now_s)
-    return state, (Say(Level.WARNING, f"{vehicle.name}: stays on the ground: {why}; swap again when it is well"),)
+    return state, (Say(Level.WARNING, f"{vehicle.name}: not cleared for take-off: {why}; repeat `swap` when fixed"),)
 
 
 def _closed(

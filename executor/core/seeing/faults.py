@@ -107,11 +107,11 @@ def _findings(context: Context, vehicle: VehicleState, capture: Capture, now_s: 
     name = f"camera {capture.camera}"
     if known.gimbal is not None and known.off_since_s is not None and now_s - known.off_since_s >= OFF_S:
         where = f"points at {known.gimbal.pitch_deg:.0f} degrees, not at {capture.pitch_deg}"
-        yield FaultCode.GIMBAL_STUCK, "its gimbal says that it failed" if known.gimbal.failed else f"its gimbal {where}"
+        yield FaultCode.GIMBAL_STUCK, "its gimbal reports a failure" if known.gimbal.failed else f"its gimbal {where}"
     if memory.free_mib is not None and memory.free_mib < LEAST_MIB:
         yield FaultCode.CARD_FULL, f"{name}: its card is full"
     if memory.failures >= FAILURES:
-        yield FaultCode.CARD_FULL, f"{name}: {memory.failures} pictures in a row failed, by its own word"
+        yield FaultCode.CARD_FULL, f"{name}: {memory.failures} pictures in a row failed, as it reports"
     if capture.trigger is Trigger.ONCE:
         if memory.beside >= BESIDE:
             yield FaultCode.GIMBAL_STUCK, f"its gimbal pointed elsewhere at {memory.beside} viewpoints in a row"
@@ -150,7 +150,7 @@ def _late(
 
 def _without_words(memory: CameraMemory, name: str, since: str, now_s: float) -> Finding:
     if _is_there(memory, now_s):
-        return FaultCode.CAMERA_MUTE, f"{name}: it is there, and has not said {since} that it took a picture"
+        return FaultCode.CAMERA_MUTE, f"{name}: online, but no picture reported {since}"
     return FaultCode.CAMERA_SILENT, f"{name}: no picture {since}"
 
 
@@ -172,4 +172,4 @@ def _told(
     left = blind - set(state.coverage.inspected)
     what = f"; {count_of(len(left), 'segment')} to be reassigned" if left else ""
     state, more = withdrawn(state, vehicle.name, f"{vehicle.name}: {why}", now_s)
-    return state, (Say(Level.FAULT, f"{vehicle.name}: {why}; it flies on without it{what}"), *more)
+    return state, (Say(Level.FAULT, f"{vehicle.name}: {why}; continuing without it{what}"), *more)

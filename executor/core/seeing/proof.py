@@ -94,7 +94,7 @@ def _distances_m(context: Context, vehicle: VehicleState) -> Mapping[int, float]
 
 
 def passed_pylons(context: Context, state: FleetState, before: VehicleState, now_s: float) -> FleetState:
-    """Take pylons for flown once their last viewpoint is behind the vehicle, by its own word.
+    """Take pylons for flown once their last viewpoint is behind the vehicle, by its own report.
 
     Of viewpoints that were passed while nothing was heard, one counts as left behind without a picture.
     """
@@ -178,7 +178,7 @@ def _judged(context: Context, state: FleetState, segment: int, waits: Unseen, wh
     passes = MappingProxyType({one: how for one, how in coverage.flown.items() if one != segment})
     found = NotSeen(waits.vehicle, segment, now_s, words)
     coverage = replace(coverage, unseen=unseen, flown=passes, not_seen=(*coverage.not_seen, found))
-    text = f"{waits.vehicle}: {context.segment_name(segment)} is flown but not seen: {words}"
+    text = f"{waits.vehicle}: {context.segment_name(segment)} flown, but pictures are missing: {words}"
     return replace(state, coverage=coverage), (Say(Level.WARNING, text),)
 
 
@@ -198,7 +198,7 @@ def _judged_again(
         if segment not in coverage.inspected:
             return state, ()  # somebody has it open again meanwhile
         name = context.segment_name(segment)
-        text = f"{waits.vehicle}: {name} counts as before, it is not seen from nearer: {'; '.join(why)}"
+        text = f"{waits.vehicle}: {name} counts as before, closer pictures are missing: {'; '.join(why)}"
         return state, (Say(Level.INFO, text),)
     coverage = replace(
         coverage,

@@ -80,10 +80,9 @@ class InspectionTable(SiteTable):
     layer_m: Metres = 5.0
     """Least distance between any two vehicles; heights are layered by it."""
     same_distance: bool = False
-    """`true`: everybody inspects at `height_m`, and not in its layer, wherever no other can meet it there, whatever the
-    timing; who has others beside it there is let down to it on the way, once they have left, and what was inspected
-    from layers is flown again by who has the budget, before its way home or from its pad. Vehicles then go down to the
-    line and up from it, which takes its time, and a lost vehicle's segments are handed on once it must have left the
-    line."""
+    """`true`: inspect at `height_m` instead of the layer height wherever no other vehicle can be present. A vehicle
+    with others beside it descends once they have left; segments inspected from a layer are re-inspected if battery
+    remains, before RTL or from the pad. The descents cost time, and a lost vehicle's segments are reassigned only once
+    it must have left the line."""
     corridor_m: Metres = 10.0
     """A segment counts as inspected only where the flown track is within this of the planned one."""

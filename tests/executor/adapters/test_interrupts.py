@@ -118,7 +118,7 @@ def test_a_thread_that_hangs_does_not_keep_the_program_from_ending_with_its_exit
     code, err = ended_with(HANGING_THREAD, tmp_path)
     assert code == 2
     assert "nowhere.json" in err
-    assert err.endswith("faultline: ended; it still waited for a disk that never answers\n")
+    assert err.endswith("faultline: ended while waiting for a disk that never answers\n")
 
 
 HANGING_WORK = """

@@ -95,7 +95,7 @@ def test_the_end_of_a_flight_is_seen_at_its_end_alone(path: Path, monkeypatch: p
     monkeypatch.setattr(logend, "PIECE_BYTES", 500)
     assert not logend.says_it_is_over(path)
     log = EventLog(path)
-    log.note(50.0, command=to_plain(Finish("every segment is inspected")))
+    log.note(50.0, command=to_plain(Finish("all segments inspected")))
     assert logend.says_it_is_over(path)
     for number in range(20):
         log.write(Tick(), 51.0 + number)

@@ -171,7 +171,7 @@ def test_the_table_speaks_of_spans_states_and_places() -> None:
     first = replace(first, progress=replace(first.progress, done=3, total=7, inspected=10, segment_name="P4-P5"))
     second = replace(second, state="pilot", taken=TakenView(flight.now_s, 24.0, returned=False))
     third = replace(third, state="down", fault="down, armed", fault_kind="down")
-    offer = OfferView(("uav4",), (5,), "uav4 can take over 1 span: is its pad clear?")
+    offer = OfferView(("uav4",), (5,), "uav4 can take over 1 span. Is its pad clear of people?")
     terminal = Console(width=140, record=True, file=StringIO())
     terminal.print(fleet_on_screen(replace(view, vehicles=(first, second, third), offer=offer)))
     shown = terminal.export_text()
@@ -180,9 +180,9 @@ def test_the_table_speaks_of_spans_states_and_places() -> None:
     assert "segments inspected" in rows[0]
     assert any("uav1 holding inspects P4-P5 3 of 7 10" in row and "3D, 14 sat" in row and "3:07" in row for row in rows)
     assert any(row.startswith("uav2 with its pilot: last at 49.5999") for row in rows)
-    assert "uav2: hands off; its segments are kept for it for 0:24" in rows
+    assert "uav2: not commanded; its segments are kept for 0:24" in rows
     assert any(row.startswith("uav3 down: keep away: last at 49.5999") and row.endswith("ago") for row in rows)
-    assert rows[-1] == "? uav4 can take over 1 span: is its pad clear?"
+    assert rows[-1] == "? uav4 can take over 1 span. Is its pad clear of people?"
 
 
 @pytest.mark.asyncio
@@ -195,7 +195,7 @@ async def test_a_mistake_in_the_table_is_said_and_the_drawing_goes_on(monkeypatc
         broken = console._drawn()
         monkeypatch.undo()
         await asyncio.sleep(0)
-    assert shown(broken) == "the fleet cannot be shown; what is decided is\n"
+    assert shown(broken) == "fleet display failed; decisions are still shown\n"
     assert [line.partition(": ")[2] for line in said] == [
         "ZeroDivisionError: integer division or modulo by zero",
     ]

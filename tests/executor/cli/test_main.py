@@ -379,7 +379,7 @@ def test_a_plan_starts_from_what_a_flight_taught(place: Place) -> None:
     )
     assert code == 0
     assert "uav1: inspections take 120 ± 2 % of the model's time, transits 120 ± 2 %, consumption 110 ± 4 %" in said
-    assert f"uav2: nothing is learned of it in {run / 'learned.json'}; it starts from the defaults" in said
+    assert f"uav2: nothing learned in {run / 'learned.json'}; using the defaults" in said
     found = read_plan(Path(plan))
     assert [vehicle.consumption for vehicle in usual.vehicles] == [1.0, 1.0]
     assert [vehicle.consumption for vehicle in found.vehicles] == [1.1, 1.0]

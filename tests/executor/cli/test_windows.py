@@ -30,7 +30,7 @@ def test_a_loose_plan_has_a_full_window(place: Place) -> None:
     assert (answer["window_pct"], answer["earliest_s"], answer["certified_earliest_s"]) == (100.0, 0.0, 0.0)
     assert answer["breaking"] is None
     assert answer["longest_route_s"] == pytest.approx(max(read_plan(Path(plan)).durations_s))
-    assert "from 0 s on any one vehicle may be lost" in place.run("window", plan)[1]
+    assert "from 0 s the fleet can absorb the loss of any one vehicle" in place.run("window", plan)[1]
 
 
 def test_what_breaks_a_tight_plan_is_named(place: Place) -> None:

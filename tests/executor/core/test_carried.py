@@ -63,7 +63,7 @@ def test_its_segments_are_kept_for_a_while_though_its_mode_is_as_old_as_the_flig
     flight.crafts["uav2"].foreign = 4
     flight.run(lambda: flight.stage("uav2") is Stage.PILOT)
     began_s = flight.now_s
-    freed_s = flight.run(lambda: any("are free for the others" in line for line in flight.said(Level.WARNING)))
+    freed_s = flight.run(lambda: any("are released to the others" in line for line in flight.said(Level.WARNING)))
     assert freed_s - began_s == pytest.approx(grace_s, abs=2.0)
     assert any(line.startswith("uav2: on another station's mission for ") for line in flight.said(Level.WARNING))
 

@@ -25,7 +25,7 @@ def test_a_flight_without_a_fault(autopilot: str) -> None:
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING
     assert {flight.stage(name) for name in THREE} == {Stage.LANDED}
-    assert flight.given(Finish) == [Finish("every segment is inspected")]
+    assert flight.given(Finish) == [Finish("all segments inspected")]
     assert flight.solves() == []
     assert flight.said(Level.WARNING) == []
     assert flight.state.progress.separation is not None
@@ -73,7 +73,7 @@ def test_all_silent_at_once_is_our_own_fault_first() -> None:
     for craft in flight.crafts.values():
         craft.mute = True
     flight.pass_s(50.0)
-    assert "all links lost at once: is it our own radio? No re-plan yet" in flight.said()
+    assert "all links lost: suspecting the ground radio; re-planning suspended" in flight.said()
     assert flight.said(Level.FAULT) == []
     assert flight.solves() == []
 
@@ -106,7 +106,7 @@ def test_our_own_sleep_is_no_silence() -> None:
     flight = under_way()
     flight.sleep_s(30.0)
     flight.happen(Tick())
-    assert flight.said(Level.WARNING) == ["the ground station itself stood still for 30.0 s"]
+    assert flight.said(Level.WARNING) == ["the ground station stalled for 30.0 s"]
     flight.pass_s(TIMEOUT_S + 2.0)
     assert flight.said(Level.FAULT) == []
 
@@ -428,7 +428,7 @@ def test_a_vehicle_whose_start_overtook_the_word_to_stay_is_not_shown_as_landed_
     stands.stuck = stands.armed = True
     flight.pass_s(3.0)
     assert flight.stage("uav2") is Stage.RETURNING
-    assert "uav2: its motors are on, on its pad: it armed before it was told to stay" in flight.said(Level.WARNING)
+    assert "uav2: armed on its pad although the start was cancelled" in flight.said(Level.WARNING)
     stands.armed = False
     flight.finish()
     assert flight.stage("uav2") is Stage.LANDED

@@ -41,9 +41,9 @@ ROWS = [
         "who came home as we were away is well",
         CAME_HOME,
         Tick(),
-        [Say(Level.WARNING, "uav1: ended its mission while the ground station was away; it comes home")],
+        [Say(Level.WARNING, "uav1: ended its mission while the ground station was offline; returning")],
         {"uav1": {"stage": Stage.RETURNING, "anchor": None, "run": None, "errand": Errand(NOW_S), "left_s": NOW_S}},
-        {"urgent": True, "trigger": "uav1: ended its mission while the ground station was away", "trigger_s": NOW_S},
+        {"urgent": True, "trigger": "uav1: ended its mission while the ground station was offline", "trigger_s": NOW_S},
         {"absences": (AWAY,)},
         context=WITH_FAILSAFE,
     ),
@@ -158,9 +158,9 @@ ROWS = [
         "who held as we were away comes home",
         with_facts(CAME_HOME, heartbeat=beat(HOLD, status=5)),
         Tick(),
-        [Say(Level.WARNING, "uav1: ended its mission while the ground station was away; it comes home")],
+        [Say(Level.WARNING, "uav1: ended its mission while the ground station was offline; returning")],
         {"uav1": {"stage": Stage.RETURNING, "anchor": None, "run": None, "errand": Errand(NOW_S), "left_s": NOW_S}},
-        {"urgent": True, "trigger": "uav1: ended its mission while the ground station was away", "trigger_s": NOW_S},
+        {"urgent": True, "trigger": "uav1: ended its mission while the ground station was offline", "trigger_s": NOW_S},
         {"absences": (AWAY,)},
         context=WITH_FAILSAFE,
     ),
@@ -171,7 +171,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (f"uav1: came down, but not in a landing; last position {ON_PAD}, 5 m over its home, 1 s ago"),
+                (f"uav1: came down outside a landing; last position {ON_PAD}, 5 m over its home, 1 s ago"),
             )
         ],
         {

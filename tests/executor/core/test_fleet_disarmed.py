@@ -43,7 +43,7 @@ ROWS = [
         "a landing with somebody's hand on it, where nobody is asked before it flies again",
         landed(heartbeat=beat(0, armed=False)),
         Tick(),
-        [Say(Level.WARNING, "uav1: landed with 90 %; mode STABILIZE: it stays on the ground until it is included")],
+        [Say(Level.WARNING, "uav1: landed with 90 %; mode STABILIZE: stays on the ground until included")],
         {"uav1": {"stage": Stage.LANDED}},
         {"considered": frozenset({"uav1"})},
     ),
@@ -237,7 +237,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (f"uav1: came down, but not in a landing; last position {ON_PAD}, 0 m over its home, 0 s ago"),
+                (f"uav1: came down outside a landing; last position {ON_PAD}, 0 m over its home, 0 s ago"),
             )
         ],
         {"uav1": {"stage": Stage.DOWN, "anchor": LOW}},
@@ -259,7 +259,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: came down, but not in a landing; leans by 170 degrees; last position 49.60014, "
+                    "uav1: came down outside a landing; leans by 170 degrees; last position 49.60014, "
                     "15.59947 (GPS not reported), 0 m over its home, 0 s ago"
                 ),
             )
@@ -289,7 +289,7 @@ ROWS = [
         "who disarms without a take-off has not landed",
         landed(took_off=False, away_once=False, waypoint=0, stage=Stage.RETURNING, falls_s=NOW_S),
         Tick(),
-        [Say(Level.INFO, "uav1: is disarmed, and was not heard in the air")],
+        [Say(Level.INFO, "uav1: disarmed; its take-off was not observed")],
         {"uav1": {"stage": Stage.LANDED}},
         {"considered": frozenset({"uav1"})},
     ),
@@ -331,7 +331,7 @@ ROWS = [
         "a pilot's landing",
         landed(stage=Stage.PILOT, taken=TAKEN, cause=Cause.PERSON),
         Tick(),
-        [Say(Level.INFO, "uav1: landed by its pilot; it stays on the ground until it is included")],
+        [Say(Level.INFO, "uav1: landed by its pilot; stays on the ground until included")],
         {"uav1": {"stage": Stage.LANDED, "excluded": True, "taken": None}},
         {"urgent": True, "trigger": "uav1: landed by its pilot", "trigger_s": NOW_S},
     ),

@@ -30,7 +30,7 @@ ROWS = [
         "all is inspected, and everybody has landed",
         STANDS,
         Tick(),
-        [Finish("every segment is inspected")],
+        [Finish("all segments inspected")],
         {},
         {"finished": True},
         {"recalled": False, "finished": False, "inspected": DONE["inspected"]},
@@ -39,7 +39,7 @@ ROWS = [
         "something is left that was given up",
         STANDS,
         Tick(),
-        [Finish("5 segments are not inspected")],
+        [Finish("5 segments not inspected")],
         {},
         {"finished": True},
         {"recalled": False, "finished": False, "given_up": frozenset(range(6)), "inspected": {0: "uav1"}},
@@ -48,7 +48,7 @@ ROWS = [
         "something is left, and the flight was aborted",
         STANDS,
         Tick(),
-        [Finish("6 segments are not inspected")],
+        [Finish("6 segments not inspected")],
         {},
         {"finished": True},
         {"finished": False},
@@ -62,7 +62,7 @@ ROWS = [
                 Level.FAULT,
                 (
                     "uav1 can take over 6 segments (segment 0, segment 1, segment 2, segment 3, segment 4, "
-                    "segment 5): is the pad of uav1 clear of people?; include each that may take off"
+                    "segment 5). Is its pad clear of people? Use include for each that may take off"
                 ),
             )
         ],
@@ -75,7 +75,7 @@ ROWS = [
         "something is left, and nobody can",
         with_facts(STANDS, battery=pack(10.0)),
         Tick(),
-        [Finish("6 segments are not inspected")],
+        [Finish("6 segments not inspected")],
         {},
         {"finished": True},
         {"recalled": False, "finished": False, "given_up": frozenset(range(6))},
@@ -113,7 +113,7 @@ ROWS = [
         "somebody is lost",
         flying(stage=Stage.LOST),
         Tick(),
-        [Finish("6 segments are not inspected")],
+        [Finish("6 segments not inspected")],
         {},
         {"finished": True},
         {"finished": False},

@@ -364,4 +364,6 @@ def test_two_vehicles_behind_one_address_are_told_once() -> None:
         state, commands = fleet.step(FLEET.context, state, Heard("uav1", place), now_s)
         lines += [one.text for one in commands if isinstance(one, Say) and "two vehicles" in one.text]
     system = FLEET.context.vehicles["uav1"].sysid
-    assert lines == [f"uav1: two vehicles answer as system {system}: what they say is mixed, and both would obey"]
+    assert lines == [
+        f"uav1: two vehicles use system id {system}: their telemetry is mixed, and both would follow commands"
+    ]

@@ -201,7 +201,7 @@ ROWS = [
         "a fault of who is with its pilot",
         with_facts(FAILS, stage=Stage.PILOT, taken=TakenOver(NOW_S - 5.0), cause=Cause.PERSON),
         Tick(),
-        [Say(Level.FAULT, "uav1: its pilot has set mission mode again; include it to have it in the plan again")],
+        [Say(Level.FAULT, "uav1: its pilot has set mission mode again; use include to put it back in the plan")],
         {"uav1": {"taken": TakenOver(since_s=NOW_S - 5.0, returned_s=NOW_S)}},
         {},
         {"recalled": False, "given_up": frozenset(range(6))},

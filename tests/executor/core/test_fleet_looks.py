@@ -57,7 +57,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (f"uav1: was thought to be down but flies, last position {OUT_THERE}, 20 m over its home, 0 s ago"),
+                (f"uav1: reported down but is airborne, last position {OUT_THERE}, 20 m over its home, 0 s ago"),
             ),
             SendHome("uav1"),
         ],
@@ -71,7 +71,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                (f"uav1: was thought to be landed but flies, last position {OUT_THERE}, 20 m over its home, 0 s ago"),
+                (f"uav1: reported landed but is airborne, last position {OUT_THERE}, 20 m over its home, 0 s ago"),
             ),
             SendHome("uav1"),
         ],
@@ -91,7 +91,7 @@ ROWS = [
         flying(stage=Stage.GROUND, fix=LOW, took_off=False, cause=Cause.PERSON, mode_since_s=NOW_S - 1.0),
         Tick(),
         [
-            Say(Level.FAULT, "uav1: armed on the ground, not from here, mode MISSION: keep clear of it"),
+            Say(Level.FAULT, "uav1: armed on the ground by another source, mode MISSION: keep clear"),
             HandsOff("uav1"),
         ],
         {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(since_s=NOW_S - 1.0, given_away=True)}},

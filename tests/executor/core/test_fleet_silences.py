@@ -42,7 +42,7 @@ ROWS = [
         ALONE,
         Tick(),
         [
-            Say(Level.WARNING, "no link to any vehicle: is it our own radio? No re-plan yet"),
+            Say(Level.WARNING, "no link to any vehicle: suspecting the ground radio; re-planning suspended"),
             Say(Level.WARNING, "uav1: no message for 10.0 s"),
         ],
         {
@@ -246,7 +246,7 @@ ROWS = [
         with_facts(BACK, item_s=None, heartbeat=DISARMED, fix=LOW),
         Tick(),
         [
-            Say(Level.WARNING, "uav1: what it flew meanwhile does not count: 70 s are too short for its way of 179 s"),
+            Say(Level.WARNING, "uav1: flight during the outage is not counted: 70 s is too short for its leg of 179 s"),
             Say(
                 Level.FAULT,
                 (
@@ -323,7 +323,7 @@ ROWS = [
             fix=replace(at(), place_m=(250.0, -5.0)),
         ),
         Tick(),
-        [Say(Level.INFO, "uav1: flew segment 0 meanwhile, by its clock and where it is now")],
+        [Say(Level.INFO, "uav1: flew segment 0 during the outage, inferred from its clock and position")],
         {
             "uav1": {
                 "run": Run(
@@ -352,7 +352,7 @@ ROWS = [
             fix=replace(at(), place_m=(250.0, -5.0)),
         ),
         Tick(),
-        [Say(Level.WARNING, "uav1: what it flew meanwhile does not count: it took 60 s where its way takes 38 s")],
+        [Say(Level.WARNING, "uav1: flight during the outage is not counted: it took 60 s, expected 38 s")],
         {"uav1": {"before": None, "runs_broken": ((0, "no position for 60.0 s"),)}},
         {},
     ),

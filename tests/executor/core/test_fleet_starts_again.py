@@ -120,7 +120,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: did not start: arm: denied, and no HEARTBEAT comes from it; last position 49.60014, "
+                    "uav1: did not start: arm: denied, and no HEARTBEAT since; last position 49.60014, "
                     "15.59947 (GPS not reported), 0 m over its home, 0 s ago; 2 segments left without a vehicle"
                 ),
             )
@@ -131,7 +131,7 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "fault": Fault(
                     FaultKind.LINK,
-                    "did not start: arm: denied, and no HEARTBEAT comes from it",
+                    "did not start: arm: denied, and no HEARTBEAT since",
                     NOW_S,
                     FaultCode.NOT_STARTED,
                 ),
@@ -140,7 +140,7 @@ ROWS = [
         },
         {
             "urgent": True,
-            "trigger": "uav1: did not start: arm: denied, and no HEARTBEAT comes from it",
+            "trigger": "uav1: did not start: arm: denied, and no HEARTBEAT since",
             "trigger_s": NOW_S,
         },
     ),

@@ -99,7 +99,7 @@ ROWS = [
                     Action.HOLD,
                     ended_s=NOW_S,
                     outcome=Outcome.FAILED,
-                    text="overtaken, uav1 is returning: why",
+                    text="superseded: uav1 is returning: why",
                     code=IntentReason.OVERTAKEN,
                 )
             }
@@ -118,7 +118,7 @@ ROWS = [
                     Action.RESUME,
                     ended_s=NOW_S,
                     outcome=Outcome.FAILED,
-                    text="overtaken, uav1 is returning",
+                    text="superseded: uav1 is returning",
                     code=IntentReason.OVERTAKEN,
                 )
             }
@@ -233,7 +233,7 @@ ROWS = [
                     Action.REPLAN,
                     ended_s=NOW_S,
                     outcome=Outcome.FAILED,
-                    text="there was nothing to plan, or no vehicle to fly it",
+                    text="nothing to plan, or no vehicle available",
                     code=IntentReason.NOTHING_TO_PLAN,
                 )
             }

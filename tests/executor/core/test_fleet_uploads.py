@@ -84,7 +84,7 @@ ROWS = [
         with_facts(GETS, waypoint=3),
         ended(),
         [
-            Say(Level.INFO, "uav1: new mission on board, it has no segment left and comes home"),
+            Say(Level.INFO, "uav1: new mission on board, no segment left, returning"),
             Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
         ],
         {"uav1": {"board": HOME_BOARD, "pending": None, "carried": Carried(ours_s=NOW_S)}},
@@ -95,7 +95,7 @@ ROWS = [
         "an upload that is refused",
         GETS,
         ended(accepted=False),
-        [Say(Level.WARNING, "uav1: upload of its new mission failed (no room); planning around it")],
+        [Say(Level.WARNING, "uav1: upload of its new mission failed (no room); re-planning without it")],
         {"uav1": {"pending": None, "stubborn": True}},
         {
             "urgent": True,
@@ -110,7 +110,7 @@ ROWS = [
         GETS,
         ended(accepted=False),
         [
-            Say(Level.WARNING, "uav1: upload of its new mission failed (no room); planning around it"),
+            Say(Level.WARNING, "uav1: upload of its new mission failed (no room); re-planning without it"),
             Say(Level.INFO, "re-plan 4 ended; not uploaded to uav1"),
         ],
         {"uav1": {"pending": None, "stubborn": True}},
@@ -164,7 +164,7 @@ ROWS = [
         GETS,
         ended(accepted=False, mixed=True),
         [
-            Say(Level.WARNING, "uav1: upload of its new mission failed (no room); planning around it"),
+            Say(Level.WARNING, "uav1: upload of its new mission failed (no room); re-planning without it"),
             Say(
                 Level.FAULT,
                 (
@@ -256,7 +256,7 @@ ROWS = [
         ended(),
         [
             Say(Level.INFO, "uav1: new mission on board, 1 segment to go"),
-            Say(Level.WARNING, "uav1: stays on the ground, the crew's clearance is too old"),
+            Say(Level.WARNING, "uav1: stays on the ground: take-off clearance expired"),
             Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
         ],
         {"uav1": {"board": ANEW, "waypoint": 0, "pending": None, "carried": Carried(ours_s=NOW_S)}},
@@ -270,7 +270,7 @@ ROWS = [
         ended(),
         [
             Say(Level.INFO, "uav1: new mission on board, 1 segment to go"),
-            Say(Level.WARNING, "uav1: stays on the ground, the crew's clearance is too old"),
+            Say(Level.WARNING, "uav1: stays on the ground: take-off clearance expired"),
             Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
         ],
         {"uav1": {"board": ANEW, "waypoint": 0, "pending": None, "carried": Carried(ours_s=NOW_S)}},
@@ -283,7 +283,7 @@ ROWS = [
         STANDS,
         ended(accepted=False, mixed=True),
         [
-            Say(Level.WARNING, "uav1: upload of its new mission failed (no room); planning around it"),
+            Say(Level.WARNING, "uav1: upload of its new mission failed (no room); re-planning without it"),
             Say(Level.INFO, "re-plan 4 ended; not uploaded to uav1"),
         ],
         {"uav1": {"pending": None, "stubborn": True}},
@@ -315,7 +315,7 @@ ROWS = [
         "a start goes on after an upload that was refused",
         STARTING,
         ended(accepted=False),
-        [Say(Level.WARNING, "uav1: upload of its new mission failed (no room); planning around it"), Start("uav1")],
+        [Say(Level.WARNING, "uav1: upload of its new mission failed (no room); re-planning without it"), Start("uav1")],
         {
             "uav1": {
                 "ordered_mode_s": NOW_S,
@@ -342,7 +342,7 @@ ROWS = [
         STARTING,
         ended(accepted=False, mixed=True),
         [
-            Say(Level.WARNING, "uav1: upload of its new mission failed (no room); planning around it"),
+            Say(Level.WARNING, "uav1: upload of its new mission failed (no room); re-planning without it"),
             Say(
                 Level.FAULT,
                 (

@@ -25,7 +25,7 @@ ROUTES: Routes = {"uav1": (0, 2), "uav2": (8,), "uav3": (10,)}
 """uav1 inspects where uav3 passes in a layer two steps above it."""
 GROUND_M = (450.0, 450.0, 450.0, 450.0, 450.0, 450.0, 470.0)
 SPACING_M = 5.0
-STARTS, PASSES = "uav3: slows down, uav1 climbs in its RTL ahead of it", "uav3: flies on at 8 m/s"
+STARTS, PASSES = "uav3: slowing: uav1 ahead is climbing in RTL", "uav3: flies on at 8 m/s"
 
 
 def over_a_ridge(autopilot: str = "ardupilot") -> Fleet:
@@ -168,7 +168,7 @@ def test_who_is_silent_is_waited_for_where_its_own_failsafe_would_climb() -> Non
     flight.crafts["uav1"].mute = True
     flight.later(5.0, lambda: returns(flight))
     nearest_m(flight, 60.0)
-    assert "uav3: slows down, uav1 has no link and may climb in its failsafe RTL ahead of it" in flight.said()
+    assert "uav3: slowing: uav1 ahead has no link and may climb in failsafe RTL" in flight.said()
     assert PASSES in flight.said()
     assert flight.stage("uav3") is Stage.FLYING
 

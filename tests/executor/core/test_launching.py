@@ -44,7 +44,7 @@ def test_who_says_where_it_is_is_started_again_at_once() -> None:
 @pytest.mark.parametrize("fix", [STALE, None])
 def test_who_does_not_waits(fix: object) -> None:
     vehicle, commands = failed(with_facts(STARTS, fix=fix))
-    text = "uav1: did not start (no answer); trying again once it says where it is"
+    text = "uav1: did not start (no answer); trying again once a position is received"
     assert commands == (Say(Level.WARNING, text),)
     assert (vehicle.stage, vehicle.orders.start_owed_s, vehicle.assignment.failures) == (Stage.STARTING, NOW_S, 1)
     state, commands = pursued(vehicle, NOW_S + 10.0)
@@ -82,8 +82,8 @@ def test_who_has_rebooted_or_stays_without_a_position_stays_on_the_ground(
 
 @pytest.mark.parametrize(("fix", "found", "owed_s"), [
     (replace(LOW, at_s=NOW_S - CREW.limits.link_stale_s), Start("uav1"), None),
-    (STALE, Say(Level.WARNING, "uav1: starts once it says where it is"), NOW_S),
-    (None, Say(Level.WARNING, "uav1: starts once it says where it is"), NOW_S),
+    (STALE, Say(Level.WARNING, "uav1: take-off waits for a position"), NOW_S),
+    (None, Say(Level.WARNING, "uav1: take-off waits for a position"), NOW_S),
 ])  # fmt: skip
 def test_who_is_sent_up_later_starts_when_it_says_where_it_is(
     fix: object, found: Command, owed_s: float | None
@@ -131,7 +131,7 @@ def test_a_start_that_an_upload_broke_off_goes_on_while_the_crews_yes_is_of_now(
     assert (Start("uav1") in commands) is starts
     fault = state.vehicles["uav1"].fault
     assert (fault is None) is starts
-    assert starts or (fault is not None and fault.reason == "did not start within 45 s of the crew's clearance")
+    assert starts or (fault is not None and fault.reason == "did not start within 45 s of take-off clearance")
 
 
 LOITER = 5
@@ -163,7 +163,7 @@ def test_a_start_that_somebody_broke_off_by_mode_ends_when_the_vehicle_disarms()
     assert vehicle.stage is Stage.LANDED
     assert vehicle.fault is not None
     assert (vehicle.fault.reason, vehicle.fault.code) == (
-        "did not start: its mode was changed, not from here, and it has disarmed",
+        "did not start: mode changed by another source, then disarmed",
         FaultCode.NOT_STARTED,
     )
     assert not [one for one in commands if isinstance(one, Start)]
@@ -178,7 +178,7 @@ def test_who_has_disarmed_again_in_its_start_is_not_armed_once_more(context: Con
     assert vehicle.stage is (Stage.LANDED if stays else Stage.STARTING)
     if stays:
         assert vehicle.fault is not None
-        assert vehicle.fault.reason == "did not start: it armed, and disarmed again"
+        assert vehicle.fault.reason == "did not start: armed, then disarmed"
 
 
 @pytest.mark.parametrize(("took_off", "stage"), [(True, Stage.FLYING), (False, Stage.STARTING)])

@@ -135,7 +135,7 @@ def test_it_is_not_taken_to_stand_on_its_pad_by_what_it_reckons() -> None:
 def test_the_loss_is_said_with_the_last_fix() -> None:
     view = View(CONTEXT, SETUP, lost_for(2.0), False, NOW_S + 2.0)
     assert gps_lost(view) == (
-        "GPS lost (no GPS fix): its place is reckoned from now on; "
+        "GPS lost (no GPS fix): position is dead-reckoned from now on; "
         "last GPS fix 49.60014, 15.60362, 2 s before, at 3 m/s"
     )
 

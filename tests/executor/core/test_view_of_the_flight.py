@@ -105,7 +105,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "offer": OfferView(
                 vehicles=("uav1",),
                 segments=(0, 2),
-                text=("uav1 can take over 2 segments (segment 0, segment 2): is the pad of uav1 clear of people?"),
+                text=("uav1 can take over 2 segments (segment 0, segment 2). Is its pad clear of people?"),
             ),
         },
     ),

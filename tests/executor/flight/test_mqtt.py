@@ -117,7 +117,7 @@ async def test_no_mistake_reaches_the_flight(tmp_path: Path) -> None:
             publication.said(Say(Level.INFO, "a line"), 1.0)
             publication.said(Say(Level.INFO, "another"), float("nan"))
     assert said == [
-        (Level.FAULT, "internal mistake in mqtt: ZeroDivisionError: a mistake"),
+        (Level.FAULT, "internal error in mqtt: ZeroDivisionError: a mistake"),
         (Level.WARNING, said[-1][1]),
     ]
     assert "messages never reached 127.0.0.1:" in said[-1][1]

@@ -52,8 +52,7 @@ def test_what_is_beyond_the_budgets_is_named(ground: Ground) -> None:
     assert plan is not None
     _, left = sortie_words(plan, Path("next.json")).splitlines()
     assert left == (
-        "left over, out of reach there and back within any budget: segment 0 (101.95 % of 75 %), segment 5 "
-        "(273.50 % of 75 %)"
+        "left over, out of range of every vehicle's budget: segment 0 (101.95 % of 75 %), segment 5 (273.50 % of 75 %)"
     )
 
 

@@ -240,7 +240,10 @@ def test_two_vehicles_of_one_number_are_one_line(tmp_path: Path) -> None:
     found = replayed(writer, tmp_path)
     assert declared(found) == []
     assert [note for note in found.notes if "two vehicles" in note] == [
-        "two vehicles answer as system 1: what they say is mixed, and both would obey; not judged from 30.4 s on"
+        (
+            "two vehicles use system id 1: their telemetry is mixed, and both would follow commands; "
+            "not judged from 30.4 s on"
+        )
     ]
 
 

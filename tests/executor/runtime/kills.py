@@ -136,7 +136,7 @@ class Outcome:
                 wrong.append(f"{name} has {flyer.percent:.0f} % left")
         faults = {name for name, vehicle in state.vehicles.items() if vehicle.fault is not None}
         wrong += [f"{name} was given up: {state.vehicles[name].fault}" for name in faults - self.lost]
-        wrong += [line.text for line in self.sky.said if "internal mistake" in line.text]
+        wrong += [line.text for line in self.sky.said if "internal error" in line.text]
         return wrong
 
     def twice(self) -> list[int]:

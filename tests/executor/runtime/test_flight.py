@@ -263,7 +263,7 @@ async def test_a_mistake_in_one_decision_ends_nobodys_supervision() -> None:
         sky.applied += 1
         sky.flight.apply(Heard("nobody", Heartbeat(3, 3, armed=True, system_status=4)))
         sky.applied += 1
-    assert sky.faults() == ["internal mistake at Heard: KeyError: 'nobody'"]
+    assert sky.faults() == ["internal error at Heard: KeyError: 'nobody'"]
     assert set(sky.state.coverage.inspected) == set(range(6))
 
 
@@ -280,7 +280,7 @@ async def test_an_order_that_dies_of_our_mistake_ends_like_a_refusal(monkeypatch
             monkeypatch.setattr(procedures, "hold", mistaken)
             sky.flight.apply(IntentReceived(Intent("w1", Action.HOLD, "uav2", "terminal")))
             await sky.until(lambda: sky.state.crew.intents["w1"].outcome is Outcome.FAILED)
-    assert said == ["internal mistake in an order to uav2: KeyError: 'speed'"]
+    assert said == ["internal error in an order to uav2: KeyError: 'speed'"]
     assert set(sky.state.coverage.inspected) == set(range(6))
 
 
@@ -315,7 +315,7 @@ async def test_a_tick_that_dies_is_there_again_at_once() -> None:
             await sky.until(lambda: bool(said))
             ticks = sum(isinstance(event, Tick) for event in sky.written)
             await sky.until(lambda: sum(isinstance(event, Tick) for event in sky.written) > ticks + 10)
-    assert [line.partition(": ")[0] for line in said] == ["internal mistake in the tick"]
+    assert [line.partition(": ")[0] for line in said] == ["internal error in the tick"]
     assert set(sky.state.coverage.inspected) == set(range(6))
 
 
@@ -333,7 +333,7 @@ async def test_one_link_that_fails_keeps_no_heartbeat_from_the_others() -> None:
     for link in (broken, whole):
         link.close()
     assert len(whole.of_kind(SendHeartbeat)) == 11
-    assert said == ["internal mistake in our heartbeat to uav1: RuntimeError: no such port"]
+    assert said == ["internal error in our heartbeat to uav1: RuntimeError: no such port"]
 
 
 async def test_who_shows_the_flight_cannot_keep_a_decision_from_being_carried_out() -> None:

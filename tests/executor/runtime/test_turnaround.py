@@ -45,7 +45,7 @@ async def test_a_day_of_two_vehicles_with_two_sorties_each_survives_a_loss_in_th
     sky, flown = await day_flown(day, autopilot)
     assert flown.ended_s is not None
     assert set(flown.inspected) == set(range(8)), "\n".join(sky.lines)
-    assert not [line for line in sky.lines if "internal mistake" in line]
+    assert not [line for line in sky.lines if "internal error" in line]
     lost, other = sky.state.vehicles["uav2"], sky.state.vehicles["uav1"]
     assert lost.fault is not None
     assert [flown.inspected[segment] for segment in (6, 7)] == ["uav1", "uav1"]
@@ -68,7 +68,7 @@ async def test_a_bad_pack_is_refused_with_one_line_and_a_better_one_flies(autopi
     sky, flown = await day_flown(day, autopilot)
     line = told_once(sky, "uav1: stays on the ground")
     assert "pack P9 rests at 3.7" in line
-    assert "too little over its reserve of 15 %" in line
+    assert "too close to its reserve of 15 %" in line
     bad, good = (sky.state.crew.intents[record.intent.id] for record in sky.asked)
     assert (bad.outcome, bad.code) == (Outcome.FAILED, IntentReason.PACK_POOR)
     assert good.outcome is Outcome.DONE
@@ -82,7 +82,7 @@ async def test_a_pack_that_holds_less_than_it_should_shrinks_the_sortie(autopilo
     day = Day(Crew({"P9": 28.0, "P3": 100.0}), first={"uav1": (0, 2)}, later=later)
     sky, flown = await day_flown(day, autopilot)
     told_once(sky, r"pack P9 rests at 3\.\d+ V a cell.*; its budget is \d+ % instead of 75 %")
-    told_once(sky, r"uav1: sortie 2: planned anew with its budget")
+    told_once(sky, r"uav1: sortie 2: re-planned for its budget")
     by_sortie = [sortie.pack for sortie in sky.state.vehicles["uav1"].turn.sorties]
     assert by_sortie == ["", "P9", "P3"], "\n".join(sky.lines)
     assert set(flown.inspected) == set(range(8))
@@ -137,7 +137,7 @@ async def test_nobody_starts_without_the_crews_word_and_an_abort_ends_the_day() 
     )  # fmt: skip
     sky, flown = await day_flown(day, "ardupilot")
     assert starts(sky, "uav1") == 1
-    assert "uav1: waits for its pack to be confirmed: sortie 2, 2 segments" in sky.lines
+    assert "uav1: waiting for pack confirmation: sortie 2, 2 segments" in sky.lines
     assert flown.ended_s is not None
     assert flown.ended_s - flown.began_s >= 490
     assert set(flown.inspected) == {0, 1}
@@ -164,7 +164,7 @@ async def test_who_reboots_after_its_checks_is_looked_at_before_it_starts(autopi
     sky, flown = await day_flown(day, autopilot)
     [who] = unplugged
     why = "(its autopilot|no position for 10 s: it may) (has|have) rebooted since its checks"
-    told_once(sky, f"{who}: stays on the ground: {why}; swap again when it is well")
+    told_once(sky, f"{who}: not cleared for take-off: {why}; repeat `swap` when fixed")
     told_once(sky, f"{who}: its checks have passed")
     assert starts(sky, who) == 1
     assert set(flown.inspected) == {0, 1, 2, 3}, "\n".join(sky.lines)
@@ -190,7 +190,7 @@ async def test_without_a_day_plan_a_new_pack_flies_what_is_open_while_others_fly
     assert set(flown.inspected) == {0, 1, 2, 3}, "\n".join(sky.lines)
     assert sky.state.vehicles["uav1"].turn.sorties[-1].pack == "P3"
     told_once(sky, "uav1: its checks have passed: .*re-planning with it")
-    assert not [line for line in sky.lines if "internal mistake" in line]
+    assert not [line for line in sky.lines if "internal error" in line]
 
 
 async def test_a_sortie_that_does_not_fit_into_its_hours_is_refused() -> None:
@@ -230,7 +230,7 @@ async def test_at_the_end_of_its_last_hours_as_much_is_flown_as_there_is_time_fo
 async def test_what_vehicles_forgot_as_they_booted_is_set_again(autopilot: str, name: str, value: float) -> None:
     sky, flown = await day_flown(Day(Crew(GOOD), forgets={name: value}), autopilot)
     for vehicle in ("uav1", "uav2"):
-        assert f": {name} {value:g} -> " in told_once(sky, f"{vehicle}: set again as before its boot: ")
+        assert f": {name} {value:g} -> " in told_once(sky, f"{vehicle}: parameters set again after reboot: ")
         assert sky.vehicle(vehicle).autopilot.params[name] in {5.0 * value, 7.0 * value}
     assert set(flown.inspected) == set(range(8)), "\n".join(sky.lines)
     assert all(record.outcome is Outcome.DONE for record in sky.state.crew.intents.values())

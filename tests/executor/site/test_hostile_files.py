@@ -246,7 +246,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_run_directory_that_is_whole(flown: Path, here: Place) -> None:
     shutil.copytree(flown, "run")
     assert here.run("replay", "run")[0] == 0
-    assert here.refused("resume", "run", "--json").startswith("the operator did not say yes")
+    assert here.refused("resume", "run", "--json").startswith("not confirmed")
 
 
 RUN_FILES = ("site.toml", "network.yaml", "plan-000.json", "vehicles.json", "events.jsonl")

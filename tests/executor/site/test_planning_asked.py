@@ -113,7 +113,7 @@ def test_the_checklist_shows_what_is_asked() -> None:
     flown = [len(route.visits) for route in PLAN.plan.routes]
     assert [line.text.split(",")[0] for line in lines] == [
         f"uav1: {flown[0]} segments", f"uav2: {flown[1]} segments", "6 of 6 segments",
-        "re-plan window 100 %: from 0 s on any one vehicle may be lost",
+        "re-plan window 100 %: from 0 s the fleet can absorb the loss of any one vehicle",
     ]  # fmt: skip
     assert "longest route" in lines[2].text
 
@@ -142,8 +142,8 @@ def poor(budgets: dict[str, float], step: int = 7) -> PlanFile:
 def test_what_is_left_over_is_named_with_its_reason() -> None:
     lines = left_words(poor({"uav1": 8.5}))
     assert [line.split(":")[0] for line in lines] == [
-        "left over, within reach, but the others use the budgets up",
-        "left over, out of reach there and back within any budget",
+        "left over, reachable, but no battery left after the other segments",
+        "left over, out of range of every vehicle's budget",
     ]
     assert lines[1].endswith(": segment 5 (9.29 % of 8.5 %)")
 

@@ -80,7 +80,7 @@ def test_in_words(plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
         "as planned, without a re-plan", "re-planned after one loss", "re-planned after up to 2 losses",
     ]  # fmt: skip
     assert losses.startswith("losses: ")
-    assert blame.startswith("losses that were not repaired: uav1 ")
+    assert blame.startswith("losses without a re-plan: uav1 ")
     assert most.startswith("most of them: uav")
     assert (tmp_path / "risk.png").read_bytes().startswith(b"\x89PNG")
     code, out, _ = run(capsys, "risk", plan, "--mtbf", 1e9, "--samples", 500, "--jobs", 1)

@@ -90,7 +90,7 @@ def test_without_the_areas_the_same_flight_leads_through_them(tmp_path: Path, au
 def test_a_vehicle_that_is_sent_home_flies_straight_and_the_crew_is_told(tmp_path: Path, autopilot: str) -> None:
     flight, least_m = flown(ground(tmp_path, autopilot), "uav2:battery-step=30@45%")
     assert [fault.vehicle for fault in flight.report.faults] == ["uav2"]
-    assert "uav2: its RTL is straight, through area 'yard'" in [line.text for _, line in flight.said]
+    assert "uav2: RTL will cross no-fly area 'yard'" in [line.text for _, line in flight.said]
     # That is its autopilot's own flight, which knows of no area.
     assert least_m["uav2"] == 0.0
     assert min(least_m["uav1"], least_m["uav3"]) >= MARGIN_M - CUT_M

@@ -102,5 +102,5 @@ def test_a_fence_is_flown_with_and_widened_for_a_replan(tmp_path: Path, autopilo
     flight = fly_virtual(ground, shared(ground), faults=("uav2:crash@40s",), seed=1)
     assert flight.report.finished
     assert [fault.kind.value for fault in flight.report.faults] == ["interruption"]
-    assert any("and a wider fence before it" in line.text for _, line in flight.said)
+    assert any("fence widened first" in line.text for _, line in flight.said)
     assert not any("fence" in truth.what for truth in flight.truths), "nobody left its fence"

@@ -158,5 +158,5 @@ def test_what_is_inspected_from_a_layer_is_flown_again_before_the_way_home(tmp_p
     flight, seen = flown(chosen, plan)
     assert set(judged(chosen, flight, seen)) == {15.0}
     assert (flight.report.finished, flight.report.replans) == (True, ())
-    again = [line.text for line in flight.state.crew.said if "at the asked distance" in line.text]
+    again = [line.text for line in flight.state.crew.said if "at inspection height" in line.text]
     assert len(again) == 1

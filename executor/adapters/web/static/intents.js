@@ -22,11 +22,11 @@ import { byId, find } from "./elements.js";
 const WORDS = {
   hold: ["Hold", "It stops where it is and waits. Its battery goes on being used."],
   resume: ["Resume", "It goes on with its mission from where it holds."],
-  return: ["Bring back", "RTL; it stays on the ground until it is included. Its segments are reassigned."],
+  return: ["Bring back", "RTL; stays on the ground until included. Its segments are reassigned."],
   land: ["Land", "It comes down right where it is. Its segments are reassigned."],
   exclude: ["Exclude", "It is taken out of the plan; RTL if it flies. Its segments are reassigned."],
   include: ["Include", "It takes off from its pad when there is work for it: the pad is clear of people, and its battery will do."],
-  swap: ["Pack changed", "It is looked at, and takes off on its next sortie as soon as its checks have passed: its pad is clear of people."],
+  swap: ["Pack changed", "Its checks run; it takes off on its next sortie once they pass: its pad is clear of people."],
   disarm: ["Disarm", "Its motors are stopped. Only for one that lies on the ground: in the air it would fall."],
   close: ["Close base", "Nobody takes off from it until it is opened. Who is in the air lands there. Its later sorties are open for others."],
   open: ["Open base", "Its vehicles may be sent out again, each when its pack is confirmed."],

@@ -153,7 +153,7 @@ export class Strips {
     const height = position ? `${number(position.relative_alt_m)} m, ${number(position.ground_speed_m_s, 1)} m/s` : "no position";
     const armed = vehicle.armed && ["ground", "landed", "down"].includes(vehicle.state) ? " · ARMED" : "";
     write(part(".where"), `layer ${vehicle.layer + 1} · ${height}${vehicle.mode ? ` · ${vehicle.mode}` : ""}${armed}`);
-    write(part(".why"), vehicle.fault ? why(vehicle.fault, vehicle.fault_kind) : vehicle.excluded ? "out of the plan by the operator's word" : "");
+    write(part(".why"), vehicle.fault ? why(vehicle.fault, vehicle.fault_kind) : vehicle.excluded ? "excluded by the operator" : "");
     write(part(".hands"), hands(vehicle, state));
     write(part(".turn"), turn(vehicle));
     this.battery(strip, vehicle);

@@ -49,7 +49,7 @@ def test_a_pause_of_our_own_is_held_against_nobody(pause_s: float, *, excused: b
     )
     assert [one.pause_s for one in state.listening.absences] == pytest.approx([pause_s] if noted else [])
     assert [one.text for one in said if isinstance(one, Say)] == (
-        [f"the ground station itself stood still for {pause_s:.1f} s"] if noted else []
+        [f"the ground station stalled for {pause_s:.1f} s"] if noted else []
     )
 
 
@@ -67,7 +67,7 @@ def fell_silent(state: FleetState, *, least: int = 1) -> list[str]:
     return [one.text for one in of_all(CONTEXT, state, NOW_S, least=least)[1] if isinstance(one, Say)]
 
 
-IS_IT_OURS = ["all links lost at once: is it our own radio? No re-plan yet"]
+IS_IT_OURS = ["all links lost: suspecting the ground radio; re-planning suspended"]
 
 
 @pytest.mark.parametrize(

@@ -185,7 +185,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            "went to mode RTL, and nothing says who chose it",
+            "went to mode RTL, by an unknown source",
             "ok",
             "ok",
             "ok",

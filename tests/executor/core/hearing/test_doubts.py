@@ -25,7 +25,7 @@ def test_one_heartbeat_that_says_disarmed_ends_nothing() -> None:
     flight.pass_s(0.4)
     assert {flight.stage(name) for name in flight.crafts} == {Stage.FLYING}
     assert flight.said(Level.WARNING) == [
-        f"{name}: a HEARTBEAT says disarmed, but it flies: does another station send it?" for name in flight.crafts
+        f"{name}: HEARTBEAT reports disarmed, but it is flying: sent by another station?" for name in flight.crafts
     ]
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING

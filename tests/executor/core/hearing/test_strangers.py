@@ -31,7 +31,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for known in (STATIONS, STATIONS - {StationHeard(1, 190)}, STATIONS | {StationHeard(8, 190)})
         ],
         [
-            [("another ground station is on its link, system 9 component 190; further ones are not named")],
+            [("another ground station is on its link, system 9 component 190; further ones are not listed")],
             ["another ground station is on its link, system 9 component 190"],
             [],
         ],
@@ -39,7 +39,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "two with one number",
         lambda: list(strangers.stranger_lines(frozenset(), frozenset({DoubleHeard(3, ("a", "b"))}))),
-        ["system 3 speaks from a and b: two vehicles have the same sysid"],
+        ["sysid 3 is used at a and b: duplicate system id"],
     ),
 ]
 

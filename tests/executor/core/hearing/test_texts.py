@@ -99,11 +99,11 @@ def test_two_hundred_strangers_are_a_few_lines_and_no_room_is_taken_from_a_secon
     for system in range(2, 202):
         flight.happen(Heard("uav1", StationHeard(system, 190)))
     assert len(strangers(flight)) == MOST_NAMED
-    assert strangers(flight)[-1].endswith("component 190; further ones are not named")
+    assert strangers(flight)[-1].endswith("component 190; further ones are not listed")
     assert "not named" not in strangers(flight)[-2]
     assert len(flight.state.vehicles["uav1"].link.strangers) == MOST_NAMED
     flight.happen(Heard("uav1", DoubleHeard(1, ("A", "B"))))
-    assert "uav1: system 1 speaks from A and B: two vehicles have the same sysid" in flight.said()
+    assert "uav1: sysid 1 is used at A and B: duplicate system id" in flight.said()
 
 
 def test_a_dozen_important_lines_half_of_that_warnings_and_three_of_other_components() -> None:

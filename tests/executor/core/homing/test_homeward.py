@@ -26,7 +26,7 @@ def advice(**given: Any) -> str:
 
 
 SINKS = Fault(FaultKind.INTERRUPTION, "sinks", NOW_S - 1.0, FaultCode.SINKING)
-WEAK = "leave: cannot hold its height and RTL climbs, not commanded: its pilot may land it"
+WEAK = "leave: cannot hold height and RTL begins with a climb, not commanded: its pilot may land it"
 SELF = "leave: returning or landing by itself, not commanded"
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("the way home", lambda: advice(waypoint=2), "return: "),
@@ -72,7 +72,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [
             "leave: left to its own failsafe",
-            "wait: held by its own failsafe, which is waited for",
+            "wait: holding in its own failsafe; waiting for it to act",
             "return: ",
             "return: ",
         ],
@@ -84,7 +84,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for key in ("regained_s", "excused_s")
             for since_s in (14.9, 15.0)
         ],
-        ["wait: held by its own failsafe, which is waited for", "return: "] * 2,
+        ["wait: holding in its own failsafe; waiting for it to act", "return: "] * 2,
     ),
     (
         "whose failsafe holds, and whose HEARTBEATs do not come",
@@ -92,7 +92,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             advice(cause=Cause.FAILSAFE, heartbeat=beat(HOLD), mode_since_s=NOW_S - 20.0, heartbeat_s=NOW_S - age_s)
             for age_s in (5.0, 5.1)
         ],
-        ["return: ", "wait: held by its own failsafe, which is waited for"],
+        ["return: ", "wait: holding in its own failsafe; waiting for it to act"],
     ),
     (
         "where nobody knows it to be",
@@ -149,9 +149,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            "wait: its kill switch is on, by its own word: not commanded",
+            "wait: reports its kill switch on, not commanded",
             "return: ",
-            "wait: its kill switch is on, by its own word: not commanded",
+            "wait: reports its kill switch on, not commanded",
             "return: ",
             "return: ",
         ],
@@ -182,7 +182,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
 PX4 = fleet_of(autopilot="px4").context
 PX4_HOLD = PX4.vehicles["uav1"].dialect.modes.hold.custom_mode
 EMPTY = "Emergency battery level"
-WAITS = "wait: held by its own failsafe, which is waited for"
+WAITS = "wait: holding in its own failsafe; waiting for it to act"
 
 
 @pytest.mark.parametrize(

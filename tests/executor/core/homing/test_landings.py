@@ -181,4 +181,4 @@ def test_who_was_not_heard_in_the_air_may_have_been_there() -> None:
     craft.place_m, craft.up_m, craft.armed = flight.context.vehicles["uav2"].pad_m, 0.0, False
     flight.state = flight.state.put(with_facts(flight.vehicle("uav2"), took_off=False, errand=None))
     flight.run(lambda: flight.stage("uav2") is Stage.LANDED)
-    assert "uav2: is disarmed, and was not heard in the air" in flight.said(Level.INFO)
+    assert "uav2: disarmed; its take-off was not observed" in flight.said(Level.INFO)

@@ -145,7 +145,7 @@ def test_an_order_that_a_fault_overtakes_has_failed() -> None:
     flight.happen(IntentReceived(Intent("again", Action.HOLD, "uav2", "page")))
     assert flight.state.crew.intents["again"].text == "it holds already"
     flight._due.clear()
-    assert ends(flight, record).text.startswith("overtaken, uav2 is ")
+    assert ends(flight, record).text.startswith("superseded: uav2 is ")
 
 
 def test_a_returned_vehicle_stays_on_the_ground() -> None:
@@ -166,7 +166,7 @@ def test_an_excluded_vehicle_is_lost_by_the_operators_word() -> None:
     assert record.outcome is Outcome.DONE
     fault = flight.vehicle("uav2").fault
     assert fault is not None
-    assert (fault.kind, fault.reason) == (FaultKind.OPERATOR, "excluded by the operator's word")
+    assert (fault.kind, fault.reason) == (FaultKind.OPERATOR, "excluded by the operator")
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.sent_home() == ["uav2"]
@@ -214,7 +214,7 @@ def test_a_fresh_battery_brings_a_vehicle_back() -> None:
     flight.crafts["uav3"].battery_pct = 100.0
     flight.pass_s(3.0)
     for name in ("uav2", "uav3"):
-        assert "is its pad clear" in flight.ask(Action.INCLUDE, name).question
+        assert "Is its pad clear" in flight.ask(Action.INCLUDE, name).question
         assert flight.ask(Action.INCLUDE, name, confirmed=True).outcome is Outcome.DONE
     assert flight.vehicle("uav3").fault is None
     assert [name for name, _ in flight.state.replanning.mended] == ["uav3"]
@@ -252,7 +252,7 @@ def test_everything_is_planned_anew_on_demand() -> None:
     assert record.outcome is Outcome.ACCEPTED
     assert flight.ask(Action.REPLAN).text == "a re-plan is under way"
     assert ends(flight, record).text == "re-plan 1 is on board"
-    assert flight.solves()[0].trigger == "page asks for it"
+    assert flight.solves()[0].trigger == "requested by page"
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
@@ -313,7 +313,7 @@ def test_nobody_holds_below_its_layer() -> None:
     leg = flight.vehicle("uav2").leg
     assert leg is not None
     assert leg.phase is Phase.TAKEOFF
-    assert flight.ask(Action.HOLD, "uav2").text.startswith("it climbs from its pad")
+    assert flight.ask(Action.HOLD, "uav2").text.startswith("it is climbing from its pad")
 
 
 def test_a_mission_that_is_being_put_on_board_is_not_interrupted() -> None:
@@ -321,7 +321,7 @@ def test_a_mission_that_is_being_put_on_board_is_not_interrupted() -> None:
     flight.upload_s = 30.0
     flight.ask(Action.EXCLUDE, "uav3")
     flight.run(lambda: flight.vehicle("uav2").assignment.pending is not None)
-    assert flight.ask(Action.HOLD, "uav2").text.startswith("its new mission is being put on board")
+    assert flight.ask(Action.HOLD, "uav2").text.startswith("mission upload in progress")
 
 
 def test_before_the_launch_and_of_the_silent_nothing_is_wanted() -> None:

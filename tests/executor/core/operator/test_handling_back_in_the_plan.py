@@ -44,7 +44,7 @@ ROWS = [
         "back in the plan on the ground",
         again(),
         wish(Action.INCLUDE, confirmed=True),
-        [Say(Level.INFO, "page asks: include uav1; it is back in the plan; re-planning with it")],
+        [Say(Level.INFO, "page asks: include uav1; included; re-planning with it")],
         {
             "uav1": {
                 "stage": Stage.GROUND,
@@ -63,14 +63,14 @@ ROWS = [
         {
             "given_up": frozenset(),
             "urgent": True,
-            "trigger": "uav1: is back with 90 % in its battery",
+            "trigger": "uav1: back in service with 90 % in its battery",
             "trigger_s": NOW_S,
             "considered": frozenset({"uav2"}),
             "intents": {
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back in the plan; re-planning with it",
+                    "included; re-planning with it",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -84,7 +84,7 @@ ROWS = [
         "back in the plan on the ground, well",
         again(fault=None),
         wish(Action.INCLUDE, confirmed=True),
-        [Say(Level.INFO, "page asks: include uav1; it is back in the plan; re-planning with it")],
+        [Say(Level.INFO, "page asks: include uav1; included; re-planning with it")],
         {
             "uav1": {
                 "stage": Stage.GROUND,
@@ -101,13 +101,13 @@ ROWS = [
         },
         {
             "urgent": True,
-            "trigger": "uav1: is back with 90 % in its battery",
+            "trigger": "uav1: back in service with 90 % in its battery",
             "trigger_s": NOW_S,
             "intents": {
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back in the plan; re-planning with it",
+                    "included; re-planning with it",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -119,7 +119,7 @@ ROWS = [
         "back in the plan, one of two that were offered",
         again(fault=None),
         wish(Action.INCLUDE, confirmed=True),
-        [Say(Level.INFO, "page asks: include uav1; it is back in the plan; re-planning with it")],
+        [Say(Level.INFO, "page asks: include uav1; included; re-planning with it")],
         {
             "uav1": {
                 "stage": Stage.GROUND,
@@ -136,14 +136,14 @@ ROWS = [
         },
         {
             "urgent": True,
-            "trigger": "uav1: is back with 90 % in its battery",
+            "trigger": "uav1: back in service with 90 % in its battery",
             "trigger_s": NOW_S,
             "wait_until_s": NOW_S + 15.0,
             "intents": {
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back in the plan; re-planning with it",
+                    "included; re-planning with it",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -155,7 +155,7 @@ ROWS = [
         "back in the plan, one of two, while there is a longer wait",
         again(fault=None),
         wish(Action.INCLUDE, confirmed=True),
-        [Say(Level.INFO, "page asks: include uav1; it is back in the plan; re-planning with it")],
+        [Say(Level.INFO, "page asks: include uav1; included; re-planning with it")],
         {
             "uav1": {
                 "stage": Stage.GROUND,
@@ -172,13 +172,13 @@ ROWS = [
         },
         {
             "urgent": True,
-            "trigger": "uav1: is back with 90 % in its battery",
+            "trigger": "uav1: back in service with 90 % in its battery",
             "trigger_s": NOW_S,
             "intents": {
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back in the plan; re-planning with it",
+                    "included; re-planning with it",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -193,10 +193,7 @@ ROWS = [
         [
             Say(
                 Level.INFO,
-                (
-                    "page asks: include uav1; it is back in the plan; no segment is left over, a re-plan would "
-                    "share the others"
-                ),
+                ("page asks: include uav1; included. Nothing is unassigned; use re-plan to redistribute"),
             )
         ],
         {
@@ -215,13 +212,13 @@ ROWS = [
         },
         {
             "urgent": True,
-            "trigger": "uav1: is back with 90 % in its battery",
+            "trigger": "uav1: back in service with 90 % in its battery",
             "trigger_s": NOW_S,
             "intents": {
                 "wish": noted(
                     Action.INCLUDE,
                     Outcome.DONE,
-                    "it is back in the plan; no segment is left over, a re-plan would share the others",
+                    "included. Nothing is unassigned; use re-plan to redistribute",
                     ended_s=NOW_S,
                     confirmed=True,
                 )
@@ -234,7 +231,7 @@ ROWS = [
         GIVES_BACK,
         wish(Action.INCLUDE),
         [
-            Say(Level.INFO, "page asks: include uav1; it is back in the plan"),
+            Say(Level.INFO, "page asks: include uav1; included"),
             Say(Level.INFO, "uav1: is back in the plan, from its pilot"),
             Resume(vehicle="uav1", speed_m_s=3.0),
         ],
@@ -248,14 +245,14 @@ ROWS = [
                 "taken": None,
             }
         },
-        {"intents": {"wish": noted(Action.INCLUDE, Outcome.DONE, "it is back in the plan", ended_s=NOW_S)}},
+        {"intents": {"wish": noted(Action.INCLUDE, Outcome.DONE, "included", ended_s=NOW_S)}},
     ),
     Row(
         "back in the plan from its pilot, its work given away",
         with_facts(GIVES_BACK, taken=replace(TAKEN, returned_s=NOW_S - 5.0, given_away=True)),
         wish(Action.INCLUDE),
         [
-            Say(Level.INFO, "page asks: include uav1; it is back in the plan"),
+            Say(Level.INFO, "page asks: include uav1; included"),
             Say(Level.INFO, "uav1: is back in the plan, from its pilot"),
             Resume(vehicle="uav1", speed_m_s=3.0),
         ],
@@ -272,7 +269,7 @@ ROWS = [
         {
             "trigger": "uav1: is back in the plan",
             "trigger_s": NOW_S,
-            "intents": {"wish": noted(Action.INCLUDE, Outcome.DONE, "it is back in the plan", ended_s=NOW_S)},
+            "intents": {"wish": noted(Action.INCLUDE, Outcome.DONE, "included", ended_s=NOW_S)},
             "ordered": True,
         },
     ),

@@ -56,7 +56,7 @@ ROWS = [
         {},
         {
             "given_up": frozenset(),
-            "trigger": "page asks for it",
+            "trigger": "requested by page",
             "trigger_s": NOW_S,
             "intents": {"wish": noted(Action.REPLAN, Outcome.ACCEPTED, "all open segments are re-planned", name=None)},
             "ordered": True,
@@ -156,14 +156,14 @@ ROWS = [
         "an answer to another question",
         STARTS,
         wish(Action.PREPARE, None),
-        [Say(Level.WARNING, "page asks: prepare; refused: that question is not open now")],
+        [Say(Level.WARNING, "page asks: prepare; refused: that question is not pending")],
         {},
         {
             "intents": {
                 "wish": noted(
                     Action.PREPARE,
                     Outcome.REFUSED,
-                    "that question is not open now",
+                    "that question is not pending",
                     code=IntentReason.NOT_ASKED,
                     ended_s=NOW_S,
                     name=None,

@@ -40,16 +40,14 @@ ROWS = [
             Say(Level.WARNING, "page asks: exclude uav1; taken out of the plan, RTL commanded"),
             Say(
                 Level.FAULT,
-                ("uav1: operator, excluded by the operator's word; RTL commanded; 2 segments to be reassigned"),
+                ("uav1: operator, excluded by the operator; RTL commanded; 2 segments to be reassigned"),
             ),
             SendHome("uav1"),
         ],
         {
             "uav1": SENT_HOME
             | {
-                "fault": Fault(
-                    FaultKind.OPERATOR, "excluded by the operator's word", NOW_S, FaultCode.OPERATOR_EXCLUDE
-                ),
+                "fault": Fault(FaultKind.OPERATOR, "excluded by the operator", NOW_S, FaultCode.OPERATOR_EXCLUDE),
                 "held_s": None,
                 "excluded": True,
                 "cleared_s": None,
@@ -58,7 +56,7 @@ ROWS = [
         },
         {
             "urgent": True,
-            "trigger": "uav1: operator, excluded by the operator's word",
+            "trigger": "uav1: operator, excluded by the operator",
             "trigger_s": NOW_S,
             "intents": {
                 "wish": noted(Action.EXCLUDE, Outcome.ACCEPTED, "taken out of the plan, RTL commanded", "uav1")
@@ -74,22 +72,20 @@ ROWS = [
             Say(Level.WARNING, "page asks: exclude uav1; taken out of the plan, RTL commanded"),
             Say(
                 Level.FAULT,
-                ("uav1: operator, excluded by the operator's word; RTL commanded; 1 segment left without a vehicle"),
+                ("uav1: operator, excluded by the operator; RTL commanded; 1 segment left without a vehicle"),
             ),
             SendHome("uav1"),
         ],
         {
             "uav1": SENT_HOME
             | {
-                "fault": Fault(
-                    FaultKind.OPERATOR, "excluded by the operator's word", NOW_S, FaultCode.OPERATOR_EXCLUDE
-                ),
+                "fault": Fault(FaultKind.OPERATOR, "excluded by the operator", NOW_S, FaultCode.OPERATOR_EXCLUDE),
                 "excluded": True,
             }
         },
         {
             "urgent": True,
-            "trigger": "uav1: operator, excluded by the operator's word",
+            "trigger": "uav1: operator, excluded by the operator",
             "trigger_s": NOW_S,
             "intents": {
                 "wish": noted(Action.EXCLUDE, Outcome.ACCEPTED, "taken out of the plan, RTL commanded", "uav1")
@@ -111,22 +107,20 @@ ROWS = [
             ),
             Say(
                 Level.FAULT,
-                ("uav1: operator, excluded by the operator's word; RTL commanded; 1 segment left without a vehicle"),
+                ("uav1: operator, excluded by the operator; RTL commanded; 1 segment left without a vehicle"),
             ),
             SendHome("uav1"),
         ],
         {
             "uav1": SENT_HOME
             | {
-                "fault": Fault(
-                    FaultKind.OPERATOR, "excluded by the operator's word", NOW_S, FaultCode.OPERATOR_EXCLUDE
-                ),
+                "fault": Fault(FaultKind.OPERATOR, "excluded by the operator", NOW_S, FaultCode.OPERATOR_EXCLUDE),
                 "excluded": True,
             }
         },
         {
             "urgent": True,
-            "trigger": "uav1: operator, excluded by the operator's word",
+            "trigger": "uav1: operator, excluded by the operator",
             "trigger_s": NOW_S,
             "intents": {
                 "wish": noted(
@@ -153,22 +147,20 @@ ROWS = [
             ),
             Say(
                 Level.FAULT,
-                ("uav1: operator, excluded by the operator's word; RTL commanded; 1 segment left without a vehicle"),
+                ("uav1: operator, excluded by the operator; RTL commanded; 1 segment left without a vehicle"),
             ),
             SendHome("uav1"),
         ],
         {
             "uav1": SENT_HOME
             | {
-                "fault": Fault(
-                    FaultKind.OPERATOR, "excluded by the operator's word", NOW_S, FaultCode.OPERATOR_EXCLUDE
-                ),
+                "fault": Fault(FaultKind.OPERATOR, "excluded by the operator", NOW_S, FaultCode.OPERATOR_EXCLUDE),
                 "excluded": True,
             }
         },
         {
             "urgent": True,
-            "trigger": "uav1: operator, excluded by the operator's word",
+            "trigger": "uav1: operator, excluded by the operator",
             "trigger_s": NOW_S,
             "intents": {
                 "wish": noted(
@@ -187,7 +179,7 @@ ROWS = [
         wish(Action.EXCLUDE),
         [
             Say(Level.WARNING, "page asks: exclude uav1; taken out of the plan, RTL commanded"),
-            Say(Level.FAULT, "uav1: operator, excluded by the operator's word; 2 segments to be reassigned"),
+            Say(Level.FAULT, "uav1: operator, excluded by the operator; 2 segments to be reassigned"),
             SendHome("uav1"),
         ],
         {
@@ -195,16 +187,14 @@ ROWS = [
                 "stage": Stage.LANDED,
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
-                "fault": Fault(
-                    FaultKind.OPERATOR, "excluded by the operator's word", NOW_S, FaultCode.OPERATOR_EXCLUDE
-                ),
+                "fault": Fault(FaultKind.OPERATOR, "excluded by the operator", NOW_S, FaultCode.OPERATOR_EXCLUDE),
                 "excluded": True,
                 "left_s": NOW_S,
             }
         },
         {
             "urgent": True,
-            "trigger": "uav1: operator, excluded by the operator's word",
+            "trigger": "uav1: operator, excluded by the operator",
             "trigger_s": NOW_S,
             "intents": {
                 "wish": noted(Action.EXCLUDE, Outcome.ACCEPTED, "taken out of the plan, RTL commanded", "uav1")
@@ -284,16 +274,14 @@ ROWS = [
             Say(Level.WARNING, "page asks: exclude uav1; taken out of the plan"),
             Say(
                 Level.FAULT,
-                ("uav1: operator, excluded by the operator's word; returning or landing by itself, not commanded"),
+                ("uav1: operator, excluded by the operator; returning or landing by itself, not commanded"),
             ),
         ],
         {
             "uav1": {
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
-                "fault": Fault(
-                    FaultKind.OPERATOR, "excluded by the operator's word", NOW_S, FaultCode.OPERATOR_EXCLUDE
-                ),
+                "fault": Fault(FaultKind.OPERATOR, "excluded by the operator", NOW_S, FaultCode.OPERATOR_EXCLUDE),
                 "excluded": True,
                 "errand": Errand(NOW_S),
                 "left_s": NOW_S,
@@ -301,7 +289,7 @@ ROWS = [
         },
         {
             "urgent": True,
-            "trigger": "uav1: operator, excluded by the operator's word",
+            "trigger": "uav1: operator, excluded by the operator",
             "trigger_s": NOW_S,
             "intents": {"wish": noted(Action.EXCLUDE, Outcome.DONE, "taken out of the plan", ended_s=NOW_S)},
         },

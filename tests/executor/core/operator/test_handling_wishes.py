@@ -85,7 +85,7 @@ ROWS = [
                     "has to be confirmed",
                     code=IntentReason.UNCONFIRMED,
                     ended_s=NOW_S,
-                    question="uav1 is with its pilot: take it out of the pilot's hands? Speak to the pilot first",
+                    question="uav1 is with its pilot. Take control of it? Speak to the pilot first",
                 )
             }
         },
@@ -442,14 +442,14 @@ ROWS = [
         "an order to land in the midst of a start",
         with_facts(STARTS, heartbeat=beat(), armed_once=True, took_off=True, fix=over_pad(10.0)),
         wish(Action.LAND),
-        [Say(Level.WARNING, "page asks: land uav1; refused: it does not fly, it is starting")],
+        [Say(Level.WARNING, "page asks: land uav1; refused: it is not flying, it is starting")],
         {},
         {
             "intents": {
                 "wish": noted(
                     Action.LAND,
                     Outcome.REFUSED,
-                    "it does not fly, it is starting",
+                    "it is not flying, it is starting",
                     code=IntentReason.NOT_FLYING,
                     ended_s=NOW_S,
                 )

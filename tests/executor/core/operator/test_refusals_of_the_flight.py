@@ -76,7 +76,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            "every segment that counts was proven by positions",
+            "every counted segment is already proven by positions",
             "",
             "",
             "a re-plan is under way",
@@ -124,12 +124,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for question in (None, Question("prepare", "go?", ()))
         ],
         [
-            "that question is not open now",
+            "that question is not pending",
             "",
             "the flight has begun",
             "the flight has begun",
-            "that question is not open now",
-            "that question is not open now",
+            "that question is not pending",
+            "that question is not pending",
             "the flight has begun",
             "the flight has begun",
         ],
@@ -165,8 +165,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "",
             "the flight was aborted",
             "it is out of the plan: why",
-            "it is with its pilot, who must set mission mode first",
-            "it is with its pilot, who must set mission mode first",
+            "it is with its pilot: the pilot must set mission mode first",
+            "it is with its pilot: the pilot must set mission mode first",
         ],
     ),
     (

@@ -129,7 +129,7 @@ def test_what_is_no_multicopter_stops(kind: int | None, words: str) -> None:
 def test_another_autopilot_than_the_site_files_stops() -> None:
     found = checks.identity(said(PX4), ARDUPILOT, AT_HOME)
     stops = [check.text for check in found if check.severity is Severity.STOP]
-    assert stops == ["its heartbeat says autopilot 12, expected ardupilot (3)"]
+    assert stops == ["HEARTBEAT autopilot is 12, expected ardupilot (3)"]
 
 
 @pytest.mark.parametrize(
@@ -285,7 +285,7 @@ def test_pre_arm_checks_in_words() -> None:
         complaint({"GPS: no fix": 95.0, "compass": 60.0}, status, 100.0) == "its own pre-arm checks fail: GPS: no fix"
     )
     assert complaint({}, status, 100.0) == "its own pre-arm checks fail: not healthy: compass, GPS"
-    assert complaint({}, None, 100.0) == "its own pre-arm checks fail, and it does not say why"
+    assert complaint({}, None, 100.0) == "its own pre-arm checks fail, no reason reported"
     many = complaint(dict.fromkeys("abcde", 99.0), status, 100.0)
     assert many == "its own pre-arm checks fail: a; b; c; 2 more"
 

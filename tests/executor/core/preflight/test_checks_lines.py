@@ -66,13 +66,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [("warning: quadrotor, ArduPilot of unknown version; faultline is tested with Copter 4.7-dev")],
             [("warning: quadrotor, ArduPilot 4.5.9, which is older than 4.6; faultline is tested with Copter 4.7-dev")],
             ["ok: quadrotor, ArduPilot 4.6.0"],
-            ["ok: quadrotor, ArduPilot 4.7.0", "stop: is armed already, expected a vehicle at rest on its pad"],
+            ["ok: quadrotor, ArduPilot 4.7.0", "stop: already armed, expected a disarmed vehicle on its pad"],
             [
                 "ok: fixed wing, ArduPilot 4.7.0",
-                "stop: its heartbeat says that it is a fixed wing, expected a multicopter",
+                "stop: HEARTBEAT type is fixed wing, expected a multicopter",
             ],
-            ["ok: quadrotor, PX4 4.7.0", "stop: its heartbeat says autopilot 12, expected ardupilot (3)"],
-            ["ok: quadrotor, ArduPilot 4.7.0", "stop: system 1 speaks from a and b: two vehicles have the same sysid"],
+            ["ok: quadrotor, PX4 4.7.0", "stop: HEARTBEAT autopilot is 12, expected ardupilot (3)"],
+            ["ok: quadrotor, ArduPilot 4.7.0", "stop: sysid 1 is used at a and b: duplicate system id"],
             ["ok: quadrotor, ArduPilot 4.7.0"],
             ["ok: quadrotor, ArduPilot 4.7.0", "stop: stands 200 m from the depot, expected at most 200 m"],
         ],
@@ -195,7 +195,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [
             [NOBODYS],
             [],
-            ["warning: its GCS failsafe watches system 254 (SYSID_MYGCS), ours is 255: it will not notice our loss"],
+            [
+                "warning: its GCS failsafe watches system 254 (SYSID_MYGCS), ours is 255: it will not act when we are lost"
+            ],
             [
                 NOBODYS,
                 f"warning: {OTHER.format(3)}: its HEARTBEATs would hide the loss of ours",
@@ -227,7 +229,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 (
                     "warning: no battery failsafe (BATT_FS_LOW_ACT=0, BATT_FS_CRT_ACT=0): on an empty"
-                    " battery it flies on until it falls"
+                    " battery it keeps flying until it falls"
                 )
             ],
             ["ok: battery failsafe: RTL below 20 % (BATT_FS_LOW_ACT=2)"],
@@ -314,7 +316,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            ["ok: frames are signed; what is not signed with our key is refused"],
+            ["ok: frames are signed; frames not signed with our key are rejected"],
             [
                 (
                     "warning: frames are not signed, and uav1 is reached over a network: any sender "

@@ -31,7 +31,7 @@ def said(facts: Facts, site: PackFacts | None = None, context: Context = FLEET.c
 
 
 def test_a_pack_that_is_emptier_than_it_counts() -> None:
-    text = "its pack rests at 3.70 V a cell, about 12 %, and reports 76 % (at least 3 cells, as nobody says how many)"
+    text = "its pack rests at 3.70 V a cell, about 12 %, and reports 76 % (at least 3 cells, cell count not reported)"
     assert said(FACTS) == [(Severity.WARNING, text)]
 
 

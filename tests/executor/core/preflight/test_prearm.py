@@ -26,9 +26,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            "its own pre-arm checks fail, and it does not say why",
+            "its own pre-arm checks fail, no reason reported",
             "its own pre-arm checks fail: a",
-            "its own pre-arm checks fail, and it does not say why",
+            "its own pre-arm checks fail, no reason reported",
             "its own pre-arm checks fail: a; b; c",
             "its own pre-arm checks fail: a; b; c; 2 more",
         ],
@@ -39,7 +39,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             prearm.complaint({}, SystemStatus(None, None, bit, None), 100.0) for bit in (0, *prearm.SENSORS, 0x40, 0x3)
         ],
         [
-            "its own pre-arm checks fail, and it does not say why",
+            "its own pre-arm checks fail, no reason reported",
             "its own pre-arm checks fail: not healthy: gyroscope",
             "its own pre-arm checks fail: not healthy: accelerometer",
             "its own pre-arm checks fail: not healthy: compass",
@@ -51,7 +51,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "its own pre-arm checks fail: not healthy: logging",
             "its own pre-arm checks fail: not healthy: battery",
             "its own pre-arm checks fail: not healthy: motors",
-            "its own pre-arm checks fail, and it does not say why",
+            "its own pre-arm checks fail, no reason reported",
             "its own pre-arm checks fail: not healthy: gyroscope, accelerometer",
         ],
     ),

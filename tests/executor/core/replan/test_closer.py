@@ -64,7 +64,7 @@ def test_who_shared_a_pylon_comes_down_once_the_other_has_left(rises: bool) -> N
     assert closer(chosen, state, NOW_S - 2.0)[1] == ()
     state, commands = closer(chosen, down(state), NOW_S)
     said = [command.text for command in commands if isinstance(command, Say)]
-    assert said == ["uav2: nobody else comes to segment 2 any more; new mission at the asked distance"]
+    assert said == ["uav2: airspace at segment 2 is free; new mission at inspection height"]
     [upload] = uploads(commands)
     assert upload.vehicle == "uav2"
     assert upload.path.waypoints[:1] == before.path.waypoints[:1]

@@ -50,14 +50,12 @@ def test_it_is_known_from_the_take_off_and_nobody_re_plans_for_it() -> None:
     assert flight.state.coverage.left_over == LEFT
     assert flight.state.coverage.given_up == set()
     assert replanning.orphans(READY.context, flight.state) == set()
-    assert "left for the next sortie by the plan: segments 6, 7" in flight.said(Level.INFO)
+    assert "planned for the next sortie: segments 6, 7" in flight.said(Level.INFO)
     assert fleet_view(READY.context, flight.state, flight.now_s).uncovered == (6, 7)
     flight.finish()
     assert flight.solves() == []
     assert set(flight.state.coverage.inspected) == set(range(6))
-    assert flight.given(Finish) == [
-        Finish("2 segments are not inspected, 2 of them left for the next sortie by the plan")
-    ]
+    assert flight.given(Finish) == [Finish("2 segments not inspected, 2 of them planned for the next sortie")]
     report = report_of(READY.context, flight.state, flight.now_s)
     assert (report.segments_uncovered, report.left_over, report.finished) == ((6, 7), (6, 7), False)
 
@@ -153,7 +151,7 @@ def test_a_log_holds_what_a_re_plan_gained(tmp_path: Path) -> None:
 def test_whose_budget_does_not_last_is_named() -> None:
     flight = lost(lambda problem: replace(share_out(problem), gain=replace(TAKES_UP, short=("uav3", "uav1"))))
     flight.run(lambda: bool(flight.state.replanning.records))
-    assert "uav1, uav3: their budgets do not last for all that they have on board" in flight.said(Level.WARNING)
+    assert "uav1, uav3: not enough battery for their whole missions" in flight.said(Level.WARNING)
 
 
 def test_what_is_on_board_stays_where_nothing_is_better() -> None:
@@ -165,6 +163,7 @@ def test_what_is_on_board_stays_where_nothing_is_better() -> None:
     flight.run(lambda: bool(flight.state.replanning.records))
     assert flight.uploads() == []
     assert (
-        "re-plan 1 found in 0.10 s: nothing better than what is on board; new missions for no vehicle" in flight.said()
+        "re-plan 1 found in 0.10 s: no improvement over the missions on board; new missions for no vehicle"
+        in flight.said()
     )
     assert "re-plan 1 ended; no mission has changed" in flight.said()

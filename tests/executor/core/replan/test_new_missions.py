@@ -58,13 +58,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: composed(UNMADE, PASSED),
         (
             [
-                Say(Level.INFO, "uav1: flew on before its new mission came; re-plan 4 is planned again for it"),
+                Say(Level.INFO, "uav1: moved on before its new mission arrived; re-plan 4 is planned again for it"),
                 Say(Level.INFO, "re-plan 4 ended; no mission has changed"),
             ],
             {},
             {
                 "urgent": True,
-                "trigger": "uav1: flew on before its new mission came",
+                "trigger": "uav1: moved on before its new mission arrived",
                 "trigger_s": NOW_S,
                 "replan": None,
                 "records": (

@@ -17,7 +17,7 @@ from tests.fakes.solver import leave_out, share_out
 
 LONG = {"uav1": (0, 2, 4, 6), "uav2": (8, 10, 12), "uav3": (14, 16, 18, 20)}
 EVERYTHING = set(range(11))
-AROUND = "uav3: upload of its new mission failed (busy); planning around it"
+AROUND = "uav3: upload of its new mission failed (busy); re-planning without it"
 AGAIN = "uav3: answers again; re-planning with it"
 
 

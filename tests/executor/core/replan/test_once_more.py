@@ -87,7 +87,7 @@ def test_who_is_on_its_way_home_flies_again_what_counts_from_a_layer(who: str, r
     before = state.vehicles[who].assignment.board
     assert before is not None
     state, commands = closer(chosen, state, NOW_S)
-    assert said(commands) == [f"{who}: flies segment 2 again, at the asked distance; new mission before its way home"]
+    assert said(commands) == [f"{who}: re-inspects segment 2 at inspection height; new mission before it returns"]
     [upload] = uploads(commands)
     assert upload.vehicle == who
     kept = state.vehicles[who].assignment.waypoint
@@ -211,9 +211,7 @@ def test_where_nobody_is_asked_one_takes_off_for_it_once_everybody_is_down() -> 
     state, commands = fleet.step(chosen, state, Tick(), NOW_S)
     [upload] = uploads(commands)
     who = upload.vehicle
-    assert f"{who}: flies segment 2 again, at the asked distance; it takes off once its mission is on board" in said(
-        commands
-    )
+    assert f"{who}: re-inspects segment 2 at inspection height; takes off after upload" in said(commands)
     assert (upload.airborne, state.progress.finished) == (False, False)
     state, commands = fleet.step(
         chosen, state, UploadEnded(who, upload.revision, accepted=True, reason="", mixed=False), NOW_S + 1.0
@@ -240,12 +238,12 @@ def test_the_crew_is_asked_and_its_yes_is_what_starts_one() -> None:
     [line] = said(commands)
     assert {command.level for command in commands if isinstance(command, Say)} == {Level.WARNING}
     assert line.startswith(
-        "uav1 and uav2 and uav3 can fly 1 segment again, at the asked distance (segment 2): are the "
+        "uav1 and uav2 and uav3 can re-inspect 1 segment at inspection height (segment 2). Are their pads "
     )
     assert (state.crew.offer is not None and state.crew.offer.again, state.progress.finished) == (True, False)
     yes = IntentReceived(Intent("yes", Action.INCLUDE, "uav3", "page", confirmed=True))
     state, commands = fleet.step(chosen, state, yes, NOW_S + 1.0)
-    assert said(commands) == ["page asks: include uav3; it flies again what counts from farther away than asked"]
+    assert said(commands) == ["page asks: include uav3; included; re-inspecting segments at inspection height"]
     state, sent = ticked(chosen, state, NOW_S + 2.0, NOW_S + 30.0)
     [upload] = uploads(sent)
     assert (upload.vehicle, upload.airborne, state.progress.finished) == ("uav3", False, False)
@@ -255,7 +253,7 @@ def test_without_a_yes_the_flight_ends_and_everything_goes_on_counting() -> None
     chosen = replace(CONTEXTS[False], fly_again=FlyAgain.ASK, offer_s=20.0)
     state, sent = ticked(chosen, all_landed(chosen), NOW_S, NOW_S + 30.0)
     assert uploads(sent) == []
-    late = "no vehicle was cleared to take off again within 20 s; 1 segment counts from farther away than asked"
+    late = "no vehicle was cleared for take-off within 20 s; 1 segment was inspected above inspection height only"
     assert late in said(sent)
     assert state.progress.finished
     assert state.coverage.inspected[2] == "uav2"
@@ -298,7 +296,7 @@ def test_who_flies_again_meets_nobody(rises: bool) -> None:
         for number in range(16):
             now_s = NOW_S + 2.0 * number
             state, commands = closer(chosen, flown_by_now(chosen, state), now_s)
-            given_again += any(" again, " in line for line in said(commands))
+            given_again += any(" re-inspects " in line for line in said(commands))
             for upload in uploads(commands):
                 nobody_meets(chosen, state, {upload.vehicle: upload.path})
                 taken = rng.random() < 0.8

@@ -93,7 +93,7 @@ def test_a_survivor_that_refuses_its_mission_is_planned_around() -> None:
     assert flight.vehicle("uav3").fault is None, "it flies its own mission to the end"
     assert set(flight.state.coverage.inspected) == EVERYTHING
     assert {4, 5} <= {segment for segment, by in flight.state.coverage.inspected.items() if by == "uav3"}
-    assert "uav3: upload of its new mission failed (mission refused: denied); planning around it" in flight.said()
+    assert "uav3: upload of its new mission failed (mission refused: denied); re-planning without it" in flight.said()
 
 
 def test_a_vehicle_with_a_mixed_mission_is_sent_home() -> None:
@@ -199,10 +199,10 @@ def test_what_the_budgets_do_not_cover_is_named() -> None:
     flight.crafts["uav2"].mute = True
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING - {3}
-    assert "the budgets that are left do not cover segment 3" in flight.said(Level.WARNING)
+    assert "remaining battery does not cover segment 3" in flight.said(Level.WARNING)
     [record] = flight.state.replanning.records
     assert (record.feasible, record.uncovered) == (False, (3,))
-    assert flight.given(Finish) == [Finish("1 segment is not inspected")]
+    assert flight.given(Finish) == [Finish("1 segment not inspected")]
 
 
 def test_a_segment_flown_too_fast_is_flown_again() -> None:
@@ -213,7 +213,7 @@ def test_a_segment_flown_too_fast_is_flown_again() -> None:
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING
     assert any("uav2: segment 2 is not proven: flown at" in line for line in flight.said(Level.WARNING))
-    assert flight.solves()[0].trigger == "not proven to be inspected: segment 2"
+    assert flight.solves()[0].trigger == "inspection not proven: segment 2"
     assert flight.state.replanning.records[0].ended_s - flight.state.replanning.records[0].begun_s < 5.0
 
 
@@ -237,8 +237,8 @@ def test_a_segment_that_nobody_can_prove_is_left_in_the_end() -> None:
         craft.speed = 2.0
     flight.finish()
     assert set(flight.state.coverage.inspected) == set()
-    assert "some segments could not be proven to be inspected; left for later" in flight.said(Level.WARNING)
-    assert flight.given(Finish) == [Finish("6 segments are not inspected")]
+    assert "inspection of some segments not proven; left for later" in flight.said(Level.WARNING)
+    assert flight.given(Finish) == [Finish("6 segments not inspected")]
 
 
 def test_a_late_answer_to_an_unproven_segment_keeps_its_reason() -> None:
@@ -251,7 +251,7 @@ def test_a_late_answer_to_an_unproven_segment_keeps_its_reason() -> None:
     needed_s = flight.now_s
     flight.solve_s = 0.4
     flight.run(lambda: len(flight.solves()) == 2)
-    assert [problem.trigger for problem in flight.solves()] == ["not proven to be inspected: segment 2"] * 2
+    assert [problem.trigger for problem in flight.solves()] == ["inspection not proven: segment 2"] * 2
     flight.run(lambda: bool(flight.state.replanning.records))
     assert flight.state.replanning.records[0].begun_s == needed_s
 
@@ -323,7 +323,7 @@ def test_who_flew_on_before_its_turn_keeps_its_mission(monkeypatch: pytest.Monke
         flight.happen(MissionsWanted(plan.solve.revision))
     assert last not in {upload.vehicle for upload in flight.uploads()}
     assert flight.vehicle(last).assignment.pending is None
-    assert any(f"{last}: flew on before its new mission came" in line for line in flight.said())
+    assert any(f"{last}: moved on before its new mission arrived" in line for line in flight.said())
     assert flight.state.replanning.urgent
 
 

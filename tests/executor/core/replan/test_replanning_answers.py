@@ -118,7 +118,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (
             [
                 Say(Level.INFO, "re-plan 4 found in 0.25 s; new missions for uav1"),
-                Say(Level.WARNING, "the budgets that are left do not cover segments 3, 4"),
+                Say(Level.WARNING, "remaining battery does not cover segments 3, 4"),
                 "upload uav1 4 True",
             ],
             {"uav1": {"pending": 4}},
@@ -159,7 +159,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (
             [
                 Say(Level.INFO, "re-plan 4 found in 0.25 s; new missions for uav1, uav2"),
-                Say(Level.WARNING, "the budgets that are left do not cover segment 3"),
+                Say(Level.WARNING, "remaining battery does not cover segment 3"),
                 "upload uav1 4 True",
                 "upload uav2 4 True",
             ],

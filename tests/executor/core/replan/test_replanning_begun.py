@@ -115,15 +115,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a re-plan is asked for",
-        lambda: begun(ON_ITS_WAY, inspected=PROVEN, ordered=True, trigger="page asks for it", trigger_s=NOW_S - 1.0),
+        lambda: begun(ON_ITS_WAY, inspected=PROVEN, ordered=True, trigger="requested by page", trigger_s=NOW_S - 1.0),
         (
             [
-                Say(Level.INFO, "re-plan 1: 0 segments without a vehicle (page asks for it); planning for uav1"),
+                Say(Level.INFO, "re-plan 1: 0 segments without a vehicle (requested by page); planning for uav1"),
                 Solve(
                     revision=1,
                     open_segments=(),
                     survivors=(ITS_OFFER,),
-                    trigger="page asks for it",
+                    trigger="requested by page",
                 ),
             ],
             {},
@@ -163,10 +163,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 Say(
                     Level.INFO,
-                    (
-                        "re-plan 1: 1 segment without a vehicle (not proven to be inspected: segment 0); "
-                        "planning for uav1"
-                    ),
+                    ("re-plan 1: 1 segment without a vehicle (inspection not proven: segment 0); planning for uav1"),
                 ),
                 Solve(
                     revision=1,
@@ -185,7 +182,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             facing_m=(100.0, 0.0),
                         ),
                     ),
-                    trigger="not proven to be inspected: segment 0",
+                    trigger="inspection not proven: segment 0",
                 ),
             ],
             {},
@@ -201,10 +198,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 Say(
                     Level.INFO,
-                    (
-                        "re-plan 1: 1 segment without a vehicle (not proven to be inspected: segment 0); "
-                        "planning for uav1"
-                    ),
+                    ("re-plan 1: 1 segment without a vehicle (inspection not proven: segment 0); planning for uav1"),
                 ),
                 Solve(
                     revision=1,
@@ -223,7 +217,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             facing_m=(100.0, 0.0),
                         ),
                     ),
-                    trigger="not proven to be inspected: segment 0",
+                    trigger="inspection not proven: segment 0",
                 ),
             ],
             {},
@@ -236,7 +230,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             flying(waypoint=4), orphans_since_s=5.0, attempts={0: 2}, inspected=dict.fromkeys(range(1, 6), "uav3")
         ),
         (
-            [Say(Level.WARNING, "some segments could not be proven to be inspected; left for later")],
+            [Say(Level.WARNING, "inspection of some segments not proven; left for later")],
             {},
             {"given_up": frozenset({0}), "attempts": {0: 3}},
         ),
@@ -254,10 +248,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 Say(
                     Level.INFO,
-                    (
-                        "re-plan 1: 1 segment without a vehicle (not proven to be inspected: segment 1); "
-                        "planning for uav1"
-                    ),
+                    ("re-plan 1: 1 segment without a vehicle (inspection not proven: segment 1); planning for uav1"),
                 ),
                 Solve(
                     revision=1,
@@ -276,7 +267,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                             facing_m=(100.0, 0.0),
                         ),
                     ),
-                    trigger="not proven to be inspected: segment 1",
+                    trigger="inspection not proven: segment 1",
                 ),
             ],
             {},

@@ -19,20 +19,21 @@ from tests.executor.core.stories import FLEET, story
     [
         (None, [], "new missions for no vehicle"),
         (Gain(5, 400.0, 0, 642.3, 600.0, ()), ["uav3", "uav1"],
-         "5 more segments covered, longest route 642 s; new missions for uav1, uav3"),
+         "5 segments recovered; longest route now 642 s; new missions for uav1, uav3"),
         (Gain(1, 90.0, 1, 642.3, 600.0, ()), ["uav1"],
-         "1 more segment covered, 1 segment of the next sortie taken up, longest route 642 s; new missions for uav1"),
+         ("1 segment recovered, 1 segment taken over from the next sortie; longest route now 642 s; "
+          "new missions for uav1")),
         (Gain(1, 90.0, -2, 64.0, 60.0, ()), ["uav1"],
-         ("1 more segment covered, 2 segments left for the next sortie again, longest route 64 s; "
+         ("1 segment recovered, 2 segments moved back to the next sortie; longest route now 64 s; "
           "new missions for uav1")),
         (Gain(0, 120.0, 0, 64.0, 60.0, ()), ["uav1"],
-         "120 m more of the line covered, longest route 64 s; new missions for uav1"),
-        (Gain(0, 5.0, 0, 54.0, 60.0, ()), ["uav1"], "longest route 54 s instead of 60 s; new missions for uav1"),
-        (Gain(0, 0.0, 0, 60.0, 60.0, ()), [], "nothing better than what is on board; new missions for no vehicle"),
+         "120 m of the line recovered; longest route now 64 s; new missions for uav1"),
+        (Gain(0, 5.0, 0, 54.0, 60.0, ()), ["uav1"], "longest route now 54 s instead of 60 s; new missions for uav1"),
+        (Gain(0, 0.0, 0, 60.0, 60.0, ()), [], "no improvement over the missions on board; new missions for no vehicle"),
         (Gain(0, 0.0, 0, 60.0, 60.0, ()), ["uav1"],
-         "without what others fly or have flown, longest route 60 s; new missions for uav1"),
+         "duplicate segments removed; longest route now 60 s; new missions for uav1"),
         (Gain(0, 0.0, 0, 60.0, 60.0, ("uav1",)), ["uav1"],
-         "as much covered as the budgets on board last for, longest route 60 s; new missions for uav1"),
+         "limited by remaining battery; longest route now 60 s; new missions for uav1"),
     ],
 )  # fmt: skip
 def test_a_re_plan_says_what_it_gains(gain: Gain | None, names: list[str], words: str) -> None:
@@ -42,10 +43,7 @@ def test_a_re_plan_says_what_it_gains(gain: Gain | None, names: list[str], words
 
 
 def test_one_whose_budget_does_not_last_is_named() -> None:
-    assert (
-        short_words(Gain(0, 0.0, 0, 1.0, 1.0, ("uav2",)))
-        == "uav2: its budget does not last for all that it has on board"
-    )
+    assert short_words(Gain(0, 0.0, 0, 1.0, 1.0, ("uav2",))) == "uav2: not enough battery for its whole mission"
 
 
 def test_only_what_somebody_flew_past_is_not_proven() -> None:
@@ -58,7 +56,7 @@ def test_only_what_somebody_flew_past_is_not_proven() -> None:
     alone = replanning.orphans(FLEET.context, state)
     assert alone == {0, 2, 3}
     assert flown_past(state) == {0}
-    words = "not proven to be inspected: segment 0; assigned to no vehicle: segments 2, 3"
+    words = "inspection not proven: segment 0; assigned to no vehicle: segments 2, 3"
     assert unasked(FLEET.context, state, alone) == words
     ready = with_facts(state, orphans_since_s=flight.now_s - 60.0)
     begun, _ = replanning.begin(FLEET.context, ready, flight.now_s)

@@ -35,7 +35,7 @@ def test_a_radio_that_was_gone_costs_nothing(long_s: float) -> None:
     assert set(flight.state.coverage.inspected) == EVERYTHING
     assert flight.said(Level.FAULT) == ([] if long_s < 60.0 else [flight.said(Level.FAULT)[0]])
     assert {flight.stage(name) for name in THREE} == {Stage.LANDED}
-    assert flight.given(Finish) == [Finish("every segment is inspected")]
+    assert flight.given(Finish) == [Finish("all segments inspected")]
 
 
 def test_an_abort_that_nobody_may_hear_says_so() -> None:
@@ -56,7 +56,7 @@ def test_what_was_flown_unseen_is_marked_as_inferred() -> None:
     flight.finish()
     assert flight.state.coverage.inferred
     assert [absence.deaf for absence in flight.state.listening.absences] == [True]
-    assert any("meanwhile, by its clock" in line for line in flight.said(Level.INFO))
+    assert any("during the outage, inferred from its clock" in line for line in flight.said(Level.INFO))
 
 
 def test_who_came_home_by_its_own_failsafe_meanwhile_is_well() -> None:
@@ -96,7 +96,7 @@ def test_who_is_never_heard_again_is_lost_once_its_battery_is_empty() -> None:
     assert found_s - silent_s == pytest.approx(lasts_s, abs=2.0)
     flight.run(lambda: flight.over, limit_s=lasts_s)
     assert {flight.stage(name) for name in THREE} == {Stage.LOST}
-    assert flight.given(Finish) == [Finish("5 segments are not inspected")]
+    assert flight.given(Finish) == [Finish("5 segments not inspected")]
     aloft = "in the air at last contact: uav1, uav2, uav3"
     line = (
         f"no message from any vehicle for 60 s; {aloft}. The flight stays open and resumes with the first link regained"
@@ -110,7 +110,7 @@ def test_the_last_one_that_is_heard_ends_no_flight_by_its_silence() -> None:
     flight.crafts["uav1"].mute = True
     flight.pass_s(100.0)
     assert (flight.over, flight.stage("uav1"), flight.vehicle("uav1").fault) == (False, Stage.FLYING, None)
-    assert "no link to any vehicle: is it our own radio? No re-plan yet" in flight.said()
+    assert "no link to any vehicle: suspecting the ground radio; re-planning suspended" in flight.said()
     flight.crafts["uav1"].mute = False
     flight.finish()
     assert {0, 1} <= set(flight.state.coverage.inspected)

@@ -106,7 +106,7 @@ def test_a_time_may_be_off_by_less_than_what_flying_a_segment_too_fast_wins(sign
     assert found(TRANSIT, HOME, sign * (WON_S - 0.1)).segments == (0, 1)
     off = found(TRANSIT, HOME, sign * (WON_S + 0.1))
     way = way_s(*TRANSIT, *HOME)
-    assert off == Inferred(why_not=f"it took {way + sign * (WON_S + 0.1):.0f} s where its way takes {way:.0f} s")
+    assert off == Inferred(why_not=f"it took {way + sign * (WON_S + 0.1):.0f} s, expected {way:.0f} s")
 
 
 def test_who_is_known_to_be_slow_may_take_its_own_time() -> None:
@@ -164,10 +164,10 @@ def test_who_is_elsewhere_proves_nothing() -> None:
         assert found(TRANSIT, (SECOND, 0.5), fix=on_leg(SECOND, 0.5, boot_s, beside_m)).joins == 1
     for beside_m in (corridor_m + 0.1, -corridor_m - 0.1):
         told = found(TRANSIT, (SECOND, 0.5), fix=on_leg(SECOND, 0.5, boot_s, beside_m))
-        assert told == Inferred(why_not=f"it is {corridor_m:.0f} m beside its way")
+        assert told == Inferred(why_not=f"it is {corridor_m:.0f} m off its track")
     # Beyond the end of the leg it is as far away as that end is.
     beyond = on_leg(SECOND, 1.0 + (corridor_m + 3.0) / math.dist(PLACES_M[SECOND - 1], PLACES_M[SECOND]), boot_s)
-    assert found(TRANSIT, (SECOND, 0.5), fix=beyond).why_not == f"it is {corridor_m + 3.0:.0f} m beside its way"
+    assert found(TRANSIT, (SECOND, 0.5), fix=beyond).why_not == f"it is {corridor_m + 3.0:.0f} m off its track"
 
 
 @pytest.mark.parametrize("heartbeat", [None, Heartbeat(3, RTL, True, 4)])
@@ -184,8 +184,8 @@ def test_a_mission_that_went_back_proves_nothing() -> None:
 
 
 TOUCHED: list[tuple[dict[str, Any], str]] = [
-    ({"taken": TakenOver(NOW_S)}, "it is in other hands"),
-    ({"cause": Cause.PERSON}, "it is in other hands"),
+    ({"taken": TakenOver(NOW_S)}, "it is under other control"),
+    ({"cause": Cause.PERSON}, "it is under other control"),
     ({"carried": Carried(told_s=NOW_S)}, "it may carry another mission"),
     ({"carried": Carried(foreign_s=NOW_S)}, "it may carry another mission"),
     ({"jump": (50.0, NOW_S + 0.1)}, "its position jumped"),
@@ -249,13 +249,13 @@ def test_who_is_back_on_its_pad_has_flown_its_mission() -> None:
 
 def test_who_landed_too_soon_has_not() -> None:
     assert landed(late_s=-WON_S + 0.1).segments == (0, 1)
-    assert "too short for its way" in landed(late_s=-WON_S - 0.1).why_not
+    assert "too short for its leg" in landed(late_s=-WON_S - 0.1).why_not
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_what_it_used_tells_how_far_it_flew(sign: float) -> None:
     assert landed(extra_pct=sign * 1.95).segments == (0, 1)
-    assert " where its way costs " in landed(extra_pct=sign * 2.05).why_not
+    assert " %, expected " in landed(extra_pct=sign * 2.05).why_not
     assert landed(before=None) == NOTHING
 
 

@@ -66,17 +66,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "it took too long, or was too quick",
         lambda: [flew(away_s).why_not for away_s in (22.0, 25.0, 27.0, 30.0, 30.7, 31.2, 42.0, 45.0, 47.0, 50.0)],
         [
-            "it took 22 s where its way takes 38 s",
-            "it took 25 s where its way takes 38 s",
-            "it took 27 s where its way takes 38 s",
+            "it took 22 s, expected 38 s",
+            "it took 25 s, expected 38 s",
+            "it took 27 s, expected 38 s",
             # One of its two segments flown just too fast.
-            "it took 30 s where its way takes 38 s",
-            "it took 31 s where its way takes 38 s",
+            "it took 30 s, expected 38 s",
+            "it took 31 s, expected 38 s",
             "",
             "",
             "",
-            "it took 47 s where its way takes 38 s",
-            "it took 50 s where its way takes 38 s",
+            "it took 47 s, expected 38 s",
+            "it took 50 s, expected 38 s",
         ],
     ),
     (
@@ -90,18 +90,18 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [Inferred(), Inferred(), Inferred()],
     ),
     (
-        "it is not on its mission any more",
+        "it is no longer on its mission",
         lambda: [flew(36.0, heartbeat=heartbeat).why_not for heartbeat in (beat(HOLD), None)],
-        ["it is not on its mission any more", "it is not on its pad"],
+        ["it is no longer on its mission", "it is not on its pad"],
     ),
     ("its mission went back", lambda: flew(36.0, waypoint=1).why_not, "its mission went back"),
     (
-        "it is beside its way",
+        "it is off its track",
         lambda: [
             flew(36.0, fix=replace(at(), place_m=(250.0, -5.0 + beside_m))).why_not
             for beside_m in (CONTEXT.corridor_m - 0.1, CONTEXT.corridor_m + 0.1)
         ],
-        ["", "it is 10 m beside its way"],
+        ["", "it is 10 m off its track"],
     ),
     (
         "how much of a leg is left",
@@ -223,13 +223,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "it is on its pad and used too much, or too little",
         lambda: [stands(160.0, used_pct).why_not for used_pct in (1.0, 1.6, 2.0, 5.0, 5.6, 6.0, 9.0)],
         [
-            "it used 1 % where its way costs 5 %",
-            "it used 2 % where its way costs 5 %",
-            "it used 2 % where its way costs 5 %",
+            "it used 1 %, expected 5 %",
+            "it used 2 %, expected 5 %",
+            "it used 2 %, expected 5 %",
             "",
             "",
             "",
-            "it used 9 % where its way costs 5 %",
+            "it used 9 %, expected 5 %",
         ],
     ),
     (

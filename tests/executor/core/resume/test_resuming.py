@@ -88,7 +88,7 @@ def test_who_is_beside_its_way_has_not_flown_it() -> None:
     flight = under_way()
     flight.crafts["uav2"].aside_m = 30.0
     killed(flight, 20.0)
-    assert any("beside its way" in line for line in flight.said(Level.WARNING))
+    assert any("off its track" in line for line in flight.said(Level.WARNING))
     flight.crafts["uav2"].aside_m = 0.0
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING
@@ -247,7 +247,7 @@ def test_who_hovers_where_half_of_a_new_mission_ended_comes_home_and_flies_again
     die(flight, 1.0)
     come_back(flight, 1.0, **{name: mixture(flight, name, alike_new=7, seq=seq, items=7)})
     assert flight.sent_home() == [name]
-    assert any(f"{name}: reached the end of what was on board" in line for line in flight.said())
+    assert any(f"{name}: reached the end of its partly uploaded mission" in line for line in flight.said())
     flight.finish()
     assert all(vehicle.fault is None for other, vehicle in flight.state.vehicles.items() if other != "uav2")
     assert set(flight.state.coverage.inspected) == EVERYTHING
@@ -271,7 +271,7 @@ def test_who_carries_what_nobody_here_put_there_comes_home() -> None:
     come_back(flight, 5.0, uav2=Found("uav2", True, 3, 4, (Match(0, 2, whole=False),)))
     fault = flight.state.vehicles["uav2"].fault
     assert fault is not None
-    assert "another mission" in fault.reason
+    assert "mission on board differs" in fault.reason
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
@@ -299,7 +299,7 @@ def test_who_came_home_because_we_were_away_flies_again() -> None:
     flight.finish()
     assert all(vehicle.fault is None for vehicle in flight.state.vehicles.values())
     assert set(flight.state.coverage.inspected) == EVERYTHING
-    assert any("it comes home" in line for line in flight.said())
+    assert any("offline; returning" in line for line in flight.said())
 
 
 def test_without_such_a_failsafe_a_change_of_mode_is_a_fault() -> None:

@@ -230,7 +230,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             absences=(Absence(5.0, 10.0, restarted=True),),
         ),
         (
-            [Say(Level.INFO, "uav1: flew segment 0 meanwhile, by its clock and where it is now")],
+            [Say(Level.INFO, "uav1: flew segment 0 during the outage, inferred from its clock and position")],
             (),
             (),
             {
@@ -259,7 +259,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (
             [],
             (),
-            (("uav1", "carries another mission than the one that was put on board, from item 4 on"),),
+            (("uav1", "mission on board differs from the uploaded one from item 4 on"),),
             {"uav1": {"before": None}},
             {},
         ),

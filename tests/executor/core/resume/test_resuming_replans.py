@@ -96,13 +96,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: taken_up(with_facts(GETS, waypoint=5), found(OURS, HALF, seq=8), replan=GOING),
         (
             [
-                Say(Level.INFO, "uav1: flew on before its new mission came; re-plan 4 is planned again for it"),
+                Say(Level.INFO, "uav1: moved on before its new mission arrived; re-plan 4 is planned again for it"),
                 Say(Level.INFO, "re-plan 4 ended; no mission has changed"),
             ],
             (),
             (),
             {"uav1": {"waypoint": 4, "pending": None}},
-            AGAIN | {"trigger": "uav1: flew on before its new mission came"},
+            AGAIN | {"trigger": "uav1: moved on before its new mission arrived"},
         ),
     ),
     (
@@ -197,21 +197,21 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a mixture is on board of who was let go",
         lambda: taken_up(GETS, found(THEIRS, HALF), replan=replace(GOING, pending=frozenset({"uav2"}))),
-        ([], (), (("uav1", "carries another mission than the one that was put on board, from item 4 on"),), {}, {}),
+        ([], (), (("uav1", "mission on board differs from the uploaded one from item 4 on"),), {}, {}),
     ),
     (
         "it stands at the end of what came on board",
         lambda: taken_up(GETS, found(THEIRS, HALF, seq=5, items=6), replan=GOING, beside=(SECOND,)),
         (
             [
-                Say(Level.WARNING, "uav1: reached the end of what was on board of its new mission; it is brought home"),
+                Say(Level.WARNING, "uav1: reached the end of its partly uploaded mission; it is brought home"),
                 Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
                 SendHome("uav1"),
             ],
             (),
             (),
             {"uav1": SENT_HOME | {"pending": None}},
-            AGAIN | {"trigger": "uav1: reached the end of what was on board of its new mission"},
+            AGAIN | {"trigger": "uav1: reached the end of its partly uploaded mission"},
         ),
     ),
     (

@@ -16,7 +16,7 @@ from tests.fakes.flight import Craft, Story
 
 PATIENT = {"link_timeout_s": 60.0}
 """A site that waits for a silent vehicle."""
-MEANWHILE = "meanwhile, by its clock and where it is now"
+MEANWHILE = "during the outage, inferred from its clock and position"
 
 
 def patient(autopilot: str = "ardupilot", **tables: object) -> Story:
@@ -110,7 +110,7 @@ def beside(craft: Craft) -> None:
 NOT_SO: list[tuple[str, Callable[[Craft], None], Callable[[Craft], None]]] = [
     ("it took", fast, lambda craft: setattr(craft, "speed", 1.0)),
     ("it took", slow, lambda craft: setattr(craft, "speed", 1.0)),
-    ("beside its way", beside, lambda _: None),
+    ("off its track", beside, lambda _: None),
 ]
 
 
@@ -125,7 +125,7 @@ def test_what_does_not_fit_is_flown_again(
     flight.pass_s(8.0)
     flight.crafts["uav2"].aside_m = 0.0
     assert of_uav2(flight) == frozenset()
-    warned = [line for line in flight.said(Level.WARNING) if line.startswith("uav2: what it flew meanwhile")]
+    warned = [line for line in flight.said(Level.WARNING) if line.startswith("uav2: flight during the outage")]
     assert len(warned) == 1
     assert why in warned[0]
     flight.finish()
@@ -160,7 +160,7 @@ def test_who_was_in_another_mode_meanwhile_proves_nothing() -> None:
     flight.pass_s(6.0)
     assert flight.stage("uav2") is Stage.FLYING
     assert of_uav2(flight) == frozenset()
-    assert "uav2: what it flew meanwhile does not count: its mode changed meanwhile" in flight.said(Level.WARNING)
+    assert "uav2: flight during the outage is not counted: its mode changed meanwhile" in flight.said(Level.WARNING)
 
 
 def test_a_vehicle_that_its_pilot_took_meanwhile_proves_nothing_and_is_told_nothing() -> None:
@@ -232,12 +232,12 @@ def test_a_site_may_ask_for_proof_instead(long_s: float) -> None:
 
 def test_an_operator_may_ask_for_proof_in_flight() -> None:
     flight = patient()
-    assert flight.ask(Action.PROVE).text == "every segment that counts was proven by positions"
+    assert flight.ask(Action.PROVE).text == "every counted segment is already proven by positions"
     silent(flight, 30.0)
     flight.run(lambda: 3 in flight.state.coverage.inspected)
     flight.pass_s(3.0)
     record = flight.ask(Action.PROVE)
-    assert (record.outcome, record.text) == (Outcome.ACCEPTED, "segments 2, 3 flown again for proof")
+    assert (record.outcome, record.text) == (Outcome.ACCEPTED, "re-flying segments 2, 3 for proof")
     assert of_uav2(flight) == frozenset()
     flight.run(lambda: bool(flight.solves()))
     assert {2, 3} <= set(flight.solves()[0].open_segments)

@@ -61,10 +61,10 @@ async def test_who_is_in_the_air_lands_at_a_closed_base_and_others_fly_its_later
     assert {segment for segment, name in flown.inspected.items() if name == "uav2"} == {2, 3}
     assert sky.state.vehicles["uav2"].stage is Stage.LANDED
     assert starts(sky, "uav2") == 1
-    closed = "page asks: close base east; nobody takes off from it until it is opened; still to land there: uav2"
+    closed = "page asks: close base east; no take-off from it until it is opened; still to land there: uav2"
     assert closed in sky.lines
     assert "uav2: 2 segments of its later sorties open for the sorties of others" in sky.lines
-    assert not [line for line in sky.lines if "internal mistake" in line]
+    assert not [line for line in sky.lines if "internal error" in line]
 
 
 @pytest.mark.asyncio
@@ -110,7 +110,7 @@ async def test_a_spare_takes_over_the_last_sortie_of_who_has_most_ahead(autopilo
     assert set(flown.inspected) == set(range(6)), "\n".join(sky.lines)
     assert "uav3: takes over the last sortie of uav1, 1 segment" in sky.lines
     assert flown.inspected[4] == "uav3"
-    assert not [line for line in sky.lines if "internal mistake" in line]
+    assert not [line for line in sky.lines if "internal error" in line]
 
 
 @pytest.mark.parametrize(

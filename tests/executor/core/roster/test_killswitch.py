@@ -14,7 +14,7 @@ from tests.executor.core.stories import EVERYTHING, under_way
 from tests.fakes.flight import Story
 
 SAID = {"ardupilot": "RC: Motors Emergency Stopped", "px4": "Kill engaged"}
-LINE = "uav4: its kill switch is on; it is not started until it is included"
+LINE = "uav4: its kill switch is on; no start until included"
 
 
 def spare(autopilot: str = "ardupilot") -> Story:

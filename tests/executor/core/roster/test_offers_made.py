@@ -167,7 +167,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     Level.FAULT,
                     (
                         "uav1 can take over 6 segments (segment 0, segment 1, segment 2, segment 3, segment 4, "
-                        "segment 5): is the pad of uav1 clear of people?; include each that may take off"
+                        "segment 5). Is its pad clear of people? Use include for each that may take off"
                     ),
                 )
             ],
@@ -184,7 +184,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     Level.FAULT,
                     (
                         "uav1 and uav2 can take over 6 segments (segment 0, segment 1, segment 2, segment 3, "
-                        "segment 4, segment 5): are the pads of uav1 and uav2 clear of people?; include each "
+                        "segment 4, segment 5). Are their pads clear of people? Use include for each "
                         "that may take off"
                     ),
                 )
@@ -238,8 +238,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 Say(
                     Level.FAULT,
                     (
-                        "uav1 can take over 4 segments (segment 0, segment 1, segment 4, segment 5): is the "
-                        "pad of uav1 clear of people?; include each that may take off"
+                        "uav1 can take over 4 segments (segment 0, segment 1, segment 4, segment 5). Is its "
+                        "pad clear of people? Use include for each that may take off"
                     ),
                 )
             ],
@@ -261,7 +261,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     Level.FAULT,
                     (
                         "uav1 can take over 6 segments (segment 0, segment 1, segment 2, segment 3, segment 4, "
-                        "segment 5): is the pad of uav1 clear of people?; include each that may take off"
+                        "segment 5). Is its pad clear of people? Use include for each that may take off"
                     ),
                 )
             ],
@@ -343,7 +343,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     Level.FAULT,
                     (
                         "uav1 and uav2 can take over 6 segments (segment 0, segment 1, segment 2, segment 3, "
-                        "segment 4, segment 5): are the pads of uav1 and uav2 clear of people?; include each "
+                        "segment 4, segment 5). Are their pads clear of people? Use include for each "
                         "that may take off"
                     ),
                 )
@@ -358,7 +358,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             STANDS, offer=replace(OFFER, alone_since_s=NOW_S - 300.0), offer_wanted_s=5.0, inspected={0: "uav2"}
         ),
         (
-            [Say(Level.WARNING, "no vehicle was cleared to take off again within 300 s; 5 segments are left over")],
+            [Say(Level.WARNING, "no vehicle was cleared for take-off within 300 s; 5 segments are left over")],
             {},
             {"given_up": frozenset({0, 1, 2, 3, 4, 5}), "offer": None, "offers_over": True},
         ),
@@ -387,14 +387,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            "uav1 can take over 1 segment (segment 2): is the pad of uav1 clear of people?",
+            "uav1 can take over 1 segment (segment 2). Is its pad clear of people?",
             (
                 "uav1 and uav2 can take over 6 segments (segment 0, segment 1, segment 2, segment 3, segment "
-                "4, segment 5): are the pads of uav1 and uav2 clear of people?"
+                "4, segment 5). Are their pads clear of people?"
             ),
             (
                 "uav1 can take over 7 segments (segment 0, segment 1, segment 2, segment 3, segment 4, segment "
-                "5, ...): is the pad of uav1 clear of people?"
+                "5, ...). Is its pad clear of people?"
             ),
         ],
     ),

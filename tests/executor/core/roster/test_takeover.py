@@ -168,7 +168,7 @@ def test_switching_back_and_forth_is_answered_by_nothing() -> None:
 
 def test_who_is_put_back_on_its_mission_and_included_finishes_it() -> None:
     flight, at_s = taken()
-    assert flight.ask(Action.INCLUDE, "uav2").text == "it is with its pilot, who must set mission mode first"
+    assert flight.ask(Action.INCLUDE, "uav2").text == "it is with its pilot: the pilot must set mission mode first"
     flight.crafts["uav2"].mode = mission(flight)
     flight.run(lambda: "include it to have it in the plan again" in flight.said(Level.FAULT)[-1])
     assert told(flight, "uav2", at_s) == []
@@ -211,7 +211,7 @@ def test_whoever_wants_something_of_it_is_asked_twice(action: Action) -> None:
     flight, at_s = taken()
     first = flight.ask(action, "uav2")
     assert first.outcome is Outcome.REFUSED
-    assert first.question == "uav2 is with its pilot: take it out of the pilot's hands? Speak to the pilot first"
+    assert first.question == "uav2 is with its pilot. Take control of it? Speak to the pilot first"
     assert told(flight, "uav2", at_s) == []
     second = flight.ask(action, "uav2", confirmed=True)
     assert second.outcome is Outcome.ACCEPTED
@@ -312,7 +312,7 @@ def test_who_stands_on_its_pad_after_a_restart_was_not_landed_by_its_pilot() -> 
         flight.step()
     assert flight.stage("uav2") is Stage.LANDED
     assert flight.vehicle("uav2").orders.excluded
-    text = "uav2: is disarmed on its pad; its autopilot has rebooted; it stays until it is included"
+    text = "uav2: is disarmed on its pad; its autopilot has rebooted; stays there until included"
     assert text in flight.said(Level.INFO)
 
 
@@ -332,9 +332,7 @@ def test_a_vehicle_that_somebody_arms_after_its_landing_is_announced() -> None:
     flight.crafts["uav1"].armed, flight.crafts["uav1"].mode = True, 0
     at_s = flight.now_s
     flight.run(lambda: flight.stage("uav1") is Stage.PILOT)
-    assert flight.said(Level.FAULT)[-1] == (
-        "uav1: armed on the ground, not from here, mode STABILIZE: keep clear of it"
-    )
+    assert flight.said(Level.FAULT)[-1] == ("uav1: armed on the ground by another source, mode STABILIZE: keep clear")
     flight.pass_s(10.0)
     assert told(flight, "uav1", at_s) == []
 

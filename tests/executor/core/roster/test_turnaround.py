@@ -18,7 +18,8 @@ CHANGED = "RTL_ALT 300 -> 1500 cm: keeps its RTL above the others' layers"
 SEEN = Examined("uav1", ready=True, reason="", remaining_pct=90.0, changed=(CHANGED,))
 STANDS = flying(stage=Stage.LANDED, heartbeat=DISARMED, fix=LOW, waypoint=0, anchor=None)
 REFUSED = (
-    f"uav1: stays on the ground: its parameters are not as the flight set them: {CHANGED}; swap again when it is well"
+    f"uav1: not cleared for take-off: its parameters differ from those set for the flight: {CHANGED}; "
+    "repeat `swap` when fixed"
 )
 
 
@@ -29,7 +30,7 @@ def answered(event: Examined, rebooted_s: float | None) -> tuple[bool, tuple[Com
 
 
 def test_what_it_lost_at_a_boot_is_set_again() -> None:
-    text = f"uav1: set again as before its boot: {CHANGED}"
+    text = f"uav1: parameters set again after reboot: {CHANGED}"
     assert answered(SEEN, NOW_S - 15.0) == (True, (Say(Level.INFO, text), Examine("uav1", sets=True)))
 
 
@@ -47,4 +48,4 @@ def test_who_is_not_ready_is_set_nothing() -> None:
     assert not waits
     [line] = commands
     assert isinstance(line, Say)
-    assert line.text == "uav1: stays on the ground: it is armed; swap again when it is well"
+    assert line.text == "uav1: not cleared for take-off: it is armed; repeat `swap` when fixed"

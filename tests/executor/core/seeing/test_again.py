@@ -68,7 +68,7 @@ def test_one_that_counts_as_seen_is_open_again_and_planned(asset: int | str) -> 
         flying(), inspected=MappingProxyType(dict.fromkeys((2, 3, 4, 5), "uav2")), caught=MappingProxyType({4: ()})
     )
     after, told = stepped(state, asset)
-    assert told == [Say(Level.INFO, "page asks: prove of 1 asset; V2-1 open again, to be looked at once more")]
+    assert told == [Say(Level.INFO, "page asks: prove of 1 asset; V2-1 reopened for re-inspection")]
     assert set(after.coverage.inspected) == {2, 3, 5}
     assert dict(after.coverage.caught) == {}
     assert missed(SITE, after) == frozenset()
@@ -76,14 +76,12 @@ def test_one_that_counts_as_seen_is_open_again_and_planned(asset: int | str) -> 
     assert (record.outcome, record.intent.assets) == (Outcome.ACCEPTED, (asset,))
     _, commands = fleet.step(SITE, after, Tick(), NOW_S)
     [solve] = [one for one in commands if isinstance(one, Solve)]
-    assert (solve.open_segments, solve.trigger) == ((1, 4), "page looks again at V2-1")
+    assert (solve.open_segments, solve.trigger) == ((1, 4), "re-inspection of V2-1 requested by page")
 
 
 def test_a_name_stands_for_all_that_carry_it_and_are_not_open() -> None:
     after, told = stepped(flight_of(flying(), **SEEN), "pylon 9", 5)
-    assert told == [
-        Say(Level.INFO, "page asks: prove of 2 assets; pylon 9, segment 5 open again, to be looked at once more")
-    ]
+    assert told == [Say(Level.INFO, "page asks: prove of 2 assets; pylon 9, segment 5 reopened for re-inspection")]
     assert dict(after.coverage.inspected) == {0: "uav1", 1: "uav1"}
 
 

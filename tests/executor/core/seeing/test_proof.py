@@ -83,7 +83,7 @@ def test_nearer_pictures_that_lack_a_viewpoint_take_nothing_away() -> None:
     [line] = [command for command in commands if isinstance(command, Say)]
     assert line.level is Level.INFO
     assert (
-        line.text == "uav1: pylon p1 counts as before, it is not seen from nearer: rgb has no picture from viewpoint 1"
+        line.text == "uav1: pylon p1 counts as before, closer pictures are missing: rgb has no picture from viewpoint 1"
     )
     assert (state.coverage.inspected, state.coverage.inspected_at_m, state.coverage.caught) == counted
     assert (state.coverage.caught_nearer, state.coverage.unseen, state.coverage.not_seen) == ({}, {}, ())
