@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
 
+from benchmarks.witness.falls import never_ordered_m_s, sank_m_s
 from benchmarks.witness.hands import hand_of
 from benchmarks.witness.packs import pack_verdict
 from executor.core.vehicle import FaultKind
 from executor.replay.result import Declaration
-from executor.replay.witness.falls import never_ordered_m_s, sank_m_s
 from executor.replay.witness.statements import CRASH, EKF, EMERGENCY_STATES, Stated, statements
 from executor.replay.witness.testimony import (
     SECOND,

@@ -113,13 +113,8 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
             known = positioning.positioning_heard(state.sensors.positioning, message, state.motion.fix, now_s)
             sensors = replace(state.sensors, unhealthy=unhealthy, positioning=known)
             return Folded(state.after(link, sensors=sensors, power=status_told(context, state, message, now_s)))
-        case MissionCurrent(seq, total):
-            assignment = _at_item(state, _carries(context, state, message, now_s), seq)
-            telemetry = replace(state.telemetry, item=(seq, total), item_s=now_s)
-            after = state.after(link, telemetry=telemetry, assignment=assignment)
-            if context.vehicles[state.name].planned:
-                return Folded(after)
-            return Folded(replace(after, own=asked_heights.flown_to(state.own, seq, state.motion.fix)))
+        case MissionCurrent():
+            return Folded(_current_item(context, state, link, message, now_s))
         case ListedItem(item):
             return Folded(replace(state, own=asked_heights.with_item(state.own, item)))
         case HeightTarget(below_m):
@@ -152,6 +147,18 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
             return Folded(after if evident is state.evidence else replace(after, evidence=evident), text=message)
         case _:
             return Folded(state.after(link))
+
+
+def _current_item(
+    context: Scene, state: VehicleState, link: LinkState, message: MissionCurrent, now_s: float
+) -> VehicleState:
+    """Take the item that a vehicle flies to."""
+    assignment = _at_item(state, _carries(context, state, message, now_s), message.seq)
+    telemetry = replace(state.telemetry, item=(message.seq, message.total), item_s=now_s)
+    after = state.after(link, telemetry=telemetry, assignment=assignment)
+    if context.vehicles[state.name].planned:
+        return after
+    return replace(after, own=asked_heights.flown_to(state.own, message.seq, state.motion.fix))
 
 
 DOUBT_S = 2.5

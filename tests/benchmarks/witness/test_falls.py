@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.witness.falls import sank_m_s
 from benchmarks.witness.verdicts import Stand, hold_against
 from executor.core.vehicle import FaultKind
 from executor.replay.result import Declaration
 from executor.replay.witness import testimony
-from executor.replay.witness.falls import sank_m_s
 from executor.replay.witness.statements import read_testimony
 from tests.onboard import DataFlashWriter
 
