@@ -495,8 +495,8 @@ PHASES: tuple[TickPhase, ...] = (
     ),
     TickPhase(
         "pictures", proof.pictures_judged,
-        "After the vehicles: only those in the air with a link are asked again. Before the re-plan: what is flown but "
-        "not seen is open.",
+        "After the vehicles: only those in the air with a link are asked again. Before the re-plan: a segment "
+        "flown without its pictures is open.",
     ),
     TickPhase(
         "cameras", faults_of_cameras.cameras_looked_at,

@@ -12,9 +12,11 @@ from executor.core.battery.pack import Pack
 from executor.core.battery.roundings import Roundings
 from executor.core.battery.voltage import VoltageState
 from executor.core.carried import Carried
+from executor.core.doubles import Twins
 from executor.core.link_quality import LinkQuality
 from executor.core.parts import Cause, TextFlow
 from executor.core.payload.pictures import PayloadState
+from executor.core.positioning import Positioning
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import flat
 from tests.executor.core.steps import rounded
@@ -106,6 +108,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "lands": False,
             "began_pct": None,
             "gps": None,
+            "positioning": Positioning(),
+            "twins": Twins(),
             "wind": None,
             "attitude": None,
             "tilted_since_s": None,

@@ -196,8 +196,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [NOBODYS],
             [],
             [
-                "warning: its GCS failsafe watches system 254 (SYSID_MYGCS), ours is 255: it will not act when "
-                "we are lost"
+                (
+                    "warning: its GCS failsafe watches system 254 (SYSID_MYGCS), ours is 255: it will not act when "
+                    "we are lost"
+                )
             ],
             [
                 NOBODYS,
