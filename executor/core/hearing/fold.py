@@ -110,8 +110,7 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
         case Battery():
             return Folded(state.after(link, power=powered(context, state, message, now_s)))
         case SystemStatus(unhealthy=unhealthy):
-            known = _positioning(state, message, now_s)
-            sensors = replace(state.sensors, unhealthy=unhealthy, positioning=known)
+            sensors = replace(state.sensors, unhealthy=unhealthy, positioning=_positioning(state, message, now_s))
             return Folded(state.after(link, sensors=sensors, power=status_told(context, state, message, now_s)))
         case MissionCurrent(seq, total):
             assignment = _at_item(state, _carries(context, state, message, now_s), seq)

@@ -75,7 +75,7 @@ ROWS = [
     Row(
         "lies",
         flying(fix=at(east_m=140.0, up_m=5.0), anchor=at(east_m=140.0, up_m=5.0, age_s=8.0)),
-        "does not move, down at 49.600138, 15.601404, armed: keep away",
+        "does not move, down at 49.60014, 15.60140 (GPS not reported), armed: keep away",
         unknown=flying(fix=at(east_m=140.0, up_m=5.0, age_s=3.5), anchor=at(east_m=140.0, up_m=5.0, age_s=20.0)),
     ),
     Row(
