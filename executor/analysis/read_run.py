@@ -32,7 +32,7 @@ from executor.core.battery.history import PackHistory
 from executor.core.commands import Level
 from executor.core.coverage import Sample, Track
 from executor.core.events import Event, Heard, LaunchOrdered, SolveEnded, UploadEnded
-from executor.core.messages import Battery, EstimatorStatus, Gps, Position, SystemStatus
+from executor.core.messages import Battery, EstimatorStatus, Gps, Heartbeat, Position, SystemStatus
 from executor.core.parts import Fix, Positioning
 from executor.core.positioning import positioning_heard
 from executor.errors import LogError
@@ -63,6 +63,7 @@ class _Heard:
     status: list[tuple[float, float]] = field(default_factory=list)
     positioning: Positioning = field(default_factory=Positioning)
     newest: Fix | None = None
+    armed: bool = False
     reckoned: list[bool] = field(default_factory=list)
     """Of the positions: whether GPS was lost."""
 
@@ -79,7 +80,7 @@ class _Heard:
 
     def take_positioning(self, said: Gps | EstimatorStatus | SystemStatus, t_s: float) -> None:
         """Take what it said of its GPS."""
-        self.positioning = positioning_heard(self.positioning, said, self.newest, t_s)
+        self.positioning = positioning_heard(self.positioning, said, self.newest, t_s, stands=not self.armed)
 
 
 @dataclass(slots=True)
@@ -144,6 +145,8 @@ def _take(log: _Log, event: Event, t_s: float, frame: LocalFrame, speedup: float
     match event:
         case Heard(vehicle, Position() as position) if vehicle in log.heard:
             log.heard[vehicle].take_position(position, frame.to_local_m(position.lat_deg, position.lon_deg), t_s)
+        case Heard(vehicle, Heartbeat(armed=armed)) if vehicle in log.heard:
+            log.heard[vehicle].armed = armed
         case Heard(vehicle, Gps() | EstimatorStatus() as said) if vehicle in log.heard:
             log.heard[vehicle].take_positioning(said, t_s)
         case Heard(vehicle, Battery(remaining_pct=remaining)) if vehicle in log.heard and remaining is not None:

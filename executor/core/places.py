@@ -51,7 +51,7 @@ def _place(context: Scene, at: Fix, off_m: float | None) -> str:
 
 def where(context: Scene, vehicle: VehicleState) -> str:
     """Return a vehicle's place as coordinates and height over its home."""
-    height = "" if vehicle.motion.fix is None else f", {vehicle.motion.fix.alt_rel_m:.0f} m over its home"
+    height = "" if vehicle.motion.fix is None else f", {round(vehicle.motion.fix.alt_rel_m)} m over its home"
     return coordinates(context, vehicle) + height
 
 
@@ -60,7 +60,8 @@ def last_heard(context: Scene, vehicle: VehicleState, now_s: float) -> str:
     fix = vehicle.motion.fix
     if fix is None:
         return "its position is not known"
-    return f"last position {where(context, vehicle)}, {words.ago(max(0.0, now_s - fix.at_s))}"
+    position = "" if fix.reckoned else "last position "
+    return f"{position}{where(context, vehicle)}, {words.ago(max(0.0, now_s - fix.at_s))}"
 
 
 _KILLED = re.compile(r"^(?!.*(disengage|release|clear)).*(emergency stop|kill)", re.IGNORECASE)

@@ -30,14 +30,22 @@ USUAL_M = 3.0
 
 
 def positioning_heard(
-    known: Positioning, message: Gps | EstimatorStatus | SystemStatus, at: Fix | None, now_s: float
+    known: Positioning, message: Gps | EstimatorStatus | SystemStatus, at: Fix | None, now_s: float, *, stands: bool
 ) -> Positioning:
-    """Take what a vehicle says of its GPS; `at` is the newest position."""
+    """Take what a vehicle says of its GPS.
+
+    Args:
+        known: What was known before.
+        message: What it says.
+        at: Its newest position.
+        now_s: When this was heard.
+        stands: Whether it stands disarmed before its flight.
+    """
     match message:
         case Gps():
             return _gps_heard(known, message, at, now_s)
         case EstimatorStatus():
-            return _estimator_heard(known, message, now_s)
+            return _estimator_heard(known, message, now_s, stands=stands)
         case SystemStatus(unhealthy=unhealthy):
             return _health_heard(known, unhealthy, now_s)
 
@@ -61,12 +69,17 @@ def _gps_heard(known: Positioning, message: Gps, at: Fix | None, now_s: float) -
     return _regained(known, at, now_s)
 
 
-def _estimator_heard(known: Positioning, message: EstimatorStatus, now_s: float) -> Positioning:
-    """Take what an estimator says of itself."""
+def _estimator_heard(known: Positioning, message: EstimatorStatus, now_s: float, *, stands: bool) -> Positioning:
+    """Take what an estimator says of itself.
+
+    ArduPilot's takes half a minute to use a receiver that has a fix: until then there is nothing that it could lose.
+    """
     known = replace(known, estimated_s=now_s)
     if message.is_absolute:
         return known if known.adrift_s is None else replace(known, adrift_s=None)
     since_s = now_s if known.adrift_s is None else known.adrift_s
+    if stands and known.lost_s is None:
+        return replace(known, adrift_s=since_s, fixed=None)
     return _lost(replace(known, adrift_s=since_s), "its estimator does not use GPS", now_s)
 
 

@@ -44,7 +44,7 @@ from executor.core.messages import (
     Wind,
 )
 from executor.core.own_words import FENCE_BREACH
-from executor.core.parts import Assignment, Fix, LinkState, MotionState
+from executor.core.parts import Assignment, Fix, LinkState, MotionState, Positioning
 from executor.core.vehicle import Stage, VehicleState, before_of
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
@@ -110,8 +110,7 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
         case Battery():
             return Folded(state.after(link, power=powered(context, state, message, now_s)))
         case SystemStatus(unhealthy=unhealthy):
-            known = positioning.positioning_heard(state.sensors.positioning, message, state.motion.fix, now_s)
-            sensors = replace(state.sensors, unhealthy=unhealthy, positioning=known)
+            sensors = replace(state.sensors, unhealthy=unhealthy, positioning=_positioning(state, message, now_s))
             return Folded(state.after(link, sensors=sensors, power=status_told(context, state, message, now_s)))
         case MissionCurrent():
             return Folded(_current_item(context, state, link, message, now_s))
@@ -122,7 +121,7 @@ def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
         case LandedState(on_ground):
             return Folded(state.after(link, telemetry=replace(state.telemetry, on_ground=on_ground)))
         case Gps() | EstimatorStatus():
-            known = positioning.positioning_heard(state.sensors.positioning, message, state.motion.fix, now_s)
+            known = _positioning(state, message, now_s)
             gps = message if isinstance(message, Gps) and message.receiver == 0 else state.sensors.gps
             return Folded(state.after(link, sensors=replace(state.sensors, gps=gps, positioning=known)))
         case Wind():
@@ -265,6 +264,12 @@ def _was_unseen(context: Scene, link: LinkState, regained_s: float | None, now_s
         return True
     silent = link.heard_s is not None and now_s - link.heard_s >= context.limits.link_stale_s
     return silent or (regained_s is not None and regained_s > link.heartbeat_s)
+
+
+def _positioning(state: VehicleState, message: Gps | EstimatorStatus | SystemStatus, now_s: float) -> Positioning:
+    beat = state.telemetry.heartbeat
+    stands = beat is not None and not beat.armed and not state.sortie.took_off
+    return positioning.positioning_heard(state.sensors.positioning, message, state.motion.fix, now_s, stands=stands)
 
 
 def _about(

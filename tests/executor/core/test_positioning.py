@@ -83,6 +83,32 @@ def test_what_is_no_loss(said: tuple[tuple[float, FlightMessage], ...]) -> None:
     assert heard(*said).sensors.positioning.lost_s is None
 
 
+def standing() -> VehicleState:
+    """Return a vehicle that stands on its pad, disarmed, and has not flown."""
+    state = flying(fix=at(east_m=0.0, up_m=0.0))
+    telemetry = replace(state.telemetry, heartbeat=DISARMED)
+    return replace(state, telemetry=telemetry, sortie=replace(state.sortie, took_off=False))
+
+
+def test_an_estimator_that_has_not_begun_to_use_gps_has_none_to_lose() -> None:
+    """ArduPilot's receiver has a fix half a minute before its estimator uses it, and speaks first."""
+    starts = heard(
+        (NOW_S, GOOD), (NOW_S + 0.1, DRIFTING), (NOW_S + 7.0, GOOD), (NOW_S + 7.1, DRIFTING), state=standing()
+    )
+    assert starts.sensors.positioning.lost_s is None
+    ready = heard((NOW_S + 8.0, SURE), (NOW_S + 9.0, GOOD), state=starts)
+    assert ready.sensors.positioning.fixed is not None
+    assert heard((NOW_S + 10.0, NONE), state=ready).sensors.positioning.lost_s == NOW_S + 10.0
+
+
+def test_a_wreck_keeps_its_last_fix_when_its_estimator_begins_anew() -> None:
+    down = lost_for(60.0)
+    wreck = replace(down, telemetry=replace(down.telemetry, heartbeat=DISARMED))
+    known = heard((NOW_S + 61.0, DRIFTING), state=replace(wreck, sortie=replace(wreck.sortie, took_off=False)))
+    assert known.sensors.positioning.fixed == down.sensors.positioning.fixed
+    assert known.sensors.positioning.lost_s == NOW_S + 1.0
+
+
 def test_a_report_whose_fix_is_repeated_confirms_no_place() -> None:
     """ArduPilot reports the last fix for four seconds after its receiver has stopped."""
     frozen = Gps(3, 14, measured_s=500.0)
@@ -106,7 +132,9 @@ def test_the_place_of_a_wreck_is_its_last_fix_before_what_it_reckons() -> None:
         "down: last GPS fix 49.60014, 15.60362, 60 s before, at 3 m/s, "
         "reckoned since to 49.600, 15.604, off by 452 m or more, disarmed"
     )
-    assert last_heard(CONTEXT, wreck, NOW_S + 75.0).endswith("20 m over its home, 15 s ago")
+    heard_last = last_heard(CONTEXT, wreck, NOW_S + 75.0)
+    assert heard_last.startswith("last GPS fix 49.60014, 15.60362, 60 s before")
+    assert heard_last.endswith("20 m over its home, 15 s ago")
 
 
 def test_what_it_reckons_is_worth_less_with_every_second() -> None:
