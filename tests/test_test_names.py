@@ -29,7 +29,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/properties/test_missions_areas.py": ("missions/areas.py", "missions/ways.py"),
     "tests/executor/replay/test_learning.py": ("executor/replay/learnedfile.py",),
-    "tests/benchmarks/witness/test_falls.py": ("executor/replay/witness/falls.py",),
     "tests/benchmarks/witness/test_verdicts.py": (
         "benchmarks/witness/hands.py",
         "benchmarks/witness/packs.py",

@@ -14,9 +14,8 @@ from executor.core.battery.voltage import VoltageState
 from executor.core.carried import Carried
 from executor.core.doubles import Twins
 from executor.core.link_quality import LinkQuality
-from executor.core.parts import Cause, TextFlow
+from executor.core.parts import Cause, Positioning, TextFlow
 from executor.core.payload.pictures import PayloadState
-from executor.core.positioning import Positioning
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import flat
 from tests.executor.core.steps import rounded
