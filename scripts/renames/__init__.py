@@ -1,0 +1,1 @@
+"""Names that are agreed and not applied yet, and what applies them."""
