@@ -66,7 +66,7 @@ async def test_a_day_of_two_vehicles_with_two_sorties_each_survives_a_loss_in_th
 async def test_a_bad_pack_is_refused_with_one_line_and_a_better_one_flies(autopilot: str) -> None:
     day = Day(Crew({"P9": 18.0, "P3": 100.0}), first={"uav1": (0, 2)}, later={"uav1": ((4, 6),)}, segments=4)
     sky, flown = await day_flown(day, autopilot)
-    line = told_once(sky, "uav1: stays on the ground")
+    line = told_once(sky, "uav1: not cleared for take-off")
     assert "pack P9 rests at 3.7" in line
     assert "too close to its reserve of 15 %" in line
     bad, good = (sky.state.crew.intents[record.intent.id] for record in sky.asked)
@@ -97,7 +97,7 @@ async def test_a_ground_station_that_dies_in_a_turnaround_asks_for_the_crews_wor
 
     day = Day(Crew(GOOD), first={"uav1": (0, 2)}, later={"uav1": ((4, 6),)}, segments=4, dies=under_way)
     sky, flown = await day_flown(day, autopilot)
-    told_once(sky, "uav1: stays on the ground: its turnaround was under way when the ground station went away")
+    told_once(sky, "uav1: not cleared for take-off: its turnaround was under way when the ground station went away")
     assert [record.intent.pack for record in sky.asked] == ["P3", "P4"]
     assert [sortie.pack for sortie in sky.state.vehicles["uav1"].turn.sorties] == ["", "P4"]
     assert set(flown.inspected) == {0, 1, 2, 3}
