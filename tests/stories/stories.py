@@ -241,7 +241,7 @@ WRECKS = (
     Story(
         "it loses thrust, and sinks to the ground in its mission",
         (told(on_segment("uav2"), "uav2:weak=0.7"),),
-        says=(r"uav2: interruption, sinks at .* below its mission; cannot hold its height", DOWN),
+        says=(r"uav2: interruption, sinks at .* below its mission; cannot hold height", DOWN),
         never_says=("RTL commanded", "uav2: landed"),
     ),
     Story(

@@ -129,7 +129,7 @@ def test_preflight_shows_the_plan(place: Place) -> None:
     assert code == 1
     said = [check["text"] for check in json.loads(out)["checks"] if check["subject"] == "plan"]
     assert said[-2].startswith("4 of 4 segments, longest route ")
-    assert said[-1].startswith("re-plan window 100 %: from 0 s on ")
+    assert said[-1].startswith("re-plan window 100 %: from 0 s the fleet ")
 
 
 def poor(budgets: dict[str, float], step: int = 7) -> PlanFile:

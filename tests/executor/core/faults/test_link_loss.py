@@ -79,10 +79,10 @@ IS_IT_OURS = ["all links lost: suspecting the ground radio; re-planning suspende
         # Who was switched off on the ground is not waited for, and one that sits there and speaks is heard.
         (heard(3.0, 9.0, 2.9, stages=(Stage.FLYING, Stage.FLYING, Stage.LANDED)), []),
         (heard(3.0, 9.0, 33.0, stages=(Stage.FLYING, Stage.FLYING, Stage.GROUND)), IS_IT_OURS),
-        (heard(3.0, 33.0, stages=(Stage.FLYING, Stage.DOWN)), ["no link to any vehicle" + IS_IT_OURS[0][22:]]),
+        (heard(3.0, 33.0, stages=(Stage.FLYING, Stage.DOWN)), ["no link to any vehicle" + IS_IT_OURS[0][14:]]),
         (heard(3.0, 32.9, stages=(Stage.FLYING, Stage.DOWN)), IS_IT_OURS),
         # Who is lost already says nothing by its silence.
-        (heard(3.0, 1.0, stages=(Stage.FLYING, Stage.LOST)), ["no link to any vehicle" + IS_IT_OURS[0][22:]]),
+        (heard(3.0, 1.0, stages=(Stage.FLYING, Stage.LOST)), ["no link to any vehicle" + IS_IT_OURS[0][14:]]),
         (heard(9.0, 9.0, stages=(Stage.LANDED, Stage.DOWN)), []),
     ],
     ids=[str(number) for number in range(9)],

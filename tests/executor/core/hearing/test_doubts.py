@@ -85,7 +85,7 @@ def test_who_was_taken_to_be_on_the_ground_and_flies_is_looked_after(on_pad: boo
     flight.run(lambda: flight.stage("uav2") in {Stage.DOWN, Stage.LANDED})
     craft.place_m, craft.up_m, craft.armed = place, up_m, True
     flight.pass_s(3.0)
-    assert any("but flies, last position" in line for line in flight.said(Level.FAULT))
+    assert any("but is airborne, last position" in line for line in flight.said(Level.FAULT))
     assert flight.stage("uav2") is Stage.RETURNING
     flight.finish()
     assert flight.stage("uav2") is end

@@ -158,7 +158,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     ("beyond its mission", lambda: advice(waypoint=6), "return: "),
     (
-        "who cannot hold its height",
+        "who cannot hold height",
         lambda: [
             advice(**{"fault": SINKS, "heartbeat": beat(AUTO), "sinks_s": NOW_S, "anchor": at(), **given})
             for given in (

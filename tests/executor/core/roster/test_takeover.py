@@ -170,7 +170,7 @@ def test_who_is_put_back_on_its_mission_and_included_finishes_it() -> None:
     flight, at_s = taken()
     assert flight.ask(Action.INCLUDE, "uav2").text == "it is with its pilot: the pilot must set mission mode first"
     flight.crafts["uav2"].mode = mission(flight)
-    flight.run(lambda: "include it to have it in the plan again" in flight.said(Level.FAULT)[-1])
+    flight.run(lambda: "use include to put it back in the plan" in flight.said(Level.FAULT)[-1])
     assert told(flight, "uav2", at_s) == []
     flight.pass_s(GRACE_S)
     assert not any("pilot" in solve.trigger for solve in flight.solves()), "it flies its segments"
