@@ -19,6 +19,8 @@ from tests.sitl.custody import COMMANDS, LOGGED, boot_s, nothing_was_commanded, 
 from tests.sitl.flights import VICTIM, Story, flown
 from tests.sitl.real import ARDUPILOT, BOTH, PX4, Autopilot, RealVehicle
 
+pytestmark = [pytest.mark.sitl, pytest.mark.timeout(900)]
+
 # PX4 refuses Position mode to a station without sticks (measured: "Switching to Position is currently not available").
 LASTS_S = 45.0
 
