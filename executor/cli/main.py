@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import NoReturn
 
 from executor.adapters.interrupts import end_children, ended_like_ctrl_c, nobody_reads
@@ -128,9 +129,9 @@ def _our_errors() -> tuple[type[Exception], ...]:
 def _say_at_once(given: Sequence[str]) -> None:
     """Say that a flight is taken up before anything is loaded: a busy computer takes many times as long for that."""
     quiet = {"--quiet", "-q", "--json", "--help"}
-    if given[:1] == ["resume"] and len(given) > 1 and not quiet & set(given):
+    if given[:1] == ["resume"] and not quiet & set(given) and any(Path(one, "events.jsonl").is_file() for one in given):
         with suppress(OSError, ValueError):
-            print("faultline: resuming the flight; heartbeats start once it is loaded", file=sys.stderr, flush=True)
+            print("resuming the flight; heartbeats start once it is loaded", flush=True)
 
 
 def _several(group: BaseExceptionGroup[BaseException], known: tuple[type[Exception], ...]) -> NoReturn:

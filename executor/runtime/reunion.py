@@ -21,6 +21,8 @@ from missions import Dialect, MissionItem
 ONE_REAL_S = 5.0
 """How long one vehicle that should be heard is waited for; supervision of the others waits meanwhile."""
 READ_REAL_S = 6.0
+READ_TRIES = 3
+"""How often a mission that may be half of a new one is read: over a bad link one reading may be given up."""
 READ_WAYPOINT_REAL_S = 0.25
 """How long a mission is read at most, and more for each waypoint that it should have. Who cannot be read in that time
 is taken at its word, as one that refuses; only half of a new mission is worth any time."""
@@ -129,7 +131,10 @@ async def _asked_one(link: Link, clock: Clock, dialect: Dialect, answer: _Answer
     if patience_s != 0.0:
         with suppress(TimeoutError):
             async with asyncio.timeout(patience_s):
-                answer.items = await procedures.read_mission(link, clock)
+                for _ in range(1 if patience_s is not None else READ_TRIES):
+                    answer.items = await procedures.read_mission(link, clock)
+                    if answer.items is not None:
+                        break
     with suppress(TimeoutError):
         async with asyncio.timeout(STREAMS_REAL_S):
             await streams.asked_for(link, clock, dialect)

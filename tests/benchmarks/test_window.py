@@ -11,7 +11,6 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.commands import cli
-from benchmarks.errors import BenchError
 from benchmarks.window import (
     Claim,
     LossOutcome,
@@ -25,6 +24,7 @@ from benchmarks.window import (
     results,
 )
 from benchmarks.windowpage import keep_window, print_window, window_document
+from executor.errors import FlightNotFlown
 from executor.virtual.branches import Branch, fly_branches
 from executor.virtual.flight import VirtualFlight
 from executor.virtual.site import dearest_pct, sized
@@ -127,7 +127,7 @@ def test_a_flight_that_fails_says_so(claim: Claim) -> None:
         return number
 
     branches = [Branch("uav2", at_s, f"uav2:crash@{at_s}s") for at_s in (30.0, 40.0)]
-    with pytest.raises(BenchError, match=r"uav2:crash@30\.0s: its process ended"):
+    with pytest.raises(FlightNotFlown, match=r"uav2:crash@30\.0s: its process ended"):
         fly_branches(claim.ground, claim.plan, branches, judged)
 
 

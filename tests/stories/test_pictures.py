@@ -71,7 +71,7 @@ async def test_a_re_plan_in_flight_neither_loses_nor_doubles_a_picture(autopilot
 
 FAULTS = (
     ("camera-silent", "no picture for", MAVLINK),
-    ("camera-mute", "has not said for", MAVLINK),
+    ("camera-mute", "no picture reported", MAVLINK),
     ("card-full", "its card is full", MAVLINK),
     ("gimbal-stuck", "its gimbal points at", MAVLINK),
     ("camera-silent", "no picture for", WIRED),
@@ -206,7 +206,7 @@ async def test_viewpoints_above_each_other_are_one_picture_for_who_stays_in_its_
 
 AT_PYLONS = (
     ("camera-silent", "no picture of 6 viewpoints", MAVLINK),
-    ("camera-mute", "has not said of 6 viewpoints", MAVLINK),
+    ("camera-mute", "no picture reported", MAVLINK),
     ("card-full", "its card is full", MAVLINK),
     ("gimbal-stuck", "its gimbal pointed elsewhere at 3 viewpoints", MAVLINK),
     ("camera-silent", "no picture of 6 viewpoints", WIRED),

@@ -228,7 +228,7 @@ def test_without_a_yes_nobody_is_told_anything(tmp_path: Path, capsys: pytest.Ca
     flight.pass_s(5.0)
     diary.note()
     size = (run / "events.jsonl").stat().st_size
-    assert "nothing was told to any vehicle" in refused(capsys, "resume", str(run), "--json")
+    assert "nothing was sent to any vehicle" in refused(capsys, "resume", str(run), "--json")
     assert (run / "events.jsonl").stat().st_size == size
 
 

@@ -263,7 +263,7 @@ async def test_a_mistake_in_one_decision_ends_nobodys_supervision() -> None:
         sky.applied += 1
         sky.flight.apply(Heard("nobody", Heartbeat(3, 3, armed=True, system_status=4)))
         sky.applied += 1
-    assert sky.faults() == ["internal error at Heard: KeyError: 'nobody'"]
+    assert sky.faults() == ["internal error while handling Heard: KeyError: 'nobody'"]
     assert set(sky.state.coverage.inspected) == set(range(6))
 
 
