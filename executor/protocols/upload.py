@@ -33,7 +33,8 @@ COUNT_TRIES = 5
 REPEAT_S = 0.1
 """A request repeated sooner than this, or than a round trip, crossed our answer on the way and is not answered twice
 (PX4 issue 11078)."""
-FIRST_TRIP = RoundTrip(least_s=REPEAT_S, most_s=2.0)
+FIRST_TRIP = RoundTrip(least_s=REPEAT_S, most_s=1.25)
+"""PX4 gives up after 5 s without an item: it gets four copies in that time, however slow the link is."""
 LAST_ITEM_PERIOD_S = 1.0
 
 RESULT_ACCEPTED = 0

@@ -3,52 +3,49 @@
 from __future__ import annotations
 
 import contextlib
-import random
 import select
 import socket
 import threading
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from pymavlink.dialects.v20 import common as mav
 
-from simulator.channel import Channel, LinkCondition
+from simulator.channel import QUEUE_BYTES
 
 HOST = "127.0.0.1"
 DATAGRAM = 65536
 LOOKS_S = 0.005
-
-
-class _Carried(bytes):
-    """A datagram that knows where it goes."""
-
-    vehicle: int
-    up: bool
-
-    @classmethod
-    def of(cls, datagram: bytes, vehicle: int, *, up: bool) -> _Carried:
-        carried = cls(datagram)
-        carried.vehicle, carried.up = vehicle, up
-        return carried
+GROUND = -1
 
 
 class Radio:
-    """Stands between vehicles, which send to ports here, and the ground station's ports."""
+    """Stands between vehicles, which send to ports here, and the ground station's ports.
 
-    def __init__(self, vehicle_ports: range, station_ports: range, condition: LinkCondition) -> None:
+    Ground and vehicles each have a queue, which drops what comes when it is full, and take turns on the air.
+    """
+
+    def __init__(self, vehicle_ports: range, station_ports: range, rate_bytes_s: float, delay_s: float) -> None:
         """Open the vehicles' ports; `running` carries."""
-        self._air = Channel(condition, random.Random(3))
+        self._rate_bytes_s, self._delay_s = rate_bytes_s, delay_s
         self._to_vehicles = [self._socket(port) for port in vehicle_ports]
         self._to_station = [self._socket(0) for _ in vehicle_ports]
         self._station_ports = station_ports
         self._vehicles: dict[int, tuple[str, int]] = {}
+        self._queues: dict[int, deque[tuple[int, bytes]]] = {
+            node: deque() for node in (GROUND, *range(len(vehicle_ports)))
+        }
+        """What each end has to say, with the vehicle that it is from, or for."""
+        self._turns = deque(self._queues)
+        self._free_s = 0.0
+        self._on_air: deque[tuple[float, bool, int, bytes]] = deque()
         self._over = threading.Event()
         self.items: Counter[tuple[int, int]] = Counter()
         """How often each item of a mission was sent, by the vehicle's place and the item."""
-        self.bytes = Counter[bool]()
-        """Offered down and up."""
+        self.offered, self.dropped = Counter[bool](), Counter[bool]()
+        """Bytes, down and up."""
 
     @staticmethod
     def _socket(port: int) -> socket.socket:
@@ -75,10 +72,11 @@ class Radio:
             for one in ready:
                 with contextlib.suppress(ConnectionError):
                     self._take(one)
-            for carried in self._air.due(time.monotonic()):
-                assert isinstance(carried, _Carried)
+            self._transmit(time.monotonic())
+            while self._on_air and self._on_air[0][0] <= time.monotonic():
+                _, up, vehicle, data = self._on_air.popleft()
                 with contextlib.suppress(ConnectionError):
-                    self._hand_over(carried)
+                    self._hand_over(vehicle, data, up=up)
 
     def _take(self, one: socket.socket) -> None:
         data, sender = one.recvfrom(DATAGRAM)
@@ -88,14 +86,29 @@ class Radio:
             self._count(vehicle, data)
         else:
             self._vehicles[vehicle] = sender
-        self.bytes[up] += len(data)
-        self._air.offer(_Carried.of(data, vehicle, up=up), time.monotonic())
+        self.offered[up] += len(data)
+        queue = self._queues[GROUND if up else vehicle]
+        if sum(len(waiting) for _, waiting in queue) + len(data) > QUEUE_BYTES:
+            self.dropped[up] += len(data)
+        else:
+            queue.append((vehicle, data))
 
-    def _hand_over(self, carried: _Carried) -> None:
-        if not carried.up:
-            self._to_station[carried.vehicle].sendto(carried, (HOST, self._station_ports[carried.vehicle]))
-        elif carried.vehicle in self._vehicles:
-            self._to_vehicles[carried.vehicle].sendto(carried, self._vehicles[carried.vehicle])
+    def _transmit(self, now_s: float) -> None:
+        """Let everybody who has something to say have a turn, until the air is taken."""
+        while self._free_s <= now_s and any(self._queues.values()):
+            while not self._queues[self._turns[0]]:
+                self._turns.rotate(-1)
+            node = self._turns[0]
+            self._turns.rotate(-1)
+            vehicle, data = self._queues[node].popleft()
+            self._free_s = max(self._free_s, now_s - LOOKS_S) + len(data) / self._rate_bytes_s
+            self._on_air.append((self._free_s + self._delay_s, node == GROUND, vehicle, data))
+
+    def _hand_over(self, vehicle: int, data: bytes, *, up: bool) -> None:
+        if not up:
+            self._to_station[vehicle].sendto(data, (HOST, self._station_ports[vehicle]))
+        elif vehicle in self._vehicles:
+            self._to_vehicles[vehicle].sendto(data, self._vehicles[vehicle])
 
     def _count(self, vehicle: int, data: bytes) -> None:
         parser = mav.MAVLink(None)

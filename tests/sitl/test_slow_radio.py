@@ -23,7 +23,6 @@ from executor.site import assembly
 from executor.site.assembly import Ground
 from executor.site.config import check_site
 from missions import dialect_for
-from simulator.channel import LinkCondition
 from tests.executor.virtual.short_line import shared, write_line
 from tests.sitl.flights import Story, WatchfulConsole
 from tests.sitl.radio import Radio
@@ -31,9 +30,9 @@ from tests.sitl.real import BOTH, PX4, RELAYED, START_REAL_S, Autopilot, RealVeh
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(590)]
 
-RADIO = LinkCondition(rate_bytes_s=2000.0, delay_s=0.3)
-PX4_RATE = 1200
-"""MAV_0_RATE of a radio; without one PX4 in simulation sends ten times what passes."""
+RATE_BYTES_S, DELAY_S = 2000.0, 0.3
+PX4_RATE = 600
+"""MAV_0_RATE of a radio that three share; without one PX4 in simulation sends ten times what passes."""
 
 
 def ground_of(folder: Path, autopilot: Autopilot) -> Ground:
@@ -73,7 +72,7 @@ def test_a_checklist_and_missions_over_a_slow_radio(autopilot: Autopilot, tmp_pa
     wanted = Wanted(pads, ground.network.frame, 1.0, {}, frozenset())
     order = Order(ground.site, tmp_path, ground, shared(ground), tmp_path, lambda _: ())
     ports = range(autopilot.port, autopilot.port + 3)
-    radio = Radio(ports, range(ports.start + RELAYED, ports.stop + RELAYED), RADIO)
+    radio = Radio(ports, range(ports.start + RELAYED, ports.stop + RELAYED), RATE_BYTES_S, DELAY_S)
     with radio.running(), running(autopilot, Path(autopilot.binary), tmp_path / "work", wanted) as vehicles:
         if autopilot is PX4:
             for number, name in enumerate(vehicles):
@@ -85,7 +84,10 @@ async def _prepare(order: Order, autopilot: Autopilot, vehicles: Mapping[str, Re
     clock, console, began_s = SystemClock(1.0), WatchfulConsole(Story()), time.monotonic()
 
     def told(what: str) -> None:
-        print(f"{time.monotonic() - began_s:6.1f} s {what}; down, up: {radio.bytes[False]}, {radio.bytes[True]} bytes")
+        air = [
+            f"{way} {radio.offered[up]} B, {radio.dropped[up]} B dropped" for way, up in (("down", False), ("up", True))
+        ]
+        print(f"{time.monotonic() - began_s:6.1f} s {what}; {', '.join(air)}")
 
     async with linking.open_links(order, clock, recorded=False) as links:
         facts = await interviews(order, links, clock, console)
@@ -107,4 +109,5 @@ async def _prepare(order: Order, autopilot: Autopilot, vehicles: Mapping[str, Re
         question = mav.MAVLink_param_request_read_message(vehicle.sysid, 1, rule.height.encode(), -1)
         height_m = vehicle.other.ask(question, "PARAM_VALUE").param_value * rule.unit_m
         assert height_m == pytest.approx(context.return_height_m(name), abs=0.2)
-    assert max(radio.items.values()) <= 2
+    if not radio.dropped[False] + radio.dropped[True]:
+        assert max(radio.items.values()) <= 2

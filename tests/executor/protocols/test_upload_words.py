@@ -38,7 +38,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "an upload",
         lambda: talk(UPLOAD, *ALL, (104.0, MissionAck(0))),
-        [("count 3", 101.5), ("item 0", 103.0), ("item 1", 103.75), ("item 2", 104.562), (math.inf,), Accepted()],
+        [("count 3", 101.5), ("item 0", 102.25), ("item 1", 103.25), ("item 2", 104.25), (math.inf,), Accepted()],
     ),
     (
         "an upload that nobody answers",
@@ -56,7 +56,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "an upload that is asked for the same at once",
         lambda: talk(UPLOAD, (101.0, ask(0)), (101.09, ask(0)), (101.2, ask(0)), (101.25, ask(1))),
-        [("count 3", 101.5), ("item 0", 103.0), (103.09,), (103.2,), ("item 1", 103.25), None],
+        [("count 3", 101.5), ("item 0", 102.25), (102.34,), (102.45,), ("item 1", 102.5), None],
     ),
     (
         "an upload of which too much is asked for",
@@ -68,9 +68,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: talk(UPLOAD, (101.0, ask(0)), *late(102.0, 108.9, 109.0)),
         [
             ("count 3", 101.5),
-            ("item 0", 103.0),
-            (104.0,),
-            (110.9,),
+            ("item 0", 102.25),
+            (103.25,),
+            (110.15,),
             (math.inf,),
             TimedOut(reason="no answer after item 0 of 3"),
         ],
@@ -80,11 +80,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: talk(UPLOAD, *ALL, *late(104.0, 110.9, 111.0)),
         [
             ("count 3", 101.5),
-            ("item 0", 103.0),
-            ("item 1", 103.75),
-            ("item 2", 104.562),
-            ("item 2", 105.562),
-            ("item 2", 112.463),
+            ("item 0", 102.25),
+            ("item 1", 103.25),
+            ("item 2", 104.25),
+            ("item 2", 105.25),
+            ("item 2", 112.15),
             (math.inf,),
             TimedOut(reason="no answer after item 2 of 3"),
         ],
@@ -94,18 +94,18 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: talk(UPLOAD, *ALL, (103.5, ask(1)), *late(104.5)),
         [
             ("count 3", 101.5),
-            ("item 0", 103.0),
-            ("item 1", 103.75),
-            ("item 2", 104.562),
-            (105.062,),
-            ("item 2", 106.062),
+            ("item 0", 102.25),
+            ("item 1", 103.25),
+            ("item 2", 104.25),
+            (104.75,),
+            ("item 2", 105.75),
             None,
         ],
     ),
     (
         "an upload that is accepted too early",
         lambda: talk(UPLOAD, (101.0, MissionAck(0)), (102.0, ask(0)), (103.0, MissionAck(0))),
-        [("count 3", 101.5), (101.5,), ("item 0", 104.0), (104.0,), None],
+        [("count 3", 101.5), (101.5,), ("item 0", 103.25), (103.25,), None],
     ),
     (
         "an upload that is refused",
@@ -165,7 +165,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ],
             [
                 ("count 3", 101.5),
-                ("item 0", 103.0),
+                ("item 0", 102.25),
                 (SendMissionAck(result=15), math.inf),
                 (math.inf,),
                 (math.inf,),
