@@ -18,29 +18,28 @@ from pathlib import Path
 import numba
 
 
-def use_cache(*more: Path) -> None:
-    """Have numba keep the kernels that are declared from now on in ``cache_directory``; ``more`` are their folders."""
-    numba.config.CACHE_DIR = str(cache_directory(numba.__version__, *more))  # type: ignore[attr-defined] # set at run time
+def use_cache() -> None:
+    """Have numba keep the kernels that are declared from now on in ``cache_directory``."""
+    numba.config.CACHE_DIR = str(cache_directory(numba.__version__))  # type: ignore[attr-defined] # set at run time
 
 
-def sources_digest(version: str, *more: Path) -> str:
-    """Return a short digest of numba's ``version`` and the kernels' sources, here and in ``more`` folders."""
+def sources_digest(version: str) -> str:
+    """Return a short digest of the kernels' sources and numba's ``version``."""
     digest = hashlib.sha256(version.encode())
-    for folder in (Path(__file__).parent, *more):
-        for source in sorted(folder.glob("*.py")):
-            digest.update(source.name.encode())
-            digest.update(source.read_bytes())
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.name.encode())
+        digest.update(source.read_bytes())
     return digest.hexdigest()[:16]
 
 
-def cache_directory(version: str, *more: Path) -> Path:
-    """Return a directory for compiled kernels, made and writable; ``more`` are folders of kernels beside these.
+def cache_directory(version: str) -> Path:
+    """Return a directory for compiled kernels, made and writable.
 
     It lies in NUMBA_CACHE_DIR if that is set, else in the user's cache directory. Where neither can be written it is
     a private one that goes when the process ends: a predictable name in a shared directory would let others plant
     code.
     """
-    chosen = _user_cache() / f"kernels-{sources_digest(version, *more)}"
+    chosen = _user_cache() / f"kernels-{sources_digest(version)}"
     try:
         chosen.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryFile(dir=chosen):
