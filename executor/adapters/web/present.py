@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 
 from executor.adapters.web.documents import (
@@ -171,9 +171,10 @@ class Present:
         return self._assets_changed
 
 
-def _json(content: object) -> bytes:
+def _json(content: Mapping[str, object]) -> bytes:
     """Return JSON; a number that is none is unknown to a browser, and must not keep it from all that is known."""
-    return json_text(content, (",", ":")).encode()
+    plain = {key: asdict(value) if isinstance(value, Window) else value for key, value in content.items()}
+    return json_text(plain, (",", ":")).encode()
 
 
 def _stamp(state: FleetState) -> list[int]:
