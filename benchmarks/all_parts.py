@@ -15,7 +15,7 @@ from benchmarks.parts.names import PartName
 from benchmarks.parts.setting import Setting
 from benchmarks.progress import ShownProgress
 from benchmarks.store import Json, Store, write_result, write_text
-from executor.adapters.extras import Extra, need
+from executor.adapters.extras import Extra, require_extra
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ def make_parts(parts: Sequence[PartName], data: Path | None, out: Path, *, seed:
     """
     for part in parts:
         if WORK[part].draw is not None:
-            need(Extra.PICTURES, f"bench solvers --part {part.value}")
+            require_extra(Extra.PICTURES, f"bench solvers --part {part.value}")
     for part in parts:
         if data is None and part in NEED_DATA:
             missing = "no ../shared/data beside the project or from here; --data DIR names it"

@@ -22,11 +22,11 @@ from executor.core import projection
 from executor.core.context import Context
 from executor.core.events import Event, Tick
 from executor.core.faults import batteries, warnings, watchpoints
-from executor.core.faults.watching import Verdict, View
+from executor.core.faults.watching import Verdict, WatchView
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
-from executor.virtual.flight import Onlookers, fly_virtual
-from executor.virtual.site import AMPLE_AH, sized, virtual_ground
+from executor.virtual.flight import FlightObservers, fly_virtual
+from executor.virtual.site import AMPLE_AH, build_virtual_site, size_batteries
 from simulator.config import SimVehicle
 
 SEGMENTS = (4, 8)
@@ -51,7 +51,7 @@ MARGIN_PCT = (0.0, 15.0)
 """Between the landing that the plan promises and the reserve."""
 TENTHS = 10
 LOOKS_S = 1.0
-RESERVE = next(point for point in watchpoints.TABLE if point.judge is batteries.reserve_broken)
+RESERVE = next(point for point in watchpoints.TABLE if point.judge is batteries.check_reserve)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,11 +118,11 @@ def fly_band(case: RouteCase) -> BandFlight:
     rng = np.random.default_rng([case.seed, case.number, 90])
     said_m_s, course = rng.uniform(*WIND_M_S), rng.uniform(0.0, 2.0 * math.pi)
     wind_m_s = (float(said_m_s * math.sin(course)), float(said_m_s * math.cos(course)))
-    ground = virtual_ground(
+    ground = build_virtual_site(
         case.network, None, len(case.sizes), case.autopilot, wind_m_s=wind_m_s, capacity_ah=AMPLE_AH
     )
     routes = random_routes(ground, case.sizes, rng)
-    ground = sized(ground, plan_with(ground, routes), float(rng.uniform(*USES_PCT)))
+    ground = size_batteries(ground, plan_with(ground, routes), float(rng.uniform(*USES_PCT)))
     plan = plan_with(ground, routes)
     east_m_s, north_m_s = (float(part + rng.normal(0.0, WIND_SD_M_S)) for part in wind_m_s)
     drawn = {name: _drawn(rng) for name in ground.names}
@@ -144,7 +144,7 @@ def fly_band(case: RouteCase) -> BandFlight:
             for name, seen in watched.items():
                 _look(context, state.vehicles[name], seen, now_s)
 
-    flight = fly_virtual(ground, plan, seed=case.number, craft=craft, onlookers=Onlookers(applied=applied))
+    flight = fly_virtual(ground, plan, seed=case.number, craft=craft, onlookers=FlightObservers(applied=applied))
     report = flight.report
     wrong = "" if flight.ended and report.finished and not report.faults and not report.replans else (
         report.faults[0].reason if report.faults else "it was not flown as planned"
@@ -195,7 +195,7 @@ def _look(context: Context, state: VehicleState, seen: _Watched, now_s: float) -
         return
     seen.looked_s = now_s
     setup = replace(context.vehicles[state.name], reserve_pct=seen.reserve_pct)
-    ahead = projection.at_landing(context, state, setup)
+    ahead = projection.project_landing(context, state, setup)
     if ahead is None or state.assignment.waypoint == 0:
         return
     whole_s = planned(board)[0]
@@ -203,8 +203,8 @@ def _look(context: Context, state: VehicleState, seen: _Watched, now_s: float) -
     # A leg may be longer than a tenth: what was not reached before it counts where it ends.
     while len(seen.sights) < TENTHS and behind_s >= len(seen.sights) / TENTHS * whole_s:
         seen.sights.append(Sight(len(seen.sights), ahead.mean_pct, ahead.sd_pct, ahead.band_pct))
-    view = View(context, setup, state, seen.failing_since_s is not None, now_s)
-    if seen.warned_s is None and warnings.reserve_doubtful(view):
+    view = WatchView(context, setup, state, seen.failing_since_s is not None, now_s)
+    if seen.warned_s is None and warnings.describe_reserve_risk(view):
         seen.warned_s = now_s
     match RESERVE.judge(view).verdict:
         case Verdict.FAIL:

@@ -11,7 +11,7 @@ from benchmarks import day_command as bench_day
 from benchmarks import failures_command as bench_failures
 from benchmarks import flight_commands as bench_flights
 from benchmarks.parts.names import PartName
-from executor.adapters.extras import Extra, need
+from executor.adapters.extras import Extra, require_extra
 from executor.cli.options import (
     MINMAX_COST,
     RESULTS,
@@ -22,9 +22,9 @@ from executor.cli.options import (
     SecondsOption,
     SeedOption,
     SolverName,
-    finite,
+    require_finite,
 )
-from executor.cli.replay import LogsArgument, logs_in
+from executor.cli.replay import LogsArgument, find_logs
 from executor.replay.logs import rules_of
 from executor.site.config import read_site
 from missions.files import json_text
@@ -54,7 +54,7 @@ BudgetOption = Annotated[
     float | None,
     typer.Option(
         min=0,
-        callback=finite,
+        callback=require_finite,
         metavar="X",
         help="Budget of a route, in the unit of the printed value: seconds for networks (5 m/s in transit, 1 m/s along "
         "the line), length for cities. Without it there is no limit.",
@@ -69,7 +69,7 @@ def solvers(
         float | None,
         typer.Option(
             min=1,
-            callback=finite,
+            callback=require_finite,
             metavar="M",
             help="Only the network's segments within M metres; without --instance, of faultline's own network.",
         ),
@@ -151,9 +151,9 @@ def table(
         ),
     ] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Plans per solver and cost function.")] = 10,
-    seconds: Annotated[float, typer.Option(min=0.01, callback=finite, help="Seconds per plan.")] = 2.0,
+    seconds: Annotated[float, typer.Option(min=0.01, callback=require_finite, help="Seconds per plan.")] = 2.0,
     window_seconds: Annotated[
-        float, typer.Option(min=0.01, callback=finite, help="Seconds per plan that is chosen for its window.")
+        float, typer.Option(min=0.01, callback=require_finite, help="Seconds per plan that is chosen for its window.")
     ] = 30.0,
     iterations: Annotated[
         int | None, typer.Option(min=1, help="Iterations instead of seconds: the same table on every machine.")
@@ -171,7 +171,7 @@ def table(
     from benchmarks.table.command import make_table
     from benchmarks.table.settings import RADII_M, TIGHTNESS, TableSettings
 
-    need(Extra.PICTURES, "bench table")
+    require_extra(Extra.PICTURES, "bench table")
     settings = TableSettings(
         network=_network_path(network, data),
         radii_m=tuple(radius or RADII_M),
@@ -212,7 +212,7 @@ def upload(
     from benchmarks.store import keep_result
     from benchmarks.upload import DELAYS_S, ITEMS, LOSSES, measure_uploads
 
-    need(Extra.MAVSDK, "bench upload")
+    require_extra(Extra.MAVSDK, "bench upload")
     content, text = measure_uploads(items or ITEMS, loss or LOSSES, delay or DELAYS_S, repeats=repeats, seed=seed)
     if out is not None:
         keep_result("upload", content, text, out)
@@ -240,10 +240,12 @@ def fleet(
         typer.Option(min=1, max=200, help="Number of vehicles; may be repeated. By default 1, 10, 20, 50, 100."),
     ] = None,
     minutes: Annotated[
-        float, typer.Option(min=0.1, max=600, callback=finite, help="Minutes of flight for each number of vehicles.")
+        float,
+        typer.Option(min=0.1, max=600, callback=require_finite, help="Minutes of flight for each number of vehicles."),
     ] = 5.0,
     speedup: Annotated[
-        float, typer.Option(min=0.1, max=100, callback=finite, metavar="X", help="Speed in multiples of real time.")
+        float,
+        typer.Option(min=0.1, max=100, callback=require_finite, metavar="X", help="Speed in multiples of real time."),
     ] = 2.0,
     fault: FaultOption = None,
     garbage: Annotated[
@@ -251,7 +253,7 @@ def fleet(
         typer.Option(
             min=0,
             max=100,
-            callback=finite,
+            callback=require_finite,
             metavar="RATIO",
             help="Datagrams of noise, damaged and foreign frames to the vehicles' ports, for each of theirs.",
         ),
@@ -271,9 +273,9 @@ def fleet(
     from benchmarks.fleet import COUNTS, Burden, make_fleet
 
     if out is not None:
-        need(Extra.PICTURES, "bench fleet --out")
+        require_extra(Extra.PICTURES, "bench fleet --out")
     if browsers:
-        need(Extra.WEB, "bench fleet --browsers")
+        require_extra(Extra.WEB, "bench fleet --browsers")
     burden = Burden(tuple(fault or ()), garbage, browsers)
     content, text = make_fleet(vehicles or COUNTS, out, minutes=minutes, speedup=speedup, seed=seed, burden=burden)
     print(json_text(content) if as_json else text)
@@ -285,13 +287,14 @@ def resume(
         list[int] | None, typer.Option(min=1, max=200, help="Number of vehicles; may be repeated. By default 6.")
     ] = None,
     hours: Annotated[
-        float, typer.Option(min=0.1, max=100, callback=finite, help="Hours of log before the flight.")
+        float, typer.Option(min=0.1, max=100, callback=require_finite, help="Hours of log before the flight.")
     ] = 10.0,
     minutes: Annotated[
-        float, typer.Option(min=0.5, max=60, callback=finite, help="Minutes of flight until the kill.")
+        float, typer.Option(min=0.5, max=60, callback=require_finite, help="Minutes of flight until the kill.")
     ] = 2.0,
     speedup: Annotated[
-        float, typer.Option(min=0.1, max=6, callback=finite, metavar="X", help="Speed in multiples of real time.")
+        float,
+        typer.Option(min=0.1, max=6, callback=require_finite, metavar="X", help="Speed in multiples of real time."),
     ] = 4.0,
     seed: SeedOption = 1,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write resume.md and resume.json there.")] = None,
@@ -308,7 +311,7 @@ def resume(
 def terrain(
     spans: Annotated[int, typer.Option(min=40, max=20_000, help="Spans of the network.")] = 10_000,
     megacells: Annotated[
-        float, typer.Option(min=1, max=400, callback=finite, help="Millions of cells of the raster.")
+        float, typer.Option(min=1, max=400, callback=require_finite, help="Millions of cells of the raster.")
     ] = 100.0,
     seconds: SecondsOption = 10.0,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write terrain.md and terrain.json there.")] = None,
@@ -387,6 +390,6 @@ def tune(
     from benchmarks.tuning import print_tuning
 
     if output is not None:
-        need(Extra.PICTURES, "--output")
+        require_extra(Extra.PICTURES, "--output")
     rules = rules_of(None if site is None else read_site(site))
-    print_tuning([path for given in logs for path in logs_in(given)], rules, output, as_json=as_json)
+    print_tuning([path for given in logs for path in find_logs(given)], rules, output, as_json=as_json)

@@ -11,28 +11,28 @@ import numpy as np
 
 from benchmarks.machine import cores
 from benchmarks.store import Json
-from executor.simulated.demo_site import LISTENING, vehicle_tables
-from executor.site.assembly import ground_of
+from executor.simulated.demo_site import LISTENING, build_vehicle_tables
+from executor.site.assembly import load_site_model
 from executor.site.config import check_site
-from executor.site.day_words import needs, rule_packs
-from executor.site.sorties import DayWanted, planned_day, site_day
+from executor.site.day_words import compute_base_needs, compute_rule_packs
+from executor.site.sorties import DayPlanRequest, build_day_problem, solve_day
 from missions import DayPlanFile, default_network_path, read_network
 from missions.geo import FloatArray
 from planner import Iterations, MoveGeometry, Seconds, Stopwatch, Travel
 from planner.sorties import (
-    DayCampaign,
     Objective,
     SortieBase,
     SortieInstance,
     SortieVehicle,
-    day_chunks,
+    SurvivalCampaign,
+    add_spares,
     evaluate_sorties,
-    fly_days,
-    lives_of,
+    simulate_days,
     solve_sorties,
     solve_sorties_exact,
+    split_samples,
+    summarise_samples,
     warm_up_sorties,
-    with_spares,
 )
 
 Told = Callable[[str, int, int], None]
@@ -123,11 +123,11 @@ def network_row(network: Path, seconds: float, seed: int, told: Told) -> Json:
     """Plan a whole network from four bases with six vehicles; the search has what is left of the time."""
     told("the whole network", 0, 1)
     watch = Stopwatch()
-    content = site_day(ground_of(check_site(whole_site(network), "bench day"), Path()))
+    content = build_day_problem(load_site_model(check_site(whole_site(network), "bench day"), Path()))
     ready_s = watch.seconds
     # The search's own watch begins with the pricing of all moves.
-    wanted = DayWanted(Objective.FINISH, Seconds(max(1.0, seconds - ready_s)), seed, cores())
-    content = planned_day(content, wanted)
+    wanted = DayPlanRequest(Objective.FINISH, Seconds(max(1.0, seconds - ready_s)), seed, cores())
+    content = solve_day(content, wanted)
     told("the whole network", 1, 1)
     begin_s, end_s = content.days[0]
     found = content.evaluation
@@ -142,7 +142,7 @@ def network_row(network: Path, seconds: float, seed: int, told: Told) -> Json:
         "finish_s": found.finish_s,
         "flight_h": found.flight_s / 3600.0,
         "sorties": found.count,
-        "packs": {one.name: one.packs for one in needs(content)},
+        "packs": {one.name: one.packs for one in compute_base_needs(content)},
         "wrong": list(found.violations),
         "seconds": watch.seconds,
         "memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
@@ -168,7 +168,7 @@ def whole_site(network: Path) -> dict[str, Any]:
                  name=f"base{number}", vehicles=own, turnaround_s=300.0)
             for number, (place, own) in enumerate(zip(middles_m.tolist(), stands, strict=True), 1)
         ],
-        "vehicle": vehicle_tables(LISTENING[: len(names)], "px4"),
+        "vehicle": build_vehicle_tables(LISTENING[: len(names)], "px4"),
     }  # fmt: skip
 
 
@@ -200,8 +200,8 @@ def fleet_rows(samples: int, seed: int, told: Told) -> list[Json]:
 def _fleet_row(content: DayPlanFile, mtbf_h: float, spares: int, samples: int, seed: int) -> Json:
     fleet = len(content.vehicles)
     chosen = tuple(number % fleet for number in range(spares))
-    campaign = DayCampaign(with_spares(content.instance(), chosen), content.plan, mtbf_h, seed)
-    lives = lives_of([fly_days(campaign, part) for part in day_chunks(samples)])
+    campaign = SurvivalCampaign(add_spares(content.build_instance(), chosen), content.plan, mtbf_h, seed)
+    lives = summarise_samples([simulate_days(campaign, part) for part in split_samples(samples)])
     return {
         "mtbf_h": mtbf_h,
         "vehicles": fleet + spares,
@@ -209,9 +209,9 @@ def _fleet_row(content: DayPlanFile, mtbf_h: float, spares: int, samples: int, s
         "low_95": lives.finished.low,
         "high_95": lives.finished.high,
         "losses": lives.losses,
-        "packs": [sum(lives.packs_for(share)) for share in SHARES],
-        "planned_packs": sum(content.packs),
-        "rule_packs": sum(rule_packs(content, number) or 0 for number in range(len(content.bases))),
+        "packs": [sum(lives.packs_for_share(share)) for share in SHARES],
+        "planned_packs": sum(content.count_packs),
+        "rule_packs": sum(compute_rule_packs(content, number) or 0 for number in range(len(content.bases))),
     }
 
 
@@ -230,10 +230,10 @@ def own_day(seed: int) -> DayPlanFile:
                 ("north", ["uav1", "uav2"], 1500.0, 1500.0), ("south", ["uav3"], -1500.0, -1000.0)
             )
         ],
-        "vehicle": vehicle_tables(LISTENING[:3], "px4"),
+        "vehicle": build_vehicle_tables(LISTENING[:3], "px4"),
     }  # fmt: skip
-    content = site_day(ground_of(check_site(site, "bench day"), Path()))
-    return planned_day(content, DayWanted(Objective.FINISH, Iterations(150_000), seed, 1))
+    content = build_day_problem(load_site_model(check_site(site, "bench day"), Path()))
+    return solve_day(content, DayPlanRequest(Objective.FINISH, Iterations(150_000), seed, 1))
 
 
 def crowded_m(places_m: FloatArray, count: int, reach_m: float) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from benchmarks.flight_commands import ended
-from executor.cli.options import DataOption, JsonOption, SecondsOption, SeedOption, kept_in
+from executor.cli.options import DataOption, JsonOption, SecondsOption, SeedOption, make_output_option
 
 
 def day(
@@ -16,7 +16,7 @@ def day(
     samples: Annotated[int, typer.Option(min=1, help="Times that the days are flown for each fleet.")] = 200,
     seed: SeedOption = 1,
     data: DataOption = None,
-    out: Annotated[Path | None, kept_in("day.md and day.json")] = None,
+    out: Annotated[Path | None, make_output_option("day.md and day.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Plan days of many sorties: small ones beside proven optima, the paper's whole network, fleets that lose vehicles.

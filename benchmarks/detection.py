@@ -12,15 +12,15 @@ import numpy as np
 
 from benchmarks.few_lines_detector import FewLines
 from benchmarks.flightmodel import Injected, ModelledFlight, ModelledSite, fly_modelled, model_site
-from executor.adapters.workers import workers
+from executor.adapters.workers import start_worker_pool
 from executor.core.events import Heard, Tick
 from executor.core.faults import passive
-from executor.core.faults.passive import Declared, Watched
+from executor.core.faults.passive import DeclaredFault, PassiveWatch
 from executor.core.limits import Limits
 from executor.core.parts import Assignment
 from executor.core.state import FleetState
 from executor.core.vehicle import FaultKind, VehicleState
-from planner import Chance, wilson
+from planner import ProbabilityEstimate, estimate_probability
 
 TICK_S = 0.5
 KINDS = ("step", "drain", "cell", "silent")
@@ -88,7 +88,7 @@ def judge_flight(
     known = FleetState(
         MappingProxyType({name: VehicleState(name, assignment=Assignment(board=site.boards[flight.vehicle]))})
     )
-    state, simple = Watched(known), FewLines()
+    state, simple = PassiveWatch(known), FewLines()
     first: tuple[float, FaultKind, str] | None = None
     next_s = 0.0
     end_s = flight.lasted_s + 5.0
@@ -98,8 +98,8 @@ def judge_flight(
                 said = simple.says(next_s)
                 first = None if said is None else (next_s, said, "few lines")
             else:
-                state, found = passive.passive_step(context, state, Tick(), next_s)
-                declared = next((one for one in found if isinstance(one, Declared)), None)
+                state, found = passive.step_watch(context, state, Tick(), next_s)
+                declared = next((one for one in found if isinstance(one, DeclaredFault)), None)
                 first = None if declared is None else (next_s, declared.kind, f"{declared.reason}: {declared.evidence}")
             next_s += TICK_S
         if first is not None or message is None:
@@ -107,7 +107,7 @@ def judge_flight(
         if few_lines:
             simple.take(message, at_s)
         else:
-            state, _ = passive.passive_step(context, state, Heard(name, message), at_s)
+            state, _ = passive.step_watch(context, state, Heard(name, message), at_s)
     return _outcome(site, flight, first)
 
 
@@ -186,7 +186,7 @@ def campaign(
             found += fly_job(job)
             told(number + 1, len(work))
         return found
-    with workers(jobs) as pool:
+    with start_worker_pool(jobs) as pool:
         for number, outcomes in enumerate(pool.map(fly_job, work)):
             found += outcomes
             told(number + 1, len(work))
@@ -225,7 +225,7 @@ def _name(outcome: Detected) -> str:
 
 def _rate(hits: int, of: int) -> dict[str, object]:
     """Return a rate with its 95 % interval; of nothing anything is possible."""
-    found = wilson(hits, of) if of else Chance(0.0, 0.0, 1.0)
+    found = estimate_probability(hits, of) if of else ProbabilityEstimate(0.0, 0.0, 1.0)
     return {"rate": round(found.estimate, 4), "rate_95": [round(found.low, 4), round(found.high, 4)]}
 
 

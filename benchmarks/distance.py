@@ -22,13 +22,13 @@ from benchmarks.prediction import plan_with
 from benchmarks.store import Json
 from executor.errors import ExecutorError
 from executor.site import assembly
-from executor.site.assembly import Ground
-from executor.site.planning import rearranged_plan
-from executor.virtual.flight import Onlookers, VirtualFlight, fly_virtual
+from executor.site.assembly import SiteModel
+from executor.site.planning import rearrange_plan
+from executor.virtual.flight import FlightObservers, VirtualFlight, fly_virtual
 from executor.virtual.many import FlightCase
-from executor.virtual.site import AMPLE_AH, sized, virtual_ground, with_budgets
+from executor.virtual.site import AMPLE_AH, build_virtual_site, size_batteries, with_budgets
 from missions import PlanFile
-from missions.geometry import locate
+from missions.geometry import locate_on_leg
 from planner import Cost, NoImprovement, segment_of, solve
 from simulator.vehicle import SimulatedVehicle
 
@@ -104,7 +104,7 @@ class DistanceFlight:
 class _Watched:
     """Where everybody truly was, ten times a second."""
 
-    ground: Ground
+    ground: SiteModel
     nearest_m: float = math.inf
     nearest: str = ""
     places_m: dict[str, list[tuple[float, float, float, float]]] = field(default_factory=dict)
@@ -136,7 +136,7 @@ class _Watched:
         length_m, inspection = math.dist(begin_m, end_m), setup.inspection
         found = []
         for east_m, north_m, up_m, speed_m_s in self.places_m.get(vehicle, ()):
-            along_m, aside_m = locate(begin_m, end_m, (east_m, north_m))
+            along_m, aside_m = locate_on_leg(begin_m, end_m, (east_m, north_m))
             inside = ALONG * length_m < along_m < (1.0 - ALONG) * length_m and aside_m < ASIDE_M
             if inside and speed_m_s < FAST * inspection.speed_m_s:
                 surface_m = setup.layers.surface.height_m(east_m, north_m)
@@ -162,7 +162,7 @@ def fly_distance(case: FlightCase, *, uses_pct: float = USES_PCT) -> DistanceFli
     slower = {name: 1.0 - SLOWER * float(rng.random()) * (rng.random() < SECOND) for name in ground.names}
     watched, asked_m = _Watched(ground), ground.setup.inspection.height_m
     planned_asked = sum(
-        plan.inspected_at_m(own.name, segment_of(visit)) == asked_m
+        plan.inspection_height_m(own.name, segment_of(visit)) == asked_m
         for own, route in zip(plan.vehicles, plan.plan.routes, strict=True)
         for visit in route.visits
     )
@@ -172,7 +172,7 @@ def fly_distance(case: FlightCase, *, uses_pct: float = USES_PCT) -> DistanceFli
     )  # fmt: skip
     try:
         flight = fly_virtual(
-            ground, plan, faults=faults, seed=case.number, onlookers=Onlookers(lived=watched.look),
+            ground, plan, faults=faults, seed=case.number, onlookers=FlightObservers(lived=watched.look),
             craft=lambda one: replace(one, wind_m_s=wind_m_s, speed_reached=slower[one.name]),
         )  # fmt: skip
     except ExecutorError as error:
@@ -200,16 +200,16 @@ def kind_of(fault: str) -> str:
 
 def _planned(
     case: FlightCase, vehicles: int, radius_m: float, wind_m_s: tuple[float, float], seed: int, uses_pct: float
-) -> tuple[Ground, PlanFile, float]:
+) -> tuple[SiteModel, PlanFile, float]:
     """Return a site, a plan at the asked distance, and how long its longest route is with everybody in its layer."""
-    ground = virtual_ground(
+    ground = build_virtual_site(
         None, radius_m, vehicles, case.autopilot, wind_m_s=wind_m_s, capacity_ah=AMPLE_AH, same_distance=True
     )
-    task = assembly.task_of(ground, range(len(ground.network.segments)))
+    task = assembly.build_first_task(ground, range(len(ground.network.segments)))
     plan = solve(task.instance, cost=Cost.MINMAX, stop=NoImprovement(SETTLED), seed=seed).plan
-    routes = assembly.routes_of(ground, task, rearranged_plan(ground, task, plan, Cost.MINMAX))
-    ground = with_budgets(sized(ground, plan_with(ground, routes), uses_pct), BUDGET_PCT)
-    layered = virtual_ground(
+    routes = assembly.name_routes(ground, task, rearrange_plan(ground, task, plan, Cost.MINMAX))
+    ground = with_budgets(size_batteries(ground, plan_with(ground, routes), uses_pct), BUDGET_PCT)
+    layered = build_virtual_site(
         None, radius_m, vehicles, case.autopilot, wind_m_s=wind_m_s, capacity_ah=ground.drone.capacity_ah
     )
     return ground, plan_with(ground, routes), max(plan_with(layered, routes).durations_s)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from benchmarks.flight_commands import ended
-from executor.cli.options import RESULTS, DataOption, JsonOption, SecondsOption, SeedOption, finite
+from executor.cli.options import RESULTS, DataOption, JsonOption, SecondsOption, SeedOption, require_finite
 from missions.files import json_text
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ ProveOption = Annotated[
     float | None,
     typer.Option(
         min=0.01,
-        callback=finite,
+        callback=require_finite,
         metavar="S",
         help="Prove for S seconds at most, for each scenario, what no answer can fall below, even if it knew all "
         "losses at the first one.",

@@ -28,20 +28,20 @@ from benchmarks.garbage import FRAMES_S, Flood
 from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import figure, markdown_page, markdown_table
 from benchmarks.store import keep_result
-from executor.adapters.eventlog import Head, read_head
-from executor.adapters.mavlink.bare import bare_codec_s
+from executor.adapters.eventlog import LogHeader, read_head
+from executor.adapters.mavlink.bare import measure_bare_codec_s
 from executor.adapters.run_directory import RunDirectory
-from executor.adapters.workers import workers
+from executor.adapters.workers import start_worker_pool
 from executor.core.commands import Level
 from executor.errors import ExecutorError
 from executor.flight import fly as flying
-from executor.flight.flight_order import Order, keep
+from executor.flight.flight_order import FlightRequest, write_run_start
 from executor.runtime import turns
-from executor.simulated.demo_site import simulated_fleet
+from executor.simulated.demo_site import run_simulated_fleet
 from executor.site import assembly
 from executor.site.config import Site, check_site
-from executor.site.planning import DEFAULT, first_plan
-from executor.virtual.flight import Quiet
+from executor.site.planning import DEFAULT, plan_site
+from executor.virtual.flight import SilentConsole
 
 COUNTS = (1, 10, 20, 50, 100)
 PLAN_S = 5.0
@@ -123,7 +123,7 @@ def measure_fleet(
     for count in counts:
         print(f"{count} vehicles, {minutes:g} minutes at {speedup:g} times real time", file=sys.stderr, flush=True)
         # A process for each flight: what one leaves behind must not be in the next one's figures.
-        with workers(1) as pool:
+        with start_worker_pool(1) as pool:
             try:
                 flights.append(pool.submit(fly_one, count, minutes, speedup, seed, burden).result())
             except ExecutorError as error:
@@ -140,16 +140,16 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
         run.mkdir()
         write_network(base / "network.graph", vehicles, minutes, seed)
         site = check_site(site_of("network.graph", vehicles, speedup), "bench fleet")
-        ground = assembly.ground_of(site, base)
-        plan = first_plan(ground, replace(DEFAULT, seconds=PLAN_S, seed=seed, all_vehicles=True), lambda _: None)
-        order = Order(ground.site, base, ground, plan, run, lambda _: ())
-        keep(order)
+        ground = assembly.load_site_model(site, base)
+        plan = plan_site(ground, replace(DEFAULT, seconds=PLAN_S, seed=seed, all_vehicles=True), lambda _: None)
+        order = FlightRequest(ground.site, base, ground, plan, run, lambda _: ())
+        write_run_start(order)
         ours, others = _processors()
         watch = _Watch(minutes * 60.0 / speedup, ours)
         # The simulation and the planner's process begin here, and stay off the executor's processor.
         os.sched_setaffinity(0, others)
-        with simulated_fleet(run, burden.faults, seed), _borne(site, burden, watch.flood, seed) as browsers:
-            flown = turns.run(_watched(order, watch), turns.at_the_computers_pace)
+        with run_simulated_fleet(run, burden.faults, seed), _borne(site, burden, watch.flood, seed) as browsers:
+            flown = turns.run_on_fair_loop(_watched(order, watch), turns.make_fair_event_loop)
             seen = [told.recv() for told in browsers if told.poll(ENDS_S)]
         head, launched_s, events = _launched(RunDirectory(run).events)
         began_usec = 1e6 * (head.began_unix_s + launched_s)
@@ -164,7 +164,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
             faults=len(flown.report.faults),
             replans=len(flown.report.replans),
             cpu_s=watch.cpu_s,
-            codec_s=bare_codec_s(sorted(run.glob("*.tlog")), began_usec),
+            codec_s=measure_bare_codec_s(sorted(run.glob("*.tlog")), began_usec),
             blocked_ms=watch.blocked_ms(),
             memory_mib=tuple(watch.memory_mib),
             garbage=watch.garbage,
@@ -188,15 +188,15 @@ def _processors() -> tuple[set[int], set[int]]:
     return {every[0]}, set(every[1:]) or {every[0]}
 
 
-async def _watched(order: Order, watch: _Watch) -> flying.FlightResult:
+async def _watched(order: FlightRequest, watch: _Watch) -> flying.FlightResult:
     watching = asyncio.create_task(watch.run())
     try:
-        return await flying.fly(order, watch)
+        return await flying.run_flight(order, watch)
     finally:
         watching.cancel()
 
 
-class _Watch(Quiet):
+class _Watch(SilentConsole):
     """An operator who says yes, looks at the clock, and leaves when the time is over."""
 
     def __init__(self, lasts_real_s: float, processor: set[int]) -> None:
@@ -247,7 +247,7 @@ class _Watch(Quiet):
         self.flood.begin()
         return True
 
-    def done(self) -> None:
+    def stop_drawing(self) -> None:
         if self._began_s is not None and not self._ended:
             self._ended = True
             self.taken_s = time.perf_counter() - self._began_s
@@ -268,7 +268,7 @@ def _resident_mib() -> float:
     return pages * resource.getpagesize() / 2**20
 
 
-def _launched(log: Path) -> tuple[Head, float, int]:
+def _launched(log: Path) -> tuple[LogHeader, float, int]:
     """Return how a log begins, when its flight was launched, and the events since."""
     launched_s, events = 0.0, 0
     with log.open("rb") as file:
@@ -344,7 +344,7 @@ def draw_growth(flights: Sequence[FleetFlight], path: Path) -> None:
     """Draw processor time, the loop's delays and memory over the number of vehicles."""
     from matplotlib.figure import Figure
 
-    from executor.analysis.pictures import save
+    from executor.analysis.pictures import save_figure
     from executor.analysis.pictures.style import COLOURS, FAINT, MARKERS, PAPER
 
     figure = Figure(figsize=(12.0, 3.8), facecolor=PAPER, layout="constrained")
@@ -366,4 +366,4 @@ def draw_growth(flights: Sequence[FleetFlight], path: Path) -> None:
         axes.grid(color=FAINT, alpha=0.3, lw=0.5)
         if len(lines) > 1:
             axes.legend(frameon=False)
-    save(figure, path)
+    save_figure(figure, path)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from executor.simulated.demo_site import SIMULATED_CEILING_M, free_ports, vehicle_tables
-from planner.synthetic import generated_network
+from executor.simulated.demo_site import SIMULATED_CEILING_M, build_vehicle_tables, find_free_ports
+from planner.synthetic import generate_network
 
 SPEED_M_S = 3.0
 """Along the line; the default of a site."""
@@ -26,7 +26,7 @@ def write_network(path: Path, vehicles: int, minutes: float, seed: int) -> None:
     """Write a generated network that keeps a fleet busy for so long, as a graph file."""
     route_s = SPARE * 60.0 * minutes
     segments = max(2 * vehicles, math.ceil(vehicles * route_s * SPEED_M_S / SPAN_M))
-    ends_m = np.round(generated_network(segments, seed), 2)
+    ends_m = np.round(generate_network(segments, seed), 2)
     pylons = {place: index for index, place in enumerate(dict.fromkeys(map(tuple, ends_m.reshape(-1, 2).tolist())), 1)}
     beside: dict[int, list[int]] = {index: [] for index in pylons.values()}
     for a, b in ends_m.tolist():
@@ -55,5 +55,5 @@ def site_of(network: str, vehicles: int, speedup: float) -> dict[str, object]:
         "energy": {"capacity_ah": CAPACITY_AH},
         "flight": {"speedup": speedup, "fly_again": "auto"},
         "web": {"port": _free_page_port()},
-        "vehicle": vehicle_tables(free_ports(vehicles), "ardupilot"),
+        "vehicle": build_vehicle_tables(find_free_ports(vehicles), "ardupilot"),
     }

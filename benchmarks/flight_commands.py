@@ -19,7 +19,7 @@ from executor.cli.options import (
     NetworkOption,
     SecondsOption,
     SeedOption,
-    kept_in,
+    make_output_option,
 )
 from missions.files import json_text
 
@@ -70,7 +70,7 @@ def prediction(
         typer.Option(metavar="DIR", help="Measure the recorded flight of a run directory instead; may be repeated."),
     ] = None,
     jobs: JobsOption = None,
-    out: Annotated[Path | None, kept_in("prediction.md and prediction.json")] = None,
+    out: Annotated[Path | None, make_output_option("prediction.md and prediction.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Measure how well time and energy of routes are predicted: planned against flown.
@@ -116,7 +116,7 @@ def window(
     ] = 28.0,
     seconds: SecondsOption = 20.0,
     jobs: JobsOption = None,
-    out: Annotated[Path | None, kept_in("window.md and window.json")] = None,
+    out: Annotated[Path | None, make_output_option("window.md and window.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Lose vehicles after the claimed time of a plan's re-plan window, and fly each loss to its end in virtual time.
@@ -165,7 +165,7 @@ def distance(
     ] = 45.0,
     autopilot: AutopilotsOption = None,
     jobs: JobsOption = None,
-    out: Annotated[Path | None, kept_in("distance.md and distance.json")] = None,
+    out: Annotated[Path | None, make_output_option("distance.md and distance.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Fly fleets at the asked distance with faults, and measure where they truly inspect and how near they come.
@@ -176,10 +176,10 @@ def distance(
     """
     from benchmarks.distance import USES_PCT, fly_distance
     from benchmarks.distancepage import distance_document, keep_distance, print_distance
-    from executor.virtual.many import flight_cases
+    from executor.virtual.many import make_flight_cases
 
     autopilots, asked = _named(autopilot)
-    flown = _flown(partial(fly_distance, uses_pct=uses), flight_cases(flights, seed, autopilots), jobs)
+    flown = _flown(partial(fly_distance, uses_pct=uses), make_flight_cases(flights, seed, autopilots), jobs)
     used = [] if uses == USES_PCT else ["--uses", f"{uses:g}"]
     command = shlex.join([
         "faultline", "bench", "distance", *asked, "--flights", str(flights), "--seed", str(seed), *used
@@ -194,7 +194,7 @@ def pictures(
     seed: SeedOption = 1,
     autopilot: AutopilotsOption = None,
     jobs: JobsOption = None,
-    out: Annotated[Path | None, kept_in("pictures.md and pictures.json")] = None,
+    out: Annotated[Path | None, make_output_option("pictures.md and pictures.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Fly fleets with cameras through faults and lost datagrams, and hold index and cards against what was taken.
@@ -205,10 +205,10 @@ def pictures(
     """
     from benchmarks.pictures import fly_pictures
     from benchmarks.picturespage import keep_pictures, pictures_document, print_pictures
-    from executor.virtual.many import flight_cases
+    from executor.virtual.many import make_flight_cases
 
     autopilots, asked = _named(autopilot)
-    flown = _flown(fly_pictures, flight_cases(flights, seed, autopilots), jobs)
+    flown = _flown(fly_pictures, make_flight_cases(flights, seed, autopilots), jobs)
     command = shlex.join(["faultline", "bench", "pictures", *asked, "--flights", str(flights), "--seed", str(seed)])
     content = pictures_document(flown, command, seed)
     failed = content["wrong"] or content["not_flown"]
@@ -234,7 +234,7 @@ def sorties(
     iterations: Annotated[int, typer.Option(min=1, help="Of the search for each day's plan.")] = 20_000,
     autopilot: AutopilotsOption = None,
     jobs: JobsOption = None,
-    out: Annotated[Path | None, kept_in("sorties.md and sorties.json")] = None,
+    out: Annotated[Path | None, make_output_option("sorties.md and sorties.json")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Fly days of some fifty sorties with losses, bad packs and a ground station that dies, and judge them by truth.
@@ -271,10 +271,10 @@ def _flown(fly: Callable[[C], F], cases: Sequence[C], jobs: int | None, stage: s
     """Fly all cases, and show how far that is; the answers do not depend on the number of processes."""
     from benchmarks.machine import cores
     from benchmarks.progress import ShownProgress
-    from executor.virtual.many import each
+    from executor.virtual.many import map_in_processes
 
     with ShownProgress() as shown:
-        return each(fly, cases, jobs=jobs or cores(), told=partial(shown.told, stage))
+        return map_in_processes(fly, cases, jobs=jobs or cores(), told=partial(shown.told, stage))
 
 
 def ended(

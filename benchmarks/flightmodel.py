@@ -15,12 +15,12 @@ import numpy as np
 
 from executor.core.context import Context
 from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
-from executor.core.parts import OnBoard
-from executor.core.vehicle import FaultKind, aboard
-from executor.simulated.demo_site import LISTENING, vehicle_tables
+from executor.core.parts import OnboardMission
+from executor.core.vehicle import FaultKind, build_onboard_mission
+from executor.simulated.demo_site import LISTENING, build_vehicle_tables
 from executor.site import assembly
 from executor.site.config import check_site
-from missions import dialect_for, flight_path
+from missions import build_flight_path, dialect_for
 from simulator.battery import Battery as Pack
 
 ARDUPILOT, PX4, QUADROTOR, ACTIVE = 3, 12, 2, 4
@@ -42,7 +42,7 @@ class ModelledSite:
     """Missions to fly, and the context of the decisions."""
 
     context: Context
-    boards: tuple[OnBoard, ...]
+    boards: tuple[OnboardMission, ...]
     drones: tuple[str, ...]
 
 
@@ -51,15 +51,18 @@ def model_site(autopilot: str) -> ModelledSite:
     content = {
         "network": {"file": "default", "radius_m": RADIUS_M},
         "energy": {"drone": "mavic3", "capacity_ah": CAPACITY_AH},
-        "vehicle": vehicle_tables(LISTENING[:VEHICLES], autopilot),
+        "vehicle": build_vehicle_tables(LISTENING[:VEHICLES], autopilot),
         "faults": {"link_timeout_s": 10.0},
     }
-    ground = assembly.ground_of(check_site(content, "the model"), Path())
-    setup, task = assembly.setup_of(ground), assembly.task_of(ground)
+    ground = assembly.load_site_model(check_site(content, "the model"), Path())
+    setup, task = assembly.build_flight_setup(ground), assembly.build_first_task(ground)
     names, count = ground.names, len(ground.network.segments)
     routes = {name: tuple(2 * segment for segment in range(count)[k::VEHICLES]) for k, name in enumerate(names)}
-    context = assembly.context_of(ground, setup, task)
-    boards = tuple(aboard(context, name, 0, flight_path(setup, name, routes[name]), routes[name]) for name in names)
+    context = assembly.build_context(ground, setup, task)
+    boards = tuple(
+        build_onboard_mission(context, name, 0, build_flight_path(setup, name, routes[name]), routes[name])
+        for name in names
+    )
     return ModelledSite(context, boards, names)
 
 
@@ -192,7 +195,7 @@ def fly_modelled(site: ModelledSite, autopilot: str, what: str, rng: np.random.G
         if t_s >= fault.at_s and not done:
             done = True
             if what == "step":
-                pack.lose(fault.size)
+                pack.remove_charge(fault.size)
                 lost_pct = fault.size
             elif what == "drain":
                 pack.drain_factor = fault.size
@@ -232,7 +235,7 @@ def _gaps(rng: np.random.Generator, mission_s: float) -> list[tuple[float, float
 Moment = tuple[float, int, tuple[float, float], float, tuple[float, float, float]]
 
 
-def _seconds(board: OnBoard) -> list[Moment]:
+def _seconds(board: OnboardMission) -> list[Moment]:
     """Return (t_s, waypoint, place, height, velocity) for each second of a mission."""
     found: list[Moment] = []
     at_m, height_m = board.places_m[0], 0.0

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from multiprocessing.sharedctypes import Synchronized
 from multiprocessing.synchronize import Event
 
-from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.codec import MavlinkCodec
 
 FRAMES_S = 14.0
 """Frames that a simulated ArduPilot vehicle sends in a second of flight, with all streams that are asked for."""
@@ -41,7 +41,7 @@ LONGEST = 263
 
 def datagrams(seed: int) -> list[bytes]:
     """Return a third each of random bytes, frames with one byte changed, and whole frames of a stranger, mixed."""
-    chance, codec = random.Random(seed), Codec()
+    chance, codec = random.Random(seed), MavlinkCodec()
     found = []
     for number in range(VARIETY):
         name, fields = SAID[number % len(SAID)]

@@ -23,23 +23,23 @@ import numpy as np
 from benchmarks.distance import drawn_faults, kind_of
 from benchmarks.prediction import plan_with
 from benchmarks.store import Json
-from executor.core.payload.aim import apart_deg
+from executor.core.payload.aim import angle_between_deg
 from executor.errors import ExecutorError
-from executor.images.exif import picture_files
+from executor.images.exif import find_picture_files
 from executor.images.matching import match_files
 from executor.images.rows import ImageRow
-from executor.images.store import Index, index_of
-from executor.simulated.cards import Cards
+from executor.images.store import ImageIndex, build_image_index
+from executor.simulated.cards import SimulatedCards
 from executor.site import assembly
-from executor.site.assembly import Ground
-from executor.virtual.flight import Onlookers, VirtualFlight, fly_virtual
+from executor.site.assembly import SiteModel
+from executor.virtual.flight import FlightObservers, VirtualFlight, fly_virtual
 from executor.virtual.many import FlightCase
-from executor.virtual.site import AMPLE_AH, dearest_pct, virtual_ground
-from missions.cameras import PylonLook
+from executor.virtual.site import AMPLE_AH, build_virtual_site, dearest_route_pct
+from missions.cameras import PylonCameraTask
 from missions.geo import LocalFrame
-from missions.geometry import locate
+from missions.geometry import locate_on_leg
 from planner import Cost, NoImprovement, solve
-from simulator.camera import Shot
+from simulator.camera import CapturedImage
 from simulator.config import SimVehicle
 from simulator.vehicle import SimulatedVehicle
 
@@ -115,8 +115,8 @@ class PicturesFlight:
 class _Taken:
     """What really came onto the cards."""
 
-    cards: Cards
-    shots: dict[str, list[tuple[Shot, Path]]] = field(default_factory=dict)
+    cards: SimulatedCards
+    shots: dict[str, list[tuple[CapturedImage, Path]]] = field(default_factory=dict)
 
     def look(self, vehicles: Mapping[str, SimulatedVehicle]) -> None:
         """Write what was taken since the last look."""
@@ -124,7 +124,7 @@ class _Taken:
             for shot in vehicle.drain_shots():
                 self.shots.setdefault(name, []).append((shot, self.cards.write(name, shot)))
 
-    def shot_of(self, row: ImageRow) -> Shot | None:
+    def shot_of(self, row: ImageRow) -> CapturedImage | None:
         """Return the picture that a row of the index is; None if there is none."""
         own = self.shots.get(row.vehicle, [])
         at_s = row.unix_s - BEGAN_UNIX_S
@@ -155,7 +155,7 @@ def fly_pictures(case: FlightCase) -> PicturesFlight:
         "inspection": {"same_distance": bool(below)},
         "faults": {"camera": str(rng.choice(["home", "on"]))},
     }
-    over = partial(virtual_ground, None, float(rng.choice(RADII_M)), vehicles, case.autopilot, tables=tables)
+    over = partial(build_virtual_site, None, float(rng.choice(RADII_M)), vehicles, case.autopilot, tables=tables)
     ground, routes = _planned(over, int(rng.integers(1 << 30)))
     kinds = FAULTS if speaks else tuple(kind for kind in FAULTS if kind not in ONLY_SPOKEN)
     faults = drawn_faults(ground.names, kinds, rng, (5, 90))
@@ -172,37 +172,37 @@ def fly_pictures(case: FlightCase) -> PicturesFlight:
         return replace(vehicle, cameras=cameras)
 
     with tempfile.TemporaryDirectory(prefix="faultline-cards-") as folder:
-        cards = Cards(Path(folder), ground.network, BEGAN_UNIX_S, ahead_s, places=bool(rng.random() < 0.5))
+        cards = SimulatedCards(Path(folder), ground.network, BEGAN_UNIX_S, ahead_s, places=bool(rng.random() < 0.5))
         taken = _Taken(cards)
         try:
             flight = fly_virtual(
                 ground, plan_with(ground, routes), faults=(*faults, f"all:loss={LOST_SHARE:g}@0s"), seed=case.number,
-                craft=craft, onlookers=Onlookers(lived=taken.look),
+                craft=craft, onlookers=FlightObservers(lived=taken.look),
             )  # fmt: skip
         except ExecutorError as error:
             return replace(empty, not_flown=str(error))
         return _judged(empty, ground, flight, taken, Path(folder))
 
 
-def _planned(over: Callable[..., Ground], seed: int) -> tuple[Ground, dict[str, tuple[int, ...]]]:
+def _planned(over: Callable[..., SiteModel], seed: int) -> tuple[SiteModel, dict[str, tuple[int, ...]]]:
     """Return a site with packs that fit, and routes over everything."""
     capacity_ah = AMPLE_AH
     ground = over(capacity_ah=capacity_ah)
-    task = assembly.task_of(ground, range(len(ground.network.segments)))
+    task = assembly.build_first_task(ground, range(len(ground.network.segments)))
     plan = solve(task.instance, cost=Cost.MINMAX, stop=NoImprovement(SETTLED), seed=seed).plan
     routes = {name: task.to_network(route.visits) for name, route in zip(ground.names, plan.routes, strict=True)}
     for _ in range(SIZED_IN):
         # A small battery gives less at the same power, so that this is no simple proportion.
-        capacity_ah *= dearest_pct(ground, plan_with(ground, routes)) / USES_PCT
+        capacity_ah *= dearest_route_pct(ground, plan_with(ground, routes)) / USES_PCT
         ground = over(capacity_ah=capacity_ah)
     return ground, routes
 
 
 def _judged(
-    empty: PicturesFlight, ground: Ground, flight: VirtualFlight, taken: _Taken, folder: Path
+    empty: PicturesFlight, ground: SiteModel, flight: VirtualFlight, taken: _Taken, folder: Path
 ) -> PicturesFlight:
     """Hold a flight, its index and its cards against what was really taken."""
-    index = index_of(flight.context, flight.state, BEGAN_UNIX_S)
+    index = build_image_index(flight.context, flight.state, BEGAN_UNIX_S)
     found = {id(row): taken.shot_of(row) for row in index.images}
     known = {id(shot) for shot in found.values()}
     failed = {name for name, vehicle in flight.state.vehicles.items() if vehicle.fault or vehicle.payload.broken}
@@ -210,7 +210,7 @@ def _judged(
     unknown = [name for name, shot in shots if id(shot) not in known]
     uncovered = set(flight.report.segments_uncovered)
     unseen = {row.segment for row in index.assets if row.state != "seen"}
-    files = list(picture_files(folder))
+    files = list(find_picture_files(folder))
     matching = match_files(index, files, folder)
     by_path = {path: shot for own in taken.shots.values() for shot, path in own}
     wrong = [] if flight.ended else ["the supervision did not end"]
@@ -254,7 +254,7 @@ def _accused(flight: VirtualFlight, faults: Sequence[str]) -> list[str]:
     return [name for name, vehicle in flight.state.vehicles.items() if vehicle.payload.broken and name not in befell]
 
 
-def _gaps(ground: Ground, index: Index, taken: _Taken) -> list[str]:
+def _gaps(ground: SiteModel, index: ImageIndex, taken: _Taken) -> list[str]:
     """Return the spans that are called seen, and along which too few pictures were really taken."""
     frame, lines = ground.network.frame, ground.setup.tracks_m.tolist()
     places_m = [frame.to_local_m(shot.lat_deg, shot.lon_deg) for own in taken.shots.values() for shot, _ in own]
@@ -264,7 +264,7 @@ def _gaps(ground: Ground, index: Index, taken: _Taken) -> list[str]:
             continue
         begin_m, end_m = (tuple(end) for end in lines[row.segment])
         length_m = math.dist(begin_m, end_m)
-        located = (locate(begin_m, end_m, place) for place in places_m)
+        located = (locate_on_leg(begin_m, end_m, place) for place in places_m)
         along = sorted(at_m for at_m, aside_m in located if aside_m < ASIDE_M)
         gap_m = max(b - a for a, b in zip([0.0, *along], [*along, length_m], strict=True))
         if gap_m > GAP * row.every_m + LATE_M + TRUE_M:
@@ -272,7 +272,7 @@ def _gaps(ground: Ground, index: Index, taken: _Taken) -> list[str]:
     return found
 
 
-def _misses(ground: Ground, flight: VirtualFlight, index: Index, taken: _Taken) -> list[str]:
+def _misses(ground: SiteModel, flight: VirtualFlight, index: ImageIndex, taken: _Taken) -> list[str]:
     """Return the viewpoints that are called seen, and that no picture was really taken from as they were asked for."""
     frame, pylons, found = ground.network.frame, ground.setup.looks.pylons, []
     asked_m = ground.setup.inspection.height_m
@@ -298,17 +298,17 @@ def _misses(ground: Ground, flight: VirtualFlight, index: Index, taken: _Taken) 
     return found
 
 
-def _faces(look: PylonLook, place_m: tuple[float, float, float], shot: Shot, gimbal: bool) -> bool:
+def _faces(look: PylonCameraTask, place_m: tuple[float, float, float], shot: CapturedImage, gimbal: bool) -> bool:
     """Return whether a camera looked at what its pylon asks for; one on the nose only turns."""
     east_m, north_m, up_m = (there - here for there, here in zip(look.target_m, place_m, strict=True))
     to_deg = math.degrees(math.atan2(east_m, north_m))
     if not gimbal:
-        return apart_deg(0.0, shot.yaw_deg, 0.0, to_deg) <= look.aim_deg
+        return angle_between_deg(0.0, shot.yaw_deg, 0.0, to_deg) <= look.aim_deg
     down_deg = math.degrees(math.atan2(up_m, math.hypot(east_m, north_m)))
-    return apart_deg(shot.pitch_deg, shot.yaw_deg, down_deg, to_deg) <= look.aim_deg
+    return angle_between_deg(shot.pitch_deg, shot.yaw_deg, down_deg, to_deg) <= look.aim_deg
 
 
-def _doubles(index: Index) -> list[str]:
+def _doubles(index: ImageIndex) -> list[str]:
     """Return what a vehicle took twice in one pass, by pictures that count.
 
     What is flown again is another pass, and at a pylon where two spans meet each of them asks for a picture.

@@ -20,16 +20,16 @@ from benchmarks.errors import BenchError
 from benchmarks.store import Json
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import LegRow, RouteRow, read_report
-from executor.analysis.planned_and_flown import flown_routes
-from executor.core.parts import OnBoard
-from executor.replay.run import rerun
+from executor.analysis.planned_and_flown import build_route_rows
+from executor.core.parts import OnboardMission
+from executor.replay.run import replay_run
 from executor.site import assembly
-from executor.site.assembly import Ground
-from executor.site.planning import site_plan
+from executor.site.assembly import SiteModel
+from executor.site.planning import build_site_plan_file
 from executor.virtual.flight import VirtualFlight, fly_virtual
 from executor.virtual.many import FlightCase
-from executor.virtual.site import AMPLE_AH, over_network, sized, virtual_ground
-from missions import Network, Phase, PlanFile, Solved, open_task
+from executor.virtual.site import AMPLE_AH, build_virtual_site, size_batteries, with_network
+from missions import Network, Phase, PlanFile, SolverRecord, build_open_task
 from planner import Cost, NoImprovement, Plan, Route, Vehicle, solve
 from simulator.truth import Truth, read_truths
 
@@ -137,15 +137,15 @@ def fly_case(case: RouteCase) -> Flown:
     speed_m_s = float(rng.uniform(*WIND_M_S)) if rng.random() < CHANCE else 0.0
     course = float(rng.uniform(0.0, 2.0 * math.pi))
     wind_m_s = (speed_m_s * math.sin(course), speed_m_s * math.cos(course))
-    ground = virtual_ground(
+    ground = build_virtual_site(
         case.network, None, len(case.sizes), case.autopilot, wind_m_s=wind_m_s, capacity_ah=AMPLE_AH
     )
     relief_m = 0.0
     if ground.network.has_heights and not ground.network.flat and rng.random() < CHANCE:
         relief_m = float(rng.uniform(*RELIEF_M))
-        ground = over_network(ground, with_hills(ground.network, relief_m, rng))
+        ground = with_network(ground, with_hills(ground.network, relief_m, rng))
     routes = random_routes(ground, case.sizes, rng)
-    ground = sized(ground, plan_with(ground, routes), float(rng.uniform(*USES_PCT)))
+    ground = size_batteries(ground, plan_with(ground, routes), float(rng.uniform(*USES_PCT)))
     plan = plan_with(ground, routes)
     flight = fly_virtual(ground, plan, seed=case.number, craft=lambda craft: replace(craft, wind_m_s=wind_m_s))
     wrong = _not_nominal(flight)
@@ -184,7 +184,7 @@ def with_hills(network: Network, relief_m: float, rng: np.random.Generator) -> N
     return replace(network, pylons=pylons)
 
 
-def random_routes(ground: Ground, sizes: Sequence[int], rng: np.random.Generator) -> dict[str, tuple[int, ...]]:
+def random_routes(ground: SiteModel, sizes: Sequence[int], rng: np.random.Generator) -> dict[str, tuple[int, ...]]:
     """Return a route for each vehicle: segments around some place of the line, in a good order.
 
     Raises:
@@ -204,27 +204,27 @@ def random_routes(ground: Ground, sizes: Sequence[int], rng: np.random.Generator
         here_m = middles_m[int(rng.choice(sorted(left)))]
         near = sorted(left, key=lambda segment: float(np.hypot(*(middles_m[segment] - here_m))))[: min(size, most)]
         left -= set(near)
-        task = open_task(assembly.pricing_of(ground), near, [Vehicle(name, (0.0, 0.0), 100.0)])
+        task = build_open_task(assembly.build_pricing(ground), near, [Vehicle(name, (0.0, 0.0), 100.0)])
         plan = solve(task.instance, cost=Cost.MINMAX, stop=NoImprovement(SETTLED), seed=int(rng.integers(1 << 30))).plan
         routes[name] = task.to_network(plan.routes[0].visits)
     return routes
 
 
-def plan_with(ground: Ground, routes: Mapping[str, tuple[int, ...]]) -> PlanFile:
+def plan_with(ground: SiteModel, routes: Mapping[str, tuple[int, ...]]) -> PlanFile:
     """Return a plan file with these routes over a site's network."""
-    task = assembly.task_of(ground, sorted(visit >> 1 for visits in routes.values() for visit in visits))
+    task = assembly.build_first_task(ground, sorted(visit >> 1 for visits in routes.values() for visit in visits))
     plan = Plan(tuple(Route(number, task.from_network(routes[name])) for number, name in enumerate(ground.names)), ())
-    solved = Solved(solver="search", seed=1, seconds=0.0)
-    task = assembly.asked_task(ground, task, plan)
-    return site_plan(ground, task, plan, Cost.MINMAX, solved)
+    solved = SolverRecord(solver="search", seed=1, seconds=0.0)
+    task = assembly.adjust_task_to_layers(ground, task, plan)
+    return build_site_plan_file(ground, task, plan, Cost.MINMAX, solved)
 
 
-def planned(board: OnBoard) -> tuple[float, float]:
+def planned(board: OnboardMission) -> tuple[float, float]:
     """Return what a mission should take, in seconds and in percent of the battery: what the ground station goes by."""
     return sum(leg.duration_s for leg in board.legs), sum(leg.energy_pct for leg in board.legs)
 
 
-def _truly(board: OnBoard, name: str, truths: Sequence[Truth]) -> Figures:
+def _truly(board: OnboardMission, name: str, truths: Sequence[Truth]) -> Figures:
     """Return what really was, by the simulator."""
     at = {truth.what: truth for truth in truths if truth.vehicle == name}
     planned_s, planned_pct = planned(board)
@@ -281,7 +281,7 @@ def recorded_routes(runs: Sequence[Path]) -> list[FlownRoute]:
 
 
 def _rows(run: Path) -> Sequence[RouteRow]:
-    return read_report(run).routes or flown_routes(rerun(run).state)
+    return read_report(run).routes or build_route_rows(replay_run(run).state)
 
 
 def _recorded(run: Path, row: RouteRow) -> FlownRoute:

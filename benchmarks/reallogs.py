@@ -21,15 +21,15 @@ from benchmarks.store import Json
 from benchmarks.tuning import few_lines
 from benchmarks.witness.scoring import found_all
 from benchmarks.witness.verdicts import Stand, hold_against
-from executor.adapters.workers import workers
+from executor.adapters.workers import start_worker_pool
 from executor.core.vehicle import FaultKind
 from executor.errors import ExecutorError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
-from executor.replay.logs import LINK_TIMEOUT_S, replay, rules_of
+from executor.replay.logs import LINK_TIMEOUT_S, replay_log, rules_of
 from executor.replay.open_log import open_log
 from executor.replay.result import Declaration, LogReplay
-from executor.replay.witness.statements import Stated, read_testimony, statements
-from executor.replay.witness.testimony import Testimony
+from executor.replay.witness.statements import StatementKind, find_statements, read_log_evidence
+from executor.replay.witness.testimony import LogEvidence
 
 SUFFIXES = frozenset({".tlog", ".bin", ".ulg", ".log"})
 DETECTORS = ("watchpoints", "few_lines")
@@ -66,9 +66,9 @@ def judge_log(path: Path, folder: Path) -> Json:
     row = _unread(path, folder)
     try:
         opened = open_log(path)
-        done = replay(opened.file, path, rules_of(None), on_board=opened.on_board)
+        done = replay_log(opened.file, path, rules_of(None), on_board=opened.on_board)
         simple, _ = few_lines(path)
-        told = read_testimony(path)
+        told = read_log_evidence(path)
     except ExecutorError as error:
         return row | {"notes": [str(error).replace(f"{path}: ", "")]}
     except Exception as error:  # noqa: BLE001 - a campaign over foreign logs goes on, and counts it
@@ -77,7 +77,7 @@ def judge_log(path: Path, folder: Path) -> Json:
 
 
 def _judged(
-    path: Path, folder: Path, done: LogReplay, simple: Sequence[tuple[int, FaultKind]], told: Mapping[int, Testimony]
+    path: Path, folder: Path, done: LogReplay, simple: Sequence[tuple[int, FaultKind]], told: Mapping[int, LogEvidence]
 ) -> Json:
     said: dict[str, list[tuple[int, Declaration]]] = {
         "watchpoints": [(vehicle.sysid, one) for vehicle in done.vehicles for one in vehicle.declarations],
@@ -102,12 +102,12 @@ def _s(usec: int, began: int) -> float:
     return round((usec - began) / 1e6, 2)
 
 
-def _system_at(told: Mapping[int, Testimony], usec: int) -> int:
+def _system_at(told: Mapping[int, LogEvidence], usec: int) -> int:
     armed = [system for system, one in told.items() if one.is_armed(usec)]
     return next(iter(armed or told), 0)
 
 
-def _declared(one: Declaration, told: Testimony | None, began: int) -> Json:
+def _declared(one: Declaration, told: LogEvidence | None, began: int) -> Json:
     verdict = None if told is None else hold_against(one, told, LINK_TIMEOUT_S)
     return {
         "at_s": _s(one.t_usec, began), "kind": one.kind.value, "reason": one.reason, "evidence": one.evidence,
@@ -120,9 +120,9 @@ def _of(said: Mapping[str, Sequence[tuple[int, Declaration]]], system: int) -> d
     return {by: [(one.t_usec, one.kind) for number, one in those if number == system] for by, those in said.items()}
 
 
-def _stated_in(told: Testimony, said: Mapping[str, Sequence[tuple[int, FaultKind]]], began: int) -> list[Json]:
+def _stated_in(told: LogEvidence, said: Mapping[str, Sequence[tuple[int, FaultKind]]], began: int) -> list[Json]:
     """Return what a log states, and how either detector declared it."""
-    stated = statements(told, LINK_TIMEOUT_S)
+    stated = find_statements(told, LINK_TIMEOUT_S)
     outcomes = {by: found_all(told, stated, those, LINK_TIMEOUT_S) for by, those in said.items()}
     return [
         {
@@ -140,7 +140,7 @@ def judge_logs(folder: Path, jobs: int, told: Callable[[int, int], None] = lambd
     order = sorted(range(len(paths)), key=lambda number: -paths[number].stat().st_size)
     rows: dict[int, Json] = {}
     try:
-        with workers(max(1, jobs)) as pool:
+        with start_worker_pool(max(1, jobs)) as pool:
             waiting = [(number, pool.submit(judge_log, paths[number], folder)) for number in order]
             for number, future in waiting:
                 rows[number] = future.result()
@@ -155,7 +155,7 @@ def judge_logs(folder: Path, jobs: int, told: Callable[[int, int], None] = lambd
 
 def _alone(path: Path, folder: Path) -> Json:
     try:
-        with workers(1) as pool:
+        with start_worker_pool(1) as pool:
             return pool.submit(judge_log, path, folder).result()
     except BrokenProcessPool:
         return _unread(path, folder) | {"failed": "its process died"}
@@ -195,7 +195,7 @@ def _figures(rows: Sequence[Json], by: str) -> Json:
     return {
         **_outcomes(rows, by, None),
         "kinds": {name: _outcomes(rows, by, name) for name in names},
-        "stated": {what.value: _stated(rows, by, what.value) for what in Stated},
+        "stated": {what.value: _stated(rows, by, what.value) for what in StatementKind},
     }
 
 

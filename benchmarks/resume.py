@@ -26,17 +26,17 @@ from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import figure, markdown_page, markdown_table
 from benchmarks.store import keep_result
 from executor.adapters.eventlog import read_events
-from executor.adapters.logend import last_event_s, lines_after
+from executor.adapters.logend import count_lines_after, read_last_event_s
 from executor.adapters.run_directory import RunDirectory
 from executor.core.events import Heard
 from executor.flight import resume
 from executor.flight.checkpointing import EVERY_S
-from executor.flight.checkpoints import Checkpoint, encoded, newest
-from executor.flight.flight_order import Order, keep
-from executor.simulated.demo_site import simulated_fleet
+from executor.flight.checkpoints import Checkpoint, encode_checkpoint, find_newest_checkpoint
+from executor.flight.flight_order import FlightRequest, write_run_start
+from executor.simulated.demo_site import run_simulated_fleet
 from executor.site import assembly
 from executor.site.config import check_site
-from executor.site.planning import DEFAULT, first_plan
+from executor.site.planning import DEFAULT, plan_site
 
 PLAN_S = 2.0
 PATIENCE_S = 300.0
@@ -91,10 +91,10 @@ def measure_resume(vehicles: int, *, minutes: float, hours: float, speedup: floa
         base, run = Path(folder), Path(folder) / "run"
         run.mkdir()
         write_network(base / "network.graph", vehicles, minutes + 10.0, seed)
-        ground = assembly.ground_of(check_site(site_of("network.graph", vehicles, speedup), "bench resume"), base)
-        plan = first_plan(ground, replace(DEFAULT, seconds=PLAN_S, seed=seed, all_vehicles=True), lambda _: None)
-        keep(Order(ground.site, base, ground, plan, run, lambda _: ()))
-        with simulated_fleet(run, (), seed):
+        ground = assembly.load_site_model(check_site(site_of("network.graph", vehicles, speedup), "bench resume"), base)
+        plan = plan_site(ground, replace(DEFAULT, seconds=PLAN_S, seed=seed, all_vehicles=True), lambda _: None)
+        write_run_start(FlightRequest(ground.site, base, ground, plan, run, lambda _: ()))
+        with run_simulated_fleet(run, (), seed):
             with _called(run):
                 _wait_for(
                     lambda: _is_old(run, 60.0 * minutes),
@@ -104,11 +104,11 @@ def measure_resume(vehicles: int, *, minutes: float, hours: float, speedup: floa
                 )
             per_line_ms = _per_line_ms(run)
             _put_before(run, hours)
-            found = newest(run, RunDirectory(run).events).checkpoint
+            found = find_newest_checkpoint(run, RunDirectory(run).events).checkpoint
             if found is None:
                 raise BenchError("resume: expected a checkpoint that fits")
-            size, lines = RunDirectory(run).events.stat().st_size, lines_after(RunDirectory(run).events, None)
-            rest = lines_after(RunDirectory(run).events, found.place)
+            size, lines = RunDirectory(run).events.stat().st_size, count_lines_after(RunDirectory(run).events, None)
+            rest = count_lines_after(RunDirectory(run).events, found.place)
             content, write_ms, late_ms = asyncio.run(_written(found, (run / PLAN).read_bytes()))
             began_s = time.perf_counter()
             with _called(run) as process:
@@ -155,7 +155,10 @@ def _is_old(run: Path, least_s: float) -> bool:
     """Return whether a flight is so long, and its last checkpoint is as old as one gets."""
     if not RunDirectory(run).events.exists():
         return False
-    last_s, found = last_event_s(RunDirectory(run).events), newest(run, RunDirectory(run).events).checkpoint
+    last_s, found = (
+        read_last_event_s(RunDirectory(run).events),
+        find_newest_checkpoint(run, RunDirectory(run).events).checkpoint,
+    )
     if last_s is None or found is None or found.state.progress.launched_s is None:
         return False
     return last_s - found.state.progress.launched_s > least_s and last_s - found.place.at_s > 0.9 * EVERY_S
@@ -177,11 +180,11 @@ def _follows(run: Path, size: int, words: bytes) -> bool:
 
 def _per_line_ms(run: Path) -> float:
     """Return what a line of a log costs that is read without a checkpoint."""
-    known = resume.outset(run)
-    if isinstance(known, resume.Ready):
+    known = resume.read_resume_plan(run)
+    if isinstance(known, resume.UnlaunchedRun):
         raise BenchError("resume: expected a flight that was launched")
     began_s = time.process_time()
-    left = resume.read_rest(run, replace(known, found=replace(known.found, checkpoint=None)))
+    left = resume.replay_interrupted_run(run, replace(known, found=replace(known.found, checkpoint=None)))
     return 1e3 * (time.process_time() - began_s) / left.lines
 
 
@@ -222,7 +225,7 @@ async def _written(checkpoint: Checkpoint, plan: bytes) -> tuple[bytes, float, f
 
     def timed() -> tuple[bytes, float]:
         began_s = time.thread_time()
-        return encoded(checkpoint, plan), 1e3 * (time.thread_time() - began_s)
+        return encode_checkpoint(checkpoint, plan), 1e3 * (time.thread_time() - began_s)
 
     async def watch() -> None:
         while True:

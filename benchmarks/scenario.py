@@ -12,9 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from benchmarks.errors import BenchError
 from benchmarks.scenarios import Day, DayTask, TimedTrip, Timeline
 from benchmarks.store import Json
-from missions import first_reason
+from missions import format_first_error
 from missions.files import MOST_FIGURE, parse_json, read_text
-from planner.streets import streets
+from planner.streets import build_road_graph
 
 SAME_S = 1e-6
 """Times nearer to each other than this are the same."""
@@ -117,13 +117,13 @@ def read_scenario(path: Path) -> Scenario:
     try:
         return Scenario.model_validate(content)
     except ValidationError as error:
-        raise BenchError(f"{path}: {first_reason(error)}") from None
+        raise BenchError(f"{path}: {format_first_error(error)}") from None
 
 
 def day_of(scenario: Scenario) -> Day:
     """Return a scenario's day for the planner."""
     number = scenario.places
-    ways = streets(len(number), ((number[a], number[b], seconds) for a, b, seconds, _ in scenario.edges))
+    ways = build_road_graph(len(number), ((number[a], number[b], seconds) for a, b, seconds, _ in scenario.edges))
     wanted = sorted({(min(pair), max(pair)) for pair in _required(scenario)})
     pairs = [(number[a], number[b]) for a, b in wanted]
     return Day(

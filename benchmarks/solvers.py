@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from executor.site.planning import PlanSolver
-from planner import Cost, Instance, Result, StopRule, grasp, solve, solve_exact
+from planner import Cost, Instance, Result, StopRule, solve, solve_exact, solve_grasp
 
 
 def run_solver(
@@ -25,6 +25,6 @@ def run_solver(
         case PlanSolver.SEARCH:
             return solve(instance, cost=cost, stop=stop, seed=seed, starts=starts, all_vehicles=all_vehicles)
         case PlanSolver.GRASP:
-            return grasp(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)
+            return solve_grasp(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)
         case PlanSolver.EXACT:
             return solve_exact(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)

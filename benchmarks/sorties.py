@@ -20,16 +20,16 @@ import numpy as np
 from benchmarks.day import centres_m, crowded_m
 from benchmarks.store import Json
 from executor.errors import ExecutorError
-from executor.simulated.demo_site import LISTENING, SIMULATED_CEILING_M, vehicle_tables
+from executor.simulated.demo_site import LISTENING, SIMULATED_CEILING_M, build_vehicle_tables
 from executor.site import assembly
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.site.config import check_site
-from executor.site.dayflight import first_sorties, morning_pads
-from executor.site.sorties import DayWanted, planned_day, site_day
-from executor.virtual.flight import Onlookers, Sorties, VirtualFlight, fly_virtual
+from executor.site.dayflight import build_first_sorties_plan, find_morning_pads
+from executor.site.sorties import DayPlanRequest, build_day_problem, solve_day
+from executor.virtual.flight import DayScenario, FlightObservers, VirtualFlight, fly_virtual
 from executor.virtual.many import FlightCase
 from missions import LocalFrame, default_network_path, read_network
-from missions.geometry import locate
+from missions.geometry import locate_on_leg
 from planner import Iterations
 from planner.sorties import Objective
 from simulator.config import SimVehicle
@@ -178,7 +178,7 @@ class _Watched:
         length_m = math.dist(begin_m, end_m)
         along_m = []
         for place_m in self.tracks_m.get(vehicle, ()):
-            at_m, aside_m = locate(begin_m, end_m, place_m)
+            at_m, aside_m = locate_on_leg(begin_m, end_m, place_m)
             if aside_m < ASIDE_M:
                 along_m.append(at_m)
         return min(along_m, default=math.inf) < END_SHARE * length_m and (
@@ -211,15 +211,16 @@ def sorties_site(autopilot: str, over: SortiesOver = OWN) -> dict[str, Any]:
                  name=f"base{number}", vehicles=[names[one] for one in own])
             for number, (place, own) in enumerate(zip(places_m, STANDS, strict=True), 1)
         ],
-        "vehicle": vehicle_tables(LISTENING[:VEHICLES], autopilot),
+        "vehicle": build_vehicle_tables(LISTENING[:VEHICLES], autopilot),
     }  # fmt: skip
 
 
 def fly_sorties(case: SortiesCase) -> SortiesDay:
     """Plan a day, fly it, and hold it against the truth; the same case gives the same figures."""
-    ground = assembly.ground_of(check_site(sorties_site(case.autopilot, case.over), "bench sorties"), Path())
-    content = planned_day(
-        site_day(ground), DayWanted(Objective.FINISH, Iterations(case.iterations), case.seed + case.number, 1)
+    ground = assembly.load_site_model(check_site(sorties_site(case.autopilot, case.over), "bench sorties"), Path())
+    content = solve_day(
+        build_day_problem(ground),
+        DayPlanRequest(Objective.FINISH, Iterations(case.iterations), case.seed + case.number, 1),
     )
     planned_s = content.evaluation.finish_s - min(one.start_s for own in content.plan.sorties for one in own)
     empty = SortiesDay(
@@ -232,11 +233,11 @@ def fly_sorties(case: SortiesCase) -> SortiesDay:
     away_s = tuple(float(rng.uniform(low_s, high_s)) for _ in range(DEATHS))
     packs = _Packs(ground.names, rng)
     watched = _Watched(ground.network.frame, _pads_m(ground))
-    sorties = Sorties(content, packs.next, losses, away_s)
+    sorties = DayScenario(content, packs.next, losses, away_s)
     try:
         flight = fly_virtual(
-            ground, first_sorties(content, ground), seed=case.number, craft=_patient, sorties=sorties,
-            onlookers=Onlookers(lived=watched.look), limit_s=3 * planned_s + 3600.0 * case.over.hours,
+            ground, build_first_sorties_plan(content, ground), seed=case.number, craft=_patient, sorties=sorties,
+            onlookers=FlightObservers(lived=watched.look), limit_s=3 * planned_s + 3600.0 * case.over.hours,
         )  # fmt: skip
     except ExecutorError as error:
         return replace(empty, wrong=str(error))
@@ -267,15 +268,15 @@ def _patient(vehicle: SimVehicle) -> SimVehicle:
     return replace(vehicle, parameters={**vehicle.parameters, **names})
 
 
-def _pads_m(ground: Ground) -> dict[str, tuple[float, float, float]]:
+def _pads_m(ground: SiteModel) -> dict[str, tuple[float, float, float]]:
     """Return where everybody stands in the morning: local east, north and up."""
-    setup, elsewhere = assembly.setup_of(ground), morning_pads(ground)
+    setup, elsewhere = assembly.build_flight_setup(ground), find_morning_pads(ground)
     pads = {name: elsewhere.get(name) or setup.pad_of(name) for name in ground.names}
     return {name: (pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for name, pad in pads.items()}
 
 
 def _judged(
-    empty: SortiesDay, ground: Ground, flight: VirtualFlight, watched: _Watched, packs: _Packs,
+    empty: SortiesDay, ground: SiteModel, flight: VirtualFlight, watched: _Watched, packs: _Packs,
     away_s: tuple[float, ...],
 ) -> SortiesDay:  # fmt: skip
     """Hold a day against the simulator's places and charges."""

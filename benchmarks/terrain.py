@@ -22,11 +22,11 @@ from benchmarks.errors import BenchError
 from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import figure, markdown_page, markdown_table
 from benchmarks.store import keep_result
-from executor.adapters.extras import Extra, need
-from executor.simulated.demo_site import LISTENING, vehicle_tables
+from executor.adapters.extras import Extra, require_extra
+from executor.simulated.demo_site import LISTENING, build_vehicle_tables
 from executor.site import assembly
 from executor.site.config import check_site
-from executor.site.planning import DEFAULT, first_plan
+from executor.site.planning import DEFAULT, plan_site
 from missions.geo import FloatArray, LocalFrame
 
 Axis = np.ndarray[tuple[int, ...], np.dtype[np.floating[Any]]]
@@ -67,7 +67,7 @@ def make_terrain(out: Path | None, *, spans: int, megacells: float, seconds: flo
     Raises:
         BenchError: a step did not end.
     """
-    need(Extra.TERRAIN, "bench terrain")
+    require_extra(Extra.TERRAIN, "bench terrain")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         side = round(1000.0 * math.sqrt(megacells))
@@ -167,19 +167,19 @@ def measured_steps(folder: str, kind: str, seconds: str) -> None:
     base, begun_s = Path(folder), time.perf_counter()
     site = check_site(_site(), SITE)
     if kind == "network":
-        from missions import understand
+        from missions import import_network
 
-        known = understand(base / NETWORK, depot=(LAT_DEG, LON_DEG, None)).network
+        known = import_network(base / NETWORK, depot=(LAT_DEG, LON_DEG, None)).network
         step, found = "the network alone", f"{len(known.segments)} spans"
     else:
-        ground = assembly.ground_of(site, base)
+        ground = assembly.load_site_model(site, base)
         layers = ground.setup.layers
         known_ground = "" if layers.known is None else f"{layers.known.highest.step_m:.0f} m between nodes of its floor"
         step = "with the ground: the whole site"
         cells = 0 if ground.terrain is None else sum(tile.heights_m.size for tile in ground.terrain.elevation.tiles)
         found = f"{cells} cells kept, {known_ground}, layers {layers.spacing_m:.1f} m apart"
         if kind == "plan":
-            plan = first_plan(ground, replace(DEFAULT, seconds=float(seconds)))
+            plan = plan_site(ground, replace(DEFAULT, seconds=float(seconds)))
             covered = len(plan.segments) - len(plan.plan.uncovered)
             step, found = f"the same, and a plan ({seconds} s of search)", f"{covered} spans planned"
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
@@ -194,5 +194,5 @@ def _site() -> dict[str, object]:
         "terrain": {"files": RASTER},
         "inspection": {"ceiling_m": 400.0, "return_ceiling_m": 900.0},
         "energy": {"capacity_ah": 400.0},
-        "vehicle": vehicle_tables(LISTENING[:VEHICLES], "px4"),
+        "vehicle": build_vehicle_tables(LISTENING[:VEHICLES], "px4"),
     }

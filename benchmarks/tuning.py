@@ -16,15 +16,15 @@ from pathlib import Path
 from benchmarks.few_lines_detector import PERCENT, FewLines
 from benchmarks.witness import scoring
 from benchmarks.witness.verdicts import Stand, hold_against
-from executor.adapters.workers import workers
+from executor.adapters.workers import start_worker_pool
 from executor.core.vehicle import FaultKind
 from executor.errors import LogError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
-from executor.replay.logs import ReplayRules, replay
+from executor.replay.logs import ReplayRules, replay_log
 from executor.replay.open_log import open_log
-from executor.replay.result import Declaration, LogReplay, Point, RecordedTruth
-from executor.replay.witness.statements import read_testimony, statements
-from executor.replay.witness.testimony import Testimony
+from executor.replay.result import Declaration, LogReplay, RecordedTruth, ThresholdPoint
+from executor.replay.witness.statements import find_statements, read_log_evidence
+from executor.replay.witness.testimony import LogEvidence
 
 SCALES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 LINK = "link_timeout_s"
@@ -65,7 +65,7 @@ def _scored(said: Declared, truth: RecordedTruth, flown_s: float) -> Score:
     return Score(before, ((after[0][0] - truth.fault_usec) / 1e6,), 1, flown_s)
 
 
-def _witnessed(said: Declared, told: Mapping[int, Testimony], link_timeout_s: float, flown_s: float) -> Score:
+def _witnessed(said: Declared, told: Mapping[int, LogEvidence], link_timeout_s: float, flown_s: float) -> Score:
     """Hold what was declared in a log that nobody planned against what it says itself."""
     false, faults = 0, 0
     delays: list[float] = []
@@ -73,7 +73,7 @@ def _witnessed(said: Declared, told: Mapping[int, Testimony], link_timeout_s: fl
         false += system in told and hold_against(one, told[system], link_timeout_s).outcome is Stand.REFUTED
     for system, testimony in told.items():
         mine = [(one.t_usec, one.kind) for number, one in said if number == system]
-        stated = statements(testimony, link_timeout_s)
+        stated = find_statements(testimony, link_timeout_s)
         faults += len(stated)
         outcomes = scoring.found_all(testimony, stated, mine, link_timeout_s)
         delays += [one.after_s for one in outcomes if one.after_s is not None]
@@ -87,7 +87,7 @@ def few_lines(path: Path) -> tuple[list[tuple[int, FaultKind]], float]:
     said: set[tuple[int, FaultKind]] = set()
     declared: list[tuple[int, FaultKind]] = []
     began, flown_usec, last = 0, 0, 0
-    for usec, system, message in opened.file.records():
+    for usec, system, message in opened.file.read_records():
         began, last = began or usec, last or usec
         for at_usec in (*range(last + LOOK_USEC, min(usec, last + LONGEST_USEC), LOOK_USEC), usec):
             for number, one in systems.items():
@@ -111,7 +111,7 @@ class _Job:
     rules: ReplayRules
 
 
-def sweep_thresholds(paths: Sequence[Path], rules: ReplayRules, jobs: int = 1) -> list[Point]:
+def sweep_thresholds(paths: Sequence[Path], rules: ReplayRules, jobs: int = 1) -> list[ThresholdPoint]:
     """Replay all logs with every value of every threshold.
 
     Logs that have a truth beside them are held against it, all others against what they state themselves.
@@ -121,7 +121,7 @@ def sweep_thresholds(paths: Sequence[Path], rules: ReplayRules, jobs: int = 1) -
     """
     work = [_Job(path, truth_for(path, read_recorded_truths(path.parent)), rules) for path in paths]
     if jobs > 1:
-        with workers(jobs) as pool:
+        with start_worker_pool(jobs) as pool:
             scores = [one for one in pool.map(_swept, work) if one]
     else:
         scores = [one for one in map(_swept, work) if one]
@@ -149,7 +149,7 @@ def _settings(rules: ReplayRules) -> Iterator[tuple[str, float, float, ReplayRul
 
 def _swept(job: _Job) -> list[Score]:
     """Return the scores of a log, and last those of the few lines; nothing where it says nothing."""
-    told = {} if job.truth is not None else read_testimony(job.path)
+    told = {} if job.truth is not None else read_log_evidence(job.path)
     if job.truth is None and not told:
         return []
 
@@ -170,12 +170,12 @@ def _swept(job: _Job) -> list[Score]:
 
 def _replayed(path: Path, rules: ReplayRules) -> LogReplay:
     opened = open_log(path)
-    return replay(opened.file, path, rules, on_board=opened.on_board)
+    return replay_log(opened.file, path, rules, on_board=opened.on_board)
 
 
-def _point(name: str, value: float, scale: float, scores: Sequence[Score]) -> Point:
+def _point(name: str, value: float, scale: float, scores: Sequence[Score]) -> ThresholdPoint:
     delays = [delay for one in scores for delay in one.delays_s]
-    return Point(
+    return ThresholdPoint(
         threshold=name,
         value=round(value, 4),
         chosen=scale == 1.0,

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from executor.analysis.pictures import save
+from executor.analysis.pictures import save_figure
 from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, WIDTH_IN, style_of
-from executor.replay.result import Point
+from executor.replay.result import ThresholdPoint
 
 
-def draw_tuning(points: Sequence[Point], path: Path) -> None:
+def draw_tuning(points: Sequence[ThresholdPoint], path: Path) -> None:
     """Write the picture: left delay against false alarms, right how many faults were found by each value."""
     figure = Figure(figsize=(WIDTH_IN, 5.5), facecolor=PAPER)
     trade, found = figure.subplots(1, 2)
@@ -43,4 +43,4 @@ def draw_tuning(points: Sequence[Point], path: Path) -> None:
         axis.grid(visible=True, color=FAINT, alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
     figure.tight_layout()
-    save(figure, path)
+    save_figure(figure, path)

@@ -25,12 +25,12 @@ from executor.adapters.mavlink import endpoints
 from executor.adapters.mavsdk.library import MOST_AT_ONCE
 from executor.adapters.mavsdk.upload import open_uploader
 from executor.core.connection import Connection, Scheme
-from executor.core.ports import LinkOrder
+from executor.core.ports import LinkRequest
 from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted
 from executor.runtime import procedures
-from executor.runtime.dialogue import converse
-from missions import Command, Dialect, Frame, MissionItem, dialect_for, differences
+from executor.runtime.dialogue import run_dialogue
+from missions import Command, Dialect, Frame, MissionItem, dialect_for, find_mission_differences
 from simulator.config import AutopilotKind, SimFleet, SimVehicle
 from simulator.faults import parse_fault
 from simulator.fleet import run_fleet
@@ -204,15 +204,15 @@ async def _both(cell: UploadCase, repeat: int, seed: int, room: asyncio.Semaphor
 
 
 async def _by_us(connection: Connection, dialect: Dialect, items: tuple[MissionItem, ...]) -> Attempt:
-    async with endpoints.open_mavlink_links({NAME: LinkOrder(connection, SYSID)}) as links:
+    async with endpoints.open_mavlink_links({NAME: LinkRequest(connection, SYSID)}) as links:
         began_s = time.perf_counter()
         clock = SystemClock(1.0)
         ended = await procedures.upload_once(links[NAME], clock, dialect, items)
         failure = procedures.reason_of(ended.outcome)
         if failure and ended.furthest == len(items) - 1:
             # As in flight: perhaps only the acknowledgement got lost, so what is on board decides.
-            back = await converse(DownloadDialogue(), links[NAME], clock)
-            failure = failure if differences(items, back.items, dialect) else ""
+            back = await run_dialogue(DownloadDialogue(), links[NAME], clock)
+            failure = failure if find_mission_differences(items, back.items, dialect) else ""
         return Attempt(time.perf_counter() - began_s, failure)
 
 
@@ -228,7 +228,7 @@ async def _answer_s(autopilot: str, seed: int) -> float:
     name, clock, taken_s = dialect_for(autopilot).ground_station_failsafe.timeout, SystemClock(1.0), list[float]()
     async with (
         _vehicle(autopilot, 0.0, 0.0, seed) as connection,
-        endpoints.open_mavlink_links({NAME: LinkOrder(connection, SYSID)}) as links,
+        endpoints.open_mavlink_links({NAME: LinkRequest(connection, SYSID)}) as links,
     ):
         while len(taken_s) < PINGS:
             began_s = time.perf_counter()

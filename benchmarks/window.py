@@ -17,11 +17,11 @@ import numpy as np
 
 from benchmarks.errors import BenchError
 from benchmarks.store import Json
-from executor.site.assembly import Ground
-from executor.site.planning import Wanted, first_plan
+from executor.site.assembly import SiteModel
+from executor.site.planning import PlanRequest, plan_site
 from executor.virtual.branches import Branch, fly_branches
 from executor.virtual.flight import VirtualFlight
-from executor.virtual.site import AMPLE_AH, sized, virtual_ground, with_budgets, with_capacity
+from executor.virtual.site import AMPLE_AH, build_virtual_site, size_batteries, with_budgets, with_capacity
 from missions import PlanFile
 from planner import Cost
 
@@ -58,7 +58,7 @@ class WindowSettings:
 class Claim:
     """A plan and what it claims."""
 
-    ground: Ground
+    ground: SiteModel
     plan: PlanFile
     earliest_s: float
     longest_s: float
@@ -106,15 +106,16 @@ def claimed(settings: WindowSettings) -> Claim:
         BenchError: no plan covers everything, or the plan claims no window.
     """
     ground = with_budgets(
-        virtual_ground(settings.network, settings.radius_m, settings.vehicles, settings.autopilot), settings.budget_pct
+        build_virtual_site(settings.network, settings.radius_m, settings.vehicles, settings.autopilot),
+        settings.budget_pct,
     )
     ample = with_capacity(ground, AMPLE_AH)
-    wanted = Wanted(
+    wanted = PlanRequest(
         Cost.MINMAX, BEST_SHARE * settings.seconds, settings.seed, all_vehicles=True, starts=settings.starts
     )
-    best = first_plan(ample, wanted)
-    ground = sized(ground, best, settings.tightness * settings.budget_pct)
-    plan = first_plan(ground, replace(wanted, cost=None, seconds=settings.seconds))
+    best = plan_site(ample, wanted)
+    ground = size_batteries(ground, best, settings.tightness * settings.budget_pct)
+    plan = plan_site(ground, replace(wanted, cost=None, seconds=settings.seconds))
     if plan.plan.uncovered or plan.window is None or plan.window.earliest_s >= plan.window.longest_route_s:
         left = len(plan.plan.uncovered)
         what = f"{left} segments are left over" if left else "it has none"

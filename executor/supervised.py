@@ -32,7 +32,7 @@ def report_mistake(what: str, error: BaseException, *, said: bool = False) -> No
         asyncio.get_running_loop().call_exception_handler({"message": what, "exception": error, "said": said})
 
 
-def safely(what: str, work: Callable[..., object], *arguments: object) -> None:
+def call_safely(what: str, work: Callable[..., object], *arguments: object) -> None:
     """Do something whose mistakes must not end what goes on around it."""
     try:
         work(*arguments)
@@ -56,7 +56,7 @@ async def keep_going(what: str, work: Work, *, at_once: bool = False) -> None:
 
 
 @asynccontextmanager
-async def beside(what: str, work: Work, *, at_once: bool = False) -> AsyncIterator[None]:
+async def run_beside(what: str, work: Work, *, at_once: bool = False) -> AsyncIterator[None]:
     """Keep something going for as long as the block runs."""
     task = asyncio.create_task(keep_going(what, work, at_once=at_once), name=what)
     try:
@@ -66,7 +66,7 @@ async def beside(what: str, work: Work, *, at_once: bool = False) -> AsyncIterat
         await asyncio.wait([task])
 
 
-class Mistakes:
+class MistakeReporter:
     """Says every kind of mistake once, and keeps its traceback; an exception handler of an event loop."""
 
     def __init__(self, say: Callable[[str], None], keep: Callable[[str], None]) -> None:
@@ -82,7 +82,11 @@ class Mistakes:
         named = getattr(task, "get_name", lambda: "")()
         what = named or str(context.get("message", ""))
         ours = "said" in context  # asyncio's own words hold addresses and times, which differ each time
-        kind = (what if ours or error is None else "", type(error).__name__, "" if error is None else _place(error))
+        kind = (
+            what if ours or error is None else "",
+            type(error).__name__,
+            "" if error is None else _locate_error(error),
+        )
         if kind in self._known:
             return
         self._known.add(kind)
@@ -94,13 +98,13 @@ class Mistakes:
             self._keep(f"{what}\n" + ("" if error is None else "".join(traceback.format_exception(error))))
 
 
-def _place(error: BaseException) -> str:
+def _locate_error(error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     return f"{frames[-1].filename}:{frames[-1].lineno}" if frames else ""
 
 
 @contextmanager
-def hear(say: Callable[[str], None], run: Path | None) -> Iterator[None]:
+def watch_mistakes(say: Callable[[str], None], run: Path | None) -> Iterator[None]:
     """Have every mistake of the running loop, and of the threads beside it, said in a line.
 
     The loop keeps the handler: asyncio complains of some tasks only when it ends.
@@ -116,12 +120,12 @@ def hear(say: Callable[[str], None], run: Path | None) -> Iterator[None]:
                 file.write(text + "\n")
 
     loop, before = asyncio.get_running_loop(), threading.excepthook
-    loop.set_exception_handler(Mistakes(say, keep))
+    loop.set_exception_handler(MistakeReporter(say, keep))
 
     def in_a_thread(died: threading.ExceptHookArgs) -> None:
         if died.exc_value is not None and not isinstance(died.exc_value, SystemExit):
             name = "a thread" if died.thread is None else f"the thread {died.thread.name}"
-            hand_over(loop, name, died.exc_value)
+            report_on_loop(loop, name, died.exc_value)
 
     threading.excepthook = in_a_thread
     try:
@@ -130,7 +134,7 @@ def hear(say: Callable[[str], None], run: Path | None) -> Iterator[None]:
         threading.excepthook = before
 
 
-def hand_over(loop: asyncio.AbstractEventLoop, what: str, error: BaseException) -> None:
+def report_on_loop(loop: asyncio.AbstractEventLoop, what: str, error: BaseException) -> None:
     """Report a mistake of another thread on a loop; one that has ended hears nothing any more."""
     with suppress(RuntimeError):
         loop.call_soon_threadsafe(loop.call_exception_handler, {"message": what, "exception": error, "said": False})

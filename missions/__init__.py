@@ -23,19 +23,19 @@ from missions.autopilots.failsafes import (
 from missions.autopilots.px4 import PX4
 from missions.autopilots.registry import AUTOPILOTS, dialect_for, dialect_of
 from missions.clearance import (
-    OverGround,
+    HeightOverGround,
     check_ceiling,
     check_clearance,
-    check_everywhere,
-    highest_return_m,
-    lowest_over_tops_m,
+    check_network_clearance,
+    find_height_extremes,
+    find_max_return_height,
     margin_m,
-    over_ground_m,
-    return_over_ground_m,
+    max_return_height_m,
+    min_height_over_tops_m,
 )
-from missions.compare import alike, differences
+from missions.compare import count_common_items, find_mission_differences
 from missions.dayplan import BasePlace, DayPlanFile, check_day_plan
-from missions.dayplanjson import day_plan_document, is_day_plan, read_day_plan, write_day_plan
+from missions.dayplanjson import build_day_plan_document, is_day_plan, read_day_plan, write_day_plan
 from missions.encode import EncodedMission, encode, flag_current
 from missions.errors import (
     EncodeError,
@@ -49,45 +49,45 @@ from missions.estimate import Estimate, LegEstimate, estimate
 from missions.files import NESTED, parse_json, read_text
 from missions.flight_model import Base, FlightModel
 from missions.geo import LocalFrame
-from missions.heights import implausible, with_heights
+from missions.heights import check_line_heights, with_heights
 from missions.items import Command, Frame, MissionItem, MissionKind
 from missions.network import Network, Pylon, Segment
 from missions.pace import Pace
 from missions.pads import Pad, column_radius_m, place_pads
-from missions.performance import Performance, Ramp, Tuning, tuned
+from missions.performance import Performance, Ramp, Tuning, apply_tunings
 from missions.planfile import (
     BreakingLoss,
     PlanFile,
     PlanSegment,
-    Solved,
+    SolverRecord,
     Window,
+    build_plan_segment,
     check_plan,
     make_plan_file,
-    plan_segment,
 )
-from missions.planjson import plan_document, read_plan, write_plan
-from missions.pricing import FlownMoves, Pricing, flown_instance
-from missions.qgc import QgcPlan, parse_qgc_plan, parse_qgc_waypoints, qgc_plan, qgc_waypoints
+from missions.planjson import build_plan_document, read_plan, write_plan
+from missions.pricing import PricedMoves, Pricing, build_priced_instance
+from missions.qgc import QgcPlan, format_qgc_plan, format_qgc_waypoints, parse_qgc_plan, parse_qgc_waypoints
 from missions.readers import (
     SNAP_M,
-    Matter,
-    Mending,
+    MendingLimits,
+    NetworkImport,
     Remark,
+    RemarkTopic,
     Selection,
-    Understood,
+    build_network_document,
     default_network_path,
-    network_document,
+    import_network,
     parse_where,
     read_network,
-    station_points,
-    understand,
+    read_station_points,
 )
-from missions.routes import continue_path, flight_path
+from missions.routes import build_flight_path, continue_path
 from missions.safety import HeightReference, Layers, check_separation, plan_layers, tracks_m
-from missions.setup import FlightSetup, Inspection, flight_setup
-from missions.sorties import flown_sorties
-from missions.tasks import Task, open_task
-from missions.validation import first_reason
+from missions.setup import FlightSetup, Inspection, plan_flight_setup
+from missions.sorties import build_priced_sorties
+from missions.tasks import Task, build_open_task
+from missions.validation import format_first_error
 from missions.waypoints import FlightPath, Phase, Waypoint
 
 __all__ = [
@@ -111,17 +111,16 @@ __all__ = [
     "FlightModel",
     "FlightPath",
     "FlightSetup",
-    "FlownMoves",
     "Frame",
     "Geofence",
     "GroundStationFailsafe",
+    "HeightOverGround",
     "HeightReference",
     "Inspection",
     "Layers",
     "LegEstimate",
     "LocalFrame",
-    "Matter",
-    "Mending",
+    "MendingLimits",
     "MissionFileError",
     "MissionItem",
     "MissionKind",
@@ -130,7 +129,7 @@ __all__ = [
     "Modes",
     "Network",
     "NetworkError",
-    "OverGround",
+    "NetworkImport",
     "Pace",
     "Pad",
     "Performance",
@@ -138,75 +137,76 @@ __all__ = [
     "PlanFile",
     "PlanFileError",
     "PlanSegment",
+    "PricedMoves",
     "Pricing",
     "Pylon",
     "QgcPlan",
     "Ramp",
     "Remark",
+    "RemarkTopic",
     "ReturnParameters",
     "SafetyError",
     "Segment",
     "Selection",
     "SetCurrent",
-    "Solved",
+    "SolverRecord",
     "StartStep",
     "Task",
     "ThresholdUnit",
     "Tuning",
-    "Understood",
     "Waypoint",
     "Window",
     "Words",
-    "alike",
+    "apply_tunings",
+    "build_day_plan_document",
+    "build_flight_path",
+    "build_network_document",
+    "build_open_task",
+    "build_plan_document",
+    "build_plan_segment",
+    "build_priced_instance",
+    "build_priced_sorties",
     "check_ceiling",
     "check_clearance",
     "check_day_plan",
-    "check_everywhere",
+    "check_line_heights",
+    "check_network_clearance",
     "check_plan",
     "check_separation",
     "column_radius_m",
     "continue_path",
-    "day_plan_document",
+    "count_common_items",
     "default_network_path",
     "dialect_for",
     "dialect_of",
-    "differences",
     "encode",
     "estimate",
-    "first_reason",
+    "find_height_extremes",
+    "find_max_return_height",
+    "find_mission_differences",
     "flag_current",
-    "flight_path",
-    "flight_setup",
-    "flown_instance",
-    "flown_sorties",
-    "highest_return_m",
-    "implausible",
+    "format_first_error",
+    "format_qgc_plan",
+    "format_qgc_waypoints",
+    "import_network",
     "is_day_plan",
-    "lowest_over_tops_m",
     "make_plan_file",
     "margin_m",
-    "network_document",
-    "open_task",
-    "over_ground_m",
+    "max_return_height_m",
+    "min_height_over_tops_m",
     "parse_json",
     "parse_qgc_plan",
     "parse_qgc_waypoints",
     "parse_where",
     "place_pads",
-    "plan_document",
+    "plan_flight_setup",
     "plan_layers",
-    "plan_segment",
-    "qgc_plan",
-    "qgc_waypoints",
     "read_day_plan",
     "read_network",
     "read_plan",
+    "read_station_points",
     "read_text",
-    "return_over_ground_m",
-    "station_points",
     "tracks_m",
-    "tuned",
-    "understand",
     "with_heights",
     "write_day_plan",
     "write_plan",

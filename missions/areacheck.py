@@ -14,7 +14,7 @@ import numpy as np
 from missions.areas import Area, AreaKind
 from missions.clearance import heights_over_ground_m
 from missions.geo import FloatArray
-from missions.geometry import nearest_on
+from missions.geometry import find_nearest_on_legs
 from missions.safety import legs_m
 from missions.setup import FlightSetup
 from missions.waypoints import FlightPath, Phase
@@ -31,7 +31,7 @@ AT_ONCE = 2000
 
 
 @dataclass(frozen=True, slots=True)
-class Crossing:
+class ReturnCrossing:
     """That a vehicle's own straight way home leads through an area, from some of its legs."""
 
     vehicle: str
@@ -60,21 +60,24 @@ def check_areas(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
         numbers = np.repeat(np.arange(len(legs)), [count + 1 for count in steps])
         for area in setup.areas:
             short_m = np.concatenate(
-                [_short_m(setup, area, places_m[first : first + AT_ONCE]) for first in range(0, len(places_m), AT_ONCE)]
+                [
+                    _shortfall_m(setup, area, places_m[first : first + AT_ONCE])
+                    for first in range(0, len(places_m), AT_ONCE)
+                ]
             )
             worst = int(short_m.argmax())
             if short_m[worst] > ROUNDING_M:
                 leg = int(numbers[worst])
                 found.append(
                     f"{path.vehicle} on leg {leg} ({path.waypoints[leg].phase.value}) comes "
-                    f"{_words(area, float(short_m[worst]))}"
+                    f"{_describe_shortfall(area, float(short_m[worst]))}"
                 )
     return found
 
 
-def own_returns(
+def find_return_crossings(
     setup: FlightSetup, paths: Iterable[FlightPath], routes: Mapping[str, Sequence[int]]
-) -> tuple[Crossing, ...]:
+) -> tuple[ReturnCrossing, ...]:
     """Return where the straight way home that an autopilot flies by itself would lead through an area.
 
     The areas themselves count, without their margins; those with a height limit where the way home is above it.
@@ -84,16 +87,16 @@ def own_returns(
         paths: Flights.
         routes: Each vehicle's visits, by its name.
     """
-    return tuple(crossing for path in paths for crossing in _own_returns(setup, path, routes[path.vehicle]))
+    return tuple(crossing for path in paths for crossing in _find_path_crossings(setup, path, routes[path.vehicle]))
 
 
-def areas_on_the_way_home(setup: FlightSetup, vehicle: str, place_m: tuple[float, float]) -> tuple[str, ...]:
+def find_areas_on_return(setup: FlightSetup, vehicle: str, place_m: tuple[float, float]) -> tuple[str, ...]:
     """Return the names of the areas that a straight way home from a place leads through."""
     start_m = np.array([place_m])
-    return tuple(dict.fromkeys(area.name for area in setup.areas if _crossed(setup, vehicle, area, start_m)[0]))
+    return tuple(dict.fromkeys(area.name for area in setup.areas if _is_crossing(setup, vehicle, area, start_m)[0]))
 
 
-def crossing_words(setup: FlightSetup, one: Crossing) -> str:
+def describe_crossing(setup: FlightSetup, one: ReturnCrossing) -> str:
     """Return that an own return leads through an area: "its own RTL from segments A, B crosses area 'airfield'"."""
     shown = [setup.network.segment_name(segment) for segment in one.segments[:6]]
     more = f" and {len(one.segments) - 6} more" if len(one.segments) > 6 else ""
@@ -102,7 +105,7 @@ def crossing_words(setup: FlightSetup, one: Crossing) -> str:
     return f"{one.vehicle}: its own RTL {where} crosses area {one.area!r}"
 
 
-def _own_returns(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> Iterator[Crossing]:
+def _find_path_crossings(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> Iterator[ReturnCrossing]:
     if not path.waypoints:
         return
     legs = legs_m(path, setup.frame)[:, :, :2]
@@ -112,22 +115,22 @@ def _own_returns(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) ->
         for leg, point in zip(legs, path.waypoints, strict=True):
             count = max(1, math.ceil(math.dist(*leg) / RETURN_STEP_M))
             places_m = leg[0] + np.linspace(0.0, 1.0, count + 1)[:, np.newaxis] * (leg[1] - leg[0])
-            if not _crossed(setup, path.vehicle, area, places_m).any():
+            if not _is_crossing(setup, path.vehicle, area, places_m).any():
                 continue
             if point.visit is not None:
                 segments[segment_of(visits[point.visit])] = None
             elif point.phase is Phase.RETURN:
                 on_way_home = True
         if segments or on_way_home:
-            yield Crossing(path.vehicle, area.name, tuple(segments), on_way_home)
+            yield ReturnCrossing(path.vehicle, area.name, tuple(segments), on_way_home)
 
 
-def _crossed(setup: FlightSetup, vehicle: str, area: Area, places_m: FloatArray) -> np.ndarray:
+def _is_crossing(setup: FlightSetup, vehicle: str, area: Area, places_m: FloatArray) -> np.ndarray:
     """Return (n,) whether the straight ways home from (n, 2) places lead through an area, too high where it matters."""
     pad = setup.pad_of(vehicle)
     pad_m = np.broadcast_to(np.array([pad.east_m, pad.north_m]), places_m.shape)
     bare = graph_of((replace(obstacle_of(area), keep_m=max(ROUNDING_M, area.width_m / 2)),))
-    met = bare.met(places_m, pad_m) | bare.inside(places_m) | bare.inside(pad_m)
+    met = bare.is_blocked(places_m, pad_m) | bare.is_inside(places_m) | bare.is_inside(pad_m)
     if area.kind is not AreaKind.HEIGHT_LIMIT or not met.any():
         return met
     up_m = setup.layers.return_up_m(vehicle)
@@ -135,11 +138,11 @@ def _crossed(setup: FlightSetup, vehicle: str, area: Area, places_m: FloatArray)
         steps = max(1, math.ceil(math.dist(places_m[index], pad_m[index]) / RETURN_STEP_M))
         share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
         way_m = np.column_stack((places_m[index] + share * (pad_m[index] - places_m[index]), np.full(steps + 1, up_m)))
-        met[index] = (_short_m(setup, replace(area, margin_m=ROUNDING_M), way_m) > ROUNDING_M).any()
+        met[index] = (_shortfall_m(setup, replace(area, margin_m=ROUNDING_M), way_m) > ROUNDING_M).any()
     return met
 
 
-def _short_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatArray:
+def _shortfall_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatArray:
     """Return (m,) how much nearer (m, 3) places are than they should be, or how much too high; negative: they are not.
 
     Of an area itself, not its margin, it is at least the whole margin.
@@ -151,8 +154,8 @@ def _short_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatArray
     if not len(near):
         return far
     at_m = places_m[near]
-    away_m = nearest_on(at_m[:, :2], edges[:, 0], edges[:, 1] - edges[:, 0])[0].min(axis=1)
-    within = np.zeros(len(near), dtype=np.bool_) if area.is_line else _wound(area, at_m[:, :2])
+    away_m = find_nearest_on_legs(at_m[:, :2], edges[:, 0], edges[:, 1] - edges[:, 0])[0].min(axis=1)
+    within = np.zeros(len(near), dtype=np.bool_) if area.is_line else _is_enclosed(area, at_m[:, :2])
     short_m = np.where(within, area.keep_m + away_m, area.keep_m - away_m)
     if area.kind is AreaKind.HEIGHT_LIMIT:
         over_m = np.full(len(near), -math.inf)
@@ -165,7 +168,7 @@ def _short_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatArray
     return far
 
 
-def _wound(area: Area, places_m: FloatArray) -> np.ndarray:
+def _is_enclosed(area: Area, places_m: FloatArray) -> np.ndarray:
     """Return (m,) whether the outlines wind around (m, 2) places: once around the outer one, and around no hole."""
     turns = np.zeros((len(area.rings_m), len(places_m)))
     for number, ring in enumerate(area.rings_m):
@@ -177,7 +180,7 @@ def _wound(area: Area, places_m: FloatArray) -> np.ndarray:
     return np.asarray(wound[0] & ~wound[1:].any(axis=0))
 
 
-def _words(area: Area, short_m: float) -> str:
+def _describe_shortfall(area: Area, short_m: float) -> str:
     if area.kind is AreaKind.HEIGHT_LIMIT:
         limit = f"{area.max_agl_m:g} m over the ground" if area.max_agl_m is not None else f"{area.max_amsl_m:g} m"
         return f"{short_m:.1f} m above the limit of area {area.name!r}, {limit}"

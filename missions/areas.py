@@ -101,7 +101,7 @@ class Area:
         if not self.is_line:
             return self.rings_m[:1]
         return tuple(
-            _capsule(begin_m, end_m, self.width_m / 2)
+            _build_capsule(begin_m, end_m, self.width_m / 2)
             for line in self.rings_m
             for begin_m, end_m in itertools.pairwise(line)
         )
@@ -117,7 +117,7 @@ class Area:
 
 
 @dataclass(frozen=True, slots=True)
-class KeptOut:
+class AreaRestriction:
     """An area, and who must keep out of it."""
 
     area: Area
@@ -149,7 +149,7 @@ class NamedPlace:
     """The ground's, above mean sea level, where it is known."""
 
 
-def _capsule(begin_m: tuple[float, float], end_m: tuple[float, float], radius_m: float) -> Ring:
+def _build_capsule(begin_m: tuple[float, float], end_m: tuple[float, float], radius_m: float) -> Ring:
     """Return the polygon about a leg, with sides that touch the round ends from outside."""
     toward = math.atan2(end_m[1] - begin_m[1], end_m[0] - begin_m[0])
     step, corners = math.pi / END_CORNERS, []

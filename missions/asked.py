@@ -23,7 +23,7 @@ from missions.flight_model import SAME_PLACE_M
 from missions.geo import FloatArray
 from missions.geometry import SHORTEST_M2, leg_distances_m, wall_distances_m
 from missions.pads import column_radius_m
-from missions.routes import flight_path
+from missions.routes import build_flight_path
 from missions.safety import legs_m
 from missions.setup import FlightSetup
 from missions.waypoints import FlightPath, Phase
@@ -33,7 +33,7 @@ from planner import is_reversed, segment_of
 BoolArray = npt.NDArray[np.bool_]
 Routes = Mapping[str, Sequence[int]]
 PathMaker = Callable[..., FlightPath]
-"""`flight_path`, or what answers like it."""
+"""`build_flight_path`, or what answers like it."""
 NOBODY: frozenset[str] = frozenset()
 ROUNDING_M = 1e-3
 """Coordinates of waypoints are rounded to less."""
@@ -63,19 +63,19 @@ class Airway:
         """(n,) float64: how high a leg's wall reaches over it; 0 where it is flown in the vehicle's layer."""
         return np.asarray(self.below_m.max(axis=1, initial=0.0))
 
-    def in_layer(self) -> Airway:
+    def to_layer(self) -> Airway:
         """Return the same flown in the vehicle's layer: as it is on its way home, wherever that began."""
         legs_m = self.legs_m.copy()
         legs_m[:, :, 2] += self.below_m
         return replace(self, legs_m=legs_m, below_m=np.zeros_like(self.below_m))
 
     @property
-    def walled(self) -> BoolArray:
+    def has_wall(self) -> BoolArray:
         """(n,) whether a leg has a wall, or leads between a line and the layer."""
         return np.asarray(self.walls_m > 0)
 
 
-def airway(setup: FlightSetup, path: FlightPath, first: int = 0) -> Airway:
+def build_airway(setup: FlightSetup, path: FlightPath, first: int = 0) -> Airway:
     """Return what a vehicle may fly of a path.
 
     Args:
@@ -90,8 +90,8 @@ def airway(setup: FlightSetup, path: FlightPath, first: int = 0) -> Airway:
     return Airway(path.vehicle, legs[first:], np.column_stack((below_m[:-1], below_m[1:]))[first:])
 
 
-def first_paths(
-    setup: FlightSetup, routes: Routes, stays: Collection[str] = NOBODY, made_by: PathMaker = flight_path
+def build_first_paths(
+    setup: FlightSetup, routes: Routes, stays: Collection[str] = NOBODY, made_by: PathMaker = build_flight_path
 ) -> dict[str, FlightPath]:
     """Return the whole flight of every vehicle that has something to do.
 
@@ -104,16 +104,16 @@ def first_paths(
     paths = {name: made_by(setup, name, visits) for name, visits in routes.items() if visits}
     if not setup.inspection.same_distance:
         return paths
-    low = lowered(setup, routes, [airway(setup, path) for path in paths.values()], stays)
+    low = select_low_segments(setup, routes, [build_airway(setup, path) for path in paths.values()], stays)
     return {name: made_by(setup, name, routes[name], low[name]) if low[name] else path for name, path in paths.items()}
 
 
-def low_segments(path: FlightPath, visits: Sequence[int]) -> frozenset[int]:
+def find_low_segments(path: FlightPath, visits: Sequence[int]) -> frozenset[int]:
     """Return which segments of its visits a path inspects below its vehicle's layer."""
-    return frozenset(segment_of(visits[visit]) for visit in _low_visits(path))
+    return frozenset(segment_of(visits[visit]) for visit in _find_low_visits(path))
 
 
-def _low_visits(path: FlightPath) -> frozenset[int]:
+def _find_low_visits(path: FlightPath) -> frozenset[int]:
     return frozenset(
         point.visit
         for point in path.waypoints
@@ -121,32 +121,32 @@ def _low_visits(path: FlightPath) -> frozenset[int]:
     )
 
 
-def visits_at_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> tuple[float, ...]:
+def visit_distances_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> tuple[float, ...]:
     """Return at which distance a path makes each of its visits; one from too high by what it is too high."""
-    low, offset_m = _low_visits(path), setup.layers.offset_m(path.vehicle)
+    low, offset_m = _find_low_visits(path), setup.layers.offset_m(path.vehicle)
     return tuple(
-        setup.inspection.height_m + (0.0 if number in low else offset_m + _deep_m(setup, segment_of(visit)))
+        setup.inspection.height_m + (0.0 if number in low else offset_m + _viewpoint_depth_m(setup, segment_of(visit)))
         for number, visit in enumerate(visits)
     )
 
 
-def inspected_at_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> dict[int, float]:
+def segment_distances_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> dict[int, float]:
     """Return at which distance a path inspects each segment of its visits, the last time if it comes there twice."""
-    return dict(zip(map(segment_of, visits), visits_at_m(setup, path, visits), strict=True))
+    return dict(zip(map(segment_of, visits), visit_distances_m(setup, path, visits), strict=True))
 
 
-def _deep_m(setup: FlightSetup, segment: int) -> float:
+def _viewpoint_depth_m(setup: FlightSetup, segment: int) -> float:
     """Return how far below the common surface the lowest viewpoint of a pylon lies; 0 for a span."""
     look = setup.looks.pylons.get(segment)
     return 0.0 if look is None else look.deepest_m
 
 
-def lies_lower(setup: FlightSetup, vehicle: str, segment: int) -> bool:
+def must_leave_layer(setup: FlightSetup, vehicle: str, segment: int) -> bool:
     """Return whether a vehicle has to leave its layer to inspect a segment as asked."""
-    return setup.layers.offset_m(vehicle) + _deep_m(setup, segment) > 0
+    return setup.layers.offset_m(vehicle) + _viewpoint_depth_m(setup, segment) > 0
 
 
-def lowered(
+def select_low_segments(
     setup: FlightSetup,
     routes: Routes,
     taken: Sequence[Airway],
@@ -167,26 +167,26 @@ def lowered(
     """
     order = setup.layers.vehicles
     radius_m = column_radius_m(setup.inspection.layer_m)
-    closed = Closed(setup, taken)
+    closed = OccupiedAirspace(setup, taken)
     low: dict[str, frozenset[int]] = {name: frozenset() for name in routes}
     for name in order:
         visits = list(routes.get(name, ()))
-        down = [number for number, visit in enumerate(visits) if lies_lower(setup, name, segment_of(visit))]
+        down = [number for number, visit in enumerate(visits) if must_leave_layer(setup, name, segment_of(visit))]
         if name in stays or not down:
             continue
-        parts_m = [ways_m(setup, segment_of(visits[number])) for number in down]
-        met = closed.to(name, np.concatenate(parts_m), radius_m)
+        parts_m = [inspection_ways_m(setup, segment_of(visits[number])) for number in down]
+        met = closed.find_closed_tracks(name, np.concatenate(parts_m), radius_m)
         ends = np.cumsum([len(part_m) for part_m in parts_m])[:-1]
         free = np.zeros(len(visits), dtype=np.bool_)
         free[down] = [not part.any() for part in np.split(met, ends)]
-        chosen = _stretches(setup, visits, free, None if begins_m is None else begins_m.get(name))
+        chosen = _find_free_stretches(setup, visits, free, None if begins_m is None else begins_m.get(name))
         low[name] = frozenset(segment_of(visits[number]) for number in chosen)
         if chosen:
-            closed.add(name, np.concatenate([ways_m(setup, segment) for segment in sorted(low[name])]))
+            closed.add_walls(name, np.concatenate([inspection_ways_m(setup, segment) for segment in sorted(low[name])]))
     return low
 
 
-def ways_m(setup: FlightSetup, segment: int) -> FloatArray:
+def inspection_ways_m(setup: FlightSetup, segment: int) -> FloatArray:
     """Return (n, 2, 2) where a segment is inspected, seen from above: its track, or from viewpoint to viewpoint."""
     look = setup.looks.pylons.get(segment)
     if look is None:
@@ -195,7 +195,7 @@ def ways_m(setup: FlightSetup, segment: int) -> FloatArray:
     return np.stack((places_m[:-1], places_m[1:]), axis=1)
 
 
-def check_asked(setup: FlightSetup, taken: Sequence[Airway]) -> list[str]:
+def check_inspection_airspace(setup: FlightSetup, taken: Sequence[Airway]) -> list[str]:
     """Return in words who comes too near to the air in which another goes down to the line; empty if nobody does.
 
     Args:
@@ -205,9 +205,9 @@ def check_asked(setup: FlightSetup, taken: Sequence[Airway]) -> list[str]:
     keep_m = setup.inspection.layer_m - ROUNDING_M
     found = []
     for owner, other in itertools.permutations(taken, 2):
-        if owner.vehicle == other.vehicle or not owner.walled.any():
+        if owner.vehicle == other.vehicle or not owner.has_wall.any():
             continue
-        near_m, words = _nearest(setup, owner, other)
+        near_m, words = _find_nearest_airway(setup, owner, other)
         if near_m < keep_m:
             found.append(
                 f"{other.vehicle} {words} comes within {near_m:.2f} m of where {owner.vehicle} goes down to the line, "
@@ -216,18 +216,18 @@ def check_asked(setup: FlightSetup, taken: Sequence[Airway]) -> list[str]:
     return found
 
 
-def walls_around(setup: FlightSetup, vehicle: str, taken: Sequence[Airway]) -> tuple[Obstacle, ...]:
+def build_wall_obstacles(setup: FlightSetup, vehicle: str, taken: Sequence[Airway]) -> tuple[Obstacle, ...]:
     """Return what a vehicle's ways lead around: the walls, among what others may fly, that reach above its layer."""
     order, radius_m = setup.layers.vehicles, column_radius_m(setup.inspection.layer_m)
     found: dict[tuple[tuple[float, float], ...], None] = {}
     for one in taken:
         if order.index(one.vehicle) > order.index(vehicle):
-            for begin, end in one.over_ground_m[one.walled].round(2).tolist():
+            for begin, end in one.over_ground_m[one.has_wall].round(2).tolist():
                 found[tuple(dict.fromkeys((tuple(begin), tuple(end))))] = None
     return tuple(Obstacle((line,), radius_m, is_line=True) for line in found)
 
 
-class Closed:
+class OccupiedAirspace:
     """The air that is not free for a vehicle which comes down to the line."""
 
     def __init__(self, setup: FlightSetup, taken: Sequence[Airway]) -> None:
@@ -239,53 +239,53 @@ class Closed:
         for one in taken:
             self._legs.setdefault(one.vehicle, []).append(one.over_ground_m)
             walls = self._walls_for_now if one.for_now else self._walls
-            walls.setdefault(one.vehicle, []).append(one.over_ground_m[one.walled])
+            walls.setdefault(one.vehicle, []).append(one.over_ground_m[one.has_wall])
 
-    def add(self, vehicle: str, tracks_m: FloatArray) -> None:
+    def add_walls(self, vehicle: str, tracks_m: FloatArray) -> None:
         """Take note of new walls."""
         self._walls.setdefault(vehicle, []).append(tracks_m)
 
-    def to(self, vehicle: str, tracks_m: FloatArray, radius_m: float) -> BoolArray:
+    def find_closed_tracks(self, vehicle: str, tracks_m: FloatArray, radius_m: float) -> BoolArray:
         """Return (n,) which of (n, 2, 2) tracks a vehicle must not come down to."""
         order = self._setup.layers.vehicles
         met = np.zeros(len(tracks_m), dtype=np.bool_)
         for name, pad_m in self._pads_m.items():
             if name == vehicle:
                 continue
-            met |= too_near(tracks_m, np.broadcast_to(pad_m, (1, 2, 2)), radius_m)
+            met |= find_near_tracks(tracks_m, np.broadcast_to(pad_m, (1, 2, 2)), radius_m)
             for walls_m in self._walls.get(name, ()):
-                met |= too_near(tracks_m, walls_m, radius_m)
+                met |= find_near_tracks(tracks_m, walls_m, radius_m)
             if order.index(name) > order.index(vehicle):
                 continue  # it flies above
             for walls_m in self._walls_for_now.get(name, ()):
-                met |= too_near(tracks_m, walls_m, radius_m)
+                met |= find_near_tracks(tracks_m, walls_m, radius_m)
             for below_m in self._legs.get(name, ()):
-                met |= too_near(tracks_m, below_m, radius_m)
+                met |= find_near_tracks(tracks_m, below_m, radius_m)
                 if self._setup.layers.returns_in_layers:
-                    met |= near_ways_home(tracks_m, below_m, pad_m, radius_m)
+                    met |= find_tracks_near_returns(tracks_m, below_m, pad_m, radius_m)
         return met
 
 
-def too_near(tracks_m: FloatArray, legs_m: FloatArray, radius_m: float) -> BoolArray:
+def find_near_tracks(tracks_m: FloatArray, legs_m: FloatArray, radius_m: float) -> BoolArray:
     """Return (n,) which of (n, 2, 2) tracks come nearer than a radius to any of (m, 2, 2) legs, seen from above."""
     met = np.zeros(len(tracks_m), dtype=np.bool_)
     if not len(tracks_m) or not len(legs_m):
         return met
     low_m, high_m = tracks_m.min(axis=(0, 1)) - radius_m, tracks_m.max(axis=(0, 1)) + radius_m
     beside = ((legs_m.max(axis=1) >= low_m) & (legs_m.min(axis=1) <= high_m)).all(axis=1)
-    tracks, legs = _flat(tracks_m), _flat(legs_m[beside])
+    tracks, legs = _flatten_legs(tracks_m), _flatten_legs(legs_m[beside])
     step = max(1, AT_ONCE // len(tracks))
     for first in range(0, len(legs), step):
         met |= (leg_distances_m(tracks, legs[first : first + step]) < radius_m).any(axis=1)
     return met
 
 
-def near_ways_home(tracks_m: FloatArray, legs_m: FloatArray, pad_m: FloatArray, radius_m: float) -> BoolArray:
+def find_tracks_near_returns(tracks_m: FloatArray, legs_m: FloatArray, pad_m: FloatArray, radius_m: float) -> BoolArray:
     """Return (n,) which of (n, 2, 2) tracks a straight way home from anywhere on (m, 2, 2) legs comes too near to."""
     met = np.zeros(len(tracks_m), dtype=np.bool_)
     pads_m = np.broadcast_to(pad_m, (len(legs_m), 2))
     for end in (0, 1):
-        met |= too_near(tracks_m, np.stack((legs_m[:, end], pads_m), axis=1), radius_m)
+        met |= find_near_tracks(tracks_m, np.stack((legs_m[:, end], pads_m), axis=1), radius_m)
     corners_m = np.stack((legs_m[:, 0], legs_m[:, 1], pads_m), axis=1)
     turns = []
     begins_m, ends_m = corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0]
@@ -298,9 +298,9 @@ def near_ways_home(tracks_m: FloatArray, legs_m: FloatArray, pad_m: FloatArray, 
     return np.asarray(met | (within & wide).any(axis=1))
 
 
-def _nearest(setup: FlightSetup, owner: Airway, other: Airway) -> tuple[float, str]:
+def _find_nearest_airway(setup: FlightSetup, owner: Airway, other: Airway) -> tuple[float, str]:
     """Return how near another vehicle comes to a vehicle's walls, and on which of its ways."""
-    walls = owner.walled
+    walls = owner.has_wall
     bottoms_m, tops_m = owner.legs_m[walls], owner.walls_m[walls]
     upright = np.hypot(*(bottoms_m[:, 1, :2] - bottoms_m[:, 0, :2]).T) < SAME_PLACE_M
     # A way up or down is all of its wall itself.
@@ -308,8 +308,10 @@ def _nearest(setup: FlightSetup, owner: Airway, other: Airway) -> tuple[float, s
     if len(other.legs_m):
         apart_m = wall_distances_m(bottoms_m, np.where(upright, 0.0, tops_m), other.legs_m).min()
         least = min(least, (float(apart_m), "on its mission"))
-        if other.walled.any():
-            level = leg_distances_m(_flat(bottoms_m[:, :, :2]), _flat(other.over_ground_m[other.walled]))
+        if other.has_wall.any():
+            level = leg_distances_m(
+                _flatten_legs(bottoms_m[:, :, :2]), _flatten_legs(other.over_ground_m[other.has_wall])
+            )
             least = min(least, (float(level.min()), "on the line"))
     order = setup.layers.vehicles
     lower = order.index(other.vehicle) < order.index(owner.vehicle)
@@ -317,18 +319,18 @@ def _nearest(setup: FlightSetup, owner: Airway, other: Airway) -> tuple[float, s
         pad = setup.pad_of(other.vehicle)
         pad_m = np.array([pad.east_m, pad.north_m])
         keep_m = setup.inspection.layer_m - ROUNDING_M
-        if near_ways_home(bottoms_m[:, :, :2], other.over_ground_m, pad_m, keep_m).any():
+        if find_tracks_near_returns(bottoms_m[:, :, :2], other.over_ground_m, pad_m, keep_m).any():
             return 0.0, "on its own way home"
     return least
 
 
-def _stretches(
+def _find_free_stretches(
     setup: FlightSetup, visits: Sequence[int], free: BoolArray, begin_m: tuple[float, float] | None
 ) -> list[int]:
     """Return of what is inspected in one go the longest free stretch of each, as positions among the visits."""
     lengths_m = setup.network.lengths_m
     chosen: list[int] = []
-    for chain, follows in _chains(setup, visits, begin_m):
+    for chain, follows in _iterate_chains(setup, visits, begin_m):
         runs = [list(run) for is_free, run in itertools.groupby(chain, lambda number: bool(free[number])) if is_free]
         if follows:  # it is down already: what is not the beginning would be one way up and down more
             runs = [run for run in runs if run[0] == chain[0]]
@@ -337,7 +339,7 @@ def _stretches(
     return chosen
 
 
-def _chains(
+def _iterate_chains(
     setup: FlightSetup, visits: Sequence[int], begin_m: tuple[float, float] | None
 ) -> Iterator[tuple[list[int], bool]]:
     """Yield what is inspected in one go, and whether that goes on from where the vehicle is down already.
@@ -366,5 +368,5 @@ def _chains(
         yield chain, follows
 
 
-def _flat(legs_m: FloatArray) -> FloatArray:
+def _flatten_legs(legs_m: FloatArray) -> FloatArray:
     return np.concatenate((legs_m, np.zeros((*legs_m.shape[:2], 1))), axis=2)

@@ -25,7 +25,7 @@ class Background:
     """Whom the picture is by, as its file says it; on one line."""
 
 
-def grid_of(low_m: Corner, high_m: Corner, most_pixels: float, least_step_m: float) -> tuple[int, int]:
+def choose_grid_size(low_m: Corner, high_m: Corner, most_pixels: float, least_step_m: float) -> tuple[int, int]:
     """Return rows and columns of a square grid over an area: as many as are allowed, none finer than a step."""
     width_m, height_m = high_m[0] - low_m[0], high_m[1] - low_m[1]
     step_m = max(least_step_m, (width_m * height_m / most_pixels) ** 0.5, max(width_m, height_m) / 16_000)

@@ -85,7 +85,7 @@ class Camera:
 
 
 @dataclass(frozen=True, slots=True)
-class SpanLook:
+class SpanCameraTask:
     """What a span asks of one camera."""
 
     camera: str
@@ -122,17 +122,17 @@ class PylonStop:
     """Which viewpoints it is, by one picture; none where it only goes up, or down again."""
 
 
-def _is_one(stop: PylonStop, other: PylonStop) -> bool:
+def _is_same_stop(stop: PylonStop, other: PylonStop) -> bool:
     return stop.place_m == other.place_m and abs(stop.below_m - other.below_m) < ONE_STOP_M
 
 
-def _joined(stop: PylonStop, other: PylonStop) -> PylonStop:
+def _join_stops(stop: PylonStop, other: PylonStop) -> PylonStop:
     """Return two stops as one, at the higher of their places."""
     return PylonStop(stop.place_m, min(stop.below_m, other.below_m), (*stop.points, *other.points))
 
 
 @dataclass(frozen=True, slots=True)
-class PylonLook:
+class PylonCameraTask:
     """What a pylon asks of one camera."""
 
     camera: str
@@ -152,7 +152,7 @@ class PylonLook:
         """How far its lowest viewpoint lies below the common surface."""
         return max(point.below_m for point in self.points)
 
-    def stops(self, *, reverse: bool, low: bool) -> list[PylonStop]:
+    def list_stops(self, *, reverse: bool, low: bool) -> list[PylonStop]:
         """Return the stops of its flight, from the first viewpoint to the last, or the other way.
 
         Args:
@@ -163,8 +163,8 @@ class PylonLook:
         found: list[PylonStop] = []
         for number, point in enumerate(self.points):
             stop = PylonStop(point.place_m, point.below_m if low else 0.0, (number,))
-            if found and found[-1].points and _is_one(found[-1], stop):
-                stop = _joined(found.pop(), stop)
+            if found and found[-1].points and _is_same_stop(found[-1], stop):
+                stop = _join_stops(found.pop(), stop)
             found.append(stop)
             if low and point.crosses:
                 ends = (stop, self.points[number + 1])
@@ -209,34 +209,34 @@ class Capture:
     """At a pylon: which of its viewpoints the picture is of."""
 
     @property
-    def films(self) -> bool:
+    def is_filming(self) -> bool:
         """Whether it films."""
         return self.trigger is Trigger.VIDEO
 
 
 @dataclass(frozen=True, slots=True)
-class Looks:
+class CameraTasks:
     """What every segment asks for, and who can give it."""
 
     cameras: Mapping[str, Camera] = field(default_factory=dict)
     carriers: Mapping[str, frozenset[str]] = field(default_factory=dict)
     """By the vehicle's name: the cameras that it carries."""
-    spans: Mapping[int, tuple[SpanLook, ...]] = field(default_factory=dict)
+    spans: Mapping[int, tuple[SpanCameraTask, ...]] = field(default_factory=dict)
     """By segment."""
-    pylons: Mapping[int, PylonLook] = field(default_factory=dict)
+    pylons: Mapping[int, PylonCameraTask] = field(default_factory=dict)
     """By the segment that stands for a pylon and its viewpoints."""
 
     def __bool__(self) -> bool:
         """Return whether anything is asked for."""
         return bool(self.spans or self.pylons)
 
-    def wanted(self, segment: int) -> frozenset[str]:
+    def cameras_for(self, segment: int) -> frozenset[str]:
         """Return the cameras that a segment asks for."""
         pylon = self.pylons.get(segment)
         own = frozenset(look.camera for look in self.spans.get(segment, ()))
         return own if pylon is None else own | {pylon.camera}
 
-    def barred(self, vehicle: str, broken: Iterable[str] = ()) -> frozenset[int]:
+    def find_barred_segments(self, vehicle: str, broken: Iterable[str] = ()) -> frozenset[int]:
         """Return the segments that a vehicle cannot be given: it lacks a camera that they ask for.
 
         Args:
@@ -244,9 +244,9 @@ class Looks:
             broken: Cameras of it that do not work any more.
         """
         own = self.carriers.get(vehicle, frozenset()) - set(broken)
-        return frozenset(segment for segment in (*self.spans, *self.pylons) if not self.wanted(segment) <= own)
+        return frozenset(segment for segment in (*self.spans, *self.pylons) if not self.cameras_for(segment) <= own)
 
-    def captures(self, segment: int, *, height_m: float, standoff_m: float, reverse: bool) -> tuple[Capture, ...]:
+    def build_captures(self, segment: int, *, height_m: float, standoff_m: float, reverse: bool) -> tuple[Capture, ...]:
         """Return what cameras do along one segment.
 
         Args:
@@ -256,7 +256,7 @@ class Looks:
             reverse: Whether it is flown from b to a.
         """
         return tuple(
-            self._capture(look, math.degrees(math.atan2(height_m, standoff_m)), reverse)
+            self._build_capture(look, math.degrees(math.atan2(height_m, standoff_m)), reverse)
             for look in self.spans.get(segment, ())
         )
 
@@ -265,7 +265,9 @@ class Looks:
         """How far the lowest viewpoint of all lies below the common surface."""
         return max((look.deepest_m for look in self.pylons.values()), default=0.0)
 
-    def capture_at(self, look: PylonLook, stop: PylonStop, up_m: float, region: Region | None = None) -> Capture:
+    def build_capture_at(
+        self, look: PylonCameraTask, stop: PylonStop, up_m: float, region: Region | None = None
+    ) -> Capture:
         """Return what is done at a stop, once the vehicle has come to rest there.
 
         Args:
@@ -282,7 +284,7 @@ class Looks:
             points=stop.points,
         )  # fmt: skip
 
-    def _capture(self, look: SpanLook, below_deg: float, reverse: bool) -> Capture:
+    def _build_capture(self, look: SpanCameraTask, below_deg: float, reverse: bool) -> Capture:
         camera = self.cameras[look.camera]
         pitch_deg: int | None = None
         if camera.gimbal:
@@ -291,7 +293,7 @@ class Looks:
         return Capture(camera.name, camera.id, look.trigger, look.every_m, pitch_deg, yaw_deg, look.aim_deg)
 
 
-NO_LOOKS = Looks()
+NO_LOOKS = CameraTasks()
 
 
 def proof_of(camera: Camera, autopilot: str) -> PictureProof:

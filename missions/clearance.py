@@ -20,11 +20,11 @@ import numpy as np
 
 from missions import grids
 from missions.geo import FloatArray
-from missions.geometry import nearest_on
+from missions.geometry import find_nearest_on_legs
 from missions.network import Network
 from missions.safety import legs_m
 from missions.setup import LOWEST_FLIGHT_M, FlightSetup
-from missions.terrain import ground_place_words
+from missions.terrain import describe_ground_place
 from missions.waypoints import FlightPath, Phase
 
 BESIDE_M = 10.0
@@ -47,7 +47,7 @@ ROUNDING_M = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class OverGround:
+class HeightOverGround:
     """How high something is over the ground, and where."""
 
     height_m: float
@@ -72,38 +72,38 @@ class PowerLines:
     segments: np.ndarray[tuple[int], np.dtype[np.intp]]
     """(n,): which segment of the network each is."""
 
-    def name(self, index: int) -> str:
+    def name_of(self, index: int) -> str:
         """Return what people call a wall."""
         return self.network.segment_name(int(self.segments[index]))
 
-    def near(self, low_m: FloatArray, high_m: FloatArray) -> PowerLines:
+    def select_near(self, low_m: FloatArray, high_m: FloatArray) -> PowerLines:
         """Return those that come near to the box between two (2,) corners."""
         ends = np.stack((self.starts_m, self.starts_m + self.along_m))
         apart = (ends.max(axis=0) < low_m - NEAR_M) | (ends.min(axis=0) > high_m + NEAR_M)
-        return self.only(np.flatnonzero(~apart.any(axis=1)))
+        return self.select(np.flatnonzero(~apart.any(axis=1)))
 
-    def nearest_to_any(self, places_m: FloatArray) -> PowerLines:
+    def select_nearest(self, places_m: FloatArray) -> PowerLines:
         """Return those of which one is the nearest to a place, for each of (m, 2) places, and few others."""
         middle_m = places_m.mean(axis=0)
         around_m = float(np.hypot(*(places_m - middle_m).T).max())
-        away_m = self.nearest(middle_m[np.newaxis])[0][0]
+        away_m = self.find_nearest(middle_m[np.newaxis])[0][0]
         # No place is farther than this from the wall that is nearest to the middle, so its own is not either.
-        return self.only(np.flatnonzero(away_m <= float(away_m.min()) + 2.0 * around_m + ROUNDING_M))
+        return self.select(np.flatnonzero(away_m <= float(away_m.min()) + 2.0 * around_m + ROUNDING_M))
 
-    def only(self, kept: np.ndarray[tuple[int], np.dtype[np.intp]]) -> PowerLines:
+    def select(self, kept: np.ndarray[tuple[int], np.dtype[np.intp]]) -> PowerLines:
         """Return some of them."""
         return replace(
             self, starts_m=self.starts_m[kept], along_m=self.along_m[kept], ground_m=self.ground_m[kept],
             tops_m=self.tops_m[kept], segments=self.segments[kept],
         )  # fmt: skip
 
-    def nearest(self, places_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def find_nearest(self, places_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (m, n) distances over the ground of (m, 2) places, and where on each wall that is, from 0 to 1."""
-        return nearest_on(places_m, self.starts_m, self.along_m)
+        return find_nearest_on_legs(places_m, self.starts_m, self.along_m)
 
 
 @dataclass(frozen=True, slots=True)
-class Low:
+class ClearanceShortfall:
     """A place that is too low: by how much, and over what."""
 
     short_m: float
@@ -132,9 +132,12 @@ def check_clearance(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str
     found = []
     for path in paths:
         lows = []
-        for number, (leg, phase) in enumerate(_legs(setup, path)):
-            points, on_pad = _points(leg, STEP_M), phase in {Phase.TAKEOFF, Phase.LAND}
-            both = (lowest(walls, setup, points, on_pad=on_pad), None if on_pad else over_terrain(setup, points))
+        for number, (leg, phase) in enumerate(_iterate_legs(setup, path)):
+            points, on_pad = _sample_leg(leg, STEP_M), phase in {Phase.TAKEOFF, Phase.LAND}
+            both = (
+                find_line_shortfall(walls, setup, points, on_pad=on_pad),
+                None if on_pad else find_terrain_shortfall(setup, points),
+            )
             low = max((one for one in both if one is not None), key=lambda one: one.short_m, default=None)
             if low is not None:
                 lows.append((low.short_m, number, phase.value, low.words))
@@ -142,13 +145,13 @@ def check_clearance(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str
             _, number, phase_name, words = max(lows)
             others = f"; so do {len(lows) - 1} more of its legs" if len(lows) > 1 else ""
             found.append(f"{path.vehicle} on leg {number} ({phase_name}) comes {words}{others}")
-        low = _return_low(setup, path)
+        low = _find_return_shortfall(setup, path)
         if low is not None:
             found.append(f"{path.vehicle} on its own way home, level, comes {low.words}")
     return found
 
 
-def check_everywhere(setup: FlightSetup) -> list[str]:
+def check_network_clearance(setup: FlightSetup) -> list[str]:
     """Return in words where any flight over the network, of whatever plan, could come too near to a line.
 
     Held against the lines are the inspection legs of all segments and the surface that all other legs follow, in the
@@ -160,51 +163,53 @@ def check_everywhere(setup: FlightSetup) -> list[str]:
     network, found = setup.network, []
     legs = np.concatenate((setup.tracks_m, setup.layers.track_heights_m[..., np.newaxis]), axis=2)
     for number, leg in enumerate(legs):
-        low = lowest(walls, setup, _points(leg, STEP_M))
+        low = find_line_shortfall(walls, setup, _sample_leg(leg, STEP_M))
         if low is not None:
             found.append(f"the inspection of {network.segment_name(number)} comes {low.words}")
-        ground = over_terrain(setup, _points(leg, STEP_M))
+        ground = find_terrain_shortfall(setup, _sample_leg(leg, STEP_M))
         if ground is not None:
             found.append(f"the inspection of {network.segment_name(number)} comes {ground.words}")
-    for number, points in enumerate(_over_lines(setup)):
-        low = lowest(walls, setup, points)
+    for number, points in enumerate(_sample_over_lines(setup)):
+        low = find_line_shortfall(walls, setup, points)
         if low is not None:
             found.append(f"a transit over {network.segment_name(number)} could come {low.words}")
     return [*found, *check_area(setup)]
 
 
-def lowest_over_tops_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> float | None:
+def min_height_over_tops_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> float | None:
     """Return the least height of any leg over the top of a line within ``BESIDE_M`` of it; None without one."""
     walls = lines_of(setup)
     if walls is None:
         return None
     least_m = math.inf
     for path in paths:
-        for leg, _ in _legs(setup, path):
-            points = _points(leg, STEP_M)
-            close = walls.near(points[:, :2].min(axis=0), points[:, :2].max(axis=0))
-            away_m, share = close.nearest(points[:, :2])
-            over_m = points[:, 2, np.newaxis] - _between(close.tops_m, share)
+        for leg, _ in _iterate_legs(setup, path):
+            points = _sample_leg(leg, STEP_M)
+            close = walls.select_near(points[:, :2].min(axis=0), points[:, :2].max(axis=0))
+            away_m, share = close.find_nearest(points[:, :2])
+            over_m = points[:, 2, np.newaxis] - _interpolate_heights(close.tops_m, share)
             least_m = min(least_m, float(np.where(away_m < BESIDE_M, over_m, math.inf).min(initial=math.inf)))
     return None if math.isinf(least_m) else least_m
 
 
-def over_ground_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> tuple[OverGround, OverGround] | None:
+def find_height_extremes(
+    setup: FlightSetup, paths: Iterable[FlightPath]
+) -> tuple[HeightOverGround, HeightOverGround] | None:
     """Return the least and the largest height of a fleet's flights over the ground; None if nobody flies.
 
     The ground is the raster's, else that of the nearest place of a line or of the nearest pad, or the depot's
     everywhere on a flat site.
     Take-off and landing count with the height that they end or begin at.
     """
-    found: list[OverGround] = []
+    found: list[HeightOverGround] = []
     for path in paths:
-        legs = [leg for leg, phase in _legs(setup, path) if phase not in {Phase.TAKEOFF, Phase.LAND}]
+        legs = [leg for leg, phase in _iterate_legs(setup, path) if phase not in {Phase.TAKEOFF, Phase.LAND}]
         if legs:
-            points = _spread(legs)
-            heights_m, near = _over_ground(setup, points)
+            points = _sample_legs(legs)
+            heights_m, near = _measure_over_ground(setup, points)
             for index in (int(heights_m.argmin()), int(heights_m.argmax())):
                 name = setup.network.segment_name(int(near[index]))
-                found.append(OverGround(float(heights_m[index]), path.vehicle, name))
+                found.append(HeightOverGround(float(heights_m[index]), path.vehicle, name))
     if not found:
         return None
     return min(found, key=lambda one: one.height_m), max(found, key=lambda one: one.height_m)
@@ -212,10 +217,10 @@ def over_ground_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> tuple[Over
 
 def heights_over_ground_m(setup: FlightSetup, places_m: FloatArray) -> FloatArray:
     """Return (m,) heights of (m, 3) places over the ground as far as it is known, as `over_ground_m` knows it."""
-    return _over_ground(setup, places_m)[0]
+    return _measure_over_ground(setup, places_m)[0]
 
 
-def return_over_ground_m(setup: FlightSetup) -> OverGround:
+def find_max_return_height(setup: FlightSetup) -> HeightOverGround:
     """Return the highest that a vehicle's own level return is over the lowest ground that is known."""
     # Some autopilots take whole metres only, and a vehicle gets the next higher one.
     ups_m = {
@@ -225,16 +230,16 @@ def return_over_ground_m(setup: FlightSetup) -> OverGround:
     up_m, network = ups_m[highest], setup.network
     walls = lines_of(setup)
     if walls is None:
-        return OverGround(up_m, highest, "")
+        return HeightOverGround(up_m, highest, "")
     if setup.layers.known is not None:
         bottom = setup.layers.known.bottom
-        near = walls.nearest(np.array([bottom.place_m]))[0][0]
-        return OverGround(up_m - bottom.up_m, highest, network.segment_name(int(near.argmin())))
+        near = walls.find_nearest(np.array([bottom.place_m]))[0][0]
+        return HeightOverGround(up_m - bottom.up_m, highest, network.segment_name(int(near.argmin())))
     lowest = int(walls.ground_m.min(axis=1).argmin())
-    return OverGround(up_m - float(walls.ground_m.min()), highest, network.segment_name(lowest))
+    return HeightOverGround(up_m - float(walls.ground_m.min()), highest, network.segment_name(lowest))
 
 
-def highest_return_m(setup: FlightSetup, vehicle: str) -> float:
+def max_return_height_m(setup: FlightSetup, vehicle: str) -> float:
     """Return how high over its own home a vehicle may come home by itself without going above the ceiling."""
     walls = lines_of(setup)
     ground_m = 0.0 if walls is None else float(walls.ground_m.min())
@@ -249,7 +254,7 @@ def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
     ceiling_m = setup.inspection.ceiling_m
     return_ceiling_m = setup.inspection.return_ceiling_m or ceiling_m
     found = []
-    heights = over_ground_m(setup, paths)
+    heights = find_height_extremes(setup, paths)
     remedies = "fewer vehicles, a smaller layer_m or less of the network make it lower; a higher"
     if heights is not None and heights[1].height_m > ceiling_m:
         high = heights[1]
@@ -257,7 +262,7 @@ def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
             f"the mission of {high.vehicle} goes {high.height_m:.0f} m over the ground near {high.near}, above "
             f"{ceiling_m:g}: {remedies} inspection.ceiling_m needs a permit"
         )
-    own = return_over_ground_m(setup)
+    own = find_max_return_height(setup)
     if own.height_m > return_ceiling_m:
         where = f" near {own.near}" if own.near else ""
         found.append(
@@ -267,7 +272,7 @@ def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
     return found
 
 
-def over_terrain(setup: FlightSetup, points: FloatArray) -> Low | None:
+def find_terrain_shortfall(setup: FlightSetup, points: FloatArray) -> ClearanceShortfall | None:
     """Return what is worst about (m, 3) places over ground that a raster knows; None if nothing is."""
     if setup.terrain is None or not len(points):
         return None
@@ -275,16 +280,16 @@ def over_terrain(setup: FlightSetup, points: FloatArray) -> Low | None:
     over_m = points[:, 2] + setup.frame.alt_m - elevation.highest_m(points[:, :2])
     unknown = np.isnan(over_m)
     if unknown.any():
-        where = ground_place_words(points[int(unknown.argmax()), :2], setup.frame, setup.network)
-        return Low(math.inf, f"over ground that {elevation.source} does not know, {where}")
+        where = describe_ground_place(points[int(unknown.argmax()), :2], setup.frame, setup.network)
+        return ClearanceShortfall(math.inf, f"over ground that {elevation.source} does not know, {where}")
     worst = int(over_m.argmin())
     short_m = kept_m - float(over_m[worst])
     if short_m <= ROUNDING_M:
         return None
-    where = ground_place_words(points[worst, :2], setup.frame, setup.network)
+    where = describe_ground_place(points[worst, :2], setup.frame, setup.network)
     least_m = float(over_m[worst])
     words = f"within {least_m:.1f} m of the ground" if least_m >= 0 else f"{-least_m:.1f} m below the ground"
-    return Low(short_m, f"{words} {where}, {kept_m:.0f} m over it expected")
+    return ClearanceShortfall(short_m, f"{words} {where}, {kept_m:.0f} m over it expected")
 
 
 def check_area(setup: FlightSetup) -> list[str]:
@@ -296,24 +301,24 @@ def check_area(setup: FlightSetup) -> list[str]:
     step_m = max(SURFACE_STEP_M, math.sqrt(float((high_m - low_m).prod()) / MAX_POINTS))
     axes = (np.arange(low_m[axis] + 0.5 * step_m, high_m[axis], step_m) for axis in (0, 1))
     places_m = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    places_m = places_m[grids.inside(corners_m, places_m)]
-    low = over_terrain(setup, np.column_stack((places_m, layers.surface.at_m(places_m) - layers.tolerance_m)))
+    places_m = places_m[grids.is_inside_convex(corners_m, places_m)]
+    low = find_terrain_shortfall(setup, np.column_stack((places_m, layers.surface.at_m(places_m) - layers.tolerance_m)))
     return [] if low is None else [f"a transit could come {low.words}"]
 
 
-def _return_low(setup: FlightSetup, path: FlightPath) -> Low | None:
+def _find_return_shortfall(setup: FlightSetup, path: FlightPath) -> ClearanceShortfall | None:
     """Return what is worst about a vehicle's own ways home, level, from the ends of its legs and between them."""
     if setup.terrain is None or not path.waypoints:
         return None
     pad = setup.pad_of(path.vehicle)
     up_m = setup.return_height_m(path.vehicle) + setup.frame.up_m(pad.alt_m)
-    from_m = _spread([leg for leg, _ in _legs(setup, path)])[:, :2]
+    from_m = _sample_legs([leg for leg, _ in _iterate_legs(setup, path)])[:, :2]
     home_m = np.array([pad.east_m, pad.north_m])
     away_m = np.hypot(*(from_m - home_m).T)
     # Ways home from neighbouring places are nearly the same one: those of the places that are the farthest apart.
     from_m = from_m[np.argsort(-away_m)][:: max(1, len(from_m) // RETURNS)]
-    ways = [_points(np.array([(*place, up_m), (*home_m, up_m)]), RETURN_STEP_M) for place in from_m.tolist()]
-    return over_terrain(setup, np.concatenate(ways))
+    ways = [_sample_leg(np.array([(*place, up_m), (*home_m, up_m)]), RETURN_STEP_M) for place in from_m.tolist()]
+    return find_terrain_shortfall(setup, np.concatenate(ways))
 
 
 def lines_of(setup: FlightSetup, without: Collection[int] | None = None) -> PowerLines | None:
@@ -330,7 +335,7 @@ def lines_of(setup: FlightSetup, without: Collection[int] | None = None) -> Powe
     tops_m = ground_m + np.array([pylon.height_m for pylon in network.pylons], dtype=np.float64)
     ends = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
     lines = np.array([number for number in range(len(ends)) if number not in without], dtype=np.intp)
-    return _walls_of(network, ground_m[ends], tops_m[ends]).only(lines)
+    return _walls_of(network, ground_m[ends], tops_m[ends]).select(lines)
 
 
 def _walls_of(network: Network, ground_m: FloatArray, tops_m: FloatArray) -> PowerLines:
@@ -338,46 +343,46 @@ def _walls_of(network: Network, ground_m: FloatArray, tops_m: FloatArray) -> Pow
     return PowerLines(network, ends_m[:, 0], ends_m[:, 1] - ends_m[:, 0], ground_m, tops_m, np.arange(len(ends_m)))
 
 
-def _legs(setup: FlightSetup, path: FlightPath) -> Iterator[tuple[FloatArray, Phase]]:
+def _iterate_legs(setup: FlightSetup, path: FlightPath) -> Iterator[tuple[FloatArray, Phase]]:
     """Yield (2, 3) start and end of every leg, and what is done on it."""
     if path.waypoints:
         legs = legs_m(path, setup.frame, setup.frame.up_m(setup.pad_of(path.vehicle).alt_m))
         yield from zip(legs, (point.phase for point in path.waypoints), strict=True)
 
 
-def _points(leg: FloatArray, step_m: float) -> FloatArray:
+def _sample_leg(leg: FloatArray, step_m: float) -> FloatArray:
     """Return (m, 3) places on a leg, ends included."""
     steps = max(1, math.ceil(float(np.linalg.norm(leg[1] - leg[0])) / step_m))
     return np.asarray(leg[0] + np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis] * (leg[1] - leg[0]), dtype=np.float64)
 
 
-def _spread(legs: Sequence[FloatArray]) -> FloatArray:
+def _sample_legs(legs: Sequence[FloatArray]) -> FloatArray:
     """Return (m, 3) places on all legs, not many more than ``MAX_POINTS``."""
     length_m = sum(float(np.linalg.norm(leg[1] - leg[0])) for leg in legs)
-    return np.concatenate([_points(leg, max(SURFACE_STEP_M, length_m / MAX_POINTS)) for leg in legs])
+    return np.concatenate([_sample_leg(leg, max(SURFACE_STEP_M, length_m / MAX_POINTS)) for leg in legs])
 
 
-def _over_lines(setup: FlightSetup) -> Iterator[FloatArray]:
+def _sample_over_lines(setup: FlightSetup) -> Iterator[FloatArray]:
     """Yield for each segment (m, 3) places over and beside it, as low as a leg may be there."""
     network, layers = setup.network, setup.layers
     step_m = max(SURFACE_STEP_M, 3.0 * float(network.lengths_m.sum()) / MAX_POINTS)
     for ends_m in network.ends_m:
         line = np.column_stack((ends_m, np.zeros(2)))
-        places = _points(line, step_m)[:, :2]
+        places = _sample_leg(line, step_m)[:, :2]
         along = (ends_m[1] - ends_m[0]) / np.linalg.norm(ends_m[1] - ends_m[0])
         aside = BESIDE_M * np.array([along[1], -along[0]])
         places = np.concatenate((places, places + 0.99 * aside, places - 0.99 * aside))
         yield np.column_stack((places, layers.surface.at_m(places) - layers.tolerance_m))
 
 
-def _between(ends_m: FloatArray, share: FloatArray) -> FloatArray:
+def _interpolate_heights(ends_m: FloatArray, share: FloatArray) -> FloatArray:
     """Return (m, n) heights at the shares of the way along (n, 2) ends."""
     return np.asarray(ends_m[:, 0] + share * (ends_m[:, 1] - ends_m[:, 0]), dtype=np.float64)
 
 
-def lowest(
+def find_line_shortfall(
     walls: PowerLines, setup: FlightSetup, points: FloatArray, *, on_pad: bool = False, beside_m: float = BESIDE_M
-) -> Low | None:
+) -> ClearanceShortfall | None:
     """Return what is worst about (m, 3) places over lines and the ground at them; None if nothing is.
 
     Args:
@@ -387,33 +392,33 @@ def lowest(
         on_pad: Whether they lead up from the ground, or down to it.
         beside_m: So far beside a line nobody is below its top.
     """
-    close = walls.near(points[:, :2].min(axis=0), points[:, :2].max(axis=0))
+    close = walls.select_near(points[:, :2].min(axis=0), points[:, :2].max(axis=0))
     if not len(close.starts_m):
         return None
     kept_m = margin_m(setup)
-    away_m, share = close.nearest(points[:, :2])
-    over_tops_m = points[:, 2, np.newaxis] - _between(close.tops_m, share)
+    away_m, share = close.find_nearest(points[:, :2])
+    over_tops_m = points[:, 2, np.newaxis] - _interpolate_heights(close.tops_m, share)
     short_m = np.where(away_m < beside_m, kept_m - over_tops_m, -math.inf)
     worst = np.unravel_index(int(short_m.argmax()), short_m.shape)
     if short_m[worst] > ROUNDING_M:
-        over_m, name = float(over_tops_m[worst]), close.name(int(worst[1]))
+        over_m, name = float(over_tops_m[worst]), close.name_of(int(worst[1]))
         where = f"within {over_m:.1f} m over the top of {name}"
         if over_m < 0:
             where = f"{-over_m:.1f} m below the top of {name}, {away_m[worst]:.0f} m beside it"
-        return Low(float(short_m[worst]), f"{where}, {kept_m:.0f} m over it expected")
+        return ClearanceShortfall(float(short_m[worst]), f"{where}, {kept_m:.0f} m over it expected")
     if on_pad:
         return None
-    over_ground = points[:, 2, np.newaxis] - _between(close.ground_m, share)
+    over_ground = points[:, 2, np.newaxis] - _interpolate_heights(close.ground_m, share)
     short_m = np.where(away_m < NEAR_M, LOWEST_FLIGHT_M - over_ground, -math.inf)
     worst = np.unravel_index(int(short_m.argmax()), short_m.shape)
     if short_m[worst] <= ROUNDING_M:
         return None
-    over_m, name = float(over_ground[worst]), close.name(int(worst[1]))
+    over_m, name = float(over_ground[worst]), close.name_of(int(worst[1]))
     where = f"within {over_m:.1f} m of the ground" if over_m >= 0 else f"{-over_m:.1f} m below the ground"
-    return Low(float(short_m[worst]), f"{where} at {name}, {LOWEST_FLIGHT_M:g} m over it expected")
+    return ClearanceShortfall(float(short_m[worst]), f"{where} at {name}, {LOWEST_FLIGHT_M:g} m over it expected")
 
 
-def _over_ground(
+def _measure_over_ground(
     setup: FlightSetup, points: FloatArray
 ) -> tuple[FloatArray, np.ndarray[tuple[int], np.dtype[np.intp]]]:
     """Return (m,) heights of (m, 3) places over the nearest known ground, and the nearest segments."""
@@ -426,11 +431,11 @@ def _over_ground(
     heights_m, near = [], []
     for first in range(0, len(points), AT_ONCE):
         part = points[first : first + AT_ONCE]
-        close = walls.nearest_to_any(part[:, :2])
-        away_m, share = close.nearest(part[:, :2])
+        close = walls.select_nearest(part[:, :2])
+        away_m, share = close.find_nearest(part[:, :2])
         index = away_m.argmin(axis=1)
         every = np.arange(len(part))
-        ground_m = _between(close.ground_m, share)[every, index]
+        ground_m = _interpolate_heights(close.ground_m, share)[every, index]
         to_pads_m = np.hypot(part[:, np.newaxis, 0] - pads[:, 0], part[:, np.newaxis, 1] - pads[:, 1])
         if not flat:
             on_pad = to_pads_m.min(axis=1) < away_m[every, index]

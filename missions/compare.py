@@ -22,7 +22,9 @@ E7_TOLERANCE = 1
 """PX4 keeps degrees as float64 and multiplies them back."""
 
 
-def differences(sent: Sequence[MissionItem], read_back: Sequence[MissionItem], dialect: Dialect) -> tuple[str, ...]:
+def find_mission_differences(
+    sent: Sequence[MissionItem], read_back: Sequence[MissionItem], dialect: Dialect
+) -> tuple[str, ...]:
     """Return in words how the stored mission differs from the one that was sent; empty if it will fly the same.
 
     ``current`` is never compared: ArduPilot answers 0 everywhere, PX4 with the item that it is at.
@@ -35,23 +37,25 @@ def differences(sent: Sequence[MissionItem], read_back: Sequence[MissionItem], d
     if len(sent) != len(read_back):
         return (f"{len(sent)} items sent, {len(read_back)} read back",)
     return tuple(
-        f"item {ours.seq} ({_name(ours.command)}): {key} sent {was}, read back {now}"
+        f"item {ours.seq} ({_command_name(ours.command)}): {key} sent {was}, read back {now}"
         for ours, theirs in zip(sent, read_back, strict=True)
-        for key, was, now in _item_differences(ours, theirs, dialect)
+        for key, was, now in _find_item_differences(ours, theirs, dialect)
     )
 
 
-def alike(sent: Sequence[MissionItem], read_back: Sequence[MissionItem], dialect: Dialect) -> int:
+def count_common_items(sent: Sequence[MissionItem], read_back: Sequence[MissionItem], dialect: Dialect) -> int:
     """Return how many items two missions have in common from their beginning, by the measure of `differences`."""
     count = 0
     for ours, theirs in zip(sent, read_back, strict=False):
-        if any(True for _ in _item_differences(ours, theirs, dialect)):
+        if any(True for _ in _find_item_differences(ours, theirs, dialect)):
             break
         count += 1
     return count
 
 
-def _item_differences(ours: MissionItem, theirs: MissionItem, dialect: Dialect) -> Iterator[tuple[str, object, object]]:
+def _find_item_differences(
+    ours: MissionItem, theirs: MissionItem, dialect: Dialect
+) -> Iterator[tuple[str, object, object]]:
     if ours.seq != theirs.seq:
         yield "seq", ours.seq, theirs.seq
     if ours.seq == 0 and not dialect.home_reads_back:
@@ -59,41 +63,41 @@ def _item_differences(ours: MissionItem, theirs: MissionItem, dialect: Dialect) 
     if ours.command != theirs.command:
         yield "command", ours.command, theirs.command
         return
-    if not _same_frame(ours, theirs, dialect):
+    if not _is_same_frame(ours, theirs, dialect):
         yield "frame", ours.frame, theirs.frame
     if ours.autocontinue != theirs.autocontinue:
         yield "autocontinue", ours.autocontinue, theirs.autocontinue
     for key in ("param1", "param2", "param3", "param4"):
         was, now = getattr(ours, key), getattr(theirs, key)
         rewritten = key == "param4" and ours.command == Command.NAV_LAND and not dialect.land_yaw_kept
-        if not rewritten and not _same_float32(was, now):
+        if not rewritten and not _is_same_float32(was, now):
             yield key, was, now
-    yield from _place_differences(ours, theirs, dialect)
+    yield from _find_place_differences(ours, theirs, dialect)
 
 
-def _place_differences(
+def _find_place_differences(
     ours: MissionItem, theirs: MissionItem, dialect: Dialect
 ) -> Iterator[tuple[str, object, object]]:
     for key, was, now in (("x", ours.x, theirs.x), ("y", ours.y, theirs.y)):
         if abs(was - now) > E7_TOLERANCE:
             yield key, was, now
     # A stored height may have been cut, not rounded, to its step: one whole step, and float32 about it.
-    if not _same_float32(ours.z, theirs.z) and not abs(ours.z - theirs.z) <= 1.01 * dialect.height_step_m:
+    if not _is_same_float32(ours.z, theirs.z) and not abs(ours.z - theirs.z) <= 1.01 * dialect.height_step_m:
         yield "z", ours.z, theirs.z
 
 
-def _same_frame(ours: MissionItem, theirs: MissionItem, dialect: Dialect) -> bool:
+def _is_same_frame(ours: MissionItem, theirs: MissionItem, dialect: Dialect) -> bool:
     if ours.command not in _PLACE and dialect.commands_lose_frame and theirs.frame == Frame.GLOBAL:
         return True
     return _SAME_FRAME.get(ours.frame, ours.frame) == _SAME_FRAME.get(theirs.frame, theirs.frame)
 
 
-def _same_float32(a: float, b: float) -> bool:
+def _is_same_float32(a: float, b: float) -> bool:
     """Return whether two numbers are the same within two steps of float32; NaN is NaN."""
     if math.isnan(a) or math.isnan(b):
         return math.isnan(a) and math.isnan(b)
     return abs(a - b) <= 2.0 * float(np.spacing(np.float32(max(abs(a), abs(b)))))
 
 
-def _name(command: int) -> str:
+def _command_name(command: int) -> str:
     return Command(command).name if command in set(Command) else str(command)

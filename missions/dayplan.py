@@ -13,9 +13,9 @@ from pydantic import Field
 from missions.errors import PlanFileError
 from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
-from missions.planfile import PlanSegment, Solved, agrees
+from missions.planfile import PlanSegment, SolverRecord, is_same_figure
 from missions.pricing import Pricing
-from missions.sorties import flown_sorties
+from missions.sorties import build_priced_sorties
 from missions.validation import Figure, Text
 from planner import InstanceError
 from planner.sorties import (
@@ -26,8 +26,8 @@ from planner.sorties import (
     SortieInstance,
     SortiePlan,
     SortieVehicle,
+    count_packs_needed,
     evaluate_sorties,
-    packs_at_once,
 )
 
 Window = tuple[float, float]
@@ -64,20 +64,20 @@ class DayPlanFile:
     plan: SortiePlan
     evaluation: SortieEvaluation
     objective: Objective
-    solved: Solved
+    solved: SolverRecord
     windows: tuple[LossWindow, ...] = ()
     """Until when each vehicle must not be lost; empty if nobody looked."""
     source: str = field(default="day plan", compare=False)
     """Where it was read, for messages."""
 
-    def instance(self) -> SortieInstance:
+    def build_instance(self) -> SortieInstance:
         """Return the planning problem over positions in ``segments``.
 
         Raises:
             PlanFileError: its content does not make one.
         """
         try:
-            return flown_sorties(
+            return build_priced_sorties(
                 self.pricing, self.vehicles, self.pads, self.bases, self.days, self.transfer_s, able=self.able,
                 stagger_s=self.stagger_s,
             )  # fmt: skip
@@ -85,11 +85,11 @@ class DayPlanFile:
             raise PlanFileError(f"{self.source}: {error}") from error
 
     @property
-    def packs(self) -> tuple[int, ...]:
-        """Packs that each base needs, as ``packs_at_once`` has it."""
-        return packs_at_once(self.instance(), self.plan, self.evaluation)
+    def count_packs(self) -> tuple[int, ...]:
+        """Packs that each base needs, as ``count_packs_needed`` has it."""
+        return count_packs_needed(self.build_instance(), self.plan, self.evaluation)
 
-    def swaps(self, base: int) -> int:
+    def count_swaps(self, base: int) -> int:
         """Return how many sorties take a pack of a base."""
         return sum(one.base == base for own in self.plan.sorties for one in own)
 
@@ -102,11 +102,11 @@ def check_day_plan(content: DayPlanFile) -> list[str]:
     Raises:
         PlanFileError: its content makes no planning problem at all.
     """
-    return list(_findings(content))
+    return list(_check_content(content))
 
 
-def _findings(content: DayPlanFile) -> Iterator[str]:
-    computed = evaluate_sorties(content.instance(), content.plan)
+def _check_content(content: DayPlanFile) -> Iterator[str]:
+    computed = evaluate_sorties(content.build_instance(), content.plan)
     written = content.evaluation
     for number, own in enumerate(content.vehicles):
         for key, mine, its in (
@@ -114,12 +114,12 @@ def _findings(content: DayPlanFile) -> Iterator[str]:
             ("energy_pct", written.energies_pct[number], computed.energies_pct[number]),
         ):
             for index, (said, is_so) in enumerate(zip(mine, its, strict=True)):
-                if not agrees(said, is_so):
+                if not is_same_figure(said, is_so):
                     yield f"sortie {index + 1} of {own.name}: {key} is {said:.6g}, its content gives {is_so:.6g}"
     for key, said, is_so in (
         ("finish_s", written.finish_s, computed.finish_s),
         ("flight_s", written.flight_s, computed.flight_s),
     ):
-        if not agrees(said, is_so):
+        if not is_same_figure(said, is_so):
             yield f"{key} is {said:.6g}, its content gives {is_so:.6g}"
     yield from computed.violations

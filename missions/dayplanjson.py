@@ -12,15 +12,15 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from missions.dayplan import BasePlace, DayPlanFile
 from missions.errors import PlanFileError
-from missions.files import printable, read_text, write_document
+from missions.files import read_text, to_printable, write_document
 from missions.flight_model import Base, FlightModel, Speed
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
-from missions.planfile import PlanSegment, Solved
+from missions.planfile import PlanSegment, SolverRecord
 from missions.planjson import DepotPart, VisitPart, WindPart
 from missions.pricing import Pricing
-from missions.validation import Figure, Id, Place, Text, first_reason, is_none
+from missions.validation import Figure, Id, Place, Text, format_first_error, is_none
 from planner import PlanError, SteadyWind, is_reversed, segment_of, visit_of
 from planner.sorties import (
     LossWindow,
@@ -149,7 +149,7 @@ class DayPlanDocument(BaseModel):
     """Last, for it is by far the longest."""
 
     @model_validator(mode="after")
-    def _of_a_piece(self) -> DayPlanDocument:
+    def _check_consistency(self) -> DayPlanDocument:
         bases, names = [base.name for base in self.bases], [vehicle.name for vehicle in self.vehicles]
         for key, own in (("bases", bases), ("vehicles", names), ("segments", [one.id for one in self.segments])):
             if len(set(own)) < len(own):
@@ -161,23 +161,23 @@ class DayPlanDocument(BaseModel):
         return self
 
     @model_validator(mode="after")
-    def _vehicles_of_known(self) -> DayPlanDocument:
+    def _check_vehicles(self) -> DayPlanDocument:
         bases = [base.name for base in self.bases]
         for index, vehicle in enumerate(self.vehicles):
             for base in (vehicle.base, *vehicle.lands):
-                _expect(f"vehicles[{index}]", base, bases)
+                _check_known(f"vehicles[{index}]", base, bases)
             if len(vehicle.pads) != len(bases):
                 raise ValueError(f"vehicles[{index}].pads: expected {len(bases)}, got {len(vehicle.pads)}")
         return self
 
     @model_validator(mode="after")
-    def _sorties_of_known(self) -> DayPlanDocument:
+    def _check_sorties(self) -> DayPlanDocument:
         known = {segment.id for segment in self.segments}
         bases, names = [base.name for base in self.bases], [vehicle.name for vehicle in self.vehicles]
         for index, one in enumerate(self.sorties):
-            _expect(f"sorties[{index}].vehicle", one.vehicle, names)
+            _check_known(f"sorties[{index}].vehicle", one.vehicle, names)
             for base in (one.base, one.lands):
-                _expect(f"sorties[{index}]", base, bases)
+                _check_known(f"sorties[{index}]", base, bases)
             for visit in one.visits:
                 if visit.segment not in known:
                     raise ValueError(f"sorties[{index}].visits: expected ids of segments, got unknown {visit.segment}")
@@ -185,11 +185,11 @@ class DayPlanDocument(BaseModel):
             if segment not in known:
                 raise ValueError(f"uncovered: expected ids of segments, got unknown {segment}")
         for index, window in enumerate(self.windows):
-            _expect(f"windows[{index}].vehicle", window.vehicle, names)
+            _check_known(f"windows[{index}].vehicle", window.vehicle, names)
         return self
 
 
-def _expect(key: str, name: str, known: list[str]) -> None:
+def _check_known(key: str, name: str, known: list[str]) -> None:
     if name not in known:
         raise ValueError(f"{key}: expected one of {', '.join(known)}, got {name}")
 
@@ -211,7 +211,7 @@ def write_day_plan(path: Path | str, content: DayPlanFile) -> None:
         OSError: the file cannot be written.
     """
     path = Path(path)
-    document = day_plan_document(replace(content, source=str(path)))
+    document = build_day_plan_document(replace(content, source=str(path)))
     write_document(path, document)
 
 
@@ -224,14 +224,14 @@ def read_day_plan(path: Path | str) -> DayPlanFile:
     path = Path(path)
     text = read_text(path, "day plan", PlanFileError)
     try:
-        return _content(DayPlanDocument.model_validate_json(text), str(path))
+        return _read_content(DayPlanDocument.model_validate_json(text), str(path))
     except ValidationError as error:
-        raise PlanFileError(f"{path}: {first_reason(error)}") from error
+        raise PlanFileError(f"{path}: {format_first_error(error)}") from error
     except PlanError as error:
         raise PlanFileError(f"{path}: sorties: {error}") from error
 
 
-def day_plan_document(content: DayPlanFile) -> dict[str, object]:
+def build_day_plan_document(content: DayPlanFile) -> dict[str, object]:
     """Return what a day plan says, as JSON has it.
 
     Raises:
@@ -272,7 +272,7 @@ def day_plan_document(content: DayPlanFile) -> dict[str, object]:
         "seed": content.solved.seed, "solver": content.solved.solver, "seconds": content.solved.seconds,
         "sorties": [
             {
-                "vehicle": own.name, "day": _day(content, one.start_s), "base": names[one.base],
+                "vehicle": own.name, "day": _day_of(content, one.start_s), "base": names[one.base],
                 "lands": names[one.lands], "start_s": one.start_s,
                 "duration_s": content.evaluation.lasts_s[row][number],
                 "energy_pct": content.evaluation.energies_pct[row][number],
@@ -292,14 +292,14 @@ def day_plan_document(content: DayPlanFile) -> dict[str, object]:
     try:
         return DayPlanDocument.model_validate(document, from_attributes=True).model_dump(mode="json", by_alias=True)
     except ValidationError as error:
-        raise PlanFileError(f"{content.source}: {first_reason(error)}") from error
+        raise PlanFileError(f"{content.source}: {format_first_error(error)}") from error
 
 
-def _day(content: DayPlanFile, start_s: float) -> int:
+def _day_of(content: DayPlanFile, start_s: float) -> int:
     return next((day for day, (_, end) in enumerate(content.days, 1) if start_s < end), len(content.days))
 
 
-def _content(document: DayPlanDocument, source: str) -> DayPlanFile:
+def _read_content(document: DayPlanDocument, source: str) -> DayPlanFile:
     position = {segment.id: index for index, segment in enumerate(document.segments)}
     bases, names = [base.name for base in document.bases], [own.name for own in document.vehicles]
     power = SteadyWind(**dict(document.power))
@@ -336,20 +336,20 @@ def _content(document: DayPlanDocument, source: str) -> DayPlanFile:
         transfer_s=np.array([[math.inf if value is None else value for value in row] for row in document.transfers_s]),
         stagger_s=document.stagger_s,
         able=able,
-        plan=_plan(document, rows, position, bases),
+        plan=_read_sortie_plan(document, rows, position, bases),
         evaluation=SortieEvaluation(
             document.finish_s, document.flight_s, len(document.sorties),
             tuple(tuple(one.duration_s for one in own) for own in rows),
             tuple(tuple(one.energy_pct for one in own) for own in rows), (),
         ),
         objective=Objective(document.objective),
-        solved=Solved(printable(document.solver), document.seed, document.seconds),
+        solved=SolverRecord(to_printable(document.solver), document.seed, document.seconds),
         windows=tuple(LossWindow(names.index(one.vehicle), one.from_s, one.breaks) for one in document.windows),
         source=source,
     )  # fmt: skip
 
 
-def _plan(
+def _read_sortie_plan(
     document: DayPlanDocument, rows: list[list[SortiePart]], position: dict[int, int], bases: list[str]
 ) -> SortiePlan:
     def sortie(one: SortiePart) -> Sortie:

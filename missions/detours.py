@@ -27,7 +27,7 @@ WAYS_KEPT = 1 << 15
 
 
 @dataclass(frozen=True, slots=True)
-class Columns:
+class DetourObstacles:
     """What one vehicle's ways lead around."""
 
     centres_m: tuple[Place, ...] = ()
@@ -42,16 +42,16 @@ class Columns:
     def _corners_m(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray]:
         """Return (w, 2) corners of the ways from (n, 2) places to others."""
         if self.areas:
-            return self._around_both(starts_m, goals_m)
+            return self._find_ways_around(starts_m, goals_m)
         ends = zip(map(tuple, starts_m.tolist()), map(tuple, goals_m.tolist()), strict=True)
         return [
-            _kept_way_m(start, goal, self.centres_m, self.radius_m)
+            _cached_way_m(start, goal, self.centres_m, self.radius_m)
             if start <= goal
-            else _kept_way_m(goal, start, self.centres_m, self.radius_m)[::-1]
+            else _cached_way_m(goal, start, self.centres_m, self.radius_m)[::-1]
             for start, goal in ends
         ]
 
-    def _around_both(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray]:
+    def _find_ways_around(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray]:
         """Return ways around areas, and around the columns that these meet.
 
         Where no way leads around the areas, it is straight. Columns that the start or the goal is in are left out:
@@ -62,13 +62,13 @@ class Columns:
         if not self.centres_m:
             return ways
         centres_m = np.array(self.centres_m)
-        near_m = np.minimum(_apart_m(starts_m, centres_m), _apart_m(goals_m, centres_m))
-        for number in self._through_columns(near_m, starts_m, ways, goals_m):
+        near_m = np.minimum(_distances_m(starts_m, centres_m), _distances_m(goals_m, centres_m))
+        for number in self._find_blocked_ways(near_m, starts_m, ways, goals_m):
             others_m = centres_m[near_m[number] >= self.radius_m]
-            ways[number] = self._also_around(others_m, starts_m[number], ways[number], goals_m[number])
+            ways[number] = self._avoid_columns(others_m, starts_m[number], ways[number], goals_m[number])
         return ways
 
-    def _through_columns(
+    def _find_blocked_ways(
         self, near_m: FloatArray, starts_m: FloatArray, ways: list[FloatArray], goals_m: FloatArray
     ) -> list[int]:
         """Return which ways lead through a column that neither of their ends is in."""
@@ -81,7 +81,7 @@ class Columns:
             met[owner[(passed_m < self.radius_m - 1e-9) & (near_m[owner, centre] >= self.radius_m)]] = True
         return [int(number) for number in np.flatnonzero(met)]
 
-    def _also_around(
+    def _avoid_columns(
         self, centres_m: FloatArray, start_m: FloatArray, way_m: FloatArray, goal_m: FloatArray
     ) -> FloatArray:
         """Return a way around areas that leads around columns as well.
@@ -98,13 +98,13 @@ class Columns:
         legs_m = np.stack((np.array([start_m, *corners[:-1]]), np.array(corners)), axis=1)
         areas = graph_of(self.areas)
         apart_m = place_distances_m(legs_m, centres_m)
-        if not areas.met(legs_m[:, 0], legs_m[:, 1]).any() and (apart_m >= self.radius_m - 1e-9).all():
+        if not areas.is_blocked(legs_m[:, 0], legs_m[:, 1]).any() and (apart_m >= self.radius_m - 1e-9).all():
             return led_m
         columns = (column_of((float(east), float(north)), self.radius_m) for east, north in centres_m)
         (around_m,) = graph_of((*self.areas, *columns)).ways_m(start_m[np.newaxis], goal_m[np.newaxis])
         return way_m if around_m is None else around_m
 
-    def met(self, from_m: FloatArray, to_m: FloatArray) -> IntArray:
+    def find_obstructed(self, from_m: FloatArray, to_m: FloatArray) -> IntArray:
         """Return (k,) which of (n, 3) straight ways lead through a column that there is a way around, or an area."""
         start_m, along_m = from_m[:, :2], to_m[:, :2] - from_m[:, :2]
         squares = np.maximum((along_m**2).sum(axis=1), 1e-12)
@@ -116,15 +116,15 @@ class Columns:
             passed_m = np.hypot(*(away_m - share[:, np.newaxis] * along_m).T)
             hit |= (passed_m < self.radius_m - 1e-9) & (ends_m >= self.radius_m)
         if self.areas:
-            hit |= self._in_areas(from_m[:, :2], to_m[:, :2])
+            hit |= self._is_in_areas(from_m[:, :2], to_m[:, :2])
         return np.flatnonzero(hit)
 
-    def _in_areas(self, starts_m: FloatArray, goals_m: FloatArray) -> npt.NDArray[np.bool_]:
+    def _is_in_areas(self, starts_m: FloatArray, goals_m: FloatArray) -> npt.NDArray[np.bool_]:
         """Return (n,) whether straight ways lead through an area, or begin in one."""
         graph = graph_of(self.areas)
-        return np.asarray(graph.met(starts_m, goals_m) | graph.inside(starts_m))
+        return np.asarray(graph.is_blocked(starts_m, goals_m) | graph.is_inside(starts_m))
 
-    def ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
+    def iterate_ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
         """Yield ways around the columns, all with as many corners at once.
 
         Args:
@@ -140,11 +140,11 @@ class Columns:
             lengths.setdefault(len(way_m), []).append(number)
         for numbers in lengths.values():
             between_m = np.array([corners_m[number] for number in numbers])
-            yield np.array(numbers), _with_heights(from_m[numbers], to_m[numbers], between_m)
+            yield np.array(numbers), _add_heights(from_m[numbers], to_m[numbers], between_m)
 
 
-def led_around(
-    columns: Columns, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
+def price_detours(
+    columns: DetourObstacles, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
     along: Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]],
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Return seconds and energies of ways of which some lead around a column.
@@ -158,17 +158,17 @@ def led_around(
     """
     shape = straight[0].shape
     flat_from, flat_to = (np.broadcast_to(places, (*shape, 3)).reshape(-1, 3) for places in (from_m, to_m))
-    which = columns.met(flat_from, flat_to)
+    which = columns.find_obstructed(flat_from, flat_to)
     if len(which) == 0:
         return straight
     seconds, pct = straight[0].flatten(), straight[1].flatten()
-    for part, ways_m in columns.ways(flat_from[which], flat_to[which]):
+    for part, ways_m in columns.iterate_ways(flat_from[which], flat_to[which]):
         seconds[which[part]], pct[which[part]] = along(which[part], ways_m)
     return seconds.reshape(shape), pct.reshape(shape)
 
 
 @lru_cache(maxsize=WAYS_KEPT)
-def _kept_way_m(start: Place, goal: Place, centres: tuple[Place, ...], radius_m: float) -> FloatArray:
+def _cached_way_m(start: Place, goal: Place, centres: tuple[Place, ...], radius_m: float) -> FloatArray:
     """Return (w, 2) corners of a way around columns; each re-plan prices the same ways again, and so does the way back.
 
     They cannot be written to, as others have them too.
@@ -178,7 +178,7 @@ def _kept_way_m(start: Place, goal: Place, centres: tuple[Place, ...], radius_m:
     return way_m
 
 
-def _with_heights(from_m: FloatArray, to_m: FloatArray, corners_m: FloatArray) -> FloatArray:
+def _add_heights(from_m: FloatArray, to_m: FloatArray, corners_m: FloatArray) -> FloatArray:
     """Return (k, w + 2, 3) ways from (k, 3) places through (k, w, 2) corners to others, rising evenly."""
     level_m = np.concatenate((from_m[:, np.newaxis, :2], corners_m, to_m[:, np.newaxis, :2]), axis=1)
     legs_m = np.diff(level_m, axis=1)
@@ -190,6 +190,6 @@ def _with_heights(from_m: FloatArray, to_m: FloatArray, corners_m: FloatArray) -
     return np.concatenate((level_m, up_m[..., np.newaxis]), axis=2)
 
 
-def _apart_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
+def _distances_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
     off_m = places_m[:, np.newaxis] - others_m
     return np.asarray(np.hypot(off_m[..., 0], off_m[..., 1]))

@@ -39,7 +39,7 @@ class Tile:
     cell_m: float
     """How large a cell is over the ground."""
 
-    def rows_columns(self, places_m: FloatArray) -> FloatArray:
+    def to_rows_columns(self, places_m: FloatArray) -> FloatArray:
         """Return (m, 2) rows and columns of (m, 2) places."""
         shape = np.array(self.lattice.shape[:2])
         at = (places_m - np.array(self.low_m)) / self.step_m
@@ -51,12 +51,12 @@ class Tile:
         south, north = one + share_e * (two - one), three + share_e * (four - three)
         return np.asarray(south + share_n * (north - south), dtype=np.float64)
 
-    def around(self, places_m: FloatArray) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], FloatArray]:
+    def find_cells_around(self, places_m: FloatArray) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], FloatArray]:
         """Return (m, 4) rows and columns of the cells around places, and (m, 4) their shares in what lies between.
 
         Where a place is outside of the raster the shares are not numbers.
         """
-        at = self.rows_columns(places_m)
+        at = self.to_rows_columns(places_m)
         most = np.array(self.heights_m.shape) - 1
         outside = ((at < -EDGE) | (at > most + EDGE)).any(axis=1)
         first = np.clip(np.floor(np.nan_to_num(at)).astype(np.intp), 0, np.maximum(most - 1, 0))
@@ -69,9 +69,9 @@ class Tile:
         shares = np.stack(((1 - down) * (1 - right), (1 - down) * right, down * (1 - right), down * right), axis=1)
         return rows, columns, shares
 
-    def near_edge(self, places_m: FloatArray) -> npt.NDArray[np.bool_]:
+    def is_near_edge(self, places_m: FloatArray) -> npt.NDArray[np.bool_]:
         """Return (m,) which places have the raster's edge within a cell: the next raster knows what is beyond."""
-        at = self.rows_columns(places_m)
+        at = self.to_rows_columns(places_m)
         return np.asarray(((at < 1.0) | (at > np.array(self.heights_m.shape) - 2.0)).any(axis=1))
 
 
@@ -111,48 +111,49 @@ class Elevation:
         """Return (m,) the ground's heights at (m, 2) places, between the cells; not a number where nobody knows."""
 
         def between(tile: Tile, places_m: FloatArray) -> FloatArray:
-            rows, columns, shares = tile.around(places_m)
+            rows, columns, shares = tile.find_cells_around(places_m)
             return np.asarray((tile.heights_m[rows, columns] * shares).sum(axis=1), dtype=np.float64)
 
-        return self._looked_up(places_m, between, _first)
+        return self._look_up(places_m, between, _fill_unknown)
 
     def highest_m(self, places_m: FloatArray) -> FloatArray:
         """Return (m,) heights that the ground at (m, 2) places is not above: of the highest of the cells around."""
 
         def highest(tile: Tile, places_m: FloatArray) -> FloatArray:
-            rows, columns, shares = tile.around(places_m)
+            rows, columns, shares = tile.find_cells_around(places_m)
             known_m = tile.highest_m[rows, columns].max(axis=1).astype(np.float64)
             return np.where(np.isnan(shares[:, 0]), np.nan, known_m)
 
-        return self._looked_up(places_m, highest, np.fmax)
+        return self._look_up(places_m, highest, np.fmax)
 
     def lowest_m(self, places_m: FloatArray) -> FloatArray:
         """Return (m,) heights that the ground at (m, 2) places is not below: of the lowest of the cells around."""
 
         def lowest(tile: Tile, places_m: FloatArray) -> FloatArray:
-            rows, columns, shares = tile.around(places_m)
+            rows, columns, shares = tile.find_cells_around(places_m)
             known_m = tile.heights_m[rows, columns].min(axis=1).astype(np.float64)
             return np.where(np.isnan(shares[:, 0]), np.nan, known_m)
 
-        return self._looked_up(places_m, lowest, np.fmin)
+        return self._look_up(places_m, lowest, np.fmin)
 
     def grid_m(self, easts_m: FloatArray, norths_m: FloatArray) -> FloatArray:
         """Return (norths, easts) heights between the cells on a regular grid, for who draws it."""
         rows = [self.at_m(np.column_stack((easts_m, np.full(len(easts_m), north)))) for north in norths_m.tolist()]
         return np.array(rows, dtype=np.float64).reshape(len(norths_m), len(easts_m))
 
-    def _looked_up(
+    def _look_up(
         self,
         places_m: FloatArray,
         look: Callable[[Tile, FloatArray], FloatArray],
         joined: Callable[[FloatArray, FloatArray], FloatArray],
     ) -> FloatArray:
         parts = [
-            self._part(places_m[first : first + AT_ONCE], look, joined) for first in range(0, len(places_m), AT_ONCE)
+            self._look_up_part(places_m[first : first + AT_ONCE], look, joined)
+            for first in range(0, len(places_m), AT_ONCE)
         ]
         return np.concatenate(parts) if parts else np.zeros(0)
 
-    def _part(
+    def _look_up_part(
         self,
         places_m: FloatArray,
         look: Callable[[Tile, FloatArray], FloatArray],
@@ -163,7 +164,7 @@ class Elevation:
         for tile in self.tiles:
             found[wanted] = joined(found[wanted], look(tile, places_m[wanted]))
             # At a seam the cells around a place are of two rasters.
-            wanted = wanted[np.isnan(found[wanted]) | tile.near_edge(places_m[wanted])]
+            wanted = wanted[np.isnan(found[wanted]) | tile.is_near_edge(places_m[wanted])]
             if not len(wanted):
                 break
         return found
@@ -175,10 +176,10 @@ def box_of(places_m: FloatArray, margin_m: float) -> tuple[tuple[float, float], 
     return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
 
 
-def _first(known: FloatArray, other: FloatArray) -> FloatArray:
+def _fill_unknown(known: FloatArray, other: FloatArray) -> FloatArray:
     return np.where(np.isnan(known), other, known)
 
 
-def tiles_in_order(tiles: Sequence[Tile]) -> tuple[Tile, ...]:
+def sort_tiles(tiles: Sequence[Tile]) -> tuple[Tile, ...]:
     """Return tiles as an elevation has them."""
     return tuple(sorted(tiles, key=lambda tile: tile.cell_m))

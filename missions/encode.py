@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from missions.autopilots.dialect import Dialect
 from missions.errors import EncodeError
 from missions.items import Command, Frame, MissionItem
-from missions.payload import begin_items, end_items, heading_deg
+from missions.payload import build_begin_items, build_end_items, heading_deg
 from missions.waypoints import FlightPath, Phase, Waypoint
 
 GROUND_SPEED = 1.0
@@ -44,21 +44,21 @@ def encode(path: FlightPath, dialect: Dialect) -> EncodedMission:
     items: list[MissionItem] = []
     waypoint_of: list[int | None] = []
     if dialect.home_item:
-        items.append(_home(path.waypoints[0]))
+        items.append(_build_home_item(path.waypoints[0]))
         waypoint_of.append(None)
     speed_m_s: float | None = None
     for index, point in enumerate(path.waypoints):
         _check(path.vehicle, index, point)
         if point.phase not in (Phase.TAKEOFF, Phase.LAND) and point.speed_m_s != speed_m_s:
             speed_m_s = point.speed_m_s
-            items.append(_speed(len(items), speed_m_s, dialect))
+            items.append(_build_speed_item(len(items), speed_m_s, dialect))
             waypoint_of.append(index)
-        for item in begin_items(point, dialect):
+        for item in build_begin_items(point, dialect):
             items.append(replace(item, seq=len(items)))
             waypoint_of.append(index)
-        items.append(_place(len(items), point, dialect))
+        items.append(_build_place_item(len(items), point, dialect))
         waypoint_of.append(index)
-        for item in end_items(point, dialect):
+        for item in build_end_items(point, dialect):
             # It comes when the leg is over: who is there flies to the next waypoint.
             items.append(replace(item, seq=len(items)))
             waypoint_of.append(min(index + 1, len(path.waypoints) - 1))
@@ -81,13 +81,13 @@ def flag_current(mission: EncodedMission, seq: int | None) -> EncodedMission:
     return replace(mission, items=items)
 
 
-def _home(takeoff: Waypoint) -> MissionItem:
+def _build_home_item(takeoff: Waypoint) -> MissionItem:
     return MissionItem(
-        seq=0, frame=Frame.GLOBAL, command=Command.NAV_WAYPOINT, x=_e7(takeoff.lat_deg), y=_e7(takeoff.lon_deg)
+        seq=0, frame=Frame.GLOBAL, command=Command.NAV_WAYPOINT, x=_to_e7(takeoff.lat_deg), y=_to_e7(takeoff.lon_deg)
     )
 
 
-def _speed(seq: int, speed_m_s: float, dialect: Dialect) -> MissionItem:
+def _build_speed_item(seq: int, speed_m_s: float, dialect: Dialect) -> MissionItem:
     return MissionItem(
         seq=seq,
         frame=dialect.command_frame,
@@ -98,7 +98,7 @@ def _speed(seq: int, speed_m_s: float, dialect: Dialect) -> MissionItem:
     )
 
 
-def _place(seq: int, point: Waypoint, dialect: Dialect) -> MissionItem:
+def _build_place_item(seq: int, point: Waypoint, dialect: Dialect) -> MissionItem:
     command, param1, param2 = Command.NAV_WAYPOINT, 0.0, dialect.pass_radius_m
     if point.phase is Phase.TAKEOFF:
         command, param2 = Command.NAV_TAKEOFF, 0.0
@@ -115,13 +115,13 @@ def _place(seq: int, point: Waypoint, dialect: Dialect) -> MissionItem:
         param1=param1,
         param2=param2,
         param4=heading_deg(point, dialect),
-        x=_e7(point.lat_deg) if has_position else 0,
-        y=_e7(point.lon_deg) if has_position else 0,
+        x=_to_e7(point.lat_deg) if has_position else 0,
+        y=_to_e7(point.lon_deg) if has_position else 0,
         z=round(point.alt_rel_m, 2),
     )
 
 
-def _e7(angle_deg: float) -> int:
+def _to_e7(angle_deg: float) -> int:
     return round(angle_deg * 1e7)
 
 

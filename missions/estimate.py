@@ -47,14 +47,14 @@ def estimate(path: FlightPath, model: FlightModel, *, consumption: float = 1.0) 
     first = path.waypoints[0]
     ends_m = legs_m(path, LocalFrame(first.lat_deg, first.lon_deg))
     along_m = ends_m[:, 1] - ends_m[:, 0]
-    stops = np.array([_stops_at_end(path, along_m, index) for index in range(len(path.waypoints))], dtype=np.float64)
+    stops = np.array([_is_stop_at_end(path, along_m, index) for index in range(len(path.waypoints))], dtype=np.float64)
     at_rest = np.concatenate(([1.0], stops[:-1])) + stops
     speeds = np.array([point.speed_m_s for point in path.waypoints])
-    seconds, pct = model.legs(along_m, speeds, at_rest)
+    seconds, pct = model.price_legs(along_m, speeds, at_rest)
     performance = model.performance
     for index, point in enumerate(path.waypoints):
         if point.phase in (Phase.TAKEOFF, Phase.LAND):
-            upright = model.take_off if point.phase is Phase.TAKEOFF else model.landing
+            upright = model.price_take_off if point.phase is Phase.TAKEOFF else model.price_landing
             seconds[index], pct[index] = upright(np.abs(along_m[index, 2]))
             continue
         more_s = performance.settle_s * stops[index] + max(performance.hold_s, point.hover_s) * point.hold
@@ -62,19 +62,19 @@ def estimate(path: FlightPath, model: FlightModel, *, consumption: float = 1.0) 
         if index and stops[index - 1]:
             stays_there = math.hypot(along_m[index, 0], along_m[index, 1]) < UPRIGHT_M
             came_m = 0.0 if stays_there else math.hypot(before_m[0], before_m[1])  # it comes to rest going up
-            arrives_m_s = performance.arrives_m_s(np.array(came_m), speeds[index - 1])
+            arrives_m_s = performance.arrival_speed_m_s(np.array(came_m), speeds[index - 1])
             more_s += float(performance.turns_s(before_m, along_m[index], arrives_m_s))
         elif index:
             more_s += float(performance.corners_s(before_m, along_m[index], speeds[index]))
         seconds[index] += more_s
         pct[index] += more_s * model.hover_pct_per_s
-    paces = np.array([model.pace.of(point.phase) for point in path.waypoints])
+    paces = np.array([model.pace.factor_of(point.phase) for point in path.waypoints])
     seconds, pct = paces * seconds, consumption * paces * pct
     legs = tuple(LegEstimate(*leg) for leg in zip(seconds.tolist(), pct.tolist(), strict=True))
     return Estimate(float(seconds.sum()), float(pct.sum()), legs)
 
 
-def _stops_at_end(path: FlightPath, along_m: FloatArray, index: int) -> bool:
+def _is_stop_at_end(path: FlightPath, along_m: FloatArray, index: int) -> bool:
     point = path.waypoints[index]
     if point.hold or point.phase in (Phase.TAKEOFF, Phase.LAND) or index + 1 == len(path.waypoints):
         return True

@@ -12,8 +12,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from missions.geo import LocalFrame
-from missions.geometry import convex, twice_area
-from missions.items import Frame, MissionItem, Place
+from missions.geometry import build_convex_hull, twice_area
+from missions.items import Frame, MissionItem, PlaceCommand
 from missions.waypoints import FlightPath
 
 Corner = tuple[float, float]
@@ -38,24 +38,24 @@ class Fence:
     top_m: float
     """Over its own home."""
 
-    def outside_m(self, place_m: Corner) -> float:
+    def distance_outside_m(self, place_m: Corner) -> float:
         """Return how far outside a place is; 0 inside."""
-        if _inside(self.corners_m, place_m, 0.0):
+        if _is_inside_convex(self.corners_m, place_m, 0.0):
             return 0.0
-        return min(_distance_m(place_m, one, other) for one, other in _edges(self.corners_m))
+        return min(_distance_m(place_m, one, other) for one, other in _iterate_edges(self.corners_m))
 
-    def covers(self, other: Fence) -> bool:
+    def is_covering(self, other: Fence) -> bool:
         """Return whether everything inside the other one is inside this one."""
-        inside = all(_inside(self.corners_m, corner, COVERED_M) for corner in other.corners_m)
+        inside = all(_is_inside_convex(self.corners_m, corner, COVERED_M) for corner in other.corners_m)
         return inside and other.top_m <= self.top_m + COVERED_M
 
-    def with_(self, other: Fence) -> Fence:
+    def merge_with(self, other: Fence) -> Fence:
         """Return the least fence of its kind that covers both."""
-        corners = fewer(hull((*self.corners_m, *other.corners_m)))
+        corners = simplify_polygon(build_fence_hull((*self.corners_m, *other.corners_m)))
         return Fence(corners, max(self.top_m, other.top_m))
 
 
-def fence_around(places_m: Iterable[Corner], margin_m: float, top_m: float) -> Fence:
+def build_fence(places_m: Iterable[Corner], margin_m: float, top_m: float) -> Fence:
     """Return the fence of a vehicle that flies straight from place to place, and straight home from anywhere.
 
     Args:
@@ -67,10 +67,10 @@ def fence_around(places_m: Iterable[Corner], margin_m: float, top_m: float) -> F
     turns = [2.0 * math.pi * (number + 0.5) / ROUND for number in range(ROUND)]
     around = [
         (east_m + reach_m * math.cos(turn), north_m + reach_m * math.sin(turn))
-        for east_m, north_m in hull(tuple(places_m))
+        for east_m, north_m in build_fence_hull(tuple(places_m))
         for turn in turns
     ]
-    corners = fewer(hull(around))
+    corners = simplify_polygon(build_fence_hull(around))
     return Fence(corners, top_m)
 
 
@@ -80,21 +80,21 @@ def flown_places(pad_m: Corner, path: FlightPath | None, frame: LocalFrame) -> l
     return [pad_m, *(frame.to_local_m(point.lat_deg, point.lon_deg) for point in waypoints)]
 
 
-def hull(places_m: Sequence[Corner]) -> tuple[Corner, ...]:
+def build_fence_hull(places_m: Sequence[Corner]) -> tuple[Corner, ...]:
     """Return the convex hull, counter-clockwise and without corners on a straight edge, to a millimetre.
 
     >>> hull([(0.0, 0.0), (2.0, 0.0), (1.0, 0.1), (2.0, 2.0), (0.0, 2.0)])
     ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
     """
     ordered = sorted({(round(east_m, 3), round(north_m, 3)) for east_m, north_m in places_m})
-    return convex(ordered, 1e-9)
+    return build_convex_hull(ordered, 1e-9)
 
 
-def fewer(corners_m: Sequence[Corner], most: int = MOST_CORNERS) -> tuple[Corner, ...]:
+def simplify_polygon(corners_m: Sequence[Corner], most: int = MOST_CORNERS) -> tuple[Corner, ...]:
     """Return a convex polygon around another one, with few corners: edges are left out, and their neighbours go on."""
     corners = list(corners_m)
     while len(corners) > max(most, 4):
-        ways = [way for index in range(len(corners)) if (way := _without_edge(corners, index)) is not None]
+        ways = [way for index in range(len(corners)) if (way := _find_edge_removal(corners, index)) is not None]
         if not ways:
             break
         _, index, corner = min(ways)
@@ -104,25 +104,25 @@ def fewer(corners_m: Sequence[Corner], most: int = MOST_CORNERS) -> tuple[Corner
     return tuple(corners)
 
 
-def fence_items(fence: Fence, frame: LocalFrame) -> tuple[MissionItem, ...]:
+def build_fence_items(fence: Fence, frame: LocalFrame) -> tuple[MissionItem, ...]:
     """Return a fence as it goes on board."""
-    placed = [_e7(frame, corner) for corner in fence.corners_m]
+    placed = [_to_e7(frame, corner) for corner in fence.corners_m]
     return tuple(
-        MissionItem(seq, Frame.GLOBAL, Place.INCLUSION_VERTEX, float(len(placed)), x=x, y=y)
+        MissionItem(seq, Frame.GLOBAL, PlaceCommand.INCLUSION_VERTEX, float(len(placed)), x=x, y=y)
         for seq, (x, y) in enumerate(placed)
     )
 
 
-def rally_items(places_m: Iterable[Corner], frame: LocalFrame) -> tuple[MissionItem, ...]:
+def build_rally_items(places_m: Iterable[Corner], frame: LocalFrame) -> tuple[MissionItem, ...]:
     """Return rally points on the level of the vehicle's home, as they go on board."""
     return tuple(
-        MissionItem(seq, Frame.GLOBAL_RELATIVE_ALT, Place.RALLY_POINT, x=x, y=y)
+        MissionItem(seq, Frame.GLOBAL_RELATIVE_ALT, PlaceCommand.RALLY_POINT, x=x, y=y)
         for seq, place in enumerate(places_m)
-        for x, y in (_e7(frame, place),)
+        for x, y in (_to_e7(frame, place),)
     )
 
 
-def place_differences(sent: Sequence[MissionItem], read_back: Sequence[MissionItem]) -> tuple[str, ...]:
+def find_list_differences(sent: Sequence[MissionItem], read_back: Sequence[MissionItem]) -> tuple[str, ...]:
     """Return in words how a fence, or rally points, on board differ from what was sent; empty if they mean the same.
 
     Frames are not compared: ArduPilot answers 0, PX4 the number that counts in integers. Nor are flags, which mean
@@ -139,14 +139,14 @@ def place_differences(sent: Sequence[MissionItem], read_back: Sequence[MissionIt
             ("x", ours.x, theirs.x, READ_BACK_E7),
             ("y", ours.y, theirs.y, READ_BACK_E7),
             # ArduPilot keeps the heights of rally points in whole metres.
-            ("z", ours.z, theirs.z, 1.01 if ours.command == Place.RALLY_POINT else math.inf),
+            ("z", ours.z, theirs.z, 1.01 if ours.command == PlaceCommand.RALLY_POINT else math.inf),
         )
         if abs(was - now) > least
     )
 
 
 @dataclass(frozen=True, slots=True)
-class Outline:
+class FenceOutline:
     """One shape of a fence that somebody put on board."""
 
     keeps_out: bool
@@ -155,32 +155,32 @@ class Outline:
     radius_m: float | None = None
     """Of a circle."""
 
-    def allows(self, place_m: Corner) -> bool:
+    def is_allowed(self, place_m: Corner) -> bool:
         """Return whether a vehicle may be there, as far as this shape goes."""
         if self.radius_m is None:
-            inside = _within(self.corners_m, place_m)
+            inside = _is_within(self.corners_m, place_m)
         else:
             inside = math.dist(self.corners_m[0], place_m) <= self.radius_m
         return inside is not self.keeps_out
 
 
-def outlines(items: Sequence[MissionItem], frame: LocalFrame) -> tuple[Outline, ...]:
+def parse_outlines(items: Sequence[MissionItem], frame: LocalFrame) -> tuple[FenceOutline, ...]:
     """Return the shapes of a fence on board; what is none of them, such as a return point, is left out."""
-    shapes, index = list[Outline](), 0
+    shapes, index = list[FenceOutline](), 0
     while index < len(items):
         item, size = items[index], 1
-        keeps_out = item.command in {Place.EXCLUSION_VERTEX, Place.EXCLUSION_CIRCLE}
-        if item.command in {Place.INCLUSION_VERTEX, Place.EXCLUSION_VERTEX}:
+        keeps_out = item.command in {PlaceCommand.EXCLUSION_VERTEX, PlaceCommand.EXCLUSION_CIRCLE}
+        if item.command in {PlaceCommand.INCLUSION_VERTEX, PlaceCommand.EXCLUSION_VERTEX}:
             size = max(1, int(item.param1))
             ring = items[index : index + size]
-            shapes.append(Outline(keeps_out, tuple(_local(frame, one) for one in ring)))
-        elif item.command in {Place.INCLUSION_CIRCLE, Place.EXCLUSION_CIRCLE}:
-            shapes.append(Outline(keeps_out, (_local(frame, item),), item.param1))
+            shapes.append(FenceOutline(keeps_out, tuple(_to_local(frame, one) for one in ring)))
+        elif item.command in {PlaceCommand.INCLUSION_CIRCLE, PlaceCommand.EXCLUSION_CIRCLE}:
+            shapes.append(FenceOutline(keeps_out, (_to_local(frame, item),), item.param1))
         index += size
     return tuple(shapes)
 
 
-def first_outside(shapes: Sequence[Outline], way_m: Sequence[Corner], step_m: float = 2.0) -> Corner | None:
+def find_first_outside(shapes: Sequence[FenceOutline], way_m: Sequence[Corner], step_m: float = 2.0) -> Corner | None:
     """Return the first place on a way, straight from place to place, where a fence on board is left; None if none is.
 
     Both autopilots want a vehicle inside every inclusion and outside every exclusion.
@@ -190,28 +190,30 @@ def first_outside(shapes: Sequence[Outline], way_m: Sequence[Corner], step_m: fl
         for step in range(steps + 1):
             share = step / steps
             place = (one[0] + share * (other[0] - one[0]), one[1] + share * (other[1] - one[1]))
-            if not all(shape.allows(place) for shape in shapes):
+            if not all(shape.is_allowed(place) for shape in shapes):
                 return place
     return None
 
 
-def numbered(items: Iterable[MissionItem]) -> tuple[MissionItem, ...]:
+def number_items(items: Iterable[MissionItem]) -> tuple[MissionItem, ...]:
     """Return items that were read from a vehicle as they are sent back to it."""
     return tuple(replace(item, seq=seq, current=False) for seq, item in enumerate(items))
 
 
-def _edges(corners: Sequence[Corner]) -> Iterable[tuple[Corner, Corner]]:
+def _iterate_edges(corners: Sequence[Corner]) -> Iterable[tuple[Corner, Corner]]:
     return zip(corners, (*corners[1:], corners[0]), strict=True)
 
 
-def _inside(corners: Sequence[Corner], place: Corner, slack_m: float) -> bool:
-    return all(twice_area(one, other, place) >= -slack_m * math.dist(one, other) for one, other in _edges(corners))
+def _is_inside_convex(corners: Sequence[Corner], place: Corner, slack_m: float) -> bool:
+    return all(
+        twice_area(one, other, place) >= -slack_m * math.dist(one, other) for one, other in _iterate_edges(corners)
+    )
 
 
-def _within(corners: Sequence[Corner], place: Corner) -> bool:
+def _is_within(corners: Sequence[Corner], place: Corner) -> bool:
     """Return whether a place is in any polygon, by the edges that a line to the east crosses."""
     inside = False
-    for (east_a, north_a), (east_b, north_b) in _edges(corners):
+    for (east_a, north_a), (east_b, north_b) in _iterate_edges(corners):
         if (north_a > place[1]) is not (north_b > place[1]):
             crosses = east_a + (place[1] - north_a) / (north_b - north_a) * (east_b - east_a)
             inside ^= place[0] < crosses
@@ -226,7 +228,7 @@ def _distance_m(place: Corner, one: Corner, other: Corner) -> float:
     return math.dist(place, (one[0] + share * along[0], one[1] + share * along[1]))
 
 
-def _without_edge(corners: Sequence[Corner], index: int) -> tuple[float, int, Corner] | None:
+def _find_edge_removal(corners: Sequence[Corner], index: int) -> tuple[float, int, Corner] | None:
     """Return what leaving the edge from a corner on out adds in area, and the corner that takes the place of both."""
     count = len(corners)
     before, one = corners[index - 1], corners[index]
@@ -241,10 +243,10 @@ def _without_edge(corners: Sequence[Corner], index: int) -> tuple[float, int, Co
     return abs(twice_area(one, corner, other)), index, corner
 
 
-def _e7(frame: LocalFrame, corner: Corner) -> tuple[int, int]:
+def _to_e7(frame: LocalFrame, corner: Corner) -> tuple[int, int]:
     lat_deg, lon_deg = frame.to_wgs84_deg(*corner)
     return round(lat_deg * 1e7), round(lon_deg * 1e7)
 
 
-def _local(frame: LocalFrame, item: MissionItem) -> Corner:
+def _to_local(frame: LocalFrame, item: MissionItem) -> Corner:
     return frame.to_local_m(item.x / 1e7, item.y / 1e7)

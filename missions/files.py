@@ -27,10 +27,10 @@ def read_text(path: Path, what: str, error: type[Exception]) -> str:
         content = path.read_bytes()
     except OSError as reason:
         raise error(f"{path}: file: expected a readable {what}: {reason.strerror}") from reason
-    return decoded(content, str(path), error)
+    return decode_text(content, str(path), error)
 
 
-def decoded(content: bytes, source: str, error: type[Exception]) -> str:
+def decode_text(content: bytes, source: str, error: type[Exception]) -> str:
     """Return the text that bytes are in UTF-8, without a byte order mark."""
     try:
         return content.decode("utf-8-sig")
@@ -102,7 +102,7 @@ def is_figure(value: object) -> TypeGuard[int | float]:
     return is_number(value) and abs(value) <= MOST_FIGURE
 
 
-def printable(text: str) -> str:
+def to_printable(text: str) -> str:
     """Return a name for people: on one line, without what a terminal would not show."""
     return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
 

@@ -53,7 +53,7 @@ class FlightModel:
     pace: Pace = AS_MODELLED
     """What is known of this very vehicle: on its moves as a whole."""
 
-    def legs(self, along_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def price_legs(self, along_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (...) float64 seconds and energies in percent of a full battery of straight legs.
 
         Args:
@@ -78,17 +78,17 @@ class FlightModel:
         """What a second at rest over a place uses."""
         return float(self._rates_pct_per_s(np.zeros(2)))
 
-    def take_off(self, climb_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def price_take_off(self, climb_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return seconds and energies of climbs from the pad."""
         seconds = self.performance.take_off_s(climb_m)
         return seconds, np.asarray((seconds + CLIMB_SHARE_PER_M_S * climb_m) * self.hover_pct_per_s)
 
-    def landing(self, drop_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def price_landing(self, drop_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return seconds and energies of landings from over the pad."""
         seconds = self.performance.landing_s(drop_m)
         return seconds, np.asarray(seconds * self.hover_pct_per_s)
 
-    def moves(
+    def price_moves(
         self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray,
         down: BoolArray = NEVER,
     ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
@@ -104,84 +104,90 @@ class FlightModel:
         there_m, along_m = first_m - from_m, last_m - first_m
         away = np.hypot(there_m[..., 0], there_m[..., 1]) > SAME_PLACE_M
         hold_s = self.performance.hold_s
-        transit_s, transit_pct = self._transit(facing_m, there_m, hold_s)
+        transit_s, transit_pct = self._price_transit(facing_m, there_m, hold_s)
         before_m = np.where(away[..., np.newaxis], there_m, facing_m)
-        before_m = nowhere_where(down, before_m)
+        before_m = arrival_vectors_m(down, before_m)
         fast_m_s = np.where(away, self.transit_speed_m_s, self.inspection_speed_m_s)
-        inspect_s, inspect_pct = self._inspection(before_m, self._arrives_m_s(before_m, fast_m_s), along_m)
+        inspect_s, inspect_pct = self._price_inspection(before_m, self._arrival_speed_m_s(before_m, fast_m_s), along_m)
         seconds = np.where(away, transit_s, 0.0) + inspect_s
         return np.asarray(seconds), np.asarray(np.where(away, transit_pct, 0.0) + inspect_pct)
 
-    def moves_along(
+    def price_moves_along(
         self, facing_m: FloatArray, ways_m: FloatArray, last_m: FloatArray, down: BoolArray = NEVER
     ) -> tuple[FloatArray, FloatArray]:
         """Return (k,) seconds and energies of moves whose transits lead through (k, w, 3) places."""
-        transit_s, transit_pct = self._transit_along(facing_m, ways_m, self.performance.hold_s)
+        transit_s, transit_pct = self._price_transit_along(facing_m, ways_m, self.performance.hold_s)
         before_m, along_m = ways_m[:, -1] - ways_m[:, -2], last_m - ways_m[:, -1]
-        before_m = nowhere_where(down, before_m)
-        arrives_m_s = self._arrives_m_s(before_m, self.transit_speed_m_s)
-        inspect_s, inspect_pct = self._inspection(before_m, arrives_m_s, along_m)
+        before_m = arrival_vectors_m(down, before_m)
+        arrives_m_s = self._arrival_speed_m_s(before_m, self.transit_speed_m_s)
+        inspect_s, inspect_pct = self._price_inspection(before_m, arrives_m_s, along_m)
         return transit_s + inspect_s, transit_pct + inspect_pct
 
-    def ways_home(self, from_m: FloatArray, facing_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
+    def price_ways_home(self, from_m: FloatArray, facing_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
         """Return seconds and energies of the ways from rest (..., 3) onto a pad."""
         there_m = np.array(base.place_m) - from_m
-        level_s, level_pct = self._transit(facing_m, there_m, 0.0)
-        land_s, land_pct = self.landing(np.array(base.climb_m))
+        level_s, level_pct = self._price_transit(facing_m, there_m, 0.0)
+        land_s, land_pct = self.price_landing(np.array(base.climb_m))
         return level_s + land_s, level_pct + land_pct
 
-    def ways_home_along(self, facing_m: FloatArray, ways_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
+    def price_ways_home_along(
+        self, facing_m: FloatArray, ways_m: FloatArray, base: Base
+    ) -> tuple[FloatArray, FloatArray]:
         """Return (k,) the same of ways through (k, w, 3) places."""
-        level_s, level_pct = self._transit_along(facing_m, ways_m, 0.0)
-        land_s, land_pct = self.landing(np.array(base.climb_m))
+        level_s, level_pct = self._price_transit_along(facing_m, ways_m, 0.0)
+        land_s, land_pct = self.price_landing(np.array(base.climb_m))
         return level_s + land_s, level_pct + land_pct
 
-    def upright(self, rise_m: float) -> tuple[float, float]:
+    def price_vertical(self, rise_m: float) -> tuple[float, float]:
         """Return seconds and energy of a way straight up, or below zero down, with the stop at its end."""
-        seconds, pct = self._transit(UNKNOWN, np.array([0.0, 0.0, rise_m]), self.performance.hold_s)
+        seconds, pct = self._price_transit(UNKNOWN, np.array([0.0, 0.0, rise_m]), self.performance.hold_s)
         return float(seconds), float(pct)
 
-    def _transit_along(self, before_m: FloatArray, ways_m: FloatArray, hold_s: float) -> tuple[FloatArray, FloatArray]:
+    def _price_transit_along(
+        self, before_m: FloatArray, ways_m: FloatArray, hold_s: float
+    ) -> tuple[FloatArray, FloatArray]:
         """Return (k,) seconds and energies from stop to stop through (k, w, 3) places; those between are passed."""
         along_m = np.diff(ways_m, axis=1)
         speed_m_s = np.full(along_m.shape[:-1], self.transit_speed_m_s)
         ends = np.zeros(along_m.shape[:-1])
         ends[:, 0] += 1.0
         ends[:, -1] += 1.0
-        seconds, pct = self.legs(along_m, speed_m_s, ends)
+        seconds, pct = self.price_legs(along_m, speed_m_s, ends)
         own = self.performance
-        arrives_m_s = self._arrives_m_s(before_m, self.inspection_speed_m_s)
+        arrives_m_s = self._arrival_speed_m_s(before_m, self.inspection_speed_m_s)
         stays_s = own.settle_s + hold_s + own.turns_s(before_m, along_m[:, 0], arrives_m_s)
         stays_s = stays_s + own.corners_s(along_m[:, :-1], along_m[:, 1:], speed_m_s[:, 1:]).sum(axis=1)
         pace = self.pace.transit
         return pace * (seconds.sum(axis=1) + stays_s), pace * (pct.sum(axis=1) + stays_s * self.hover_pct_per_s)
 
-    def _transit(self, before_m: FloatArray, along_m: FloatArray, hold_s: float) -> tuple[FloatArray, FloatArray]:
-        arrives_m_s = self._arrives_m_s(before_m, self.inspection_speed_m_s)
+    def _price_transit(self, before_m: FloatArray, along_m: FloatArray, hold_s: float) -> tuple[FloatArray, FloatArray]:
+        arrives_m_s = self._arrival_speed_m_s(before_m, self.inspection_speed_m_s)
         turns_s = self.performance.turns_s(before_m, along_m, arrives_m_s)
-        return self._stopping(along_m, self.transit_speed_m_s, hold_s + turns_s, self.pace.transit)
+        return self._price_stopping_leg(along_m, self.transit_speed_m_s, hold_s + turns_s, self.pace.transit)
 
-    def _inspection(
+    def _price_inspection(
         self, before_m: FloatArray, arrives_m_s: FloatArray, along_m: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         turns_s = self.performance.turns_s(before_m, along_m, arrives_m_s)
-        return self._stopping(along_m, self.inspection_speed_m_s, self.performance.hold_s + turns_s, self.pace.inspect)
+        return self._price_stopping_leg(
+            along_m, self.inspection_speed_m_s, self.performance.hold_s + turns_s, self.pace.inspect
+        )
 
-    def _stopping(
+    def _price_stopping_leg(
         self, along_m: FloatArray, speed_m_s: float, stays_s: FloatArray, pace: float
     ) -> tuple[FloatArray, FloatArray]:
         shape = along_m.shape[:-1]
-        seconds, pct = self.legs(along_m, np.full(shape, speed_m_s), np.full(shape, 2.0))
+        seconds, pct = self.price_legs(along_m, np.full(shape, speed_m_s), np.full(shape, 2.0))
         stays_s = self.performance.settle_s + stays_s
         return pace * (seconds + stays_s), pace * (pct + stays_s * self.hover_pct_per_s)
 
-    def _arrives_m_s(self, before_m: FloatArray, speed_m_s: FloatArray | float) -> FloatArray:
-        return self.performance.arrives_m_s(np.hypot(before_m[..., 0], before_m[..., 1]), speed_m_s)
+    def _arrival_speed_m_s(self, before_m: FloatArray, speed_m_s: FloatArray | float) -> FloatArray:
+        return self.performance.arrival_speed_m_s(np.hypot(before_m[..., 0], before_m[..., 1]), speed_m_s)
 
     def _rates_pct_per_s(self, velocities_m_s: FloatArray) -> FloatArray:
         return self.power.rates_pct_per_s(velocities_m_s[..., 0], velocities_m_s[..., 1])
 
 
-def nowhere_where(upright: BoolArray, along_m: FloatArray) -> FloatArray:
+def arrival_vectors_m(upright: BoolArray, along_m: FloatArray) -> FloatArray:
     """Return along what vehicles arrive: nobody who comes straight up or down arrives along anything."""
     return np.where(upright[..., np.newaxis], UNKNOWN, along_m) if upright.any() else along_m

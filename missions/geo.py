@@ -39,7 +39,7 @@ def distance_m(lat_a_deg: float, lon_a_deg: float, lat_b_deg: float, lon_b_deg: 
 
 
 @lru_cache(maxsize=64)
-def _projection(lat_deg: float, lon_deg: float) -> pyproj.Proj:
+def _build_projection(lat_deg: float, lon_deg: float) -> pyproj.Proj:
     return pyproj.Proj(proj="aeqd", lat_0=lat_deg, lon_0=lon_deg, ellps="WGS84")
 
 
@@ -69,22 +69,22 @@ class LocalFrame:
 
     def to_local_m(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
         """Return east and north of a place in metres."""
-        east, north = _projection(self.lat_deg, self.lon_deg)(lon_deg, lat_deg)
+        east, north = _build_projection(self.lat_deg, self.lon_deg)(lon_deg, lat_deg)
         return float(east), float(north)
 
     def to_wgs84_deg(self, east_m: float, north_m: float) -> tuple[float, float]:
         """Return latitude and longitude, the latter in [-180, 180), of a local place."""
-        lon, lat = _projection(self.lat_deg, self.lon_deg)(east_m, north_m, inverse=True)
+        lon, lat = _build_projection(self.lat_deg, self.lon_deg)(east_m, north_m, inverse=True)
         return float(lat), wrap_lon_deg(float(lon))
 
     def many_to_local_m(self, lat_lon_deg: FloatArray) -> FloatArray:
         """Return ``(n, 2)`` east and north in metres for ``(n, 2)`` latitude and longitude."""
-        east, north = _projection(self.lat_deg, self.lon_deg)(lat_lon_deg[:, 1], lat_lon_deg[:, 0])
+        east, north = _build_projection(self.lat_deg, self.lon_deg)(lat_lon_deg[:, 1], lat_lon_deg[:, 0])
         return np.column_stack((east, north)).astype(np.float64)
 
     def many_to_wgs84_deg(self, east_north_m: FloatArray) -> FloatArray:
         """Return ``(n, 2)`` latitude and longitude for ``(n, 2)`` east and north in metres."""
-        lon, lat = _projection(self.lat_deg, self.lon_deg)(east_north_m[:, 0], east_north_m[:, 1], inverse=True)
+        lon, lat = _build_projection(self.lat_deg, self.lon_deg)(east_north_m[:, 0], east_north_m[:, 1], inverse=True)
         return np.column_stack((lat, [wrap_lon_deg(value) for value in np.asarray(lon).tolist()])).astype(np.float64)
 
     def up_m(self, alt_m: float) -> float:

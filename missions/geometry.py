@@ -20,7 +20,9 @@ SHORTEST_M2 = 1e-12
 """The square of a length that counts as one."""
 
 
-def nearest_on(places_m: FloatArray, begins_m: FloatArray, along_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def find_nearest_on_legs(
+    places_m: FloatArray, begins_m: FloatArray, along_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return (m, n) distances of places from legs, and where on each leg that is, as a share of it from 0 to 1.
 
     Args:
@@ -39,10 +41,10 @@ def nearest_on(places_m: FloatArray, begins_m: FloatArray, along_m: FloatArray) 
 
 def place_distances_m(legs_m: FloatArray, places_m: FloatArray) -> FloatArray:
     """Return (m, n) float64: the distances of (m, d) places from (n, 2, d) legs."""
-    return nearest_on(places_m, legs_m[:, 0], legs_m[:, 1] - legs_m[:, 0])[0]
+    return find_nearest_on_legs(places_m, legs_m[:, 0], legs_m[:, 1] - legs_m[:, 0])[0]
 
 
-def bends(places_m: FloatArray, within_m: float) -> list[int]:
+def find_bends(places_m: FloatArray, within_m: float) -> list[int]:
     """Return which of the places between the first and the last a drawn line bends at, by more than a distance."""
     kept: list[int] = []
     open_: list[tuple[int, int]] = [(0, len(places_m) - 1)]
@@ -121,7 +123,7 @@ def wall_distances_m(bottoms_m: FloatArray, heights_m: FloatArray, legs_m: Float
     return np.asarray(np.where(through & pierced, 0.0, least_m), dtype=np.float64)
 
 
-def locate(
+def locate_on_leg(
     begin_m: tuple[float, float], end_m: tuple[float, float], place_m: tuple[float, float]
 ) -> tuple[float, float]:
     """Return in metres how far along a leg a place lies, before and beyond it too, and how far from the leg."""
@@ -140,17 +142,17 @@ def twice_area(a: tuple[float, float], b: tuple[float, float], c: tuple[float, f
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def convex(ordered: Sequence[tuple[float, float]], least: float = 0.0) -> tuple[tuple[float, float], ...]:
+def build_convex_hull(ordered: Sequence[tuple[float, float]], least: float = 0.0) -> tuple[tuple[float, float], ...]:
     """Return the corners of the convex hull of sorted places, counter-clockwise (the monotone chain).
 
     A corner at which the triangle with its neighbours is not larger than the least is left out.
     """
     if len(ordered) < 3:
         return tuple(ordered)
-    return (*_chain(ordered, least), *_chain(ordered[::-1], least))
+    return (*_build_chain(ordered, least), *_build_chain(ordered[::-1], least))
 
 
-def _chain(ordered: Sequence[tuple[float, float]], least: float) -> list[tuple[float, float]]:
+def _build_chain(ordered: Sequence[tuple[float, float]], least: float) -> list[tuple[float, float]]:
     chain: list[tuple[float, float]] = []
     for corner in ordered:
         while len(chain) >= 2 and twice_area(chain[-2], chain[-1], corner) <= least:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from missions.geo import FloatArray
-from missions.geometry import convex
+from missions.geometry import build_convex_hull
 
 DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
 """Steps from node to node, and back: a cone made of them is 2.7 % flatter than a round one at most."""
@@ -52,17 +52,17 @@ class Grid:
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
-def raised_over(grid: Grid, slope: float) -> Grid:
+def limit_slope_above(grid: Grid, slope: float) -> Grid:
     """Return the lowest grid that is nowhere below another, and rises and falls by no more than a slope."""
-    return _coned(grid, slope, np.maximum)
+    return _apply_cones(grid, slope, np.maximum)
 
 
-def under(grid: Grid, slope: float) -> Grid:
+def limit_slope_below(grid: Grid, slope: float) -> Grid:
     """Return the highest grid that is nowhere above another, and rises and falls by no more than a slope."""
-    return _coned(grid, -slope, np.minimum)
+    return _apply_cones(grid, -slope, np.minimum)
 
 
-def _coned(grid: Grid, slope: float, better: Callable[..., FloatArray]) -> Grid:
+def _apply_cones(grid: Grid, slope: float, better: Callable[..., FloatArray]) -> Grid:
     """Take at every node the best of what cones from all others leave there.
 
     Steps of 1, 2, 4 ... nodes one after another, each taken or not, make every distance along a direction.
@@ -75,14 +75,14 @@ def _coned(grid: Grid, slope: float, better: Callable[..., FloatArray]) -> Grid:
     while stride <= max(reach, 1):
         for east, north in DIRECTIONS:
             drop_m = slope * grid.step_m * stride * math.hypot(east, north)
-            _stepped(heights_m, east * stride, north * stride, drop_m, better)
+            _apply_step(heights_m, east * stride, north * stride, drop_m, better)
         stride *= 2
     return Grid(grid.low_m, grid.step_m, heights_m)
 
 
-def _stepped(heights_m: FloatArray, east: int, north: int, drop_m: float, better: Callable[..., FloatArray]) -> None:
-    here_e, there_e = _shifted(heights_m.shape[0], east)
-    here_n, there_n = _shifted(heights_m.shape[1], north)
+def _apply_step(heights_m: FloatArray, east: int, north: int, drop_m: float, better: Callable[..., FloatArray]) -> None:
+    here_e, there_e = _shift_slices(heights_m.shape[0], east)
+    here_n, there_n = _shift_slices(heights_m.shape[1], north)
     here, there = heights_m[here_e, here_n], heights_m[there_e, there_n]
     if not here.size:
         return
@@ -91,7 +91,7 @@ def _stepped(heights_m: FloatArray, east: int, north: int, drop_m: float, better
     better(there, ahead, out=there)
 
 
-def _shifted(count: int, by: int) -> tuple[slice, slice]:
+def _shift_slices(count: int, by: int) -> tuple[slice, slice]:
     """Return where steps of ``by`` begin and where they end along an axis."""
     if by >= 0:
         return slice(0, max(count - by, 0)), slice(by, None)
@@ -100,10 +100,10 @@ def _shifted(count: int, by: int) -> tuple[slice, slice]:
 
 def hull_m(places_m: FloatArray) -> FloatArray:
     """Return (k, 2) the corners of the convex hull of (m, 2) places, counter-clockwise."""
-    return np.array(convex(sorted(set(map(tuple, places_m.tolist())))), dtype=np.float64)
+    return np.array(build_convex_hull(sorted(set(map(tuple, places_m.tolist())))), dtype=np.float64)
 
 
-def inside(corners_m: FloatArray, places_m: FloatArray, beyond_m: float = 0.0) -> npt.NDArray[np.bool_]:
+def is_inside_convex(corners_m: FloatArray, places_m: FloatArray, beyond_m: float = 0.0) -> npt.NDArray[np.bool_]:
     """Return (m,) which of (m, 2) places are in a convex polygon, or no farther than so from each of its sides."""
     found = np.ones(len(places_m), dtype=np.bool_)
     for corner, following in zip(corners_m, np.roll(corners_m, -1, axis=0), strict=True):

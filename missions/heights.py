@@ -50,18 +50,19 @@ def with_heights(network: Network, *, flat: bool) -> Network:
         NetworkError: some heights are missing, or what is known contradicts the claim.
     """
     if flat or network.flat:
-        return _level(network)
+        return _apply_flat_ground(network)
     lacking = [pylon for pylon in network.pylons if pylon.elevation_m is None or pylon.height_m is None]
     if lacking:
         keys = [key for key in ("elevation_m", "height_m") if any(getattr(pylon, key) is None for pylon in lacking)]
         raise NetworkError(
-            f"{network.source}: heights: expected {' and '.join(keys)} of every pylon, {_lack(lacking, network)}"
-            f"{_third_coordinates(lacking)}; where the ground is level with the depot's, {CLAIM} claims so"
+            f"{network.source}: heights: expected {' and '.join(keys)} of every pylon, "
+            f"{_describe_lacking(lacking, network)}"
+            f"{_describe_third_coordinate(lacking)}; where the ground is level with the depot's, {CLAIM} claims so"
         )
     return network
 
 
-def implausible(network: Network, *, tallest_m: float | None = None) -> list[str]:
+def check_line_heights(network: Network, *, tallest_m: float | None = None) -> list[str]:
     """Check that a line can have the heights that its file says, and return in words what is worth a look.
 
     Args:
@@ -76,14 +77,14 @@ def implausible(network: Network, *, tallest_m: float | None = None) -> list[str
     found: list[str] = []
     if not network.flat and network.has_heights:
         _check_ground(network)
-        found += _depot_findings(network)
+        found += _check_depot_height(network)
     _check_third_coordinates(network)
     if any(pylon.third_m for pylon in network.pylons):
         found.append("the third coordinates of the network's positions are not used")
     return found
 
 
-def _level(network: Network) -> Network:
+def _apply_flat_ground(network: Network) -> Network:
     ground_m = network.frame.alt_m
     for pylon in network.pylons:
         if pylon.elevation_m is not None and abs(pylon.elevation_m - ground_m) > FLAT_GROUND_M:
@@ -96,7 +97,8 @@ def _level(network: Network) -> Network:
         return replace(network, flat=True)
     if lacking:
         raise NetworkError(
-            f"{network.source}: heights: expected height_m of every pylon or of none, {_lack(lacking, network)}"
+            f"{network.source}: heights: expected height_m of every pylon or of none, "
+            f"{_describe_lacking(lacking, network)}"
         )
     pylons = tuple(
         pylon if pylon.elevation_m is not None else replace(pylon, elevation_m=ground_m) for pylon in network.pylons
@@ -104,14 +106,14 @@ def _level(network: Network) -> Network:
     return replace(network, pylons=pylons, flat=True)
 
 
-def _lack(pylons: Sequence[Pylon], network: Network) -> str:
+def _describe_lacking(pylons: Sequence[Pylon], network: Network) -> str:
     """Return how many pylons lack something, and the first few."""
     count, total = len(pylons), len(network.pylons)
     names = ", ".join(repr(pylon.id) for pylon in pylons[:NAMED]) + (", ..." if count > NAMED else "")
     return f"which {count} of {total} {'lacks' if count == 1 else 'lack'}: {names}"
 
 
-def _third_coordinates(pylons: Sequence[Pylon]) -> str:
+def _describe_third_coordinate(pylons: Sequence[Pylon]) -> str:
     known = next((pylon for pylon in pylons if pylon.third_m), None)
     if known is None:
         return ""
@@ -152,16 +154,18 @@ def _check_ground(network: Network) -> None:
             f"{network.source}: elevation_m: expected the ground above sea level, but it is 0 for all pylons; where "
             f"the ground is level with the depot's, leave it out and claim so with {CLAIM}"
         )
-    for index, rises in _rises(network, elevations_m):
+    for index, rises in _iterate_rises(network, elevations_m):
         worst_m, other = max(((abs(rise_m) - STEEPEST * away_m, other) for rise_m, away_m, other in rises))
         deepest = all(rise_m < -SLACK_M - PIT * away_m for rise_m, away_m, _ in rises) and len(rises) > 1
         # A zero is what many programs write for 'not known'.
         zero = elevations_m[index] == 0.0 and all(abs(rise_m) > SLACK_M for rise_m, _, _ in rises)
         if worst_m > SLACK_M or deepest or zero:
-            raise _outlier(network, elevations_m, index, other)
+            raise _build_outlier_error(network, elevations_m, index, other)
 
 
-def _rises(network: Network, elevations_m: Sequence[float]) -> Iterator[tuple[int, list[tuple[float, float, int]]]]:
+def _iterate_rises(
+    network: Network, elevations_m: Sequence[float]
+) -> Iterator[tuple[int, list[tuple[float, float, int]]]]:
     """Yield each pylon with its neighbours on the line: by how much it lies over each, how far away, and who."""
     beside: dict[int, list[tuple[float, float, int]]] = {}
     for segment, length_m in zip(network.segments, network.lengths_m.tolist(), strict=True):
@@ -171,7 +175,7 @@ def _rises(network: Network, elevations_m: Sequence[float]) -> Iterator[tuple[in
     yield from sorted(beside.items(), key=lambda item: (elevations_m[item[0]] != 0.0, item[0]))
 
 
-def _outlier(network: Network, elevations_m: Sequence[float], index: int, other: int) -> NetworkError:
+def _build_outlier_error(network: Network, elevations_m: Sequence[float], index: int, other: int) -> NetworkError:
     # Of two neighbours that do not go together the one that is farther from all others' is the one to look at.
     middle_m = median(elevations_m)
     named, beside = sorted((index, other), key=lambda pylon: -abs(elevations_m[pylon] - middle_m))
@@ -181,7 +185,7 @@ def _outlier(network: Network, elevations_m: Sequence[float], index: int, other:
     )
 
 
-def _depot_findings(network: Network) -> Iterator[str]:
+def _check_depot_height(network: Network) -> Iterator[str]:
     distances_m = [math.hypot(*place_m) for place_m in network.positions_m.tolist()]
     nearest = min(range(len(distances_m)), key=distances_m.__getitem__)
     pylon, away_m = network.pylons[nearest], distances_m[nearest]

@@ -27,7 +27,7 @@ class MissionKind(IntEnum):
     RALLY = 2
 
 
-class Place(IntEnum):
+class PlaceCommand(IntEnum):
     """MAV_CMD of the items of fences and rally points."""
 
     FENCE_RETURN_POINT = 5000

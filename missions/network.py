@@ -98,7 +98,7 @@ class Network:
         """Return a segment by what its file calls it; by its number where it has no name."""
         return self.segments[segment].label or f"segment {segment}"
 
-    def within(self, radius_m: float) -> Network:
+    def crop_to_radius(self, radius_m: float) -> Network:
         """Return the part whose segments have both pylons nearer than ``radius_m`` to the depot.
 
         Segments and pylons are numbered anew from 0 in their old order; labels and pylon ids stay.

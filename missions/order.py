@@ -14,12 +14,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from missions.asked import Closed, Routes, airway, first_paths, lies_lower, low_segments, ways_m
+from missions.asked import (
+    OccupiedAirspace,
+    Routes,
+    build_airway,
+    build_first_paths,
+    find_low_segments,
+    inspection_ways_m,
+    must_leave_layer,
+)
 from missions.estimate import estimate
 from missions.flight_model import FlightModel
 from missions.geo import FloatArray
 from missions.pads import column_radius_m
-from missions.routes import flight_path
+from missions.routes import build_flight_path
 from missions.setup import FlightSetup
 from missions.waypoints import FlightPath
 from planner import is_reversed, segment_of, visit_of
@@ -35,7 +43,7 @@ Visit = tuple[str, int]
 Visits = dict[str, tuple[int, ...]]
 
 
-def rearranged(
+def rearrange_routes(
     setup: FlightSetup,
     routes: Routes,
     models: Mapping[str, FlightModel],
@@ -59,57 +67,61 @@ def rearranged(
     best = {name: tuple(visits) for name, visits in routes.items()}
     if sum(map(len, best.values())) > MOST_VISITS:
         return best
-    timetable = Timetable(setup, models, ahead_s)
-    high = timetable.from_layers(best)
+    timetable = RouteTimetable(setup, models, ahead_s)
+    high = timetable.find_layer_visits(best)
     priced, flown, going_on = 0, 0, True
     while high and going_on:
         going_on = False
-        near = list(itertools.islice(_neighbours(best, high), MOST_PRICED - priced))
+        near = list(itertools.islice(_iterate_neighbours(best, high), MOST_PRICED - priced))
         priced += len(near)
         costs = [cost_of(other) for other in near]
         for number in sorted(range(len(near)), key=costs.__getitem__)[: MOST_FLOWN - flown]:
             if math.isinf(costs[number]):
                 break
             flown += 1
-            found = timetable.from_layers(near[number])
+            found = timetable.find_layer_visits(near[number])
             if len(found) < len(high) and may(near[number]):
                 best, high, going_on = near[number], found, True
                 break
     return best
 
 
-def _neighbours(routes: Visits, high: list[Visit]) -> Iterator[Visits]:
+def _iterate_neighbours(routes: Visits, high: list[Visit]) -> Iterator[Visits]:
     """Yield routes that differ by one change; nobody who flies stays on the ground then."""
     for name, visits in routes.items():
         if visits:
-            yield {**routes, name: _back(visits)}
+            yield {**routes, name: _reverse_visits(visits)}
     for one, other in itertools.combinations(routes, 2):
-        for own, others in itertools.product({routes[one], _back(routes[one])}, {routes[other], _back(routes[other])}):
+        for own, others in itertools.product(
+            {routes[one], _reverse_visits(routes[one])}, {routes[other], _reverse_visits(routes[other])}
+        ):
             yield {**routes, one: others, other: own}
     for name, position in high:
-        yield from _elsewhere(routes, name, position)
+        yield from _iterate_moved_visit(routes, name, position)
 
 
-def _elsewhere(routes: Visits, name: str, position: int) -> Iterator[Visits]:
+def _iterate_moved_visit(routes: Visits, name: str, position: int) -> Iterator[Visits]:
     """Yield routes in which one visit stands at another place."""
     visits, moved = routes[name], routes[name][position : position + 1]
     left = (*visits[:position], *visits[position + 1 :])
     for other, theirs in routes.items():
         rest = left if other == name else theirs
         if left and rest:
-            for place, visit in itertools.product(range(len(rest) + 1), {one[0] for one in (moved, _back(moved))}):
+            for place, visit in itertools.product(
+                range(len(rest) + 1), {one[0] for one in (moved, _reverse_visits(moved))}
+            ):
                 yield {**routes, name: left, other: (*rest[:place], visit, *rest[place:])}
     for end in range(len(visits)):
         first, last = sorted((end, position))
-        yield {**routes, name: (*visits[:first], *_back(visits[first : last + 1]), *visits[last + 1 :])}
+        yield {**routes, name: (*visits[:first], *_reverse_visits(visits[first : last + 1]), *visits[last + 1 :])}
 
 
-def _back(visits: tuple[int, ...]) -> tuple[int, ...]:
+def _reverse_visits(visits: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(visit_of(segment_of(visit), not is_reversed(visit)) for visit in reversed(visits))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Timetable:
+class RouteTimetable:
     """When routes come where, if everybody flies as planned; what was reckoned for one stays for the next."""
 
     setup: FlightSetup
@@ -119,38 +131,38 @@ class Timetable:
     _ends_s: dict[int, FloatArray] = field(default_factory=dict)
     """By the path's identity."""
 
-    def from_layers(self, routes: Routes) -> list[Visit]:
+    def find_layer_visits(self, routes: Routes) -> list[Visit]:
         """Return what is inspected from layers."""
-        paths = first_paths(self.setup, routes, made_by=self._path)
-        ends_s = {name: self._ends(path) for name, path in paths.items()}
+        paths = build_first_paths(self.setup, routes, made_by=self._path_of)
+        ends_s = {name: self._leg_ends_s(path) for name, path in paths.items()}
         high = []
         for name, path in paths.items():
-            low = low_segments(path, routes[name])
+            low = find_low_segments(path, routes[name])
             for number, segment in enumerate(map(segment_of, routes[name])):
-                if segment in low or not lies_lower(self.setup, name, segment):
+                if segment in low or not must_leave_layer(self.setup, name, segment):
                     continue
                 # What is flown to is not replaced: the first part of a route is flown as it was uploaded.
-                at_s = ends_s[name][_last(path, number - 1)] - self.ahead_s if number else 0.0
+                at_s = ends_s[name][_find_last_waypoint(path, number - 1)] - self.ahead_s if number else 0.0
                 if number == 0 or _is_closed(self.setup, name, segment, paths, ends_s, at_s):
                     high.append((name, number))
         return high
 
-    def _path(
+    def _path_of(
         self, setup: FlightSetup, name: str, visits: tuple[int, ...], low: frozenset[int] = frozenset()
     ) -> FlightPath:
         key = (name, visits, low)
         if key not in self._paths:
-            self._paths[key] = flight_path(setup, name, visits, low)
+            self._paths[key] = build_flight_path(setup, name, visits, low)
         return self._paths[key]
 
-    def _ends(self, path: FlightPath) -> FloatArray:
+    def _leg_ends_s(self, path: FlightPath) -> FloatArray:
         if id(path) not in self._ends_s:
             legs = estimate(path, self.models[path.vehicle]).legs
             self._ends_s[id(path)] = np.cumsum([leg.duration_s for leg in legs], dtype=np.float64)
         return self._ends_s[id(path)]
 
 
-def _last(path: FlightPath, visit: int) -> int:
+def _find_last_waypoint(path: FlightPath, visit: int) -> int:
     """Return the waypoint at the end of a visit."""
     return max(number for number, point in enumerate(path.waypoints) if point.visit == visit)
 
@@ -161,7 +173,11 @@ def _is_closed(
 ) -> bool:  # fmt: skip
     """Return whether anybody may still be where a vehicle would come down to a segment, from a time on."""
     left = [
-        airway(setup, path, int(np.searchsorted(ends_s[other], at_s))) for other, path in paths.items() if other != name
+        build_airway(setup, path, int(np.searchsorted(ends_s[other], at_s)))
+        for other, path in paths.items()
+        if other != name
     ]
     radius_m = column_radius_m(setup.inspection.layer_m)
-    return bool(Closed(setup, left).to(name, ways_m(setup, segment), radius_m).any())
+    return bool(
+        OccupiedAirspace(setup, left).find_closed_tracks(name, inspection_ways_m(setup, segment), radius_m).any()
+    )

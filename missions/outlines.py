@@ -9,7 +9,7 @@ import numpy as np
 
 from missions.areas import Ring
 from missions.geo import FloatArray
-from missions.geometry import bends
+from missions.geometry import find_bends
 
 SHORTEST_M = 0.01
 """Corners nearer to each other are one."""
@@ -18,7 +18,7 @@ LOOKED_UP_TO = 3000
 AT_ONCE = 1_000_000
 
 
-def without_doubles(ring: Ring, *, closed: bool) -> Ring:
+def remove_double_corners(ring: Ring, *, closed: bool) -> Ring:
     """Return an outline, or a line, without corners that are where the one before is."""
     kept: list[tuple[float, float]] = []
     for corner in ring:
@@ -29,14 +29,14 @@ def without_doubles(ring: Ring, *, closed: bool) -> Ring:
     return tuple(kept)
 
 
-def enclosed_m2(ring: Ring) -> float:
+def enclosed_area_m2(ring: Ring) -> float:
     """Return what an outline encloses."""
     corners = np.array(ring)
     after = np.roll(corners, -1, axis=0)
     return abs(float((corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0]).sum())) / 2
 
 
-def crosses_itself(ring: Ring) -> bool:
+def is_self_crossing(ring: Ring) -> bool:
     """Return whether two sides of an outline cross each other."""
     begins = np.array(ring)
     count = len(begins)
@@ -57,7 +57,7 @@ def crosses_itself(ring: Ring) -> bool:
     return False
 
 
-def clipped(ring: Ring, low: tuple[float, float], high: tuple[float, float]) -> Ring:
+def clip_outline(ring: Ring, low: tuple[float, float], high: tuple[float, float]) -> Ring:
     """Return what of an outline is in a box (Sutherland, Hodgman); nothing where they do not meet."""
     corners: Sequence[tuple[float, float]] = ring
     for axis, bound, sign in ((0, low[0], 1.0), (0, high[0], -1.0), (1, low[1], 1.0), (1, high[1], -1.0)):
@@ -71,25 +71,27 @@ def clipped(ring: Ring, low: tuple[float, float], high: tuple[float, float]) -> 
             if within:
                 kept.append(corner)
         corners = kept
-    return without_doubles(tuple(corners), closed=True)
+    return remove_double_corners(tuple(corners), closed=True)
 
 
-def eased(ring: Ring, tolerance_m: float, *, closed: bool) -> Ring:
+def simplify_outline(ring: Ring, tolerance_m: float, *, closed: bool) -> Ring:
     """Return an outline, or a line, with fewer corners, nowhere farther than a tolerance from it (Douglas, Peucker)."""
     corners = np.array(ring)
     if tolerance_m <= 0 or len(corners) <= 4:
         return ring
     if not closed:
-        return _ring(corners[_kept(corners, tolerance_m)])
+        return _to_ring(corners[_select_corners(corners, tolerance_m)])
     far = int(np.hypot(*(corners - corners[0]).T).argmax())
     there, back = corners[: far + 1], np.concatenate((corners[far:], corners[:1]))
-    kept = np.concatenate((there[_kept(there, tolerance_m)][:-1], back[_kept(back, tolerance_m)][:-1]))
-    return _ring(kept) if len(kept) >= 3 else ring
+    kept = np.concatenate(
+        (there[_select_corners(there, tolerance_m)][:-1], back[_select_corners(back, tolerance_m)][:-1])
+    )
+    return _to_ring(kept) if len(kept) >= 3 else ring
 
 
-def _kept(corners: FloatArray, tolerance_m: float) -> list[int]:
-    return sorted({0, *bends(corners, tolerance_m), len(corners) - 1})
+def _select_corners(corners: FloatArray, tolerance_m: float) -> list[int]:
+    return sorted({0, *find_bends(corners, tolerance_m), len(corners) - 1})
 
 
-def _ring(corners: FloatArray) -> Ring:
+def _to_ring(corners: FloatArray) -> Ring:
     return tuple((float(east), float(north)) for east, north in corners)

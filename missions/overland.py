@@ -15,7 +15,7 @@ import numpy.typing as npt
 from missions.geo import FloatArray
 from missions.grids import Grid
 from missions.network import Network
-from missions.surface import CHECK_OVER_M, CHECK_STEP_M, MAX_CHECKS, Fit, along_tracks, candidates
+from missions.surface import CHECK_OVER_M, CHECK_STEP_M, MAX_CHECKS, SurfaceFit, iterate_surfaces, sample_tracks
 from missions.terrain import KnownGround
 
 Indices = npt.NDArray[np.intp]
@@ -31,7 +31,7 @@ SLACK_M = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Wishes:
+class SurfaceRequirements:
     """What flights over the ground must hold."""
 
     kept_m: float
@@ -43,19 +43,19 @@ class Wishes:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Overland:
+class OverlandSurface:
     """A surface over lines and ground."""
 
-    fit: Fit
+    fit: SurfaceFit
     pylon_m: FloatArray
     """(p,) float64: the heights over the depot at which the lowest vehicle passes each pylon."""
     tolerance_m: float
     """Legs off the lines keep this near to the surface."""
 
 
-def fit_over(
-    known: KnownGround, wishes: Wishes, network: Network, tracks_m: FloatArray, pylon_m: FloatArray
-) -> Overland:
+def fit_overland_surface(
+    known: KnownGround, wishes: SurfaceRequirements, network: Network, tracks_m: FloatArray, pylon_m: FloatArray
+) -> OverlandSurface:
     """Return the surface over lines and ground.
 
     Args:
@@ -66,35 +66,36 @@ def fit_over(
         pylon_m: (p,) heights over the depot that are asked for at the pylons.
     """
     ends = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
-    errors_m = {surface.slope: error_m for surface, error_m in candidates(tracks_m, pylon_m[ends], SLOPES_OVER)}
+    errors_m = {surface.slope: error_m for surface, error_m in iterate_surfaces(tracks_m, pylon_m[ends], SLOPES_OVER)}
     lengths_m = np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T)
     best: tuple[float, float] | None = None
     for slope in SLOPES_OVER:
-        off_m = _off_m(errors_m[slope], slope)
-        lifts_m = _lifts_m(known.floor(wishes.kept_m + off_m, slope), tracks_m, pylon_m, ends)
+        off_m = _floor_error_m(errors_m[slope], slope)
+        lifts_m = _lifts_m(known.build_floor(wishes.kept_m + off_m, slope), tracks_m, pylon_m, ends)
         lifted_m = float((lifts_m[ends].mean(axis=1) * lengths_m).sum() / lengths_m.sum())
         over_m = lifted_m + 0.5 * wishes.vehicles * _spacing_m(wishes.layer_m, STEEPER * slope, off_m)
         if best is None or over_m < best[0]:
             best = over_m, slope
     slope = best[1] if best is not None else SLOPES_OVER[0]
-    return _settled(known, wishes, tracks_m, pylon_m, ends, slope, errors_m[slope])
+    return _fit_slope(known, wishes, tracks_m, pylon_m, ends, slope, errors_m[slope])
 
 
-def _settled(
-    known: KnownGround, wishes: Wishes, tracks_m: FloatArray, asked_m: FloatArray, ends: Indices, slope: float,
+def _fit_slope(
+    known: KnownGround, wishes: SurfaceRequirements, tracks_m: FloatArray, asked_m: FloatArray, ends: Indices,
+    slope: float,
     error_m: float,
-) -> Overland:  # fmt: skip
+) -> OverlandSurface:  # fmt: skip
     """Return the surface of a slope; lifted lines may fit it worse than they did, which the floor must know."""
     lengths_m = np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T)
     step_m = max(CHECK_STEP_M, float(lengths_m.sum()) / MAX_CHECKS)
     for _ in range(TRIES):
-        off_m = _off_m(error_m, slope)
-        floor = known.floor(wishes.kept_m + off_m, slope)
+        off_m = _floor_error_m(error_m, slope)
+        floor = known.build_floor(wishes.kept_m + off_m, slope)
         pylon_m = asked_m + _lifts_m(floor, tracks_m, asked_m, ends)
         stack_m = (wishes.vehicles - 1) * _spacing_m(wishes.layer_m, STEEPER * slope, off_m)
-        roof = known.roof(max(wishes.kept_m + off_m, wishes.ceiling_m - stack_m - off_m - SLACK_M), slope)
-        surface = replace(next(candidates(tracks_m, pylon_m[ends], (slope,)))[0], floor=floor, roof=roof)
-        places = along_tracks(tracks_m, pylon_m[ends], step_m)
+        roof = known.build_roof(max(wishes.kept_m + off_m, wishes.ceiling_m - stack_m - off_m - SLACK_M), slope)
+        surface = replace(next(iterate_surfaces(tracks_m, pylon_m[ends], (slope,)))[0], floor=floor, roof=roof)
+        places = sample_tracks(tracks_m, pylon_m[ends], step_m)
         fitted_m = float(np.abs(surface.at_m(places[:, :2]) - places[:, 2]).max())
         if fitted_m <= max(error_m, FOLLOW_OVER_M):
             break
@@ -102,10 +103,10 @@ def _settled(
     steepest = max(slope, floor.slope, roof.slope)
     tolerance_m = max(FOLLOW_OVER_M, fitted_m)
     spacing_m = _spacing_m(wishes.layer_m, steepest, tolerance_m + steepest * CHECK_OVER_M)
-    return Overland(Fit(surface, fitted_m, spacing_m), pylon_m, tolerance_m)
+    return OverlandSurface(SurfaceFit(surface, fitted_m, spacing_m), pylon_m, tolerance_m)
 
 
-def _off_m(error_m: float, slope: float) -> float:
+def _floor_error_m(error_m: float, slope: float) -> float:
     return max(FOLLOW_OVER_M, error_m) + STEEPER * slope * CHECK_OVER_M
 
 
@@ -119,7 +120,7 @@ def _lifts_m(floor: Grid, tracks_m: FloatArray, pylon_m: FloatArray, ends: Indic
     lifts_m = np.zeros(len(pylon_m))
     # The ends first: a slope beside the line's end then lifts that end alone.
     for shares in (np.array([0.0, 1.0]), None):
-        shorts_m = _shorts_m(floor, tracks_m, (pylon_m + lifts_m)[ends], shares)
+        shorts_m = _shortfalls_m(floor, tracks_m, (pylon_m + lifts_m)[ends], shares)
         more_m = np.zeros(len(pylon_m))
         for side in (0, 1):
             own_m = shorts_m[:, side] if shares is not None else shorts_m.max(axis=1)
@@ -128,7 +129,7 @@ def _lifts_m(floor: Grid, tracks_m: FloatArray, pylon_m: FloatArray, ends: Indic
     return lifts_m
 
 
-def _shorts_m(floor: Grid, tracks_m: FloatArray, heights_m: FloatArray, shares: FloatArray | None) -> FloatArray:
+def _shortfalls_m(floor: Grid, tracks_m: FloatArray, heights_m: FloatArray, shares: FloatArray | None) -> FloatArray:
     """Return (n, k) by how much inspections are below the floor, 0 where they are not."""
     if shares is None:
         longest_m = float(np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T).max())

@@ -23,7 +23,7 @@ class Pace:
     inspect: Factor = 1.0
     transit: Factor = 1.0
 
-    def of(self, phase: Phase) -> float:
+    def factor_of(self, phase: Phase) -> float:
         """Return the factor of legs of a phase; take-offs and landings are as the model has them.
 
         >>> Pace(1.2, 1.1).of(Phase.RETURN)
@@ -33,7 +33,7 @@ class Pace:
             return self.inspect
         return self.transit if phase in (Phase.TRANSIT, Phase.RETURN) else 1.0
 
-    def times(self, other: Pace) -> Pace:
+    def combine(self, other: Pace) -> Pace:
         """Return what both together make of a time."""
         return Pace(self.inspect * other.inspect, self.transit * other.transit)
 

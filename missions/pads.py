@@ -13,7 +13,7 @@ from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
 from missions.geo import FloatArray
 from missions.geometry import place_distances_m
-from missions.ways import Graph, graph_of, obstacle_of
+from missions.ways import VisibilityGraph, graph_of, obstacle_of
 
 COLUMN_MARGIN_M = 2.0
 """A column's radius is the layer height and this: GPS and corner cutting of a climbing and a passing vehicle."""
@@ -80,7 +80,7 @@ def place_pads(
     taken = [np.array([pad.east_m, pad.north_m]) for pad in stated]
     closed = graph_of(tuple(obstacle_of(area) for area in areas if area.kind is not AreaKind.HEIGHT_LIMIT))
     while True:
-        chosen = _choose(tracks_m, radius_m, spacing_m, reach_m, len(others), taken, closed)
+        chosen = _choose_places(tracks_m, radius_m, spacing_m, reach_m, len(others), taken, closed)
         if len(chosen) == len(others):
             for name, (east, north) in zip(others, chosen, strict=True):
                 named[name] = Pad(name, float(east), float(north), alt_m)
@@ -113,7 +113,7 @@ def way_around_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray,
         # A shortest way around some circles that keeps clear of all is a shortest way around all: most are never met.
         nodes = np.concatenate((start_m[np.newaxis], way_m, goal_m[np.newaxis]))
         legs_m = np.stack((nodes[:-1], nodes[1:]), axis=1)
-        hit = _met(legs_m, centres_m, radius_m).any(axis=1) & ~met
+        hit = _find_near_legs(legs_m, centres_m, radius_m).any(axis=1) & ~met
         if not hit.any():
             return way_m
         met |= hit
@@ -127,12 +127,12 @@ def _way_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray, radiu
     corners = (centres_m[:, np.newaxis] + ring).reshape(-1, 2)
     outside = np.hypot(*(corners[:, np.newaxis] - centres_m).transpose(2, 0, 1)).min(axis=1) >= radius_m
     nodes = np.concatenate((start_m[np.newaxis], corners[outside], goal_m[np.newaxis]))
-    return nodes[_shortest(nodes, centres_m, radius_m)]
+    return nodes[_find_shortest_way(nodes, centres_m, radius_m)]
 
 
-def _choose(
+def _choose_places(
     tracks_m: FloatArray, radius_m: float, spacing_m: float, reach_m: float, count: int, taken: Sequence[FloatArray],
-    closed: Graph,
+    closed: VisibilityGraph,
 ) -> list[FloatArray]:  # fmt: skip
     steps = math.ceil(4.0 * reach_m / spacing_m)
     axis = np.arange(-steps, steps + 1) * (spacing_m / 4.0)
@@ -141,7 +141,7 @@ def _choose(
     # In parts: for 254 vehicles and 5,000 segments all distances at once are gigabytes.
     parts = np.array_split(places, math.ceil(len(places) * len(tracks_m) / MATRIX_ENTRIES))
     clear_m = np.concatenate([place_distances_m(tracks_m, part).min(axis=1) for part in parts])
-    allowed = (distance_m <= reach_m) & (clear_m >= radius_m) & ~closed.inside(places)
+    allowed = (distance_m <= reach_m) & (clear_m >= radius_m) & ~closed.is_inside(places)
     places, clear_m, distance_m = places[allowed], clear_m[allowed], distance_m[allowed]
     chosen: list[FloatArray] = []
     # Of two places as clear as each other the one nearer to the depot; a metre of clearance is worth ten of walking.
@@ -153,7 +153,7 @@ def _choose(
     return chosen
 
 
-def _shortest(nodes: FloatArray, centres_m: FloatArray, radius_m: float) -> list[int]:
+def _find_shortest_way(nodes: FloatArray, centres_m: FloatArray, radius_m: float) -> list[int]:
     """Return the inner nodes of a shortest way from the first to the last node (A*, visibility only where needed)."""
     goal = len(nodes) - 1
     to_goal_m = _distances_m(nodes, nodes[goal])
@@ -171,7 +171,7 @@ def _shortest(nodes: FloatArray, centres_m: FloatArray, radius_m: float) -> list
         done[node] = True
         reach_m = length_m[node] + _distances_m(nodes, nodes[node])
         nearer = np.flatnonzero(reach_m < length_m - 1e-9)
-        seen = nearer[_clear(nodes[node], nodes[nearer], centres_m, radius_m)]
+        seen = nearer[_is_clear(nodes[node], nodes[nearer], centres_m, radius_m)]
         length_m[seen], before[seen] = reach_m[seen], node
         for other in seen.tolist():
             heapq.heappush(queue, (float(reach_m[other] + to_goal_m[other]), other))
@@ -183,7 +183,7 @@ def _shortest(nodes: FloatArray, centres_m: FloatArray, radius_m: float) -> list
     return way[::-1]
 
 
-def _clear(
+def _is_clear(
     start_m: FloatArray, goals_m: FloatArray, centres_m: FloatArray, radius_m: float
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return (g,) whether the straight legs from a start to (g, 2) goals keep the radius from all centres."""
@@ -196,7 +196,9 @@ def _clear(
     return np.asarray(~(apart < (radius_m - 1e-9) ** 2).any(axis=0))
 
 
-def _met(legs_m: FloatArray, centres_m: FloatArray, radius_m: float) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
+def _find_near_legs(
+    legs_m: FloatArray, centres_m: FloatArray, radius_m: float
+) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
     """Return (c, g) whether (g, 2, 2) legs come nearer to (c, 2) centres than the radius."""
     return np.asarray(place_distances_m(legs_m, centres_m) < radius_m - 1e-9)
 

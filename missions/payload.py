@@ -27,42 +27,42 @@ ENDLESS = 0.0
 """param3 of IMAGE_START_CAPTURE: until it is stopped."""
 
 
-def begin_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
+def build_begin_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
     """Yield what begins with the leg to a waypoint, not numbered yet."""
     pointed: set[tuple[int, int, bool]] = set()
     for capture in point.captures:
         if capture.region is not None and dialect.keeps_region:
-            yield _region(capture.region, dialect)
+            yield _build_region_item(capture.region, dialect)
         elif capture.pitch_deg is not None and capture.yaw_deg is not None:
             pointing = (capture.pitch_deg, capture.yaw_deg, capture.from_north)
             if pointing not in pointed:
                 pointed.add(pointing)
-                yield _pointing(*pointing, dialect)
+                yield _build_gimbal_item(*pointing, dialect)
         match capture.trigger:
             case Trigger.DISTANCE:
                 # A gimbal turns with the vehicle, which faces the leg only once it has set out.
                 first = AT_ONCE if capture.pitch_deg is None else 0.0
-                yield _command(dialect, Command.DO_SET_CAM_TRIGG_DIST, capture.every_m, 0.0, first)
+                yield _build_command_item(dialect, Command.DO_SET_CAM_TRIGG_DIST, capture.every_m, 0.0, first)
             case Trigger.INTERVAL:
                 every_s = capture.every_m / point.speed_m_s
-                yield _command(dialect, Command.IMAGE_START_CAPTURE, capture.camera_id, every_s, ENDLESS)
+                yield _build_command_item(dialect, Command.IMAGE_START_CAPTURE, capture.camera_id, every_s, ENDLESS)
             case Trigger.VIDEO:
-                yield _command(dialect, Command.VIDEO_START_CAPTURE, EVERY_STREAM)
+                yield _build_command_item(dialect, Command.VIDEO_START_CAPTURE, EVERY_STREAM)
             case Trigger.ONCE:
                 pass
 
 
-def end_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
+def build_end_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
     """Yield what ends with the leg to a waypoint, not numbered yet."""
     for capture in point.captures:
         if capture.trigger is not Trigger.ONCE:
-            yield _command(dialect, *_end_of(capture))
+            yield _build_command_item(dialect, *_end_of(capture))
         elif capture.camera_id >= FIRST_COMPONENT:
-            yield _command(dialect, Command.IMAGE_START_CAPTURE, capture.camera_id, 0.0, ONE)
+            yield _build_command_item(dialect, Command.IMAGE_START_CAPTURE, capture.camera_id, 0.0, ONE)
         else:  # PX4 triggers what is wired to it by this command alone
             yield MissionItem(0, dialect.command_frame, Command.DO_DIGICAM_CONTROL, x=SHOOT)
         if capture.region is not None and dialect.keeps_region:
-            yield _command(dialect, Command.DO_SET_ROI_NONE)
+            yield _build_command_item(dialect, Command.DO_SET_ROI_NONE)
 
 
 def heading_deg(point: Waypoint, dialect: Dialect) -> float:
@@ -83,20 +83,20 @@ def _end_of(capture: Capture) -> tuple[Command, float]:
             return Command.VIDEO_STOP_CAPTURE, EVERY_STREAM
 
 
-def _pointing(pitch_deg: int, yaw_deg: int, from_north: bool, dialect: Dialect) -> MissionItem:
+def _build_gimbal_item(pitch_deg: int, yaw_deg: int, from_north: bool, dialect: Dialect) -> MissionItem:
     return MissionItem(
         0, dialect.command_frame, Command.DO_GIMBAL_MANAGER_PITCHYAW, float(pitch_deg), float(yaw_deg),
         dialect.gimbal_rate, dialect.gimbal_rate, x=HORIZON | (FROM_NORTH if from_north else 0),
     )  # fmt: skip
 
 
-def _region(region: Region, dialect: Dialect) -> MissionItem:
+def _build_region_item(region: Region, dialect: Dialect) -> MissionItem:
     return MissionItem(
         0, dialect.position_frame, Command.DO_SET_ROI_LOCATION, x=round(region.lat_deg * 1e7),
         y=round(region.lon_deg * 1e7), z=round(region.alt_rel_m, 2),
     )  # fmt: skip
 
 
-def _command(dialect: Dialect, command: Command, *params: float) -> MissionItem:
+def _build_command_item(dialect: Dialect, command: Command, *params: float) -> MissionItem:
     one, two, three = (*map(float, params), *(0.0 for _ in range(3 - len(params))))
     return MissionItem(0, dialect.command_frame, command, one, two, three)

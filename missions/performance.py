@@ -32,7 +32,7 @@ STEPS = 8
 """Of Newton's method for legs too short for their speed."""
 
 
-def half_sines(before_m: FloatArray, after_m: FloatArray) -> FloatArray:
+def half_turn_sines(before_m: FloatArray, after_m: FloatArray) -> FloatArray:
     """Return the sine of half the turn from ``before_m`` to ``after_m`` (..., 2): 0 straight on, 1 back.
 
     A vector of no length is a direction that nobody knows: it counts as a right angle.
@@ -150,11 +150,11 @@ class Performance:
         speed_m_s = self.leg_speed_m_s(length_m, rise_m, speed_m_s)
         level_s = self.level.leg_s(length_m, speed_m_s, ends)
         # A way from stop to stop is spared its last metres once, whatever number of legs it has.
-        level_s = (1.0 + self.waits) * np.maximum(0.0, level_s - 0.5 * ends * self._spared_s(speed_m_s))
+        level_s = (1.0 + self.waits) * np.maximum(0.0, level_s - 0.5 * ends * self._braking_gain_s(speed_m_s))
         steepest = np.where(rise_m > 0, self.climb_m_s, self.descent_m_s)
         return np.asarray(np.maximum(level_s, self.upright.leg_s(np.abs(rise_m), steepest, ends)))
 
-    def _spared_s(self, speed_m_s: FloatArray) -> FloatArray:
+    def _braking_gain_s(self, speed_m_s: FloatArray) -> FloatArray:
         """Return what the last metres before a stop would take: they are flown while it brakes."""
         braking_m_s2, speed_m_s = self.level.acceleration_m_s2, np.maximum(speed_m_s, LEAST_M_S)
         braked_m = np.minimum(self.accept_m, 0.5 * speed_m_s**2 / braking_m_s2)
@@ -166,7 +166,7 @@ class Performance:
         able = steepest * length_m / np.maximum(np.abs(rise_m), SHORT_M)
         return np.asarray(np.minimum(speed_m_s, np.maximum(able, SHORT_M)))
 
-    def arrives_m_s(self, length_m: FloatArray, speed_m_s: FloatArray | float) -> FloatArray:
+    def arrival_speed_m_s(self, length_m: FloatArray, speed_m_s: FloatArray | float) -> FloatArray:
         """Return how fast the middle of a way from rest to rest is flown: it is braked from that at its end."""
         return np.asarray(np.minimum(speed_m_s, np.sqrt(self.level.acceleration_m_s2 * length_m)))
 
@@ -178,12 +178,12 @@ class Performance:
             after_m: (..., 2) along which it goes on.
             arrives_m_s: (...) from which speed it has braked.
         """
-        sines = half_sines(before_m, after_m) ** self.turn_power
+        sines = half_turn_sines(before_m, after_m) ** self.turn_power
         return np.asarray(self.turn_s * sines * (arrives_m_s / CORNER_M_S) ** self.turn_speed_power)
 
     def corners_s(self, before_m: FloatArray, after_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
         """Return what going on along ``after_m`` (..., 2) takes more at the end of other legs that is passed."""
-        sines = half_sines(before_m, after_m) ** self.corner_power
+        sines = half_turn_sines(before_m, after_m) ** self.corner_power
         return np.asarray(self.pass_s + self.corner_s * sines * speed_m_s / CORNER_M_S)
 
     def take_off_s(self, climb_m: FloatArray) -> FloatArray:
@@ -233,7 +233,7 @@ class Tuning:
     """Whether it replaces what parameters before it made of these."""
 
 
-def tuned(performance: Performance, tunings: Iterable[Tuning], parameters: Mapping[str, float]) -> Performance:
+def apply_tunings(performance: Performance, tunings: Iterable[Tuning], parameters: Mapping[str, float]) -> Performance:
     """Return how a vehicle flies by its own parameters; what it did not say, or what makes no sense, is the default."""
     usual = performance
     for tuning in tunings:

@@ -14,7 +14,7 @@ from missions.areas import UNKNOWN_GROUND, Area, Unreachable
 from missions.errors import PlanFileError
 from missions.geo import FloatArray, LocalFrame
 from missions.network import Network, Pylon, Segment
-from missions.pricing import DEPOT_M, Pricing, flown_instance
+from missions.pricing import DEPOT_M, Pricing, build_priced_instance
 from missions.setup import Inspection
 from missions.tasks import Task
 from missions.validation import Figure, Id, Known, Pair, Place, Text, is_none
@@ -65,7 +65,7 @@ class PlanSegment:
     """Structure at a and b, where it is known."""
 
     @property
-    def called(self) -> str:
+    def display_name(self) -> str:
         """What people call it."""
         return self.name or f"segment {self.id}"
 
@@ -93,7 +93,7 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True)
-class Solved:
+class SolverRecord:
     """How the plan came about."""
 
     solver: str
@@ -146,7 +146,7 @@ class PlanFile:
     """What the plan was chosen by; None: by its re-plan window, the earlier it begins the better."""
     cost_value: float
     """In percent of a full battery; of a window, its ``earliest_s``."""
-    solved: Solved
+    solved: SolverRecord
     window: Window | None = None
     inspection: Inspection | None = None
     """How to fly it; without it the file can be checked but not exported."""
@@ -192,7 +192,7 @@ class PlanFile:
         ends = [(segment.a_enu_m[:2], segment.b_enu_m[:2]) for segment in self.segments]
         return np.array(ends, dtype=np.float64).reshape(-1, 2, 2)
 
-    def inspected_at_m(self, vehicle: str, position: int) -> float | None:
+    def inspection_height_m(self, vehicle: str, position: int) -> float | None:
         """Return how high a vehicle inspects the segment at a position; None where everybody has its layer anyway."""
         if self.inspection is None or self.pricing is None:
             return None
@@ -203,16 +203,16 @@ class PlanFile:
             return height_m
         return height_m + pricing.steps_m.get(vehicle, 0.0) + pricing.deep_m.get(position, 0.0)
 
-    def task(self) -> Task:
+    def build_task(self) -> Task:
         """Return the planning problem that the file is about.
 
         Raises:
             PlanFileError: its vehicles or coordinates do not make one.
         """
         ids = tuple(segment.id for segment in self.segments)
-        return Task(self.instance(), ids, self.pricing, self.unreachable)
+        return Task(self.build_instance(), ids, self.pricing, self.unreachable)
 
-    def instance(self) -> Instance:
+    def build_instance(self) -> Instance:
         """Return the planning problem over positions in ``segments``.
 
         Raises:
@@ -220,12 +220,12 @@ class PlanFile:
         """
         try:
             if self.pricing is not None:
-                return flown_instance(self.pricing, self.vehicles)
+                return build_priced_instance(self.pricing, self.vehicles)
             return build_instance(self.ends_m, DEPOT_M, self.vehicles, self.travel)
         except InstanceError as error:
             raise PlanFileError(f"{self.source}: {error}") from error
 
-    def network(self) -> Network:
+    def build_network(self) -> Network:
         """Return the file's segments as a network, numbered by their position; labels are their names.
 
         Raises:
@@ -240,7 +240,7 @@ class PlanFile:
                 pylons.setdefault(name, Pylon(name, *place, elevation_m, height_m))
         index = {name: number for number, name in enumerate(pylons)}
         segments = tuple(
-            Segment(number, index[segment.pylons[0]], index[segment.pylons[1]], segment.called)
+            Segment(number, index[segment.pylons[0]], index[segment.pylons[1]], segment.display_name)
             for number, segment in enumerate(self.segments)
         )
         return Network(tuple(pylons.values()), segments, self.frame, self.source)
@@ -252,7 +252,7 @@ def make_plan_file(
     travel: Travel,
     plan: Plan,
     cost: Cost | None,
-    solved: Solved,
+    solved: SolverRecord,
     *,
     window: Window | None = None,
     inspection: Inspection | None = None,
@@ -281,7 +281,7 @@ def make_plan_file(
         inspection = replace(inspection, flat=True)
     return PlanFile(
         frame=network.frame,
-        segments=tuple(plan_segment(network, segment) for segment in task.segment_ids),
+        segments=tuple(build_plan_segment(network, segment) for segment in task.segment_ids),
         vehicles=task.instance.vehicles,
         travel=travel,
         plan=plan,
@@ -312,26 +312,26 @@ def check_plan(content: PlanFile, *, search_window: bool = True) -> list[str]:
     Raises:
         PlanFileError: its vehicles or coordinates make no planning problem at all.
     """
-    findings = list(_findings(content))
+    findings = list(_check_content(content))
     if search_window and content.window is not None and not findings:
-        findings.extend(_window_findings(content, content.window))
+        findings.extend(_check_window(content, content.window))
     return findings
 
 
-def _window_findings(content: PlanFile, written: Window) -> Iterator[str]:
+def _check_window(content: PlanFile, written: Window) -> Iterator[str]:
     try:
-        found = replan_window(content.instance(), content.plan, fly_again=content.fly_again)
+        found = replan_window(content.build_instance(), content.plan, fly_again=content.fly_again)
     except PlanError as error:
         yield f"window: {error}"
         return
-    if not agrees(written.earliest_s, found.earliest_s):
+    if not is_same_figure(written.earliest_s, found.earliest_s):
         yield f"window.earliest_s is {written.earliest_s:.6g}, its content gives {found.earliest_s:.6g}"
 
 
-def _findings(content: PlanFile) -> Iterator[str]:
-    yield from _place_findings(content)
-    yield from _area_findings(content)
-    instance = content.instance()
+def _check_content(content: PlanFile) -> Iterator[str]:
+    yield from _check_places(content)
+    yield from _check_areas(content)
+    instance = content.build_instance()
     evaluation = evaluate(instance, content.plan, content.cost or Cost.MINMAX)
     figures = [
         (f"route of {vehicle.name}: {key}", written, computed)
@@ -351,22 +351,22 @@ def _findings(content: PlanFile) -> Iterator[str]:
         figures.append(("window.longest_route_s", content.window.longest_route_s, longest_s))
         figures.append(("window.window_pct", content.window.window_pct, window_pct))
     for name, written, computed in figures:
-        if not agrees(written, computed):
+        if not is_same_figure(written, computed):
             yield f"{name} is {written:.6g}, its content gives {computed:.6g}"
-    yield from _coverage_findings(content)
+    yield from _check_coverage(content)
     for vehicle, energy_pct in zip(content.vehicles, evaluation.energies_pct, strict=True):
         if energy_pct > vehicle.budget_pct + FIGURE_TOLERANCE:
             yield f"route of {vehicle.name}: spends {energy_pct:.3f} %, its budget is {vehicle.budget_pct:.3f} %"
 
 
-def _coverage_findings(content: PlanFile) -> Iterator[str]:
+def _check_coverage(content: PlanFile) -> Iterator[str]:
     visited = {segment_of(visit) for route in content.plan.routes for visit in route.visits}
     for index, segment in enumerate(content.segments):
         if index not in visited and index not in content.plan.uncovered:
-            yield f"{segment.called} is neither visited nor named as uncovered"
+            yield f"{segment.display_name} is neither visited nor named as uncovered"
 
 
-def _place_findings(content: PlanFile) -> Iterator[str]:
+def _check_places(content: PlanFile) -> Iterator[str]:
     for segment in content.segments:
         for key, enu_m, lat_lon_deg in (
             ("a", segment.a_enu_m, segment.a_lat_lon_deg),
@@ -374,13 +374,13 @@ def _place_findings(content: PlanFile) -> Iterator[str]:
         ):
             apart_m = math.dist(enu_m[:2], content.frame.to_local_m(*lat_lon_deg))
             if not apart_m <= PLACE_TOLERANCE_M:
-                yield f"{segment.called}: {key} and {key}_lat_lon_deg are {apart_m:.2f} m apart"
+                yield f"{segment.display_name}: {key} and {key}_lat_lon_deg are {apart_m:.2f} m apart"
         length_m = math.dist(segment.a_enu_m[:2], segment.b_enu_m[:2])
-        if not agrees(segment.length_m, length_m):
-            yield f"{segment.called}: length_m is {segment.length_m:.6g}, its ends are {length_m:.6g} m apart"
+        if not is_same_figure(segment.length_m, length_m):
+            yield f"{segment.display_name}: length_m is {segment.length_m:.6g}, its ends are {length_m:.6g} m apart"
 
 
-def _area_findings(content: PlanFile) -> Iterator[str]:
+def _check_areas(content: PlanFile) -> Iterator[str]:
     """Yield what of the inspection legs that are flown, and of the pads, is in an area."""
     if content.pricing is None:
         return
@@ -389,21 +389,21 @@ def _area_findings(content: PlanFile) -> Iterator[str]:
     for one in content.pricing.kept_out:
         graph = graph_of((obstacle_of(one.area),))
         begins_m, ends_m = tracks_m[:, 0], tracks_m[:, 1]
-        within = graph.inside(begins_m) | graph.inside(ends_m) | graph.met(begins_m, ends_m)
+        within = graph.is_inside(begins_m) | graph.is_inside(ends_m) | graph.is_blocked(begins_m, ends_m)
         for number in np.flatnonzero(within).tolist():
-            yield f"{content.segments[flown[number]].called} is flown, and lies in area {one.area.name!r}"
+            yield f"{content.segments[flown[number]].display_name} is flown, and lies in area {one.area.name!r}"
         for name in one.vehicles:
             base = content.pricing.bases.get(name)
-            if base is not None and graph.inside(np.array([base.place_m[:2]]))[0]:
+            if base is not None and graph.is_inside(np.array([base.place_m[:2]]))[0]:
                 yield f"the pad of {name} lies in area {one.area.name!r}"
 
 
-def agrees(written: float, computed: float) -> bool:
+def is_same_figure(written: float, computed: float) -> bool:
     """Return whether a figure is what it was computed anew to be."""
     return abs(written - computed) <= FIGURE_TOLERANCE * max(1.0, abs(computed))
 
 
-def plan_segment(network: Network, number: int) -> PlanSegment:
+def build_plan_segment(network: Network, number: int) -> PlanSegment:
     """Return a segment as plan files keep it."""
     segment = network.segments[number]
     a, b = network.pylons[segment.a], network.pylons[segment.b]

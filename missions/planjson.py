@@ -14,19 +14,19 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from missions.areas import Area, AreaKind, KeptOut, Unreachable
+from missions.areas import Area, AreaKind, AreaRestriction, Unreachable
 from missions.errors import PlanFileError, SafetyError
-from missions.files import printable, read_text, write_document
+from missions.files import read_text, to_printable, write_document
 from missions.flight_model import Base, FlightModel
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.grids import Grid
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
-from missions.planfile import WINDOW_COST, PlanFence, PlanFile, PlanSegment, PlanTerrain, Solved, Window
+from missions.planfile import WINDOW_COST, PlanFence, PlanFile, PlanSegment, PlanTerrain, SolverRecord, Window
 from missions.pricing import Pricing
 from missions.relief import Relief
 from missions.setup import MOST, Inspection
-from missions.validation import Figure, Flag, Id, Pair, Place, Text, first_reason, is_none
+from missions.validation import Figure, Flag, Id, Pair, Place, Text, format_first_error, is_none
 from planner import (
     Cost,
     Dynamics,
@@ -232,7 +232,7 @@ class ReliefPart(_Part):
     """For each easting from west to east, those from south to north."""
 
     @model_validator(mode="after")
-    def _rectangular(self) -> ReliefPart:
+    def _check_rectangular(self) -> ReliefPart:
         if len({len(column) for column in self.heights_m}) != 1:
             raise ValueError("heights_m: expected as many heights for each easting")
         return self
@@ -301,7 +301,7 @@ class PlanDocument(_Part):
     """Last, for it is by far the longest."""
 
     @model_validator(mode="after")
-    def _distinct(self) -> PlanDocument:
+    def _check_distinct(self) -> PlanDocument:
         for key, names in (
             ("segments[{}].id", [segment.id for segment in self.segments]),
             ("vehicles[{}].name", [vehicle.name for vehicle in self.vehicles]),
@@ -312,7 +312,7 @@ class PlanDocument(_Part):
         return self
 
     @model_validator(mode="after")
-    def _of_a_piece(self) -> PlanDocument:
+    def _check_consistency(self) -> PlanDocument:
         known = {segment.id for segment in self.segments}
         names = [vehicle.name for vehicle in self.vehicles]
         if [route.vehicle for route in self.routes] != names:
@@ -341,7 +341,7 @@ def write_plan(path: Path | str, plan_file: PlanFile) -> None:
         OSError: the file cannot be written.
     """
     path = Path(path)
-    document = plan_document(replace(plan_file, source=str(path)))
+    document = build_plan_document(replace(plan_file, source=str(path)))
     write_document(path, document)
 
 
@@ -354,9 +354,9 @@ def read_plan(path: Path | str) -> PlanFile:
     path = Path(path)
     text = read_text(path, "plan file", PlanFileError)
     try:
-        return _content(PlanDocument.model_validate_json(text), str(path))
+        return _read_content(PlanDocument.model_validate_json(text), str(path))
     except ValidationError as error:
-        raise PlanFileError(f"{path}: {first_reason(error)}") from error
+        raise PlanFileError(f"{path}: {format_first_error(error)}") from error
     except InstanceError as error:
         raise PlanFileError(f"{path}: travel.{error}") from error
     except SafetyError as error:
@@ -365,7 +365,7 @@ def read_plan(path: Path | str) -> PlanFile:
         raise PlanFileError(f"{path}: routes: expected every segment at most once: {error}") from error
 
 
-def plan_document(content: PlanFile) -> dict[str, object]:
+def build_plan_document(content: PlanFile) -> dict[str, object]:
     """Return what a plan file says, as JSON has it.
 
     Raises:
@@ -390,7 +390,7 @@ def plan_document(content: PlanFile) -> dict[str, object]:
                     {
                         "segment": ids[segment_of(visit)],
                         "reversed": is_reversed(visit),
-                        "inspected_at_m": content.inspected_at_m(
+                        "inspected_at_m": content.inspection_height_m(
                             content.vehicles[route.vehicle].name, segment_of(visit)
                         ),
                     }
@@ -406,7 +406,7 @@ def plan_document(content: PlanFile) -> dict[str, object]:
         **asdict(content.solved),
         "window": content.window,
         "inspection": inspection and {**asdict(inspection), "heights": "flat" if inspection.flat else "known"},
-        "model": content.pricing and _model(content.pricing, content.vehicles),
+        "model": content.pricing and _build_model(content.pricing, content.vehicles),
         "fly_again": content.fly_again,
         "unreachable": [
             {"segment": one.segment, "name": name, "why": one.why}
@@ -419,10 +419,10 @@ def plan_document(content: PlanFile) -> dict[str, object]:
     try:
         return PlanDocument.model_validate(document, from_attributes=True).model_dump(mode="json")
     except ValidationError as error:
-        raise PlanFileError(f"{content.source}: {first_reason(error)}") from error
+        raise PlanFileError(f"{content.source}: {format_first_error(error)}") from error
 
 
-def _content(document: PlanDocument, source: str) -> PlanFile:
+def _read_content(document: PlanDocument, source: str) -> PlanFile:
     position = {segment.id: index for index, segment in enumerate(document.segments)}
     travel, inspection = document.travel, document.inspection
     return PlanFile(
@@ -456,15 +456,15 @@ def _content(document: PlanDocument, source: str) -> PlanFile:
         energies_pct=tuple(route.energy_pct for route in document.routes),
         cost=None if document.cost.name == WINDOW_COST else Cost(document.cost.name),
         cost_value=document.cost.value,
-        solved=Solved(printable(document.solver), document.seed, document.seconds),
+        solved=SolverRecord(to_printable(document.solver), document.seed, document.seconds),
         window=document.window,
         inspection=None if inspection is None else Inspection(
             **inspection.model_dump(exclude={"heights"}, exclude_none=True), flat=inspection.heights == "flat"
         ),
-        pricing=_pricing(document),
+        pricing=_read_pricing(document),
         fly_again=document.fly_again,
-        unreachable=tuple(Unreachable(one.segment, printable(one.why)) for one in document.unreachable),
-        unreachable_names=tuple(printable(one.name) for one in document.unreachable),
+        unreachable=tuple(Unreachable(one.segment, to_printable(one.why)) for one in document.unreachable),
+        unreachable_names=tuple(to_printable(one.name) for one in document.unreachable),
         terrain=document.terrain,
         autopilots={one.name: one.autopilot for one in document.vehicles if one.autopilot is not None},
         fence=document.fence,
@@ -475,7 +475,7 @@ def _content(document: PlanDocument, source: str) -> PlanFile:
     )  # fmt: skip
 
 
-def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
+def _build_model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
     models = [pricing.models[vehicle.name] for vehicle in vehicles]
     return {
         "name": "flight",
@@ -506,19 +506,19 @@ def _model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
             }
             for one in pricing.kept_out
         ],
-        "relief": pricing.relief and _relief(pricing.relief.grid),
+        "relief": pricing.relief and _build_relief(pricing.relief.grid),
         "besides_s": sorted(pricing.besides_s.items()),
         "in_layer_s": sorted(pricing.in_layer_s.items()),
         "deep_m": sorted(pricing.deep_m.items()),
     }
 
 
-def _relief(grid: Grid) -> dict[str, object]:
+def _build_relief(grid: Grid) -> dict[str, object]:
     east_m, north_m = grid.low_m
     return {"east_m": east_m, "north_m": north_m, "step_m": grid.step_m, "heights_m": grid.heights_m.tolist()}
 
 
-def _pricing(document: PlanDocument) -> Pricing | None:
+def _read_pricing(document: PlanDocument) -> Pricing | None:
     if document.model is None:
         return None
     travel, model, relief = document.travel, document.model, document.model.relief
@@ -534,7 +534,7 @@ def _pricing(document: PlanDocument) -> Pricing | None:
         model.pads,
         model.column_m,
         model.answer_s,
-        kept_out=tuple(map(_kept_out, model.areas)),
+        kept_out=tuple(map(_read_restriction, model.areas)),
         relief=None
         if relief is None
         else Relief(Grid((relief.east_m, relief.north_m), relief.step_m, np.array(relief.heights_m))),
@@ -548,6 +548,6 @@ def _pricing(document: PlanDocument) -> Pricing | None:
     )
 
 
-def _kept_out(part: AreaPart) -> KeptOut:
+def _read_restriction(part: AreaPart) -> AreaRestriction:
     figures = {key: getattr(part, key) for key in AREA_FIGURES}
-    return KeptOut(Area(kind=AreaKind(part.kind), rings_m=part.rings, **figures), part.vehicles, part.highest_m)
+    return AreaRestriction(Area(kind=AreaKind(part.kind), rings_m=part.rings, **figures), part.vehicles, part.highest_m)

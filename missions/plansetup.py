@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from missions.pads import Pad
 from missions.planfile import PlanFile
-from missions.setup import FlightSetup, Inspection, flight_setup
+from missions.setup import FlightSetup, Inspection, plan_flight_setup
 from missions.terrain import Terrain
 
 
@@ -23,9 +23,11 @@ def setup_of_plan(
         terrain: The ground that it was made over, which is not in the plan itself.
 
     Raises:
-        MissionsError: as `flight_setup` has it.
+        MissionsError: as `plan_flight_setup` has it.
     """
     names = [vehicle.name for vehicle in content.vehicles]
-    setup = flight_setup(content.network(), names, inspection, pads=pads, areas=content.areas, terrain=terrain)
+    setup = plan_flight_setup(
+        content.build_network(), names, inspection, pads=pads, areas=content.areas, terrain=terrain
+    )
     kept_out = () if content.pricing is None else content.pricing.kept_out
     return replace(setup, areas=content.areas, kept_out=kept_out) if content.areas else setup

@@ -11,7 +11,7 @@ from missions.elevation import Elevation
 from missions.errors import NetworkError
 from missions.geo import FloatArray, LocalFrame
 from missions.network import Network, Pylon
-from missions.terrain import unknown_ground
+from missions.terrain import build_unknown_ground_error
 
 GROSS = 3.0
 """Times the raster's uncertainty, and `GROSS_M`: a pylon farther than this from the raster's ground is wrong."""
@@ -25,7 +25,7 @@ ALL_FROM = 3
 """Pylons from which on this is looked for."""
 
 
-def on_ground(network: Network, elevation: Elevation, *, depot_known: bool) -> tuple[Network, tuple[str, ...]]:
+def add_ground_heights(network: Network, elevation: Elevation, *, depot_known: bool) -> tuple[Network, tuple[str, ...]]:
     """Return a network whose pylons all have a ground: their file's, else the raster's; and what is worth a look.
 
     Args:
@@ -41,7 +41,7 @@ def on_ground(network: Network, elevation: Elevation, *, depot_known: bool) -> t
     ground_m = elevation.at_m(places_m)
     unknown = np.flatnonzero(np.isnan(ground_m))
     if len(unknown):
-        raise unknown_ground(elevation, places_m[unknown[0]], network.frame, network)
+        raise build_unknown_ground_error(elevation, places_m[unknown[0]], network.frame, network)
     found = []
     frame, depot_m = network.frame, float(ground_m[-1])
     if not depot_known:
@@ -51,11 +51,11 @@ def on_ground(network: Network, elevation: Elevation, *, depot_known: bool) -> t
     if depot_known:
         off_m = frame.alt_m - depot_m
         words = f"{frame.alt_m:g} m, where {elevation.source} has {depot_m:.1f} m"
-        if abs(off_m) > _gross_m(elevation) + allowed_m[-1]:
+        if abs(off_m) > _gross_error_m(elevation) + allowed_m[-1]:
             raise NetworkError(f"{network.source}: depot: alt_m: expected the ground above mean sea level, got {words}")
-        if abs(off_m) > _odd_m(elevation) + allowed_m[-1]:
+        if abs(off_m) > _odd_error_m(elevation) + allowed_m[-1]:
             found.append(f"the depot is said to be at {words}")
-    found += _compared(network, elevation, ground_m[:-1], allowed_m[:-1])
+    found += _compare_elevations(network, elevation, ground_m[:-1], allowed_m[:-1])
     pylons = tuple(
         pylon if pylon.elevation_m is not None else replace(pylon, elevation_m=round(raster_m, 1))
         for pylon, raster_m in zip(network.pylons, ground_m[:-1].tolist(), strict=True)
@@ -66,7 +66,7 @@ def on_ground(network: Network, elevation: Elevation, *, depot_known: bool) -> t
     return replace(network, pylons=pylons, frame=frame, flat=False), tuple(found)
 
 
-def with_structures(network: Network, pylon_height_m: float | None) -> Network:
+def add_structure_heights(network: Network, pylon_height_m: float | None) -> Network:
     """Return a network whose pylons have the height that somebody says of all that have none in the file."""
     if pylon_height_m is None:
         return network
@@ -76,15 +76,17 @@ def with_structures(network: Network, pylon_height_m: float | None) -> Network:
     return replace(network, pylons=pylons)
 
 
-def _gross_m(elevation: Elevation) -> float:
+def _gross_error_m(elevation: Elevation) -> float:
     return GROSS * elevation.uncertainty_m + GROSS_M
 
 
-def _odd_m(elevation: Elevation) -> float:
+def _odd_error_m(elevation: Elevation) -> float:
     return ODD * elevation.uncertainty_m + ODD_M
 
 
-def _compared(network: Network, elevation: Elevation, ground_m: FloatArray, allowed_m: FloatArray) -> list[str]:
+def _compare_elevations(
+    network: Network, elevation: Elevation, ground_m: FloatArray, allowed_m: FloatArray
+) -> list[str]:
     """Return in words how known elevations and the raster differ.
 
     Raises:
@@ -99,16 +101,19 @@ def _compared(network: Network, elevation: Elevation, ground_m: FloatArray, allo
     if len(known) >= ALL_FROM and abs(middle_m) > elevation.uncertainty_m + ALL_M:
         side = "above" if middle_m > 0 else "below"
         raise NetworkError(
-            f"{_of(network, known[0][1], ground_m[known[0][0]], elevation)}: half of all pylons are more than "
+            f"{_describe_gross_error(network, known[0][1], ground_m[known[0][0]], elevation)}: half of all pylons "
+            f"are more than "
             f"{abs(middle_m):.0f} m {side} it: are they counted from something else (the ellipsoid, feet, tops), or is "
             "the raster?"
         )
     over_m = np.abs(offs_m) - allowed_m[[index for index, _, _ in known]]
     worst = int(over_m.argmax())
-    if over_m[worst] > _gross_m(elevation):
+    if over_m[worst] > _gross_error_m(elevation):
         index, pylon, _ = known[worst]
-        raise NetworkError(f"{_of(network, pylon, ground_m[index], elevation)}: {abs(offs_m[worst]):.0f} m apart")
-    odd = np.flatnonzero(over_m > _odd_m(elevation))
+        raise NetworkError(
+            f"{_describe_gross_error(network, pylon, ground_m[index], elevation)}: {abs(offs_m[worst]):.0f} m apart"
+        )
+    odd = np.flatnonzero(over_m > _odd_error_m(elevation))
     if not len(odd):
         return []
     index, pylon, elevation_m = known[worst]
@@ -117,7 +122,7 @@ def _compared(network: Network, elevation: Elevation, ground_m: FloatArray, allo
     return [f"pylon {pylon.id!r} stands at {elevation_m:g} m by its file, {by_raster}{more}"]
 
 
-def _of(network: Network, pylon: Pylon, ground_m: float, elevation: Elevation) -> str:
+def _describe_gross_error(network: Network, pylon: Pylon, ground_m: float, elevation: Elevation) -> str:
     return (
         f"{network.source}: pylon {pylon.id!r}: elevation_m: expected the ground above mean sea level, "
         f"{ground_m:.0f} m by {elevation.source}, got {pylon.elevation_m:g}"

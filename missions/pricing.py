@@ -16,12 +16,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from missions.areas import KeptOut
-from missions.detours import Columns, IntArray, led_around
-from missions.flight_model import SAME_PLACE_M, UNKNOWN, Base, FlightModel, nowhere_where
+from missions.areas import AreaRestriction
+from missions.detours import DetourObstacles, IntArray, price_detours
+from missions.flight_model import SAME_PLACE_M, UNKNOWN, Base, FlightModel, arrival_vectors_m
 from missions.geo import FloatArray
-from missions.relief import FEW_PIECES, Relief, followed_where_uneven
-from missions.rises import NEVER, BoolArray, Rises
+from missions.relief import FEW_PIECES, Relief, price_uneven_ways
+from missions.rises import NEVER, BoolArray, VerticalLegs
 from missions.ways import Obstacle, obstacle_of
 from planner import Instance, Moves, MoveTables, Vehicle, Visits
 
@@ -36,11 +36,11 @@ DEPOT_M = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Flier:
+class VehicleMoves:
     """One vehicle's moves, around the columns above others' pads, around areas and over hills."""
 
     model: FlightModel
-    columns: Columns = field(default_factory=Columns)
+    columns: DetourObstacles = field(default_factory=DetourObstacles)
     relief: Relief | None = None
     barred: frozenset[int] = frozenset()
     """Segments that it cannot be given."""
@@ -54,13 +54,13 @@ class Flier:
     layered: frozenset[int] = frozenset()
     """Segments that it inspects in its layer all the same."""
 
-    def low(self, visits: Visits) -> BoolArray:
+    def find_low_visits(self, visits: Visits) -> BoolArray:
         """Return which visits it comes down to."""
         if not self.step_m:
             return NEVER
         return np.asarray(~np.isin(np.asarray(visits) >> 1, list(self.layered)))
 
-    def besides(self, visits: int) -> FloatArray:
+    def price_visit_extras(self, visits: int) -> FloatArray:
         """Return (2, visits) float64: seconds and energy that visits take besides.
 
         That is more than any battery holds where the vehicle is barred from a visit.
@@ -73,7 +73,7 @@ class Flier:
             more[1, 2 * segment : 2 * segment + 2] += BARRED_PCT
         return more
 
-    def moves(
+    def price_moves(
         self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray,
         low: tuple[BoolArray, BoolArray] = (NEVER, NEVER),
     ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
@@ -86,54 +86,58 @@ class Flier:
             last_m: Where they end.
             low: Which moves begin, and which of their visits are, below the layer.
         """
-        rises = Rises.between(from_m, first_m, *low, SAME_PLACE_M)
-        facing_m = nowhere_where(rises.up, facing_m)
-        straight = self.model.moves(from_m, facing_m, first_m, last_m, rises.down)
+        rises = VerticalLegs.find_between(from_m, first_m, *low, SAME_PLACE_M)
+        facing_m = arrival_vectors_m(rises.up, facing_m)
+        straight = self.model.price_moves(from_m, facing_m, first_m, last_m, rises.down)
 
         def along(which: IntArray, ways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
             facing, last = (
                 np.broadcast_to(places, (*straight[0].shape, 3)).reshape(-1, 3)[which] for places in (facing_m, last_m)
             )
             down = np.broadcast_to(rises.down, straight[0].shape).reshape(-1)[which]
-            return self.model.moves_along(facing, ways_m, last, down)
+            return self.model.price_moves_along(facing, ways_m, last, down)
 
-        return self._and_upright(self._led(from_m, first_m, straight, along), rises)
+        return self._add_vertical_legs(self._apply_detours(from_m, first_m, straight, along), rises)
 
-    def _and_upright(self, led: tuple[FloatArray, FloatArray], rises: Rises) -> tuple[FloatArray, FloatArray]:
+    def _add_vertical_legs(
+        self, led: tuple[FloatArray, FloatArray], rises: VerticalLegs
+    ) -> tuple[FloatArray, FloatArray]:
         """Return seconds and energies of ways with what leads up to their layer, and down from it."""
         if not self.step_m:
             return led
-        ups, downs = (self.model.upright(rise_m) for rise_m in (self.step_m, -self.step_m))
+        ups, downs = (self.model.price_vertical(rise_m) for rise_m in (self.step_m, -self.step_m))
         seconds, pct = (led[of] + rises.up * ups[of] + rises.down * downs[of] for of in (0, 1))
         return np.asarray(seconds), np.asarray(pct)
 
-    def ways_home(
+    def price_ways_home(
         self, from_m: FloatArray, facing_m: FloatArray, base: Base, low: BoolArray = NEVER
     ) -> tuple[FloatArray, FloatArray]:
         """Return seconds and energies of the ways from rest (..., 3) onto a pad; some begin below the layer."""
-        facing_m = nowhere_where(low, facing_m)
-        straight = self.model.ways_home(from_m, facing_m, base)
+        facing_m = arrival_vectors_m(low, facing_m)
+        straight = self.model.price_ways_home(from_m, facing_m, base)
 
         def along(which: IntArray, ways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
             facing = np.broadcast_to(facing_m, (*straight[0].shape, 3)).reshape(-1, 3)[which]
-            return self.model.ways_home_along(facing, ways_m, base)
+            return self.model.price_ways_home_along(facing, ways_m, base)
 
-        return self._and_upright(self._led(from_m, np.array(base.place_m), straight, along), Rises(low, NEVER))
+        return self._add_vertical_legs(
+            self._apply_detours(from_m, np.array(base.place_m), straight, along), VerticalLegs(low, NEVER)
+        )
 
-    def _led(
+    def _apply_detours(
         self, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
         along: Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]],
     ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-        """Return seconds and energies of ways as they are flown; arguments as `led_around` has them."""
+        """Return seconds and energies of ways as they are flown; arguments as `price_detours` has them."""
         relief = self.relief
         if relief is None:
-            return led_around(self.columns, from_m, to_m, straight, along)
+            return price_detours(self.columns, from_m, to_m, straight, along)
 
         def over(which: IntArray, ways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-            return along(which, relief.followed(ways_m, FEW_PIECES))
+            return along(which, relief.follow_surface(ways_m, FEW_PIECES))
 
-        level = followed_where_uneven(relief, from_m, to_m, straight, along)
-        return led_around(self.columns, from_m, to_m, level, over)
+        level = price_uneven_ways(relief, from_m, to_m, straight, along)
+        return price_detours(self.columns, from_m, to_m, level, over)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,7 +155,7 @@ class Pricing:
     """Radius of these columns; 0 where every way is straight."""
     answer_s: float = 0.0
     """How long after a loss everybody flies on as planned, as `planner.Instance` has it."""
-    kept_out: tuple[KeptOut, ...] = ()
+    kept_out: tuple[AreaRestriction, ...] = ()
     """Areas that ways lead around, however many segments there are."""
     relief: Relief | None = None
     """The lowest layer's heights, where a raster knows the ground; without it ways rise evenly."""
@@ -172,7 +176,7 @@ class Pricing:
     closed: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
     """By the vehicle's name: others' parts of the line, which its ways lead around."""
 
-    def fliers(self, vehicles: Iterable[str], *, around: bool) -> list[Flier]:
+    def build_vehicle_moves(self, vehicles: Iterable[str], *, around: bool) -> list[VehicleMoves]:
         """Return how vehicles move.
 
         Args:
@@ -181,9 +185,9 @@ class Pricing:
         """
         longer = tuple(sorted(self.besides_s.items()))
         return [
-            Flier(
+            VehicleMoves(
                 self.models[name],
-                self._columns(name, around=around),
+                self._build_obstacles(name, around=around),
                 self.relief,
                 self.barred.get(name, frozenset()),
                 longer,
@@ -194,25 +198,25 @@ class Pricing:
             for name in vehicles
         ]
 
-    def _columns(self, vehicle: str, *, around: bool) -> Columns:
+    def _build_obstacles(self, vehicle: str, *, around: bool) -> DetourObstacles:
         areas = tuple(obstacle_of(one.area) for one in self.kept_out if vehicle in one.vehicles)
         areas += self.closed.get(vehicle, ())
         if not (around and self.column_m):
-            return Columns(areas=areas)
+            return DetourObstacles(areas=areas)
         own_m = self.bases[vehicle].place_m[:2]
         others = tuple(pad for pad in self.pads_m if math.dist(pad, own_m) > SAME_PLACE_M)
-        return Columns(others, self.column_m, areas)
+        return DetourObstacles(others, self.column_m, areas)
 
-    def part(self, segments: Sequence[int], vehicles: Iterable[str]) -> Pricing:
+    def select_segments(self, segments: Sequence[int], vehicles: Iterable[str]) -> Pricing:
         """Return that of some segments, numbered anew in the order given, and of some vehicles."""
         names = tuple(vehicles)
         numbers = {segment: number for number, segment in enumerate(segments)}
         return replace(
             self,
             tracks_m=self.tracks_m[list(segments)],
-            besides_s=_of(numbers, self.besides_s),
-            in_layer_s=_of(numbers, self.in_layer_s),
-            deep_m=_of(numbers, self.deep_m),
+            besides_s=_renumber(numbers, self.besides_s),
+            in_layer_s=_renumber(numbers, self.in_layer_s),
+            deep_m=_renumber(numbers, self.deep_m),
             barred={
                 name: frozenset(numbers[segment] for segment in self.barred[name] if segment in numbers)
                 for name in names
@@ -229,20 +233,20 @@ class Pricing:
         )
 
 
-def _of(numbers: Mapping[int, int], figures: Mapping[int, float]) -> dict[int, float]:
+def _renumber(numbers: Mapping[int, int], figures: Mapping[int, float]) -> dict[int, float]:
     """Return the figures of some segments, by their new numbers."""
     return {numbers[segment]: figure for segment, figure in figures.items() if segment in numbers}
 
 
 @dataclass(frozen=True, slots=True)
-class FlownMoves:
+class PricedMoves:
     """Moves priced when they are asked for: memory grows with the segments, not with their square."""
 
     first_m: FloatArray
     """(2n, 3) float64: where each visit begins."""
     last_m: FloatArray
     """(2n, 3) float64: where it ends."""
-    fliers: tuple[Flier, ...]
+    fliers: tuple[VehicleMoves, ...]
     """One for each profile."""
     besides: FloatArray | None = None
     """(2, profiles, 2n) float64: seconds and energy that visits take besides, by profile; None where none do."""
@@ -259,38 +263,40 @@ class FlownMoves:
 
     def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
         """Return the seconds of moves."""
-        return self._between(profile, before, after)[0]
+        return self._compute_moves(profile, before, after)[0]
 
     def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
         """Return the energy of moves."""
-        return self._between(profile, before, after)[1]
+        return self._compute_moves(profile, before, after)[1]
 
-    def part(self, visits: Sequence[int]) -> MoveTables:
+    def select_visits(self, visits: Sequence[int]) -> MoveTables:
         """Return the moves between some of the visits, as tables."""
         which = list(visits)
         besides = None if self.besides is None else self.besides[..., which]
-        return replace(self, first_m=self.first_m[which], last_m=self.last_m[which], besides=besides).tables()
+        return replace(self, first_m=self.first_m[which], last_m=self.last_m[which], besides=besides).tabulate()
 
-    def tables(self) -> MoveTables:
+    def tabulate(self) -> MoveTables:
         """Return all moves."""
         every = np.arange(self.visits)
-        blocks = [self._between(profile, every[:, np.newaxis], every) for profile in range(self.profiles)]
+        blocks = [self._compute_moves(profile, every[:, np.newaxis], every) for profile in range(self.profiles)]
         shape = (self.profiles, self.visits, self.visits)
         seconds, pct = (np.array([block[of] for block in blocks]).reshape(shape) for of in (0, 1))
         return MoveTables(seconds, pct)
 
-    def _between(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+    def _compute_moves(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
         facing_m, flier = self.last_m[before] - self.first_m[before], self.fliers[profile]
-        seconds, pct = flier.moves(
+        seconds, pct = flier.price_moves(
             self.last_m[before], facing_m, self.first_m[after], self.last_m[after],
-            (flier.low(before), flier.low(after)),
+            (flier.find_low_visits(before), flier.find_low_visits(after)),
         )  # fmt: skip
         if self.besides is None:
             return seconds, pct
         return seconds + self.besides[0, profile][after], pct + self.besides[1, profile][after]
 
 
-def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_to: int = TABLES_UP_TO) -> Instance:
+def build_priced_instance(
+    pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_to: int = TABLES_UP_TO
+) -> Instance:
     """Return the planning problem of all segments of a pricing.
 
     A vehicle on the ground climbs from its pad; one in the air starts at its ``start_m`` and ``start_up_m``, turned
@@ -307,32 +313,32 @@ def flown_instance(pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_t
     tracks_m = pricing.tracks_m.reshape(-1, 2, 3)
     first_m, last_m = tracks_m.reshape(-1, 3), np.array(tracks_m[:, ::-1].reshape(-1, 3))
     around = len(tracks_m) * len(vehicles) <= AROUND_UP_TO
-    fliers = pricing.fliers((vehicle.name for vehicle in vehicles), around=around)
+    fliers = pricing.build_vehicle_moves((vehicle.name for vehicle in vehicles), around=around)
     profiles = tuple(dict.fromkeys(fliers))
     more = any(flier.barred or flier.besides_s for flier in fliers)
-    besides = np.stack([flier.besides(len(first_m)) for flier in profiles], axis=1) if more else None
-    flown = FlownMoves(first_m, last_m, profiles, besides)
+    besides = np.stack([flier.price_visit_extras(len(first_m)) for flier in profiles], axis=1) if more else None
+    flown = PricedMoves(first_m, last_m, profiles, besides)
     # Who comes down from a layer of its own has moves of its own.
     tables = len(profiles) if pricing.steps_m else 1
-    moves: Moves = flown.tables() if profiles and tables * len(tracks_m) ** 2 <= tables_up_to**2 else flown
+    moves: Moves = flown.tabulate() if profiles and tables * len(tracks_m) ** 2 <= tables_up_to**2 else flown
     start, again, home = (np.zeros((2, len(vehicles), len(first_m))) for _ in range(3))
     idle = np.zeros((2, len(vehicles)))
     for row, vehicle in enumerate(vehicles):
         flier, base = fliers[row], pricing.bases[vehicle.name]
-        climb = np.array(flier.model.take_off(np.array(base.climb_m)))
-        low = flier.low(np.arange(len(first_m)))
-        out = flier.moves(np.array(base.place_m), UNKNOWN, first_m, last_m, (NEVER, low))
+        climb = np.array(flier.model.price_take_off(np.array(base.climb_m)))
+        low = flier.find_low_visits(np.arange(len(first_m)))
+        out = flier.price_moves(np.array(base.place_m), UNKNOWN, first_m, last_m, (NEVER, low))
         again[:, row] = np.array(out) + climb[:, np.newaxis]
-        home[:, row] = flier.ways_home(last_m, last_m - first_m, base, low)
+        home[:, row] = flier.price_ways_home(last_m, last_m - first_m, base, low)
         start[:, row] = again[:, row]
         if vehicle.airborne:
             here_m = np.array([*vehicle.start_m, vehicle.start_up_m])
             facing_m = np.array([*vehicle.facing_m, 0.0])
             here_low = np.array(vehicle.name in pricing.low_starts)
-            start[:, row] = flier.moves(here_m, facing_m, first_m, last_m, (here_low, low))
-            idle[:, row] = flier.ways_home(here_m, facing_m, base, here_low)
+            start[:, row] = flier.price_moves(here_m, facing_m, first_m, last_m, (here_low, low))
+            idle[:, row] = flier.price_ways_home(here_m, facing_m, base, here_low)
     if more:
-        own = np.stack([flier.besides(len(first_m)) for flier in fliers], axis=1)
+        own = np.stack([flier.price_visit_extras(len(first_m)) for flier in fliers], axis=1)
         start += own
         again += own
     consumption = np.array([vehicle.consumption for vehicle in vehicles], dtype=np.float64)[:, np.newaxis]

@@ -38,7 +38,7 @@ class QgcPlan:
     """Latitude and longitude in degrees, height above mean sea level in metres."""
 
 
-def qgc_plan(
+def format_qgc_plan(
     items: Sequence[MissionItem],
     dialect: Dialect,
     home: tuple[float, float, float],
@@ -74,7 +74,7 @@ def qgc_plan(
             "cruiseSpeed": max(speeds, default=5.0),
             "hoverSpeed": max(speeds, default=5.0),
             "plannedHomePosition": list(home),
-            "items": [_simple_item(number, item) for number, item in enumerate(flown, start=1)],
+            "items": [_build_simple_item(number, item) for number, item in enumerate(flown, start=1)],
         },
     }
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
@@ -95,12 +95,12 @@ def parse_qgc_plan(text: str, *, source: str = "plan") -> QgcPlan:
     home = mission.get("plannedHomePosition")
     if not isinstance(home, list) or len(home) != 3 or not all(map(is_number, home)):
         raise MissionFileError(f"{source}: mission.plannedHomePosition: expected [latitude, longitude, height]")
-    simple = list(_flattened(mission["items"], f"{source}: mission.items"))
-    items = tuple(_parsed_item(seq, item, place) for seq, (item, place) in enumerate(simple))
+    simple = list(_flatten_items(mission["items"], f"{source}: mission.items"))
+    items = tuple(_parse_item(seq, item, place) for seq, (item, place) in enumerate(simple))
     return QgcPlan(items, (float(home[0]), float(home[1]), float(home[2])))
 
 
-def qgc_waypoints(items: Sequence[MissionItem], dialect: Dialect, home: tuple[float, float, float]) -> str:
+def format_qgc_waypoints(items: Sequence[MissionItem], dialect: Dialect, home: tuple[float, float, float]) -> str:
     """Return the text of a .waypoints file; with a home slot, line 0 is the home given.
 
     Raises:
@@ -134,7 +134,7 @@ def parse_qgc_waypoints(text: str, *, source: str = "waypoints") -> tuple[Missio
     items: list[MissionItem] = []
     for number, line in enumerate(lines[1:], start=2):
         if line.strip():
-            items.append(_parsed_line(line, f"{source}: line {number}"))
+            items.append(_parse_line(line, f"{source}: line {number}"))
             if items[-1].seq != len(items) - 1:
                 raise MissionFileError(
                     f"{source}: line {number}: index: expected {len(items) - 1}, got {items[-1].seq}"
@@ -161,7 +161,7 @@ def _degrees(item: MissionItem) -> list[float]:
     return [item.x / 1e7, item.y / 1e7]
 
 
-def _simple_item(number: int, item: MissionItem) -> dict[str, object]:
+def _build_simple_item(number: int, item: MissionItem) -> dict[str, object]:
     params = [item.param1, item.param2, item.param3, item.param4]
     entry: dict[str, object] = {
         "type": "SimpleItem",
@@ -178,7 +178,7 @@ def _simple_item(number: int, item: MissionItem) -> dict[str, object]:
     return entry
 
 
-def _flattened(items: Sequence[object], place: str) -> Iterator[tuple[Mapping[str, object], str]]:
+def _flatten_items(items: Sequence[object], place: str) -> Iterator[tuple[Mapping[str, object], str]]:
     for index, item in enumerate(items):
         here = f"{place}[{index}]"
         if not isinstance(item, dict):
@@ -191,10 +191,10 @@ def _flattened(items: Sequence[object], place: str) -> Iterator[tuple[Mapping[st
         if not isinstance(generated, list):
             kind = item.get("complexItemType", item.get("type"))
             raise MissionFileError(f"{here}.type: expected a SimpleItem or a pattern with its waypoints, got {kind!r}")
-        yield from _flattened(generated, f"{here}.TransectStyleComplexItem.Items")
+        yield from _flatten_items(generated, f"{here}.TransectStyleComplexItem.Items")
 
 
-def _parsed_item(seq: int, item: Mapping[str, object], place: str) -> MissionItem:
+def _parse_item(seq: int, item: Mapping[str, object], place: str) -> MissionItem:
     params = item.get("params")
     if (
         not isinstance(params, list)
@@ -206,8 +206,8 @@ def _parsed_item(seq: int, item: Mapping[str, object], place: str) -> MissionIte
     lat_deg, lon_deg, z = (0.0 if math.isnan(value) else value for value in values[4:])
     return MissionItem(
         seq=seq,
-        frame=_integer(item, "frame", place),
-        command=_integer(item, "command", place),
+        frame=_read_integer(item, "frame", place),
+        command=_read_integer(item, "command", place),
         param1=values[0],
         param2=values[1],
         param3=values[2],
@@ -219,14 +219,14 @@ def _parsed_item(seq: int, item: Mapping[str, object], place: str) -> MissionIte
     )
 
 
-def _integer(item: Mapping[str, object], key: str, place: str) -> int:
+def _read_integer(item: Mapping[str, object], key: str, place: str) -> int:
     value = item.get(key)
     if not isinstance(value, int) or isinstance(value, bool):
         raise MissionFileError(f"{place}.{key}: expected a number, got {value!r}")
     return value
 
 
-def _parsed_line(line: str, place: str) -> MissionItem:
+def _parse_line(line: str, place: str) -> MissionItem:
     words = line.split()
     if len(words) != _WPL_COLUMNS:
         raise MissionFileError(f"{place}: expected {_WPL_COLUMNS} columns, got {len(words)}")

@@ -11,13 +11,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from missions.areas import UNKNOWN_GROUND, Area, AreaKind, KeptOut, NamedPlace, Unreachable
+from missions.areas import UNKNOWN_GROUND, Area, AreaKind, AreaRestriction, NamedPlace, Unreachable
 from missions.clearance import heights_over_ground_m
 from missions.errors import SafetyError
 from missions.geo import FloatArray
-from missions.grids import inside
+from missions.grids import is_inside_convex
 from missions.setup import FlightSetup
-from missions.ways import Graph, graph_of, obstacle_of
+from missions.ways import VisibilityGraph, graph_of, obstacle_of
 
 BEYOND_M = 500.0
 """How far around lines and pads the heights of flights are looked at."""
@@ -30,7 +30,7 @@ EDGE_M = 1.0
 """What ways keep from its edge."""
 
 
-def within_areas(
+def apply_areas(
     setup: FlightSetup, areas: Sequence[Area], alternates: Sequence[NamedPlace] = ()
 ) -> FlightSetup:  # fmt: skip
     """Return a setup whose flights keep out of areas, and know what they cannot reach for it.
@@ -38,18 +38,18 @@ def within_areas(
     Raises:
         SafetyError: the depot or a pad is in an area, or no way leads from one to the other.
     """
-    kept_out = tuple(_kept_out(setup, areas))
+    kept_out = tuple(_build_restrictions(setup, areas))
     _check_depot(kept_out)
-    kept_out = (*kept_out, *_unknown(setup, kept_out))
+    kept_out = (*kept_out, *_restrict_unknown_ground(setup, kept_out))
     found = replace(setup, areas=tuple(areas), kept_out=kept_out, alternates=tuple(alternates))
-    return replace(found, unreachable=tuple(_unreachable(found)))
+    return replace(found, unreachable=tuple(_find_unreachable(found)))
 
 
-def _kept_out(setup: FlightSetup, areas: Sequence[Area]) -> Iterator[KeptOut]:
+def _build_restrictions(setup: FlightSetup, areas: Sequence[Area]) -> Iterator[AreaRestriction]:
     everybody = setup.layers.vehicles
     for area in areas:
         if area.kind is not AreaKind.HEIGHT_LIMIT:
-            yield KeptOut(area, everybody)
+            yield AreaRestriction(area, everybody)
             continue
         over_m = _over_limit_m(setup, area)
         if over_m is None:
@@ -57,10 +57,10 @@ def _kept_out(setup: FlightSetup, areas: Sequence[Area]) -> Iterator[KeptOut]:
         above = tuple(name for name in everybody if over_m + setup.layers.offset_m(name) > ROUNDING_M)
         if above:
             limit_m = area.max_agl_m if area.max_agl_m is not None else area.max_amsl_m
-            yield KeptOut(area, above, (limit_m or 0.0) + over_m + setup.layers.offset_m(above[-1]))
+            yield AreaRestriction(area, above, (limit_m or 0.0) + over_m + setup.layers.offset_m(above[-1]))
 
 
-def _unknown(setup: FlightSetup, kept_out: Sequence[KeptOut]) -> Iterator[KeptOut]:
+def _restrict_unknown_ground(setup: FlightSetup, kept_out: Sequence[AreaRestriction]) -> Iterator[AreaRestriction]:
     """Yield what lies beyond the ground that is known, if a way around an area would lead there.
 
     All ways are straight between the lines, the pads and the nodes around areas. As long as these lie where the ground
@@ -70,7 +70,7 @@ def _unknown(setup: FlightSetup, kept_out: Sequence[KeptOut]) -> Iterator[KeptOu
         return
     corners_m = setup.layers.known.corners_m
     nodes_m = graph_of(tuple(obstacle_of(one.area) for one in kept_out)).nodes_m
-    if inside(corners_m, nodes_m).all():
+    if is_inside_convex(corners_m, nodes_m).all():
         return
     (east, north), (far_east, far_north) = corners_m.min(axis=0) - OUTSIDE_M, corners_m.max(axis=0) + OUTSIDE_M
     box = tuple((float(one), float(other)) for one, other in (
@@ -78,12 +78,12 @@ def _unknown(setup: FlightSetup, kept_out: Sequence[KeptOut]) -> Iterator[KeptOu
     ))  # fmt: skip
     hull = tuple((float(one), float(other)) for one, other in corners_m)
     area = Area(UNKNOWN_GROUND, AreaKind.NO_FLY, (box, hull), EDGE_M)
-    yield KeptOut(area, setup.layers.vehicles)
+    yield AreaRestriction(area, setup.layers.vehicles)
 
 
 def _over_limit_m(setup: FlightSetup, area: Area) -> float | None:
     """Return how far the lowest layer is above the limit, negative where it is below; None if nobody comes near."""
-    places_m = _places_in(setup, area)
+    places_m = _sample_area(setup, area)
     if not len(places_m):
         return None
     up_m = setup.layers.surface.at_m(places_m) + setup.layers.tolerance_m
@@ -95,7 +95,7 @@ def _over_limit_m(setup: FlightSetup, area: Area) -> float | None:
     return float(np.max(over_m))
 
 
-def _places_in(setup: FlightSetup, area: Area) -> FloatArray:
+def _sample_area(setup: FlightSetup, area: Area) -> FloatArray:
     """Return (m, 2) places in an area and its margin, as far as flights may come there."""
     known = np.concatenate((setup.tracks_m.reshape(-1, 2), [(pad.east_m, pad.north_m) for pad in setup.pads]))
     corners = area.edges_m().reshape(-1, 2)
@@ -108,19 +108,19 @@ def _places_in(setup: FlightSetup, area: Area) -> FloatArray:
     on_tracks = (setup.tracks_m[:, 0] + along * (setup.tracks_m[:, 1] - setup.tracks_m[:, 0])).reshape(-1, 2)
     places = np.concatenate((np.column_stack((east.ravel(), north.ravel())), corners, on_tracks))
     places = places[((places >= low) & (places <= high)).all(axis=1)]
-    return np.asarray(places[graph_of((obstacle_of(area),)).inside(places)])
+    return np.asarray(places[graph_of((obstacle_of(area),)).is_inside(places)])
 
 
-def _check_depot(kept_out: Sequence[KeptOut]) -> None:
+def _check_depot(kept_out: Sequence[AreaRestriction]) -> None:
     for one in kept_out:
-        if graph_of((obstacle_of(one.area),)).inside(np.zeros((1, 2)))[0]:
+        if graph_of((obstacle_of(one.area),)).is_inside(np.zeros((1, 2)))[0]:
             raise SafetyError(
                 f"depot: expected {one.area.margin_m:g} m or more outside of area {one.area.name!r}, got a place in it"
-                f"{limit_words(one)}"
+                f"{describe_height_limit(one)}"
             )
 
 
-def limit_words(one: KeptOut) -> str:
+def describe_height_limit(one: AreaRestriction) -> str:
     """Return how high somebody would be in an area with a height limit; nothing for another."""
     if one.highest_m is None:
         return ""
@@ -130,20 +130,20 @@ def limit_words(one: KeptOut) -> str:
     return f": {one.vehicles[-1]} would be {one.highest_m:.0f} m {reference}, {limit_m:g} m allowed"
 
 
-def _unreachable(setup: FlightSetup) -> Iterator[Unreachable]:
+def _find_unreachable(setup: FlightSetup) -> Iterator[Unreachable]:
     begins, ends = setup.tracks_m[:, 0], setup.tracks_m[:, 1]
     reasons: dict[int, str] = {}
     for one in setup.kept_out:
         graph = graph_of((obstacle_of(one.area),))
-        margin = np.flatnonzero(graph.inside(begins) | graph.inside(ends) | graph.met(begins, ends))
+        margin = np.flatnonzero(graph.is_inside(begins) | graph.is_inside(ends) | graph.is_blocked(begins, ends))
         bare = graph_of((replace(obstacle_of(one.area), keep_m=max(ROUNDING_M, one.area.width_m / 2)),))
-        within = bare.inside(begins) | bare.inside(ends) | bare.met(begins, ends)
+        within = bare.is_inside(begins) | bare.is_inside(ends) | bare.is_blocked(begins, ends)
         for segment in margin.tolist():
             what = "lies in" if within[segment] else f"lies nearer than {one.area.margin_m:g} m to"
-            reasons.setdefault(segment, f"{what} area {one.area.name!r}{limit_words(one)}")
+            reasons.setdefault(segment, f"{what} area {one.area.name!r}{describe_height_limit(one)}")
     areas = graph_of(tuple(obstacle_of(one.area) for one in setup.kept_out))
     others = [number for number in range(len(begins)) if number not in reasons]
-    for number, away in zip(others, _cut_off(setup, areas, begins[others]), strict=True):
+    for number, away in zip(others, _find_cut_off(setup, areas, begins[others]), strict=True):
         if away:
             known = any(one.area.name == UNKNOWN_GROUND for one in setup.kept_out)
             where = ", over ground that is known" if known else ""
@@ -152,7 +152,7 @@ def _unreachable(setup: FlightSetup) -> Iterator[Unreachable]:
         yield Unreachable(number, reasons[number])
 
 
-def _cut_off(setup: FlightSetup, areas: Graph, places_m: FloatArray) -> list[bool]:
+def _find_cut_off(setup: FlightSetup, areas: VisibilityGraph, places_m: FloatArray) -> list[bool]:
     """Return which (n, 2) places no way leads to from the pads.
 
     Raises:

@@ -38,19 +38,19 @@ class Relief:
 
     grid: Grid
 
-    def uneven(self, from_m: FloatArray, to_m: FloatArray, pieces: int) -> IntArray:
+    def find_uneven(self, from_m: FloatArray, to_m: FloatArray, pieces: int) -> IntArray:
         """Return (k,) which of (n, 3) straight ways are not flown straight."""
         found = []
         for first in range(0, len(from_m), AT_ONCE):
             part = slice(first, first + AT_ONCE)
             begins_m, ends_m = from_m[part], to_m[part]
-            ways_m = self.followed(np.stack((begins_m, ends_m), axis=1), pieces)
+            ways_m = self.follow_surface(np.stack((begins_m, ends_m), axis=1), pieces)
             share = np.linspace(0.0, 1.0, pieces + 1)
             straight_m = begins_m[:, 2:] + share * (ends_m[:, 2:] - begins_m[:, 2:])
             found.append(first + np.flatnonzero(np.abs(ways_m[..., 2] - straight_m).max(axis=1) > UNEVEN_M))
         return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
 
-    def followed(self, ways_m: FloatArray, pieces: int) -> FloatArray:
+    def follow_surface(self, ways_m: FloatArray, pieces: int) -> FloatArray:
         """Return (k, (w - 1) * pieces + 1, 3) ways through (k, w, 3) places that follow the surface between them."""
         share = (np.arange(pieces) / pieces)[:, np.newaxis]
         begins_m, ends_m = ways_m[:, :-1, np.newaxis], ways_m[:, 1:, np.newaxis]
@@ -75,11 +75,11 @@ def relief_of(surface: Surface, low_m: FloatArray, high_m: FloatArray) -> Relief
     return Relief(Grid(grid.low_m, step_m, np.asarray(np.round(heights_m, 1), dtype=np.float64)))
 
 
-def followed_where_uneven(
+def price_uneven_ways(
     relief: Relief, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
     along: Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]],
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Return seconds and energies of ways of which some follow the surface; arguments as `detours.led_around` has."""
+    """Return seconds and energies of ways of which some follow the surface; arguments as `detours.price_detours` has."""
     shape = straight[0].shape
     flat_from, flat_to = (np.broadcast_to(places, (*shape, 3)).reshape(-1, 3) for places in (from_m, to_m))
     seconds, pct = straight[0].flatten(), straight[1].flatten()
@@ -89,10 +89,10 @@ def followed_where_uneven(
     for pieces in PIECES:
         longest_m = PIECE_M * pieces if pieces < most else math.inf
         own = np.flatnonzero((lengths_m > shortest_m) & (lengths_m <= longest_m))
-        which = own[relief.uneven(flat_from[own], flat_to[own], pieces)]
+        which = own[relief.find_uneven(flat_from[own], flat_to[own], pieces)]
         for first in range(0, len(which), AT_ONCE):
             part = which[first : first + AT_ONCE]
-            ways_m = relief.followed(np.stack((flat_from[part], flat_to[part]), axis=1), pieces)
+            ways_m = relief.follow_surface(np.stack((flat_from[part], flat_to[part]), axis=1), pieces)
             seconds[part], pct[part] = along(part, ways_m)
         if pieces == most:
             break

@@ -15,16 +15,16 @@ NEVER: BoolArray = np.array(False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rises:
+class VerticalLegs:
     """Of some moves: which begin with a way up, and which come down before their inspection."""
 
     up: BoolArray
     down: BoolArray
 
     @classmethod
-    def between(
+    def find_between(
         cls, from_m: FloatArray, first_m: FloatArray, from_low: BoolArray, to_low: BoolArray, near_m: float
-    ) -> Rises:
+    ) -> VerticalLegs:
         """Return those of moves between (..., 3) places; arrays broadcast against each other.
 
         Args:

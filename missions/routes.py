@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missions.cameras import Capture, PylonLook, PylonStop, Region
+from missions.cameras import Capture, PylonCameraTask, PylonStop, Region
 from missions.flight_model import SAME_PLACE_M
 from missions.geo import FloatArray
 from missions.setup import FlightSetup
@@ -25,7 +25,7 @@ CLIMB_M_S, DESCENT_M_S = 2.5, 1.0
 """Of take-offs and landings, nominal: their speed is the autopilot's own, no item asks for it."""
 
 
-def flight_path(
+def build_flight_path(
     setup: FlightSetup, vehicle: str, visits: Sequence[int], low: Collection[int] = frozenset()
 ) -> FlightPath:
     """Return a whole flight from the vehicle's pad over its visits and back.
@@ -43,7 +43,7 @@ def flight_path(
     """
     if not visits:
         return FlightPath(vehicle, ())
-    return FlightPath(vehicle, tuple(_Flight.at_pad(setup, vehicle, low).complete(visits, first_visit=0)))
+    return FlightPath(vehicle, tuple(_PathBuilder.start_at_pad(setup, vehicle, low).complete(visits, first_visit=0)))
 
 
 def continue_path(
@@ -60,7 +60,7 @@ def continue_path(
         path: What the vehicle is flying.
         keep: How many of its waypoints stay; normally to the end of the inspection under way.
         visits: Planner visits over the setup's network.
-        low: As `flight_path` has it, of those visits.
+        low: As `build_flight_path` has it, of those visits.
 
     Raises:
         ValueError: nothing would be kept, more than there is, or a landing: that is a new flight.
@@ -71,13 +71,13 @@ def continue_path(
     if not 1 <= keep <= len(path.waypoints) or kept[-1].phase is Phase.LAND:
         raise ValueError(f"keep is {keep}: expected 1 to {len(path.waypoints)} waypoints without the landing")
     done = sum(point.phase is Phase.INSPECT for point in kept)
-    flight = _Flight.after(setup, path.vehicle, kept[-1], low)
+    flight = _PathBuilder.start_after(setup, path.vehicle, kept[-1], low)
     flight.turns_back = keep < len(path.waypoints) and path.waypoints[keep].phase is Phase.RETURN
     return FlightPath(path.vehicle, (*kept, *flight.complete(visits, first_visit=done)))
 
 
 @dataclass(slots=True)
-class _Flight:
+class _PathBuilder:
     """A path in the making: where the vehicle is after the last waypoint."""
 
     setup: FlightSetup
@@ -94,13 +94,13 @@ class _Flight:
     """Whether it may be on its way home already."""
 
     @classmethod
-    def at_pad(cls, setup: FlightSetup, vehicle: str, low: Collection[int]) -> _Flight:
+    def start_at_pad(cls, setup: FlightSetup, vehicle: str, low: Collection[int]) -> _PathBuilder:
         pad = setup.pad_of(vehicle)
         here_m = np.array([pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)])
         return cls(setup, vehicle, here_m, on_ground=True, low=low)
 
     @classmethod
-    def after(cls, setup: FlightSetup, vehicle: str, last: Waypoint, low: Collection[int]) -> _Flight:
+    def start_after(cls, setup: FlightSetup, vehicle: str, last: Waypoint, low: Collection[int]) -> _PathBuilder:
         east, north = setup.frame.to_local_m(last.lat_deg, last.lon_deg)
         up = last.alt_rel_m + setup.frame.up_m(setup.pad_of(vehicle).alt_m)
         return cls(setup, vehicle, np.array([east, north, up]), on_ground=False, low=low, below_m=last.below_m)
@@ -113,72 +113,72 @@ class _Flight:
         ])  # fmt: skip
         ground_m = self.setup.frame.up_m(pad.alt_m)
         if self.on_ground:
-            yield self._to(above_pad, Phase.TAKEOFF, CLIMB_M_S)
+            yield self._build_waypoint(above_pad, Phase.TAKEOFF, CLIMB_M_S)
         for number, visit in enumerate(visits, start=first_visit):
-            yield from self._visit(number, visit)
-        yield from self._to_level(0.0, Phase.RETURN, visit=None)
-        yield from self._transit(above_pad, Phase.RETURN, visit=None, hold=False)
-        yield self._to(np.array([pad.east_m, pad.north_m, ground_m]), Phase.LAND, DESCENT_M_S)
+            yield from self._fly_visit(number, visit)
+        yield from self._fly_vertical(0.0, Phase.RETURN, visit=None)
+        yield from self._fly_transit(above_pad, Phase.RETURN, visit=None, hold=False)
+        yield self._build_waypoint(np.array([pad.east_m, pad.north_m, ground_m]), Phase.LAND, DESCENT_M_S)
 
-    def _visit(self, number: int, visit: int) -> Iterator[Waypoint]:
+    def _fly_visit(self, number: int, visit: int) -> Iterator[Waypoint]:
         start, end = self._inspection_m(visit)
         turns_back, self.turns_back = self.turns_back, False
         pylon = self.setup.looks.pylons.get(segment_of(visit))
         if pylon is not None:
             if turns_back:
-                yield from self._to_level(0.0, Phase.TRANSIT, visit=number)
-                yield from self._transit(start, Phase.TRANSIT, visit=number, hold=False)
-            yield from self._around(number, visit, pylon)
+                yield from self._fly_vertical(0.0, Phase.TRANSIT, visit=number)
+                yield from self._fly_transit(start, Phase.TRANSIT, visit=number, hold=False)
+            yield from self._fly_around_pylon(number, visit, pylon)
             return
         below_m = self.setup.layers.offset_m(self.vehicle) if segment_of(visit) in self.low else 0.0
         if turns_back or math.hypot(*(start[:2] - self.here_m[:2])) > SAME_PLACE_M:
-            yield from self._to_level(0.0, Phase.TRANSIT, visit=number)
-            yield from self._transit(start + _up(below_m), Phase.TRANSIT, visit=number, hold=True)
-        yield from self._to_level(below_m, Phase.TRANSIT, visit=number)
-        inspected = self._to(end, Phase.INSPECT, self.setup.inspection.speed_m_s, hold=True, visit=number)
-        yield replace(inspected, captures=self._captures(visit)) if self.setup.looks else inspected
+            yield from self._fly_vertical(0.0, Phase.TRANSIT, visit=number)
+            yield from self._fly_transit(start + _up_vector_m(below_m), Phase.TRANSIT, visit=number, hold=True)
+        yield from self._fly_vertical(below_m, Phase.TRANSIT, visit=number)
+        inspected = self._build_waypoint(end, Phase.INSPECT, self.setup.inspection.speed_m_s, hold=True, visit=number)
+        yield replace(inspected, captures=self._captures_of(visit)) if self.setup.looks else inspected
 
-    def _around(self, number: int, visit: int, look: PylonLook) -> Iterator[Waypoint]:
+    def _fly_around_pylon(self, number: int, visit: int, look: PylonCameraTask) -> Iterator[Waypoint]:
         """Yield the viewpoints of a pylon: a stop at each, the last of them ends its inspection.
 
         Who does not come down from its layer looks from above every one of them.
         """
         low = segment_of(visit) in self.low
-        stops = look.stops(reverse=is_reversed(visit), low=low)
+        stops = look.list_stops(reverse=is_reversed(visit), low=low)
         layer_m = self.setup.layers.offset_m(self.vehicle)
-        yield from self._to_level(0.0, Phase.TRANSIT, visit=number)
+        yield from self._fly_vertical(0.0, Phase.TRANSIT, visit=number)
         for index, stop in enumerate(stops):
             below_m = layer_m + stop.below_m if low else 0.0
-            place_m = self._over(stop.place_m, below_m)
+            place_m = self._place_below_layer_m(stop.place_m, below_m)
             phase = Phase.INSPECT if index + 1 == len(stops) else Phase.TRANSIT
             if index:
                 self.below_m = below_m
-                ends = self._to(place_m, phase, self.setup.inspection.speed_m_s, hold=True, visit=number)
+                ends = self._build_waypoint(place_m, phase, self.setup.inspection.speed_m_s, hold=True, visit=number)
             else:
-                above_m = self._over(stop.place_m, 0.0)
-                *before, ends = self._transit(above_m, phase, visit=number, hold=True)
+                above_m = self._place_below_layer_m(stop.place_m, 0.0)
+                *before, ends = self._fly_transit(above_m, phase, visit=number, hold=True)
                 yield from before
-                for down in self._to_level(below_m, phase, visit=number):
+                for down in self._fly_vertical(below_m, phase, visit=number):
                     yield ends
                     ends = down
-            yield self._looking(ends, look, stop) if stop.points else ends
+            yield self._add_captures(ends, look, stop) if stop.points else ends
 
-    def _over(self, place_m: tuple[float, float], below_m: float) -> FloatArray:
+    def _place_below_layer_m(self, place_m: tuple[float, float], below_m: float) -> FloatArray:
         """Return (3,) the place so far below the vehicle's layer."""
         return np.array([*place_m, self.setup.layers.height_m(self.vehicle, *place_m) - below_m])
 
-    def _looking(self, waypoint: Waypoint, look: PylonLook, stop: PylonStop) -> Waypoint:
+    def _add_captures(self, waypoint: Waypoint, look: PylonCameraTask, stop: PylonStop) -> Waypoint:
         """Return the waypoint of a stop with what cameras do there."""
         home_up_m = self.setup.frame.up_m(self.setup.pad_of(self.vehicle).alt_m)
         east_m, north_m, up_m = look.target_m
         region = Region(*self.setup.frame.to_wgs84_deg(east_m, north_m), up_m - home_up_m) if look.roi else None
         up_m = waypoint.alt_rel_m + home_up_m
-        capture = self.setup.looks.capture_at(look, stop, up_m, region)
+        capture = self.setup.looks.build_capture_at(look, stop, up_m, region)
         return replace(waypoint, captures=(capture,), hover_s=look.hover_s)
 
-    def _captures(self, visit: int) -> tuple[Capture, ...]:
+    def _captures_of(self, visit: int) -> tuple[Capture, ...]:
         inspection = self.setup.inspection
-        return self.setup.looks.captures(
+        return self.setup.looks.build_captures(
             segment_of(visit),
             height_m=inspection.height_m + self._offset_m(segment_of(visit)),
             standoff_m=inspection.standoff_m,
@@ -198,28 +198,28 @@ class _Flight:
         """Return how far above the asked height it inspects a segment."""
         return 0.0 if segment in self.low else self.setup.layers.offset_m(self.vehicle)
 
-    def _to_level(self, below_m: float, phase: Phase, *, visit: int | None) -> Iterator[Waypoint]:
+    def _fly_vertical(self, below_m: float, phase: Phase, *, visit: int | None) -> Iterator[Waypoint]:
         """Yield the way straight up or down, if there is one, between the layer and the line."""
         if below_m == self.below_m:
             return
-        place_m = self.here_m + _up(self.below_m - below_m)
+        place_m = self.here_m + _up_vector_m(self.below_m - below_m)
         self.below_m = below_m
-        yield self._to(place_m, phase, self.setup.inspection.transit_speed_m_s, hold=True, visit=visit)
+        yield self._build_waypoint(place_m, phase, self.setup.inspection.transit_speed_m_s, hold=True, visit=visit)
 
-    def _transit(self, goal_m: FloatArray, phase: Phase, *, visit: int | None, hold: bool) -> Iterator[Waypoint]:
+    def _fly_transit(self, goal_m: FloatArray, phase: Phase, *, visit: int | None, hold: bool) -> Iterator[Waypoint]:
         """Yield the way to a place: around the columns above others' pads and areas, up and down with the surface."""
         layers = self.setup.layers
-        corners = self.setup.around(self.vehicle).way_m(self.here_m[:2], goal_m[:2])
+        corners = self.setup.obstacles_for(self.vehicle).way_m(self.here_m[:2], goal_m[:2])
         heights_m = layers.surface.at_m(corners) + layers.offset_m(self.vehicle) if len(corners) else np.zeros(0)
         stops = [self.here_m, *np.column_stack((corners, heights_m)), goal_m]
         step = np.array([0.0, 0.0, layers.offset_m(self.vehicle)])
         speed_m_s = self.setup.inspection.transit_speed_m_s
         for start, end in itertools.pairwise(stops):
             for place in layers.surface.follow_m(start - step, end - step, layers.tolerance_m):
-                yield self._to(place + step, phase, speed_m_s, visit=visit)
-            yield self._to(end, phase, speed_m_s, visit=visit, hold=hold and end is goal_m)
+                yield self._build_waypoint(place + step, phase, speed_m_s, visit=visit)
+            yield self._build_waypoint(end, phase, speed_m_s, visit=visit, hold=hold and end is goal_m)
 
-    def _to(
+    def _build_waypoint(
         self, place_m: FloatArray, phase: Phase, speed_m_s: float, *, hold: bool = False, visit: int | None = None
     ) -> Waypoint:
         self.here_m = place_m
@@ -237,5 +237,5 @@ class _Flight:
         )
 
 
-def _up(height_m: float) -> FloatArray:
+def _up_vector_m(height_m: float) -> FloatArray:
     return np.array([0.0, 0.0, height_m])

@@ -13,10 +13,10 @@ from missions.errors import SafetyError
 from missions.geo import FloatArray, LocalFrame
 from missions.geometry import leg_distances_m
 from missions.network import Network
-from missions.overland import Wishes, fit_over
+from missions.overland import SurfaceRequirements, fit_overland_surface
 from missions.relief import Relief, relief_of
-from missions.surface import FOLLOW_M, Fit, Surface, fit, flat
-from missions.terrain import KnownGround, Terrain, known_ground
+from missions.surface import FOLLOW_M, Surface, SurfaceFit, build_flat_surface, fit_surface
+from missions.terrain import KnownGround, Terrain, build_known_ground
 from missions.waypoints import FlightPath
 
 FLAT_M = 1.0
@@ -28,7 +28,7 @@ HEIGHT_KEEPING_M = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Over:
+class TerrainRequirements:
     """What flights over ground that a raster knows are made by."""
 
     terrain: Terrain
@@ -134,7 +134,7 @@ def plan_layers(
     height_m: float,
     layer_m: float,
     standoff_m: float,
-    over: Over | None = None,
+    over: TerrainRequirements | None = None,
 ) -> Layers:
     """Return the layers of a fleet over a network.
 
@@ -151,13 +151,17 @@ def plan_layers(
         ElevationError: a part of the ground is not known.
     """
     if over is not None:
-        return _layers_over(network, vehicles, over, height_m=height_m, layer_m=layer_m, standoff_m=standoff_m)
+        return _plan_layers_over_terrain(
+            network, vehicles, over, height_m=height_m, layer_m=layer_m, standoff_m=standoff_m
+        )
     known = network.has_heights
     pylon_m = _flight_heights_m(network, height_m) if known else np.full(len(network.pylons), height_m)
     indices = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
     track_heights_m = pylon_m[indices]
     fitted = (
-        fit(tracks_m(network, standoff_m), track_heights_m, layer_m) if known else Fit(flat(height_m), 0.0, layer_m)
+        fit_surface(tracks_m(network, standoff_m), track_heights_m, layer_m)
+        if known
+        else SurfaceFit(build_flat_surface(height_m), 0.0, layer_m)
     )
     return Layers(
         vehicles=tuple(vehicles),
@@ -170,15 +174,21 @@ def plan_layers(
     )
 
 
-def _layers_over(
-    network: Network, vehicles: Sequence[str], over: Over, *, height_m: float, layer_m: float, standoff_m: float
+def _plan_layers_over_terrain(
+    network: Network,
+    vehicles: Sequence[str],
+    over: TerrainRequirements,
+    *,
+    height_m: float,
+    layer_m: float,
+    standoff_m: float,
 ) -> Layers:
     """Return layers over ground that a raster knows."""
     tracks, asked_m = tracks_m(network, standoff_m), _flight_heights_m(network, height_m)
     places_m = np.concatenate((tracks.reshape(-1, 2), over.more_m))
-    known = known_ground(over.terrain, places_m, network.frame, network)
-    wishes = Wishes(over.terrain.kept_m, over.ceiling_m, layer_m, len(vehicles))
-    found = fit_over(known, wishes, network, tracks, asked_m)
+    known = build_known_ground(over.terrain, places_m, network.frame, network)
+    wishes = SurfaceRequirements(over.terrain.kept_m, over.ceiling_m, layer_m, len(vehicles))
+    found = fit_overland_surface(known, wishes, network, tracks, asked_m)
     indices = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
     return Layers(
         vehicles=tuple(vehicles),
@@ -207,7 +217,7 @@ def check_separation(
     violations = []
     for path_a, path_b in itertools.combinations(paths, 2):
         homes = (0.0, 0.0) if home_alt_m is None else (home_alt_m[path_a.vehicle], home_alt_m[path_b.vehicle])
-        nearest = _nearest_legs(path_a, path_b, homes)
+        nearest = _find_nearest_legs(path_a, path_b, homes)
         # A millimetre for the rounding of coordinates.
         if nearest is not None and nearest[0] < layer_m - 1e-3:
             least_m, leg_a, leg_b = nearest
@@ -237,7 +247,7 @@ def _flight_heights_m(network: Network, height_m: float) -> FloatArray:
     return np.array(tops_m, dtype=np.float64) + height_m
 
 
-def _nearest_legs(
+def _find_nearest_legs(
     path_a: FlightPath, path_b: FlightPath, homes_m: tuple[float, float]
 ) -> tuple[float, int, int] | None:
     """Return the least distance and the two legs, by the waypoint that each ends at; None where one stays down."""

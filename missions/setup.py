@@ -7,16 +7,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from missions.areas import Area, KeptOut, NamedPlace, Unreachable
-from missions.cameras import NO_LOOKS, Looks
-from missions.detours import Columns
+from missions.areas import Area, AreaRestriction, NamedPlace, Unreachable
+from missions.cameras import NO_LOOKS, CameraTasks
+from missions.detours import DetourObstacles
 from missions.errors import SafetyError
 from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
 from missions.heights import with_heights
 from missions.network import Network
 from missions.pads import Pad, column_radius_m, place_pads
-from missions.safety import Layers, Over, plan_layers, tracks_m
+from missions.safety import Layers, TerrainRequirements, plan_layers, tracks_m
 from missions.terrain import DETOUR_M, Terrain
 from missions.ways import Obstacle, graph_of, obstacle_of
 
@@ -75,8 +75,8 @@ class FlightSetup:
     """(n, 2, 2) float64: east and north of both ends of every inspection leg."""
     areas: tuple[Area, ...] = ()
     """What flights keep out of, or keep low in."""
-    kept_out: tuple[KeptOut, ...] = ()
-    """Those of them that somebody must lead around, as `reach.within_areas` finds them."""
+    kept_out: tuple[AreaRestriction, ...] = ()
+    """Those of them that somebody must lead around, as `reach.apply_areas` finds them."""
     unreachable: tuple[Unreachable, ...] = ()
     """Segments that no flight can inspect for them."""
     alternates: tuple[NamedPlace, ...] = ()
@@ -85,7 +85,7 @@ class FlightSetup:
     """The ground, where a raster knows it."""
     closed: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
     """By the vehicle's name: others' parts of the line, which its ways lead around for now."""
-    looks: Looks = NO_LOOKS
+    looks: CameraTasks = NO_LOOKS
     """What is to be seen, and who has the cameras for it."""
 
     def __post_init__(self) -> None:
@@ -180,7 +180,7 @@ class FlightSetup:
         """
         return self.layers.return_up_m(vehicle) - self.frame.up_m(self.pad_of(vehicle).alt_m)
 
-    def around(self, vehicle: str) -> Columns:
+    def obstacles_for(self, vehicle: str) -> DetourObstacles:
         """Return what a vehicle's ways lead around.
 
         Raises:
@@ -189,7 +189,7 @@ class FlightSetup:
         others = tuple((pad.east_m, pad.north_m) for pad in self.pads if pad.vehicle != vehicle)
         areas = tuple(obstacle_of(one.area) for one in self.kept_out if vehicle in one.vehicles)
         areas += self.closed.get(vehicle, ())
-        return Columns(others, column_radius_m(self.layers.layer_m), areas)
+        return DetourObstacles(others, column_radius_m(self.layers.layer_m), areas)
 
     def areas_at(self, vehicle: str, place_m: tuple[float, float]) -> list[Area]:
         """Return the areas that a vehicle must keep out of, and a place, east and north, is in with their margins."""
@@ -197,11 +197,11 @@ class FlightSetup:
         return [
             one.area
             for one in self.kept_out
-            if vehicle in one.vehicles and graph_of((obstacle_of(one.area),)).inside(place)[0]
+            if vehicle in one.vehicles and graph_of((obstacle_of(one.area),)).is_inside(place)[0]
         ]
 
 
-def flight_setup(
+def plan_flight_setup(
     network: Network,
     vehicles: Sequence[str],
     inspection: Inspection,
@@ -219,7 +219,7 @@ def flight_setup(
         inspection: Heights, speeds and distances.
         pads: Where the vehicles really stand, once known; otherwise places are chosen around the depot.
         stated: Pads of some vehicles that are not to be chosen.
-        areas: That no pad is chosen in; `reach.within_areas` makes flights keep out of them.
+        areas: That no pad is chosen in; `reach.apply_areas` makes flights keep out of them.
         terrain: The ground, where a raster knows it; all pylons' heights must then be known.
 
     Raises:
@@ -237,7 +237,7 @@ def flight_setup(
         standoff_m=inspection.standoff_m,
         over=None
         if terrain is None
-        else Over(terrain, inspection.ceiling_m, _turned_at_m(pads or stated, areas, tracks)),
+        else TerrainRequirements(terrain, inspection.ceiling_m, _turning_places_m(pads or stated, areas, tracks)),
     )
     if pads is None:
         pads = place_pads(
@@ -249,11 +249,11 @@ def flight_setup(
             areas=areas,
         )
         if terrain is not None:
-            pads = _on_ground(pads, terrain)
+            pads = _put_pads_on_ground(pads, terrain)
     return FlightSetup(network, inspection, layers, tuple(pads), tracks, terrain=terrain)
 
 
-def _turned_at_m(pads: Sequence[Pad], areas: Sequence[Area], tracks_m: FloatArray) -> FloatArray:
+def _turning_places_m(pads: Sequence[Pad], areas: Sequence[Area], tracks_m: FloatArray) -> FloatArray:
     """Return (m, 2) where ways begin, end or turn beside the lines; what is around areas that are far away is none."""
     low_m, high_m = tracks_m.min(axis=(0, 1)) - DETOUR_M, tracks_m.max(axis=(0, 1)) + DETOUR_M
     corners_m = graph_of(tuple(map(obstacle_of, areas))).nodes_m
@@ -262,7 +262,7 @@ def _turned_at_m(pads: Sequence[Pad], areas: Sequence[Area], tracks_m: FloatArra
     return np.concatenate((stands_m, near_m))
 
 
-def _on_ground(pads: Sequence[Pad], terrain: Terrain) -> tuple[Pad, ...]:
+def _put_pads_on_ground(pads: Sequence[Pad], terrain: Terrain) -> tuple[Pad, ...]:
     """Return pads at the height of the raster's ground, which is known there: known_ground has looked."""
     ground_m = terrain.elevation.at_m(np.array([(pad.east_m, pad.north_m) for pad in pads])).round(1).tolist()
     return tuple(replace(pad, alt_m=alt_m) for pad, alt_m in zip(pads, ground_m, strict=True))

@@ -10,13 +10,13 @@ import numpy.typing as npt
 
 from missions.flight_model import UNKNOWN, Base
 from missions.geo import FloatArray
-from missions.pricing import Flier, FlownMoves, Pricing
+from missions.pricing import PricedMoves, Pricing, VehicleMoves
 from planner.sorties import SortieBase, SortieInstance, SortieVehicle
 
 Window = tuple[float, float]
 
 
-def flown_sorties(
+def build_priced_sorties(
     pricing: Pricing,
     vehicles: Sequence[SortieVehicle],
     pads: Sequence[Sequence[Base]],
@@ -44,19 +44,19 @@ def flown_sorties(
     """
     tracks_m = pricing.tracks_m.reshape(-1, 2, 3)
     first_m, last_m = tracks_m.reshape(-1, 3), np.array(tracks_m[:, ::-1].reshape(-1, 3))
-    fliers = [Flier(pricing.models[own.name]) for own in vehicles]
+    fliers = [VehicleMoves(pricing.models[own.name]) for own in vehicles]
     profiles = tuple(dict.fromkeys(fliers))
     fleet, visits = len(vehicles), len(first_m)
     out, home = np.zeros((2, fleet, len(bases), visits)), np.zeros((2, fleet, visits, len(bases)))
     for row, (own, flier) in enumerate(zip(vehicles, fliers, strict=True)):
         factors = np.array([1.0, own.consumption])[:, np.newaxis]
         for place, pad in enumerate(pads[row]):
-            climb = np.array(flier.model.take_off(np.array(pad.climb_m)))[:, np.newaxis]
-            there = np.array(flier.moves(np.array(pad.place_m), UNKNOWN, first_m, last_m))
+            climb = np.array(flier.model.price_take_off(np.array(pad.climb_m)))[:, np.newaxis]
+            there = np.array(flier.price_moves(np.array(pad.place_m), UNKNOWN, first_m, last_m))
             out[:, row, place] = factors * (there + climb)
-            home[:, row, :, place] = factors * np.array(flier.ways_home(last_m, last_m - first_m, pad))
+            home[:, row, :, place] = factors * np.array(flier.price_ways_home(last_m, last_m - first_m, pad))
     return SortieInstance(
-        moves=FlownMoves(first_m, last_m, profiles),
+        moves=PricedMoves(first_m, last_m, profiles),
         bases=tuple(bases),
         vehicles=tuple(
             replace(own, profile=profiles.index(flier)) for own, flier in zip(vehicles, fliers, strict=True)

@@ -77,12 +77,12 @@ class Surface:
         share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
         line = start_m + share * (goal_m - start_m)
         line[1:-1, 2] = self.at_m(line[:, :2])[1:-1]
-        kept = sorted(_corners(line[:, 2], tolerance_m))
+        kept = sorted(_select_corners(line[:, 2], tolerance_m))
         return np.asarray(line[kept], dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
+class SurfaceFit:
     """A surface, and how well it fits the lines that it was made from."""
 
     surface: Surface
@@ -92,12 +92,12 @@ class Fit:
     """Layers this far apart keep two vehicles ``layer_m`` apart, wherever each of them is."""
 
 
-def flat(height_m: float) -> Surface:
+def build_flat_surface(height_m: float) -> Surface:
     """Return a surface of one height everywhere."""
     return Surface(np.zeros((1, 2)), np.array([height_m]), 0.0)
 
 
-def fit(tracks_m: FloatArray, heights_m: FloatArray, layer_m: float) -> Fit:
+def fit_surface(tracks_m: FloatArray, heights_m: FloatArray, layer_m: float) -> SurfaceFit:
     """Return the surface through straight tracks that needs the least spacing between layers.
 
     Two vehicles on neighbouring layers, ``d`` apart over the ground, are apart in height by the spacing, less
@@ -111,19 +111,19 @@ def fit(tracks_m: FloatArray, heights_m: FloatArray, layer_m: float) -> Fit:
         layer_m: The distance that any two vehicles must keep.
     """
     fits = []
-    for surface, error_m in candidates(tracks_m, heights_m):
+    for surface, error_m in iterate_surfaces(tracks_m, heights_m):
         off_m = max(FOLLOW_M, error_m) + surface.slope * CHECK_STEP_M
-        fits.append(Fit(surface, error_m, layer_m * math.hypot(1.0, surface.slope) + 2.0 * off_m))
+        fits.append(SurfaceFit(surface, error_m, layer_m * math.hypot(1.0, surface.slope) + 2.0 * off_m))
     return min(fits, key=lambda candidate: candidate.spacing_m)
 
 
-def candidates(
+def iterate_surfaces(
     tracks_m: FloatArray, heights_m: FloatArray, slopes: Sequence[float] = SLOPES
 ) -> Iterator[tuple[Surface, float]]:
     """Yield a surface and its largest error for each slope; distances, the costly part, are taken once."""
     length_m = float(np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T).sum())
-    data = along_tracks(tracks_m, heights_m, max(DATA_STEP_M, length_m / MAX_DATA))
-    checks = along_tracks(tracks_m, heights_m, max(CHECK_STEP_M, length_m / MAX_CHECKS))
+    data = sample_tracks(tracks_m, heights_m, max(DATA_STEP_M, length_m / MAX_DATA))
+    checks = sample_tracks(tracks_m, heights_m, max(CHECK_STEP_M, length_m / MAX_CHECKS))
     surfaces = [Surface(data[:, :2], data[:, 2], slope) for slope in slopes]
     errors_m = np.zeros(len(slopes))
     done = 0
@@ -150,7 +150,7 @@ def _extensions_m(distances_m: FloatArray, heights_m: FloatArray, slope: float) 
     return (heights_m - rise_m).max(axis=1), (heights_m + rise_m).min(axis=1)
 
 
-def along_tracks(tracks_m: FloatArray, heights_m: FloatArray, step_m: float) -> FloatArray:
+def sample_tracks(tracks_m: FloatArray, heights_m: FloatArray, step_m: float) -> FloatArray:
     """Return (m, 3) places on the tracks, ends included, at most ``step_m`` apart."""
     ends = np.concatenate((tracks_m, heights_m[..., np.newaxis]), axis=2)
     pieces = []
@@ -160,7 +160,7 @@ def along_tracks(tracks_m: FloatArray, heights_m: FloatArray, step_m: float) -> 
     return np.asarray(np.concatenate(pieces), dtype=np.float64)
 
 
-def _corners(heights_m: FloatArray, tolerance_m: float) -> list[int]:
+def _select_corners(heights_m: FloatArray, tolerance_m: float) -> list[int]:
     """Return the inner indices to keep so that straight pieces between them are within the tolerance everywhere."""
     kept: list[int] = []
     pieces = [(0, len(heights_m) - 1)]

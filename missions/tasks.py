@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from missions.areas import Unreachable
-from missions.pricing import Pricing, flown_instance
+from missions.pricing import Pricing, build_priced_instance
 from planner import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 
 
@@ -41,7 +41,7 @@ class Task:
         return Plan(routes, tuple(self.segment_ids[segment] for segment in plan.uncovered))
 
 
-def open_task(pricing: Pricing, open_segments: Iterable[int], vehicles: Sequence[Vehicle]) -> Task:
+def build_open_task(pricing: Pricing, open_segments: Iterable[int], vehicles: Sequence[Vehicle]) -> Task:
     """Return the problem of inspecting what is still open, from wherever the vehicles are.
 
     Args:
@@ -58,5 +58,5 @@ def open_task(pricing: Pricing, open_segments: Iterable[int], vehicles: Sequence
     count = len(pricing.tracks_m)
     if segment_ids and not 0 <= segment_ids[0] <= segment_ids[-1] < count:
         raise IndexError(f"open segments {segment_ids[0]} to {segment_ids[-1]}: expected below {count}")
-    part = pricing.part(segment_ids, (vehicle.name for vehicle in vehicles))
-    return Task(flown_instance(part, vehicles), segment_ids, part)
+    part = pricing.select_segments(segment_ids, (vehicle.name for vehicle in vehicles))
+    return Task(build_priced_instance(part, vehicles), segment_ids, part)

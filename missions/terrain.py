@@ -50,7 +50,7 @@ class Terrain:
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class GroundPoint:
     """The height of the ground over the depot's, and where."""
 
     up_m: float
@@ -67,21 +67,21 @@ class KnownGround:
     """Nowhere below the ground, as the raster has it; `UNKNOWN_M` outside of the area."""
     lowest: Grid
     """Nowhere above it; its negative outside."""
-    top: Spot
-    bottom: Spot
+    top: GroundPoint
+    bottom: GroundPoint
 
-    def floor(self, over_m: float, slope: float) -> Grid:
+    def build_floor(self, over_m: float, slope: float) -> Grid:
         """Return the lowest heights that are so far over the ground, and no steeper than a slope."""
         raised = Grid(self.highest.low_m, self.highest.step_m, self.highest.heights_m + over_m)
-        return grids.raised_over(raised, slope)
+        return grids.limit_slope_above(raised, slope)
 
-    def roof(self, over_m: float, slope: float) -> Grid:
+    def build_roof(self, over_m: float, slope: float) -> Grid:
         """Return the highest heights that are no farther over the ground, and no steeper than a slope."""
         raised = Grid(self.lowest.low_m, self.lowest.step_m, self.lowest.heights_m + over_m)
-        return grids.under(raised, slope)
+        return grids.limit_slope_below(raised, slope)
 
 
-def area_m(places_m: FloatArray) -> FloatArray:
+def flight_area_m(places_m: FloatArray) -> FloatArray:
     """Return (k, 2) the corners of what flights between places are over."""
     aside = AROUND_M * np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
     depot = PADS_M * np.array([(1, 0), (0.7, 0.7), (0, 1), (-0.7, 0.7), (-1, 0), (-0.7, -0.7), (0, -1), (0.7, -0.7)])
@@ -90,7 +90,7 @@ def area_m(places_m: FloatArray) -> FloatArray:
 
 def reading_box_m(network: Network, beside_m: float = AROUND_M) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the corners of what must be read of rasters for flights over a network, and so far beside it."""
-    corners_m = area_m(network.positions_m)
+    corners_m = flight_area_m(network.positions_m)
     return box_of(corners_m, beside_m + 4.0 * _node_step_m(corners_m))
 
 
@@ -99,7 +99,7 @@ def _node_step_m(corners_m: FloatArray) -> float:
     return max(NODES_M, math.sqrt(float(sides_m.prod()) / MOST_NODES))
 
 
-def known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame, network: Network) -> KnownGround:
+def build_known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame, network: Network) -> KnownGround:
     """Return the ground that flights between places may be over.
 
     Args:
@@ -111,7 +111,7 @@ def known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame, netw
     Raises:
         ElevationError: a part of it is not known: one line with its place.
     """
-    corners = area_m(places_m)
+    corners = flight_area_m(places_m)
     low_m, high_m = corners.min(axis=0), corners.max(axis=0)
     step_m = _node_step_m(corners)
     low_m = low_m - 2.0 * step_m
@@ -126,37 +126,39 @@ def known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame, netw
         norths_m = low_m[1] + step_m / looks * np.arange(first * looks, last * looks + 1)
         looked_m = np.stack(np.meshgrid(easts_m, norths_m, indexing="ij"), axis=-1)
         flat_m = looked_m.reshape(-1, 2)
-        area = grids.inside(corners, flat_m, beyond_m=1.5 * step_m)
+        area = grids.is_inside_convex(corners, flat_m, beyond_m=1.5 * step_m)
         high, low = (np.full(len(flat_m), value) for value in (UNKNOWN_M, -UNKNOWN_M))
         high[area] = terrain.elevation.highest_m(flat_m[area]) - frame.alt_m
         low[area] = terrain.elevation.lowest_m(flat_m[area]) - frame.alt_m
         holes = np.isnan(high)
         if holes.any():
-            raise unknown_ground(terrain.elevation, flat_m[holes][0], frame, network)
+            raise build_unknown_ground_error(terrain.elevation, flat_m[holes][0], frame, network)
         shape = looked_m.shape[:2]
-        cells_high[:, first:last] = _blocks(high.reshape(shape), looks, np.maximum)
-        cells_low[:, first:last] = _blocks(low.reshape(shape), looks, np.minimum)
+        cells_high[:, first:last] = _reduce_blocks(high.reshape(shape), looks, np.maximum)
+        cells_low[:, first:last] = _reduce_blocks(low.reshape(shape), looks, np.minimum)
     start = (float(low_m[0]), float(low_m[1]))
-    highest = Grid(start, step_m, _nodes(cells_high, np.maximum, UNKNOWN_M))
-    lowest = Grid(start, step_m, _nodes(cells_low, np.minimum, -UNKNOWN_M))
+    highest = Grid(start, step_m, _node_heights_m(cells_high, np.maximum, UNKNOWN_M))
+    lowest = Grid(start, step_m, _node_heights_m(cells_low, np.minimum, -UNKNOWN_M))
     return KnownGround(
         corners,
         highest,
         lowest,
-        _spot(highest, int(highest.heights_m.argmax())),
-        _spot(lowest, int(lowest.heights_m.argmin())),
+        _build_ground_point(highest, int(highest.heights_m.argmax())),
+        _build_ground_point(lowest, int(lowest.heights_m.argmin())),
     )
 
 
-def unknown_ground(elevation: Elevation, place_m: FloatArray, frame: LocalFrame, network: Network) -> ElevationError:
+def build_unknown_ground_error(
+    elevation: Elevation, place_m: FloatArray, frame: LocalFrame, network: Network
+) -> ElevationError:
     """Return the error that says where nobody knows the ground."""
     return ElevationError(
         f"{elevation.source}: no-data: expected the ground's height everywhere between the lines and the pads, none "
-        f"{ground_place_words(place_m, frame, network)}"
+        f"{describe_ground_place(place_m, frame, network)}"
     )
 
 
-def ground_place_words(place_m: FloatArray, frame: LocalFrame, network: Network) -> str:
+def describe_ground_place(place_m: FloatArray, frame: LocalFrame, network: Network) -> str:
     """Return where a place is: "at 46.60123, 10.40021, 120 m from pylon 'P17'"."""
     lat_deg, lon_deg = frame.to_wgs84_deg(float(place_m[0]), float(place_m[1]))
     away_m = np.hypot(*(network.positions_m - place_m).T)
@@ -164,25 +166,25 @@ def ground_place_words(place_m: FloatArray, frame: LocalFrame, network: Network)
     return f"at {lat_deg:.5f}, {lon_deg:.5f}, {away_m[nearest]:.0f} m from pylon {network.pylons[nearest].id!r}"
 
 
-def _blocks(looked_m: FloatArray, looks: int, best: np.ufunc) -> FloatArray:
+def _reduce_blocks(looked_m: FloatArray, looks: int, best: np.ufunc) -> FloatArray:
     """Return the best of what was looked at in each cell, its edges included."""
-    along = _pooled(looked_m, looks, best)
-    return _pooled(along.T, looks, best).T
+    along = _reduce_along_first_axis(looked_m, looks, best)
+    return _reduce_along_first_axis(along.T, looks, best).T
 
 
-def _pooled(looked_m: FloatArray, looks: int, best: np.ufunc) -> FloatArray:
+def _reduce_along_first_axis(looked_m: FloatArray, looks: int, best: np.ufunc) -> FloatArray:
     inner = best.reduce(looked_m[:-1].reshape(-1, looks, looked_m.shape[1]), axis=1)
     return np.asarray(best(inner, looked_m[looks::looks]), dtype=np.float64)
 
 
-def _nodes(cells_m: FloatArray, best: np.ufunc, beyond_m: float) -> FloatArray:
+def _node_heights_m(cells_m: FloatArray, best: np.ufunc, beyond_m: float) -> FloatArray:
     """Return heights at nodes so that what is between them is the best of no cell."""
     padded = np.pad(cells_m, 1, constant_values=beyond_m)
     along = best(padded[:-1], padded[1:])
     return np.asarray(best(along[:, :-1], along[:, 1:]), dtype=np.float64)
 
 
-def _spot(grid: Grid, index: int) -> Spot:
+def _build_ground_point(grid: Grid, index: int) -> GroundPoint:
     east, north = (int(one) for one in np.unravel_index(index, grid.heights_m.shape))
     place_m = grid.low_m[0] + grid.step_m * east, grid.low_m[1] + grid.step_m * north
-    return Spot(float(grid.heights_m[east, north]), place_m)
+    return GroundPoint(float(grid.heights_m[east, north]), place_m)

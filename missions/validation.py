@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
-from missions.files import MOST_FIGURE, printable
+from missions.files import MOST_FIGURE, to_printable
 
 MOST_SHOWN = 60
 """Letters of a wrong value that are shown."""
@@ -44,7 +44,7 @@ def is_none(value: object) -> bool:
     return value is None
 
 
-def first_reason(error: ValidationError, *, page: str = "the documents", shown: bool = True) -> str:
+def format_first_error(error: ValidationError, *, page: str = "the documents", shown: bool = True) -> str:
     """Return the first of a model's complaints: `key.path[3]: expected ..., got ...`.
 
     Args:
@@ -64,17 +64,17 @@ def first_reason(error: ValidationError, *, page: str = "the documents", shown: 
             reason = f"unknown key; expected one that {page} names"
         case "value_error":
             # A check of several keys names its own; the place before it is the object's.
-            return printable(f"{place}.{context['error']}").removeprefix(".")
+            return to_printable(f"{place}.{context['error']}").removeprefix(".")
         case "json_invalid":
             reason = f"expected JSON: {context['error']}"
         case "too_short" if context["actual_length"] == 0:
             reason = f"expected at least one {str(first['loc'][-1]).removesuffix('s')}"
         case kind:
             said = _KINDS.get(kind) or re.sub(r"^(expected |\w+ should (be |have )?(a valid )?)", "", first["msg"])
-            reason = f"expected {said}{_got(first['input']) if shown else ''}"
-    return printable(f"{place or 'content'}: {reason}")
+            reason = f"expected {said}{_describe_value(first['input']) if shown else ''}"
+    return to_printable(f"{place or 'content'}: {reason}")
 
 
-def _got(value: Any) -> str:  # noqa: ANN401 - whatever a file held
+def _describe_value(value: Any) -> str:  # noqa: ANN401 - whatever a file held
     text = repr(value)
     return f", got {text if len(text) <= MOST_SHOWN else text[: MOST_SHOWN - 3] + '...'}"

@@ -15,8 +15,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missions.cameras import PylonLook, Viewpoint
-from missions.clearance import BESIDE_M, Low, PowerLines, lines_of, lowest, over_terrain
+from missions.cameras import PylonCameraTask, Viewpoint
+from missions.clearance import (
+    BESIDE_M,
+    ClearanceShortfall,
+    PowerLines,
+    find_line_shortfall,
+    find_terrain_shortfall,
+    lines_of,
+)
 from missions.errors import SafetyError
 from missions.geo import FloatArray
 from missions.network import Network, Pylon, Segment
@@ -33,7 +40,7 @@ UPRIGHT_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class PylonWish:
+class ViewpointRequest:
     """From where a pylon is to be seen."""
 
     pylon: int
@@ -53,9 +60,9 @@ class PylonWish:
     """Whether that is a region of interest for the autopilot."""
 
 
-def with_viewpoints(
-    network: Network, wishes: Sequence[PylonWish], standoff_m: float
-) -> tuple[Network, Mapping[int, PylonWish]]:
+def add_viewpoints(
+    network: Network, wishes: Sequence[ViewpointRequest], standoff_m: float
+) -> tuple[Network, Mapping[int, ViewpointRequest]]:
     """Return the network with an asset more for each wish, and which wish each of them is.
 
     Its two ends are pylons that are not there, as high as the real one, placed so that the track between them begins
@@ -66,19 +73,19 @@ def with_viewpoints(
         NetworkError: they make no network.
     """
     pylons, segments = list(network.pylons), list(network.segments)
-    wished: dict[int, PylonWish] = {}
+    wished: dict[int, ViewpointRequest] = {}
     for wish in wishes:
         real, number = network.pylons[wish.pylon], len(segments)
         if wish.heights_m and (real.elevation_m is None or real.height_m is None):
             raise SafetyError(f"pylon {real.id!r}: expected elevation_m and height_m for viewpoints at heights_m")
-        first, last = (np.array(_places(network, wish)[end]) for end in (0, -1))
+        first, last = (np.array(_list_viewpoint_places(network, wish)[end]) for end in (0, -1))
         along = last - first
         length_m = float(np.hypot(*along))
         if length_m < APART_M:
             raise SafetyError(f"pylon {real.id!r}: expected viewpoints that begin and end at different places")
         left = np.array([-along[1], along[0]]) / length_m * standoff_m
         for end, place_m in (("first", first), ("last", last)):
-            pylons.append(_stand_in(network, real, f"{real.id}/{wish.camera}/{end}", place_m + left))
+            pylons.append(_build_stand_in(network, real, f"{real.id}/{wish.camera}/{end}", place_m + left))
         segments.append(Segment(number, len(pylons) - 2, len(pylons) - 1, f"pylon {real.id}"))
         wished[number] = wish
     if not wished:
@@ -86,7 +93,7 @@ def with_viewpoints(
     return Network(tuple(pylons), tuple(segments), network.frame, network.source, network.flat), wished
 
 
-def _places(network: Network, wish: PylonWish) -> list[tuple[float, float]]:
+def _list_viewpoint_places(network: Network, wish: ViewpointRequest) -> list[tuple[float, float]]:
     """Return east and north of the viewpoints, one for each bearing."""
     east_m, north_m = network.positions_m[wish.pylon].tolist()
     turns = [math.radians(_line_deg(network, wish.pylon) + bearing_deg) for bearing_deg in wish.bearings_deg]
@@ -102,12 +109,14 @@ def _line_deg(network: Network, pylon: int) -> float:
     return 0.0
 
 
-def _stand_in(network: Network, real: Pylon, name: str, place_m: FloatArray) -> Pylon:
+def _build_stand_in(network: Network, real: Pylon, name: str, place_m: FloatArray) -> Pylon:
     lat_deg, lon_deg = network.frame.to_wgs84_deg(float(place_m[0]), float(place_m[1]))
     return replace(real, id=name, lat_deg=lat_deg, lon_deg=lon_deg)
 
 
-def pylon_looks(setup: FlightSetup, wished: Mapping[int, PylonWish]) -> tuple[dict[int, PylonLook], list[str]]:
+def build_pylon_tasks(
+    setup: FlightSetup, wished: Mapping[int, ViewpointRequest]
+) -> tuple[dict[int, PylonCameraTask], list[str]]:
     """Return what each pylon asks for, by its asset, and in words which viewpoints are flown higher than asked.
 
     A viewpoint that would come too near to a line, or to the ground, lies as low as these let it.
@@ -118,16 +127,16 @@ def pylon_looks(setup: FlightSetup, wished: Mapping[int, PylonWish]) -> tuple[di
     """
     lines, looks, higher = lines_of(setup, wished), {}, []
     for segment, wish in wished.items():
-        around = _Around(setup, lines, wish)
-        looks[segment] = around.look()
+        around = _ViewpointPlanner(setup, lines, wish)
+        looks[segment] = around.build_task()
         higher += around.higher
     return looks, higher
 
 
-class _Around:
+class _ViewpointPlanner:
     """The viewpoints of one pylon over what is there."""
 
-    def __init__(self, setup: FlightSetup, lines: PowerLines | None, wish: PylonWish) -> None:
+    def __init__(self, setup: FlightSetup, lines: PowerLines | None, wish: ViewpointRequest) -> None:
         self._setup, self._lines, self._wish = setup, lines, wish
         self._pylon = setup.network.pylons[wish.pylon]
         self._top_m = 0.0  # on a flat site flights are over the depot's ground
@@ -138,20 +147,20 @@ class _Around:
         self.higher: list[str] = []
         """In words: what is flown higher than asked."""
 
-    def look(self) -> PylonLook:
+    def build_task(self) -> PylonCameraTask:
         wish = self._wish
-        points = list(self._points())
+        points = list(self._iterate_viewpoints())
         for number, (one, other) in enumerate(itertools.pairwise(points)):
             if one.below_m > 0 or other.below_m > 0:
-                points[number] = replace(one, crosses=self._low(self._way_m(one, other)) is not None)
-        return PylonLook(
+                points[number] = replace(one, crosses=self._find_shortfall(self._way_m(one, other)) is not None)
+        return PylonCameraTask(
             wish.camera, tuple(points), wish.hover_s, wish.aim_deg, self._target_m, wish.pitch_deg, wish.roi
         )  # fmt: skip
 
-    def _points(self) -> Iterator[Viewpoint]:
+    def _iterate_viewpoints(self) -> Iterator[Viewpoint]:
         wish = self._wish
         heights: Sequence[float | None] = wish.heights_m or (None,)
-        for number, place_m in enumerate(_places(self._setup.network, wish)):
+        for number, place_m in enumerate(_list_viewpoint_places(self._setup.network, wish)):
             to_pylon = math.degrees(math.atan2(self._target_m[0] - place_m[0], self._target_m[1] - place_m[1]))
             # The next bearing is begun at the height at which the last one ended.
             for height_m in heights[:: -1 if number % 2 else 1]:
@@ -163,7 +172,7 @@ class _Around:
         surface_m = self._setup.layers.surface.height_m(*place_m)
         wanted_m = up_m = min(surface_m, self._top_m + height_m)
         why = ""
-        while up_m < surface_m and (low := self._low(np.array([[*place_m, up_m]]))) is not None:
+        while up_m < surface_m and (low := self._find_shortfall(np.array([[*place_m, up_m]]))) is not None:
             up_m, why = min(surface_m, up_m + low.short_m), why or low.words
         if up_m - wanted_m > SPARE_M:
             self.higher.append(
@@ -179,16 +188,16 @@ class _Around:
         steps = max(1, math.ceil(float(np.linalg.norm(ends[1] - ends[0])) / STEP_M))
         return np.asarray(ends[0] + np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis] * (ends[1] - ends[0]))
 
-    def _low(self, places_m: FloatArray) -> Low | None:
+    def _find_shortfall(self, places_m: FloatArray) -> ClearanceShortfall | None:
         """Return what is worst about (m, 3) places over lines and ground; None if nothing is."""
         places_m = places_m - (0.0, 0.0, SPARE_M)
-        low = over_terrain(self._setup, places_m)
+        low = find_terrain_shortfall(self._setup, places_m)
         if low is None and self._lines is not None:
-            return lowest(self._lines, self._setup, places_m, beside_m=BESIDE_M + SPARE_M)
+            return find_line_shortfall(self._lines, self._setup, places_m, beside_m=BESIDE_M + SPARE_M)
         return low
 
 
-def besides_s(look: PylonLook, performance: Performance, speed_m_s: float, *, in_layer: bool = False) -> float:
+def extra_time_s(look: PylonCameraTask, performance: Performance, speed_m_s: float, *, in_layer: bool = False) -> float:
     """Return what a pylon takes longer than the straight way from its first viewpoint to its last on the surface.
 
     Args:
@@ -198,16 +207,16 @@ def besides_s(look: PylonLook, performance: Performance, speed_m_s: float, *, in
         in_layer: Whether it looks at all of them from its layer.
     """
     ends = [(*look.points[end].place_m, 0.0) for end in (0, -1)]
-    stops = look.stops(reverse=False, low=not in_layer)
+    stops = look.list_stops(reverse=False, low=not in_layer)
     # From the surface down to the first, and from the last up to it again.
     way = [ends[0], *((*stop.place_m, -stop.below_m) for stop in stops), ends[1]]
     way_m = np.array([place for place, _ in itertools.groupby(way)])
     hover_s = max(0.0, look.hover_s - performance.hold_s) * sum(bool(stop.points) for stop in stops)
-    straight_s = _flown_s(np.array(ends), performance, speed_m_s)
-    return hover_s + _flown_s(way_m, performance, speed_m_s) - straight_s
+    straight_s = _flight_time_s(np.array(ends), performance, speed_m_s)
+    return hover_s + _flight_time_s(way_m, performance, speed_m_s) - straight_s
 
 
-def _flown_s(way_m: FloatArray, performance: Performance, speed_m_s: float) -> float:
+def _flight_time_s(way_m: FloatArray, performance: Performance, speed_m_s: float) -> float:
     """Return the time of a way from stop to stop along (w, 3) places, as `estimate` has it."""
     along_m = np.diff(way_m, axis=0)
     length_m = np.hypot(along_m[:, 0], along_m[:, 1])
@@ -215,5 +224,5 @@ def _flown_s(way_m: FloatArray, performance: Performance, speed_m_s: float) -> f
     legs_s = performance.legs_s(length_m, along_m[:, 2], speeds, ends)
     # Who goes on straight up or down comes to rest first.
     came_m = np.where(length_m[1:] < UPRIGHT_M, 0.0, length_m[:-1])
-    turns_s = performance.turns_s(along_m[:-1], along_m[1:], performance.arrives_m_s(came_m, speed_m_s))
+    turns_s = performance.turns_s(along_m[:-1], along_m[1:], performance.arrival_speed_m_s(came_m, speed_m_s))
     return float(legs_s.sum() + turns_s.sum() + len(length_m) * (performance.settle_s + performance.hold_s))

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from missions.areas import Area, Ring
 from missions.geo import FloatArray
-from missions.geometry import nearest_on
+from missions.geometry import find_nearest_on_legs
 
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
@@ -59,9 +59,9 @@ def column_of(centre_m: Place, radius_m: float) -> Obstacle:
 
 
 @lru_cache(maxsize=64)
-def graph_of(obstacles: tuple[Obstacle, ...]) -> Graph:
+def graph_of(obstacles: tuple[Obstacle, ...]) -> VisibilityGraph:
     """Return the graph of ways around some obstacles; that of the same ones is made once."""
-    return Graph(obstacles)
+    return VisibilityGraph(obstacles)
 
 
 class _Shape:
@@ -70,7 +70,7 @@ class _Shape:
     def __init__(self, obstacle: Obstacle) -> None:
         self.keep_m = obstacle.keep_m
         self.is_line = obstacle.is_line
-        self.rings_m = [_oriented(ring, number, is_line=obstacle.is_line)
+        self.rings_m = [_orient(ring, number, is_line=obstacle.is_line)
                         for number, ring in enumerate(obstacle.rings_m)]  # fmt: skip
         self.begins_m = np.concatenate(self.rings_m)
         self.ends_m = np.concatenate([np.roll(ring, -1, axis=0) for ring in self.rings_m])
@@ -83,19 +83,19 @@ class _Shape:
         self.centre_m = (self.begins_m.min(axis=0) + self.begins_m.max(axis=0)) / 2
         self.radius_m = float(np.hypot(*(self.begins_m - self.centre_m).T).max()) + self.keep_m
 
-    def hit(self, starts_m: FloatArray, goals_m: FloatArray) -> BoolArray:
+    def is_hit(self, starts_m: FloatArray, goals_m: FloatArray) -> BoolArray:
         """Return (n,) whether straight legs between places outside come nearer than is kept."""
         along_m = goals_m - starts_m
-        passed_m = nearest_on(self.centre_m[np.newaxis], starts_m, along_m)[0][0]
+        passed_m = find_nearest_on_legs(self.centre_m[np.newaxis], starts_m, along_m)[0][0]
         found = np.zeros(len(starts_m), dtype=np.bool_)
         near = np.flatnonzero(passed_m < self.radius_m)
         step = max(1, AT_ONCE // len(self.begins_m))
         for first in range(0, len(near), step):
             part = near[first : first + step]
-            found[part] = self._hit(starts_m[part], along_m[part])
+            found[part] = self._is_hit_along(starts_m[part], along_m[part])
         return found
 
-    def _hit(self, starts_m: FloatArray, along_m: FloatArray) -> BoolArray:
+    def _is_hit_along(self, starts_m: FloatArray, along_m: FloatArray) -> BoolArray:
         # Leg and outline are nearest at a corner, at an end of the leg, which is outside, or they cross.
         off_e = self.begins_m[:, 0] - starts_m[:, :1]
         off_n = self.begins_m[:, 1] - starts_m[:, 1:]
@@ -111,7 +111,7 @@ class _Shape:
         crossed = (left * left[:, self.after] < 0) & (start_left * goal_left < 0)
         return np.asarray(near | crossed.any(axis=1))
 
-    def inside(self, places_m: FloatArray) -> BoolArray:
+    def is_inside(self, places_m: FloatArray) -> BoolArray:
         """Return (n,) whether places are nearer than is kept, or enclosed."""
         found = np.hypot(*(places_m - self.centre_m).T) < self.radius_m
         which = np.flatnonzero(found)
@@ -119,14 +119,14 @@ class _Shape:
         for first in range(0, len(which), step):
             part = which[first : first + step]
             away_m = self.distances_m(places_m[part]).min(axis=1)
-            found[part] = (away_m < self.keep_m - ROUNDING_M) | self._enclosed(places_m[part])
+            found[part] = (away_m < self.keep_m - ROUNDING_M) | self._is_enclosed(places_m[part])
         return np.asarray(found)
 
     def distances_m(self, places_m: FloatArray) -> FloatArray:
         """Return (n, e) distances of places from the edges."""
-        return nearest_on(places_m, self.begins_m, self.ends_m - self.begins_m)[0]
+        return find_nearest_on_legs(places_m, self.begins_m, self.ends_m - self.begins_m)[0]
 
-    def _enclosed(self, places_m: FloatArray) -> BoolArray:
+    def _is_enclosed(self, places_m: FloatArray) -> BoolArray:
         if self.is_line:
             return np.zeros(len(places_m), dtype=np.bool_)
         north = places_m[:, 1:]
@@ -168,31 +168,31 @@ class _Shape:
         return np.concatenate((on_m + out_m * right, on_m - out_m * right, on_m + out_m * straight))
 
 
-class Graph:
+class VisibilityGraph:
     """The nodes around some obstacles, and the shortest ways between them."""
 
     def __init__(self, obstacles: tuple[Obstacle, ...]) -> None:
         self._shapes = [_Shape(obstacle) for obstacle in obstacles]
         nodes = [place for shape in self._shapes for place in shape.nodes_m()]
         places_m = np.concatenate(nodes) if nodes else np.zeros((0, 2))
-        self.nodes_m = places_m[~self.inside(places_m)]
+        self.nodes_m = places_m[~self.is_inside(places_m)]
         self._between: tuple[FloatArray, IntArray] | None = None
         self._seen: dict[Place, FloatArray] = {}
         self._reached: dict[Place, tuple[FloatArray, IntArray]] = {}
 
-    def inside(self, places_m: FloatArray) -> BoolArray:
+    def is_inside(self, places_m: FloatArray) -> BoolArray:
         """Return (n,) whether (n, 2) places are in an obstacle, or nearer to it than is kept."""
         found = np.zeros(len(places_m), dtype=np.bool_)
         for shape in self._shapes:
-            found |= shape.inside(places_m)
+            found |= shape.is_inside(places_m)
         return found
 
-    def met(self, starts_m: FloatArray, goals_m: FloatArray) -> BoolArray:
+    def is_blocked(self, starts_m: FloatArray, goals_m: FloatArray) -> BoolArray:
         """Return (n,) whether straight legs between (n, 2) places outside come nearer than is kept."""
         found = np.zeros(len(starts_m), dtype=np.bool_)
         for shape in self._shapes:
             open_ = np.flatnonzero(~found)
-            found[open_] = shape.hit(starts_m[open_], goals_m[open_])
+            found[open_] = shape.is_hit(starts_m[open_], goals_m[open_])
         return found
 
     def ways_m(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray | None]:
@@ -200,9 +200,9 @@ class Graph:
 
         None stands for no way, also where the goal is in an obstacle.
         """
-        starts, goals = [_place(one) for one in starts_m], [_place(one) for one in goals_m]
-        blocked = self._blocked([*starts, *goals])
-        met = self.met(starts_m, goals_m)
+        starts, goals = [_to_place(one) for one in starts_m], [_to_place(one) for one in goals_m]
+        blocked = self._find_blocked([*starts, *goals])
+        met = self.is_blocked(starts_m, goals_m)
         ways: list[FloatArray | None] = [np.zeros((0, 2))] * len(starts)
         led: dict[Place, list[int]] = {}
         for number, (start, goal) in enumerate(zip(starts, goals, strict=True)):
@@ -212,20 +212,20 @@ class Graph:
                 ways[number] = self._way_from_inside_m(starts_m[number], goals_m[number])
             elif met[number]:
                 led.setdefault(start, []).append(number)
-        self.look_from([*led, *(goals[number] for numbers in led.values() for number in numbers)])
+        self.add_visibility_from([*led, *(goals[number] for numbers in led.values() for number in numbers)])
         for start, numbers in led.items():
-            reached_m, first = self._reached_from(start)
+            reached_m, first = self._find_shortest_from(start)
             totals_m = reached_m + np.array([self._seen[goals[number]] for number in numbers])
             for number, total_m in zip(numbers, totals_m, strict=True):
                 last = int(total_m.argmin()) if len(total_m) else -1
                 reachable = last >= 0 and math.isfinite(total_m[last])
-                ways[number] = self.nodes_m[self._nodes_between(int(first[last]), last)] if reachable else None
+                ways[number] = self.nodes_m[self._path_between(int(first[last]), last)] if reachable else None
         return ways
 
-    def _blocked(self, places: Sequence[Place]) -> set[Place]:
+    def _find_blocked(self, places: Sequence[Place]) -> set[Place]:
         """Return which places are in an obstacle."""
         every = list(dict.fromkeys(places))
-        inside = self.inside(np.array(every).reshape(-1, 2))
+        inside = self.is_inside(np.array(every).reshape(-1, 2))
         return {place for place, within in zip(every, inside.tolist(), strict=True) if within}
 
     def _way_from_inside_m(self, start_m: FloatArray, goal_m: FloatArray) -> FloatArray | None:
@@ -238,17 +238,17 @@ class Graph:
 
     def distances_m(self, start_m: FloatArray, goals_m: FloatArray) -> FloatArray:
         """Return (n,) the lengths of shortest ways from a place outside to (n, 2) others; infinite where none leads."""
-        goals = [_place(goal_m) for goal_m in goals_m]
-        start = _place(start_m)
-        self.look_from([start, *goals])
+        goals = [_to_place(goal_m) for goal_m in goals_m]
+        start = _to_place(start_m)
+        self.add_visibility_from([start, *goals])
         straight_m = np.hypot(*(goals_m - start_m).T)
-        met = self.met(np.broadcast_to(start_m, goals_m.shape), goals_m)
-        reached_m, _ = self._reached_from(start)
+        met = self.is_blocked(np.broadcast_to(start_m, goals_m.shape), goals_m)
+        reached_m, _ = self._find_shortest_from(start)
         around_m = np.array([(reached_m + self._seen[goal]).min(initial=math.inf) for goal in goals])
-        inside = self.inside(goals_m)
+        inside = self.is_inside(goals_m)
         return np.where(inside, math.inf, np.where(met, around_m, straight_m))
 
-    def look_from(self, places: Sequence[Place]) -> None:
+    def add_visibility_from(self, places: Sequence[Place]) -> None:
         """Find out which nodes are seen from places outside, and remember it."""
         if len(self._seen) > REMEMBERED:
             self._seen.clear()
@@ -260,33 +260,33 @@ class Graph:
         starts_m = np.repeat(np.array(new).reshape(-1, 2), count, axis=0)
         goals_m = np.tile(self.nodes_m, (len(new), 1))
         away_m = np.hypot(*(goals_m - starts_m).T)
-        away_m[self.met(starts_m, goals_m)] = math.inf
+        away_m[self.is_blocked(starts_m, goals_m)] = math.inf
         for place, row in zip(new, away_m.reshape(len(new), count), strict=True):
             self._seen[place] = row
 
-    def _reached_from(self, start: Place) -> tuple[FloatArray, IntArray]:
+    def _find_shortest_from(self, start: Place) -> tuple[FloatArray, IntArray]:
         """Return (n,) lengths of shortest ways to all nodes, and the first node of each."""
         if start not in self._reached:
-            between_m, _ = self._all_between()
+            between_m, _ = self._find_all_shortest()
             total_m = self._seen[start][:, np.newaxis] + between_m
             first = total_m.argmin(axis=0) if len(total_m) else np.zeros(0, dtype=np.int64)
             reached_m = total_m.min(axis=0) if len(total_m) else np.zeros(0)
             self._reached[start] = (reached_m, first)
         return self._reached[start]
 
-    def _nodes_between(self, first: int, last: int) -> list[int]:
-        _, following = self._all_between()
+    def _path_between(self, first: int, last: int) -> list[int]:
+        _, following = self._find_all_shortest()
         way = [first]
         while way[-1] != last:
             way.append(int(following[way[-1], last]))
         return way
 
-    def _all_between(self) -> tuple[FloatArray, IntArray]:
+    def _find_all_shortest(self) -> tuple[FloatArray, IntArray]:
         """Return (n, n) lengths of shortest ways between nodes, and the node that follows on each (Floyd, Warshall)."""
         if self._between is None:
             count = len(self.nodes_m)
             ones, others = np.triu_indices(count, 1)
-            seen = ~self.met(self.nodes_m[ones], self.nodes_m[others])
+            seen = ~self.is_blocked(self.nodes_m[ones], self.nodes_m[others])
             ones, others = ones[seen], others[seen]
             between_m = np.full((count, count), math.inf)
             between_m[ones, others] = np.hypot(*(self.nodes_m[ones] - self.nodes_m[others]).T)
@@ -303,15 +303,15 @@ class Graph:
 
     def _way_out_m(self, start_m: FloatArray) -> FloatArray | None:
         """Return the nearest place outside that a place inside is left to; None if there is none."""
-        found = [shape.ways_out_m(start_m) for shape in self._shapes if shape.inside(start_m[np.newaxis])[0]]
+        found = [shape.ways_out_m(start_m) for shape in self._shapes if shape.is_inside(start_m[np.newaxis])[0]]
         places_m = np.concatenate(found)
-        places_m = places_m[~self.inside(places_m)]
+        places_m = places_m[~self.is_inside(places_m)]
         if not len(places_m):
             return None
         return np.asarray(places_m[np.hypot(*(places_m - start_m).T).argmin()])
 
 
-def _oriented(ring: Ring, number: int, *, is_line: bool) -> FloatArray:
+def _orient(ring: Ring, number: int, *, is_line: bool) -> FloatArray:
     """Return (k, 2) corners with what is forbidden to the left; a line is gone along there and back."""
     corners = np.array(ring, dtype=np.float64).reshape(-1, 2)
     if is_line:
@@ -321,5 +321,5 @@ def _oriented(ring: Ring, number: int, *, is_line: bool) -> FloatArray:
     return corners if (area > 0) is (number == 0) else corners[::-1]
 
 
-def _place(place_m: FloatArray) -> Place:
+def _to_place(place_m: FloatArray) -> Place:
     return float(place_m[0]), float(place_m[1])

@@ -9,8 +9,16 @@
 Importing this package is cheap; the first plan, or ``warm_up``, loads the compiled kernels.
 """
 
-from planner.bounds import least_earliest_s, why_certainly_impossible, why_impossible
-from planner.carried import CarriedPlan, Worth, best_of, better, carried_plan, granted, worth
+from planner.bounds import earliest_window_bound_s, explain_infeasibility, explain_infeasibility_fully
+from planner.carried import (
+    OnboardPlan,
+    PlanRating,
+    build_onboard_plan,
+    grant_onboard_budgets,
+    is_better_rating,
+    rate_plan,
+    select_best_plan,
+)
 from planner.cost import BUDGET_TOLERANCE_PCT, K_C, Cost, CostFunction
 from planner.energy import (
     CLIMB_SHARE_PER_M_S,
@@ -25,18 +33,18 @@ from planner.energy import (
 from planner.errors import InstanceError, ParamsError, PlanError, PlannerError
 from planner.evaluate import (
     Evaluation,
-    completions_s,
+    completion_times_s,
     cost_value,
+    energy_use_pct,
     evaluate,
     route_duration_s,
     route_energy_pct,
-    spent_pct,
 )
-from planner.exact import EXACT_SEGMENTS, OPTIMAL_SEGMENTS, covers, solve_exact
-from planner.front import FrontPlan, front
-from planner.grasp import grasp
+from planner.exact import EXACT_SEGMENTS, OPTIMAL_SEGMENTS, find_covering_plan, solve_exact
+from planner.front import ParetoPlan, find_pareto_front
+from planner.grasp import solve_grasp
 from planner.instance import build_instance
-from planner.loss import LossRow, Repair
+from planner.loss import LossRow, RepairStatus
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 from planner.moves import (
     Dynamics,
@@ -46,24 +54,24 @@ from planner.moves import (
     SteadyWind,
     Travel,
     Visits,
-    steady_wind,
+    build_steady_wind,
     travel_for,
 )
 from planner.params import DEFAULT_PARAMS, AnnealingParams, ExactParams, LargeParams, SearchParams, WindowSearchParams
-from planner.replan import FreeVehicle, Remainder, remaining, replan, warm_start
+from planner.replan import FreeVehicle, RemainingProblem, build_remaining_problem, replan, warm_start
 from planner.result import Result
 from planner.risk import (
-    Blame,
-    Campaign,
-    Chance,
-    Chunk,
-    Risk,
-    Tally,
-    flight_chunks,
-    fly_chunk,
-    risk_campaign,
-    risks_of,
-    wilson,
+    ChunkTally,
+    FlightChunk,
+    ProbabilityEstimate,
+    RiskCampaign,
+    RiskEstimate,
+    WorstLoss,
+    build_risk_campaign,
+    estimate_probability,
+    estimate_risks,
+    simulate_chunk,
+    split_flights,
 )
 from planner.robust import solve_window
 from planner.solve import solve, warm_up
@@ -80,8 +88,16 @@ from planner.stop import (
     Stopwatch,
     any_of,
 )
-from planner.synthetic import generated_network
-from planner.window import Breaking, LossRepair, ReplanWindow, WindowResult, loss_table, repairs_at, replan_window
+from planner.synthetic import generate_network
+from planner.window import (
+    CriticalLoss,
+    LossRepair,
+    ReplanWindow,
+    WindowResult,
+    build_loss_table,
+    find_repairs_at,
+    replan_window,
+)
 
 __all__ = [
     "BUDGET_TOLERANCE_PCT",
@@ -93,22 +109,18 @@ __all__ = [
     "PRESETS",
     "AnnealingParams",
     "AnyOf",
-    "Blame",
-    "Breaking",
-    "Campaign",
     "Cancelled",
-    "CarriedPlan",
-    "Chance",
-    "Chunk",
+    "ChunkTally",
     "Cost",
     "CostFunction",
+    "CriticalLoss",
     "Drone",
     "Dynamics",
     "Evaluation",
     "ExactParams",
     "FirstFeasible",
+    "FlightChunk",
     "FreeVehicle",
-    "FrontPlan",
     "Instance",
     "InstanceError",
     "Iterations",
@@ -119,16 +131,21 @@ __all__ = [
     "MoveTables",
     "Moves",
     "NoImprovement",
+    "OnboardPlan",
     "ParamsError",
+    "ParetoPlan",
     "Plan",
     "PlanError",
+    "PlanRating",
     "PlannerError",
+    "ProbabilityEstimate",
     "Progress",
-    "Remainder",
-    "Repair",
+    "RemainingProblem",
+    "RepairStatus",
     "ReplanWindow",
     "Result",
-    "Risk",
+    "RiskCampaign",
+    "RiskEstimate",
     "Route",
     "SearchParams",
     "Seconds",
@@ -136,56 +153,55 @@ __all__ = [
     "StopRule",
     "StopVerdict",
     "Stopwatch",
-    "Tally",
     "Travel",
     "Vehicle",
     "Visits",
     "WindowResult",
     "WindowSearchParams",
-    "Worth",
+    "WorstLoss",
     "any_of",
-    "best_of",
-    "better",
     "build_instance",
-    "carried_plan",
-    "completions_s",
+    "build_loss_table",
+    "build_onboard_plan",
+    "build_remaining_problem",
+    "build_risk_campaign",
+    "build_steady_wind",
+    "completion_times_s",
     "cost_value",
-    "covers",
+    "earliest_window_bound_s",
+    "energy_use_pct",
+    "estimate_probability",
+    "estimate_risks",
     "evaluate",
-    "flight_chunks",
-    "fly_chunk",
-    "front",
-    "generated_network",
-    "granted",
-    "grasp",
+    "explain_infeasibility",
+    "explain_infeasibility_fully",
+    "find_covering_plan",
+    "find_pareto_front",
+    "find_repairs_at",
+    "generate_network",
+    "grant_onboard_budgets",
+    "is_better_rating",
     "is_reversed",
-    "least_earliest_s",
-    "loss_table",
     "pct_per_s",
     "power_w",
     "range_speed_m_s",
-    "remaining",
-    "repairs_at",
+    "rate_plan",
     "replan",
     "replan_window",
-    "risk_campaign",
-    "risks_of",
     "route_duration_s",
     "route_energy_pct",
     "segment_of",
+    "select_best_plan",
+    "simulate_chunk",
     "solve",
     "solve_exact",
+    "solve_grasp",
     "solve_window",
-    "spent_pct",
-    "steady_wind",
+    "split_flights",
     "top_speed_m_s",
     "travel_for",
     "usable_wh",
     "visit_of",
     "warm_start",
     "warm_up",
-    "why_certainly_impossible",
-    "why_impossible",
-    "wilson",
-    "worth",
 ]

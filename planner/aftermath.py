@@ -14,7 +14,7 @@ import numpy as np
 from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
 from planner.moves import FloatArray
 from planner.parts import part_of
-from planner.replan import FreeVehicle, Remainder, remaining, replan
+from planner.replan import FreeVehicle, RemainingProblem, build_remaining_problem, replan
 from planner.stop import FirstFeasible, Iterations, any_of
 
 
@@ -31,7 +31,7 @@ class RouteProgress:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Aftermath:
+class FleetAfterLosses:
     """The vehicles that are left, and how they inspect all that is theirs."""
 
     instance: Instance
@@ -45,9 +45,9 @@ class Aftermath:
     before: tuple[RouteProgress | None, ...]
     """What each had done until it landed before that; None for its first route."""
 
-    def flown(self, vehicle: int) -> RouteProgress:
+    def progress_of(self, vehicle: int) -> RouteProgress:
         """Return what a vehicle will have done by when; between the moments it is taken to grow evenly."""
-        since_s, pct = self._legs(vehicle)
+        since_s, pct = self._compute_legs(vehicle)
         start_s, before = self.launched_s[vehicle], self.before[vehicle]
         time_s, used_pct = np.append(start_s, since_s), np.append(0.0, np.cumsum(pct))
         airborne_s = time_s - start_s
@@ -59,15 +59,15 @@ class Aftermath:
             np.concatenate([before.airborne_s, before.airborne_s[-1] + airborne_s]),
         )
 
-    def ends_s(self, vehicle: int) -> FloatArray:
+    def visit_ends_s(self, vehicle: int) -> FloatArray:
         """Return (visits,) float64: when each visit of a vehicle's present route ends."""
-        return self._legs(vehicle)[0][:-1]
+        return self._compute_legs(vehicle)[0][:-1]
 
-    def values(self, vehicle: int) -> FloatArray:
+    def visit_values(self, vehicle: int) -> FloatArray:
         """Return (visits,) float64: what each visit of a vehicle's present route is worth."""
         return self.instance.value[[segment_of(visit) for visit in self.plan.routes[vehicle].visits]]
 
-    def _legs(self, vehicle: int) -> tuple[FloatArray, FloatArray]:
+    def _compute_legs(self, vehicle: int) -> tuple[FloatArray, FloatArray]:
         """Return when each leg of the present route ends and what it uses; the last leg leads home."""
         instance, visits = self.instance, np.array(self.plan.routes[vehicle].visits, dtype=np.int64)
         if len(visits) == 0:
@@ -79,12 +79,12 @@ class Aftermath:
         pct = np.concatenate([[instance.start_pct[start]], consumption * between_pct, [instance.home_pct[home]]])
         return np.cumsum(seconds), pct
 
-    def without(self, vehicles: Sequence[int]) -> Aftermath:
+    def without_vehicles(self, vehicles: Sequence[int]) -> FleetAfterLosses:
         """Return the state when vehicles are lost that have nothing left to inspect."""
         kept = [vehicle for vehicle in range(len(self.fleet)) if vehicle not in vehicles]
-        return _rebuilt(self, kept, [self.plan.routes[vehicle].visits for vehicle in kept], {})
+        return _rebuild_state(self, kept, [self.plan.routes[vehicle].visits for vehicle in kept], {})
 
-    def after(self, left: Remainder, plan: Plan) -> Aftermath:
+    def apply_plan(self, left: RemainingProblem, plan: Plan) -> FleetAfterLosses:
         """Return the state once a loss is answered by a plan for ``left.instance``.
 
         A vehicle that takes off for the new plan does so at ``left.at_s``, or as soon as it has landed. Until then it
@@ -100,18 +100,18 @@ class Aftermath:
             else:
                 routes.append(new)
                 again[survivor.vehicle] = survivor
-        return _rebuilt(self, [survivor.vehicle for survivor in left.survivors], routes, again)
+        return _rebuild_state(self, [survivor.vehicle for survivor in left.survivors], routes, again)
 
 
-def underway(instance: Instance, plan: Plan) -> Aftermath:
+def build_state_before_losses(instance: Instance, plan: Plan) -> FleetAfterLosses:
     """Return the state before any loss: the plan itself."""
     fleet = len(plan.routes)
-    return Aftermath(instance, plan, tuple(range(fleet)), (0.0,) * fleet, (None,) * fleet)
+    return FleetAfterLosses(instance, plan, tuple(range(fleet)), (0.0,) * fleet, (None,) * fleet)
 
 
 def repair_plan(
-    state: Aftermath, lost: int, at_s: float, *, effort: int, fly_again: bool = True
-) -> tuple[Remainder, Plan] | None:
+    state: FleetAfterLosses, lost: int, at_s: float, *, effort: int, fly_again: bool = True
+) -> tuple[RemainingProblem, Plan] | None:
     """Return what the loss of a vehicle leaves and a plan for it; None where none was found.
 
     The same arguments give the same plan.
@@ -125,13 +125,13 @@ def repair_plan(
     """
     if len(state.fleet) == 1:
         return None
-    left = remaining(state.instance, state.plan, lost, at_s, fly_again=fly_again)
+    left = build_remaining_problem(state.instance, state.plan, lost, at_s, fly_again=fly_again)
     result = replan(left.instance, warm=left.warm, stop=any_of(FirstFeasible(), Iterations(effort)))
     return (left, result.plan) if result.feasible else None
 
 
 @dataclass(frozen=True, slots=True)
-class _Sortie:
+class _RouteStart:
     """How a vehicle's present route begins: over all visits of the state that it comes from."""
 
     start_s: FloatArray
@@ -142,15 +142,15 @@ class _Sortie:
     before: RouteProgress | None
 
 
-def _rebuilt(
-    state: Aftermath, kept: Sequence[int], routes: Sequence[tuple[int, ...]], again: dict[int, FreeVehicle]
-) -> Aftermath:
+def _rebuild_state(
+    state: FleetAfterLosses, kept: Sequence[int], routes: Sequence[tuple[int, ...]], again: dict[int, FreeVehicle]
+) -> FleetAfterLosses:
     """Return the state of some vehicles on new routes; those in ``again`` take off for theirs."""
     instance = state.instance
     segments = sorted({segment_of(visit) for visits in routes for visit in visits})
     number = {segment: place for place, segment in enumerate(segments)}
     visits = [visit_of(segment, reverse) for segment in segments for reverse in (False, True)]
-    sorties = [_sortie(state, vehicle, again.get(vehicle)) for vehicle in kept]
+    sorties = [_build_route_start(state, vehicle, again.get(vehicle)) for vehicle in kept]
     vehicles = [
         replace(instance.vehicles[vehicle], budget_pct=again[vehicle].budget_left_pct, airborne=False)
         if vehicle in again
@@ -169,26 +169,26 @@ def _rebuilt(
         Route(place, tuple(visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in route))
         for place, route in enumerate(routes)
     ))  # fmt: skip
-    return Aftermath(
+    return FleetAfterLosses(
         reduced, plan, tuple(state.fleet[vehicle] for vehicle in kept),
         tuple(sortie.launched_s for sortie in sorties), tuple(sortie.before for sortie in sorties),
     )  # fmt: skip
 
 
-def _sortie(state: Aftermath, vehicle: int, again: FreeVehicle | None) -> _Sortie:
+def _build_route_start(state: FleetAfterLosses, vehicle: int, again: FreeVehicle | None) -> _RouteStart:
     instance = state.instance
     if again is None:
-        return _Sortie(
+        return _RouteStart(
             instance.start_s[vehicle], instance.start_pct[vehicle], float(instance.idle_s[vehicle]),
             float(instance.idle_pct[vehicle]), state.launched_s[vehicle], state.before[vehicle],
         )  # fmt: skip
     if not again.completed and not instance.vehicles[vehicle].airborne:
         # A spare: as long as it stands its rows count from the launch of the fleet.
-        return _Sortie(
+        return _RouteStart(
             again.free_s + instance.start_s[vehicle], instance.start_pct[vehicle], again.free_s, 0.0, again.free_s, None
         )
     consumption = instance.vehicles[vehicle].consumption
-    return _Sortie(
+    return _RouteStart(
         again.free_s + instance.depot_s[vehicle], consumption * instance.depot_pct[vehicle], again.free_s, 0.0,
-        again.free_s, state.flown(vehicle),
+        again.free_s, state.progress_of(vehicle),
     )  # fmt: skip

@@ -20,7 +20,7 @@ ASCENT = 300
 """Iterations of the ascent to a spanning-tree bound."""
 
 
-def why_impossible(instance: Instance) -> str | None:
+def explain_infeasibility(instance: Instance) -> str | None:
     """Return why no plan covers everything within the budgets, or None where these conditions do not tell.
 
     Each vehicle must get home, each segment must be within some vehicle's reach, and the least energy that any
@@ -41,20 +41,20 @@ def why_impossible(instance: Instance) -> str | None:
     reach = (start + home).min(axis=2) <= budget[:, np.newaxis]
     if not reach.any(axis=0).all():
         # With dynamics a way over other visits may be cheaper than the straight one: it rides no extra turns.
-        reach = (_ways_pct(instance) <= budget[:, np.newaxis]).reshape(fleet, -1)
+        reach = (_least_route_pct(instance) <= budget[:, np.newaxis]).reshape(fleet, -1)
     lost = np.flatnonzero(~reach.any(axis=0))
     if len(lost) > 0:
         return f"segment {int(lost[0])} is out of every vehicle's reach"
     if instance.segments > TABLES_UP_TO:
         return None  # the least total takes a table of all moves
-    useful = np.array([_reaches_anything(instance, vehicle) for vehicle in range(fleet)])
+    useful = np.array([_can_reach_any_segment(instance, vehicle) for vehicle in range(fleet)])
     needed, available = least_total_pct(instance, useful), float(budget[useful].sum())
     if needed > available:
         return f"everything takes {needed:.3f} % or more, the fleet has {available:.3f} %"
     return None
 
 
-def _ways_pct(instance: Instance) -> FloatArray:
+def _least_route_pct(instance: Instance) -> FloatArray:
     """Return (k, n) float64, a lower bound on the energy of any route of a vehicle that visits a segment."""
     fleet, visits = len(instance.vehicles), 2 * instance.segments
     ways = np.empty((fleet, visits))
@@ -78,16 +78,16 @@ def _shortest_pct(direct: FloatArray, moves: FloatArray) -> FloatArray:
         shortest = shorter
 
 
-def why_certainly_impossible(instance: Instance) -> str | None:
-    """Return why no plan covers everything within the budgets, or None: all that ``why_impossible`` tells and more.
+def explain_infeasibility_fully(instance: Instance) -> str | None:
+    """Return why no plan covers everything within the budgets, or None: all that ``explain_infeasibility`` tells and more.
 
     It takes some milliseconds for 50 segments. The energy that all vehicles together have must not be less than a
     spanning-tree bound on what any plan needs; a vehicle that can inspect nothing adds nothing to it.
     """
-    said = why_impossible(instance)
+    said = explain_infeasibility(instance)
     if said is not None or instance.segments == 0:
         return said
-    useful = np.array([_reaches_anything(instance, vehicle) for vehicle in range(len(instance.vehicles))])
+    useful = np.array([_can_reach_any_segment(instance, vehicle) for vehicle in range(len(instance.vehicles))])
     if not useful.any():
         return "no vehicle reaches any segment"
     available = sum(
@@ -104,7 +104,7 @@ def why_certainly_impossible(instance: Instance) -> str | None:
     return None
 
 
-def least_earliest_s(instance: Instance) -> float:
+def earliest_window_bound_s(instance: Instance) -> float:
     """Return a time before which no plan's re-plan window begins, by the definition of ``replan_window``.
 
     If a vehicle is lost at t, what it has done is one open path of at most t, and the others cover the rest within
@@ -124,11 +124,11 @@ def least_earliest_s(instance: Instance) -> float:
     for lost, vehicle in enumerate(instance.vehicles):
         kind = (replace(vehicle, name=""), instance.profile[lost], instance.start_pct[lost].tobytes())
         if kind not in kinds:
-            kinds[kind] = _least_loss_s(instance, lost)
+            kinds[kind] = _earliest_loss_bound_s(instance, lost)
     return min(kinds.values())
 
 
-def _least_loss_s(instance: Instance, lost: int) -> float:
+def _earliest_loss_bound_s(instance: Instance, lost: int) -> float:
     """Return the earliest time at which the loss of one vehicle can be repaired, whatever the plan."""
     fleet = len(instance.vehicles)
     consumption = np.array([vehicle.consumption for vehicle in instance.vehicles])[:, np.newaxis]
@@ -144,10 +144,10 @@ def _least_loss_s(instance: Instance, lost: int) -> float:
         instance, np.ones(fleet, dtype=np.bool_), starts=np.minimum(instance.start_pct, again), homes=homes,
         idle=np.zeros(fleet), enough=2.0 * others, once=lost,
     )  # fmt: skip
-    return max(0.0, (needed - others) / _most_pct_per_s(instance, lost))
+    return max(0.0, (needed - others) / _max_pct_per_s(instance, lost))
 
 
-def _most_pct_per_s(instance: Instance, vehicle: int) -> float:
+def _max_pct_per_s(instance: Instance, vehicle: int) -> float:
     every, profile = np.arange(2 * instance.segments), instance.profile[vehicle]
     pairs = (every[:, np.newaxis], every[np.newaxis])
     moves_s, moves_pct = instance.moves.seconds(profile, *pairs), instance.moves.pct(profile, *pairs)
@@ -157,7 +157,7 @@ def _most_pct_per_s(instance: Instance, vehicle: int) -> float:
     return float((used[timed] / seconds[timed]).max(initial=0.0)) or 1.0
 
 
-def _reaches_anything(instance: Instance, vehicle: int) -> bool:
+def _can_reach_any_segment(instance: Instance, vehicle: int) -> bool:
     """Return whether a vehicle may inspect something: the first visit of any route takes its start, the last its home.
 
     The two need not be the same visit.
@@ -182,7 +182,7 @@ def _tree_bound_pct(
         once: the only vehicle that starts once at most; None if all do.
     """
     # Only here: it loads numba, and the quick conditions do without.
-    from planner.kernels.bounds import tree_bound
+    from planner.kernels.bounds import compute_tree_bound
 
     visits = 2 * instance.segments
     moves = _least_moves_pct(instance, useful)
@@ -193,7 +193,7 @@ def _tree_bound_pct(
     # A visit begins at the end point of its own number and ends at the other one of its segment.
     onward = moves[back] - entry[segment]
     every = range(len(starts))
-    bound = tree_bound(
+    bound = compute_tree_bound(
         np.array(np.minimum(onward, onward.T), order="C"),
         np.array(starts - entry[segment], order="C"),
         np.array(homes[:, back], order="C"),
@@ -234,7 +234,7 @@ def least_total_pct(instance: Instance, useful: BoolArray) -> float:
     np.fill_diagonal(between, np.inf)
     entry = np.minimum(start, between.min(axis=0))
     links = between - entry
-    tree = _spanning_tree(start - entry, np.minimum(links, links.T))
+    tree = _spanning_tree_weight(start - entry, np.minimum(links, links.T))
     home = instance.home_pct[useful].min(axis=1)
     ways_home = np.minimum(home, instance.idle_pct[useful])
     return float(entry.sum() + tree + ways_home.sum() + (home - ways_home).min())
@@ -247,7 +247,7 @@ def _least_between_pct(instance: Instance, useful: BoolArray) -> FloatArray:
     return least
 
 
-def _spanning_tree(roots: FloatArray, links: FloatArray) -> float:
+def _spanning_tree_weight(roots: FloatArray, links: FloatArray) -> float:
     """Return the weight of the minimum spanning tree of a root, joined to i by ``roots[i]``, and all i (Prim)."""
     distance = roots.copy()
     total = 0.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from planner.cost import Cost, overspent_pct
+from planner.cost import Cost, budget_excess_pct
 from planner.evaluate import evaluate, route_energy_pct
 from planner.model import Instance, Plan, Route, segment_of
 from planner.solve import check_tails
@@ -21,7 +21,7 @@ SAME = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class CarriedPlan:
+class OnboardPlan:
     """The routes that vehicles have on board, as far as their budgets last."""
 
     plan: Plan
@@ -30,7 +30,7 @@ class CarriedPlan:
 
 
 @dataclass(frozen=True, slots=True)
-class Worth:
+class PlanRating:
     """What a plan is compared by."""
 
     segments: int
@@ -45,7 +45,7 @@ class Worth:
     largest_pct: float
 
 
-def granted(instance: Instance, tails: Sequence[Sequence[int]], most_pct: Sequence[float]) -> Instance:
+def grant_onboard_budgets(instance: Instance, tails: Sequence[Sequence[int]], most_pct: Sequence[float]) -> Instance:
     """Return the instance with budgets by which vehicles may go on with what they carry.
 
     Budgets are for planning, and rounded down: a vehicle that spends a little more with what it has on board flies on
@@ -64,21 +64,21 @@ def granted(instance: Instance, tails: Sequence[Sequence[int]], most_pct: Sequen
     return replace(instance, vehicles=tuple(vehicles))
 
 
-def carried_plan(instance: Instance, tails: Sequence[Sequence[int]]) -> CarriedPlan:
+def build_onboard_plan(instance: Instance, tails: Sequence[Sequence[int]]) -> OnboardPlan:
     """Return the plan of everybody going on with what is on board.
 
     Raises:
         PlanError: the tails do not belong to the instance.
     """
     check_tails(instance, tails)
-    routes = tuple(Route(number, _lasting(instance, number, tuple(tail))) for number, tail in enumerate(tails))
+    routes = tuple(Route(number, _trim_to_budget(instance, number, tuple(tail))) for number, tail in enumerate(tails))
     covered = {segment_of(visit) for route in routes for visit in route.visits}
     uncovered = tuple(segment for segment in range(instance.segments) if segment not in covered)
     short = tuple(route.vehicle for route, tail in zip(routes, tails, strict=True) if len(route.visits) < len(tail))
-    return CarriedPlan(Plan(routes, uncovered), short)
+    return OnboardPlan(Plan(routes, uncovered), short)
 
 
-def worth(instance: Instance, plan: Plan, spare: Collection[int] = ()) -> Worth:
+def rate_plan(instance: Instance, plan: Plan, spare: Collection[int] = ()) -> PlanRating:
     """Return what a plan is compared by.
 
     Args:
@@ -89,14 +89,14 @@ def worth(instance: Instance, plan: Plan, spare: Collection[int] = ()) -> Worth:
     covered = {segment_of(visit) for route in plan.routes for visit in route.visits}
     own, extra = sorted(covered - set(spare)), sorted(covered & set(spare))
     figures = evaluate(instance, plan, Cost.MINMAX)
-    return Worth(
+    return PlanRating(
         len(own), float(instance.value[own].sum()), len(extra), float(instance.value[extra].sum()),
         SAME_SHARE * float(instance.value.mean()) if instance.segments else 0.0,
         figures.longest_route_s, max(figures.energies_pct),
     )  # fmt: skip
 
 
-def better(one: Worth, other: Worth) -> bool:
+def is_better_rating(one: PlanRating, other: PlanRating) -> bool:
     """Return whether one plan is better than another, and worse in nothing that comes before."""
     if one.segments < other.segments or one.value < other.value - SAME:
         return False
@@ -106,10 +106,10 @@ def better(one: Worth, other: Worth) -> bool:
         return False
     if one.spare_segments > other.spare_segments:
         return True
-    return one.longest_s < other.longest_s - SAME_S and overspent_pct(one.largest_pct, other.largest_pct) <= 0
+    return one.longest_s < other.longest_s - SAME_S and budget_excess_pct(one.largest_pct, other.largest_pct) <= 0
 
 
-def best_of(instance: Instance, carried: Plan, others: Iterable[Plan], spare: Collection[int] = ()) -> Plan:
+def select_best_plan(instance: Instance, carried: Plan, others: Iterable[Plan], spare: Collection[int] = ()) -> Plan:
     """Return the best of some plans: what is carried unless another one is better.
 
     Args:
@@ -118,18 +118,18 @@ def best_of(instance: Instance, carried: Plan, others: Iterable[Plan], spare: Co
         others: what might be flown instead, the most wanted first.
         spare: segments that count only where all else is equal.
     """
-    best, best_worth = carried, worth(instance, carried, spare)
+    best, best_worth = carried, rate_plan(instance, carried, spare)
     for plan in others:
-        found = worth(instance, plan, spare)
-        if better(found, best_worth):
+        found = rate_plan(instance, plan, spare)
+        if is_better_rating(found, best_worth):
             best, best_worth = plan, found
     return best
 
 
-def _lasting(instance: Instance, vehicle: int, tail: tuple[int, ...]) -> tuple[int, ...]:
+def _trim_to_budget(instance: Instance, vehicle: int, tail: tuple[int, ...]) -> tuple[int, ...]:
     """Return as much of a route, from its beginning, as a vehicle's budget lasts for, its way home included."""
     budget_pct = instance.vehicles[vehicle].budget_pct
     kept = tail
-    while kept and overspent_pct(route_energy_pct(instance, Route(vehicle, kept)), budget_pct) > 0:
+    while kept and budget_excess_pct(route_energy_pct(instance, Route(vehicle, kept)), budget_pct) > 0:
         kept = kept[:-1]
     return kept

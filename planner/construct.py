@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from planner.cost import BUDGET_TOLERANCE_PCT, Cost
-from planner.kernels.arrays import Memory, Problem, RandomState, State, Weights
+from planner.kernels.arrays import Problem, RandomState, SearchWorkspace, State, Weights
 from planner.kernels.insertion import insert_by_regret
 from planner.kernels.tours import measure
 from planner.model import Instance, Plan, Route, segment_of
@@ -44,12 +44,12 @@ def problem_of(instance: Instance) -> Problem:
         value=value,
         prize=np.maximum(worth, effort) + 1e-6,
         effort=effort,
-        near=_nearest(move[0]),
-        twin=_twins(instance),
+        near=_find_nearest_segments(move[0]),
+        twin=_find_twins(instance),
     )
 
 
-def guide_weights(
+def build_guide_weights(
     problem: Problem,
     cost: Cost,
     params: AnnealingParams,
@@ -71,34 +71,34 @@ def guide_weights(
         soft: whether the search may pass through routes beyond their budgets.
     """
     return Weights(
-        total=0.02 if cost.function.only_longest else cost.function.total,
-        peak=0.0 if cost.function.only_longest else cost.function.peak_weight(len(problem.budget)),
-        norm=1.0 if cost.function.only_longest else 0.0,
+        total=0.02 if cost.function.is_longest_only else cost.function.total,
+        peak=0.0 if cost.function.is_longest_only else cost.function.peak_weight(len(problem.budget)),
+        norm=1.0 if cost.function.is_longest_only else 0.0,
         power=power,
         scale=scale if scale > 0 else 1.0,
         prize=params.prize_weight,
-        empty=_empty_weight(problem) if all_vehicles else 0.0,
+        empty=_empty_route_weight(problem) if all_vehicles else 0.0,
         excess=params.excess_weight,
         slack=params.slack if soft else 0.0,
     )
 
 
-def true_weights(problem: Problem, cost: Cost, *, all_vehicles: bool) -> Weights:
+def build_true_weights(problem: Problem, cost: Cost, *, all_vehicles: bool) -> Weights:
     """Return the cost function itself; among plans of equal MinMax the one that uses less is better."""
     return Weights(
-        total=1e-6 if cost.function.only_longest else cost.function.total,
+        total=1e-6 if cost.function.is_longest_only else cost.function.total,
         peak=cost.function.peak_weight(len(problem.budget)),
         norm=0.0,
         power=1.0,
         scale=1.0,
         prize=0.0,
-        empty=_empty_weight(problem) if all_vehicles else 0.0,
+        empty=_empty_route_weight(problem) if all_vehicles else 0.0,
         excess=0.0,
         slack=0.0,
     )
 
 
-def empty_state(problem: Problem) -> State:
+def build_empty_state(problem: Problem) -> State:
     """Return the state in which nobody visits anything."""
     fleet, segments = len(problem.budget), len(problem.value)
     state = State(
@@ -113,10 +113,10 @@ def empty_state(problem: Problem) -> State:
     return state
 
 
-def memory_of(problem: Problem) -> Memory:
+def memory_of(problem: Problem) -> SearchWorkspace:
     """Return the work space of an annealing that has not begun."""
     fleet, segments = len(problem.budget), len(problem.value)
-    return Memory(
+    return SearchWorkspace(
         waiting=np.zeros(segments, dtype=np.int64),
         pending=np.zeros(segments, dtype=np.int64),
         keys=np.zeros(segments),
@@ -134,7 +134,7 @@ def state_of(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
 
     What goes first is the visit that spares most energy for its value.
     """
-    state = empty_state(problem)
+    state = build_empty_state(problem)
     for route, visits in enumerate(routes):
         _set_route(problem, state, route, visits)
         while state.loads[route] > problem.budget[route] and state.lengths[route] > 0:
@@ -142,20 +142,22 @@ def state_of(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
     return state
 
 
-def first_state(instance: Instance, cost: Cost, routes: Iterable[Sequence[int]]) -> State:
+def build_first_state(instance: Instance, cost: Cost, routes: Iterable[Sequence[int]]) -> State:
     """Return the state that keeps ``routes`` and inserts by regret what they leave open, all within the budgets."""
     problem = problem_of(instance)
     state = state_of(problem, routes)
     params = DEFAULT_PARAMS.annealing
     scale = float(problem.effort.max())
-    weights = guide_weights(problem, cost, params, scale=scale, all_vehicles=False, power=params.powers[0])
-    insert_open(problem, weights, state)
+    weights = build_guide_weights(problem, cost, params, scale=scale, all_vehicles=False, power=params.powers[0])
+    insert_open_segments(problem, weights, state)
     return state
 
 
-def insert_open(problem: Problem, weights: Weights, state: State) -> None:
+def insert_open_segments(problem: Problem, weights: Weights, state: State) -> None:
     """Insert by regret what no route visits, as far as budgets allow."""
-    insert_by_regret(problem, weights, state, np.flatnonzero(state.route_of < 0).astype(np.int64), random_state(0))
+    insert_by_regret(
+        problem, weights, state, np.flatnonzero(state.route_of < 0).astype(np.int64), build_random_state(0)
+    )
 
 
 def plan_of(state: State) -> Plan:
@@ -172,7 +174,7 @@ def copy_of(state: State) -> State:
     return State._make(array.copy() for array in state)
 
 
-def random_state(seed: int) -> RandomState:
+def build_random_state(seed: int) -> RandomState:
     """Return the kernels' random state for a seed: splitmix64, so that near seeds start far apart."""
     mask = 2**64 - 1
     mixed = (seed + 0x9E3779B97F4A7C15) & mask
@@ -200,12 +202,12 @@ def _drop_one(problem: Problem, state: State, route: int) -> None:
     _set_route(problem, state, route, visits[:worst] + visits[worst + 1 :])
 
 
-def _empty_weight(problem: Problem) -> float:
+def _empty_route_weight(problem: Problem) -> float:
     """Return more than any first visit of a vehicle costs."""
     return 2 * float((problem.start + problem.home).max(initial=0.0)) + 1
 
 
-def _twins(instance: Instance) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _find_twins(instance: Instance) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """Return (k,) int64, for each vehicle the one before it that differs in nothing but its name, or -1."""
     before: dict[object, int] = {}
     twins = np.full(len(instance.vehicles), -1, dtype=np.int64)
@@ -217,7 +219,7 @@ def _twins(instance: Instance) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     return twins
 
 
-def _nearest(move: FloatArray) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
+def _find_nearest_segments(move: FloatArray) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
     """Return (n, m) int64, for each segment itself and the nearest others by the least transit between them."""
     segments = len(move) // 2
     # As a `min` over two axes this takes ten times as long, and a re-plan waits for it.

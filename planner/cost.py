@@ -13,7 +13,7 @@ BUDGET_TOLERANCE_PCT = 1e-6
 """A route spends more than its budget when it does so by more than this: sums depend on their order."""
 
 
-def overspent_pct(energy_pct: float, budget_pct: float) -> float:
+def budget_excess_pct(energy_pct: float, budget_pct: float) -> float:
     """Return what a route uses beyond its budget."""
     over = energy_pct - budget_pct
     return over if over > BUDGET_TOLERANCE_PCT else 0.0
@@ -37,12 +37,12 @@ class CostFunction:
     """Weight of what a route uses beyond its budget, beside what it uses."""
 
     @property
-    def only_longest(self) -> bool:
+    def is_longest_only(self) -> bool:
         """Return whether nothing but the longest route counts."""
         return self.total == 0
 
     @property
-    def counts_longest(self) -> bool:
+    def has_longest_term(self) -> bool:
         """Return whether the longest route counts beside what all use, or alone."""
         return self.peak > 0
 
@@ -54,10 +54,10 @@ class CostFunction:
         """Return the cost of routes, one energy and one budget for each vehicle."""
         longest = max(energies_pct)
         peak = self.peak * longest / (len(energies_pct) if self.shared_peak else 1)
-        if self.only_longest:
+        if self.is_longest_only:
             return peak
         routes = zip(energies_pct, budgets_pct, strict=True)
-        soft_sum = sum(energy + self.excess * overspent_pct(energy, budget) for energy, budget in routes)
+        soft_sum = sum(energy + self.excess * budget_excess_pct(energy, budget) for energy, budget in routes)
         return self.total * soft_sum + peak
 
 

@@ -118,12 +118,12 @@ def power_w(drone: Drone, speed_m_s: float) -> float:
     end_m_s = QUARTIC_ENDS * range_speed_m_s(drone)
     quartic_m_s = min(speed_m_s, end_m_s)
     ratio = 1.0
-    for exponent, coefficient in enumerate(_power_shape(drone), start=1):
+    for exponent, coefficient in enumerate(_power_coefficients(drone), start=1):
         ratio += coefficient * quartic_m_s**exponent
     if speed_m_s > end_m_s:
         slope = sum(
             exponent * coefficient * end_m_s ** (exponent - 1)
-            for exponent, coefficient in enumerate(_power_shape(drone), start=1)
+            for exponent, coefficient in enumerate(_power_coefficients(drone), start=1)
         )
         ratio += slope * (speed_m_s**3 - end_m_s**3) / (3 * end_m_s**2)
     return hover_power_w(drone) * ratio
@@ -135,13 +135,13 @@ def usable_wh(drone: Drone, power_w: float) -> float:
     Raises:
         InstanceError: the power is more than the pack can give at all.
     """
-    share = _share_given(drone, power_w)
+    share = _capacity_share(drone, power_w)
     if share <= 0 or power_w > CAPACITY_ENDS * drone.cells * drone.capacity_ah:
         raise InstanceError(f"drone {drone.name!r}: {power_w:.0f} W is more than its battery can give")
     return share * drone.capacity_ah * drone.cell_voltage_v * drone.cells
 
 
-def _share_given(drone: Drone, power_w: float) -> float:
+def _capacity_share(drone: Drone, power_w: float) -> float:
     cell_w_per_ah = power_w / (drone.cells * drone.capacity_ah)
     return sum(coefficient * cell_w_per_ah**exponent for exponent, coefficient in enumerate(CAPACITY))
 
@@ -168,7 +168,7 @@ def top_speed_m_s(drone: Drone) -> float:
     A pack that is drawn harder gives less than half of what it holds: nobody flies so.
     """
     speed_m_s = 0.0
-    while speed_m_s < MOST_M_S and _share_given(drone, power_w(drone, speed_m_s + SPEED_STEP_M_S)) >= LEAST_SHARE:
+    while speed_m_s < MOST_M_S and _capacity_share(drone, power_w(drone, speed_m_s + SPEED_STEP_M_S)) >= LEAST_SHARE:
         speed_m_s += SPEED_STEP_M_S
     return round(speed_m_s, 1)
 
@@ -180,7 +180,7 @@ def _optimal_speed_m_s(drone: Drone, coefficients: tuple[float, float, float]) -
 
 
 @lru_cache(maxsize=64)
-def _power_shape(drone: Drone) -> tuple[float, ...]:
+def _power_coefficients(drone: Drone) -> tuple[float, ...]:
     """Return the coefficients of v, v^2, v^3, v^4 in P(v) / P_hover."""
     slow, fast = endurance_speed_m_s(drone), range_speed_m_s(drone)
     exponents = np.arange(1, 5)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
-from planner.cost import Cost, overspent_pct
+from planner.cost import Cost, budget_excess_pct
 from planner.errors import PlanError
 from planner.model import Instance, Plan, Route, segment_of
 
@@ -33,7 +33,7 @@ def route_duration_s(instance: Instance, route: Route) -> float:
     _check_known(instance, route)
     if not route.visits:
         return float(instance.idle_s[route.vehicle])
-    return completions_s(instance, route)[-1] + float(instance.home_s[route.vehicle, route.visits[-1]])
+    return completion_times_s(instance, route)[-1] + float(instance.home_s[route.vehicle, route.visits[-1]])
 
 
 def route_energy_pct(instance: Instance, route: Route) -> float:
@@ -45,10 +45,12 @@ def route_energy_pct(instance: Instance, route: Route) -> float:
     _check_known(instance, route)
     if not route.visits:
         return float(instance.idle_pct[route.vehicle])
-    return spent_pct(instance, route, len(route.visits)) + float(instance.home_pct[route.vehicle, route.visits[-1]])
+    return energy_use_pct(instance, route, len(route.visits)) + float(
+        instance.home_pct[route.vehicle, route.visits[-1]]
+    )
 
 
-def completions_s(instance: Instance, route: Route) -> tuple[float, ...]:
+def completion_times_s(instance: Instance, route: Route) -> tuple[float, ...]:
     """Return when each visit ends, in seconds from the route's start.
 
     Raises:
@@ -61,7 +63,7 @@ def completions_s(instance: Instance, route: Route) -> tuple[float, ...]:
     return tuple(accumulate(moves_s.tolist(), initial=float(instance.start_s[route.vehicle, route.visits[0]])))
 
 
-def spent_pct(instance: Instance, route: Route, visits: int) -> float:
+def energy_use_pct(instance: Instance, route: Route, visits: int) -> float:
     """Return what a vehicle has spent at the end of the first ``visits`` visits of its route, 0 before the first.
 
     Raises:
@@ -111,13 +113,13 @@ def evaluate(instance: Instance, plan: Plan, cost: Cost) -> Evaluation:
         durations_s=durations,
         energies_pct=energies,
         longest_route_s=max(durations),
-        violations=tuple(_violations(instance, plan, energies)),
+        violations=tuple(_find_violations(instance, plan, energies)),
     )
 
 
-def _violations(instance: Instance, plan: Plan, energies_pct: tuple[float, ...]) -> Iterator[str]:
+def _find_violations(instance: Instance, plan: Plan, energies_pct: tuple[float, ...]) -> Iterator[str]:
     for vehicle, energy in zip(instance.vehicles, energies_pct, strict=True):
-        if overspent_pct(energy, vehicle.budget_pct) > 0:
+        if budget_excess_pct(energy, vehicle.budget_pct) > 0:
             yield f"{vehicle.name} spends {energy:.3f} % of its budget of {vehicle.budget_pct:.3f} %"
     accounted = {segment_of(visit) for route in plan.routes for visit in route.visits} | set(plan.uncovered)
     for segment in sorted(accounted - set(range(instance.segments))):

@@ -17,11 +17,11 @@ from planner.cost import Cost
 from planner.evaluate import evaluate
 from planner.model import Instance, Plan, Route
 from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.partition import SAME, partition, prove
+from planner.partition import SAME, build_partition, prove_optimum
 from planner.result import Result
 from planner.solve import solve
-from planner.stop import Iterations, Progress, StopRule, Stopwatch, reported
-from planner.subsets import Subsets, cover_all, most_valuable, route_subsets
+from planner.stop import Iterations, Progress, StopRule, Stopwatch, add_progress_report
+from planner.subsets import SubsetRoutes, find_covering_sets, find_most_valuable_sets, find_subset_routes
 
 EXACT_SEGMENTS = 16
 """Segments up to which ``covers`` answers; two more take four times the memory and up to nine times the time.
@@ -34,7 +34,7 @@ tenth over the optimum, 0.3 s with 14 segments, 1 s with 16, 4 s and 0.5 GB with
 out it is 4 s, 20 s, and 50 s and 3.4 GB."""
 
 
-def covers(instance: Instance) -> Plan | None:
+def find_covering_plan(instance: Instance) -> Plan | None:
     """Return a plan that inspects everything within all budgets, or None where there is none: both are certain.
 
     Exact to ``BUDGET_TOLERANCE_PCT``, with the figures of ``evaluate`` to the last bit. Takes 3^n steps for each
@@ -43,10 +43,10 @@ def covers(instance: Instance) -> Plan | None:
     Raises:
         InstanceError: more than EXACT_SEGMENTS segments.
     """
-    subsets = route_subsets(instance, EXACT_SEGMENTS)
+    subsets = find_subset_routes(instance, EXACT_SEGMENTS)
     fits = [np.isfinite(own.energy_pct) for own in subsets]
-    parts = cover_all(fits)
-    return None if parts is None else _plan(instance, subsets, parts)
+    parts = find_covering_sets(fits)
+    return None if parts is None else _build_plan(instance, subsets, parts)
 
 
 def solve_exact(
@@ -81,14 +81,19 @@ def solve_exact(
         done = solve(instance, cost=cost, stop=stop)
         return replace(done, bound=done.evaluation.value)
     watch = Stopwatch()
-    subsets = route_subsets(instance, OPTIMAL_SEGMENTS)
-    first = _first(instance, subsets, cost, seed, params, all_vehicles=all_vehicles)
+    subsets = find_subset_routes(instance, OPTIMAL_SEGMENTS)
+    first = _find_first_plan(instance, subsets, cost, seed, params, all_vehicles=all_vehicles)
     return _prove(
-        instance, subsets, cost, first, _Asker(first, reported(stop, on_progress), watch), all_vehicles=all_vehicles
+        instance,
+        subsets,
+        cost,
+        first,
+        _StopRuleCallback(first, add_progress_report(stop, on_progress), watch),
+        all_vehicles=all_vehicles,
     )
 
 
-class _Asker:
+class _StopRuleCallback:
     """Asks the stop rule while HiGHS works."""
 
     def __init__(self, first: Result, stop: StopRule, watch: Stopwatch) -> None:
@@ -119,8 +124,14 @@ class _Asker:
         return self._watch.seconds
 
 
-def _first(
-    instance: Instance, subsets: Sequence[Subsets], cost: Cost, seed: int, params: SearchParams, *, all_vehicles: bool
+def _find_first_plan(
+    instance: Instance,
+    subsets: Sequence[SubsetRoutes],
+    cost: Cost,
+    seed: int,
+    params: SearchParams,
+    *,
+    all_vehicles: bool,
 ) -> Result:
     """Return a good plan that covers as much value as any."""
     from planner.construct import problem_of
@@ -129,22 +140,28 @@ def _first(
     found = solve(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles, params=params)
     if not found.plan.uncovered:
         return found
-    plan = _plan(instance, subsets, most_valuable(subsets, problem_of(instance).value))
+    plan = _build_plan(instance, subsets, find_most_valuable_sets(subsets, problem_of(instance).value))
     again = solve(instance, cost=cost, stop=stop, seed=seed, initial=plan, all_vehicles=all_vehicles, params=params)
-    if _worth(instance, again.plan) >= _worth(instance, plan) * (1 - SAME):
+    if _plan_value(instance, again.plan) >= _plan_value(instance, plan) * (1 - SAME):
         return again
     # A route within the last of the tolerance, from which the search takes a visit.
     return replace(again, plan=plan, evaluation=evaluate(instance, plan, cost))
 
 
 def _prove(
-    instance: Instance, subsets: Sequence[Subsets], cost: Cost, first: Result, ask: _Asker, *, all_vehicles: bool
+    instance: Instance,
+    subsets: Sequence[SubsetRoutes],
+    cost: Cost,
+    first: Result,
+    ask: _StopRuleCallback,
+    *,
+    all_vehicles: bool,
 ) -> Result:
     """Return the best plan and what is proved of it, beginning with a plan of the value that a plan can have."""
-    from planner.construct import problem_of, true_weights
+    from planner.construct import build_true_weights, problem_of
 
     numbers = problem_of(instance)
-    grounded = true_weights(numbers, cost, all_vehicles=all_vehicles).empty
+    grounded = build_true_weights(numbers, cost, all_vehicles=all_vehicles).empty
     everybody = len(instance.vehicles)
 
     def charge(plan: Plan) -> float:
@@ -152,12 +169,12 @@ def _prove(
         return grounded * (everybody - sum(bool(route.visits) for route in plan.routes))
 
     ceiling = first.evaluation.value + charge(first.plan)
-    least_value = _worth(instance, first.plan) if first.plan.uncovered else np.inf
-    program = partition(
+    least_value = _plan_value(instance, first.plan) if first.plan.uncovered else np.inf
+    program = build_partition(
         instance, subsets, cost, ceiling=ceiling, grounded=grounded, value=numbers.value, least_value=least_value
     )
-    proof = prove(program, ceiling, ask)
-    plan = first.plan if proof.parts is None else _plan(instance, subsets, proof.parts)
+    proof = prove_optimum(program, ceiling, ask)
+    plan = first.plan if proof.parts is None else _build_plan(instance, subsets, proof.parts)
     evaluation = evaluate(instance, plan, cost)
     bound = None if proof.bound is None else min(evaluation.value, proof.bound - charge(plan))
     return Result(
@@ -166,17 +183,17 @@ def _prove(
         feasible=not plan.uncovered and not evaluation.violations,
         iterations=proof.nodes,
         seconds=ask.seconds,
-        stopped_by="optimal" if bound is not None and _same(bound, evaluation.value) else ask.reason,
+        stopped_by="optimal" if bound is not None and _is_same(bound, evaluation.value) else ask.reason,
         impossible=first.impossible or ("the budgets do not suffice for every segment" if plan.uncovered else None),
         bound=bound,
     )
 
 
-def _same(one: float, other: float) -> bool:
+def _is_same(one: float, other: float) -> bool:
     return abs(one - other) <= SAME * (1 + abs(other))
 
 
-def _worth(instance: Instance, plan: Plan) -> float:
+def _plan_value(instance: Instance, plan: Plan) -> float:
     """Return the value of what a plan inspects, as the search weighs it."""
     from planner.construct import problem_of
 
@@ -184,8 +201,8 @@ def _worth(instance: Instance, plan: Plan) -> float:
     return float(value.sum() - value[list(plan.uncovered)].sum())
 
 
-def _plan(instance: Instance, subsets: Sequence[Subsets], parts: Sequence[int]) -> Plan:
+def _build_plan(instance: Instance, subsets: Sequence[SubsetRoutes], parts: Sequence[int]) -> Plan:
     """Return the plan that gives each vehicle its best route through a set of segments."""
-    routes = tuple(Route(vehicle, own.route(parts[vehicle])) for vehicle, own in enumerate(subsets))
+    routes = tuple(Route(vehicle, own.route_of(parts[vehicle])) for vehicle, own in enumerate(subsets))
     inspected = sum(parts)
     return Plan(routes, tuple(segment for segment in range(instance.segments) if not inspected >> segment & 1))

@@ -10,7 +10,7 @@ from planner.errors import PlanError
 from planner.evaluate import evaluate
 from planner.model import Instance, Plan
 from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.stop import Iterations, Progress, StopRule, StopVerdict, Stopwatch, any_of, reported
+from planner.stop import Iterations, Progress, StopRule, StopVerdict, Stopwatch, add_progress_report, any_of
 from planner.window import ReplanWindow, replan_window
 
 STRETCHES = (0.0, 0.05, 0.1, 0.2)
@@ -20,7 +20,7 @@ SAME = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class FrontPlan:
+class ParetoPlan:
     """A plan that no other one found beats in all three figures."""
 
     plan: Plan
@@ -32,7 +32,7 @@ class FrontPlan:
 
 
 @dataclass(slots=True)
-class _Shared:
+class _SharedStopRule:
     """The stop rule over several searches: it is asked with the iterations of all of them."""
 
     stop: StopRule
@@ -48,7 +48,7 @@ class _Shared:
         return verdict
 
 
-def front(  # noqa: PLR0913 - what is asked for, how long to search, and where
+def find_pareto_front(  # noqa: PLR0913 - what is asked for, how long to search, and where
     instance: Instance,
     *,
     stop: StopRule,
@@ -59,7 +59,7 @@ def front(  # noqa: PLR0913 - what is asked for, how long to search, and where
     fly_again: bool = True,
     params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
-) -> tuple[FrontPlan, ...]:
+) -> tuple[ParetoPlan, ...]:
     """Return the plans found that no other one beats, the one with the shortest longest route first.
 
     Windows are searched for at each stretch in turn, in rounds that grow, each from the plans of those before. What
@@ -82,9 +82,9 @@ def front(  # noqa: PLR0913 - what is asked for, how long to search, and where
     if len(instance.vehicles) == 1:
         raise PlanError(f"{instance.vehicles[0].name} is the only vehicle: nobody is left when it is lost")
     # Only here, as in solve.py: it loads numba.
-    from planner.robustsearch import Outer, RobustSearch, as_plan
+    from planner.robustsearch import OuterStopRule, RobustSearch, plan_from_routes
 
-    shared = _Shared(stop, Stopwatch())
+    shared = _SharedStopRule(stop, Stopwatch())
     plans: dict[Plan, None] = {}
     length = params.window.front_round
     number = 0
@@ -92,7 +92,7 @@ def front(  # noqa: PLR0913 - what is asked for, how long to search, and where
     while not (shared.over or full):
         full = number > 0
         for stretch in sorted(stretches):
-            outer = Outer(reported(any_of(Iterations(length), shared), on_progress), shared.watch)
+            outer = OuterStopRule(add_progress_report(any_of(Iterations(length), shared), on_progress), shared.watch)
             search = RobustSearch(
                 instance, outer, seed=seed + 100 * number, all_vehicles=all_vehicles, starts=starts,
                 fly_again=fly_again, params=params,
@@ -100,32 +100,32 @@ def front(  # noqa: PLR0913 - what is asked for, how long to search, and where
             search.run(stretch=stretch, longest_s=None, initial=tuple(plans))
             shared.done += outer.iterations
             full = full and outer.earliest_s <= 0
-            plans.update(dict.fromkeys(as_plan(found.routes) for found in search.archive))
+            plans.update(dict.fromkeys(plan_from_routes(found.routes) for found in search.archive))
             if shared.over:
                 break
         length += length // 2
         number += 1
-    return _not_beaten(_figures(instance, plan, fly_again=fly_again) for plan in plans)
+    return _select_undominated(_evaluate_plan(instance, plan, fly_again=fly_again) for plan in plans)
 
 
-def _figures(instance: Instance, plan: Plan, *, fly_again: bool) -> FrontPlan:
+def _evaluate_plan(instance: Instance, plan: Plan, *, fly_again: bool) -> ParetoPlan:
     evaluation, window = evaluate(instance, plan, Cost.MINMAX), replan_window(instance, plan, fly_again=fly_again)
-    return FrontPlan(plan, evaluation.longest_route_s, sum(evaluation.energies_pct), window)
+    return ParetoPlan(plan, evaluation.longest_route_s, sum(evaluation.energies_pct), window)
 
 
-def _not_beaten(plans: Iterable[FrontPlan]) -> tuple[FrontPlan, ...]:
+def _select_undominated(plans: Iterable[ParetoPlan]) -> tuple[ParetoPlan, ...]:
     """Return the plans that no other one equals or beats in all figures; of equal ones the first."""
-    kept: list[FrontPlan] = []
-    for plan in sorted(plans, key=_key):
-        if not any(_beats(other, plan) for other in kept):
+    kept: list[ParetoPlan] = []
+    for plan in sorted(plans, key=_sort_key):
+        if not any(_is_dominating(other, plan) for other in kept):
             kept.append(plan)
     return tuple(kept)
 
 
-def _key(plan: FrontPlan) -> tuple[float, float, float]:
+def _sort_key(plan: ParetoPlan) -> tuple[float, float, float]:
     return plan.longest_route_s, plan.energy_pct, plan.window.earliest_s
 
 
-def _beats(one: FrontPlan, other: FrontPlan) -> bool:
-    pairs = zip(_key(one), _key(other), strict=True)
+def _is_dominating(one: ParetoPlan, other: ParetoPlan) -> bool:
+    pairs = zip(_sort_key(one), _sort_key(other), strict=True)
     return all(ours <= theirs + SAME * abs(theirs) for ours, theirs in pairs)

@@ -32,14 +32,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.bounds import why_impossible
+from planner.bounds import explain_infeasibility
 from planner.cost import Cost
 from planner.errors import InstanceError
 from planner.evaluate import Evaluation, evaluate
 from planner.model import Instance, Plan
 from planner.result import Result
 from planner.solve import solve
-from planner.stop import Progress, StopRule, Stopwatch, reported
+from planner.stop import Progress, StopRule, Stopwatch, add_progress_report
 
 if TYPE_CHECKING:
     from planner.kernels.grasp import GraspWalk
@@ -52,7 +52,7 @@ BATCH = 20
 """Rounds between two questions to the stop rule: some milliseconds."""
 
 
-def grasp(
+def solve_grasp(
     instance: Instance,
     *,
     cost: Cost,
@@ -85,46 +85,46 @@ def grasp(
         raise InstanceError(f"runs is {runs}, expected 1 or more")
     if instance.segments == 0:
         return solve(instance, cost=cost, stop=stop)
-    return _Baseline(instance, cost, seed, all_vehicles=all_vehicles).run(runs, reported(stop, on_progress))
+    return _GraspRuns(instance, cost, seed, all_vehicles=all_vehicles).run(runs, add_progress_report(stop, on_progress))
 
 
-class _Baseline:
+class _GraspRuns:
     """The runs one after the other, and the best plan so far."""
 
     def __init__(self, instance: Instance, cost: Cost, seed: int, *, all_vehicles: bool) -> None:
         # Only here, as in solve.py: it loads numba.
-        from planner.construct import problem_of, random_state, true_weights
+        from planner.construct import build_random_state, build_true_weights, problem_of
         from planner.kernels import grasp
 
         self._watch = Stopwatch()
         self._kernels = grasp
         self._instance = instance
         self._cost = cost
-        self._impossible = why_impossible(instance)
+        self._impossible = explain_infeasibility(instance)
         self._problem = problem_of(instance)
         soft = cost.function.excess
-        self._weights = true_weights(self._problem, cost, all_vehicles=all_vehicles)._replace(excess=soft)
-        self._rng = random_state(seed)
+        self._weights = build_true_weights(self._problem, cost, all_vehicles=all_vehicles)._replace(excess=soft)
+        self._rng = build_random_state(seed)
         self._iterations = 0
         self._improved_at = 0
         self._lowest = np.inf
         self._plan: Plan
         self._evaluation: Evaluation
-        self._walk = self._new_walk()
+        self._walk = self._start_walk()
         self._keep_better()
 
     def run(self, runs: int, stop: StopRule) -> Result:
         """Make the runs, until ``stop`` says so."""
         done, reason = 0, "runs"
         while done < runs:
-            progress = self._progress()
+            progress = self._build_progress()
             verdict = stop(progress)
             if verdict.allowed <= 0:
                 reason = verdict.reason
                 break
             if self._advance(min(BATCH, verdict.allowed)):
                 done += 1
-                self._walk = self._new_walk()
+                self._walk = self._start_walk()
         return Result(
             plan=self._plan,
             evaluation=self._evaluation,
@@ -135,19 +135,19 @@ class _Baseline:
             impossible=self._impossible,
         )
 
-    def _new_walk(self) -> GraspWalk:
+    def _start_walk(self) -> GraspWalk:
         """Return a run that has been constructed only."""
-        from planner.construct import copy_of, empty_state
+        from planner.construct import build_empty_state, copy_of
 
         fleet, segments = len(self._problem.budget), len(self._problem.value)
-        current = empty_state(self._problem)
+        current = build_empty_state(self._problem)
         self._kernels.construct(self._problem, self._weights, current, self._rng)
         tabu = max(1, segments // 4)
         walk = self._kernels.GraspWalk(
             current=current,
             trial=copy_of(current),
             best=copy_of(current),
-            cost=np.array([self._kernels.plan_cost(self._problem, self._weights, current)]),
+            cost=np.array([self._kernels.compute_plan_cost(self._problem, self._weights, current)]),
             scores=np.zeros(4, dtype=np.int64),
             counts=np.zeros(3, dtype=np.int64),
             tabu_visits=np.zeros((tabu, segments), dtype=np.int64),
@@ -166,20 +166,20 @@ class _Baseline:
     def _keep_better(self) -> None:
         """Keep the best of the run, its visits turned the best way, if it is better than that of all runs."""
         from planner.construct import copy_of, plan_of
-        from planner.kernels.tours import orient
+        from planner.kernels.tours import orient_visits
 
         state = copy_of(self._walk.best)
         came_from = np.zeros((len(self._problem.value), 2), dtype=np.int64)
         for route in range(len(state.lengths)):
-            orient(self._problem, state, route, came_from)
-        cost = self._kernels.plan_cost(self._problem, self._weights, state)
+            orient_visits(self._problem, state, route, came_from)
+        cost = self._kernels.compute_plan_cost(self._problem, self._weights, state)
         if cost < self._lowest:
             self._lowest = cost
             self._plan = plan_of(state)
             self._evaluation = evaluate(self._instance, self._plan, self._cost)
             self._improved_at = self._iterations
 
-    def _progress(self) -> Progress:
+    def _build_progress(self) -> Progress:
         return Progress(
             iterations=self._iterations,
             since_improvement=self._iterations - self._improved_at,

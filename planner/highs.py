@@ -15,7 +15,7 @@ Matrix = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]
 """Where each row's (or column's) entries begin, the columns (or rows) that they are in, and what they are."""
 
 
-def by_rows(rows: Sequence[Mapping[int, float]]) -> Matrix:
+def build_row_matrix(rows: Sequence[Mapping[int, float]]) -> Matrix:
     """Return rows that are given by columns and weights."""
     return (
         np.cumsum([0, *map(len, rows)]),
@@ -24,7 +24,7 @@ def by_rows(rows: Sequence[Mapping[int, float]]) -> Matrix:
     )
 
 
-def posed(
+def build_program(
     cost: npt.ArrayLike,
     most: npt.ArrayLike,
     limits: tuple[npt.ArrayLike, npt.ArrayLike],

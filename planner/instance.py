@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from planner.errors import InstanceError
 from planner.model import Instance, Vehicle
-from planner.moves import FloatArray, MoveGeometry, Moves, Travel, moves_from, tables, transits
+from planner.moves import FloatArray, MoveGeometry, Moves, Travel, compute_moves, compute_transits, tabulate_moves
 
 TABLES_UP_TO = 1000
 """Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
@@ -35,7 +35,7 @@ def build_instance(
     Raises:
         InstanceError: a shape does not fit, or a coordinate is not a number.
     """
-    ends, landing = _checked_points(ends_m, landing_m)
+    ends, landing = _check_points(ends_m, landing_m)
     first = ends.reshape(-1, 2)  # row 2s is a, row 2s + 1 is b: visit 2s starts at a, visit 2s + 1 at b
     last = np.array(ends[:, ::-1].reshape(-1, 2))
     starts = np.array([vehicle.start_m for vehicle in vehicles], dtype=np.float64).reshape(-1, 2)
@@ -50,15 +50,15 @@ def build_instance(
     in_the_air = np.array([vehicle.airborne for vehicle in vehicles], dtype=np.float64)
 
     east = np.array([1.0, 0.0])  # the authors' vehicles leave the depot facing east
-    begin = [moves_from(start, east, first, last, own) for start, own in zip(starts, travels, strict=True)]
-    depot = [moves_from(landing, east, first, last, own) for own in profiles]
-    home = [transits(last, last - first, landing, own) for own in profiles]
-    idle = [transits(start, east, landing, own) for start, own in zip(starts, travels, strict=True)]
-    home_s, home_pct = _stacked([home[own] for own in profile], len(first))
-    start_s, start_pct = _stacked(begin, len(first))
-    depot_s, depot_pct = _stacked([depot[own] for own in profile], len(first))
+    begin = [compute_moves(start, east, first, last, own) for start, own in zip(starts, travels, strict=True)]
+    depot = [compute_moves(landing, east, first, last, own) for own in profiles]
+    home = [compute_transits(last, last - first, landing, own) for own in profiles]
+    idle = [compute_transits(start, east, landing, own) for start, own in zip(starts, travels, strict=True)]
+    home_s, home_pct = _stack_rows([home[own] for own in profile], len(first))
+    start_s, start_pct = _stack_rows(begin, len(first))
+    depot_s, depot_pct = _stack_rows([depot[own] for own in profile], len(first))
     geometry = MoveGeometry(first, last, profiles)
-    moves: Moves = tables(geometry) if profiles and len(ends) <= tables_up_to else geometry
+    moves: Moves = tabulate_moves(geometry) if profiles and len(ends) <= tables_up_to else geometry
     return Instance(
         vehicles=tuple(vehicles),
         profile=profile,
@@ -77,13 +77,13 @@ def build_instance(
     )
 
 
-def _stacked(rows: Sequence[tuple[FloatArray, FloatArray]], visits: int) -> tuple[FloatArray, FloatArray]:
+def _stack_rows(rows: Sequence[tuple[FloatArray, FloatArray]], visits: int) -> tuple[FloatArray, FloatArray]:
     """Return seconds and energies, (rows, visits) float64 each."""
     shape = (len(rows), visits)
     return np.array([row[0] for row in rows]).reshape(shape), np.array([row[1] for row in rows]).reshape(shape)
 
 
-def _checked_points(ends_m: npt.ArrayLike, landing_m: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+def _check_points(ends_m: npt.ArrayLike, landing_m: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
     ends = np.asarray(ends_m, dtype=np.float64)
     if ends.size == 0:
         ends = np.zeros((0, 2, 2))

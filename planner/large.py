@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from planner.bounds import why_impossible
+from planner.bounds import explain_infeasibility
 from planner.cost import BUDGET_TOLERANCE_PCT, Cost
 from planner.evaluate import cost_of, evaluate, route_energy_pct
 from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
 from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.parts import curve_order, part_of, split
+from planner.parts import part_of, sort_along_curve, split_into_routes
 from planner.result import Result
 from planner.search import Search
 from planner.stop import Iterations, Progress, StopRule, Stopwatch
@@ -49,10 +49,10 @@ class LargeSearch:
         starts: int = 1,
         params: SearchParams = DEFAULT_PARAMS,
     ) -> None:
-        self._impossible = why_impossible(instance)
+        self._impossible = explain_infeasibility(instance)
         self._instance = instance
         self._cost = cost
-        self._balances = cost.function.counts_longest and not cost.function.only_longest
+        self._balances = cost.function.has_longest_term and not cost.function.is_longest_only
         self._all_vehicles = all_vehicles
         self._watch = watch
         self._starts = starts
@@ -61,10 +61,10 @@ class LargeSearch:
         self._chance = np.random.default_rng(seed)
         self._middle_m = (instance.end_m[::2, :2] + instance.end_m[1::2, :2]) / 2
         self._budgets = np.array([vehicle.budget_pct for vehicle in instance.vehicles])
-        self._routes: list[tuple[int, ...]] = self._first(initial)
+        self._routes: list[tuple[int, ...]] = self._build_first_routes(initial)
         self._energies = np.zeros(len(instance.vehicles))
         self._route_of = np.full(instance.segments, -1, dtype=np.int64)
-        self._enter(range(len(self._routes)))
+        self._record_routes(range(len(self._routes)))
         self._iterations = 0
         self._improved_at = 0
 
@@ -72,14 +72,14 @@ class LargeSearch:
         """Improve until ``stop`` says so."""
         with ThreadPoolExecutor(self._starts) as threads:
             while True:
-                progress = self._progress()
+                progress = self._build_progress()
                 verdict = stop(progress)
                 if verdict.allowed <= 0:
                     break
-                self._round(min(self._params.spell * self._starts, verdict.allowed), threads)
+                self._run_round(min(self._params.spell * self._starts, verdict.allowed), threads)
         plan = Plan(
             tuple(Route(vehicle, visits) for vehicle, visits in enumerate(self._routes)),
-            tuple(int(segment) for segment in self._open()),
+            tuple(int(segment) for segment in self._find_open_segments()),
         )
         return Result(
             plan=plan,
@@ -91,34 +91,34 @@ class LargeSearch:
             impossible=self._impossible,
         )
 
-    def _first(self, initial: Plan | None) -> list[tuple[int, ...]]:
+    def _build_first_routes(self, initial: Plan | None) -> list[tuple[int, ...]]:
         if initial is None:
-            everybody = self._cost.function.only_longest or self._all_vehicles
-            return split(self._instance, curve_order(self._middle_m), everybody=everybody)
+            everybody = self._cost.function.is_longest_only or self._all_vehicles
+            return split_into_routes(self._instance, sort_along_curve(self._middle_m), everybody=everybody)
         routes = [route.visits for route in initial.routes]
         for vehicle, visits in enumerate(routes):
             if visits and route_energy_pct(self._instance, Route(vehicle, visits)) > self._budgets[vehicle]:
                 region = _Region((vehicle,), tuple(segment_of(visit) for visit in visits), Cost.MINSUM)
-                routes[vehicle] = self._searched(region, [visits], seed=0, iterations=0)[0]
+                routes[vehicle] = self._search_region(region, [visits], seed=0, iterations=0)[0]
         return routes
 
-    def _round(self, iterations: int, threads: ThreadPoolExecutor) -> None:
-        regions = self._regions()
+    def _run_round(self, iterations: int, threads: ThreadPoolExecutor) -> None:
+        regions = self._choose_regions()
         shares = [iterations // len(regions) + int(place < iterations % len(regions)) for place in range(len(regions))]
         seeds = self._chance.integers(0, 2**62, len(regions)).tolist()
-        before = self._key()
+        before = self._objective_key()
 
         def improved(place: int) -> list[tuple[int, ...]]:
             tours = [self._routes[vehicle] for vehicle in regions[place].vehicles]
-            return self._searched(regions[place], tours, seed=seeds[place], iterations=shares[place])
+            return self._search_region(regions[place], tours, seed=seeds[place], iterations=shares[place])
 
         for region, routes in zip(regions, threads.map(improved, range(len(regions))), strict=True):
             self._put_back(region, routes)
         self._iterations += iterations
-        if self._key() < before:
+        if self._objective_key() < before:
             self._improved_at = self._iterations
 
-    def _searched(
+    def _search_region(
         self, region: _Region, routes: Sequence[tuple[int, ...]], *, seed: int, iterations: int
     ) -> list[tuple[int, ...]]:
         """Return better routes for a region's vehicles, or the same."""
@@ -144,42 +144,42 @@ class LargeSearch:
     def _put_back(self, region: _Region, routes: Sequence[tuple[int, ...]]) -> None:
         """Take over a region's routes; with MinComb only if what they save is not lost by a longer longest."""
         old = [self._routes[vehicle] for vehicle in region.vehicles]
-        before = self._key()
+        before = self._objective_key()
         for vehicle, visits in zip(region.vehicles, routes, strict=True):
             self._routes[vehicle] = visits
         self._route_of[list(region.segments)] = -1
-        self._enter(region.vehicles)
-        if self._balances and not self._all_vehicles and self._key() > before:
+        self._record_routes(region.vehicles)
+        if self._balances and not self._all_vehicles and self._objective_key() > before:
             for vehicle, visits in zip(region.vehicles, old, strict=True):
                 self._routes[vehicle] = visits
             self._route_of[list(region.segments)] = -1
-            self._enter(region.vehicles)
+            self._record_routes(region.vehicles)
 
-    def _enter(self, vehicles: Sequence[int]) -> None:
+    def _record_routes(self, vehicles: Sequence[int]) -> None:
         for vehicle in vehicles:
             visits = self._routes[vehicle]
             self._energies[vehicle] = route_energy_pct(self._instance, Route(vehicle, visits))
             self._route_of[[segment_of(visit) for visit in visits]] = vehicle
 
-    def _regions(self) -> list[_Region]:
+    def _choose_regions(self) -> list[_Region]:
         """Return regions that have nothing in common, at least one and at most as many as there are starts."""
         taken = np.zeros(len(self._routes), dtype=np.bool_)
         claimed = np.zeros(self._instance.segments, dtype=np.bool_)
         regions: list[_Region] = []
         for place in range(self._starts):
-            longest = place == 0 and self._cost.function.counts_longest and self._chance.random() < 0.5
-            seed = self._seed_segment(longest=longest)
+            longest = place == 0 and self._cost.function.has_longest_term and self._chance.random() < 0.5
+            seed = self._choose_seed_segment(longest=longest)
             if regions and (claimed[seed] or (self._route_of[seed] >= 0 and taken[self._route_of[seed]])):
                 continue
-            region = self._region(seed, taken, claimed, longest=longest)
+            region = self._build_region(seed, taken, claimed, longest=longest)
             taken[list(region.vehicles)] = True
             claimed[list(region.segments)] = True
             regions.append(region)
         return regions
 
-    def _seed_segment(self, *, longest: bool) -> int:
+    def _choose_seed_segment(self, *, longest: bool) -> int:
         """Return the middle of the next region: where something is left out, in the longest route, or anywhere."""
-        left = self._open()
+        left = self._find_open_segments()
         if len(left) > 0 and self._chance.random() < 0.5:
             return int(self._chance.choice(left))
         visits = self._routes[int(self._energies.argmax())]
@@ -187,7 +187,7 @@ class LargeSearch:
             return segment_of(int(self._chance.choice(visits)))
         return int(self._chance.integers(self._instance.segments))
 
-    def _region(
+    def _build_region(
         self, seed: int, taken: npt.NDArray[np.bool_], claimed: npt.NDArray[np.bool_], *, longest: bool
     ) -> _Region:
         """Return the free routes and the open segments nearest to a segment."""
@@ -212,21 +212,22 @@ class LargeSearch:
         cost = Cost.MINSUM if self._balances and not longest else self._cost
         return _Region(tuple(sorted(vehicles)), tuple(sorted(set(segments))), cost)
 
-    def _open(self) -> npt.NDArray[np.int64]:
+    def _find_open_segments(self) -> npt.NDArray[np.int64]:
         return np.flatnonzero(self._route_of < 0)
 
-    def _key(self) -> tuple[float, float]:
+    def _objective_key(self) -> tuple[float, float]:
         """Return the value left out, then the cost: less is better."""
         left = float(self._instance.value[self._route_of < 0].sum())
         return left, cost_of(self._instance, self._energies.tolist(), self._cost)
 
-    def _progress(self) -> Progress:
+    def _build_progress(self) -> Progress:
         return Progress(
             iterations=self._iterations,
             since_improvement=self._iterations - self._improved_at,
             seconds=self._watch.seconds,
-            value=self._key()[1],
-            uncovered=len(self._open()),
-            feasible=not len(self._open()) and bool(np.all(self._energies <= self._budgets + BUDGET_TOLERANCE_PCT)),
+            value=self._objective_key()[1],
+            uncovered=len(self._find_open_segments()),
+            feasible=not len(self._find_open_segments())
+            and bool(np.all(self._energies <= self._budgets + BUDGET_TOLERANCE_PCT)),
             impossible=self._impossible is not None,
         )

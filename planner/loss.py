@@ -8,7 +8,7 @@ from enum import Enum
 from planner.model import Plan
 
 
-class Repair(Enum):
+class RepairStatus(Enum):
     """What is known of a loss."""
 
     FEASIBLE = "feasible"
@@ -28,6 +28,6 @@ class LossRow:
     """The interval holds this time..."""
     to_s: float
     """...but not this one."""
-    verdict: Repair
+    verdict: RepairStatus
     plan: Plan | None
     """The re-plan, for ``remaining(instance, plan, vehicle, from_s).instance``; None if there is none."""

@@ -6,19 +6,19 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from planner.bounds import why_certainly_impossible
-from planner.construct import copy_of, empty_state, problem_of, random_state
+from planner.bounds import explain_infeasibility_fully
+from planner.construct import build_empty_state, build_random_state, copy_of, problem_of
 from planner.cost import BUDGET_TOLERANCE_PCT
-from planner.evaluate import completions_s, route_duration_s, route_energy_pct, spent_pct
-from planner.exact import covers
+from planner.evaluate import completion_times_s, energy_use_pct, route_duration_s, route_energy_pct
+from planner.exact import find_covering_plan
 from planner.kernels.arrays import FloatArray, Problem, State
 from planner.kernels.loss import SAME_TIME_S, Loss, LossClock, LossTiming, set_clock
-from planner.kernels.repair import Desk
+from planner.kernels.repair import RepairWorkspace
 from planner.kernels.tours import measure
 from planner.kernels.window import Repairs, try_loss
-from planner.loss import LossRow, Repair
+from planner.loss import LossRow, RepairStatus
 from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
-from planner.replan import Remainder, remaining
+from planner.replan import RemainingProblem, build_remaining_problem
 
 EXACT_UP_TO = 13
 """Open segments up to which a loss is decided exactly: some 20 ms."""
@@ -26,7 +26,7 @@ QUICK = 20
 """The first look at a loss takes this part of the effort; then its certificates are asked before the rest."""
 
 
-class Losses:
+class LossScan:
     """The losses of a plan; each re-plan begins with the one of the interval after."""
 
     def __init__(
@@ -36,25 +36,25 @@ class Losses:
         self._plan = plan
         self._events_s = events_s
         self._fly_again = fly_again
-        self._rng = random_state(seed)
+        self._rng = build_random_state(seed)
         self._problem = problem_of(instance)
         self._timing = timing_of(instance)
         self._base = base_of(self._problem, [route.visits for route in plan.routes])
         self._clock = clock_of(self._problem, self._timing, self._base)
         self._loss = loss_of(self._problem)
-        self._repairs = no_repairs(self._problem, len(plan.routes))
-        self._desk = desk_of(self._base)
-        self._ends_s = [completions_s(instance, route) for route in plan.routes]
+        self._repairs = build_empty_repairs(self._problem, len(plan.routes))
+        self._desk = workspace_of(self._base)
+        self._ends_s = [completion_times_s(instance, route) for route in plan.routes]
         self._durations_s = [route_duration_s(instance, route) for route in plan.routes]
         self._energies_pct = [route_energy_pct(instance, route) for route in plan.routes]
 
-    def rows(self, effort: int) -> Iterator[LossRow]:
+    def iterate_rows(self, effort: int) -> Iterator[LossRow]:
         """Yield all losses, each looked at when it is asked for."""
         for interval in range(len(self._events_s) - 2, -1, -1):
-            for vehicle in self.flying(interval):
-                yield self._row(interval, vehicle, effort)
+            for vehicle in self.find_flying_vehicles(interval):
+                yield self._build_row(interval, vehicle, effort)
 
-    def flying(self, interval: int) -> list[int]:
+    def find_flying_vehicles(self, interval: int) -> list[int]:
         """Return the vehicles that are in the air in an interval, or about to start."""
         from_s = self._events_s[interval]
         return [vehicle for vehicle, end_s in enumerate(self._durations_s) if end_s > from_s + SAME_TIME_S]
@@ -66,40 +66,40 @@ class Losses:
         """
         for interval in range(len(self._events_s) - 2, -1, -1):
             if self._events_s[interval] <= broken.from_s and any(
-                self._settled(interval, vehicle) is True for vehicle in self.flying(interval)
+                self._decide_loss(interval, vehicle) is True for vehicle in self.find_flying_vehicles(interval)
             ):
                 return self._events_s[interval + 1]
         return 0.0
 
-    def _row(self, interval: int, vehicle: int, effort: int) -> LossRow:
+    def _build_row(self, interval: int, vehicle: int, effort: int) -> LossRow:
         from_s, to_s = self._events_s[interval : interval + 2]
-        routes = self._tried(interval, vehicle, effort // QUICK)
+        routes = self._try_repair(interval, vehicle, effort // QUICK)
         if routes is None:
-            settled = self._settled(interval, vehicle)
+            settled = self._decide_loss(interval, vehicle)
             if isinstance(settled, Plan):
-                return LossRow(vehicle, from_s, to_s, Repair.FEASIBLE, settled)
+                return LossRow(vehicle, from_s, to_s, RepairStatus.FEASIBLE, settled)
             if settled:
-                return LossRow(vehicle, from_s, to_s, Repair.IMPOSSIBLE, None)
-            routes = self._tried(interval, vehicle, effort)
+                return LossRow(vehicle, from_s, to_s, RepairStatus.IMPOSSIBLE, None)
+            routes = self._try_repair(interval, vehicle, effort)
         if routes is None:
-            return LossRow(vehicle, from_s, to_s, Repair.NOT_FOUND, None)
-        return LossRow(vehicle, from_s, to_s, Repair.FEASIBLE, _reduced(routes, vehicle))
+            return LossRow(vehicle, from_s, to_s, RepairStatus.NOT_FOUND, None)
+        return LossRow(vehicle, from_s, to_s, RepairStatus.FEASIBLE, _build_reduced_plan(routes, vehicle))
 
-    def _settled(self, interval: int, vehicle: int) -> Plan | bool:
+    def _decide_loss(self, interval: int, vehicle: int) -> Plan | bool:
         """Return a re-plan, or whether it is certain that there is none."""
         at_s = self._events_s[interval]
-        left = remaining(self._instance, self._plan, vehicle, at_s, fly_again=self._fly_again)
-        if why_certainly_impossible(left.instance) is not None:
+        left = build_remaining_problem(self._instance, self._plan, vehicle, at_s, fly_again=self._fly_again)
+        if explain_infeasibility_fully(left.instance) is not None:
             return True
         if len(left.open_segments) > EXACT_UP_TO:
             return False
-        plan = covers(left.instance)
+        plan = find_covering_plan(left.instance)
         if plan is None:
             return True
         self._keep(vehicle, left, plan)
         return plan
 
-    def _keep(self, vehicle: int, left: Remainder, plan: Plan) -> None:
+    def _keep(self, vehicle: int, left: RemainingProblem, plan: Plan) -> None:
         """Make a re-plan the known one of a loss, for the interval before to begin with."""
         repairs = self._repairs
         repairs.known[vehicle] = 1
@@ -111,7 +111,7 @@ class Losses:
             repairs.lengths[vehicle, survivor.vehicle] = len(visits)
             repairs.route_of[vehicle, [segment_of(visit) for visit in visits]] = survivor.vehicle
 
-    def _tried(self, interval: int, vehicle: int, effort: int) -> list[list[int]] | None:
+    def _try_repair(self, interval: int, vehicle: int, effort: int) -> list[list[int]] | None:
         """Return the new routes of all vehicles, in the plan's numbering; None if no re-plan was found."""
         lacks = try_loss(
             self._problem, self._timing, self._base, self._clock, vehicle, self._events_s[interval], self._fly_again,
@@ -123,9 +123,9 @@ class Losses:
             [int(visit) for visit in self._repairs.visits[vehicle, route, :length]]
             for route, length in enumerate(self._repairs.lengths[vehicle])
         ]
-        return routes if self._holds(self._events_s[interval], vehicle, routes) else None
+        return routes if self._is_valid_repair(self._events_s[interval], vehicle, routes) else None
 
-    def _holds(self, at_s: float, lost: int, routes: list[list[int]]) -> bool:
+    def _is_valid_repair(self, at_s: float, lost: int, routes: list[list[int]]) -> bool:
         """Return whether new routes visit everything open once and exceed no budget, by the slow definition."""
         accounted = [segment_of(visit) for visits in routes for visit in visits]
         for route in self._plan.routes:
@@ -134,19 +134,19 @@ class Losses:
             kept = route.visits[: done if route.vehicle == lost else done + 1]
             accounted.extend(segment_of(visit) for visit in kept)
             if route.vehicle != lost and routes[route.vehicle]:
-                used = self._used_pct(route, kept, done, routes[route.vehicle])
+                used = self._survivor_energy_pct(route, kept, done, routes[route.vehicle])
                 if used > self._instance.vehicles[route.vehicle].budget_pct + BUDGET_TOLERANCE_PCT:
                     return False
         return not routes[lost] and sorted(accounted) == list(range(self._instance.segments))
 
-    def _used_pct(self, route: Route, kept: tuple[int, ...], done: int, visits: list[int]) -> float:
+    def _survivor_energy_pct(self, route: Route, kept: tuple[int, ...], done: int, visits: list[int]) -> float:
         """Return what a survivor uses in all: on one route if it has visits left, else on two."""
         vehicle, instance = route.vehicle, self._instance
         if done < len(route.visits) or not (route.visits or instance.vehicles[vehicle].airborne):
             return route_energy_pct(instance, Route(vehicle, (*kept, *visits)))
         again = Route(vehicle, tuple(visits))
         first = instance.vehicles[vehicle].consumption * float(instance.depot_pct[vehicle, visits[0]])
-        flown = first - spent_pct(instance, again, 1) + route_energy_pct(instance, again)
+        flown = first - energy_use_pct(instance, again, 1) + route_energy_pct(instance, again)
         return self._energies_pct[vehicle] + flown
 
 
@@ -160,10 +160,10 @@ def timing_of(instance: Instance) -> LossTiming:
     consumption = np.array([vehicle.consumption for vehicle in instance.vehicles])[:, np.newaxis]
     return LossTiming(
         move_s=np.array(moves, dtype=np.float64, order="C"),
-        start_s=_table(instance.start_s),
-        home_s=_table(instance.home_s),
+        start_s=_to_contiguous(instance.start_s),
+        home_s=_to_contiguous(instance.home_s),
         idle_s=np.array(instance.idle_s, dtype=np.float64),
-        depot=_table(consumption * instance.depot_pct),
+        depot=_to_contiguous(consumption * instance.depot_pct),
         airborne=np.array([vehicle.airborne for vehicle in instance.vehicles], dtype=np.int64),
         answer_s=instance.answer_s,
     )
@@ -171,7 +171,7 @@ def timing_of(instance: Instance) -> LossTiming:
 
 def base_of(problem: Problem, routes: Sequence[Sequence[int]]) -> State:
     """Return the state of routes as they are, budgets or not."""
-    state = empty_state(problem)
+    state = build_empty_state(problem)
     for route, visits in enumerate(routes):
         state.visits[route, : len(visits)] = visits
         state.lengths[route] = len(visits)
@@ -198,18 +198,18 @@ def loss_of(problem: Problem) -> Loss:
     return Loss(own, np.zeros(len(problem.value), dtype=np.int64), np.zeros(len(problem.budget), dtype=np.int64))
 
 
-def desk_of(base: State) -> Desk:
+def workspace_of(base: State) -> RepairWorkspace:
     """Return work space for repairs, and for walks, over states of this size."""
     fleet, segments = len(base.lengths), len(base.route_of)
     rooms = [np.zeros(segments, dtype=np.int64) for _ in range(4)]
-    return Desk(
+    return RepairWorkspace(
         opened=rooms[0], missing=rooms[1], pending=rooms[2], keys=np.zeros(segments),
         touched=np.zeros(fleet, dtype=np.int64), came_from=np.zeros((segments, 2), dtype=np.int64), spare=rooms[3],
         current=copy_of(base), trial=copy_of(base), other=copy_of(base),
     )  # fmt: skip
 
 
-def no_repairs(problem: Problem, losses: int) -> Repairs:
+def build_empty_repairs(problem: Problem, losses: int) -> Repairs:
     """Return room for the repairs of a number of losses, none of them known."""
     fleet, segments = len(problem.budget), len(problem.value)
     return Repairs(
@@ -222,11 +222,11 @@ def no_repairs(problem: Problem, losses: int) -> Repairs:
     )
 
 
-def _table(rows: FloatArray) -> FloatArray:
+def _to_contiguous(rows: FloatArray) -> FloatArray:
     return np.array(rows, dtype=np.float64, order="C")
 
 
-def _reduced(routes: list[list[int]], lost: int) -> Plan:
+def _build_reduced_plan(routes: list[list[int]], lost: int) -> Plan:
     """Return new routes as a plan in the numbering of the reduced instance."""
     number = {opened: place for place, opened in enumerate(sorted(segment_of(v) for visits in routes for v in visits))}
     survivors = [visits for vehicle, visits in enumerate(routes) if vehicle != lost]

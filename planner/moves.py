@@ -141,11 +141,11 @@ def travel_for(
         pct_per_s(drone, transit_speed_m_s),
         pct_per_s(drone, inspection_speed_m_s),
         dynamics,
-        steady_wind(drone, max(transit_speed_m_s, inspection_speed_m_s), wind_m_s) if any(wind_m_s) else None,
+        build_steady_wind(drone, max(transit_speed_m_s, inspection_speed_m_s), wind_m_s) if any(wind_m_s) else None,
     )
 
 
-def steady_wind(drone: Drone, fastest_m_s: float, wind_m_s: tuple[float, float]) -> SteadyWind:
+def build_steady_wind(drone: Drone, fastest_m_s: float, wind_m_s: tuple[float, float]) -> SteadyWind:
     """Return a wind, or still air, with what a drone uses in it up to a speed over ground.
 
     Raises:
@@ -177,7 +177,7 @@ class Moves(Protocol):
         """Return the energy of the same moves for a consumption of 1, in percent of a full battery."""
         ...
 
-    def part(self, visits: Sequence[int]) -> Moves:
+    def select_visits(self, visits: Sequence[int]) -> Moves:
         """Return the moves between some of the visits, numbered anew in the order given."""
         ...
 
@@ -222,7 +222,7 @@ class MoveTables:
         """Return the energy of moves."""
         return np.asarray(self.table_pct[profile][before, after])
 
-    def part(self, visits: Sequence[int]) -> MoveTables:
+    def select_visits(self, visits: Sequence[int]) -> MoveTables:
         """Return the moves between some of the visits."""
         block = np.ix_(range(self.profiles), visits, visits)
         return MoveTables(self.table_s[block], self.table_pct[block])
@@ -251,27 +251,27 @@ class MoveGeometry:
 
     def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
         """Return the seconds of moves."""
-        return self._between(profile, before, after)[0]
+        return self._compute_moves(profile, before, after)[0]
 
     def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
         """Return the energy of moves."""
-        return self._between(profile, before, after)[1]
+        return self._compute_moves(profile, before, after)[1]
 
-    def part(self, visits: Sequence[int]) -> MoveTables:
+    def select_visits(self, visits: Sequence[int]) -> MoveTables:
         """Return the moves between some of the visits, as tables."""
         chosen = MoveGeometry(self.first_m[list(visits)], self.last_m[list(visits)], self.travels)
-        return tables(chosen)
+        return tabulate_moves(chosen)
 
-    def _between(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+    def _compute_moves(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
         places, headings = self.last_m[before], self.last_m[before] - self.first_m[before]
-        return moves_from(places, headings, self.first_m[after], self.last_m[after], self.travels[profile])
+        return compute_moves(places, headings, self.first_m[after], self.last_m[after], self.travels[profile])
 
 
-def tables(geometry: MoveGeometry) -> MoveTables:
+def tabulate_moves(geometry: MoveGeometry) -> MoveTables:
     """Return all moves of a geometry."""
     visits = np.arange(geometry.visits)
     blocks = [
-        moves_from(
+        compute_moves(
             geometry.last_m[:, np.newaxis],
             (geometry.last_m - geometry.first_m)[:, np.newaxis],
             geometry.first_m[np.newaxis],
@@ -285,7 +285,7 @@ def tables(geometry: MoveGeometry) -> MoveTables:
     return MoveTables(seconds, np.array([block[1] for block in blocks]).reshape(shape))
 
 
-def moves_from(
+def compute_moves(
     places_m: FloatArray, headings_m: FloatArray, first_m: FloatArray, last_m: FloatArray, travel: Travel
 ) -> tuple[FloatArray, FloatArray]:
     """Return seconds and energies of moves; the four arrays (..., 2) broadcast against each other.
@@ -297,7 +297,7 @@ def moves_from(
         last_m: Where they end.
         travel: Speeds and rates.
     """
-    transit_s, transit_pct = transits(places_m, headings_m, first_m, travel)
+    transit_s, transit_pct = compute_transits(places_m, headings_m, first_m, travel)
     along = last_m - first_m
     inspection_s = np.hypot(along[..., 0], along[..., 1]) / travel.inspection_speed_m_s
     if travel.dynamics is not None:
@@ -306,7 +306,7 @@ def moves_from(
     return transit_s + inspection_s, transit_pct + inspection_s * travel.inspection_rates_pct_per_s(along)
 
 
-def transits(
+def compute_transits(
     places_m: FloatArray, headings_m: FloatArray, targets_m: FloatArray, travel: Travel
 ) -> tuple[FloatArray, FloatArray]:
     """Return seconds and energies of transits; the three arrays (..., 2) broadcast against each other.

@@ -13,7 +13,7 @@ from planner import highs
 from planner.cost import Cost
 from planner.model import Instance
 from planner.moves import FloatArray
-from planner.subsets import Subsets, kinds, members
+from planner.subsets import SubsetRoutes, build_membership_matrix, compute_vehicle_kinds
 
 if TYPE_CHECKING:
     import highspy
@@ -56,9 +56,9 @@ class Proof:
     """Of the branch and bound."""
 
 
-def partition(
+def build_partition(
     instance: Instance,
-    subsets: Sequence[Subsets],
+    subsets: Sequence[SubsetRoutes],
     cost: Cost,
     *,
     ceiling: float,
@@ -77,11 +77,11 @@ def partition(
         value: (n,) float64, of each segment.
         least_value: the value that a plan must inspect; infinite for everything.
     """
-    fleet = _fleet(instance)
-    most = ceiling * (1 + SAME) if cost.function.only_longest else np.inf
-    routes = [_routes(instance, subsets[vehicles[0]], vehicles[0], most) for vehicles in fleet]
+    fleet = _group_vehicles_by_kind(instance)
+    most = ceiling * (1 + SAME) if cost.function.is_longest_only else np.inf
+    routes = [_find_affordable_routes(instance, subsets[vehicles[0]], vehicles[0], most) for vehicles in fleet]
     price = [np.where(chosen > 0, 0.0, grounded) for chosen, _ in routes]
-    if not cost.function.only_longest:
+    if not cost.function.is_longest_only:
         price = [
             paid
             + energy
@@ -89,19 +89,19 @@ def partition(
             for paid, (chosen, energy), vehicles in zip(price, routes, fleet, strict=True)
         ]
     of_peak = cost.function.peak_weight(len(subsets))
-    lower, upper = _limits(len(value), fleet, least_value)
+    lower, upper = _build_row_limits(len(value), fleet, least_value)
     return Partition(
         fleet=fleet,
         kind=np.concatenate([*(np.full(len(own[0]), kind) for kind, own in enumerate(routes)), [PEAK]]),
         chosen=np.concatenate([*(own[0] for own in routes), [0]]),
         cost=np.concatenate([*price, [of_peak]]),
-        matrix=_matrix(routes, value, len(subsets)),
+        matrix=_build_matrix(routes, value, len(subsets)),
         lower=lower,
         upper=upper,
     )
 
 
-def plan_parts(problem: Partition, columns: npt.NDArray[np.int64]) -> tuple[int, ...]:
+def extract_segment_sets(problem: Partition, columns: npt.NDArray[np.int64]) -> tuple[int, ...]:
     """Return a set of segments for each vehicle from the columns that a solution takes, as often as it does."""
     parts = [0] * sum(len(vehicles) for vehicles in problem.fleet)
     for kind, vehicles in enumerate(problem.fleet):
@@ -111,7 +111,7 @@ def plan_parts(problem: Partition, columns: npt.NDArray[np.int64]) -> tuple[int,
     return tuple(parts)
 
 
-def prove(problem: Partition, ceiling: float, ask: Callable[[int], bool]) -> Proof:
+def prove_optimum(problem: Partition, ceiling: float, ask: Callable[[int], bool]) -> Proof:
     """Return what HiGHS finds out about plans that cost less than ``ceiling``.
 
     Args:
@@ -122,14 +122,14 @@ def prove(problem: Partition, ceiling: float, ask: Callable[[int], bool]) -> Pro
     import highspy
 
     every = np.arange(len(problem.cost))
-    relaxed = _run(problem, every, ask, integer=False)
+    relaxed = _solve_program(problem, every, ask, integer=False)
     if relaxed.getModelStatus() != highspy.HighsModelStatus.kOptimal:
         return Proof(None, None, 0)
     least = relaxed.getInfo().objective_function_value
     reduced = np.array(relaxed.getSolution().col_dual)
     # The largest load is no choice: it stays.
     kept = every[(least + reduced <= ceiling + SAME * (1 + ceiling)) | (problem.kind == PEAK)]
-    branched = _run(problem, kept, ask, integer=True)
+    branched = _solve_program(problem, kept, ask, integer=True)
     info = branched.getInfo()
     nodes = max(0, int(info.mip_node_count))
     bound = min(ceiling, max(least, info.mip_dual_bound)) if np.isfinite(info.mip_dual_bound) else least
@@ -137,19 +137,21 @@ def prove(problem: Partition, ceiling: float, ask: Callable[[int], bool]) -> Pro
     if len(solution) == 0 or not info.objective_function_value < ceiling - SAME * (1 + ceiling):
         return Proof(bound, None, nodes)
     taken = kept[(solution > 0.5) & (problem.kind[kept] != PEAK)]
-    return Proof(bound, plan_parts(problem, taken), nodes)
+    return Proof(bound, extract_segment_sets(problem, taken), nodes)
 
 
-def _fleet(instance: Instance) -> tuple[tuple[int, ...], ...]:
+def _group_vehicles_by_kind(instance: Instance) -> tuple[tuple[int, ...], ...]:
     """Return the vehicles of each kind. One with a way home even without a visit is a kind of its own."""
     groups: dict[tuple[object, ...], list[int]] = {}
-    for vehicle, kind in enumerate(kinds(instance)):
+    for vehicle, kind in enumerate(compute_vehicle_kinds(instance)):
         key = (kind, vehicle if instance.idle_pct[vehicle] > 0 else None)
         groups.setdefault(key, []).append(vehicle)
     return tuple(tuple(group) for group in groups.values())
 
 
-def _routes(instance: Instance, own: Subsets, vehicle: int, most: float) -> tuple[npt.NDArray[np.int64], FloatArray]:
+def _find_affordable_routes(
+    instance: Instance, own: SubsetRoutes, vehicle: int, most: float
+) -> tuple[npt.NDArray[np.int64], FloatArray]:
     """Return the sets of segments that a vehicle can inspect for at most ``most``, and the energy of each."""
     energy = own.energy_pct.copy()
     energy[energy > most] = np.inf
@@ -159,7 +161,9 @@ def _routes(instance: Instance, own: Subsets, vehicle: int, most: float) -> tupl
     return chosen, energy[chosen]
 
 
-def _matrix(routes: Sequence[tuple[npt.NDArray[np.int64], FloatArray]], value: FloatArray, vehicles: int) -> FloatArray:
+def _build_matrix(
+    routes: Sequence[tuple[npt.NDArray[np.int64], FloatArray]], value: FloatArray, vehicles: int
+) -> FloatArray:
     """Return (m, r) float64, the columns of all routes and of the largest load.
 
     Rows: each segment; each kind of vehicle; the value; the load of the route that visits a segment, of vehicles
@@ -168,7 +172,7 @@ def _matrix(routes: Sequence[tuple[npt.NDArray[np.int64], FloatArray]], value: F
     segments, fleet = len(value), len(routes)
     blocks = []
     for kind, (chosen, energy) in enumerate(routes):
-        inside = members(chosen, segments)
+        inside = build_membership_matrix(chosen, segments)
         own = np.zeros((len(chosen), fleet))
         own[:, kind] = 1.0
         load = energy[:, np.newaxis]
@@ -178,7 +182,9 @@ def _matrix(routes: Sequence[tuple[npt.NDArray[np.int64], FloatArray]], value: F
     return np.vstack([*blocks, [peak]])
 
 
-def _limits(segments: int, fleet: Sequence[Sequence[int]], least_value: float) -> tuple[FloatArray, FloatArray]:
+def _build_row_limits(
+    segments: int, fleet: Sequence[Sequence[int]], least_value: float
+) -> tuple[FloatArray, FloatArray]:
     """Return the limits of all rows: everything is inspected, or as much as ``least_value`` says."""
     counts = [float(len(vehicles)) for vehicles in fleet]
     loads = segments + len(fleet) + 1
@@ -191,14 +197,14 @@ def _limits(segments: int, fleet: Sequence[Sequence[int]], least_value: float) -
     )
 
 
-def _run(
+def _solve_program(
     problem: Partition, columns: npt.NDArray[np.int64], ask: Callable[[int], bool], *, integer: bool
 ) -> highspy.Highs:
     """Return HiGHS after it has solved the program with some of its columns, or ``ask`` has stopped it."""
     stopped = ask(0)
     matrix = problem.matrix[columns]
     where, rows = matrix.nonzero()
-    solver = highs.posed(
+    solver = highs.build_program(
         problem.cost[columns],
         np.full(len(columns), np.inf),
         (problem.lower, problem.upper),

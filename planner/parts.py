@@ -16,7 +16,7 @@ BISECTIONS = 20
 """Halvings of the interval in which the least common share of the budgets lies."""
 
 
-def curve_order(places_m: FloatArray) -> npt.NDArray[np.int64]:
+def sort_along_curve(places_m: FloatArray) -> npt.NDArray[np.int64]:
     """Return (n,) int64, the numbers of the places (n, 2) in the order of a Hilbert curve through them.
 
     The conversion is that of Skilling (2004, doi 10.1063/1.1751381) for two dimensions.
@@ -36,20 +36,20 @@ def curve_order(places_m: FloatArray) -> npt.NDArray[np.int64]:
     return np.argsort(distance, kind="stable")
 
 
-def split(instance: Instance, order: npt.NDArray[np.int64], *, everybody: bool) -> list[tuple[int, ...]]:
+def split_into_routes(instance: Instance, order: npt.NDArray[np.int64], *, everybody: bool) -> list[tuple[int, ...]]:
     """Return routes for all vehicles: the order cut into pieces.
 
     Vehicles fly as far as their budgets go, or, if ``everybody`` is to share, to the least common share of them that
     does. What even the whole budgets do not carry is left out at the end of the order.
     """
-    tour = _directed(instance, order)
+    tour = _direct_visits(instance, order)
     low, high = 0.0, 1.0
-    routes = _filled(instance, tour, high)
+    routes = _fill_routes(instance, tour, high)
     if not everybody or sum(map(len, routes)) < len(tour):
         return routes
     for _ in range(BISECTIONS):
         share = (low + high) / 2
-        trial = _filled(instance, tour, share)
+        trial = _fill_routes(instance, tour, share)
         if sum(map(len, trial)) == len(tour):
             high, routes = share, trial
         else:
@@ -65,7 +65,7 @@ def part_of(instance: Instance, vehicles: Sequence[int], segments: Sequence[int]
     return Instance(
         vehicles=tuple(instance.vehicles[vehicle] for vehicle in vehicles),
         profile=tuple(instance.profile[vehicle] for vehicle in vehicles),
-        moves=instance.moves.part(visits),
+        moves=instance.moves.select_visits(visits),
         start_s=instance.start_s[rows],
         home_s=instance.home_s[rows],
         idle_s=instance.idle_s[fleet],
@@ -81,7 +81,7 @@ def part_of(instance: Instance, vehicles: Sequence[int], segments: Sequence[int]
     )
 
 
-def _directed(instance: Instance, order: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _direct_visits(instance: Instance, order: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Return (n,) int64, the visits in an order, each begun at the end that is nearer to where the last one ended."""
     tour = np.empty(len(order), dtype=np.int64)
     here = np.array([*instance.landing_m, 0.0])
@@ -95,7 +95,7 @@ def _directed(instance: Instance, order: npt.NDArray[np.int64]) -> npt.NDArray[n
     return tour
 
 
-def _filled(instance: Instance, tour: npt.NDArray[np.int64], share: float) -> list[tuple[int, ...]]:
+def _fill_routes(instance: Instance, tour: npt.NDArray[np.int64], share: float) -> list[tuple[int, ...]]:
     """Return the tour cut into routes that take ``share`` of the budgets, one vehicle after the other."""
     sums = [
         np.concatenate([[0.0], np.cumsum(instance.moves.pct(profile, tour[:-1], tour[1:]))])

@@ -16,7 +16,7 @@ import numpy as np
 
 from planner.cost import Cost
 from planner.errors import PlanError
-from planner.evaluate import completions_s, route_duration_s, route_energy_pct, spent_pct
+from planner.evaluate import completion_times_s, energy_use_pct, route_duration_s, route_energy_pct
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 from planner.moves import FloatArray
 from planner.parts import part_of
@@ -49,7 +49,7 @@ class FreeVehicle:
 
 
 @dataclass(frozen=True, slots=True)
-class Remainder:
+class RemainingProblem:
     """What a loss leaves."""
 
     lost: int
@@ -70,7 +70,9 @@ class Remainder:
         return visit_of(self.open_segments[segment_of(visit)], is_reversed(visit))
 
 
-def remaining(instance: Instance, plan: Plan, lost: int, at_s: float, *, fly_again: bool = True) -> Remainder:
+def build_remaining_problem(
+    instance: Instance, plan: Plan, lost: int, at_s: float, *, fly_again: bool = True
+) -> RemainingProblem:
     """Return what is left when vehicle ``lost`` is lost ``at_s`` seconds after the plan's start.
 
     Args:
@@ -91,20 +93,20 @@ def remaining(instance: Instance, plan: Plan, lost: int, at_s: float, *, fly_aga
     if not (math.isfinite(at_s) and at_s >= 0):
         raise PlanError(f"the time of the loss is {at_s} s, expected zero or more")
     until_s, others = at_s + instance.answer_s, [route for route in plan.routes if route.vehicle != lost]
-    survivors = tuple(_survivor(instance, route, until_s, fly_again=fly_again) for route in others)
-    completed = _completed(instance, plan.routes[lost], at_s)
+    survivors = tuple(_build_survivor(instance, route, until_s, fly_again=fly_again) for route in others)
+    completed = _find_completed_visits(instance, plan.routes[lost], at_s)
     settled = {segment_of(visit) for visit in completed}
     for survivor in survivors:
         settled.update(segment_of(visit) for visit in survivor.completed)
         if survivor.finishing is not None:
             settled.add(segment_of(survivor.finishing))
     open_segments = tuple(segment for segment in range(instance.segments) if segment not in settled)
-    reduced = _reduced(instance, survivors, open_segments)
+    reduced = _reduce_instance(instance, survivors, open_segments)
     number = {segment: place for place, segment in enumerate(open_segments)}
     tails = [
         [visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in survivor.tail] for survivor in survivors
     ]
-    return Remainder(lost, at_s, completed, survivors, open_segments, reduced, warm_start(reduced, tails))
+    return RemainingProblem(lost, at_s, completed, survivors, open_segments, reduced, warm_start(reduced, tails))
 
 
 def warm_start(instance: Instance, tails: Sequence[Sequence[int]]) -> Plan:
@@ -122,9 +124,9 @@ def warm_start(instance: Instance, tails: Sequence[Sequence[int]]) -> Plan:
     if instance.segments == 0:
         return Plan(tuple(Route(vehicle, ()) for vehicle in range(len(tails))))
     # Only here, as in solve.py: it loads numba.
-    from planner.construct import first_state, plan_of
+    from planner.construct import build_first_state, plan_of
 
-    return plan_of(first_state(instance, Cost.MINSUM, tails))
+    return plan_of(build_first_state(instance, Cost.MINSUM, tails))
 
 
 def replan(instance: Instance, *, warm: Plan, cost: Cost = Cost.MINCOMB, stop: StopRule, seed: int = 0) -> Result:
@@ -139,18 +141,18 @@ def replan(instance: Instance, *, warm: Plan, cost: Cost = Cost.MINCOMB, stop: S
     return solve(instance, cost=cost, stop=stop, seed=seed, initial=warm)
 
 
-def _completed(instance: Instance, route: Route, at_s: float) -> tuple[int, ...]:
-    ends = completions_s(instance, route)
+def _find_completed_visits(instance: Instance, route: Route, at_s: float) -> tuple[int, ...]:
+    ends = completion_times_s(instance, route)
     return tuple(visit for visit, end_s in zip(route.visits, ends, strict=True) if end_s <= at_s + SAME_TIME_S)
 
 
-def _survivor(instance: Instance, route: Route, at_s: float, *, fly_again: bool) -> FreeVehicle:
+def _build_survivor(instance: Instance, route: Route, at_s: float, *, fly_again: bool) -> FreeVehicle:
     budget = instance.vehicles[route.vehicle].budget_pct
-    completed = _completed(instance, route, at_s)
+    completed = _find_completed_visits(instance, route, at_s)
     done = len(completed)
     if done < len(route.visits):
-        spent = spent_pct(instance, route, done + 1)
-        free_s = completions_s(instance, route)[done]
+        spent = energy_use_pct(instance, route, done + 1)
+        free_s = completion_times_s(instance, route)[done]
         return FreeVehicle(
             route.vehicle, completed, route.visits[done], route.visits[done + 1 :], free_s, spent,
             max(0.0, budget - spent),
@@ -161,10 +163,10 @@ def _survivor(instance: Instance, route: Route, at_s: float, *, fly_again: bool)
     return FreeVehicle(route.vehicle, completed, None, (), free_s, spent, left)
 
 
-def _reduced(instance: Instance, survivors: Sequence[FreeVehicle], open_segments: Sequence[int]) -> Instance:
+def _reduce_instance(instance: Instance, survivors: Sequence[FreeVehicle], open_segments: Sequence[int]) -> Instance:
     visits = [visit_of(segment, reverse) for segment in open_segments for reverse in (False, True)]
     fleet = [survivor.vehicle for survivor in survivors]
-    starts = [_start(instance, survivor) for survivor in survivors]
+    starts = [_build_survivor_start(instance, survivor) for survivor in survivors]
     return replace(
         part_of(instance, fleet, open_segments),
         vehicles=tuple(start.vehicle for start in starts),
@@ -176,7 +178,7 @@ def _reduced(instance: Instance, survivors: Sequence[FreeVehicle], open_segments
 
 
 @dataclass(frozen=True, slots=True)
-class _Start:
+class _SurvivorStart:
     """Where a survivor starts: its vehicle, its rows over all original visits, its way home from there."""
 
     vehicle: Vehicle
@@ -186,7 +188,7 @@ class _Start:
     idle_pct: float
 
 
-def _start(instance: Instance, survivor: FreeVehicle) -> _Start:
+def _build_survivor_start(instance: Instance, survivor: FreeVehicle) -> _SurvivorStart:
     number, visit = survivor.vehicle, survivor.finishing
     profile, every = instance.profile[number], np.arange(2 * instance.segments)
     vehicle = replace(instance.vehicles[number], budget_pct=survivor.budget_left_pct)
@@ -195,7 +197,7 @@ def _start(instance: Instance, survivor: FreeVehicle) -> _Start:
         east_along_m, north_along_m = (
             float(along) for along in (instance.end_m[visit] - instance.end_m[visit ^ 1])[:2]
         )
-        return _Start(
+        return _SurvivorStart(
             replace(
                 vehicle,
                 start_m=(east_m, north_m),
@@ -209,8 +211,8 @@ def _start(instance: Instance, survivor: FreeVehicle) -> _Start:
             float(instance.home_pct[number, visit]),
         )
     if not survivor.completed and not vehicle.airborne:
-        return _Start(vehicle, instance.start_s[number], instance.start_pct[number], 0.0, 0.0)
-    return _Start(
+        return _SurvivorStart(vehicle, instance.start_s[number], instance.start_pct[number], 0.0, 0.0)
+    return _SurvivorStart(
         replace(vehicle, start_m=instance.landing_m, start_up_m=0.0, facing_m=(0.0, 0.0), airborne=False),
         instance.depot_s[number],
         vehicle.consumption * instance.depot_pct[number],

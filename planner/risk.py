@@ -21,15 +21,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from planner.aftermath import Aftermath, repair_plan, underway
+from planner.aftermath import FleetAfterLosses, build_state_before_losses, repair_plan
 from planner.cost import Cost
 from planner.errors import InstanceError, PlanError
 from planner.evaluate import evaluate
 from planner.loss import LossRow
 from planner.model import Instance, Plan
 from planner.moves import FloatArray
-from planner.replan import SAME_TIME_S, remaining
-from planner.window import EFFORT, events_s, loss_table
+from planner.replan import SAME_TIME_S, build_remaining_problem
+from planner.window import EFFORT, build_loss_table, event_times_s
 
 FLIGHTS_PER_CHUNK = 10_000
 """So many flights share their re-plans; more chunks keep more processors busy."""
@@ -42,7 +42,7 @@ IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
-class Chance:
+class ProbabilityEstimate:
     """A probability estimated from flights, with its 95 % confidence interval (Wilson 1927)."""
 
     estimate: float
@@ -51,7 +51,7 @@ class Chance:
 
 
 @dataclass(frozen=True, slots=True)
-class Campaign:
+class RiskCampaign:
     """What all flights have in common."""
 
     instance: Instance
@@ -73,7 +73,7 @@ class Campaign:
 
 
 @dataclass(frozen=True, slots=True)
-class Chunk:
+class FlightChunk:
     """A part of the flights with chance of its own, so that it does not matter where and when it is flown."""
 
     flights: int
@@ -81,7 +81,7 @@ class Chunk:
 
 
 @dataclass(frozen=True, slots=True)
-class Tally:
+class ChunkTally:
     """What a chunk counted for one mean time between failures."""
 
     flights: int
@@ -96,7 +96,7 @@ class Tally:
 
 
 @dataclass(frozen=True, slots=True)
-class Blame:
+class WorstLoss:
     """The vehicle and the time whose losses are most often not repaired."""
 
     vehicle: int
@@ -108,12 +108,12 @@ class Blame:
 
 
 @dataclass(frozen=True, slots=True)
-class Risk:
+class RiskEstimate:
     """The answer for one mean time between failures."""
 
     mtbf_h: float
     flights: int
-    finished: tuple[Chance, ...]
+    finished: tuple[ProbabilityEstimate, ...]
     """That everything is inspected with at most 0, 1, ... re-plans."""
     undone_m: tuple[float, ...]
     """Expected metres left uninspected with at most 0, 1, ... re-plans."""
@@ -123,11 +123,11 @@ class Risk:
     """Of the flights, those with none, with one, and with more."""
     blame_share: tuple[float, ...]
     """For each vehicle, the share of the failures in which its loss was the one that was not repaired."""
-    worst: Blame | None
+    worst: WorstLoss | None
     """None without a failure."""
 
 
-def risk_campaign(
+def build_risk_campaign(
     instance: Instance,
     plan: Plan,
     *,
@@ -137,8 +137,8 @@ def risk_campaign(
     max_losses: int = 2,
     effort: int = EFFORT,
     fly_again: bool = True,
-) -> Campaign:
-    """Return what is to be flown; it looks at every first loss once (``planner.loss_table``).
+) -> RiskCampaign:
+    """Return what is to be flown; it looks at every first loss once (``planner.build_loss_table``).
 
     Raises:
         InstanceError: a figure is out of its range.
@@ -157,13 +157,13 @@ def risk_campaign(
     if plan.uncovered:
         raise PlanError(f"the plan leaves out {len(plan.uncovered)} segments, expected one that inspects everything")
     losses = len(plan.routes) > 1 and max_losses > 0
-    table = loss_table(instance, plan, effort=effort, fly_again=fly_again) if losses else ()
-    return Campaign(
+    table = build_loss_table(instance, plan, effort=effort, fly_again=fly_again) if losses else ()
+    return RiskCampaign(
         instance, plan, table, tuple(mtbf_h), battery_spread_pct, reserve_pct, max_losses, effort, fly_again
     )  # fmt: skip
 
 
-def flight_chunks(flights: int, seed: int, *, per_chunk: int = FLIGHTS_PER_CHUNK) -> tuple[Chunk, ...]:
+def split_flights(flights: int, seed: int, *, per_chunk: int = FLIGHTS_PER_CHUNK) -> tuple[FlightChunk, ...]:
     """Return ``flights`` in chunks, each with its own seed.
 
     Raises:
@@ -173,29 +173,32 @@ def flight_chunks(flights: int, seed: int, *, per_chunk: int = FLIGHTS_PER_CHUNK
         raise InstanceError(f"flights is {flights}, expected one or more")
     sizes = [min(per_chunk, flights - first) for first in range(0, flights, per_chunk)]
     seeds = np.random.SeedSequence(seed).spawn(len(sizes))
-    return tuple(Chunk(size, own) for size, own in zip(sizes, seeds, strict=True))
+    return tuple(FlightChunk(size, own) for size, own in zip(sizes, seeds, strict=True))
 
 
-def fly_chunk(campaign: Campaign, chunk: Chunk) -> tuple[Tally, ...]:
+def simulate_chunk(campaign: RiskCampaign, chunk: FlightChunk) -> tuple[ChunkTally, ...]:
     """Return what a chunk counts, for each ``campaign.mtbf_h``; the same wherever it is flown."""
-    log = _Log.of(campaign, chunk)
-    state = underway(campaign.instance, campaign.plan)
+    log = _FlightLog.draw(campaign, chunk)
+    state = build_state_before_losses(campaign.instance, campaign.plan)
     everybody = np.arange(len(log.life_s))
-    _fly(campaign, log, _Group(state, everybody, np.zeros(len(everybody)), at_s=0.0, replans=0, losses=0))
+    _simulate_group(
+        campaign, log, _FlightGroup(state, everybody, np.zeros(len(everybody)), at_s=0.0, replans=0, losses=0)
+    )
     return tuple(
-        _tally(campaign, log, slice(first, first + chunk.flights))
+        _count_flights(campaign, log, slice(first, first + chunk.flights))
         for first in range(0, len(everybody), chunk.flights)
     )  # fmt: skip
 
 
-def risks_of(campaign: Campaign, tallies: Sequence[Sequence[Tally]]) -> tuple[Risk, ...]:
+def estimate_risks(campaign: RiskCampaign, tallies: Sequence[Sequence[ChunkTally]]) -> tuple[RiskEstimate, ...]:
     """Return the answers for each ``campaign.mtbf_h`` from the tallies of all chunks, in the chunks' order."""
     return tuple(
-        _risk(campaign, hours, [tally[number] for tally in tallies]) for number, hours in enumerate(campaign.mtbf_h)
+        _estimate_risk(campaign, hours, [tally[number] for tally in tallies])
+        for number, hours in enumerate(campaign.mtbf_h)
     )
 
 
-def wilson(successes: int, flights: int) -> Chance:
+def estimate_probability(successes: int, flights: int) -> ProbabilityEstimate:
     """Return a share with its 95 % interval (Wilson 1927), which also holds for shares near 0 and 1.
 
     >>> wilson(10, 10).low
@@ -204,11 +207,11 @@ def wilson(successes: int, flights: int) -> Chance:
     share, square = successes / flights, Z_95 * Z_95 / flights
     middle = (share + square / 2) / (1 + square)
     half = Z_95 / (1 + square) * math.sqrt(share * (1 - share) / flights + square / (4 * flights))
-    return Chance(share, max(0.0, min(share, middle - half)), min(1.0, max(share, middle + half)))
+    return ProbabilityEstimate(share, max(0.0, min(share, middle - half)), min(1.0, max(share, middle + half)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Log:
+class _FlightLog:
     """Chance and fate of each flight; those of one mean time between failures beside each other."""
 
     life_s: FloatArray
@@ -224,14 +227,14 @@ class _Log:
     culprit_s: FloatArray
 
     @staticmethod
-    def of(campaign: Campaign, chunk: Chunk) -> _Log:
+    def draw(campaign: RiskCampaign, chunk: FlightChunk) -> _FlightLog:
         chance = np.random.default_rng(chunk.seed)
         shape, values = (chunk.flights, len(campaign.plan.routes)), len(campaign.mtbf_h)
         life = chance.standard_exponential(shape)
-        factor = _factors(chance, campaign.battery_spread_pct / 100.0, shape)
+        factor = _draw_factors(chance, campaign.battery_spread_pct / 100.0, shape)
         charge = np.array([vehicle.budget_pct for vehicle in campaign.instance.vehicles]) + campaign.reserve_pct
         total, policies = values * chunk.flights, campaign.max_losses + 1
-        return _Log(
+        return _FlightLog(
             life_s=np.concatenate([3600.0 * hours * life for hours in campaign.mtbf_h]),
             charge_pct=np.tile(charge / factor, (values, 1)),
             undone=np.zeros((total, policies), dtype=np.int64),
@@ -242,7 +245,7 @@ class _Log:
         )
 
 
-def _factors(chance: np.random.Generator, spread: float, shape: tuple[int, int]) -> FloatArray:
+def _draw_factors(chance: np.random.Generator, spread: float, shape: tuple[int, int]) -> FloatArray:
     """Return factors of consumption, normal about 1 and drawn again where they are not positive."""
     factors = chance.normal(1.0, spread, shape)
     while np.any(wrong := factors <= 0):
@@ -251,10 +254,10 @@ def _factors(chance: np.random.Generator, spread: float, shape: tuple[int, int])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Group:
+class _FlightGroup:
     """Flights that have come to the same state."""
 
-    state: Aftermath
+    state: FleetAfterLosses
     who: IntArray
     """(m,): their rows in the log."""
     since_s: FloatArray
@@ -267,7 +270,7 @@ class _Group:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Fate:
+class _Outcome:
     """What would become of a group's flights if nobody re-planned any more: (m, vehicles of the state) each."""
 
     lost_s: FloatArray
@@ -277,9 +280,9 @@ class _Fate:
     undone_m: FloatArray
 
 
-def _fly(campaign: Campaign, log: _Log, group: _Group) -> None:
+def _simulate_group(campaign: RiskCampaign, log: _FlightLog, group: _FlightGroup) -> None:
     """Write down the fate of a group's flights, and fly on those that are re-planned."""
-    fate = _fate(log, group)
+    fate = _predict_outcome(log, group)
     log.undone[group.who, group.replans :] = fate.undone.sum(axis=1)[:, np.newaxis]
     log.undone_m[group.who, group.replans :] = fate.undone_m.sum(axis=1)[:, np.newaxis]
     log.losses[group.who, group.replans :] = group.losses + np.isfinite(fate.lost_s).sum(axis=1)[:, np.newaxis]
@@ -295,40 +298,42 @@ def _fly(campaign: Campaign, log: _Log, group: _Group) -> None:
     log.culprit_s[who] = at_s
     if group.replans == campaign.max_losses:
         return
-    for rows, vehicle, interval_s, gone in _alike(group.state, culprit, at_s, lost_s):
+    for rows, vehicle, interval_s, gone in _group_equal_losses(group.state, culprit, at_s, lost_s):
         since_s = max(interval_s, group.at_s)
-        after = _answered(campaign, group, vehicle, since_s, gone)
+        after = _apply_repair(campaign, group, vehicle, since_s, gone)
         if after is not None:
             log.culprit[who[rows]] = -1
             losses = group.losses + 1 + len(gone)
-            _fly(campaign, log, _Group(after, who[rows], at_s[rows], since_s, group.replans + 1, losses))
+            _simulate_group(
+                campaign, log, _FlightGroup(after, who[rows], at_s[rows], since_s, group.replans + 1, losses)
+            )
 
 
-def _fate(log: _Log, group: _Group) -> _Fate:
+def _predict_outcome(log: _FlightLog, group: _FlightGroup) -> _Outcome:
     state, shape = group.state, (len(group.who), len(group.state.fleet))
     lost_s, undone, undone_m = np.full(shape, np.inf), np.zeros(shape, dtype=np.int64), np.zeros(shape)
     for vehicle, number in enumerate(state.fleet):
-        flown, ends_s = state.flown(vehicle), state.ends_s(vehicle)
-        fails_s = _when(log.life_s[group.who, number], flown.airborne_s, flown.time_s)
-        empty_s = _when(log.charge_pct[group.who, number], flown.used_pct, flown.time_s)
+        flown, ends_s = state.progress_of(vehicle), state.visit_ends_s(vehicle)
+        fails_s = _crossing_times_s(log.life_s[group.who, number], flown.airborne_s, flown.time_s)
+        empty_s = _crossing_times_s(log.charge_pct[group.who, number], flown.used_pct, flown.time_s)
         # A re-plan may have it take off within the interval of the loss, somewhat before the loss itself.
         lost_s[:, vehicle] = np.maximum(group.since_s, np.minimum(fails_s, empty_s))
         done = np.searchsorted(ends_s, lost_s[:, vehicle] + SAME_TIME_S, side="right")
         undone[:, vehicle] = len(ends_s) - done
-        undone_m[:, vehicle] = np.append(np.cumsum(state.values(vehicle)[::-1])[::-1], 0.0)[done]
-    return _Fate(lost_s, undone, undone_m)
+        undone_m[:, vehicle] = np.append(np.cumsum(state.visit_values(vehicle)[::-1])[::-1], 0.0)[done]
+    return _Outcome(lost_s, undone, undone_m)
 
 
-def _when(level: FloatArray, column: FloatArray, time_s: FloatArray) -> FloatArray:
+def _crossing_times_s(level: FloatArray, column: FloatArray, time_s: FloatArray) -> FloatArray:
     """Return when an ascending column passes each level, infinite where it does not."""
     return np.where(level < column[-1], np.interp(level, column, time_s), np.inf)
 
 
-def _alike(
-    state: Aftermath, culprit: IntArray, at_s: FloatArray, lost_s: FloatArray
+def _group_equal_losses(
+    state: FleetAfterLosses, culprit: IntArray, at_s: FloatArray, lost_s: FloatArray
 ) -> Iterator[tuple[IntArray, int, float, tuple[int, ...]]]:
     """Yield flights that one re-plan serves: their rows, who is lost, the interval's beginning, who is gone before."""
-    events = np.array(events_s(state.instance, state.plan))
+    events = np.array(event_times_s(state.instance, state.plan))
     interval = np.searchsorted(events, at_s + SAME_TIME_S, side="right") - 1
     gone = lost_s < at_s[:, np.newaxis]
     kinds, kind_of = np.unique(np.column_stack([culprit, interval, gone]), axis=0, return_inverse=True)
@@ -339,30 +344,32 @@ def _alike(
         yield rows, int(kind[0]), float(events[kind[1]]), tuple(int(one) for one in np.flatnonzero(kind[2:]))
 
 
-def _answered(campaign: Campaign, group: _Group, vehicle: int, at_s: float, gone: tuple[int, ...]) -> Aftermath | None:
+def _apply_repair(
+    campaign: RiskCampaign, group: _FlightGroup, vehicle: int, at_s: float, gone: tuple[int, ...]
+) -> FleetAfterLosses | None:
     """Return the state after a loss that a re-plan repairs, None if none does."""
     state = group.state
     if group.replans == 0 and not gone:
         plan = next((row.plan for row in campaign.table if (row.vehicle, row.from_s) == (vehicle, at_s)), None)
         if plan is None:
             return None
-        left = remaining(campaign.instance, campaign.plan, vehicle, at_s, fly_again=campaign.fly_again)
-        return state.after(left, plan)
+        left = build_remaining_problem(campaign.instance, campaign.plan, vehicle, at_s, fly_again=campaign.fly_again)
+        return state.apply_plan(left, plan)
     if gone:
         vehicle -= sum(one < vehicle for one in gone)
-        state = state.without(gone)
+        state = state.without_vehicles(gone)
     answer = repair_plan(state, vehicle, at_s, effort=campaign.effort, fly_again=campaign.fly_again)
-    return None if answer is None else state.after(*answer)
+    return None if answer is None else state.apply_plan(*answer)
 
 
-def _tally(campaign: Campaign, log: _Log, rows: slice) -> Tally:
+def _count_flights(campaign: RiskCampaign, log: _FlightLog, rows: slice) -> ChunkTally:
     fleet, longest_s = len(campaign.plan.routes), _longest_s(campaign)
     failed = log.culprit[rows] >= 0
     culprit, culprit_s = log.culprit[rows][failed], log.culprit_s[rows][failed]
     part = np.minimum(TIME_BINS * culprit_s / longest_s, TIME_BINS - 1).astype(np.int64)
     failures = np.bincount(culprit * TIME_BINS + part, minlength=fleet * TIME_BINS).reshape(fleet, TIME_BINS)
     finished = np.sum(log.undone[rows] == 0, axis=0)
-    return Tally(
+    return ChunkTally(
         flights=len(log.culprit[rows]),
         finished=tuple(int(count) for count in finished),
         undone_m=tuple(float(metres) for metres in log.undone_m[rows].sum(axis=0)),
@@ -371,7 +378,7 @@ def _tally(campaign: Campaign, log: _Log, rows: slice) -> Tally:
     )
 
 
-def _risk(campaign: Campaign, mtbf_h: float, tallies: Sequence[Tally]) -> Risk:
+def _estimate_risk(campaign: RiskCampaign, mtbf_h: float, tallies: Sequence[ChunkTally]) -> RiskEstimate:
     flights = sum(tally.flights for tally in tallies)
     finished = np.sum([tally.finished for tally in tallies], axis=0)
     undone_m = np.sum([tally.undone_m for tally in tallies], axis=0) / flights
@@ -379,25 +386,25 @@ def _risk(campaign: Campaign, mtbf_h: float, tallies: Sequence[Tally]) -> Risk:
     failures = np.sum([tally.failures for tally in tallies], axis=0)
     failed = int(failures.sum())
     more = flights - int(losses[:2].sum())
-    return Risk(
+    return RiskEstimate(
         mtbf_h=mtbf_h,
         flights=flights,
-        finished=tuple(wilson(int(count), flights) for count in finished),
+        finished=tuple(estimate_probability(int(count), flights) for count in finished),
         undone_m=tuple(float(metres) for metres in undone_m),
         expected_losses=float(losses @ np.arange(len(losses))) / flights,
         losses_share=(float(losses[0]) / flights, float(losses[1]) / flights, more / flights),
         blame_share=tuple(float(count) / max(1, failed) for count in failures.sum(axis=1)),
-        worst=_worst(failures, _longest_s(campaign)),
+        worst=_find_worst_loss(failures, _longest_s(campaign)),
     )
 
 
-def _worst(failures: IntArray, longest_s: float) -> Blame | None:
+def _find_worst_loss(failures: IntArray, longest_s: float) -> WorstLoss | None:
     if not failures.any():
         return None
     vehicle, part = (int(place) for place in np.unravel_index(failures.argmax(), failures.shape))
     step_s = longest_s / TIME_BINS
-    return Blame(vehicle, part * step_s, (part + 1) * step_s, float(failures[vehicle, part] / failures.sum()))
+    return WorstLoss(vehicle, part * step_s, (part + 1) * step_s, float(failures[vehicle, part] / failures.sum()))
 
 
-def _longest_s(campaign: Campaign) -> float:
-    return events_s(campaign.instance, campaign.plan)[-1]
+def _longest_s(campaign: RiskCampaign) -> float:
+    return event_times_s(campaign.instance, campaign.plan)[-1]

@@ -14,7 +14,7 @@ from planner.errors import PlanError
 from planner.model import Instance, Plan
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.solve import check_tails
-from planner.stop import Progress, StopRule, Stopwatch, reported
+from planner.stop import Progress, StopRule, Stopwatch, add_progress_report
 from planner.window import WindowResult
 
 
@@ -61,9 +61,9 @@ def solve_window(  # noqa: PLR0913 - what is asked for, how long to search, and 
     for plan in initial:
         check_tails(instance, [route.visits for route in plan.routes])
     # Only here, as in solve.py: it loads numba.
-    from planner.robustsearch import Outer, RobustSearch
+    from planner.robustsearch import OuterStopRule, RobustSearch
 
-    outer = Outer(reported(stop, on_progress), Stopwatch())
+    outer = OuterStopRule(add_progress_report(stop, on_progress), Stopwatch())
     search = RobustSearch(
         instance, outer, seed=seed, all_vehicles=all_vehicles, starts=starts, fly_again=fly_again, params=params
     )

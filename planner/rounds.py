@@ -13,7 +13,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 
-def in_rounds(
+def run_rounds(
     stop: StopRule, progress: Callable[[], Progress], go_on: Callable[[int, Executor | None], None], starts: int
 ) -> str:
     """Go on for as many iterations as the stop rule allows, again and again; return why it ended."""
@@ -23,6 +23,6 @@ def in_rounds(
     return verdict.reason
 
 
-def side_by_side(threads: Executor | None, work: Callable[[T], R], starts: Iterable[T]) -> list[R]:
+def run_in_threads(threads: Executor | None, work: Callable[[T], R], starts: Iterable[T]) -> list[R]:
     """Return what comes of all starts, done in threads where there are any."""
     return list(map(work, starts) if threads is None else threads.map(work, starts))

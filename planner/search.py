@@ -15,15 +15,15 @@ from __future__ import annotations
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-from planner.bounds import why_impossible
+from planner.bounds import explain_infeasibility
 from planner.construct import (
-    guide_weights,
-    insert_open,
+    build_guide_weights,
+    build_random_state,
+    build_true_weights,
+    insert_open_segments,
     plan_of,
     problem_of,
-    random_state,
     state_of,
-    true_weights,
 )
 from planner.cost import Cost
 from planner.evaluate import Evaluation, evaluate
@@ -31,7 +31,7 @@ from planner.kernels.arrays import Problem, State, Weights
 from planner.model import Instance, Plan
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.result import Result
-from planner.rounds import in_rounds, side_by_side
+from planner.rounds import run_in_threads, run_rounds
 from planner.starts import SearchStart
 from planner.stop import Progress, StopRule, Stopwatch
 
@@ -61,7 +61,7 @@ class _Cycle:
         """Return the p-norm's p at this point."""
         return self.powers[done * len(self.powers) // self.length]
 
-    def stage_left(self, done: int) -> int:
+    def stage_iterations(self, done: int) -> int:
         """Return the iterations until the power changes or the cycle ends, 0 at its end."""
         stages = len(self.powers)
         stage = min(done * stages // self.length, stages - 1)
@@ -83,7 +83,7 @@ class Search:
         starts: int = 1,
         params: SearchParams = DEFAULT_PARAMS,
     ) -> None:
-        self._impossible = why_impossible(instance)
+        self._impossible = explain_infeasibility(instance)
         self._instance = instance
         self._cost = cost
         self._all_vehicles = all_vehicles
@@ -91,10 +91,10 @@ class Search:
         self._params = params.annealing
         self._problem: Problem = problem_of(instance)
         self._inspections = self._problem.move.reshape(-1, len(self._problem.value), 2).min(axis=(0, 2))
-        truth = true_weights(self._problem, cost, all_vehicles=all_vehicles)
-        first = self._first(initial)
+        truth = build_true_weights(self._problem, cost, all_vehicles=all_vehicles)
+        first = self._build_first_state(initial)
         self._starts = [
-            SearchStart(self._problem, truth, first, random_state(seed + number)) for number in range(starts)
+            SearchStart(self._problem, truth, first, build_random_state(seed + number)) for number in range(starts)
         ]
         self._leader = self._starts[0]
         self._iterations = 0
@@ -106,28 +106,31 @@ class Search:
     def run(self, stop: StopRule) -> Result:
         """Improve until ``stop`` says so."""
         batch = self._params.batch * len(self._starts)
-        reason = in_rounds(
-            stop, self._progress, lambda most, threads: self._advance(min(batch, most), threads), len(self._starts)
+        reason = run_rounds(
+            stop,
+            self._build_progress,
+            lambda most, threads: self._advance(min(batch, most), threads),
+            len(self._starts),
         )
         return Result(
             plan=self._plan,
             evaluation=self._evaluation,
-            feasible=self._progress().feasible,
+            feasible=self._build_progress().feasible,
             iterations=self._iterations,
             seconds=self._watch.seconds,
             stopped_by=reason,
             impossible=self._impossible,
         )
 
-    def _first(self, initial: Plan | None) -> State:
+    def _build_first_state(self, initial: Plan | None) -> State:
         routes = [route.visits for route in initial.routes] if initial is not None else []
         state = state_of(self._problem, routes)
-        weights = self._weights(float(self._problem.effort.max()), self._params.powers[0], soft=False)
-        insert_open(self._problem, weights, state)
+        weights = self._build_weights(float(self._problem.effort.max()), self._params.powers[0], soft=False)
+        insert_open_segments(self._problem, weights, state)
         return state
 
-    def _weights(self, scale: float, power: float, *, soft: bool) -> Weights:
-        return guide_weights(
+    def _build_weights(self, scale: float, power: float, *, soft: bool) -> Weights:
+        return build_guide_weights(
             self._problem, self._cost, self._params,
             scale=scale, all_vehicles=self._all_vehicles, power=power, soft=soft,
         )  # fmt: skip
@@ -145,7 +148,7 @@ class Search:
         for start in self._starts:
             start.begin(self._leader, self._cycle.hot)
 
-    def _next(self) -> None:
+    def _begin_next_cycle(self) -> None:
         """Begin the next cycle, twice as long; after a soft one a hard one of its length."""
         if self._cycle.soft:
             self._begin(self._cycle.length, soft=False)
@@ -162,25 +165,25 @@ class Search:
     def _advance(self, iterations: int, threads: Executor | None = None) -> None:
         """Run ``iterations`` over all starts; how they are split over calls makes no difference to a single one."""
         while iterations > 0:
-            iterations -= self._round(iterations, threads)
+            iterations -= self._run_round(iterations, threads)
 
-    def _round(self, iterations: int, threads: Executor | None) -> int:
+    def _run_round(self, iterations: int, threads: Executor | None) -> int:
         """Have each start do its share of ``iterations``, as far as its stage goes; return how many were done."""
         shares: list[tuple[SearchStart, Weights, int]] = []
         given = 0
         for number, start in enumerate(sorted(self._starts, key=lambda start: start.done)):
             fair = -(-(iterations - given) // (len(self._starts) - number))
-            share = min(fair, self._cycle.stage_left(start.done))
+            share = min(fair, self._cycle.stage_iterations(start.done))
             if share > 0:
                 power = self._cycle.power(start.done)
-                shares.append((start, self._weights(self._cycle.scale, power, soft=self._cycle.soft), share))
+                shares.append((start, self._build_weights(self._cycle.scale, power, soft=self._cycle.soft), share))
                 given += share
         cooling = self._cycle.cooling
-        found = side_by_side(threads, lambda work: work[0].run(work[1], cooling, work[2]), shares)
+        found = run_in_threads(threads, lambda work: work[0].run(work[1], cooling, work[2]), shares)
         self._take_best(max(found))
         self._iterations += given
         if all(start.done == self._cycle.length for start in self._starts):
-            self._next()
+            self._begin_next_cycle()
         return given
 
     def _take_best(self, latest: int) -> None:
@@ -198,7 +201,7 @@ class Search:
         self._plan = plan_of(self._leader.best)
         self._evaluation: Evaluation = evaluate(self._instance, self._plan, self._cost)
 
-    def _progress(self) -> Progress:
+    def _build_progress(self) -> Progress:
         return Progress(
             iterations=self._iterations,
             since_improvement=max(0, self._iterations - self._improved_at),

@@ -12,7 +12,7 @@ from planner.model import Instance, Plan, Route, Vehicle, segment_of
 from planner.moves import Travel
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.result import Result
-from planner.stop import Iterations, Progress, StopRule, Stopwatch, reported
+from planner.stop import Iterations, Progress, StopRule, Stopwatch, add_progress_report
 
 
 def solve(  # noqa: PLR0913 - what is asked for, how long to search, and from where
@@ -53,7 +53,7 @@ def solve(  # noqa: PLR0913 - what is asked for, how long to search, and from wh
     if initial is not None:
         check_tails(instance, [route.visits for route in initial.routes])
     if instance.segments == 0:
-        return _nothing_to_do(instance, cost)
+        return _build_empty_result(instance, cost)
     # Only here: numba takes a second to load, and whoever imports the planner may never make a plan.
     from planner.large import LargeSearch
     from planner.search import Search
@@ -63,7 +63,7 @@ def solve(  # noqa: PLR0913 - what is asked for, how long to search, and from wh
         instance, cost=cost, seed=seed, initial=initial, all_vehicles=all_vehicles, watch=watch, starts=starts,
         params=params,
     )  # fmt: skip
-    return search.run(reported(stop, on_progress))
+    return search.run(add_progress_report(stop, on_progress))
 
 
 def warm_up() -> None:
@@ -94,7 +94,7 @@ def check_tails(instance: Instance, tails: Sequence[Sequence[int]]) -> None:
         raise PlanError("a segment occurs twice in the routes")
 
 
-def _nothing_to_do(instance: Instance, cost: Cost) -> Result:
+def _build_empty_result(instance: Instance, cost: Cost) -> Result:
     plan = Plan(tuple(Route(vehicle, ()) for vehicle in range(len(instance.vehicles))))
     evaluation = evaluate(instance, plan, cost)
     return Result(

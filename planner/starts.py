@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from planner.construct import copy_of, memory_of
-from planner.kernels.anneal import anneal, left_out_value, objective
+from planner.kernels.anneal import anneal, compute_objective, uncovered_value
 from planner.kernels.arrays import Problem, RandomState, State, Weights
 from planner.kernels.tours import copy_all
 
@@ -15,7 +15,7 @@ class SearchStart:
 
     def __init__(self, problem: Problem, truth: Weights, first: State, rng: RandomState) -> None:
         self.best = copy_of(first)
-        self.key = np.array([left_out_value(problem, first)[0], objective(problem, truth, first)])
+        self.key = np.array([uncovered_value(problem, first)[0], compute_objective(problem, truth, first)])
         """(2,) float64: the value that the best plan leaves out, then the cost function's: less is better."""
         self.done = 0
         """Iterations of the cycle under way."""

@@ -119,7 +119,7 @@ def any_of(*rules: StopRule) -> StopRule:
     return AnyOf(rules)
 
 
-def reported(stop: StopRule, on_progress: Callable[[Progress], None] | None) -> StopRule:
+def add_progress_report(stop: StopRule, on_progress: Callable[[Progress], None] | None) -> StopRule:
     """Return the rule that tells where a search stands before it asks ``stop``."""
     if on_progress is None:
         return stop

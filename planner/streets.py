@@ -13,7 +13,7 @@ from planner.moves import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
-class Streets:
+class RoadGraph:
     """All shortest ways of a graph whose edges lead both ways."""
 
     along_s: FloatArray
@@ -23,7 +23,7 @@ class Streets:
     onward: npt.NDArray[np.int64]
     """(m, m): the place after i on the shortest way from i to j; -1 where there is none."""
 
-    def way(self, begin: int, end: int) -> tuple[int, ...]:
+    def find_way(self, begin: int, end: int) -> tuple[int, ...]:
         """Return the places of a shortest way, both ends included.
 
         Raises:
@@ -37,7 +37,7 @@ class Streets:
         return tuple(places)
 
 
-def streets(places: int, edges: Iterable[tuple[int, int, float]]) -> Streets:
+def build_road_graph(places: int, edges: Iterable[tuple[int, int, float]]) -> RoadGraph:
     """Return the shortest ways between ``places`` places (Floyd, Warshall 1962).
 
     Args:
@@ -66,4 +66,4 @@ def streets(places: int, edges: Iterable[tuple[int, int, float]]) -> Streets:
         shorter = through < times
         times[shorter] = through[shorter]
         onward[shorter] = np.broadcast_to(onward[:, middle, np.newaxis], shorter.shape)[shorter]
-    return Streets(along, times, onward)
+    return RoadGraph(along, times, onward)

@@ -17,7 +17,7 @@ Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Subsets:
+class SubsetRoutes:
     """The best route of one vehicle through each set of segments; a set is a number with a bit for each segment."""
 
     energy_pct: FloatArray
@@ -29,7 +29,7 @@ class Subsets:
     move_pct: FloatArray
     """(2n, 2n) float64: from visit to visit with the vehicle's consumption."""
 
-    def route(self, chosen: int) -> tuple[int, ...]:
+    def route_of(self, chosen: int) -> tuple[int, ...]:
         """Return the visits of the best route through a set that has one."""
         route: list[int] = []
         onward = self.home_pct
@@ -41,7 +41,7 @@ class Subsets:
         return tuple(reversed(route))
 
 
-def route_subsets(instance: Instance, most_segments: int) -> tuple[Subsets, ...]:
+def find_subset_routes(instance: Instance, most_segments: int) -> tuple[SubsetRoutes, ...]:
     """Return the best routes of each vehicle through all sets of segments; vehicles that are alike share theirs.
 
     Raises:
@@ -49,16 +49,16 @@ def route_subsets(instance: Instance, most_segments: int) -> tuple[Subsets, ...]
     """
     if instance.segments > most_segments:
         raise InstanceError(f"{instance.segments} segments, expected at most {most_segments} for an exact answer")
-    known: dict[tuple[bytes | float, ...], Subsets] = {}
+    known: dict[tuple[bytes | float, ...], SubsetRoutes] = {}
     answer = []
-    for vehicle, kind in enumerate(kinds(instance)):
+    for vehicle, kind in enumerate(compute_vehicle_kinds(instance)):
         if kind not in known:
             known[kind] = _subsets_of(instance, vehicle)
         answer.append(known[kind])
     return tuple(answer)
 
 
-def kinds(instance: Instance) -> list[tuple[bytes | float, ...]]:
+def compute_vehicle_kinds(instance: Instance) -> list[tuple[bytes | float, ...]]:
     """Return for each vehicle what its routes' energies depend on: alike for those that can stand for each other."""
     return [
         (
@@ -73,9 +73,9 @@ def kinds(instance: Instance) -> list[tuple[bytes | float, ...]]:
     ]
 
 
-def _subsets_of(instance: Instance, number: int) -> Subsets:
+def _subsets_of(instance: Instance, number: int) -> SubsetRoutes:
     # Only here: it loads numba.
-    from planner.kernels.subsets import best_routes
+    from planner.kernels.subsets import find_best_routes
 
     vehicle, every = instance.vehicles[number], np.arange(2 * instance.segments)
     start = np.array(instance.start_pct[number], dtype=np.float64)
@@ -87,11 +87,11 @@ def _subsets_of(instance: Instance, number: int) -> Subsets:
     spent, energy = np.empty((sets, len(every))), np.empty(sets)
     idle = float(instance.idle_pct[number])
     energy[0] = idle if idle <= most else np.inf
-    best_routes(start, home, move, most, spent, energy)
-    return Subsets(energy, spent, home, move)
+    find_best_routes(start, home, move, most, spent, energy)
+    return SubsetRoutes(energy, spent, home, move)
 
 
-def most_valuable(subsets: Sequence[Subsets], value: FloatArray) -> list[int]:
+def find_most_valuable_sets(subsets: Sequence[SubsetRoutes], value: FloatArray) -> list[int]:
     """Return a set for each vehicle, together the most valuable that they can inspect; ``value`` is (n,) float64.
 
     A vehicle that cannot get home has the empty set.
@@ -99,42 +99,42 @@ def most_valuable(subsets: Sequence[Subsets], value: FloatArray) -> list[int]:
     fits = [np.isfinite(own.energy_pct) for own in subsets]
     for own in fits:
         own[0] = True
-    covered, steps = _joined(fits, len(fits[0]))
-    worth = members(np.arange(len(covered)), len(value)) @ value
-    return _traced(steps, int(np.where(covered, worth, -np.inf).argmax()))
+    covered, steps = _join_sets(fits, len(fits[0]))
+    worth = build_membership_matrix(np.arange(len(covered)), len(value)) @ value
+    return _trace_parts(steps, int(np.where(covered, worth, -np.inf).argmax()))
 
 
-def members(sets: npt.NDArray[np.int64], segments: int) -> FloatArray:
+def build_membership_matrix(sets: npt.NDArray[np.int64], segments: int) -> FloatArray:
     """Return (m, n) float64, 1 where segment s is in the set and 0 where it is not."""
     return (sets[:, np.newaxis] >> np.arange(segments) & 1).astype(np.float64)
 
 
-def cover_all(fits: Sequence[Flags]) -> list[int] | None:
+def find_covering_sets(fits: Sequence[Flags]) -> list[int] | None:
     """Return a set for each vehicle that fits it, together everything; None where there are none."""
-    covered, steps = _joined(fits[:-1], len(fits[0]))
+    covered, steps = _join_sets(fits[:-1], len(fits[0]))
     # The last vehicle must take all that the others leave.
     complete = covered & fits[-1][::-1]
     chosen = int(complete.argmax())
     if not complete[chosen]:
         return None
-    return [*_traced(steps, chosen), len(covered) - 1 - chosen]
+    return [*_trace_parts(steps, chosen), len(covered) - 1 - chosen]
 
 
-def _joined(fits: Sequence[Flags], sets: int) -> tuple[Flags, list[npt.NDArray[np.int64]]]:
+def _join_sets(fits: Sequence[Flags], sets: int) -> tuple[Flags, list[npt.NDArray[np.int64]]]:
     """Return which sets vehicles can cover together, and for each vehicle its part of them."""
-    from planner.kernels.subsets import join
+    from planner.kernels.subsets import join_covered_sets
 
     covered = np.arange(sets) == 0
     steps = []
     for own in fits:
         together, part_of = np.zeros(sets, dtype=np.bool_), np.zeros(sets, dtype=np.int64)
-        join(covered, own, together, part_of)
+        join_covered_sets(covered, own, together, part_of)
         steps.append(part_of)
         covered = together
     return covered, steps
 
 
-def _traced(steps: Sequence[npt.NDArray[np.int64]], chosen: int) -> list[int]:
+def _trace_parts(steps: Sequence[npt.NDArray[np.int64]], chosen: int) -> list[int]:
     """Return each vehicle's part of a set that they cover together."""
     parts = []
     for part_of in reversed(steps):

@@ -20,7 +20,7 @@ BEND_RAD = 0.35
 """Standard deviation of such a turn."""
 
 
-def generated_network(segments: int, seed: int) -> FloatArray:
+def generate_network(segments: int, seed: int) -> FloatArray:
     """Return (n, 2, 2) float64, the end points in metres of the spans of a branching network about (0, 0).
 
     Lines grow span by span in turn, bend now and then and send out branches. The same seed gives the same network,

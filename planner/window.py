@@ -14,10 +14,10 @@ from itertools import takewhile
 
 from planner.cost import Cost
 from planner.errors import PlanError
-from planner.evaluate import Evaluation, completions_s, evaluate, route_duration_s
-from planner.loss import LossRow, Repair
+from planner.evaluate import Evaluation, completion_times_s, evaluate, route_duration_s
+from planner.loss import LossRow, RepairStatus
 from planner.model import Instance, Plan
-from planner.replan import SAME_TIME_S, Remainder, remaining
+from planner.replan import SAME_TIME_S, RemainingProblem, build_remaining_problem
 from planner.solve import check_tails
 
 EFFORT = 10_000
@@ -25,7 +25,7 @@ EFFORT = 10_000
 
 
 @dataclass(frozen=True, slots=True)
-class Breaking:
+class CriticalLoss:
     """The loss that ends a window: with it, no re-plan was found."""
 
     vehicle: int
@@ -42,7 +42,7 @@ class ReplanWindow:
     certified_earliest_s: float
     """No window of this plan begins earlier: the end of the latest interval with a loss that nothing repairs."""
     longest_route_s: float
-    breaking: Breaking | None
+    breaking: CriticalLoss | None
     """The loss just before ``earliest_s`` that has no re-plan; None for a full window."""
 
     @property
@@ -82,7 +82,7 @@ class WindowResult:
 class LossRepair:
     """One loss with its re-plan."""
 
-    remainder: Remainder
+    remainder: RemainingProblem
     plan: Plan
     """For ``remainder.instance``."""
 
@@ -107,30 +107,30 @@ def replan_window(
     """
     _check_fleet(instance, plan)
     evaluation = evaluate(instance, plan, Cost.MINMAX)
-    longest_s, events = evaluation.longest_route_s, events_s(instance, plan)
+    longest_s, events = evaluation.longest_route_s, event_times_s(instance, plan)
     if plan.uncovered or evaluation.violations:
         flying = evaluation.durations_s.index(longest_s)
         return ReplanWindow(
-            longest_s, longest_s, longest_s, Breaking(flying, events[-2] if longest_s else 0, longest_s)
+            longest_s, longest_s, longest_s, CriticalLoss(flying, events[-2] if longest_s else 0, longest_s)
         )
     # Only here, as in solve.py: it loads numba.
-    from planner.losses import Losses
+    from planner.losses import LossScan
 
     if instance.segments == 0:
         return ReplanWindow(0.0, 0.0, longest_s, None)
-    losses = Losses(instance, plan, events, seed=seed, fly_again=fly_again)
-    broken = next((row for row in losses.rows(effort) if row.verdict is not Repair.FEASIBLE), None)
+    losses = LossScan(instance, plan, events, seed=seed, fly_again=fly_again)
+    broken = next((row for row in losses.iterate_rows(effort) if row.verdict is not RepairStatus.FEASIBLE), None)
     if broken is None:
         return ReplanWindow(0.0, 0.0, longest_s, None)
     return ReplanWindow(
         earliest_s=broken.to_s,
         certified_earliest_s=losses.last_impossible_s(broken),
         longest_route_s=longest_s,
-        breaking=Breaking(broken.vehicle, broken.from_s, broken.to_s),
+        breaking=CriticalLoss(broken.vehicle, broken.from_s, broken.to_s),
     )
 
 
-def loss_table(
+def build_loss_table(
     instance: Instance, plan: Plan, *, effort: int = EFFORT, seed: int = 0, fly_again: bool = True
 ) -> tuple[LossRow, ...]:
     """Return all losses of a plan, those at the end first: each interval with each vehicle flying in it.
@@ -145,10 +145,10 @@ def loss_table(
     Raises:
         PlanError: the plan is not one for the instance, or has one vehicle only.
     """
-    return tuple(_rows(instance, plan, effort, seed, fly_again=fly_again))
+    return tuple(_iterate_rows(instance, plan, effort, seed, fly_again=fly_again))
 
 
-def repairs_at(
+def find_repairs_at(
     instance: Instance, plan: Plan, at_s: float, *, effort: int = EFFORT, seed: int = 0, fly_again: bool = True
 ) -> tuple[LossRepair, ...]:
     """Return a re-plan for each vehicle that flies ``at_s``, as far as found: at ``earliest_s``, for all of them.
@@ -159,27 +159,27 @@ def repairs_at(
     Raises:
         PlanError: the plan is not one for the instance, or has one vehicle only.
     """
-    rows = _rows(instance, plan, effort, seed, fly_again=fly_again)
+    rows = _iterate_rows(instance, plan, effort, seed, fly_again=fly_again)
     after = (row for row in rows if row.from_s <= at_s + SAME_TIME_S)
     here = takewhile(lambda row: row.to_s > at_s + SAME_TIME_S, after)
     return tuple(
-        LossRepair(remaining(instance, plan, row.vehicle, row.from_s, fly_again=fly_again), row.plan)
+        LossRepair(build_remaining_problem(instance, plan, row.vehicle, row.from_s, fly_again=fly_again), row.plan)
         for row in here
         if row.plan is not None
     )
 
 
-def _rows(instance: Instance, plan: Plan, effort: int, seed: int, *, fly_again: bool) -> Iterator[LossRow]:
+def _iterate_rows(instance: Instance, plan: Plan, effort: int, seed: int, *, fly_again: bool) -> Iterator[LossRow]:
     """Return all losses of a plan, those at the end first; a row is computed when it is asked for."""
     _check_fleet(instance, plan)
     if instance.segments == 0:
         return iter(())
-    from planner.losses import Losses
+    from planner.losses import LossScan
 
-    return Losses(instance, plan, events_s(instance, plan), seed=seed, fly_again=fly_again).rows(effort)
+    return LossScan(instance, plan, event_times_s(instance, plan), seed=seed, fly_again=fly_again).iterate_rows(effort)
 
 
-def events_s(instance: Instance, plan: Plan) -> tuple[float, ...]:
+def event_times_s(instance: Instance, plan: Plan) -> tuple[float, ...]:
     """Return 0 and the times at which a visit ends or a vehicle lands, ascending; the last is the longest route's end.
 
     Between two of them nothing changes, whichever vehicle is lost. Where survivors fly on as planned for a while,
@@ -187,7 +187,7 @@ def events_s(instance: Instance, plan: Plan) -> tuple[float, ...]:
     """
     times = {0.0}
     for route in plan.routes:
-        for time_s in (*completions_s(instance, route), route_duration_s(instance, route)):
+        for time_s in (*completion_times_s(instance, route), route_duration_s(instance, route)):
             times.update((time_s, max(0.0, time_s - instance.answer_s)))
     events: list[float] = []
     for time_s in sorted(times):

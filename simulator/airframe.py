@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from simulator.battery import Battery
 from simulator.config import SimVehicle
 from simulator.enums import LandedState
-from simulator.guidance import Climb, Goal, Hover, Land, Leg, Pilot, Wait, stopping_place
+from simulator.guidance import Climb, Goal, GoalFollower, Hover, Land, Leg, SpoolUp, find_stopping_place
 from simulator.physics import HARD_LANDING_M_S, Body, Limits, Place
-from simulator.wander import Wander
+from simulator.wander import PositionDrift
 
 AIRBORNE_M = 0.3
 SETTLES_M_S = 8.6
@@ -40,7 +40,7 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True)
-class Manners:
+class AirframeSettings:
     """What the autopilot asks of the airframe."""
 
     limits: Limits
@@ -57,9 +57,11 @@ class Manners:
 class Airframe:
     """Body, battery and motors of one vehicle."""
 
-    def __init__(self, vehicle: SimVehicle, manners: Manners) -> None:
+    def __init__(self, vehicle: SimVehicle, manners: AirframeSettings) -> None:
         self.body = Body()
-        self.pilot = Pilot(self.body, manners.limits, Wander(manners.wander_m, f"{vehicle.seed}:{vehicle.name}:wander"))
+        self.pilot = GoalFollower(
+            self.body, manners.limits, PositionDrift(manners.wander_m, f"{vehicle.seed}:{vehicle.name}:wander")
+        )
         self.battery = Battery(
             vehicle.drone, charge_pct=vehicle.charge_pct, health=vehicle.health, consumption=vehicle.consumption
         )
@@ -101,7 +103,7 @@ class Airframe:
         east, north = self._wind_m_s
         return math.hypot(self.body.v_east_m_s - east, self.body.v_north_m_s - north)
 
-    def reached_m_s(self, asked_m_s: float) -> float:
+    def achieved_speed_m_s(self, asked_m_s: float) -> float:
         """Return the speed over ground that it flies at when it is asked for one."""
         return self._reaches * asked_m_s
 
@@ -119,7 +121,7 @@ class Airframe:
                 return LandedState.IN_AIR
 
     @property
-    def climbed_to(self) -> Place | None:
+    def takeoff_end(self) -> Place | None:
         """Where the last take-off was to end, until another kind of flight begins; the next leg begins there."""
         return self._climbed_to if self.climbing_out else None
 
@@ -132,7 +134,7 @@ class Airframe:
             self._fall(dt_s)
         elif self.armed and not self.wrecked:
             self._fly(dt_s)
-            if self.battery.empty:
+            if self.battery.is_empty:
                 self.lose_thrust()
 
     def arm(self) -> None:
@@ -140,7 +142,7 @@ class Airframe:
         if not self.armed:
             self.armed, self._stops = True, False
             self._ground_s = 0.0
-            self.happened("armed")
+            self.record_event("armed")
 
     def disarm(self) -> None:
         """Stop the motors; in the air that is a fall."""
@@ -149,7 +151,7 @@ class Airframe:
         if not self.body.on_ground and not self.wrecked:
             self._falling = self._stops = True
             return
-        self._motors_off()
+        self._stop_motors()
         self.pilot.fly([])
 
     def kill(self) -> None:
@@ -158,7 +160,7 @@ class Airframe:
             return
         self._falling = not self.body.on_ground and not self.wrecked
         self._bears_m_s = SETTLES_M_S
-        self._motors_off()
+        self._stop_motors()
         self.pilot.fly([])
 
     def damage(self, *, lost_thrust: float, turns_over: bool) -> None:
@@ -174,7 +176,7 @@ class Airframe:
         self.body.east_m = self.body.north_m = self.body.up_m = 0.0
         self.body.stop()
         self.disarm()
-        self.happened("on_pad")
+        self.record_event("on_pad")
 
     def lose_thrust(self) -> None:
         """Fall; on the ground, break down. Who lies destroyed has nothing to lose, and no last words again."""
@@ -185,7 +187,7 @@ class Airframe:
         else:
             self._falling = True
 
-    def happened(self, what: str, sender: int | None = None) -> None:
+    def record_event(self, what: str, sender: int | None = None) -> None:
         """Note an event, or an order of a system."""
         self._events.append(Event(what, self._now_s, sender, self.body.place, self.battery.charge_pct))
 
@@ -199,49 +201,49 @@ class Airframe:
         self.climbing_out = True
         self._climbed_to = Place(self.body.east_m, self.body.north_m, up_m)
         if self.body.on_ground:
-            yield Wait(self._manners.spool_s)
+            yield SpoolUp(self._manners.spool_s)
         yield replace(self._manners.climb, place=self._climbed_to, speed_m_s=climb_m_s, slow_m_s=slow_m_s)
 
     def go_home(self, up_m: float, *, speed_m_s: float, linger_s: float, land: Land, to: Place = PAD) -> Iterator[Goal]:
         """Yield the way home: climb if need be, straight to the pad or a rally point, linger, land."""
         self.climbing_out = False
-        here = stopping_place(self.body, self._manners.limits)
+        here = find_stopping_place(self.body, self._manners.limits)
         if not self.body.on_ground:
             above = Place(here.east_m, here.north_m, max(here.up_m, up_m))
             if above.up_m > here.up_m + AIRBORNE_M:
                 yield Climb(above, self._manners.limits.climb_m_s)
             over = Place(to.east_m, to.north_m, above.up_m)
-            yield Leg(above, over, self.reached_m_s(speed_m_s), accept_m=0.0)
+            yield Leg(above, over, self.achieved_speed_m_s(speed_m_s), accept_m=0.0)
             yield Hover(over, linger_s)
         yield land
 
-    def _motors_off(self) -> None:
+    def _stop_motors(self) -> None:
         self.armed = self._airborne = self.climbing_out = self._descending = False
         self._ground_s = 0.0
-        self.happened("disarmed")
+        self.record_event("disarmed")
 
     def _fall(self, dt_s: float) -> None:
         impact_m_s = self.body.fall(dt_s)
         if not self.body.on_ground:
             return
         if self._turns_over:
-            self._lie()
+            self._rest_on_back()
         elif impact_m_s > self._bears_m_s:
             self._break()
         else:
             self._falling = False
-            self.happened("fell")
+            self.record_event("fell")
             self.disarm()
 
-    def _lie(self) -> None:
+    def _rest_on_back(self) -> None:
         roll_rad = WRECK_ROLL_RAD if self._turns_over else 0.0
         self._falling = self._turns_over = False
         self.wrecked = True
         self.body.stop()
         self.body.up_m, self.body.roll_rad = WRECK_UP_M, roll_rad
-        self.happened("wreck")
+        self.record_event("wreck")
         if self._stops:
-            self._motors_off()
+            self._stop_motors()
 
     def _fly(self, dt_s: float) -> None:
         lands = isinstance(self.pilot.goal, Land)
@@ -249,16 +251,16 @@ class Airframe:
         if self._descending != isinstance(self.pilot.goal, Land):
             self._descending = not self._descending
             if self._descending and not self.body.on_ground:
-                self.happened("descends")
+                self.record_event("descends")
         if self.body.up_m > AIRBORNE_M and not self._airborne:
             self._airborne = True
-            self.happened("took_off")
+            self.record_event("took_off")
         if self.body.lost_thrust and self._airborne and self.body.on_ground and self._ground_s == 0.0 and not lands:
-            self._lie()  # its motors turn on, and no autopilot takes that for a landing
+            self._rest_on_back()  # its motors turn on, and no autopilot takes that for a landing
             return
-        rests = self.body.on_ground and not isinstance(self.pilot.goal, Wait | Climb)
+        rests = self.body.on_ground and not isinstance(self.pilot.goal, SpoolUp | Climb)
         if rests and self._airborne and self._ground_s == 0.0:
-            self.happened("landed")
+            self.record_event("landed")
         self._ground_s = self._ground_s + dt_s if rests else 0.0
         if self._ground_s >= (self._manners.disarm_landed_s if self._airborne else IDLE_DISARM_S):
             self.disarm()
@@ -267,5 +269,5 @@ class Airframe:
         self.crashed_s = self._now_s
         self._falling = False
         self.body.stop()
-        self.happened("crash")
+        self.record_event("crash")
         self.disarm()

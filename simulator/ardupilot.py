@@ -10,14 +10,14 @@ from typing import ClassVar
 from missions.items import Command as ItemCommand
 from missions.items import Frame, MissionItem
 from simulator import telemetry
-from simulator.airframe import Manners
+from simulator.airframe import AirframeSettings
 from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
 from simulator.enums import MavCommand, MissionState, Result, Severity
-from simulator.fence import Shape, distance_outside_m, is_inside, shapes_of, way_home_ends
-from simulator.guidance import Sink, stopping_place
-from simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, out
-from simulator.mission_ardupilot import ArduPilotMission, home_goals, land_goal
+from simulator.fence import FenceShape, distance_outside_m, find_return_destination, is_inside, shapes_of
+from simulator.guidance import ThrottleDescent, find_stopping_place
+from simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, build_message
+from simulator.mission_ardupilot import ArduPilotMission, build_home_goals, land_goal
 from simulator.mission_store import StoreStep
 from simulator.physics import Home, Limits
 from simulator.positioning import GPS_BIT
@@ -26,7 +26,7 @@ from simulator.store_ardupilot import ArduPilotStore
 MAV_AUTOPILOT_ARDUPILOT = 3
 LIMITS = Limits(accelerate_m_s2=1.5, brake_m_s2=2.0, climb_m_s=2.5, descend_m_s=2.5, vertical_m_s2=1.0, corner_m_s2=2.5)
 """Recorded: 0 to 4.3 m/s in 3 s; a right angle at 3.4 m/s; 2.49 m/s up; LOITER without a stick sinks at 2.5 m/s."""
-MANNERS = Manners(LIMITS, spool_s=3.0, disarm_landed_s=2.2)
+MANNERS = AirframeSettings(LIMITS, spool_s=3.0, disarm_landed_s=2.2)
 SINK_M_S = 2.5
 SILENT_BATTERY_S = 2.0
 """After boot SYS_STATUS says 0 V, -1, -1: no fault."""
@@ -86,10 +86,10 @@ class ArduPilot(Autopilot):
         item = MissionItem(0, Frame.GLOBAL, ItemCommand.NAV_WAYPOINT, x=lat, y=lon, z=home.alt_m)
         store = ArduPilotStore(item, vehicle.transfer_patience_s)
         super().__init__(vehicle, MANNERS, store, home)
-        self.mission = ArduPilotMission(self.frame, store, home, self.params, self.voice, self.carry_out)
+        self.mission = ArduPilotMission(self.frame, store, home, self.params, self.voice, self.execute_payload_command)
         self._gcs_failsafe = self._ekf_failsafe = False
         self._breached, self._breaches = False, 0
-        self._shapes: tuple[Shape, ...] = ()
+        self._shapes: tuple[FenceShape, ...] = ()
         self._outside = False
         """Whether it is outside its fence by its own place; a breach may also be injected."""
         self._battery_level = 0
@@ -99,10 +99,10 @@ class ArduPilot(Autopilot):
 
     def _own_commands(self) -> dict[int, Callable[[Command], Result]]:
         return {
-            MavCommand.DO_SET_MODE: lambda command: self.set_mode(command.integer(1)),
+            MavCommand.DO_SET_MODE: lambda command: self.set_mode(command.integer_param(1)),
             MavCommand.MISSION_START: self._start_mission,
             MavCommand.DO_SET_MISSION_CURRENT: lambda command: (
-                Result.ACCEPTED if self.select_item(command.integer(0)) else Result.DENIED
+                Result.ACCEPTED if self.select_item(command.integer_param(0)) else Result.DENIED
             ),
             MavCommand.DO_PAUSE_CONTINUE: self._pause_continue,
             MavCommand.NAV_RETURN_TO_LAUNCH: lambda _: self.set_mode(Mode.RTL),
@@ -116,7 +116,7 @@ class ArduPilot(Autopilot):
     def set_mode(self, mode: int) -> Result:
         """Change the mode; the one that is set already is set once more without effect."""
         if mode not in set(Mode):
-            self.voice.say(Severity.WARNING, f"No such mode {mode}")
+            self.voice.send_text(Severity.WARNING, f"No such mode {mode}")
             return Result.FAILED
         if mode == self.mode:
             return Result.ACCEPTED
@@ -125,8 +125,8 @@ class ArduPilot(Autopilot):
         if self.mode == Mode.AUTO:
             self.mission.leave()
         self.mode = Mode(mode)
-        self.frame.happened(f"mode {Mode(mode).name}")
-        self.streams.soon("HEARTBEAT", self.now_s)
+        self.frame.record_event(f"mode {Mode(mode).name}")
+        self.streams.schedule_now("HEARTBEAT", self.now_s)
         if self.frame.wrecked:
             if mode == Mode.LAND:
                 self.frame.disarm()
@@ -138,7 +138,7 @@ class ArduPilot(Autopilot):
         """Return the number of a mode that a person chooses."""
         return Mode[word]
 
-    def mode_order(self, word: str) -> Command:
+    def build_mode_order(self, word: str) -> Command:
         """Return the order of a mode as a ground station gives it."""
         return Command(MavCommand.DO_SET_MODE, (1.0, float(Mode[word]), 0.0, 0.0, 0.0, 0.0, 0.0))
 
@@ -147,8 +147,8 @@ class ArduPilot(Autopilot):
             return True
         if self.mission.state == MissionState.NO_MISSION:
             return False
-        if self.frame.body.on_ground and not self.mission.begins_with_takeoff():
-            self.voice.say(Severity.CRITICAL, "Auto: Missing Takeoff Cmd")
+        if self.frame.body.on_ground and not self.mission.is_takeoff_next():
+            self.voice.send_text(Severity.CRITICAL, "Auto: Missing Takeoff Cmd")
             return False
         return True
 
@@ -161,10 +161,10 @@ class ArduPilot(Autopilot):
                 self.mission.enter()
             case Mode.RTL:
                 far_m = 1000.0 * self.params["RALLY_LIMIT_KM"] or math.inf
-                to = way_home_ends(self.store.rally, self.home, self.frame.body.place, far_m)
-                pilot.fly(home_goals(self.frame, self.params, to))
+                to = find_return_destination(self.store.rally, self.home, self.frame.body.place, far_m)
+                pilot.fly(build_home_goals(self.frame, self.params, to))
             case Mode.LAND:
-                pilot.fly([land_goal(stopping_place(self.frame.body, LIMITS), self.params)])
+                pilot.fly([land_goal(find_stopping_place(self.frame.body, LIMITS), self.params)])
             case Mode.GUIDED | Mode.BRAKE:
                 pilot.hold()
             case Mode.LOITER | Mode.POSHOLD if self.hands:
@@ -172,13 +172,13 @@ class ArduPilot(Autopilot):
             case _ if self.hands:
                 self.drift()
             case _:
-                pilot.fly([Sink(stopping_place(self.frame.body, LIMITS), SINK_M_S)])
+                pilot.fly([ThrottleDescent(find_stopping_place(self.frame.body, LIMITS), SINK_M_S)])
 
     def _start_mission(self, command: Command) -> Result:
         """Follow MISSION_START: AUTO, and the mission from where it is; it does not arm."""
         if command.params[0] or command.params[1]:
             return Result.DENIED
-        if self.mode == Mode.AUTO and self.frame.armed and not self.mission.running:
+        if self.mode == Mode.AUTO and self.frame.armed and not self.mission.is_running:
             if not self._may_enter_auto():
                 return Result.FAILED
             self._enter(Mode.AUTO)
@@ -189,12 +189,12 @@ class ArduPilot(Autopilot):
         if command.params[0] == 0:
             if self.mode == Mode.AUTO and self.frame.armed and self.mission.pause():
                 return Result.ACCEPTED
-            self.voice.say(Severity.INFO, "Failed to pause")
+            self.voice.send_text(Severity.INFO, "Failed to pause")
             return Result.FAILED
         if self.mode != Mode.AUTO:
-            self.voice.say(Severity.INFO, "Failed to resume")
+            self.voice.send_text(Severity.INFO, "Failed to resume")
             return Result.FAILED
-        self.mission.go_on()
+        self.mission.resume()
         return Result.ACCEPTED
 
     def _take_off(self, command: Command) -> Result:
@@ -211,7 +211,7 @@ class ArduPilot(Autopilot):
         return Result.ACCEPTED
 
     def _refuse_arming(self) -> str | None:
-        if not self.ready:
+        if not self.is_ready:
             return "Arm: Need Position Estimate"
         if self.mode not in ARMABLE:
             return "Arm: Mode not armable"
@@ -222,28 +222,28 @@ class ArduPilot(Autopilot):
     def _set_mode_message(self, message: SetMode) -> None:
         self.set_mode(message.custom_mode & 0xFF)
 
-    def _on_no_interval(self, number: int) -> Result:
-        self.voice.say(Severity.WARNING, f"No ap_message for mavlink id ({number})")
+    def _refuse_interval(self, number: int) -> Result:
+        self.voice.send_text(Severity.WARNING, f"No ap_message for mavlink id ({number})")
         return Result.DENIED
 
     def _on_armed(self) -> None:
-        self.voice.say(Severity.INFO, "Arming motors")
+        self.voice.send_text(Severity.INFO, "Arming motors")
 
     def _on_disarmed(self) -> None:
-        self.voice.say(Severity.INFO, "Disarming motors")
+        self.voice.send_text(Severity.INFO, "Disarming motors")
         self._breached = self._outside = False
-        self.mission.disarmed()
+        self.mission.apply_disarm()
 
-    def _sticks_moved(self) -> None:
+    def _on_stick_input(self) -> None:
         """Go on: in AUTO the sticks move nothing."""
 
     def _on_kill(self) -> None:
-        self.voice.say(Severity.CRITICAL, "RC: Motors Emergency Stopped")
+        self.voice.send_text(Severity.CRITICAL, "RC: Motors Emergency Stopped")
 
     def _on_breach(self) -> None:
         self._breached, self._breaches = True, self._breaches + 1
-        self.voice.say(Severity.NOTICE, "Circle fence breached")
-        self.streams.soon("FENCE_STATUS", self.now_s)
+        self.voice.send_text(Severity.NOTICE, "Circle fence breached")
+        self.streams.schedule_now("FENCE_STATUS", self.now_s)
         self.set_mode(Mode.RTL)
 
     def _on_emergency(self, mode: int) -> None:
@@ -252,8 +252,8 @@ class ArduPilot(Autopilot):
 
     def _on_lost_estimate(self) -> None:
         self._ekf_failsafe = True
-        self.voice.say(Severity.CRITICAL, "EKF variance: over thresholds")
-        self.voice.say(Severity.CRITICAL, "EKF Failsafe: changed to Land Mode")
+        self.voice.send_text(Severity.CRITICAL, "EKF variance: over thresholds")
+        self.voice.send_text(Severity.CRITICAL, "EKF Failsafe: changed to Land Mode")
         self.set_mode(Mode.LAND)
 
     def _on_boot(self) -> None:
@@ -263,22 +263,22 @@ class ArduPilot(Autopilot):
         self._battery_level = 0
         self._low_since_s.clear()
         self._gauge_offset_pct = 100.0 - self.frame.battery.charge_pct
-        self.mission.rebooted()
+        self.mission.apply_reboot()
 
     # The mission on board.
 
-    def _mission_locked(self) -> bool:
+    def _is_mission_locked(self) -> bool:
         return self.frame.armed and self.mode == Mode.AUTO
 
-    def _on_store(self, step: StoreStep) -> None:
+    def _on_mission_change(self, step: StoreStep) -> None:
         if step.fenced:
             self._shapes = shapes_of(self.store.fence, self.home)
         if step.truncated:
-            self.mission.truncated()
+            self.mission.apply_truncation()
         if step.stored:
-            self.mission.stored()
-        if step.cleared and not self._mission_locked():
-            self.mission.cleared()
+            self.mission.apply_stored_item()
+        if step.cleared and not self._is_mission_locked():
+            self.mission.apply_clear()
 
     def _set_current(self, seq: int) -> bool:
         return self.mission.set_current(seq)
@@ -292,14 +292,14 @@ class ArduPilot(Autopilot):
             self._watch_battery()
             self._watch_fence()
 
-    def _counts_as_gcs(self, sender: Peer, heartbeat: Heartbeat) -> bool:  # noqa: ARG002 - only the id counts
+    def _is_gcs_heartbeat(self, sender: Peer, heartbeat: Heartbeat) -> bool:  # noqa: ARG002 - only the id counts
         return sender.sysid == self.params["MAV_GCS_SYSID"]
 
-    def _on_gcs(self) -> None:
+    def _on_gcs_heartbeat(self) -> None:
         if self._gcs_failsafe:
             # It stays in the mode that the failsafe chose.
             self._gcs_failsafe = False
-            self.voice.say(Severity.WARNING, "GCS Failsafe Cleared")
+            self.voice.send_text(Severity.WARNING, "GCS Failsafe Cleared")
 
     def _watch_fence(self) -> None:
         """Act once at a breach; more than 100 m outside it lands, whatever it is set to do."""
@@ -318,18 +318,18 @@ class ArduPilot(Autopilot):
         self._outside = bool(found)
         if was_outside and not found:
             self._breached = False
-            self.voice.say(Severity.NOTICE, "Fence breach cleared")
+            self.voice.send_text(Severity.NOTICE, "Fence breach cleared")
         if was_outside or not found:
             return
-        self.frame.happened("failsafe fence")
+        self.frame.record_event("failsafe fence")
         self._breached, self._breaches = True, self._breaches + 1
-        self.voice.say(Severity.NOTICE, f"{' and '.join(found)} fence breached")
-        self.streams.soon("FENCE_STATUS", self.now_s)
-        self.streams.soon("SYS_STATUS", self.now_s)
+        self.voice.send_text(Severity.NOTICE, f"{' and '.join(found)} fence breached")
+        self.streams.schedule_now("FENCE_STATUS", self.now_s)
+        self.streams.schedule_now("SYS_STATUS", self.now_s)
         action = int(self.params["FENCE_ACTION"])
         if action == 0:
             return
-        self.voice.say(Severity.INFO, "Manual recovery started")
+        self.voice.send_text(Severity.INFO, "Manual recovery started")
         far = distance_outside_m(self._shapes, place) > GIVES_UP_M
         self.set_mode(Mode.LAND if far or action == 2 else Mode.BRAKE if action == 4 else Mode.RTL)
 
@@ -340,8 +340,8 @@ class ArduPilot(Autopilot):
         if int(self.params["FS_OPTIONS"]) & 2 and self.mode == Mode.AUTO:
             return
         self._gcs_failsafe = True
-        self.frame.happened("failsafe link")
-        self.voice.say(Severity.WARNING, "GCS Failsafe")
+        self.frame.record_event("failsafe link")
+        self.voice.send_text(Severity.WARNING, "GCS Failsafe")
         if self.frame.body.on_ground:
             self.frame.disarm()
         elif self.mode not in {Mode.RTL, Mode.LAND}:
@@ -356,17 +356,17 @@ class ArduPilot(Autopilot):
             since_s = self._low_since_s.setdefault(level, self.now_s) if low_v else self.now_s
             if not low_v:
                 self._low_since_s.pop(level, None)
-            left_mah = self.params["BATT_CAPACITY"] - self._consumed_mah()
+            left_mah = self.params["BATT_CAPACITY"] - self._consumption_mah()
             if self.now_s - since_s >= self.params["BATT_LOW_TIMER"] or left_mah < self.params[f"BATT_{prefix}_MAH"]:
                 self._raise_battery(level, int(self.params[f"BATT_FS_{prefix}_ACT"]))
 
     def _raise_battery(self, level: int, action: int) -> None:
         self._battery_level = level
-        self.frame.happened("failsafe battery" if action else "low battery")
+        self.frame.record_event("failsafe battery" if action else "low battery")
         word = "low" if level == LOW else "critical"
-        volts, used = self.frame.battery.voltage_v, self._consumed_mah()
-        self.voice.say(Severity.WARNING, f"Battery 1 is {word} {volts:.2f}V used {used:.0f} mAh")
-        self.voice.say(Severity.WARNING, "Battery Failsafe")
+        volts, used = self.frame.battery.voltage_v, self._consumption_mah()
+        self.voice.send_text(Severity.WARNING, f"Battery 1 is {word} {volts:.2f}V used {used:.0f} mAh")
+        self.voice.send_text(Severity.WARNING, "Battery Failsafe")
         if self.frame.body.on_ground:
             self.frame.disarm()
         elif action == FS_LAND:
@@ -379,7 +379,7 @@ class ArduPilot(Autopilot):
     def _gauge_pct(self) -> float:
         return min(self.frame.battery.charge_pct + self._gauge_offset_pct, 100.0)
 
-    def _consumed_mah(self) -> float:
+    def _consumption_mah(self) -> float:
         return (100.0 - self._gauge_pct()) / 100 * self.frame.battery.capacity_mah
 
     def _remaining_pct(self) -> int:
@@ -387,17 +387,17 @@ class ArduPilot(Autopilot):
         capacity_mah = self.params["BATT_CAPACITY"]
         if self.params["BATT_MONITOR"] != 4 or capacity_mah <= 10:
             return -1
-        return max(0, min(100, int(100 * (capacity_mah - self._consumed_mah()) / capacity_mah + 1e-6)))
+        return max(0, min(100, int(100 * (capacity_mah - self._consumption_mah()) / capacity_mah + 1e-6)))
 
-    def _system_status(self) -> int:
+    def _determine_system_status(self) -> int:
         if self.now_s - self.boot_s < SILENT_BATTERY_S:
             return 1
         if self._gcs_failsafe or self._battery_level or self._ekf_failsafe:
             return 5
         return 4 if self.frame.armed and not self.frame.body.on_ground else 3
 
-    def _sensors(self) -> tuple[int, int, int]:
-        if not self.ready:
+    def _build_sensor_masks(self) -> tuple[int, int, int]:
+        if not self.is_ready:
             return SENSORS_BOOT
         present, enabled, healthy = SENSORS_ARMED if self.frame.armed else SENSORS_IDLE
         if self.params["FENCE_ENABLE"]:
@@ -415,36 +415,36 @@ class ArduPilot(Autopilot):
                 base = (
                     1 | 16 | 64 | (8 if self.mode in {Mode.AUTO, Mode.GUIDED, Mode.RTL, Mode.LAND, Mode.BRAKE} else 0)
                 )
-                return telemetry.heartbeat(
+                return telemetry.build_heartbeat(
                     autopilot=MAV_AUTOPILOT_ARDUPILOT, base_mode=base | (128 if self.frame.armed else 0),
-                    custom_mode=int(self.mode), system_status=self._system_status(),
+                    custom_mode=int(self.mode), system_status=self._determine_system_status(),
                 )  # fmt: skip
             case "SYS_STATUS":
-                return telemetry.sys_status(
-                    self._sensors(), voltage_v=0.0 if booting else battery.voltage_v,
+                return telemetry.build_sys_status(
+                    self._build_sensor_masks(), voltage_v=0.0 if booting else battery.voltage_v,
                     current_ca=-1 if booting else current, remaining_pct=-1 if booting else self._remaining_pct(),
                 )  # fmt: skip
             case "BATTERY_STATUS":
-                consumed = self._consumed_mah()
+                consumed = self._consumption_mah()
                 known = current >= 0
-                return telemetry.battery_status(
+                return telemetry.build_battery_status(
                     voltage_v=battery.voltage_v, current_ca=current, consumed_mah=round(consumed) if known else -1,
                     energy_hj=round(consumed * battery.rest_v * 0.036) if known else -1,
                     remaining_pct=self._remaining_pct(), charge_state=1 + self._battery_level, kind=0,
                 )  # fmt: skip
             case "EKF_STATUS_REPORT":
-                return telemetry.ekf_status(self.positioning.flags(self.now_s) if self.ready else EKF_BOOT)
+                return telemetry.build_ekf_status(self.positioning.flags(self.now_s) if self.is_ready else EKF_BOOT)
             case "GPS_RAW_INT":
-                fix = 6 if self.ready and not self.positioning.without_s(self.now_s) else 1
-                return telemetry.gps_raw(self.home, self.frame.body, self.boot_ms, fix=fix)
+                fix = 6 if self.is_ready and not self.positioning.without_s(self.now_s) else 1
+                return telemetry.build_gps_raw(self.home, self.frame.body, self.boot_ms, fix=fix)
             case "MISSION_CURRENT":
                 # The count leaves home out, so it is the last item's number.
-                return out(
+                return build_message(
                     "MISSION_CURRENT", seq=self.mission.index, total=max(len(self.store.items) - 1, 0),
                     mission_state=int(self.mission.state), mission_mode=int(self.mode == Mode.AUTO), mission_id=0,
                 )  # fmt: skip
             case "AUTOPILOT_VERSION":
-                return telemetry.autopilot_version(
+                return telemetry.build_autopilot_version(
                     capabilities=CAPABILITIES, version=(4, 7, 0, DEV), uid=self.vehicle.sysid
                 )
             case _:
@@ -453,8 +453,8 @@ class ArduPilot(Autopilot):
     def _build_rare(self, name: str) -> Outbound | None:
         match name:
             case "WIND":
-                return telemetry.wind(self.vehicle.wind_m_s)
+                return telemetry.build_wind(self.vehicle.wind_m_s)
             case "FENCE_STATUS":
-                return telemetry.fence_status(self.boot_ms, self._breaches, breached=self._breached)
+                return telemetry.build_fence_status(self.boot_ms, self._breaches, breached=self._breached)
             case _:
                 return None

@@ -11,12 +11,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
 from simulator import telemetry
-from simulator.airframe import Airframe, Manners
+from simulator.airframe import Airframe, AirframeSettings
 from simulator.camera import Payload
 from simulator.config import AutopilotKind, SimVehicle
 from simulator.enums import MavCommand, Result, Severity
 from simulator.faults import PAYLOAD_FAULTS, InjectionKind
-from simulator.guidance import Hover, Leg, stopping_place
+from simulator.guidance import Hover, Leg, find_stopping_place
 from simulator.messages import (
     Body,
     Command,
@@ -33,8 +33,8 @@ from simulator.messages import (
     RequestDataStream,
     SetMode,
     Timesync,
-    order_words,
-    out,
+    build_message,
+    describe_order,
 )
 from simulator.mission_store import MissionStore, StoreStep
 from simulator.params import ParamTable, defaults_for
@@ -42,7 +42,7 @@ from simulator.physics import Home, Place
 from simulator.positioning import Positioning
 from simulator.route import mission_length_m
 from simulator.streams import MESSAGE_IDS, MESSAGE_NAMES, Streams
-from simulator.voice import Voice
+from simulator.voice import VehicleOutbox
 
 STEP_S = 0.05
 """Physics and decisions, simulated."""
@@ -79,14 +79,14 @@ class Autopilot(ABC):
     KILLED: ClassVar[str]
     """Why it is not armed while its kill switch is on."""
 
-    def __init__(self, vehicle: SimVehicle, manners: Manners, store: MissionStore, home: Home) -> None:
+    def __init__(self, vehicle: SimVehicle, manners: AirframeSettings, store: MissionStore, home: Home) -> None:
         self.vehicle = vehicle
         self.home = home
         self.frame = Airframe(vehicle, manners)
         px4 = vehicle.autopilot is AutopilotKind.PX4
         self.params = ParamTable(defaults_for(vehicle, self.frame.battery.capacity_mah), bytewise=px4)
         self.store = store
-        self.voice = Voice(tab=px4)
+        self.voice = VehicleOutbox(tab=px4)
         self.now_s = 0.0
         self.boot_s = 0.0
         self.mode = 0
@@ -114,28 +114,28 @@ class Autopilot(ABC):
         """Who gave the command that is being obeyed."""
         self._after_ack: list[Outbound] = []
         self._commands: Mapping[int, Callable[[Command], Result]] = {
-            MavCommand.COMPONENT_ARM_DISARM: self._arm_command,
-            MavCommand.SET_MESSAGE_INTERVAL: self._interval_command,
-            MavCommand.GET_MESSAGE_INTERVAL: self._get_interval_command,
-            MavCommand.REQUEST_MESSAGE: lambda command: self._send_named(command.integer(0)),
+            MavCommand.COMPONENT_ARM_DISARM: self._handle_arm_command,
+            MavCommand.SET_MESSAGE_INTERVAL: self._handle_interval_command,
+            MavCommand.GET_MESSAGE_INTERVAL: self._handle_get_interval_command,
+            MavCommand.REQUEST_MESSAGE: lambda command: self._send_named(command.integer_param(0)),
             MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda _: self._send_named(MESSAGE_IDS["AUTOPILOT_VERSION"]),
-            MavCommand.PREFLIGHT_REBOOT_SHUTDOWN: self._reboot_command,
-            MavCommand.DO_GIMBAL_MANAGER_CONFIGURE: self._gimbal_command,
+            MavCommand.PREFLIGHT_REBOOT_SHUTDOWN: self._handle_reboot_command,
+            MavCommand.DO_GIMBAL_MANAGER_CONFIGURE: self._handle_gimbal_command,
             **self._own_commands(),
         }
         body = self.frame.body
         self._builders: Mapping[str, Callable[[], Outbound]] = {
-            "GLOBAL_POSITION_INT": lambda: telemetry.global_position(
+            "GLOBAL_POSITION_INT": lambda: telemetry.build_global_position(
                 home, body, self.boot_ms, (self.positioning.off_m(self.now_s), self.positioning.off_m_s(self.now_s))
             ),
-            "LOCAL_POSITION_NED": lambda: telemetry.local_position(body, self.boot_ms),
-            "ATTITUDE": lambda: telemetry.attitude(body, self.boot_ms),
-            "VFR_HUD": lambda: telemetry.vfr_hud(home, body, motors=self.frame.motors_on),
-            "HOME_POSITION": lambda: telemetry.home_position(home, self.boot_ms),
+            "LOCAL_POSITION_NED": lambda: telemetry.build_local_position(body, self.boot_ms),
+            "ATTITUDE": lambda: telemetry.build_attitude(body, self.boot_ms),
+            "VFR_HUD": lambda: telemetry.build_vfr_hud(home, body, motors=self.frame.motors_on),
+            "HOME_POSITION": lambda: telemetry.build_home_position(home, self.boot_ms),
             # Without a satellite clock the time of day is unknown, and unknown is 0.
-            "SYSTEM_TIME": lambda: out("SYSTEM_TIME", time_unix_usec=0, time_boot_ms=self.boot_ms),
-            "TIMESYNC": lambda: out("TIMESYNC", tc1=0, ts1=self.boot_ms * 1_000_000),
-            "EXTENDED_SYS_STATE": lambda: out(
+            "SYSTEM_TIME": lambda: build_message("SYSTEM_TIME", time_unix_usec=0, time_boot_ms=self.boot_ms),
+            "TIMESYNC": lambda: build_message("TIMESYNC", tc1=0, ts1=self.boot_ms * 1_000_000),
+            "EXTENDED_SYS_STATE": lambda: build_message(
                 "EXTENDED_SYS_STATE", vtol_state=0, landed_state=int(self.frame.landed_state)
             ),
         }
@@ -160,52 +160,52 @@ class Autopilot(ABC):
             self.frame.put_on_pad()
         self.frame.disarm()
 
-    def taken(self, word: str) -> None:
+    def apply_pilot_takeover(self, word: str) -> None:
         """Follow a person who switches the mode by remote control, and holds the sticks."""
-        self.frame.happened(f"pilot {word}")
+        self.frame.record_event(f"pilot {word}")
         self.hands, self.killed = True, False
         self.set_mode(self.mode_of(word))
 
     def drift(self) -> None:
         """Hold the height alone: the air carries it a few metres away."""
-        here = stopping_place(self.frame.body, self.frame.pilot.limits)
+        here = find_stopping_place(self.frame.body, self.frame.pilot.limits)
         there = Place(here.east_m + DRIFT_M, here.north_m, here.up_m)
         self.frame.pilot.fly([Leg(here, there, DRIFT_M_S, accept_m=0.5), Hover(there)])
 
-    def befalls(self, kind: InjectionKind, word: str, value: float) -> None:
+    def apply_injection(self, kind: InjectionKind, word: str, value: float) -> None:
         """Suffer what people, fences, batteries, estimators and cameras do."""
         if kind in PAYLOAD_FAULTS and self.payload is not None:
-            self.payload.befall(kind.value, value)
+            self.payload.apply_camera_fault(kind.value, value)
         match kind:
             case InjectionKind.PILOT:
-                self.taken(word)
+                self.apply_pilot_takeover(word)
             case InjectionKind.STICKS:
-                self._sticks_moved()
+                self._on_stick_input()
             case InjectionKind.KILL:
-                self.frame.happened("kill")
+                self.frame.record_event("kill")
                 self.killed = True
                 self._on_kill()
                 self.frame.kill()
             case InjectionKind.DISARM | InjectionKind.PACK if self.frame.body.on_ground:
-                self._handled(kind, value)
+                self._apply_ground_handling(kind, value)
             case InjectionKind.WEAK | InjectionKind.WRECK:
                 self.frame.damage(lost_thrust=value, turns_over=kind is InjectionKind.WRECK)
             case InjectionKind.FENCE:
-                self.frame.happened("failsafe fence")
+                self.frame.record_event("failsafe fence")
                 self._on_breach()
             case InjectionKind.EMERGENCY:
                 self._on_emergency(self.mode_of(word or "LAND"))
             case InjectionKind.EKF if self.frame.armed:  # disarmed, neither autopilot looks at it
-                self.frame.happened("failsafe ekf")
+                self.frame.record_event("failsafe ekf")
                 self._on_lost_estimate()
 
-    def _handled(self, kind: InjectionKind, value: float) -> None:
+    def _apply_ground_handling(self, kind: InjectionKind, value: float) -> None:
         """Have somebody beside it, who disarms it, or gives it another pack while its motors stand still."""
         if kind is InjectionKind.DISARM:
-            self.frame.happened("pilot DISARM")
+            self.frame.record_event("pilot DISARM")
             self.frame.disarm()
         elif not self.frame.armed:
-            self.frame.battery.change(value or FULL_PCT)
+            self.frame.battery.swap_pack(value or FULL_PCT)
             self._rebooting_until_s = self.now_s + PACK_S
 
     # What others may ask.
@@ -223,7 +223,7 @@ class Autopilot(ABC):
         return (self.frame.body.flown_m - self._odometer_m) / self._mission_length_m
 
     @property
-    def mute(self) -> bool:
+    def is_mute(self) -> bool:
         """Whether nothing is sent at all: restarting, or dead."""
         crashed_s = self.frame.crashed_s
         return self._rebooting_until_s is not None or (crashed_s is not None and self.now_s > crashed_s + LAST_WORDS_S)
@@ -234,7 +234,7 @@ class Autopilot(ABC):
         return round((self.now_s - self.boot_s) * 1000)
 
     @property
-    def ready(self) -> bool:
+    def is_ready(self) -> bool:
         """Whether the vehicle has booted far enough to be armed."""
         return self.now_s - self.boot_s >= self.vehicle.ready_after_s
 
@@ -249,7 +249,7 @@ class Autopilot(ABC):
             self._mission_began_s = self.now_s
             self._mission_length_m = mission_length_m(self.store.items, self.home)
             self._odometer_m = self.frame.body.flown_m
-            self.frame.happened("mission_started")
+            self.frame.record_event("mission_started")
 
     def select_item(self, seq: int) -> bool:
         """Make an item the current one and tell everybody; False when there is none."""
@@ -259,9 +259,9 @@ class Autopilot(ABC):
             self.voice.send([message])
         return selected
 
-    def carry_out(self, number: int, params: Sequence[float]) -> bool:
+    def execute_payload_command(self, number: int, params: Sequence[float]) -> bool:
         """Do what a mission item or a command wants of the payload; returns whether there is one for it."""
-        return self.payload is not None and self.payload.obey(number, params)
+        return self.payload is not None and self.payload.execute_item(number, params)
 
     def arm(self) -> bool:
         """Arm, unless something speaks against it; then say what."""
@@ -269,7 +269,7 @@ class Autopilot(ABC):
             return True
         reason = self.ON_ITS_BACK if self.frame.wrecked else self.KILLED if self.killed else self._refuse_arming()
         if reason is not None:
-            self.voice.say(Severity.CRITICAL, reason)
+            self.voice.send_text(Severity.CRITICAL, reason)
             return False
         self.frame.arm()
         self._was_armed = True
@@ -279,7 +279,7 @@ class Autopilot(ABC):
     def acknowledge(self, command: Command, result: Result) -> None:
         """Acknowledge a command to who gave it."""
         self.voice.send([
-            out("COMMAND_ACK", command=command.number, result=int(result), progress=0, result_param2=0,
+            build_message("COMMAND_ACK", command=command.number, result=int(result), progress=0, result_param2=0,
                 target_system=self._partner.sysid, target_component=self._partner.compid)
         ])  # fmt: skip
 
@@ -306,11 +306,11 @@ class Autopilot(ABC):
         """Return the number of a mode that a person chooses."""
 
     @abstractmethod
-    def mode_order(self, word: str) -> Command:
+    def build_mode_order(self, word: str) -> Command:
         """Return the order of a mode as a ground station gives it."""
 
     @abstractmethod
-    def _sticks_moved(self) -> None:
+    def _on_stick_input(self) -> None:
         """React to a person who moves the sticks."""
 
     @abstractmethod
@@ -330,7 +330,7 @@ class Autopilot(ABC):
         """React to an estimator that does not know where it is."""
 
     @abstractmethod
-    def _on_store(self, step: StoreStep) -> None:
+    def _on_mission_change(self, step: StoreStep) -> None:
         """React to a change of the mission on board."""
 
     @abstractmethod
@@ -342,7 +342,7 @@ class Autopilot(ABC):
         """Follow SET_MODE."""
 
     @abstractmethod
-    def _on_no_interval(self, number: int) -> Result:
+    def _refuse_interval(self, number: int) -> Result:
         """Refuse to send a message on schedule that it does not have."""
 
     @abstractmethod
@@ -358,15 +358,15 @@ class Autopilot(ABC):
         """Forget what a restart forgets."""
 
     @abstractmethod
-    def _counts_as_gcs(self, sender: Peer, heartbeat: Heartbeat) -> bool:
+    def _is_gcs_heartbeat(self, sender: Peer, heartbeat: Heartbeat) -> bool:
         """Return whether this heartbeat holds the failsafe."""
 
     @abstractmethod
-    def _on_gcs(self) -> None:
+    def _on_gcs_heartbeat(self) -> None:
         """React to a heartbeat that counts, just before it is noted."""
 
     @abstractmethod
-    def _mission_locked(self) -> bool:
+    def _is_mission_locked(self) -> bool:
         """Return whether the mission may not be cleared."""
 
     @abstractmethod
@@ -395,10 +395,10 @@ class Autopilot(ABC):
             self._report(only_heartbeat=True)
         else:
             if self.positioning.acts(self.now_s) and self.frame.armed:
-                self.frame.happened("failsafe gps")
+                self.frame.record_event("failsafe gps")
                 self._on_lost_estimate()
             self._decide()
-            self._follow(self.store.tick(self.now_s))
+            self._apply_store_step(self.store.tick(self.now_s))
             self._report(only_heartbeat=False)
 
     def _boot(self) -> None:
@@ -410,7 +410,7 @@ class Autopilot(ABC):
         self._on_boot()
 
     def _report(self, *, only_heartbeat: bool) -> None:
-        for name in self.streams.due(self.now_s):
+        for name in self.streams.take_due(self.now_s):
             message = self._build(name) if name == "HEARTBEAT" or not only_heartbeat else None
             if message is not None:
                 self.voice.send([message])
@@ -423,16 +423,16 @@ class Autopilot(ABC):
     # What is heard.
 
     def _dispatch(self, sender: Peer, body: Body) -> None:
-        order = order_words(body)
+        order = describe_order(body)
         if order:
-            self.frame.happened(order, sender.sysid)
+            self.frame.record_event(order, sender.sysid)
         match body:
             case Heartbeat():
-                if self._counts_as_gcs(sender, body):
-                    self._on_gcs()
+                if self._is_gcs_heartbeat(sender, body):
+                    self._on_gcs_heartbeat()
                     self.gcs_heard_s = self.now_s
             case Command():
-                self._command(sender, body)
+                self._handle_command(sender, body)
             case SetMode():
                 self._partner = sender
                 self._set_mode_message(body)
@@ -445,38 +445,38 @@ class Autopilot(ABC):
             case Timesync() | Ping():
                 self._answer(sender, body)
             case _:
-                self._mission_message(sender, body)
+                self._handle_mission_message(sender, body)
 
     def _answer(self, sender: Peer, body: Timesync | Ping) -> None:
         """Answer questions; what is an answer itself gets none."""
         if isinstance(body, Timesync) and body.tc1 == 0:
-            self.voice.send([out("TIMESYNC", tc1=self.boot_ms * 1_000_000, ts1=body.ts1)])
+            self.voice.send([build_message("TIMESYNC", tc1=self.boot_ms * 1_000_000, ts1=body.ts1)])
         if isinstance(body, Ping) and body.target_sysid == 0:
             self.voice.send([
-                out("PING", time_usec=body.time_usec, seq=body.seq, target_system=sender.sysid,
+                build_message("PING", time_usec=body.time_usec, seq=body.seq, target_system=sender.sysid,
                     target_component=sender.compid)
             ])  # fmt: skip
 
-    def _mission_message(self, sender: Peer, body: MissionMessage) -> None:
-        self._follow(self.store.handle(body, sender, self.now_s, locked=self._mission_locked()))
+    def _handle_mission_message(self, sender: Peer, body: MissionMessage) -> None:
+        self._apply_store_step(self.store.handle(body, sender, self.now_s, locked=self._is_mission_locked()))
 
-    def _follow(self, step: StoreStep) -> None:
+    def _apply_store_step(self, step: StoreStep) -> None:
         self.voice.send(step.send)
         for severity, text in step.texts:
-            self.voice.say(severity, text)
-        self._on_store(step)
+            self.voice.send_text(severity, text)
+        self._on_mission_change(step)
 
-    def _command(self, sender: Peer, command: Command) -> None:
+    def _handle_command(self, sender: Peer, command: Command) -> None:
         self._partner = sender
         handler = self._commands.get(command.number)
         result = Result.UNSUPPORTED if handler is None else handler(command)
-        if handler is None and self.carry_out(command.number, command.params):
+        if handler is None and self.execute_payload_command(command.number, command.params):
             result = Result.ACCEPTED
         self.acknowledge(command, result)
         self.voice.send(self._after_ack)
         self._after_ack.clear()
 
-    def _arm_command(self, command: Command) -> Result:
+    def _handle_arm_command(self, command: Command) -> Result:
         if command.params[0] >= 0.5:
             return Result.ACCEPTED if self.arm() else self.REFUSED
         if not self.frame.body.on_ground and command.params[1] != FORCE:
@@ -488,27 +488,29 @@ class Autopilot(ABC):
     def _refuse_disarming(self) -> Result:
         return self.REFUSED
 
-    def _interval_command(self, command: Command) -> Result:
-        number = command.integer(0)
+    def _handle_interval_command(self, command: Command) -> Result:
+        number = command.integer_param(0)
         name = MESSAGE_NAMES.get(number)
         if name is None or self._build(name) is None:
-            return self._on_no_interval(number)
+            return self._refuse_interval(number)
         self.streams.set_interval(name, command.params[1], self.now_s)
         return Result.ACCEPTED
 
-    def _get_interval_command(self, command: Command) -> Result:
-        number = command.integer(0)
+    def _handle_get_interval_command(self, command: Command) -> Result:
+        number = command.integer_param(0)
         name = MESSAGE_NAMES.get(number)
         interval_s = None if name is None else self.streams.interval_s(name)
         interval_us = -1 if interval_s is None else round(interval_s * 1e6)
-        self.voice.send([out("MESSAGE_INTERVAL", message_id=number, interval_us=0 if name is None else interval_us)])
+        self.voice.send(
+            [build_message("MESSAGE_INTERVAL", message_id=number, interval_us=0 if name is None else interval_us)]
+        )
         return Result.ACCEPTED
 
     def _send_named(self, number: int) -> Result:
         name = MESSAGE_NAMES.get(number)
         message = None if name is None else self._build(name)
         if message is None and self.payload is not None:
-            message = self.payload.managed(number)
+            message = self.payload.build_manager_message(number)
         if message is None:
             return self.NO_MESSAGE
         if self.ACKNOWLEDGES_FIRST:
@@ -517,12 +519,12 @@ class Autopilot(ABC):
             self.voice.send([message])
         return Result.ACCEPTED
 
-    def _gimbal_command(self, command: Command) -> Result:
+    def _handle_gimbal_command(self, command: Command) -> Result:
         sender = (self._partner.sysid, self._partner.compid)
-        given = self.payload is not None and self.payload.configure(command.params, sender)
+        given = self.payload is not None and self.payload.change_gimbal_control(command.params, sender)
         return Result.ACCEPTED if given else Result.UNSUPPORTED
 
-    def _reboot_command(self, command: Command) -> Result:
+    def _handle_reboot_command(self, command: Command) -> Result:
         if command.params[0] != 1 or self.frame.armed:
             return Result.DENIED
         self.reboot()

@@ -42,7 +42,7 @@ class Battery:
         self.current_a = 0.0
 
     @property
-    def empty(self) -> bool:
+    def is_empty(self) -> bool:
         """Whether nothing is left."""
         return self.charge_pct <= 0.0
 
@@ -66,10 +66,10 @@ class Battery:
         self.charge_pct = max(self.charge_pct - rate * dt_s, 0.0)
         self.current_a = rate / 100 * self.capacity_mah / 1000 * 3600
 
-    def change(self, charge_pct: float) -> None:
+    def swap_pack(self, charge_pct: float) -> None:
         """Be another pack of the same make."""
         self.charge_pct, self.drain_factor, self.current_a = charge_pct, 1.0, 0.0
 
-    def lose(self, points: float) -> None:
+    def remove_charge(self, points: float) -> None:
         """Lose so many points of charge at once."""
         self.charge_pct = max(self.charge_pct - points, 0.0)

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from missions.items import Command as Item
 from simulator.config import AutopilotKind, SimCamera, SimVehicle
 from simulator.enums import Result
-from simulator.gimbal import DEVICE_INFORMATION, GIMBAL, GIMBAL_S, Gimbal, quaternion
-from simulator.messages import Command, FieldValue, Outbound, out
+from simulator.gimbal import DEVICE_INFORMATION, GIMBAL, GIMBAL_S, Gimbal, quaternion_from_euler
+from simulator.messages import Command, FieldValue, Outbound, build_message
 from simulator.physics import Body, Home, Place
 
 FIRST_COMPONENT = 7
@@ -33,7 +33,7 @@ OF_CAMERAS = frozenset({
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class CapturedImage:
     """A picture on a card."""
 
     camera: str
@@ -69,13 +69,13 @@ class CameraUnit:
         self.filming_s: float | None = None
         self.beat_s = 0.0
 
-    def answers_to(self, number: float) -> bool:
+    def is_addressed_by(self, number: float) -> bool:
         """Return whether an item's camera id means it."""
         return number in {0.0, float(self.config.id)}
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class ComponentMessage:
     """A message of one of the vehicle's components; None is the autopilot."""
 
     component: int | None
@@ -97,8 +97,8 @@ class Payload:
     """The autopilot triggers after so much way; 0 is not at all."""
     _last_m: tuple[float, float] | None = None
     _triggers: int = 0
-    _said: list[Said] = field(default_factory=list)
-    _shots: list[Shot] = field(default_factory=list)
+    _said: list[ComponentMessage] = field(default_factory=list)
+    _shots: list[CapturedImage] = field(default_factory=list)
     _rng: random.Random = field(init=False)
     now_s: float = 0.0
     boot_s: float = 0.0
@@ -111,11 +111,11 @@ class Payload:
 
     # What goes in.
 
-    def components(self) -> frozenset[int]:
+    def list_components(self) -> frozenset[int]:
         """Return the components that speak and are spoken to beside the autopilot."""
         return frozenset(unit.config.id for unit in self.units if unit.speaks)
 
-    def obey(self, number: int, params: Sequence[float]) -> bool:
+    def execute_item(self, number: int, params: Sequence[float]) -> bool:
         """Follow a mission item or a command; returns whether it is one for cameras."""
         match number:
             case Item.DO_SET_CAM_TRIGG_DIST:
@@ -127,66 +127,66 @@ class Payload:
                 if params[4] == 1:
                     self._trigger()
             case Item.DO_GIMBAL_MANAGER_PITCHYAW | Item.DO_SET_ROI_LOCATION | Item.DO_SET_ROI_NONE:
-                self._point(number, params)
+                self._point_gimbal(number, params)
             case _ if number in OF_CAMERAS:
                 for unit in self.units:
-                    self._ordered(unit, number, params)
+                    self._command_camera(unit, number, params)
             case _:
                 return False
         return True
 
-    def _point(self, number: int, params: Sequence[float]) -> None:
+    def _point_gimbal(self, number: int, params: Sequence[float]) -> None:
         """Do what an item says of where to look."""
         self.region = None
         if number == Item.DO_SET_ROI_LOCATION:
-            self.region = self.home.place(int(params[4]), int(params[5]), params[6])
+            self.region = self.home.place_of(int(params[4]), int(params[5]), params[6])
         elif number == Item.DO_SET_ROI_NONE:
             self.body.face_rad = None
         elif self.gimbal is not None:
-            self.gimbal.aim(params)
+            self.gimbal.apply_pitch_yaw_command(params)
 
-    def _ordered(self, unit: CameraUnit, number: int, params: Sequence[float]) -> None:
+    def _command_camera(self, unit: CameraUnit, number: int, params: Sequence[float]) -> None:
         """Have one camera do what an item for cameras says."""
         match number:
             case Item.VIDEO_START_CAPTURE:
                 unit.filming_s = self.now_s
             case Item.VIDEO_STOP_CAPTURE:
                 unit.filming_s = None
-            case _ if not unit.answers_to(params[0]):
+            case _ if not unit.is_addressed_by(params[0]):
                 pass
             case Item.IMAGE_STOP_CAPTURE:
                 unit.every_s, unit.due_s = 0.0, NEVER_S
             case _ if params[2] == 1:
-                self._shoot(unit)
+                self._take_picture(unit)
             case _:
                 unit.every_s, unit.due_s = params[1], self.now_s
 
-    def asked(self, command: Command, component: int) -> None:
+    def answer_component_command(self, command: Command, component: int) -> None:
         """Answer what one of its components is asked."""
         if component == GIMBAL and self.gimbal is not None and command.number == REQUEST_MESSAGE:
-            known = command.integer(0) == DEVICE_INFORMATION
-            self._said.append(Said(GIMBAL, _acknowledged(command.number, _result(done=known))))
-            self._said += [Said(GIMBAL, self.gimbal.device(self._boot_ms))] if known else []
+            known = command.integer_param(0) == DEVICE_INFORMATION
+            self._said.append(ComponentMessage(GIMBAL, _build_ack(command.number, _to_result(done=known))))
+            self._said += [ComponentMessage(GIMBAL, self.gimbal.build_device_message(self._boot_ms))] if known else []
         for unit in self.units:
             if unit.config.id != component or unit.silent:
                 continue
-            message = self._message(unit, command) if command.number == REQUEST_MESSAGE else None
-            done = message is not None or self.obey(command.number, command.params)
-            self._say(unit, _acknowledged(command.number, _result(done=done)))
+            message = self._build_requested_message(unit, command) if command.number == REQUEST_MESSAGE else None
+            done = message is not None or self.execute_item(command.number, command.params)
+            self._queue_message(unit, _build_ack(command.number, _to_result(done=done)))
             if message is not None:
-                self._say(unit, message)
+                self._queue_message(unit, message)
 
-    def managed(self, number: int) -> Outbound | None:
+    def build_manager_message(self, number: int) -> Outbound | None:
         """Return what the autopilot says of the gimbal when it is asked for a message; None if it says nothing."""
-        return None if self.gimbal is None else self.gimbal.said_by_manager(number, self._boot_ms)
+        return None if self.gimbal is None else self.gimbal.build_manager_message(number, self._boot_ms)
 
-    def configure(self, params: Sequence[float], sender: tuple[int, int]) -> bool:
+    def change_gimbal_control(self, params: Sequence[float], sender: tuple[int, int]) -> bool:
         """Let somebody take control of the gimbal, or give it back; returns whether there is one."""
         if self.gimbal is not None:
-            self.gimbal.configure(params, sender)
+            self.gimbal.change_control(params, sender)
         return self.gimbal is not None
 
-    def befall(self, fault: str, value: float) -> None:
+    def apply_camera_fault(self, fault: str, value: float) -> None:
         """Suffer a fault, in the words of `InjectionKind`."""
         for unit in self.units:
             match fault:
@@ -210,7 +210,7 @@ class Payload:
             self.gimbal.step(dt_s, math.degrees(self.body.yaw_rad))
             if now_s >= self.gimbal.due_s:
                 self.gimbal.due_s = now_s + GIMBAL_S
-                self._say_gimbal(self.gimbal)
+                self._queue_gimbal_messages(self.gimbal)
         here_m = (self.body.east_m, self.body.north_m)
         if self.every_m and self._last_m is not None and math.dist(here_m, self._last_m) >= self.every_m:
             self._last_m = here_m
@@ -218,11 +218,11 @@ class Payload:
         for unit in self.units:
             if now_s >= unit.due_s:
                 unit.due_s = now_s + unit.every_s
-                self._shoot(unit)
+                self._take_picture(unit)
             if unit.speaks and not unit.silent and now_s >= unit.beat_s:
                 unit.beat_s = now_s + 1.0
-                self._say(unit, _beat(CAMERA_TYPE))
-                self._say(unit, self._status(unit))
+                self._queue_message(unit, _build_heartbeat(CAMERA_TYPE))
+                self._queue_message(unit, self._build_capture_status(unit))
 
     def _turn_to(self, region: Place) -> None:
         """Point the gimbal at a region of interest; without one the vehicle turns its nose (autoyaw.cpp)."""
@@ -241,12 +241,12 @@ class Payload:
 
     # What comes out.
 
-    def drain(self) -> list[Said]:
+    def drain(self) -> list[ComponentMessage]:
         """Take away what is to be sent."""
         said, self._said = self._said, []
         return said
 
-    def drain_shots(self) -> list[Shot]:
+    def drain_shots(self) -> list[CapturedImage]:
         """Take away what came onto the cards."""
         shots, self._shots = self._shots, []
         return shots
@@ -255,104 +255,105 @@ class Payload:
     def _boot_ms(self) -> int:
         return round((self.now_s - self.boot_s) * 1000)
 
-    def _say(self, unit: CameraUnit, message: Outbound) -> None:
-        self._said.append(Said(unit.config.id, message))
+    def _queue_message(self, unit: CameraUnit, message: Outbound) -> None:
+        self._said.append(ComponentMessage(unit.config.id, message))
 
     def _trigger(self) -> None:
         """Let the autopilot trigger all that it triggers."""
         number, self._triggers = self._triggers, self._triggers + 1
         usec = round((self.now_s - self.boot_s) * 1e6)
-        taken = [(unit, self._shoot(unit)) for unit in self.units if unit.config.triggered]
+        taken = [(unit, self._take_picture(unit)) for unit in self.units if unit.config.triggered]
         if self.vehicle.autopilot is AutopilotKind.PX4:
-            self._said.append(Said(None, out("CAMERA_TRIGGER", time_usec=usec, seq=number)))
+            self._said.append(ComponentMessage(None, build_message("CAMERA_TRIGGER", time_usec=usec, seq=number)))
             return
         for unit, done in taken:
             if done and not unit.speaks and not unit.mute and self._rng.random() >= unit.loss:
-                self._said.append(Said(None, self._feedback(unit, number + 1, usec)))
+                self._said.append(ComponentMessage(None, self._build_feedback(unit, number + 1, usec)))
 
-    def _feedback(self, unit: CameraUnit, number: int, usec: int) -> Outbound:
+    def _build_feedback(self, unit: CameraUnit, number: int, usec: int) -> Outbound:
         lat, lon = self.home.lat_lon_e7(self.body.east_m, self.body.north_m)
         angles = (math.degrees(angle) for angle in (self.body.roll_rad, self.body.pitch_rad, self.body.yaw_rad))
         roll, pitch, yaw = angles
-        return out(
+        return build_message(
             "CAMERA_FEEDBACK", time_usec=usec, target_system=0, cam_idx=max(0, unit.config.id - 1), img_idx=number,
             lat=lat, lng=lon, alt_msl=self.home.alt_m + self.body.up_m, alt_rel=self.body.up_m, roll=roll, pitch=pitch,
             yaw=yaw % 360, foc_len=0.0, flags=0, completed_captures=number,
         )  # fmt: skip
 
-    def _shoot(self, unit: CameraUnit) -> bool:
+    def _take_picture(self, unit: CameraUnit) -> bool:
         """Take one picture; returns whether the camera did anything."""
         if unit.silent:
             return False
         lat, lon = self.home.lat_lon_e7(self.body.east_m, self.body.north_m)
         if not unit.full:
             unit.images += 1
-            self._shots.append(Shot(
+            self._shots.append(CapturedImage(
                 unit.config.name, unit.images, self.now_s, lat / 1e7, lon / 1e7, self.home.alt_m + self.body.up_m,
-                self.body.east_m, self.body.north_m, self.body.up_m, *self._aim(unit), self.body.ground_speed_m_s,
+                self.body.east_m, self.body.north_m, self.body.up_m, *self._look_angles_deg(unit),
+                self.body.ground_speed_m_s,
             ))  # fmt: skip
         elif not unit.speaks:
             return False
         if unit.speaks:
-            pitch_deg, yaw_deg = self._aim(unit)
+            pitch_deg, yaw_deg = self._look_angles_deg(unit)
             number = unit.images - 1 if not unit.full else unit.images
-            message = out(
+            message = build_message(
                 "CAMERA_IMAGE_CAPTURED", time_boot_ms=self._boot_ms, time_utc=0, camera_id=0, lat=lat, lon=lon,
                 alt=round((self.home.alt_m + self.body.up_m) * 1e3), relative_alt=round(self.body.up_m * 1e3),
-                q=quaternion(0.0, pitch_deg, yaw_deg), image_index=number, capture_result=int(not unit.full),
-                file_url=b"" if unit.full else file_name(number + 1).encode(),
+                q=quaternion_from_euler(0.0, pitch_deg, yaw_deg), image_index=number, capture_result=int(not unit.full),
+                file_url=b"" if unit.full else format_picture_name(number + 1).encode(),
             )  # fmt: skip
             if not unit.full:
                 unit.told[number] = message
             if not unit.mute and self._rng.random() >= unit.loss:
-                self._say(unit, message)
+                self._queue_message(unit, message)
         return True
 
-    def _aim(self, unit: CameraUnit) -> tuple[float, float]:
+    def _look_angles_deg(self, unit: CameraUnit) -> tuple[float, float]:
         """Return the pitch from the horizon and the bearing of a camera's look."""
         yaw_deg = math.degrees(self.body.yaw_rad)
         if unit.config.gimbal and self.gimbal is not None:
             return self.gimbal.pitch_deg, (yaw_deg + self.gimbal.yaw_deg) % 360
         return unit.config.pitch_deg, yaw_deg % 360
 
-    def _say_gimbal(self, gimbal: Gimbal) -> None:
-        self._said.append(Said(GIMBAL, gimbal.attitude(self._boot_ms)))
+    def _queue_gimbal_messages(self, gimbal: Gimbal) -> None:
+        self._said.append(ComponentMessage(GIMBAL, gimbal.build_attitude_message(self._boot_ms)))
         if gimbal.control is not None:
-            self._said.append(Said(None, gimbal.status(self._boot_ms)))
+            self._said.append(ComponentMessage(None, gimbal.build_status_message(self._boot_ms)))
 
-    def _message(self, unit: CameraUnit, command: Command) -> Outbound | None:
-        wanted = command.integer(0)
+    def _build_requested_message(self, unit: CameraUnit, command: Command) -> Outbound | None:
+        wanted = command.integer_param(0)
         if wanted == STATUS:
-            return self._status(unit)
+            return self._build_capture_status(unit)
         if wanted == STORAGE:
-            return self._storage(unit)
+            return self._build_storage(unit)
         if wanted == INFORMATION:
-            return self._information(unit)
+            return self._build_information(unit)
         if wanted == SETTINGS:
-            return out("CAMERA_SETTINGS", time_boot_ms=self._boot_ms, mode_id=int(unit.filming_s is not None))
-        return unit.told.get(command.integer(1)) if wanted == CAPTURED and not unit.mute else None
+            return build_message("CAMERA_SETTINGS", time_boot_ms=self._boot_ms, mode_id=int(unit.filming_s is not None))
+        return unit.told.get(command.integer_param(1)) if wanted == CAPTURED and not unit.mute else None
 
     def _free_mib(self, unit: CameraUnit) -> float:
         return 0.0 if unit.full else max(0.0, CARD_MIB - PICTURE_MIB * unit.images)
 
-    def _status(self, unit: CameraUnit) -> Outbound:
+    def _build_capture_status(self, unit: CameraUnit) -> Outbound:
         films = unit.filming_s is not None and not unit.full
         since_s = self.now_s - unit.filming_s if films and unit.filming_s is not None else 0.0
-        return out(
+        return build_message(
             "CAMERA_CAPTURE_STATUS", time_boot_ms=self._boot_ms, image_status=2 if unit.every_s else 0,
             video_status=int(films), image_interval=unit.every_s, recording_time_ms=round(since_s * 1e3),
             available_capacity=self._free_mib(unit), image_count=unit.images, camera_device_id=0,
         )  # fmt: skip
 
-    def _information(self, unit: CameraUnit) -> Outbound:
-        return out(
-            "CAMERA_INFORMATION", time_boot_ms=self._boot_ms, vendor_name=_bytes("faultline", 32),
-            model_name=_bytes(unit.config.name, 32), firmware_version=1, focal_length=FOCAL_MM,
+    def _build_information(self, unit: CameraUnit) -> Outbound:
+        return build_message(
+            "CAMERA_INFORMATION", time_boot_ms=self._boot_ms, vendor_name=_to_padded_bytes("faultline", 32),
+            model_name=_to_padded_bytes(unit.config.name, 32), firmware_version=1, focal_length=FOCAL_MM,
             sensor_size_h=SENSOR_MM[0], sensor_size_v=SENSOR_MM[1], resolution_h=PIXELS[0], resolution_v=PIXELS[1],
             lens_id=0, flags=CAPTURES, cam_definition_version=0, cam_definition_uri=b"",
         )  # fmt: skip
 
-    def _storage(self, unit: CameraUnit) -> Outbound:
+    def _build_storage(self, unit: CameraUnit) -> Outbound:
         free_mib = self._free_mib(unit)
         fields: dict[str, FieldValue] = {
             "time_boot_ms": self._boot_ms, "storage_id": 1, "storage_count": 1, "status": 2,
@@ -362,28 +363,28 @@ class Payload:
         return Outbound("STORAGE_INFORMATION", fields)
 
 
-def file_name(number: int) -> str:
+def format_picture_name(number: int) -> str:
     """Return how a camera calls its picture."""
     return f"DSC{number:05d}.JPG"
 
 
-def _bytes(text: str, length: int) -> list[int]:
+def _to_padded_bytes(text: str, length: int) -> list[int]:
     """Return a text as an array of bytes, filled up with zeros."""
     return list(text.encode()[: length - 1].ljust(length, b"\0"))
 
 
-def _result(*, done: bool) -> Result:
+def _to_result(*, done: bool) -> Result:
     return Result.ACCEPTED if done else Result.UNSUPPORTED
 
 
-def _acknowledged(number: int, result: Result) -> Outbound:
-    return out(
+def _build_ack(number: int, result: Result) -> Outbound:
+    return build_message(
         "COMMAND_ACK", command=number, result=int(result), progress=0, result_param2=0, target_system=0,
         target_component=0,
     )  # fmt: skip
 
 
-def _beat(kind: int) -> Outbound:
-    return out(
+def _build_heartbeat(kind: int) -> Outbound:
+    return build_message(
         "HEARTBEAT", type=kind, autopilot=NO_AUTOPILOT, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
     )

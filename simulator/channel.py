@@ -44,18 +44,18 @@ class Channel:
     def offer(self, datagram: bytes, now_s: float) -> None:
         """Take a datagram that was sent at ``now_s``."""
         condition = self._condition
-        if now_s < condition.silent_until_s or self._chance(condition.loss):
+        if now_s < condition.silent_until_s or self._draw_chance(condition.loss):
             return
         waits_s = max(0.0, self._free_s - now_s)
         if waits_s > QUEUE_BYTES / condition.rate_bytes_s:
             return
         self._free_s = now_s + waits_s + len(datagram) / condition.rate_bytes_s
-        for _ in range(2 if self._chance(condition.duplicate) else 1):
-            late_s = self._rng.uniform(*REORDER_HOLD_S) if self._chance(condition.reorder) else 0.0
+        for _ in range(2 if self._draw_chance(condition.duplicate) else 1):
+            late_s = self._rng.uniform(*REORDER_HOLD_S) if self._draw_chance(condition.reorder) else 0.0
             heapq.heappush(self._held, (self._free_s + condition.delay_s + late_s, self._count, datagram))
             self._count += 1
 
-    def due(self, now_s: float) -> list[bytes]:
+    def take_due(self, now_s: float) -> list[bytes]:
         """Return what arrives by ``now_s``, in the order of arrival; what arrives in a silence is lost."""
         arrived = []
         while self._held and self._held[0][0] <= now_s:
@@ -64,5 +64,5 @@ class Channel:
                 arrived.append(datagram)
         return arrived
 
-    def _chance(self, share: float) -> bool:
+    def _draw_chance(self, share: float) -> bool:
         return share > 0 and self._rng.random() < share

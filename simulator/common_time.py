@@ -32,12 +32,12 @@ class Greeting:
     unix_s: float = 0.0
     """The date of that moment, on the fleet's clock."""
 
-    def line(self) -> bytes:
+    def to_line(self) -> bytes:
         """Return it as it is sent."""
         return f"{NAME} {self.pid} {self.speedup!r} {self.lived_s!r} {self.unix_s!r}\n".encode()
 
 
-def greeting_in(line: bytes) -> Greeting | None:
+def parse_greeting(line: bytes) -> Greeting | None:
     """Return the greeting in a line; None if it is something else."""
     try:
         name, pid, *figures = line.decode("ascii").split(" ")
@@ -47,12 +47,12 @@ def greeting_in(line: bytes) -> Greeting | None:
         return None
 
 
-def time_line(lived_s: float) -> bytes:
+def format_time_line(lived_s: float) -> bytes:
     """Return a simulated time as it is sent."""
     return f"{lived_s!r}\n".encode()
 
 
-def time_in(line: bytes) -> float | None:
+def parse_time_line(line: bytes) -> float | None:
     """Return the simulated time in a line; None if it is something else."""
     try:
         return float(line)
@@ -60,7 +60,7 @@ def time_in(line: bytes) -> float | None:
         return None
 
 
-class Lines:
+class LineBuffer:
     """Cuts what comes into lines."""
 
     def __init__(self) -> None:
@@ -73,7 +73,7 @@ class Lines:
         return lines
 
 
-def is_stopped(pid: int) -> bool:
+def is_process_stopped(pid: int) -> bool:
     """Return whether a process of this computer was stopped (SIGSTOP, Ctrl-Z, a debugger), where Linux can tell."""
     try:
         stat = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
@@ -82,7 +82,7 @@ def is_stopped(pid: int) -> bool:
     return stat.rpartition(")")[2].split()[:1] in (["T"], ["t"])
 
 
-class Turn:
+class ReplyWait:
     """How long a partner has owed a word, in real seconds."""
 
     def __init__(self, pid: int) -> None:
@@ -90,12 +90,12 @@ class Turn:
         self._since_s: float | None = None
         self._looked_s = 0.0
 
-    def owes(self, now_s: float) -> None:
+    def begin(self, now_s: float) -> None:
         """It was told something, and has to answer."""
         if self._since_s is None:
             self._since_s = self._looked_s = now_s
 
-    def answered(self) -> None:
+    def end(self) -> None:
         """It did."""
         self._since_s = None
 
@@ -104,4 +104,4 @@ class Turn:
         if self._since_s is None or now_s - self._looked_s < LOOK_REAL_S:
             return False
         self._looked_s = now_s
-        return now_s - self._since_s >= PATIENCE_REAL_S or is_stopped(self._pid)
+        return now_s - self._since_s >= PATIENCE_REAL_S or is_process_stopped(self._pid)

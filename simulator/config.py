@@ -32,7 +32,7 @@ class Endpoint:
     """Whom to send to unasked; None waits until somebody calls."""
 
 
-def vehicle_endpoint(connection: str) -> Endpoint:
+def parse_vehicle_endpoint(connection: str) -> Endpoint:
     """Return the vehicle's side of a connection string that is written for the ground station.
 
     ``udpin://HOST:PORT`` means that the ground station listens there, so the vehicle calls it; ``udpout://HOST:PORT``
@@ -128,7 +128,7 @@ class SimVehicle:
             FleetError: a figure is out of range.
             EndpointError: the connection cannot be served.
         """
-        vehicle_endpoint(self.connection)
+        parse_vehicle_endpoint(self.connection)
         checks = {
             "sysid": (1 <= self.sysid <= 254, "1 to 254"),
             "home_lat_deg": (abs(self.home_lat_deg) <= 89, "-89 to 89"),
@@ -171,7 +171,7 @@ class SimFleet:
         for what, values in {
             "name": names,
             "sysid": sysids,
-            "connection": [link for link in links if vehicle_endpoint(link).target is None],
+            "connection": [link for link in links if parse_vehicle_endpoint(link).target is None],
         }.items():  # fmt: skip
             twice = {value for value in values if values.count(value) > 1}
             if twice:

@@ -36,16 +36,16 @@ class Vector(NamedTuple):
         """How long it is."""
         return math.sqrt(self.east**2 + self.north**2 + self.up**2)
 
-    def times(self, factor: float) -> Vector:
+    def scale(self, factor: float) -> Vector:
         """Return it longer or shorter."""
         return Vector(self.east * factor, self.north * factor, self.up * factor)
 
-    def plus(self, other: Vector) -> Vector:
+    def add(self, other: Vector) -> Vector:
         """Return the sum."""
         return Vector(self.east + other.east, self.north + other.north, self.up + other.up)
 
 
-class Moment(NamedTuple):
+class TargetState(NamedTuple):
     """Where the target is on its line, and how it moves."""
 
     done_m: float
@@ -66,15 +66,15 @@ class LegLimits:
 
     def speed_m_s(self, way: Vector) -> float:
         """Return the greatest speed along a line (kinematic_limit in control.cpp)."""
-        return _along(way, self.level_m_s, self.up_m_s if way.up > 0 else self.down_m_s)
+        return _combine_limits(way, self.level_m_s, self.up_m_s if way.up > 0 else self.down_m_s)
 
     def acceleration_m_s2(self, way: Vector) -> float:
         """Return the greatest acceleration along a line."""
-        return _along(way, self.accelerate_m_s2, ACCELERATE_Z_M_S2)
+        return _combine_limits(way, self.accelerate_m_s2, ACCELERATE_Z_M_S2)
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class SCurve:
     """A straight line from rest to rest, by the clock."""
 
     way: Vector
@@ -82,7 +82,7 @@ class Curve:
     ramp_s: float
 
     @classmethod
-    def along(cls, way: Vector, pace: LegLimits) -> Curve:
+    def build(cls, way: Vector, pace: LegLimits) -> SCurve:
         """Return the way that is flown as fast as the pace allows."""
         top, most, length = pace.speed_m_s(way), pace.acceleration_m_s2(way), way.length
         if top * ramp_s(top, most) > length:
@@ -93,33 +93,33 @@ class Curve:
         return cls(way, top, ramp_s(top, most))
 
     @property
-    def lasts_s(self) -> float:
+    def duration_s(self) -> float:
         """From rest to rest."""
         return self.way.length / self.top_m_s + self.ramp_s
 
-    def at(self, age_s: float) -> Moment:
+    def state_at(self, age_s: float) -> TargetState:
         """Return where its target is."""
-        age_s = min(max(age_s, 0.0), self.lasts_s)
-        left_s = self.lasts_s - age_s
+        age_s = min(max(age_s, 0.0), self.duration_s)
+        left_s = self.duration_s - age_s
         if left_s < self.ramp_s:
-            done, speed, accelerates = self._ramp(left_s)
-            return Moment(self.way.length - done, speed, -accelerates)
-        return self._ramp(age_s)
+            done, speed, accelerates = self._ramp_state(left_s)
+            return TargetState(self.way.length - done, speed, -accelerates)
+        return self._ramp_state(age_s)
 
-    def _ramp(self, age_s: float) -> Moment:
+    def _ramp_state(self, age_s: float) -> TargetState:
         if age_s >= self.ramp_s:
-            return Moment(self.top_m_s * (age_s - self.ramp_s / 2), self.top_m_s, 0.0)
+            return TargetState(self.top_m_s * (age_s - self.ramp_s / 2), self.top_m_s, 0.0)
         turn = math.pi / self.ramp_s
         half = self.top_m_s / 2
         sine, cosine = math.sin(turn * age_s), math.cos(turn * age_s)
-        return Moment(half * (age_s - sine / turn), half * (1 - cosine), half * turn * sine)
+        return TargetState(half * (age_s - sine / turn), half * (1 - cosine), half * turn * sine)
 
 
 @dataclass(frozen=True, slots=True)
-class Strand:
+class DelayedCurve:
     """A curve that begins so long after the leg; before it for one that has begun already."""
 
-    curve: Curve
+    curve: SCurve
     begins_s: float
 
 
@@ -131,20 +131,20 @@ def ramp_s(speed_m_s: float, most_m_s2: float) -> float:
     return speed_m_s / most_m_s2 + SNAP_S + most_m_s2 / JERK_M_S3
 
 
-def overlap_s(one: Curve, two: Curve, pace: LegLimits) -> float:
+def overlap_s(one: SCurve, two: SCurve, pace: LegLimits) -> float:
     """Return by how much the second of two legs begins before the first one ends (advance_target_along_track).
 
     Half-way through the turn the target must be near enough to the corner, slower than on either leg, and not too
     curved.
     """
     lasts_s = min(one.ramp_s, two.ramp_s)
-    ahead, after = one.way.times(1 / one.way.length), two.way.times(1 / two.way.length)
+    ahead, after = one.way.scale(1 / one.way.length), two.way.scale(1 / two.way.length)
     slowest = min(pace.speed_m_s(one.way), pace.speed_m_s(two.way))
     while lasts_s > 0:
-        before, behind = one.at(one.lasts_s - lasts_s / 2), two.at(lasts_s / 2)
-        cut = ahead.times(before.done_m - one.way.length).plus(after.times(behind.done_m))
-        speed = ahead.times(before.speed_m_s).plus(after.times(behind.speed_m_s))
-        curved = ahead.times(before.accelerates_m_s2).plus(after.times(behind.accelerates_m_s2))
+        before, behind = one.state_at(one.duration_s - lasts_s / 2), two.state_at(lasts_s / 2)
+        cut = ahead.scale(before.done_m - one.way.length).add(after.scale(behind.done_m))
+        speed = ahead.scale(before.speed_m_s).add(after.scale(behind.speed_m_s))
+        curved = ahead.scale(before.accelerates_m_s2).add(after.scale(behind.accelerates_m_s2))
         if (
             cut.length < pace.corner_m
             and speed.length < slowest
@@ -161,17 +161,17 @@ def turn_s(turn_rad: float) -> float:
     return TURN_S * (1 - math.cos(turn_rad))
 
 
-def target(base: Place, strands: tuple[Strand, ...], age_s: float) -> tuple[Place, Velocity]:
+def compute_target(base: Place, strands: tuple[DelayedCurve, ...], age_s: float) -> tuple[Place, Velocity]:
     """Return where the target of several strands is and how it moves, ``base`` being where the first one begins."""
     place, velocity = Vector(base.east_m, base.north_m, base.up_m), Vector(0.0, 0.0, 0.0)
     for strand in strands:
-        moment, way = strand.curve.at(age_s - strand.begins_s), strand.curve.way
-        place = place.plus(way.times(moment.done_m / way.length))
-        velocity = velocity.plus(way.times(moment.speed_m_s / way.length))
+        moment, way = strand.curve.state_at(age_s - strand.begins_s), strand.curve.way
+        place = place.add(way.scale(moment.done_m / way.length))
+        velocity = velocity.add(way.scale(moment.speed_m_s / way.length))
     return Place(*place), Velocity(*velocity)
 
 
-def _along(way: Vector, level: float, upright: float) -> float:
+def _combine_limits(way: Vector, level: float, upright: float) -> float:
     flat = math.hypot(way.east, way.north)
     if flat * upright >= abs(way.up) * level:
         return level * way.length / flat

@@ -10,7 +10,7 @@ from typing import cast
 
 from simulator.autopilot import STEP_S
 from simulator.common_time import LOOK_REAL_S
-from simulator.config import SimFleet, vehicle_endpoint
+from simulator.config import SimFleet, parse_vehicle_endpoint
 from simulator.stations import Stations
 from simulator.truth import Truth
 from simulator.vehicle import SimulatedVehicle
@@ -129,12 +129,12 @@ async def run_fleet(
     links: list[_Link] = []
     try:
         for config in fleet.vehicles:
-            endpoint = vehicle_endpoint(config.connection)
+            endpoint = parse_vehicle_endpoint(config.connection)
             link = _Link(SimulatedVehicle(config, fleet.faults), endpoint.target)
             await loop.create_datagram_endpoint(lambda link=link: link, local_addr=endpoint.bind)  # type: ignore[misc]
             links.append(link)
         clock = SimClock(fleet.speedup, monotonic_s=time.monotonic(), unix_s=time.time())
-        async with _stations(fleet, clock) as stations:
+        async with _keep_common_time(fleet, clock) as stations:
             if ready is not None:
                 ready.set()
             await _fly(links, clock, stations, stop, on_truth, watched)
@@ -144,12 +144,12 @@ async def run_fleet(
 
 
 @asynccontextmanager
-async def _stations(fleet: SimFleet, clock: SimClock) -> AsyncIterator[Stations]:
+async def _keep_common_time(fleet: SimFleet, clock: SimClock) -> AsyncIterator[Stations]:
     """Keep the time together with those who ask for it, unless it is real time."""
     stations = Stations(fleet.speedup, clock.unix_s)
     server: asyncio.Server | None = None
     if fleet.speedup > 1:
-        endpoint = vehicle_endpoint(fleet.vehicles[0].connection)
+        endpoint = parse_vehicle_endpoint(fleet.vehicles[0].connection)
         _, port = endpoint.target or endpoint.bind
         with suppress(OSError):  # the port is another program's: the time is the fleet's own, as for any ground station
             server = await stations.open(port)
@@ -185,7 +185,7 @@ async def _fly(
                 on_truth(truth)
             link.flush()
         watched([link.vehicle for link in links])
-        stations.tell(lived_s)
+        stations.send_time(lived_s)
         if lived_s < wanted_s:
             await _pause(stations.moved, LOOK_REAL_S / 5)
         else:

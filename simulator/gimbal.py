@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from simulator.messages import Outbound, out
+from simulator.messages import Outbound, build_message
 
 GIMBAL = 154
 """MAV_COMP_ID_GIMBAL."""
@@ -42,11 +42,11 @@ class Gimbal:
     control: tuple[int, int] | None = None
     """System and component that have taken control of it; None while nobody ever has."""
 
-    def aim(self, params: Sequence[float]) -> None:
+    def apply_pitch_yaw_command(self, params: Sequence[float]) -> None:
         """Obey DO_GIMBAL_MANAGER_PITCHYAW."""
         self.wanted, self.from_north = (params[0], params[1]), bool(int(params[4]) & YAW_LOCK)
 
-    def configure(self, params: Sequence[float], sender: tuple[int, int]) -> None:
+    def change_control(self, params: Sequence[float], sender: tuple[int, int]) -> None:
         """Give its control to who asks for it, or take it back."""
         if params[0] == ASKING:
             self.control = sender
@@ -67,36 +67,36 @@ class Gimbal:
 
     # What is said of it.
 
-    def attitude(self, boot_ms: int) -> Outbound:
+    def build_attitude_message(self, boot_ms: int) -> Outbound:
         """Return where it looks; the gimbal says it."""
-        return out(
+        return build_message(
             "GIMBAL_DEVICE_ATTITUDE_STATUS", target_system=0, target_component=0, time_boot_ms=boot_ms,
-            flags=ROLL_AND_PITCH_LOCK | YAW_OF_VEHICLE, q=quaternion(0.0, self.pitch_deg, self.yaw_deg),
+            flags=ROLL_AND_PITCH_LOCK | YAW_OF_VEHICLE, q=quaternion_from_euler(0.0, self.pitch_deg, self.yaw_deg),
             angular_velocity_x=math.nan, angular_velocity_y=math.nan, angular_velocity_z=math.nan, failure_flags=0,
             delta_yaw=math.nan, delta_yaw_velocity=math.nan, gimbal_device_id=0,
         )  # fmt: skip
 
-    def said_by_manager(self, number: int, boot_ms: int) -> Outbound | None:
+    def build_manager_message(self, number: int, boot_ms: int) -> Outbound | None:
         """Return a message that the autopilot is asked for; None if it is not of gimbals."""
         if number == MANAGER_INFORMATION:
-            return out(
+            return build_message(
                 "GIMBAL_MANAGER_INFORMATION", time_boot_ms=boot_ms, cap_flags=ABILITIES, gimbal_device_id=GIMBAL,
                 **_RANGES,
             )  # fmt: skip
-        return self.status(boot_ms) if number == MANAGER_STATUS else None
+        return self.build_status_message(boot_ms) if number == MANAGER_STATUS else None
 
-    def status(self, boot_ms: int) -> Outbound:
+    def build_status_message(self, boot_ms: int) -> Outbound:
         """Return who has control of it; the autopilot says it."""
         system, component = self.control or (0, 0)
-        return out(
+        return build_message(
             "GIMBAL_MANAGER_STATUS", time_boot_ms=boot_ms, flags=ROLL_AND_PITCH_LOCK, gimbal_device_id=GIMBAL,
             primary_control_sysid=system, primary_control_compid=component, secondary_control_sysid=0,
             secondary_control_compid=0,
         )  # fmt: skip
 
-    def device(self, boot_ms: int) -> Outbound:
+    def build_device_message(self, boot_ms: int) -> Outbound:
         """Return what it is; the gimbal says it."""
-        return out(
+        return build_message(
             "GIMBAL_DEVICE_INFORMATION", time_boot_ms=boot_ms, vendor_name=b"faultline", model_name=b"gimbal",
             custom_name=b"", firmware_version=1, hardware_version=1, uid=0, cap_flags=ABILITIES, custom_cap_flags=0,
             gimbal_device_id=0, **_RANGES,
@@ -113,7 +113,7 @@ _RANGES = {
 }
 
 
-def quaternion(roll_deg: float, pitch_deg: float, yaw_deg: float) -> tuple[float, float, float, float]:
+def quaternion_from_euler(roll_deg: float, pitch_deg: float, yaw_deg: float) -> tuple[float, float, float, float]:
     """Return an attitude as MAVLink has it: w, x, y, z."""
     (cr, sr), (cp, sp), (cy, sy) = (
         (math.cos(math.radians(angle) / 2), math.sin(math.radians(angle) / 2))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from simulator.physics import Body, Place, Velocity
 from simulator.smoothing import Axis, braking_speed_m_s
-from simulator.wander import Wander
+from simulator.wander import PositionDrift
 
 JERK = 4.0
 """MPC_JERK_AUTO."""
@@ -50,7 +50,7 @@ Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Glide:
+class Px4Leg:
     """Fly to a waypoint and stay there for a while, the way that PX4 does."""
 
     origin: Place
@@ -71,17 +71,19 @@ class _Line:
     after: Point
 
 
-class Glider:
+class Px4Trajectory:
     """The trajectory, and a vehicle that follows it; it lasts from leg to leg."""
 
-    def __init__(self, body: Body, wander: Wander) -> None:
+    def __init__(self, body: Body, wander: PositionDrift) -> None:
         self._wander = wander
         self._axes = tuple(
             Axis(at_m, speed)
-            for at_m, speed in zip(_point(body.place), (body.v_east_m_s, body.v_north_m_s, body.v_up_m_s), strict=True)
+            for at_m, speed in zip(
+                _to_point(body.place), (body.v_east_m_s, body.v_north_m_s, body.v_up_m_s), strict=True
+            )
         )
-        self._goal: Glide | None = None
-        self._line = _Line(_point(body.place), _point(body.place), _point(body.place))
+        self._goal: Px4Leg | None = None
+        self._line = _Line(_to_point(body.place), _to_point(body.place), _to_point(body.place))
         self._state = ""
         self._age_s = 0.0
         self._reached_s: float | None = None
@@ -90,7 +92,7 @@ class Glider:
         self._gathered = [DRAG_PER_S * axis.speed_m_s for axis in self._axes]
         self._pushed = [DRAG_PER_S * axis.speed_m_s for axis in self._axes]
 
-    def fly(self, goal: Glide, body: Body, now_s: float, dt_s: float) -> bool:
+    def fly(self, goal: Px4Leg, body: Body, now_s: float, dt_s: float) -> bool:
         """Move the body for ``dt_s`` from ``now_s`` on.
 
         Returns:
@@ -101,30 +103,30 @@ class Glider:
                 self._age_s, self._reached_s = 0.0, None
             self._goal, self._state = goal, ""
         self._age_s += dt_s
-        here = _point(body.place)
+        here = _to_point(body.place)
         if self._age_s > NAVIGATOR_S:
             self._find_line(goal, here)
-        self._plan(goal)
+        self._plan_speeds(goal)
         follows = self._follow(body, dt_s)  # both take one step from the same moment
         self._advance(here, now_s, dt_s)
         body.carry(follows, dt_s)
-        return self._is_over(goal, body)
+        return self._is_leg_done(goal, body)
 
-    def _is_over(self, goal: Glide, body: Body) -> bool:
-        east, north, up = (a - b for a, b in zip(_point(goal.target), _point(body.place), strict=True))
+    def _is_leg_done(self, goal: Px4Leg, body: Body) -> bool:
+        east, north, up = (a - b for a, b in zip(_to_point(goal.target), _to_point(body.place), strict=True))
         if self._reached_s is None and math.hypot(east, north) <= goal.accept_m and abs(up) <= HEIGHT_M:
             self._reached_s = self._age_s
         return self._reached_s is not None and self._age_s - self._reached_s >= goal.hold_s
 
-    def _find_line(self, goal: Glide, here: Point) -> None:
+    def _find_line(self, goal: Px4Leg, here: Point) -> None:
         """Choose what to fly along (_getCurrentState, _updateInternalWaypoints)."""
-        origin, target = _point(goal.origin), _point(goal.target)
-        after = _point(goal.after or goal.target)
+        origin, target = _to_point(goal.origin), _to_point(goal.target)
+        after = _to_point(goal.after or goal.target)
         length, done, nearest = math.dist(origin, target), 0.0, origin
         if length > 0:
             ahead = [(b - a) / length for a, b in zip(origin, target, strict=True)]
             done = sum(u * (h - o) for u, h, o in zip(ahead, here, origin, strict=True))
-            nearest = _off(origin, ahead, done)
+            nearest = _shift_point(origin, ahead, done)
         state = "on"
         if length > 0 and done > length:
             state = "beyond"
@@ -144,13 +146,13 @@ class Glider:
                     self._line = _Line(origin, target, after)
         self._state = state
 
-    def _plan(self, goal: Glide) -> None:
+    def _plan_speeds(self, goal: Px4Leg) -> None:
         """Choose the speeds that the axes go for (_generateVelocitySetpoint)."""
         line, here = self._line, (self._axes[0].at_m, self._axes[1].at_m, self._axes[2].at_m)
-        level, upright = self._level_m_s(goal, here), self._upright_m_s(here)
+        level, upright = self._horizontal_speed_m_s(goal, here), self._vertical_speed_m_s(here)
         aim = line.target
-        if self._turning(goal, here):
-            aim = self._ahead_on_line(goal, here)
+        if self._is_turning(goal, here):
+            aim = self._find_point_ahead(goal, here)
             level = min(level, self._fastest_m_s)
         else:
             self._fastest_m_s = level
@@ -167,40 +169,40 @@ class Glider:
         self._rises = wish[2] > 0
         most = (LEVEL, LEVEL, self._vertical[0])
         for axis, speed_m_s, accelerate in zip(self._axes, wish, most, strict=True):
-            axis.plan(speed_m_s, accelerate, JERK)
-        longest_s = max(axis.lasts_s for axis in self._axes)
+            axis.plan_speed(speed_m_s, accelerate, JERK)
+        longest_s = max(axis.duration_s for axis in self._axes)
         for axis, accelerate in zip(self._axes, most, strict=True):
-            if axis.lasts_s < longest_s:
-                axis.stretch(longest_s, accelerate)
+            if axis.duration_s < longest_s:
+                axis.stretch_plan(longest_s, accelerate)
 
     @property
     def _vertical(self) -> tuple[float, float]:
         return UP if self._rises else DOWN
 
-    def _level_m_s(self, goal: Glide, here: Point) -> float:
+    def _horizontal_speed_m_s(self, goal: Px4Leg, here: Point) -> float:
         """Return the horizontal speed that line and corner allow (computeXYSpeedFromWaypoints)."""
         line, corner = self._line, 0.0
         onward = math.dist(line.target[:2], line.after[:2])
         if onward > max(goal.accept_m, 0.001):
             fastest = min(goal.speed_m_s, braking_speed_m_s(onward, LEVEL, JERK))
-            half = _angle(here, line.target, line.after) / 2
+            half = _corner_angle_rad(here, line.target, line.after) / 2
             turn = math.sqrt(CORNER * LEVEL * goal.accept_m * math.tan(half)) if half < 1.5707 else math.inf
             corner = min(fastest, turn)
         left_m = math.dist(here[:2], line.target[:2])
         return min(goal.speed_m_s, braking_speed_m_s(left_m, LEVEL, JERK, corner))
 
-    def _upright_m_s(self, here: Point) -> float:
+    def _vertical_speed_m_s(self, here: Point) -> float:
         """Return the vertical speed (_getMaxZSpeed, whose distances are from the origin of its map)."""
         line, (accelerate, most) = self._line, self._vertical
         exit_m_s = 0.0
         if abs(line.target[2] - line.after[2]) > 0.001:
             profile = [(math.hypot(p[0], p[1]), 0.0, p[2]) for p in (here, line.target, line.after)]
-            half = _angle(*((p[0], p[2], 0.0) for p in profile)) / 2
+            half = _corner_angle_rad(*((p[0], p[2], 0.0) for p in profile)) / 2
             exit_m_s = min(math.sqrt(accelerate * HEIGHT_M * math.tan(half)), most) if half < 1.5707 else most
         left_m = abs(line.target[2] - here[2])
         return min(most, braking_speed_m_s(left_m, accelerate, JERK, exit_m_s))
 
-    def _turning(self, goal: Glide, here: Point) -> bool:
+    def _is_turning(self, goal: Px4Leg, here: Point) -> bool:
         east, north = self._line.target[0] - here[0], self._line.target[1] - here[1]
         speed, left_m = math.hypot(self._axes[0].speed_m_s, self._axes[1].speed_m_s), math.hypot(east, north)
         if speed <= 0.2 or left_m <= goal.accept_m:
@@ -208,28 +210,28 @@ class Glider:
         along = self._axes[0].speed_m_s * east + self._axes[1].speed_m_s * north
         return along < 0.98 * speed * left_m
 
-    def _ahead_on_line(self, goal: Glide, here: Point) -> Point:
+    def _find_point_ahead(self, goal: Px4Leg, here: Point) -> Point:
         origin, target = self._line.origin, self._line.target
         length = math.dist(origin, target) or 1.0
         ahead = [(b - a) / length for a, b in zip(origin, target, strict=True)]
-        nearest = _off(origin, ahead, sum(u * (h - o) for u, h, o in zip(ahead, here, origin, strict=True)))
+        nearest = _shift_point(origin, ahead, sum(u * (h - o) for u, h, o in zip(ahead, here, origin, strict=True)))
         reach = max(goal.accept_m, AHEAD_M) ** 2 - math.dist(nearest, here) ** 2
-        return _off(nearest, ahead, math.sqrt(max(reach, 0.0)))
+        return _shift_point(nearest, ahead, math.sqrt(max(reach, 0.0)))
 
     def _advance(self, here: Point, now_s: float, dt_s: float) -> None:
         """Move the trajectory, less the farther the vehicle seems to be off it, unless it seems to be ahead."""
-        off_m = self._wander.at_m(now_s)
+        off_m = self._wander.offset_m(now_s)
         east, north = self._axes[0].at_m - here[0] - off_m[0], self._axes[1].at_m - here[1] - off_m[1]
         behind = east * self._axes[0].speed_m_s + north * self._axes[1].speed_m_s >= 0
         share = moving_share(east, north) if behind else 1.0
         for axis in self._axes:
-            axis.go(dt_s * share)
+            axis.advance(dt_s * share)
 
     def _follow(self, body: Body, dt_s: float) -> Velocity:
         """Return the velocity with which the vehicle follows (PositionControl.cpp, and a body with drag)."""
         moves = (body.v_east_m_s, body.v_north_m_s, body.v_up_m_s)
         speeds = []
-        for index, (axis, at_m, speed) in enumerate(zip(self._axes, _point(body.place), moves, strict=True)):
+        for index, (axis, at_m, speed) in enumerate(zip(self._axes, _to_point(body.place), moves, strict=True)):
             wish = axis.speed_m_s + FOLLOW_PER_S[index] * (axis.at_m - at_m)
             if index == 2:
                 wish = min(max(wish, -DOWN[1]), UP[1])
@@ -249,16 +251,16 @@ def moving_share(east_m: float, north_m: float) -> float:
     return 1 - min(math.hypot(east_m, north_m) / LAG_M, 1.0)
 
 
-def _point(place: Place) -> Point:
+def _to_point(place: Place) -> Point:
     return (place.east_m, place.north_m, place.up_m)
 
 
-def _off(origin: Point, ahead: list[float], distance_m: float) -> Point:
+def _shift_point(origin: Point, ahead: list[float], distance_m: float) -> Point:
     east, north, up = (a + distance_m * u for a, u in zip(origin, ahead, strict=True))
     return (east, north, up)
 
 
-def _angle(start: Point, corner: Point, end: Point) -> float:
+def _corner_angle_rad(start: Point, corner: Point, end: Point) -> float:
     """Return the angle between the ways from a corner back and onward, seen from above; straight on is pi."""
     back = (start[0] - corner[0], start[1] - corner[1])
     onward = (end[0] - corner[0], end[1] - corner[1])

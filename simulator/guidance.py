@@ -1,7 +1,7 @@
 """What the vehicle is flying right now: goals as frozen data, and the velocity that each of them asks for.
 
 A goal says where to go; ``wish`` turns it into a velocity and ``finished`` says when it is done. The body's limits do
-the rest. A ``Pilot`` flies a queue of goals.
+the rest. A ``GoalFollower`` flies a queue of goals.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from simulator.curves import Strand, target
-from simulator.gliding import Glide, Glider, moving_share
+from simulator.curves import DelayedCurve, compute_target
+from simulator.gliding import Px4Leg, Px4Trajectory, moving_share
 from simulator.physics import Body, Limits, Place, Velocity
 from simulator.smoothing import braking_speed_m_s
-from simulator.wander import Wander
+from simulator.wander import PositionDrift
 
 BRAKE_MARGIN = 0.7
 """Share of the braking power that a planned stop uses; the rest corrects."""
@@ -41,7 +41,7 @@ a restart every second it crawls at 0.8 m/s."""
 
 
 @dataclass(frozen=True, slots=True)
-class Wait:
+class SpoolUp:
     """Stay on the ground while the motors spool up."""
 
     seconds: float
@@ -81,13 +81,13 @@ class Leg:
 
 
 @dataclass(frozen=True, slots=True)
-class Ride:
+class TimedLeg:
     """Follow a target that moves by the clock, from leg to leg."""
 
     leg: Leg
     """The same as a plain leg, for when the clock is lost."""
     base: Place
-    strands: tuple[Strand, ...]
+    strands: tuple[DelayedCurve, ...]
     lasts_s: float
 
 
@@ -100,7 +100,7 @@ class Hover:
 
 
 @dataclass(frozen=True, slots=True)
-class Sink:
+class ThrottleDescent:
     """Keep the point and lose height: a mode that follows a throttle stick which nobody holds."""
 
     place: Place
@@ -120,7 +120,7 @@ class Land:
     """Height above which it is fast; in between it slows down with the height."""
 
 
-Goal = Wait | Climb | Leg | Ride | Glide | Hover | Sink | Land
+Goal = SpoolUp | Climb | Leg | TimedLeg | Px4Leg | Hover | ThrottleDescent | Land
 
 
 def distance_m(a: Place, b: Place) -> float:
@@ -128,7 +128,7 @@ def distance_m(a: Place, b: Place) -> float:
     return math.sqrt((a.east_m - b.east_m) ** 2 + (a.north_m - b.north_m) ** 2 + (a.up_m - b.up_m) ** 2)
 
 
-def stopping_place(body: Body, limits: Limits) -> Place:
+def find_stopping_place(body: Body, limits: Limits) -> Place:
     """Return where the vehicle comes to rest when it brakes now."""
     share = body.ground_speed_m_s / (2 * limits.brake_m_s2 * BRAKE_MARGIN)
     up = abs(body.v_up_m_s) / (2 * limits.vertical_m_s2)
@@ -159,51 +159,51 @@ def corner_speed_m_s(before: Leg, after: Place, limits: Limits, cut_m: float) ->
     return min(before.speed_m_s, math.sqrt(limits.corner_m_s2 * cut_m / (1 / half - 1)))
 
 
-def wish(goal: Goal, body: Body, age_s: float, limits: Limits) -> Velocity:
+def compute_desired_velocity(goal: Goal, body: Body, age_s: float, limits: Limits) -> Velocity:
     """Return the velocity that the goal asks for, ``age_s`` after it was begun."""
     match goal:
-        case Wait():
+        case SpoolUp():
             return Velocity()
         case Climb():
-            east, north = _towards(goal.place, body, limits)
-            up = _rising(goal.place.up_m, body, limits)
+            east, north = _approach_velocity_m_s(goal.place, body, limits)
+            up = _vertical_speed_m_s(goal.place.up_m, body, limits)
             if goal.brakes is not None:
                 left_m = goal.place.up_m - body.up_m
                 up = math.copysign(braking_speed_m_s(abs(left_m), *goal.brakes), left_m)
             most = min(goal.speed_m_s, goal.slow_m_s) if body.up_m < goal.slow_below_m else goal.speed_m_s
             return Velocity(east, north, min(max(up, -most), most))
         case Hover():
-            east, north = _towards(goal.place, body, limits)
-            return Velocity(east, north, _rising(goal.place.up_m, body, limits))
-        case Sink():
-            east, north = _towards(goal.place, body, limits)
+            east, north = _approach_velocity_m_s(goal.place, body, limits)
+            return Velocity(east, north, _vertical_speed_m_s(goal.place.up_m, body, limits))
+        case ThrottleDescent():
+            east, north = _approach_velocity_m_s(goal.place, body, limits)
             return Velocity(east, north, -goal.speed_m_s)
         case Land():
-            east, north = _towards(goal.place, body, limits)
-            return Velocity(east, north, -_landing_m_s(goal, body.up_m))
+            east, north = _approach_velocity_m_s(goal.place, body, limits)
+            return Velocity(east, north, -_landing_speed_m_s(goal, body.up_m))
         case Leg():
-            return _along(goal, body, age_s, limits)
-        case Ride():
-            place, velocity = target(goal.base, goal.strands, age_s)
+            return _compute_leg_velocity(goal, body, age_s, limits)
+        case TimedLeg():
+            place, velocity = compute_target(goal.base, goal.strands, age_s)
             return Velocity(
                 velocity.east_m_s + RIDE_PER_S * (place.east_m - body.east_m),
                 velocity.north_m_s + RIDE_PER_S * (place.north_m - body.north_m),
                 velocity.up_m_s + RIDE_PER_S * (place.up_m - body.up_m),
             )
-        case Glide():
+        case Px4Leg():
             return Velocity()
 
 
-def finished(goal: Goal, body: Body, age_s: float) -> bool:
+def is_finished(goal: Goal, body: Body, age_s: float) -> bool:
     """Return whether the goal has been reached."""
     match goal:
-        case Wait() | Hover():
+        case SpoolUp() | Hover():
             return age_s >= goal.seconds
         case Climb():
             return abs(body.up_m - goal.place.up_m) < goal.accept_m
-        case Ride():
+        case TimedLeg():
             return age_s >= goal.lasts_s
-        case Sink() | Glide():
+        case ThrottleDescent() | Px4Leg():
             return False
         case Land():
             return body.on_ground
@@ -213,46 +213,46 @@ def finished(goal: Goal, body: Body, age_s: float) -> bool:
                 return left_m < max(goal.accept_m, STOPPED_M) and (
                     goal.accept_m > STOPPED_M or body.ground_speed_m_s < STOPPED_M_S
                 )
-            return left_m < goal.accept_m or _progress(goal, body)[1] <= 0.0
+            return left_m < goal.accept_m or _leg_progress_m(goal, body)[1] <= 0.0
 
 
-def takes_up(ride: Ride, body: Body) -> bool:
+def can_join_timed_leg(ride: TimedLeg, body: Body) -> bool:
     """Return whether a vehicle is near enough to a ride's beginning, and fast enough for it."""
-    place, velocity = target(ride.base, ride.strands, 0.0)
+    place, velocity = compute_target(ride.base, ride.strands, 0.0)
     speeds = (body.v_east_m_s, body.v_north_m_s, body.v_up_m_s)
     wanted = (velocity.east_m_s, velocity.north_m_s, velocity.up_m_s)
     return distance_m(place, body.place) < RIDE_M and math.dist(speeds, wanted) < RIDE_M_S
 
 
-def _landing_m_s(goal: Land, up_m: float) -> float:
+def _landing_speed_m_s(goal: Land, up_m: float) -> float:
     share = min(max((up_m - goal.slow_from_m) / max(goal.fast_from_m - goal.slow_from_m, 0.01), 0.0), 1.0)
     return goal.slow_m_s + share * (goal.fast_m_s - goal.slow_m_s)
 
 
-def _towards(place: Place, body: Body, limits: Limits) -> tuple[float, float]:
+def _approach_velocity_m_s(place: Place, body: Body, limits: Limits) -> tuple[float, float]:
     """Return the horizontal velocity that ends at rest over a point."""
     east, north = place.east_m - body.east_m, place.north_m - body.north_m
     left_m = math.hypot(east, north)
     if left_m < 1e-6:
         return 0.0, 0.0
-    speed = _stopping_speed(left_m, 0.0, limits)
+    speed = _stopping_speed_m_s(left_m, 0.0, limits)
     return east / left_m * speed, north / left_m * speed
 
 
-def _rising(up_m: float, body: Body, limits: Limits) -> float:
+def _vertical_speed_m_s(up_m: float, body: Body, limits: Limits) -> float:
     """Return the vertical velocity that ends at rest at a height."""
     error_m = up_m - body.up_m
     braking = math.sqrt(2 * BRAKE_MARGIN * limits.vertical_m_s2 * abs(error_m))
     return math.copysign(min(HEIGHT_PER_S * abs(error_m), braking), error_m)
 
 
-def _stopping_speed(left_m: float, exit_m_s: float, limits: Limits) -> float:
+def _stopping_speed_m_s(left_m: float, exit_m_s: float, limits: Limits) -> float:
     """Return the speed from which ``exit_m_s`` can be reached in ``left_m``."""
     braking = math.sqrt(exit_m_s**2 + 2 * BRAKE_MARGIN * limits.brake_m_s2 * max(left_m, 0.0))
     return min(braking, exit_m_s + NEAR_PER_S * max(left_m, 0.0))
 
 
-def _progress(leg: Leg, body: Body) -> tuple[float, float]:
+def _leg_progress_m(leg: Leg, body: Body) -> tuple[float, float]:
     """Return metres flown along the leg's horizontal line, and metres left of it."""
     east, north = leg.target.east_m - leg.origin.east_m, leg.target.north_m - leg.origin.north_m
     length = math.hypot(east, north)
@@ -262,20 +262,22 @@ def _progress(leg: Leg, body: Body) -> tuple[float, float]:
     return done, length - done
 
 
-def _along(leg: Leg, body: Body, age_s: float, limits: Limits) -> Velocity:
+def _compute_leg_velocity(leg: Leg, body: Body, age_s: float, limits: Limits) -> Velocity:
     east, north = leg.target.east_m - leg.origin.east_m, leg.target.north_m - leg.origin.north_m
     length = math.hypot(east, north)
     rise = leg.target.up_m - leg.origin.up_m
     if length < 0.1:
-        return Velocity(*_towards(leg.target, body, limits), _rising(leg.target.up_m, body, limits))
-    done, left = _progress(leg, body)
+        return Velocity(
+            *_approach_velocity_m_s(leg.target, body, limits), _vertical_speed_m_s(leg.target.up_m, body, limits)
+        )
+    done, left = _leg_progress_m(leg, body)
     speed = leg.speed_m_s if leg.entry_m_s is None or done >= leg.entry_m else leg.entry_m_s
     if leg.restarted:
         speed = min(speed, RESTART_M_S + RESTART_M_S2 * age_s)
     steepest = limits.climb_m_s if rise > 0 else limits.descend_m_s
     if abs(rise) > 1e-3:
         speed = min(speed, 0.9 * steepest * length / abs(rise))
-    speed = min(speed, _stopping_speed(left, 0.0 if leg.stop else leg.exit_m_s, limits))
+    speed = min(speed, _stopping_speed_m_s(left, 0.0 if leg.stop else leg.exit_m_s, limits))
     share = min(max(done / length, 0.0), 1.0)
     off_east = leg.origin.east_m + east * share - body.east_m
     off_north = leg.origin.north_m + north * share - body.north_m
@@ -285,21 +287,23 @@ def _along(leg: Leg, body: Body, age_s: float, limits: Limits) -> Velocity:
         back_east, back_north, back = back_east * most / back, back_north * most / back, most
     # Both together are not faster than the leg allows.
     speed = min(speed, math.sqrt(most**2 - back**2))
-    up = _rising(leg.origin.up_m + rise * share, body, limits) + (rise / length * speed if 0 < share < 1 else 0.0)
+    up = _vertical_speed_m_s(leg.origin.up_m + rise * share, body, limits) + (
+        rise / length * speed if 0 < share < 1 else 0.0
+    )
     return Velocity(east / length * speed + back_east, north / length * speed + back_north, up)
 
 
-class Pilot:
+class GoalFollower:
     """Flies goals one after the other."""
 
-    def __init__(self, body: Body, limits: Limits, wander: Wander | None = None) -> None:
+    def __init__(self, body: Body, limits: Limits, wander: PositionDrift | None = None) -> None:
         self.body = body
         self.limits = limits
-        self._wander = wander or Wander(0.0, "")
+        self._wander = wander or PositionDrift(0.0, "")
         self._now_s = 0.0
         self._goals: deque[Goal] = deque()
         self._age_s = 0.0
-        self._glider: Glider | None = None
+        self._glider: Px4Trajectory | None = None
         self._riding = replace(
             limits, accelerate_m_s2=RIDE_M_S2, brake_m_s2=RIDE_M_S2, vertical_m_s2=RIDE_M_S2, corner_m_s2=RIDE_M_S2
         )
@@ -319,32 +323,32 @@ class Pilot:
         match self.goal:
             case Leg() as leg:
                 self._goals[0] = replace(leg, speed_m_s=speed_m_s, entry_m_s=None)
-            case Ride(leg=leg):
+            case TimedLeg(leg=leg):
                 self._goals[0] = replace(leg, speed_m_s=speed_m_s)
-            case Glide() as glide:
+            case Px4Leg() as glide:
                 self._goals[0] = replace(glide, speed_m_s=speed_m_s)
 
     def hold(self) -> None:
         """Brake and stay."""
-        self.fly([Hover(stopping_place(self.body, self.limits))])
+        self.fly([Hover(find_stopping_place(self.body, self.limits))])
 
     def step(self, dt_s: float) -> None:
         """Fly for ``dt_s``; without a goal the vehicle keeps its place."""
         goal = self.goal or Hover(self.body.place)
         self._age_s += dt_s
         self._now_s += dt_s
-        if isinstance(goal, Glide):
-            self._glider = self._glider or Glider(self.body, self._wander)
+        if isinstance(goal, Px4Leg):
+            self._glider = self._glider or Px4Trajectory(self.body, self._wander)
             over = self._glider.fly(goal, self.body, self._now_s, dt_s)
         else:
             self._glider = None
-            limits = self._riding if isinstance(goal, Ride) else self.limits
-            wanted = wish(goal, self.body, self._age_s, limits)
+            limits = self._riding if isinstance(goal, TimedLeg) else self.limits
+            wanted = compute_desired_velocity(goal, self.body, self._age_s, limits)
             if isinstance(goal, Climb):
                 # Its trajectory stands still over the ground, so that no swing is ahead of it.
-                wanted = replace(wanted, up_m_s=wanted.up_m_s * moving_share(*self._wander.at_m(self._now_s)))
+                wanted = replace(wanted, up_m_s=wanted.up_m_s * moving_share(*self._wander.offset_m(self._now_s)))
             self.body.fly(wanted, limits, dt_s)
-            over = finished(goal, self.body, self._age_s)
+            over = is_finished(goal, self.body, self._age_s)
         if self._goals and over:
             self._goals.popleft()
             self._age_s = 0.0

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from missions.items import Frame, MissionItem, Place
+from missions.items import Frame, MissionItem, PlaceCommand
 from simulator.enums import MissionResult, Severity
 from simulator.messages import (
     MISSION_TYPE_MISSION,
@@ -26,10 +26,10 @@ from simulator.mission_store import (
     StoreStep,
     Transfer,
     UploadFault,
-    ack,
-    count_message,
-    item_message,
-    request_message,
+    build_mission_ack,
+    build_mission_count,
+    build_mission_item,
+    build_mission_request,
     to_item,
 )
 
@@ -39,8 +39,8 @@ MOST = {MISSION_TYPE_MISSION: 650, FENCE: 70, RALLY: 20}
 ASK_AGAIN_S = 1.0
 GIVE_UP_S = 8.0
 NAMES = {MISSION_TYPE_MISSION: "Mission", FENCE: "Fence", RALLY: "Rally"}
-_SHAPES = frozenset({*Place} - {Place.RALLY_POINT})
-_POLYGONS = frozenset({Place.INCLUSION_VERTEX, Place.EXCLUSION_VERTEX})
+_SHAPES = frozenset({*PlaceCommand} - {PlaceCommand.RALLY_POINT})
+_POLYGONS = frozenset({PlaceCommand.INCLUSION_VERTEX, PlaceCommand.EXCLUSION_VERTEX})
 
 
 class ArduPilotUploads:
@@ -60,34 +60,34 @@ class ArduPilotUploads:
         if now_s - upload.heard_s >= self._give_up_s:
             self._upload = None
             timeout = ((Severity.WARNING, f"{NAMES[self.kind]} upload timeout"),)
-            return self._ack(upload.partner, MissionResult.OPERATION_CANCELLED, timeout)
-        if upload.stalls(self.fault) or now_s - upload.asked_s < ASK_AGAIN_S:
+            return self._build_ack(upload.partner, MissionResult.OPERATION_CANCELLED, timeout)
+        if upload.is_stalled(self.fault) or now_s - upload.asked_s < ASK_AGAIN_S:
             return StoreStep()
-        return self._asked(upload, now_s)
+        return self._request_next_item(upload, now_s)
 
     def forget_transfers(self) -> None:
         """Drop what is under way."""
         self._upload = None
 
-    def _refusal(self, count: int, sender: Peer) -> StoreStep | None:
+    def _refuse_upload(self, count: int, sender: Peer) -> StoreStep | None:
         """Return why an upload of so many items does not begin."""
         if self.fault is UploadFault.REFUSE:
-            return self._ack(sender, MissionResult.DENIED)
+            return self._build_ack(sender, MissionResult.DENIED)
         if count > MOST[self.kind]:
             text = ((Severity.WARNING, f"Only {MOST[self.kind]} items are supported"),)
-            return self._ack(sender, MissionResult.NO_SPACE, text)
+            return self._build_ack(sender, MissionResult.NO_SPACE, text)
         return None
 
-    def _begun(self, count: int, sender: Peer, now_s: float) -> StoreStep:
+    def _begin_upload(self, count: int, sender: Peer, now_s: float) -> StoreStep:
         self._upload = Transfer(sender, count, heard_s=now_s, asked_s=now_s, kind=self.kind)
-        return self._asked(self._upload, now_s)
+        return self._request_next_item(self._upload, now_s)
 
-    def _asked(self, upload: Transfer, now_s: float) -> StoreStep:
+    def _request_next_item(self, upload: Transfer, now_s: float) -> StoreStep:
         upload.asked_s = now_s
-        return StoreStep((request_message("MISSION_REQUEST", upload.partner, upload.next, self.kind),))
+        return StoreStep((build_mission_request("MISSION_REQUEST", upload.partner, upload.next, self.kind),))
 
-    def _ack(self, sender: Peer, result: MissionResult, texts: tuple[tuple[int, str], ...] = ()) -> StoreStep:
-        return StoreStep((ack(sender, result, self.kind),), texts)
+    def _build_ack(self, sender: Peer, result: MissionResult, texts: tuple[tuple[int, str], ...] = ()) -> StoreStep:
+        return StoreStep((build_mission_ack(sender, result, self.kind),), texts)
 
 
 class ArduPilotList(ArduPilotUploads):
@@ -100,58 +100,58 @@ class ArduPilotList(ArduPilotUploads):
     def handle(self, message: MissionMessage, sender: Peer, now_s: float) -> StoreStep:  # noqa: PLR0911 - one each
         """Follow the protocol."""
         if self._upload is not None and self._upload.partner != sender:
-            return self._ack(sender, MissionResult.DENIED)
+            return self._build_ack(sender, MissionResult.DENIED)
         match message:
             case MissionCount(count):
                 return self._begin(count, sender, now_s)
             case ItemReceived():
                 return self._take(message, sender, now_s)
             case MissionRequestList() | MissionRequest() if self._upload is not None:
-                return self._ack(sender, MissionResult.DENIED)
+                return self._build_ack(sender, MissionResult.DENIED)
             case MissionRequestList():
-                return StoreStep((count_message(sender, len(self.items), mission_type=self.kind),))
+                return StoreStep((build_mission_count(sender, len(self.items), mission_type=self.kind),))
             case MissionRequest(seq):
                 if not 0 <= seq < len(self.items):
-                    return self._ack(sender, MissionResult.INVALID_SEQUENCE)
+                    return self._build_ack(sender, MissionResult.INVALID_SEQUENCE)
                 item = self.items[seq]
-                return StoreStep((item_message(sender, item, integer=message.integer, mission_type=self.kind),))
+                return StoreStep((build_mission_item(sender, item, integer=message.integer, mission_type=self.kind),))
             case MissionClearAll():
-                return self._replaced((), sender)
+                return self._replace_items((), sender)
             case _:
                 return StoreStep()
 
     def _begin(self, count: int, sender: Peer, now_s: float) -> StoreStep:
-        refusal = self._refusal(count, sender)
+        refusal = self._refuse_upload(count, sender)
         if refusal is not None:
             return refusal
         if count == 0:
             self._upload = None
-            return self._replaced((), sender)
-        return self._begun(count, sender, now_s)
+            return self._replace_items((), sender)
+        return self._begin_upload(count, sender, now_s)
 
     def _take(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
         upload = self._upload
         if upload is None:
-            return self._ack(sender, MissionResult.ERROR)
+            return self._build_ack(sender, MissionResult.ERROR)
         if message.seq != upload.next:
-            return self._ack(sender, MissionResult.INVALID_SEQUENCE)
-        if message.command not in (_SHAPES if self.kind == FENCE else {Place.RALLY_POINT}):
+            return self._build_ack(sender, MissionResult.INVALID_SEQUENCE)
+        if message.command not in (_SHAPES if self.kind == FENCE else {PlaceCommand.RALLY_POINT}):
             self._upload = None
-            return self._ack(sender, MissionResult.UNSUPPORTED)
-        upload.items.append(_as_stored(to_item(message)))
+            return self._build_ack(sender, MissionResult.UNSUPPORTED)
+        upload.items.append(_to_stored(to_item(message)))
         upload.next += 1
         upload.heard_s = now_s
         if upload.next < upload.count:
-            return StoreStep() if upload.stalls(self.fault) else self._asked(upload, now_s)
+            return StoreStep() if upload.is_stalled(self.fault) else self._request_next_item(upload, now_s)
         self._upload = None
         if self.kind == FENCE and not is_whole(upload.items):
-            return self._ack(sender, MissionResult.ERROR, ((Severity.WARNING, "Fence validation failed"),))
-        return self._replaced(tuple(upload.items), sender)
+            return self._build_ack(sender, MissionResult.ERROR, ((Severity.WARNING, "Fence validation failed"),))
+        return self._replace_items(tuple(upload.items), sender)
 
-    def _replaced(self, items: tuple[MissionItem, ...], sender: Peer) -> StoreStep:
+    def _replace_items(self, items: tuple[MissionItem, ...], sender: Peer) -> StoreStep:
         self.items = items
         texts = ((Severity.DEBUG, "Fence Indexed OK"),) if self.kind == FENCE else ()
-        return replace(self._ack(sender, MissionResult.ACCEPTED, texts), fenced=self.kind == FENCE)
+        return replace(self._build_ack(sender, MissionResult.ACCEPTED, texts), fenced=self.kind == FENCE)
 
 
 def is_whole(items: Sequence[MissionItem]) -> bool:
@@ -168,8 +168,8 @@ def is_whole(items: Sequence[MissionItem]) -> bool:
     return True
 
 
-def _as_stored(item: MissionItem) -> MissionItem:
+def _to_stored(item: MissionItem) -> MissionItem:
     """Return an item as it comes back: without flags, of a rally point the height in whole metres."""
-    if item.command == Place.RALLY_POINT:
+    if item.command == PlaceCommand.RALLY_POINT:
         return replace(item, current=False, autocontinue=False, frame=Frame.GLOBAL_RELATIVE_ALT, z=float(int(item.z)))
     return replace(item, current=False, autocontinue=False, frame=Frame.GLOBAL, param2=0.0, param3=0.0, z=0.0)

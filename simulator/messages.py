@@ -39,7 +39,7 @@ class Command:
     number: int
     params: tuple[float, float, float, float, float, float, float]
 
-    def integer(self, position: int) -> int:
+    def integer_param(self, position: int) -> int:
         """Return a parameter as a whole number, counted from 0; -1 for NaN or infinity."""
         value = self.params[position]
         return int(value) if math.isfinite(value) else -1
@@ -176,7 +176,7 @@ Body = (
 )  # fmt: skip
 
 
-def order_words(body: Body) -> str:
+def describe_order(body: Body) -> str:
     """Return what a message orders, as a truth says it; empty for one that changes nothing.
 
     >>> order_words(Command(400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
@@ -218,12 +218,12 @@ class Outbound:
     fields: Mapping[str, FieldValue]
 
 
-def out(name: str, **fields: FieldValue) -> Outbound:
+def build_message(name: str, **fields: FieldValue) -> Outbound:
     """Return a message by MAVLink's names."""
     return Outbound(name, fields)
 
 
-def status_texts(severity: int, text: str, chunk_id: int) -> Iterator[Outbound]:
+def split_status_text(severity: int, text: str, chunk_id: int) -> Iterator[Outbound]:
     """Yield the text in as many STATUSTEXT as it takes.
 
     Args:
@@ -237,4 +237,6 @@ def status_texts(severity: int, text: str, chunk_id: int) -> Iterator[Outbound]:
         # A last part of full length has no terminating zero: without an empty one the reader would wait for more.
         chunks.append(b"")
     for number, chunk in enumerate(chunks):
-        yield out("STATUSTEXT", severity=severity, text=chunk, id=chunk_id if len(chunks) > 1 else 0, chunk_seq=number)
+        yield build_message(
+            "STATUSTEXT", severity=severity, text=chunk, id=chunk_id if len(chunks) > 1 else 0, chunk_seq=number
+        )

@@ -8,17 +8,17 @@ from dataclasses import replace
 
 from missions.items import Command, MissionItem
 from simulator.airframe import Airframe
-from simulator.curves import Curve, LegLimits, Strand, Vector, overlap_s, turn_s
+from simulator.curves import DelayedCurve, LegLimits, SCurve, Vector, overlap_s, turn_s
 from simulator.enums import MissionState, Severity
-from simulator.fence import way_home_ends
-from simulator.guidance import Goal, Hover, Land, Leg, Ride, corner_speed_m_s, distance_m, takes_up
-from simulator.messages import out
+from simulator.fence import find_return_destination
+from simulator.guidance import Goal, Hover, Land, Leg, TimedLeg, can_join_timed_leg, corner_speed_m_s, distance_m
+from simulator.messages import build_message
 from simulator.mission_store import DONE_IN_PASSING, CarryOut, has_place, params_of
 from simulator.params import ParamTable
 from simulator.physics import Home, Place
 from simulator.route import place_of
 from simulator.store_ardupilot import ArduPilotStore
-from simulator.voice import Voice
+from simulator.voice import VehicleOutbox
 
 LATE_SLOWDOWN_M = 22.5
 """How far the old speed is kept after a pass-through corner. Measured: 60 m 'at 1 m/s' took 42 s, 100 m took 82 s."""
@@ -59,7 +59,13 @@ class ArduPilotMission:
     """What AUTO does."""
 
     def __init__(
-        self, frame: Airframe, store: ArduPilotStore, home: Home, params: ParamTable, voice: Voice, carry_out: CarryOut
+        self,
+        frame: Airframe,
+        store: ArduPilotStore,
+        home: Home,
+        params: ParamTable,
+        voice: VehicleOutbox,
+        carry_out: CarryOut,
     ) -> None:
         self._frame, self._store, self._home, self._params, self._voice = frame, store, home, params, voice
         self._carry_out = carry_out
@@ -73,7 +79,7 @@ class ArduPilotMission:
         """Where the next leg's line begins, when the last one ended in passing or at a stop; None: where it is."""
         self._passed_m_s: float | None = None
         """Speed of the last leg, when its end was passed without a stop."""
-        self._turning: tuple[Place, Curve, float] | None = None
+        self._turning: tuple[Place, SCurve, float] | None = None
         """Where the last leg began, its curve and how early the next begins, when its end is passed."""
         self._reached = 0
         self._paused = False
@@ -88,63 +94,63 @@ class ArduPilotMission:
         return MissionState.NO_MISSION if self._store.count <= 1 else self._state
 
     @property
-    def running(self) -> bool:
+    def is_running(self) -> bool:
         """Whether items are being flown."""
         return self._state is MissionState.ACTIVE
 
-    def begins_with_takeoff(self) -> bool:
+    def is_takeoff_next(self) -> bool:
         """Return whether the item that a start would fly is a take-off."""
-        seq = self._resume_seq()
-        while (item := self._store.at(seq)) is not None and item.command in DONE_IN_PASSING:
+        seq = self._find_resume_seq()
+        while (item := self._store.item_at(seq)) is not None and item.command in DONE_IN_PASSING:
             seq += 1
         return item is not None and item.command == Command.NAV_TAKEOFF
 
     @property
     def speed_m_s(self) -> float:
         """What it flies at where it can."""
-        return self._frame.reached_m_s(self.asked_m_s)
+        return self._frame.achieved_speed_m_s(self.asked_m_s)
 
     def enter(self) -> None:
         """Start or resume. The speed of the mission's DO_CHANGE_SPEED is lost at every mode change."""
         self.asked_m_s = self._params["WPNAV_SPEED"] * CM
         self._origin = self._passed_m_s = self._turning = None
-        self._start(self._resume_seq())
+        self._start(self._find_resume_seq())
 
     def leave(self) -> None:
         """Stop flying items; the index is kept, and the nose turns to no region of interest any more."""
         self._paused = False
         self._frame.body.face_rad = None
-        if self.running:
+        if self.is_running:
             self._state = MissionState.NOT_STARTED
 
     def pause(self) -> bool:
         """Stop on the way to a waypoint; False when that is not what it does."""
-        if not self.running or self.nav is None or self.nav.command != Command.NAV_WAYPOINT:
+        if not self.is_running or self.nav is None or self.nav.command != Command.NAV_WAYPOINT:
             return False
         self._paused = True
         self._frame.pilot.hold()
         return True
 
-    def go_on(self) -> None:
+    def resume(self) -> None:
         """Fly on after a pause."""
         if self._paused and self.nav is not None:
             self._paused = False
-            self._frame.pilot.fly(self._waypoint(self.nav, self.index, restarted=True))
+            self._frame.pilot.fly(self._build_waypoint_goals(self.nav, self.index, restarted=True))
 
     def step(self) -> None:
         """Go on to the next item when the present one is done."""
-        if self._paused or not self.running or self.nav is None or self._frame.pilot.goal is not None:
+        if self._paused or not self.is_running or self.nav is None or self._frame.pilot.goal is not None:
             return
         if self.nav.command in {Command.NAV_WAYPOINT, Command.NAV_TAKEOFF}:
-            self._next(self.nav)
+            self._advance_after(self.nav)
         # A landing is over when the motors have stopped.
 
-    def disarmed(self) -> None:
+    def apply_disarm(self) -> None:
         """End the mission after its return; any other disarming sends it back to its beginning.
 
         Measured: after its own NAV_LAND the list begins anew with the motors off. It is 'active', and nothing moves.
         """
-        landed = self.nav.command if self.running and self.nav is not None else None
+        landed = self.nav.command if self.is_running and self.nav is not None else None
         index, self.index = self.index, 0
         self.nav = None
         self._paused = False
@@ -152,19 +158,19 @@ class ArduPilotMission:
             self._send_reached(index)
             self._state = MissionState.COMPLETE
         elif landed == Command.NAV_LAND:
-            self.index = self._announce_from(1)
-        elif self.running:
+            self.index = self._execute_do_items(1)
+        elif self.is_running:
             self._state = MissionState.NOT_STARTED
 
-    def rebooted(self) -> None:
+    def apply_reboot(self) -> None:
         """Forget everything but the list."""
         self.index = 0
         self.nav = None
         self._state = MissionState.NOT_STARTED
 
-    def cleared(self) -> None:
+    def apply_clear(self) -> None:
         """Follow the clearing of the list outside of AUTO."""
-        if not self.running:
+        if not self.is_running:
             self.index = 0
             self._state = MissionState.NOT_STARTED
 
@@ -175,44 +181,44 @@ class ArduPilotMission:
             Whether there is such an item. After the mission's end it is remembered and not flown.
         """
         seq = max(seq, 1)
-        if self._store.at(seq) is None:
+        if self._store.item_at(seq) is None:
             return False
-        if self.running:
+        if self.is_running:
             self._origin = self._passed_m_s = self._turning = None
             self._start(seq)
         else:
             self.index = seq
         return True
 
-    def truncated(self) -> None:
+    def apply_truncation(self) -> None:
         """React to an announced upload: with nothing left to fly it says so, and flies on to where it was going."""
-        flies = self.running and self.nav is not None and self.nav.command == Command.NAV_WAYPOINT
-        if flies and not self._nothing_left and self._nav_seq(self.index) is None:
+        flies = self.is_running and self.nav is not None and self.nav.command == Command.NAV_WAYPOINT
+        if flies and not self._nothing_left and self._find_nav_seq(self.index) is None:
             self._nothing_left = True
-            self._voice.say(Severity.CRITICAL, "Auto mission changed but failed to restart command")
+            self._voice.send_text(Severity.CRITICAL, "Auto mission changed but failed to restart command")
 
-    def stored(self) -> None:
+    def apply_stored_item(self) -> None:
         """React to an item that was replaced under way: every one of them restarts the leg, if there is one to fly.
 
         Measured: a speed item that is put in the place of the one flown to moves the index on to what follows it in the
         list as it is then, old or new; so it runs ahead of an upload item by item (``AP_Mission::set_current_cmd``).
         """
-        if not self.running or self.nav is None or self.nav.command != Command.NAV_WAYPOINT:
+        if not self.is_running or self.nav is None or self.nav.command != Command.NAV_WAYPOINT:
             return
-        if self._nav_seq(self.index) is None:
+        if self._find_nav_seq(self.index) is None:
             return
         self._origin = self._passed_m_s = self._turning = None
         self._start(self.index, restarted=True)
-        self._voice.say(Severity.CRITICAL, "Auto mission changed, restarted command")
+        self._voice.send_text(Severity.CRITICAL, "Auto mission changed, restarted command")
 
-    def _resume_seq(self) -> int:
-        if self._state is MissionState.COMPLETE or self._store.at(self.index) is None:
+    def _find_resume_seq(self) -> int:
+        if self._state is MissionState.COMPLETE or self._store.item_at(self.index) is None:
             return 1
         return max(self.index, 1)
 
-    def _nav_seq(self, seq: int) -> int | None:
+    def _find_nav_seq(self, seq: int) -> int | None:
         """Return the first item from ``seq`` that moves the vehicle."""
-        while (item := self._store.at(seq)) is not None:
+        while (item := self._store.item_at(seq)) is not None:
             if item.command not in DONE_IN_PASSING:
                 return seq
             seq += 1
@@ -222,18 +228,18 @@ class ArduPilotMission:
         """Execute the DO items from ``seq`` and fly the next that moves."""
         self._state = MissionState.ACTIVE
         self._paused = self._nothing_left = False
-        seq = self._announce_from(seq)
-        item = self._store.at(seq)
+        seq = self._execute_do_items(seq)
+        item = self._store.item_at(seq)
         if item is None:
             self._complete()
             return
         self.index, self.nav = seq, item
-        self._frame.pilot.fly(self._goals(item, seq, restarted=restarted))
+        self._frame.pilot.fly(self._build_goals(item, seq, restarted=restarted))
 
-    def _announce_from(self, seq: int) -> int:
+    def _execute_do_items(self, seq: int) -> int:
         """Execute the DO items from ``seq`` and return the number of the next that moves, or of the list's end."""
-        while (item := self._store.at(seq)) is not None:
-            self._voice.say(Severity.INFO, f"Mission: {seq} {NAMES[Command(item.command)]}")
+        while (item := self._store.item_at(seq)) is not None:
+            self._voice.send_text(Severity.INFO, f"Mission: {seq} {NAMES[Command(item.command)]}")
             if item.command not in DONE_IN_PASSING:
                 break
             if item.command != Command.DO_CHANGE_SPEED:
@@ -244,11 +250,11 @@ class ArduPilotMission:
             seq += 1
         return seq
 
-    def _goals(self, item: MissionItem, seq: int, *, restarted: bool) -> Iterator[Goal]:
+    def _build_goals(self, item: MissionItem, seq: int, *, restarted: bool) -> Iterator[Goal]:
         frame = self._frame
         match item.command:
             case Command.NAV_WAYPOINT:
-                yield from self._waypoint(item, seq, restarted=restarted)
+                yield from self._build_waypoint_goals(item, seq, restarted=restarted)
             case Command.NAV_TAKEOFF:
                 # In the air it is done at once.
                 if frame.body.on_ground:
@@ -263,16 +269,16 @@ class ArduPilotMission:
                 yield land_goal(over, self._params)
             case _:
                 far_m = 1000.0 * self._params["RALLY_LIMIT_KM"] or math.inf
-                to = way_home_ends(self._store.rally, self._home, frame.body.place, far_m)
-                yield from home_goals(frame, self._params, to)
+                to = find_return_destination(self._store.rally, self._home, frame.body.place, far_m)
+                yield from build_home_goals(frame, self._params, to)
 
-    def _waypoint(self, item: MissionItem, seq: int, *, restarted: bool) -> list[Goal]:
+    def _build_waypoint_goals(self, item: MissionItem, seq: int, *, restarted: bool) -> list[Goal]:
         frame = self._frame
         settles_s = SETTLES_S if frame.climbing_out else 0.0
         frame.climbing_out = False
         target = place_of(item, self._home, frame.body.place)
-        after_seq = self._nav_seq(seq + 1)
-        after = None if after_seq is None else self._store.at(after_seq)
+        after_seq = self._find_nav_seq(seq + 1)
+        after = None if after_seq is None else self._store.item_at(after_seq)
         passes = item.param1 <= 0 and after is not None and after.command == Command.NAV_WAYPOINT
         origin = self._origin or frame.body.place
         length_m = distance_m(origin, target)
@@ -287,65 +293,69 @@ class ArduPilotMission:
             leg = replace(leg, entry_m_s=self._passed_m_s, entry_m=LATE_SLOWDOWN_M)
         self._passed_m_s = speed_m_s if passes else None
         self._origin = target
-        flown: Leg | Ride = leg
+        flown: Leg | TimedLeg = leg
         if restarted or slows:
             self._turning = None
         else:
             onward = place_of(after, self._home, target) if passes and after is not None else None
-            changes = after_seq is not None and self._changes_speed(seq, after_seq)
-            flown = self._ride(leg, onward, settles_s, changes=changes) or leg
+            changes = after_seq is not None and self._has_speed_change(seq, after_seq)
+            flown = self._build_timed_leg(leg, onward, settles_s, changes=changes) or leg
         return [flown, Hover(target, item.param1)] if item.param1 > 0 else [flown]
 
-    def _changes_speed(self, seq: int, until: int) -> bool:
-        items = [self._store.at(between) for between in range(seq + 1, until)]
+    def _has_speed_change(self, seq: int, until: int) -> bool:
+        items = [self._store.item_at(between) for between in range(seq + 1, until)]
         return any(item is not None and item.command == Command.DO_CHANGE_SPEED for item in items)
 
-    def _ride(self, leg: Leg, after: Place | None, settles_s: float, *, changes: bool) -> Ride | None:
+    def _build_timed_leg(self, leg: Leg, after: Place | None, settles_s: float, *, changes: bool) -> TimedLeg | None:
         """Return the leg by the clock; None when the vehicle is not where the clock would have it."""
         turning, self._turning = self._turning, None
-        way, body, pace = _way(leg.origin, leg.target), self._frame.body, self._pace(leg.speed_m_s)
+        way, body, pace = (
+            _vector_between(leg.origin, leg.target),
+            self._frame.body,
+            self._build_leg_limits(leg.speed_m_s),
+        )
         if way.length < SHORTEST_M or (after is not None and changes):
             return None
-        curve = Curve.along(way, pace)
+        curve = SCurve.build(way, pace)
         base = leg.origin
         upright = math.hypot(way.east, way.north) < UPRIGHT_M
         turns_s = UPRIGHT_S if upright else turn_s(math.atan2(way.east, way.north) - body.yaw_rad)
-        strands = [Strand(curve, settles_s + turns_s)]
+        strands = [DelayedCurve(curve, settles_s + turns_s)]
         if turning is not None:
             base, before, early_s = turning
-            strands = [Strand(before, early_s / 2 - before.lasts_s), Strand(curve, -early_s / 2)]
-        lasts_s = strands[-1].begins_s + curve.lasts_s
+            strands = [DelayedCurve(before, early_s / 2 - before.duration_s), DelayedCurve(curve, -early_s / 2)]
+        lasts_s = strands[-1].begins_s + curve.duration_s
         if after is not None:
-            way_on = _way(leg.target, after)
+            way_on = _vector_between(leg.target, after)
             if way_on.length < SHORTEST_M:
                 return None
-            following = Curve.along(way_on, pace)
+            following = SCurve.build(way_on, pace)
             early_s = overlap_s(curve, following, pace)
-            strands.append(Strand(following, lasts_s - early_s))
+            strands.append(DelayedCurve(following, lasts_s - early_s))
             lasts_s -= early_s / 2
             self._turning = (leg.origin, curve, early_s)
-        ride = Ride(leg, base, tuple(strands), lasts_s)
-        if not takes_up(ride, body):
+        ride = TimedLeg(leg, base, tuple(strands), lasts_s)
+        if not can_join_timed_leg(ride, body):
             self._turning = None
             return None
         return ride
 
-    def _pace(self, speed_m_s: float) -> LegLimits:
+    def _build_leg_limits(self, speed_m_s: float) -> LegLimits:
         params = self._params
         up_m_s, down_m_s = params["WPNAV_SPEED_UP"] * CM, params["WPNAV_SPEED_DN"] * CM
         return LegLimits(speed_m_s, up_m_s, down_m_s, params["WPNAV_ACCEL"] * CM, params["WPNAV_RADIUS"] * CM)
 
-    def _next(self, done: MissionItem) -> None:
+    def _advance_after(self, done: MissionItem) -> None:
         self._reached = self.index
         if done.command == Command.NAV_TAKEOFF:
-            self._origin = self._frame.climbed_to
+            self._origin = self._frame.takeoff_end
         if done.command == Command.NAV_WAYPOINT:
-            self._voice.say(Severity.INFO, f"Reached command #{self.index}")
+            self._voice.send_text(Severity.INFO, f"Reached command #{self.index}")
         if self.index >= self._store.count:
             # Its list was replaced by a shorter one: it says complete, and flies the leg that it had looked up before.
             index = self.index
             self._send_reached(index)
-            beyond = self._store.stale(index + 1)
+            beyond = self._store.stale_item_at(index + 1)
             self._complete()
             self.index = index
             if beyond is not None and beyond.command == Command.NAV_WAYPOINT:
@@ -364,7 +374,7 @@ class ArduPilotMission:
         self._frame.pilot.hold()
 
     def _send_reached(self, seq: int) -> None:
-        self._voice.send([out("MISSION_ITEM_REACHED", seq=seq)])
+        self._voice.send([build_message("MISSION_ITEM_REACHED", seq=seq)])
 
 
 def land_goal(over: Place, params: ParamTable) -> Land:
@@ -374,11 +384,11 @@ def land_goal(over: Place, params: ParamTable) -> Land:
     return Land(over, params["WPNAV_SPEED_DN"] * CM, slow_m_s, slow_from_m, slow_from_m + APPROACH_M)
 
 
-def _way(origin: Place, target: Place) -> Vector:
+def _vector_between(origin: Place, target: Place) -> Vector:
     return Vector(target.east_m - origin.east_m, target.north_m - origin.north_m, target.up_m - origin.up_m)
 
 
-def home_goals(frame: Airframe, params: ParamTable, to: Place) -> Iterator[Goal]:
+def build_home_goals(frame: Airframe, params: ParamTable, to: Place) -> Iterator[Goal]:
     """Yield RTL: not lower than RTL_ALT or the cone over the pad, at RTL_SPEED or WPNAV_SPEED, a pause over the pad."""
     here = frame.body.place
     speed_m_s = (params["RTL_SPEED"] or params["WPNAV_SPEED"]) * CM

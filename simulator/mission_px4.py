@@ -9,15 +9,15 @@ from enum import Enum
 from missions.items import Command, MissionItem
 from simulator.airframe import Airframe
 from simulator.enums import MissionState, Severity
-from simulator.gliding import Glide
+from simulator.gliding import Px4Leg
 from simulator.guidance import Goal, Land, Leg
-from simulator.messages import out
+from simulator.messages import build_message
 from simulator.mission_store import DONE_IN_PASSING, CarryOut, has_place, params_of
 from simulator.params import ParamTable
 from simulator.physics import Home, Place
 from simulator.route import place_of
 from simulator.store_px4 import NAV_VTOL_LAND, NAV_VTOL_TAKEOFF, Px4Store
-from simulator.voice import Voice
+from simulator.voice import VehicleOutbox
 
 CHECK_S = 0.5
 """An upload on the ground until the mission counts as valid: MISSION_START right after the ACK is denied."""
@@ -44,7 +44,13 @@ class Px4Mission:
     """What AUTO.MISSION does."""
 
     def __init__(
-        self, frame: Airframe, store: Px4Store, home: Home, params: ParamTable, voice: Voice, carry_out: CarryOut
+        self,
+        frame: Airframe,
+        store: Px4Store,
+        home: Home,
+        params: ParamTable,
+        voice: VehicleOutbox,
+        carry_out: CarryOut,
     ) -> None:
         self._frame, self._store, self._home, self._params, self._voice = frame, store, home, params, voice
         self._carry_out = carry_out
@@ -78,7 +84,7 @@ class Px4Mission:
         It is PAUSED only when an item was reached since the mission was entered or uploaded; else it stays what it was,
         mostly ACTIVE (mavlink_mission.cpp, and measured).
         """
-        if not self.feasible:
+        if not self.is_feasible:
             self._state = MissionState.NO_MISSION
         elif now_s < self._checked_s:
             return self._state
@@ -92,12 +98,12 @@ class Px4Mission:
             self._state = MissionState.NOT_STARTED
         return self._state
 
-    def valid(self, now_s: float) -> bool:
+    def is_valid(self, now_s: float) -> bool:
         """Return whether there is a mission that has passed its check."""
-        return self.feasible and now_s >= self._checked_s
+        return self.is_feasible and now_s >= self._checked_s
 
     @property
-    def feasible(self) -> bool:
+    def is_feasible(self) -> bool:
         """Whether there is a mission that a multicopter can fly."""
         items = self._store.items
         flyable = all(item.command not in {NAV_VTOL_TAKEOFF, NAV_VTOL_LAND} for item in items)
@@ -106,24 +112,24 @@ class Px4Mission:
     @property
     def speed_m_s(self) -> float:
         """What it flies at where it can."""
-        return self._frame.reached_m_s(self.asked_m_s)
+        return self._frame.achieved_speed_m_s(self.asked_m_s)
 
     def enter(self) -> MissionEnd | None:
         """Start or resume at the index; the cruise speed is the default again."""
         self.asked_m_s = self._params["MPC_XY_CRUISE"]
-        if not self.feasible:
+        if not self.is_feasible:
             return self.give_up()
-        if self._finished and not self._begins_anew():
+        if self._finished and not self._rewind_if_flown():
             return self.give_up()
         self.running = True
         self._stood_disarmed = False
         self.ended_at = None
         self._progressed = False
-        self._voice.say(Severity.INFO, "Executing Mission")
+        self._voice.send_text(Severity.INFO, "Executing Mission")
         self._origin = self._arrived = self._bound_for = None
         return self._start(self.index)
 
-    def _begins_anew(self) -> bool:
+    def _rewind_if_flown(self) -> bool:
         """Go to the first item after a mission that was flown to its end, if the motors have stopped since.
 
         ``MissionBase::checkMissionRestart`` of PX4 1.17.
@@ -142,7 +148,7 @@ class Px4Mission:
     def give_up(self) -> MissionEnd:
         """Say that there is nothing to fly."""
         self.running = False
-        self._voice.say(Severity.CRITICAL, "No valid mission available, loitering")
+        self._voice.send_text(Severity.CRITICAL, "No valid mission available, loitering")
         return MissionEnd.LOITER
 
     def step(self, now_s: float) -> MissionEnd | None:
@@ -155,12 +161,12 @@ class Px4Mission:
             return None  # over when the motors have stopped
         self._reached = (seq, REACHED_REPEATS, now_s)
         self._progressed = True
-        self._arrived = self._frame.climbed_to or place_of(done, self._home, self._frame.body.place)
+        self._arrived = self._frame.takeoff_end or place_of(done, self._home, self._frame.body.place)
         end = self._start(seq + 1)
         self._repeat_reached(now_s)
         return end
 
-    def landed(self, now_s: float) -> None:
+    def apply_landing(self, now_s: float) -> None:
         """End the mission as the motors stop after its landing; any other only interrupts it."""
         self._stood_disarmed = True
         if not self.running or self._nav is None or self._nav.command != Command.NAV_LAND:
@@ -169,7 +175,7 @@ class Px4Mission:
         self._reached = (self.index, REACHED_REPEATS, now_s)
         self._end("Mission finished, landed")
 
-    def swapped(self, current: int | None, now_s: float) -> MissionEnd | None:
+    def apply_new_list(self, current: int | None, now_s: float) -> MissionEnd | None:
         """React to a new list: the flagged item is next; without a flag the old number is kept, clamped."""
         last = max(len(self._store.items) - 1, 0)
         self.index = min(self.index if current is None else current, last)
@@ -179,15 +185,15 @@ class Px4Mission:
             self._checked_s = now_s + CHECK_S
             return None
         self._checked_s = now_s
-        if not self.feasible:
+        if not self.is_feasible:
             return self.give_up()
         return self._start(self.index)
 
-    def fence_changed(self) -> MissionEnd | None:
+    def apply_new_fence(self) -> MissionEnd | None:
         """Hold the mission against a fence that was put on board."""
-        return self.give_up() if self.running and not self.feasible else None
+        return self.give_up() if self.running and not self.is_feasible else None
 
-    def cleared(self) -> MissionEnd | None:
+    def apply_clear(self) -> MissionEnd | None:
         """React to the list having been emptied; in flight that is a hold."""
         self.index = 0
         self._finished = self._progressed = False
@@ -203,7 +209,7 @@ class Px4Mission:
         self._origin = self._arrived = None
         return self._start(seq)
 
-    def rebooted(self) -> None:
+    def apply_reboot(self) -> None:
         """Keep list and index, forget the rest."""
         self.running = self._progressed = False
         self._reached = None
@@ -232,7 +238,7 @@ class Px4Mission:
         self._arrived = None
         turned = self._nav.command == Command.NAV_WAYPOINT and not math.isnan(self._nav.param4)
         self._frame.body.face_rad = math.radians(self._nav.param4) if turned else None
-        self._frame.pilot.fly(self._goals(self._nav, seq))
+        self._frame.pilot.fly(self._build_goals(self._nav, seq))
         return None
 
     def _finish(self, end: MissionEnd) -> MissionEnd:
@@ -244,16 +250,16 @@ class Px4Mission:
         self.leave()
         self._finished = True
         self.index = min(self.index, max(len(self._store.items) - 1, 0))
-        self._voice.say(Severity.INFO, text)
+        self._voice.send_text(Severity.INFO, text)
 
-    def _goals(self, item: MissionItem, seq: int) -> Iterator[Goal]:
+    def _build_goals(self, item: MissionItem, seq: int) -> Iterator[Goal]:
         frame = self._frame
         here = frame.body.place
         if frame.body.on_ground:
             # Without a take-off item it climbs to a least height first.
             takeoff = item.command == Command.NAV_TAKEOFF
             up_m = place_of(item, self._home, here).up_m if takeoff else self._params["MIS_TAKEOFF_ALT"]
-            self._voice.say(Severity.INFO, f"Climb to {up_m:.1f} meters above home")
+            self._voice.send_text(Severity.INFO, f"Climb to {up_m:.1f} meters above home")
             yield from frame.take_off(up_m, frame.pilot.limits.climb_m_s, self._params["MPC_TKO_SPEED"])
             if takeoff:
                 return
@@ -269,22 +275,22 @@ class Px4Mission:
             return
         # A take-off item in the air is flown as a waypoint.
         self._bound_for = target
-        yield self._waypoint(item, seq, self._origin or here, target)
+        yield self._build_waypoint_leg(item, seq, self._origin or here, target)
 
-    def _waypoint(self, item: MissionItem, seq: int, origin: Place, target: Place) -> Glide:
+    def _build_waypoint_leg(self, item: MissionItem, seq: int, origin: Place, target: Place) -> Px4Leg:
         accept_m = item.param2 if item.param2 > LEAST_RADIUS_M else self._params["NAV_ACC_RAD"]
         after = next((nav for nav in self._store.items[seq + 1 :] if nav.command not in DONE_IN_PASSING), None)
         # It brakes for a hold, and for a landing at the same place.
         onward = None
         if item.param1 <= 0 and after is not None and has_place(after):
             onward = place_of(after, self._home, target)
-        return Glide(origin, target, onward, self.speed_m_s, accept_m, max(item.param1, 0.0))
+        return Px4Leg(origin, target, onward, self.speed_m_s, accept_m, max(item.param1, 0.0))
 
     def _repeat_reached(self, now_s: float) -> None:
         if self._reached is None or now_s < self._reached[2]:
             return
         seq, left, _ = self._reached
-        self._voice.send([out("MISSION_ITEM_REACHED", seq=seq)])
+        self._voice.send([build_message("MISSION_ITEM_REACHED", seq=seq)])
         self._reached = (seq, left - 1, now_s + REACHED_AGAIN_S) if left > 0 else None
 
 

@@ -15,7 +15,7 @@ from simulator.messages import (
     MissionMessage,
     Outbound,
     Peer,
-    out,
+    build_message,
 )
 
 DEGREES_E7 = 1e-7
@@ -66,7 +66,7 @@ class Transfer:
     kind: int = MISSION_TYPE_MISSION
     """MAV_MISSION_TYPE."""
 
-    def stalls(self, fault: UploadFault) -> bool:
+    def is_stalled(self, fault: UploadFault) -> bool:
         """Return whether an injected fault keeps the vehicle from asking on."""
         return fault is UploadFault.HALF and self.next >= self.count // 2
 
@@ -138,28 +138,34 @@ def is_relative(item: MissionItem) -> bool:
     return item.frame in {Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT}
 
 
-def ack(partner: Peer, result: MissionResult, mission_type: int = MISSION_TYPE_MISSION, opaque_id: int = 0) -> Outbound:
+def build_mission_ack(
+    partner: Peer, result: MissionResult, mission_type: int = MISSION_TYPE_MISSION, opaque_id: int = 0
+) -> Outbound:
     """Return a MISSION_ACK."""
-    return out(
+    return build_message(
         "MISSION_ACK", target_system=partner.sysid, target_component=partner.compid, type=int(result),
         mission_type=mission_type, opaque_id=opaque_id,
     )  # fmt: skip
 
 
-def count_message(partner: Peer, count: int, opaque_id: int = 0, mission_type: int = MISSION_TYPE_MISSION) -> Outbound:
+def build_mission_count(
+    partner: Peer, count: int, opaque_id: int = 0, mission_type: int = MISSION_TYPE_MISSION
+) -> Outbound:
     """Return a MISSION_COUNT."""
-    return out(
+    return build_message(
         "MISSION_COUNT", target_system=partner.sysid, target_component=partner.compid, count=count,
         mission_type=mission_type, opaque_id=opaque_id,
     )  # fmt: skip
 
 
-def request_message(name: str, partner: Peer, seq: int, mission_type: int = MISSION_TYPE_MISSION) -> Outbound:
+def build_mission_request(name: str, partner: Peer, seq: int, mission_type: int = MISSION_TYPE_MISSION) -> Outbound:
     """Return a MISSION_REQUEST or MISSION_REQUEST_INT."""
-    return out(name, target_system=partner.sysid, target_component=partner.compid, seq=seq, mission_type=mission_type)
+    return build_message(
+        name, target_system=partner.sysid, target_component=partner.compid, seq=seq, mission_type=mission_type
+    )
 
 
-def item_message(
+def build_mission_item(
     partner: Peer, item: MissionItem, *, integer: bool, mission_type: int = MISSION_TYPE_MISSION
 ) -> Outbound:
     """Return a MISSION_ITEM_INT, or the older MISSION_ITEM in degrees."""
@@ -168,7 +174,7 @@ def item_message(
     y: int | float = item.y
     if not integer and placed:
         x, y = item.x * DEGREES_E7, item.y * DEGREES_E7
-    return out(
+    return build_message(
         "MISSION_ITEM_INT" if integer else "MISSION_ITEM",
         target_system=partner.sysid, target_component=partner.compid, seq=item.seq, frame=item.frame,
         command=item.command, current=int(item.current), autocontinue=int(item.autocontinue), param1=item.param1,

@@ -7,7 +7,7 @@ from enum import IntEnum
 MAIN_AUTO = 4
 
 
-def custom_mode(main: int, sub: int = 0) -> int:
+def encode_custom_mode(main: int, sub: int = 0) -> int:
     """Return the number that a heartbeat shows."""
     return sub << 24 | main << 16
 
@@ -15,13 +15,13 @@ def custom_mode(main: int, sub: int = 0) -> int:
 class Mode(IntEnum):
     """custom_mode, as far as simulated."""
 
-    ALTCTL = custom_mode(2)
-    POSCTL = custom_mode(3)
-    TAKEOFF = custom_mode(4, 2)
-    LOITER = custom_mode(4, 3)
-    MISSION = custom_mode(4, 4)
-    RETURN = custom_mode(4, 5)
-    LAND = custom_mode(4, 6)
+    ALTCTL = encode_custom_mode(2)
+    POSCTL = encode_custom_mode(3)
+    TAKEOFF = encode_custom_mode(4, 2)
+    LOITER = encode_custom_mode(4, 3)
+    MISSION = encode_custom_mode(4, 4)
+    RETURN = encode_custom_mode(4, 5)
+    LAND = encode_custom_mode(4, 6)
 
 
 WORDS = {

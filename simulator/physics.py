@@ -71,7 +71,7 @@ class Home:
         self._north_m_deg = math.radians(EQUATOR_M * (1 - ECCENTRICITY2) / bulge**1.5)
         self._east_m_deg = math.radians(EQUATOR_M / math.sqrt(bulge) * math.cos(math.radians(lat_deg)))
 
-    def place(self, lat_e7: int, lon_e7: int, up_m: float) -> Place:
+    def place_of(self, lat_e7: int, lon_e7: int, up_m: float) -> Place:
         """Return the local place of 1e-7 degrees."""
         return Place(
             (lon_e7 * 1e-7 - self.lon_deg) * self._east_m_deg, (lat_e7 * 1e-7 - self.lat_deg) * self._north_m_deg, up_m
@@ -79,7 +79,7 @@ class Home:
 
     def east_north_m(self, lat_e7: int, lon_e7: int) -> tuple[float, float]:
         """Return east and north of 1e-7 degrees."""
-        place = self.place(lat_e7, lon_e7, 0.0)
+        place = self.place_of(lat_e7, lon_e7, 0.0)
         return place.east_m, place.north_m
 
     def lat_lon_e7(self, east_m: float, north_m: float) -> tuple[int, int]:
@@ -135,7 +135,7 @@ class Body:
         self.v_up_m_s += min(max(up - self.v_up_m_s, -most), most)
         self._sink(before[2], dt_s)
         self._move(before, dt_s)
-        self._lean(d_east / dt_s, d_north / dt_s, limits.yaw_rad_s, dt_s)
+        self._tilt(d_east / dt_s, d_north / dt_s, limits.yaw_rad_s, dt_s)
 
     def carry(self, velocity: Velocity, dt_s: float) -> None:
         """Move for ``dt_s`` and have this velocity after it: somebody else has seen to the limits."""
@@ -144,7 +144,7 @@ class Body:
         self._sink(before[2], dt_s)
         self._move(before, dt_s)
         d_east, d_north = velocity.east_m_s - before[0], velocity.north_m_s - before[1]
-        self._lean(d_east / dt_s, d_north / dt_s, CARRIED_YAW_RAD_S, dt_s)
+        self._tilt(d_east / dt_s, d_north / dt_s, CARRIED_YAW_RAD_S, dt_s)
 
     def fall(self, dt_s: float) -> float:
         """Move for ``dt_s`` without thrust.
@@ -189,7 +189,7 @@ class Body:
             self.up_m = 0.0
             self.stop()
 
-    def _lean(self, a_east: float, a_north: float, yaw_rad_s: float, dt_s: float) -> None:
+    def _tilt(self, a_east: float, a_north: float, yaw_rad_s: float, dt_s: float) -> None:
         """Turn the nose to where it is to point, and lean against drag and for acceleration."""
         self.yaw_rate_rad_s = 0.0
         if self.face_rad is not None or self.ground_speed_m_s > 0.5:

@@ -7,17 +7,17 @@ from collections.abc import Callable, Iterator
 from typing import ClassVar
 
 from simulator import telemetry
-from simulator.airframe import Manners
+from simulator.airframe import AirframeSettings
 from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
 from simulator.enums import LandedState, MavCommand, Result, Severity
-from simulator.fence import Shape, is_inside, shapes_of, way_home_ends
+from simulator.fence import FenceShape, find_return_destination, is_inside, shapes_of
 from simulator.gliding import HEIGHT_M, JERK, UP
-from simulator.guidance import Climb, Goal, Hover, stopping_place
-from simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, out
+from simulator.guidance import Climb, Goal, Hover, find_stopping_place
+from simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, build_message
 from simulator.mission_px4 import FAST_LANDING_M, MissionEnd, Px4Mission, land_goal
 from simulator.mission_store import StoreStep, has_place
-from simulator.modes_px4 import MAIN_AUTO, MISSION_MODES, WORDS, Mode, custom_mode
+from simulator.modes_px4 import MAIN_AUTO, MISSION_MODES, WORDS, Mode, encode_custom_mode
 from simulator.physics import Home, Limits, Place
 from simulator.positioning import GPS_BIT
 from simulator.route import place_of
@@ -28,7 +28,7 @@ LIMITS = Limits(accelerate_m_s2=2.0, brake_m_s2=2.5, climb_m_s=3.0, descend_m_s=
 """Recorded: a right angle at 2.3 m/s; 2.9 m/s up, 1.6 m/s down."""
 CLIMB = Climb(Place(0.0, 0.0, 0.0), 0.0, slow_below_m=FAST_LANDING_M, accept_m=HEIGHT_M, brakes=(UP[0], JERK))
 """At MPC_TKO_SPEED up to MPC_LAND_ALT1; over when the item's height is nearly reached (mission_block.cpp)."""
-MANNERS = Manners(LIMITS, spool_s=4.1, disarm_landed_s=2.0, climb=CLIMB, wander_m=0.2)
+MANNERS = AirframeSettings(LIMITS, spool_s=4.1, disarm_landed_s=2.0, climb=CLIMB, wander_m=0.2)
 """Measured: 4 to 5.5 s from arming to lift-off, of which COM_SPOOLUP_TIME is 1 and MPC_TKO_RAMP_T 3; the swing."""
 CAPABILITIES = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 3 | 1 << 4 | 1 << 13
 """Missions in float and int, COMMAND_INT, parameters as floats and bytewise, MAVLink 2."""
@@ -68,7 +68,7 @@ class Px4(Autopilot):
         home = Home(vehicle.home_lat_deg, vehicle.home_lon_deg, vehicle.home_alt_m)
         super().__init__(vehicle, MANNERS, self._store, home)
         self.mode = Mode.LOITER
-        self.mission = Px4Mission(self.frame, self._store, home, self.params, self.voice, self.carry_out)
+        self.mission = Px4Mission(self.frame, self._store, home, self.params, self.voice, self.execute_payload_command)
         self._arming_for_mission = False
         self._mode_after_flight = Mode.LOITER
         """The mode that the crew chose last, of those in which it can be armed: with the motors off it is back."""
@@ -83,17 +83,17 @@ class Px4(Autopilot):
         """A failsafe's hold, and what follows it when."""
         self._charge_state = 1
         self._landed_state = LandedState.ON_GROUND
-        self._shapes: tuple[Shape, ...] = ()
+        self._shapes: tuple[FenceShape, ...] = ()
         self._outside = False
         """Whether it is outside its fence."""
-        self.mission.left_fence_at = self._left_fence_at
+        self.mission.left_fence_at = self._find_item_outside_fence
 
     def _own_commands(self) -> dict[int, Callable[[Command], Result]]:
         # DO_SET_MISSION_CURRENT and DO_PAUSE_CONTINUE are not among them: 'unsupported', as measured.
         return {
-            MavCommand.DO_SET_MODE: self._set_mode_command,
+            MavCommand.DO_SET_MODE: self._handle_set_mode_command,
             MavCommand.MISSION_START: self._start_mission,
-            MavCommand.NAV_RETURN_TO_LAUNCH: self._return_command,
+            MavCommand.NAV_RETURN_TO_LAUNCH: self._handle_return_command,
             MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
             MavCommand.NAV_TAKEOFF: lambda _: self.set_mode(Mode.TAKEOFF),
             MavCommand.DO_CHANGE_SPEED: self._change_speed,
@@ -107,11 +107,11 @@ class Px4(Autopilot):
             if mode >> 16 & 255 != MAIN_AUTO:
                 # Measured: a main mode that does not exist is accepted, and nothing happens.
                 return Result.ACCEPTED
-            self.voice.say(Severity.CRITICAL, "Unsupported auto mode")
+            self.voice.send_text(Severity.CRITICAL, "Unsupported auto mode")
             return Result.TEMPORARILY_REJECTED
         self._action_due = None
         if mode == Mode.MISSION and self.frame.armed and not self._store.items:
-            self.voice.say(Severity.CRITICAL, "Switching to Mission is currently not available")
+            self.voice.send_text(Severity.CRITICAL, "Switching to Mission is currently not available")
             return Result.TEMPORARILY_REJECTED
         if mode not in {Mode.RETURN, Mode.LAND, Mode.TAKEOFF}:
             self._mode_after_flight = Mode(mode)
@@ -123,33 +123,33 @@ class Px4(Autopilot):
         """Return the number of a mode that a person chooses."""
         return WORDS[word]
 
-    def mode_order(self, word: str) -> Command:
+    def build_mode_order(self, word: str) -> Command:
         """Return the order of a mode as a ground station gives it."""
         mode = WORDS[word]
         params = (1.0, float(mode >> 16 & 255), float(mode >> 24), 0.0, 0.0, 0.0, 0.0)
         return Command(MavCommand.DO_SET_MODE, params)
 
-    def _set_mode_command(self, command: Command) -> Result:
+    def _handle_set_mode_command(self, command: Command) -> Result:
         """Follow DO_SET_MODE. Measured: two acknowledgements, of the receipt and of the change; the first says yes."""
         self.acknowledge(command, Result.ACCEPTED)
-        return self.set_mode(custom_mode(command.integer(1), command.integer(2)))
+        return self.set_mode(encode_custom_mode(command.integer_param(1), command.integer_param(2)))
 
     def _set_mode_message(self, message: SetMode) -> None:
         """Follow SET_MODE, which is acknowledged as if it were the command."""
         result = self.set_mode(message.custom_mode)
         self.acknowledge(Command(MavCommand.DO_SET_MODE, (0.0,) * 7), result)
 
-    def _return_command(self, command: Command) -> Result:  # noqa: ARG002 - it has nothing to say
-        self.voice.say(Severity.INFO, "Returning to launch")
+    def _handle_return_command(self, command: Command) -> Result:  # noqa: ARG002 - it has nothing to say
+        self.voice.send_text(Severity.INFO, "Returning to launch")
         return self.set_mode(Mode.RETURN)
 
     def _switch(self, mode: Mode) -> None:
         if self.mode == Mode.MISSION:
             self.mission.leave()
         if mode != self.mode:
-            self.frame.happened(f"mode {mode.name}")
+            self.frame.record_event(f"mode {mode.name}")
         self.mode = mode
-        self.streams.soon("HEARTBEAT", self.now_s)
+        self.streams.schedule_now("HEARTBEAT", self.now_s)
         if self.frame.armed and not self.frame.wrecked:
             self._enter(mode)
 
@@ -161,9 +161,9 @@ class Px4(Autopilot):
                 self.begin_mission()
                 self._end_mission(self.mission.enter())
             case Mode.RETURN:
-                pilot.fly(self._home_goals())
+                pilot.fly(self._build_home_goals())
             case Mode.LAND:
-                pilot.fly([land_goal(stopping_place(body, LIMITS), self.params)])
+                pilot.fly([land_goal(find_stopping_place(body, LIMITS), self.params)])
             case Mode.TAKEOFF if body.on_ground:
                 pilot.fly(
                     self.frame.take_off(self.params["MIS_TAKEOFF_ALT"], LIMITS.climb_m_s, self.params["MPC_TKO_SPEED"])
@@ -182,18 +182,18 @@ class Px4(Autopilot):
                 if self.mission.ended_at is not None and self.frame.armed:
                     self.frame.pilot.fly([Hover(self.mission.ended_at)])
             case MissionEnd.RETURN:
-                self.voice.say(Severity.INFO, "Returning to launch")
+                self.voice.send_text(Severity.INFO, "Returning to launch")
                 self._switch(Mode.RETURN)
             case None:
                 return
 
-    def _home_goals(self) -> Iterator[Goal]:
+    def _build_home_goals(self) -> Iterator[Goal]:
         body = self.frame.body
         up_m = max(self._return_height_m(), body.up_m)
         alt_m = self.home.alt_m + up_m
-        self.voice.say(Severity.INFO, f"RTL: start return at {alt_m:.0f} m ({up_m:.0f} m above destination)")
+        self.voice.send_text(Severity.INFO, f"RTL: start return at {alt_m:.0f} m ({up_m:.0f} m above destination)")
         speed_m_s = min(max(self.params["MPC_XY_CRUISE"], 0.1), self.params["MPC_XY_VEL_MAX"])
-        to = way_home_ends(self._store.rally, self.home, body.place)
+        to = find_return_destination(self._store.rally, self.home, body.place)
         pad = body.place if body.on_ground else to
         linger_s = max(self.params["RTL_LAND_DELAY"], 0.0)
         land = land_goal(pad, self.params)
@@ -212,8 +212,8 @@ class Px4(Autopilot):
 
     def _start_mission(self, command: Command) -> Result:
         """Follow MISSION_START: from item param1, and it arms."""
-        if not self.mission.valid(self.now_s):
-            self.voice.say(Severity.CRITICAL, "Mission start denied! No valid mission")
+        if not self.mission.is_valid(self.now_s):
+            self.voice.send_text(Severity.CRITICAL, "Mission start denied! No valid mission")
             return Result.DENIED
         first = command.params[0]
         if not math.isnan(first) and 0 <= first < len(self._store.items):
@@ -225,7 +225,7 @@ class Px4(Autopilot):
         if not armed:
             return Result.TEMPORARILY_REJECTED
         if not was_armed:
-            self.voice.say(Severity.INFO, "Armed by mission start")
+            self.voice.send_text(Severity.INFO, "Armed by mission start")
         if self.mode == Mode.MISSION and not self.mission.running:
             self._enter(Mode.MISSION)
             return Result.ACCEPTED
@@ -239,7 +239,7 @@ class Px4(Autopilot):
         return Result.ACCEPTED
 
     def _refuse_arming(self) -> str | None:
-        if not self.ready:
+        if not self.is_ready:
             return "Arming denied: Resolve system health failures first"
         if self.params["NAV_DLL_ACT"] > 0 and (self.gcs_heard_s is None or self._link_lost):
             return "Preflight Fail: No connection to the ground control station"
@@ -255,20 +255,22 @@ class Px4(Autopilot):
             self._enter(Mode(self.mode))
         return armed
 
-    def _on_no_interval(self, number: int) -> Result:  # noqa: ARG002 - it does not say which
+    def _refuse_interval(self, number: int) -> Result:  # noqa: ARG002 - it does not say which
         return Result.FAILED
 
     def _refuse_disarming(self) -> Result:
-        self.voice.say(Severity.CRITICAL, "Disarming denied: not landed")
+        self.voice.send_text(Severity.CRITICAL, "Disarming denied: not landed")
         return super()._refuse_disarming()
 
     def _on_armed(self) -> None:
         if not self._arming_for_mission:
-            self.voice.say(Severity.INFO, "Armed by external command")
+            self.voice.send_text(Severity.INFO, "Armed by external command")
 
     def _on_disarmed(self) -> None:
-        self.mission.landed(self.now_s)
-        self.voice.say(Severity.INFO, "Disarmed by external command" if self.told_to_disarm else "Disarmed by landing")
+        self.mission.apply_landing(self.now_s)
+        self.voice.send_text(
+            Severity.INFO, "Disarmed by external command" if self.told_to_disarm else "Disarmed by landing"
+        )
         self._failsafe = self._blind = False
         self._action_due = None
         self._switch(self._mode_after_flight)
@@ -279,33 +281,33 @@ class Px4(Autopilot):
         self._action_due = None
         self._charge_state = 1
         self.voice.muted = False
-        self.mission.rebooted()
+        self.mission.apply_reboot()
 
     # The mission on board.
 
-    def _mission_locked(self) -> bool:
+    def _is_mission_locked(self) -> bool:
         return False
 
-    def _on_store(self, step: StoreStep) -> None:
+    def _on_mission_change(self, step: StoreStep) -> None:
         if step.fenced:
             self._load_fence()
         if step.fenced or step.swapped:
-            left = self._left_fence_at()
+            left = self._find_item_outside_fence()
             if left is not None:
-                self.voice.say(Severity.CRITICAL, f"Geofence violation for waypoint {left + 1}")
+                self.voice.send_text(Severity.CRITICAL, f"Geofence violation for waypoint {left + 1}")
         if step.fenced:
-            self._end_mission(self.mission.fence_changed())
+            self._end_mission(self.mission.apply_new_fence())
         if step.swapped:
-            self._end_mission(self.mission.swapped(step.current, self.now_s))
+            self._end_mission(self.mission.apply_new_list(step.current, self.now_s))
         if step.cleared:
-            self._end_mission(self.mission.cleared())
+            self._end_mission(self.mission.apply_clear())
 
     def _set_current(self, seq: int) -> bool:
-        if self._store.busy:
-            self.voice.say(Severity.CRITICAL, "WPM: IGN WP CURR CMD: Busy")
+        if self._store.is_busy:
+            self.voice.send_text(Severity.CRITICAL, "WPM: IGN WP CURR CMD: Busy")
             return False
         if not 0 <= seq < len(self._store.items):
-            self.voice.say(Severity.CRITICAL, "WPM: WP CURR CMD: Not in list")
+            self.voice.send_text(Severity.CRITICAL, "WPM: WP CURR CMD: Not in list")
             return False
         self._end_mission(self.mission.set_current(seq))
         return True
@@ -315,7 +317,7 @@ class Px4(Autopilot):
     def _decide(self) -> None:
         self._end_mission(self.mission.step(self.now_s))
         self._announce()
-        self._narrate()
+        self._announce_landed_state()
         self._watch_link()
         self._watch_battery()
         self._watch_fence()
@@ -326,29 +328,29 @@ class Px4(Autopilot):
     def _announce(self) -> None:
         """Report a new index at once; a new mission goes out with the next second's report."""
         if self.mission.index != self._announced[0] and self.mission.running:
-            self.streams.soon("MISSION_CURRENT", self.now_s)
+            self.streams.schedule_now("MISSION_CURRENT", self.now_s)
         self._announced = (self.mission.index, self._store.mission_id)
 
-    def _narrate(self) -> None:
+    def _announce_landed_state(self) -> None:
         before, now = self._landed_state, self.frame.landed_state
         self._landed_state = now
         if now is before:
             return
         if before is LandedState.ON_GROUND:
-            self.voice.say(Severity.INFO, "Takeoff detected")
+            self.voice.send_text(Severity.INFO, "Takeoff detected")
         elif now is LandedState.ON_GROUND:
-            self.voice.say(Severity.INFO, "Landing detected")
+            self.voice.send_text(Severity.INFO, "Landing detected")
         elif now is LandedState.LANDING and self.mode == Mode.RETURN:
-            self.voice.say(Severity.INFO, "RTL: land at destination")
+            self.voice.send_text(Severity.INFO, "RTL: land at destination")
 
-    def _counts_as_gcs(self, sender: Peer, heartbeat: Heartbeat) -> bool:  # noqa: ARG002 - anybody's counts
+    def _is_gcs_heartbeat(self, sender: Peer, heartbeat: Heartbeat) -> bool:  # noqa: ARG002 - anybody's counts
         return heartbeat.ground_station
 
-    def _on_gcs(self) -> None:
+    def _on_gcs_heartbeat(self) -> None:
         if self._link_lost:
             self._link_lost = False
-            self.voice.speak_up()
-            self.voice.say(Severity.INFO, "GCS connection regained")
+            self.voice.release_withheld()
+            self.voice.send_text(Severity.INFO, "GCS connection regained")
 
     def _load_fence(self) -> None:
         """Drop what does not hold home or, in the air, the vehicle: with a text, and with no refusal (measured)."""
@@ -356,23 +358,23 @@ class Px4(Autopilot):
         flies = not self.frame.body.on_ground and int(self.params["GF_ACTION"]) != 0
         for shape in shapes_of(self._store.fence, self.home):
             if not is_inside([shape], Place(0.0, 0.0, 0.0)):
-                self.voice.say(Severity.CRITICAL, "Geofence invalid, doesn't contain Home position")
+                self.voice.send_text(Severity.CRITICAL, "Geofence invalid, doesn't contain Home position")
             elif flies and not is_inside([shape], self.frame.body.place):
-                self.voice.say(Severity.CRITICAL, "Geofence invalid, doesn't contain current vehicle position")
+                self.voice.send_text(Severity.CRITICAL, "Geofence invalid, doesn't contain current vehicle position")
             else:
                 self._shapes = (*self._shapes, shape)
 
-    def _left_fence_at(self) -> int | None:
+    def _find_item_outside_fence(self) -> int | None:
         """Return the first item of the mission that its check against the fence refuses."""
         if int(self.params["GF_ACTION"]) == 0:
             return None
         here = self.frame.body.place
         for item in self._store.items:
-            if has_place(item) and self._breach(place_of(item, self.home, here)):
+            if has_place(item) and self._describe_breach(place_of(item, self.home, here)):
                 return item.seq
         return None
 
-    def _breach(self, place: Place) -> str:
+    def _describe_breach(self, place: Place) -> str:
         """Return what PX4 says of a place outside its fence; nothing inside."""
         most_m, far_m = self.params["GF_MAX_VER_DIST"], self.params["GF_MAX_HOR_DIST"]
         if far_m > 0 and math.hypot(place.east_m, place.north_m) >= far_m:
@@ -387,15 +389,15 @@ class Px4(Autopilot):
         if action == 0 or not self.frame.armed or self.frame.body.on_ground:
             self._outside = False
             return
-        was_outside, said = self._outside, self._breach(self.frame.body.place)
+        was_outside, said = self._outside, self._describe_breach(self.frame.body.place)
         self._outside = bool(said)
         if was_outside or not said:
             return
-        self.frame.happened("failsafe fence")
-        self.voice.say(Severity.CRITICAL, said)
+        self.frame.record_event("failsafe fence")
+        self.voice.send_text(Severity.CRITICAL, said)
         if action == 2:
             self._failsafe = True
-            self.voice.say(Severity.CRITICAL, "Failsafe activated")
+            self.voice.send_text(Severity.CRITICAL, "Failsafe activated")
             self._switch(Mode.LOITER)
         elif action in {3, 5}:
             self._hold_then(Mode.RETURN if action == 3 else Mode.LAND)
@@ -410,13 +412,13 @@ class Px4(Autopilot):
         action = int(self.params["NAV_DLL_ACT"])
         if not self.frame.armed or self.frame.body.on_ground or action == 0 or self.mode in {Mode.RETURN, Mode.LAND}:
             return
-        self.frame.happened("failsafe link")
+        self.frame.record_event("failsafe link")
         self._hold_then({2: Mode.RETURN, 3: Mode.LAND}.get(action))
 
     def _hold_then(self, mode: Mode | None) -> None:
         self._failsafe = True
         delay_s = self.params["COM_FAIL_ACT_T"]
-        self.voice.say(Severity.WARNING, f"Failsafe activated: entering Hold for {delay_s:.0f} seconds")
+        self.voice.send_text(Severity.WARNING, f"Failsafe activated: entering Hold for {delay_s:.0f} seconds")
         self._switch(Mode.LOITER)
         self._action_due = None if mode is None else (self.now_s + self.params["COM_FAIL_ACT_T"], mode)
 
@@ -429,18 +431,18 @@ class Px4(Autopilot):
             return
         self._charge_state = state
         text = {2: "Low battery", 3: "Critical battery", 4: "Emergency battery level"}[state]
-        self.voice.say(Severity.CRITICAL if state > 2 else Severity.WARNING, text)
+        self.voice.send_text(Severity.CRITICAL if state > 2 else Severity.WARNING, text)
         if not self.frame.armed or self.frame.body.on_ground:
             return
         action = int(self.params["COM_LOW_BAT_ACT"])
         if state == 4 and (action in {2, 3} or self._emergency_ordered):
-            self.frame.happened("failsafe battery")
-            self._on_empty()
+            self.frame.record_event("failsafe battery")
+            self._apply_battery_action()
         elif state == 3 and action in {2, 3} and self.mode not in {Mode.RETURN, Mode.LAND}:
-            self.frame.happened("failsafe battery")
+            self.frame.record_event("failsafe battery")
             self._hold_then(Mode.RETURN if action == 3 else Mode.LAND)
 
-    def _on_empty(self) -> None:
+    def _apply_battery_action(self) -> None:
         """Hold before it acts, unless a failsafe acts already; on its way down it goes on."""
         if self._failsafe:
             self._action_due = None
@@ -450,20 +452,20 @@ class Px4(Autopilot):
 
     # People, fences, estimators.
 
-    def _sticks_moved(self) -> None:
+    def _on_stick_input(self) -> None:
         if self.frame.armed and not self.frame.wrecked and self.mode >> 16 & 255 == MAIN_AUTO:
-            self.voice.say(Severity.INFO, "Pilot took over using sticks")
-            self.taken("POSCTL")
+            self.voice.send_text(Severity.INFO, "Pilot took over using sticks")
+            self.apply_pilot_takeover("POSCTL")
 
     def _on_kill(self) -> None:
-        self.voice.say(Severity.CRITICAL, "Kill engaged")
+        self.voice.send_text(Severity.CRITICAL, "Kill engaged")
 
     def _on_breach(self) -> None:
-        self.voice.say(Severity.WARNING, "Geofence violation")
+        self.voice.send_text(Severity.WARNING, "Geofence violation")
         if not self.frame.armed:
             return  # a failsafe acts in flight alone
         self._failsafe = True
-        self.voice.say(Severity.CRITICAL, "Failsafe activated: switching to Return")
+        self.voice.send_text(Severity.CRITICAL, "Failsafe activated: switching to Return")
         self._switch(Mode.RETURN)
 
     def _on_emergency(self, mode: int) -> None:
@@ -473,7 +475,7 @@ class Px4(Autopilot):
     def _on_lost_estimate(self) -> None:
         self._failsafe = self._blind = True
         text = "Failsafe activated: Autopilot disengaged, switching to Descend"
-        self.voice.say(Severity.CRITICAL, text)
+        self.voice.send_text(Severity.CRITICAL, text)
         self._action_due = None
         self._switch(Mode.LAND)
 
@@ -486,34 +488,34 @@ class Px4(Autopilot):
         battery = self.frame.battery
         match name:
             case "HEARTBEAT":
-                return telemetry.heartbeat(
+                return telemetry.build_heartbeat(
                     autopilot=MAV_AUTOPILOT_PX4, base_mode=157 if self.frame.armed else 29, custom_mode=int(self.mode),
-                    system_status=self._system_status(),
+                    system_status=self._determine_system_status(),
                 )  # fmt: skip
             case "SYS_STATUS":
-                return telemetry.sys_status(
-                    self._sensors(), voltage_v=battery.voltage_v, current_ca=self._current_ca(),
+                return telemetry.build_sys_status(
+                    self._build_sensor_masks(), voltage_v=battery.voltage_v, current_ca=self._current_ca(),
                     remaining_pct=math.ceil(battery.charge_pct - 1e-9),
                 )  # fmt: skip
             case "BATTERY_STATUS":
                 consumed = (100 - battery.charge_pct) / 100 * battery.capacity_mah
-                return telemetry.battery_status(
+                return telemetry.build_battery_status(
                     voltage_v=battery.voltage_v, current_ca=self._current_ca(), energy_hj=-1,
                     consumed_mah=round(consumed) if self.vehicle.current_sensor else -1,
                     remaining_pct=round(battery.charge_pct), charge_state=self._charge_state, kind=1,
                 )  # fmt: skip
             case "GPS_RAW_INT":
-                fix = 3 if self.ready and not self.positioning.without_s(self.now_s) else 1
-                return telemetry.gps_raw(self.home, self.frame.body, self.boot_ms, fix=fix)
+                fix = 3 if self.is_ready and not self.positioning.without_s(self.now_s) else 1
+                return telemetry.build_gps_raw(self.home, self.frame.body, self.boot_ms, fix=fix)
             case "MISSION_CURRENT":
-                return out(
+                return build_message(
                     "MISSION_CURRENT", seq=self.mission.index, total=len(self._store.items) or EMPTY_TOTAL,
                     mission_state=int(self.mission.report_state(self.now_s, active=self.mode in MISSION_MODES)),
                     mission_mode=1 if self.mode in MISSION_MODES else 2,
                     mission_id=self._store.mission_id,
                 )  # fmt: skip
             case "AUTOPILOT_VERSION":
-                return telemetry.autopilot_version(
+                return telemetry.build_autopilot_version(
                     capabilities=CAPABILITIES, version=(1, 17, 0, OFFICIAL), uid=self.vehicle.sysid
                 )
             case _:
@@ -522,23 +524,25 @@ class Px4(Autopilot):
     def _build_rare(self, name: str) -> Outbound | None:
         match name:
             case "ESTIMATOR_STATUS":
-                return telemetry.estimator_status(self.positioning.flags(self.now_s) if self.ready else 0, self.boot_ms)
+                return telemetry.estimator_status(
+                    self.positioning.flags(self.now_s) if self.is_ready else 0, self.boot_ms
+                )
             case "WIND_COV":
                 height_m = self.home.alt_m + self.frame.body.up_m
-                return telemetry.wind_cov(self.vehicle.wind_m_s, self.boot_ms, height_m)
+                return telemetry.build_wind_cov(self.vehicle.wind_m_s, self.boot_ms, height_m)
             case _:
                 return None
 
-    def _sensors(self) -> tuple[int, int, int]:
-        if not self.ready:
+    def _build_sensor_masks(self) -> tuple[int, int, int]:
+        if not self.is_ready:
             return SENSORS_BOOT
         present, enabled, healthy = SENSORS
         healthy = healthy & ~GPS_BIT if self.positioning.without_s(self.now_s) else healthy
         armable = self.frame.armed or self._refuse_arming() is None
         return present, enabled, healthy if armable else healthy & ~PREARM_BIT
 
-    def _system_status(self) -> int:
-        if not self.ready:
+    def _determine_system_status(self) -> int:
+        if not self.is_ready:
             return 0
         if self._blind:
             return 6

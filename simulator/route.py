@@ -13,7 +13,7 @@ from simulator.physics import Home, Place
 def place_of(item: MissionItem, home: Home, here: Place) -> Place:
     """Return where an item is; without a place of its own it is where the vehicle is, at the item's height."""
     up_m = item.z if is_relative(item) else item.z - home.alt_m
-    return home.place(item.x, item.y, up_m) if has_place(item) else Place(here.east_m, here.north_m, up_m)
+    return home.place_of(item.x, item.y, up_m) if has_place(item) else Place(here.east_m, here.north_m, up_m)
 
 
 def mission_length_m(items: Iterable[MissionItem], home: Home) -> float:

@@ -26,11 +26,11 @@ class Axis:
     """Sign of the first phase's jerk."""
 
     @property
-    def lasts_s(self) -> float:
+    def duration_s(self) -> float:
         """How long it takes to reach the wish."""
         return sum(self.phases_s)
 
-    def plan(self, wish_m_s: float, accelerate_m_s2: float, jerk_m_s3: float) -> None:
+    def plan_speed(self, wish_m_s: float, accelerate_m_s2: float, jerk_m_s3: float) -> None:
         """Go for a speed as fast as the limits allow."""
         self.wish_m_s, self.jerk_m_s3 = wish_m_s, jerk_m_s3
         now = self.accelerates_m_s2
@@ -44,8 +44,10 @@ class Axis:
         root = 2 * now * now + 4 * jerk * change
         first = 0.0
         if root >= 0:
-            first = _first([(-now + half) / jerk for half in (math.sqrt(root) / 2, -math.sqrt(root) / 2)], now / jerk)
-        first = max(_capped(first, now, jerk, accelerate_m_s2), 0.0)
+            first = _first_valid_root(
+                [(-now + half) / jerk for half in (math.sqrt(root) / 2, -math.sqrt(root) / 2)], now / jerk
+            )
+        first = max(_cap_ramp_time(first, now, jerk, accelerate_m_s2), 0.0)
         third = max(now / jerk + first, 0.0)
         top = now + jerk * first
         second = 0.0
@@ -54,7 +56,7 @@ class Axis:
             second = max((ramps + jerk * third * third / 2 - now * third + change) / top, 0.0)
         self.phases_s = (first, second, third)
 
-    def stretch(self, lasts_s: float, accelerate_m_s2: float) -> None:
+    def stretch_plan(self, lasts_s: float, accelerate_m_s2: float) -> None:
         """Take longer, so that all axes are ready at the same time."""
         if not self.way:
             return
@@ -65,24 +67,24 @@ class Axis:
         if root >= 0:
             middle = lasts_s * jerk - now
             roots = [max((middle - half) / (2 * jerk), 0.0) for half in (math.sqrt(root), -math.sqrt(root))]
-            first = _first(roots, now / jerk, lasts_s)
-        first = _capped(first, now, jerk, accelerate_m_s2)
+            first = _first_valid_root(roots, now / jerk, lasts_s)
+        first = _cap_ramp_time(first, now, jerk, accelerate_m_s2)
         third = max(now / jerk + first, 0.0)
         self.phases_s = (first, max(lasts_s - first - third, 0.0), third)
 
-    def go(self, dt_s: float) -> None:
+    def advance(self, dt_s: float) -> None:
         """Move along the plan."""
         left_s = dt_s
         for lasts_s, way in zip(self.phases_s, (self.way, 0.0, -self.way), strict=True):
             step_s = min(left_s, lasts_s)
             if step_s > 0:
-                self._glide(step_s, way * self.jerk_m_s3)
+                self._apply_jerk(step_s, way * self.jerk_m_s3)
                 left_s -= step_s
         if left_s > 0:
             self.accelerates_m_s2 = 0.0
-            self._glide(left_s, 0.0)
+            self._apply_jerk(left_s, 0.0)
 
-    def _glide(self, dt_s: float, jerk_m_s3: float) -> None:
+    def _apply_jerk(self, dt_s: float, jerk_m_s3: float) -> None:
         now, speed = self.accelerates_m_s2, self.speed_m_s
         self.at_m += speed * dt_s + now * dt_s**2 / 2 + jerk_m_s3 * dt_s**3 / 6
         self.speed_m_s += now * dt_s + jerk_m_s3 * dt_s**2 / 2
@@ -99,14 +101,14 @@ def braking_speed_m_s(left_m: float, accelerate_m_s2: float, jerk_m_s3: float, e
     return max(speed, exit_m_s)
 
 
-def _first(roots: list[float], offset_s: float, most_s: float = math.inf) -> float:
+def _first_valid_root(roots: list[float], offset_s: float, most_s: float = math.inf) -> float:
     for root in roots:
         if root >= 0 and offset_s + root >= 0 and 2 * root + offset_s <= most_s:
             return root
     return 0.0
 
 
-def _capped(first_s: float, now: float, jerk: float, most: float) -> float:
+def _cap_ramp_time(first_s: float, now: float, jerk: float, most: float) -> float:
     top = now + jerk * first_s
     if abs(top) <= most:
         return first_s

@@ -8,7 +8,16 @@ import time
 from collections.abc import Callable
 from typing import cast
 
-from simulator.common_time import AHEAD_S, HERE, Greeting, Lines, Turn, greeting_in, time_in, time_line
+from simulator.common_time import (
+    AHEAD_S,
+    HERE,
+    Greeting,
+    LineBuffer,
+    ReplyWait,
+    format_time_line,
+    parse_greeting,
+    parse_time_line,
+)
 
 
 class Stations:
@@ -39,20 +48,20 @@ class Stations:
         now_s = self.monotonic_s()
         return min((station.until_s(now_s) for station in self._here), default=float("inf"))
 
-    def tell(self, lived_s: float) -> None:
+    def send_time(self, lived_s: float) -> None:
         """Tell everybody how far the fleet has lived, after what it said until then."""
         if lived_s > self.lived_s:
             self.lived_s = lived_s
             for station in self._here:
-                station.tell(lived_s)
+                station.send_time(lived_s)
 
-    def come(self, station: Station) -> None:
+    def add_station(self, station: Station) -> None:
         """Wait for this one from now on."""
         self.ever = True
         self._here.add(station)
         self.moved.set()
 
-    def go(self, station: Station) -> None:
+    def remove_station(self, station: Station) -> None:
         """Wait for this one no more."""
         self._here.discard(station)
         self.moved.set()
@@ -69,7 +78,7 @@ class Stations:
     def close(self) -> None:
         """Let go of all."""
         for station in tuple(self._here):
-            station.hang_up()
+            station.disconnect()
 
 
 class Station(asyncio.Protocol):
@@ -77,9 +86,9 @@ class Station(asyncio.Protocol):
 
     def __init__(self, stations: Stations) -> None:
         self._stations = stations
-        self._lines = Lines()
+        self._lines = LineBuffer()
         self._transport: asyncio.Transport | None = None
-        self._turn: Turn | None = None
+        self._turn: ReplyWait | None = None
         self._taken_s = 0.0
         self._alone = False
         """Whether the fleet lives on without it, until it says something again."""
@@ -89,34 +98,34 @@ class Station(asyncio.Protocol):
         self._transport = cast("asyncio.Transport", transport)
         whole = self._stations
         greeting = Greeting(os.getpid(), whole.speedup, whole.lived_s, whole.dated_s(whole.lived_s))
-        self._transport.write(greeting.line())
+        self._transport.write(greeting.to_line())
 
     def data_received(self, data: bytes) -> None:
         """Hear how far it has come."""
         for line in self._lines.take(data):
             if self._turn is None:
-                greeting = greeting_in(line)
+                greeting = parse_greeting(line)
                 if greeting is None:
-                    self.hang_up()
+                    self.disconnect()
                     return
-                self._turn = Turn(greeting.pid)
+                self._turn = ReplyWait(greeting.pid)
                 self._taken_s = self._stations.lived_s
-                self._stations.come(self)
-            elif (taken_s := time_in(line)) is not None:
+                self._stations.add_station(self)
+            elif (taken_s := parse_time_line(line)) is not None:
                 self._taken_s = min(max(taken_s, self._taken_s), self._stations.lived_s)
                 self._alone = False
-                self._turn.answered()
+                self._turn.end()
                 self._stations.moved.set()
         if self._turn is not None and self._taken_s < self._stations.lived_s:
-            self._turn.owes(self._stations.monotonic_s())
+            self._turn.begin(self._stations.monotonic_s())
 
-    def tell(self, lived_s: float) -> None:
+    def send_time(self, lived_s: float) -> None:
         """Say how far the fleet has lived, unless it hears nothing at present."""
         if self._transport is None or self._turn is None:
             return
-        self._turn.owes(self._stations.monotonic_s())
+        self._turn.begin(self._stations.monotonic_s())
         if not self._alone or self._transport.get_write_buffer_size() == 0:
-            self._transport.write(time_line(lived_s))
+            self._transport.write(format_time_line(lived_s))
 
     def until_s(self, now_s: float) -> float:
         """Return how far the fleet may live for its sake."""
@@ -124,11 +133,11 @@ class Station(asyncio.Protocol):
             self._alone = True
         return float("inf") if self._alone else self._taken_s + AHEAD_S
 
-    def hang_up(self) -> None:
+    def disconnect(self) -> None:
         """Let go."""
         if self._transport is not None:
             self._transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
         """Note that it has gone."""
-        self._stations.go(self)
+        self._stations.remove_station(self)

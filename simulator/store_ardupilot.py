@@ -24,10 +24,10 @@ from simulator.messages import (
 )
 from simulator.mission_store import (
     StoreStep,
-    ack,
-    count_message,
+    build_mission_ack,
+    build_mission_count,
+    build_mission_item,
     is_relative,
-    item_message,
     to_item,
 )
 
@@ -67,7 +67,7 @@ class ArduPilotStore(ArduPilotUploads):
         """The rally points on board."""
         return self._lists[RALLY].items
 
-    def at(self, seq: int) -> MissionItem | None:
+    def item_at(self, seq: int) -> MissionItem | None:
         """Return the item at an index of the mission, or None."""
         return self._memory[seq] if 0 <= seq < self._count else None
 
@@ -76,7 +76,7 @@ class ArduPilotStore(ArduPilotUploads):
         """Number of items, home included."""
         return self._count
 
-    def stale(self, seq: int) -> MissionItem | None:
+    def stale_item_at(self, seq: int) -> MissionItem | None:
         """Return what the memory holds at an index, whether it still belongs to the mission or not."""
         return self._memory[seq] if 0 <= seq < len(self._memory) else None
 
@@ -90,10 +90,10 @@ class ArduPilotStore(ArduPilotUploads):
             beside.fault = self.fault
             return beside.handle(message, sender, now_s)
         if message.mission_type != MISSION_TYPE_MISSION:
-            return StoreStep((ack(sender, MissionResult.UNSUPPORTED, message.mission_type),))
+            return StoreStep((build_mission_ack(sender, MissionResult.UNSUPPORTED, message.mission_type),))
         if self._upload is not None and self._upload.partner != sender:
-            return self._ack(sender, MissionResult.DENIED)
-        return self._obey(message, sender, now_s, locked=locked)
+            return self._build_ack(sender, MissionResult.DENIED)
+        return self._handle_mission_message(message, sender, now_s, locked=locked)
 
     def tick(self, now_s: float) -> StoreStep:
         """Let the uploads of all three lists go on."""
@@ -111,71 +111,71 @@ class ArduPilotStore(ArduPilotUploads):
         for one in self._lists.values():
             one.forget_transfers()
 
-    def _obey(self, message: _Order, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:
+    def _handle_mission_message(self, message: _Order, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:
         match message:
             case MissionCount():
                 return self._begin(message, sender, now_s)
             case ItemReceived():
                 return self._store(message, sender, now_s)
             case MissionRequestList() | MissionRequest() if self._upload is not None:
-                return self._ack(sender, MissionResult.DENIED)
+                return self._build_ack(sender, MissionResult.DENIED)
             case MissionRequestList():
-                return StoreStep((count_message(sender, self._count),))
+                return StoreStep((build_mission_count(sender, self._count),))
             case MissionRequest():
                 return self._read(message, sender)
             case MissionClearAll():
                 if locked:
-                    return self._ack(sender, MissionResult.ERROR)
+                    return self._build_ack(sender, MissionResult.ERROR)
                 self._count = 0
                 self._upload = None
-                return replace(self._ack(sender, MissionResult.ACCEPTED), cleared=True)
+                return replace(self._build_ack(sender, MissionResult.ACCEPTED), cleared=True)
 
     def _begin(self, message: MissionCount, sender: Peer, now_s: float) -> StoreStep:
-        refusal = self._refusal(message.count, sender)
+        refusal = self._refuse_upload(message.count, sender)
         if refusal is not None:
             return refusal
         self._count = min(self._count, message.count)
         if message.count == 0:
             # Measured: accepted in AUTO too, where the vehicle flies on to its old waypoint.
             self._upload = None
-            return replace(self._ack(sender, MissionResult.ACCEPTED, RECEIVED), truncated=True)
-        return replace(self._begun(message.count, sender, now_s), truncated=True)
+            return replace(self._build_ack(sender, MissionResult.ACCEPTED, RECEIVED), truncated=True)
+        return replace(self._begin_upload(message.count, sender, now_s), truncated=True)
 
     def _store(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
         upload = self._upload
         if upload is None:
-            return self._ack(sender, MissionResult.ERROR)
+            return self._build_ack(sender, MissionResult.ERROR)
         if message.seq != upload.next:
             # A warning only: the upload goes on.
-            return self._ack(sender, MissionResult.INVALID_SEQUENCE)
+            return self._build_ack(sender, MissionResult.INVALID_SEQUENCE)
         if message.frame not in FRAMES or message.command not in COMMANDS:
             self._upload = None
             known = message.frame in FRAMES
-            return self._ack(sender, MissionResult.UNSUPPORTED if known else MissionResult.UNSUPPORTED_FRAME)
+            return self._build_ack(sender, MissionResult.UNSUPPORTED if known else MissionResult.UNSUPPORTED_FRAME)
         if message.seq > 0:
-            item = _as_stored(to_item(message))
+            item = _to_stored(to_item(message))
             self._memory[message.seq : message.seq + 1] = [item]
         self._count = max(self._count, message.seq + 1)
         upload.next += 1
         upload.heard_s = now_s
         stored = message.seq > 0
-        advice = () if message.integer else self._advise(ITEM_ADVICE)
+        advice = () if message.integer else self._recommend_int_messages(ITEM_ADVICE)
         if upload.next == upload.count:
             self._upload = None
-            return replace(self._ack(sender, MissionResult.ACCEPTED, (*advice, *RECEIVED)), stored=stored)
-        asked = StoreStep() if upload.stalls(self.fault) else self._asked(upload, now_s)
+            return replace(self._build_ack(sender, MissionResult.ACCEPTED, (*advice, *RECEIVED)), stored=stored)
+        asked = StoreStep() if upload.is_stalled(self.fault) else self._request_next_item(upload, now_s)
         return replace(asked, texts=advice, stored=stored)
 
     def _read(self, message: MissionRequest, sender: Peer) -> StoreStep:
-        item = self.at(message.seq)
+        item = self.item_at(message.seq)
         if item is None:
             # It tells how many there are.
-            refusal = ack(sender, MissionResult.INVALID_SEQUENCE)
-            return StoreStep((count_message(sender, self._count), refusal))
-        advice = () if message.integer else self._advise(REQUEST_ADVICE)
-        return StoreStep((item_message(sender, item, integer=message.integer),), advice)
+            refusal = build_mission_ack(sender, MissionResult.INVALID_SEQUENCE)
+            return StoreStep((build_mission_count(sender, self._count), refusal))
+        advice = () if message.integer else self._recommend_int_messages(REQUEST_ADVICE)
+        return StoreStep((build_mission_item(sender, item, integer=message.integer),), advice)
 
-    def _advise(self, text: str) -> tuple[tuple[int, str], ...]:
+    def _recommend_int_messages(self, text: str) -> tuple[tuple[int, str], ...]:
         """Recommend the younger messages, once."""
         if text in self._advised:
             return ()
@@ -183,7 +183,7 @@ class ArduPilotStore(ArduPilotUploads):
         return ((Severity.WARNING, text),)
 
 
-def _as_stored(item: MissionItem) -> MissionItem:
+def _to_stored(item: MissionItem) -> MissionItem:
     """Return the item as ArduPilot will send it back.
 
     Measured: ``current`` is 0 everywhere, DO_CHANGE_SPEED and RTL come back with frame 0. From the source of
@@ -194,7 +194,7 @@ def _as_stored(item: MissionItem) -> MissionItem:
     if item.command in {Command.DO_CHANGE_SPEED, Command.NAV_RETURN_TO_LAUNCH}:
         return replace(rewritten, frame=Frame.GLOBAL)
     if item.command in PAYLOAD - {Command.DO_SET_ROI_LOCATION}:
-        return _payload_as_stored(replace(rewritten, frame=Frame.GLOBAL))
+        return _payload_to_stored(replace(rewritten, frame=Frame.GLOBAL))
     rewritten = replace(rewritten, z=round(item.z * 100) / 100)
     if item.command == Command.NAV_LAND:
         return replace(rewritten, param4=-1.0 if item.param4 < 0 else 1.0)
@@ -203,7 +203,7 @@ def _as_stored(item: MissionItem) -> MissionItem:
     return rewritten
 
 
-def _payload_as_stored(item: MissionItem) -> MissionItem:
+def _payload_to_stored(item: MissionItem) -> MissionItem:
     """Return an item for a camera or a gimbal as AP_Mission keeps it, by its source: what has no room there is 0."""
     match item.command:
         case Command.DO_SET_CAM_TRIGG_DIST:

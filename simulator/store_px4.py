@@ -10,7 +10,7 @@ import zlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-from missions.items import Command, Frame, MissionItem, Place
+from missions.items import Command, Frame, MissionItem, PlaceCommand
 from simulator.enums import MissionResult, Severity
 from simulator.messages import (
     MISSION_TYPE_MISSION,
@@ -28,10 +28,10 @@ from simulator.mission_store import (
     StoreStep,
     Transfer,
     UploadFault,
-    ack,
-    count_message,
-    item_message,
-    request_message,
+    build_mission_ack,
+    build_mission_count,
+    build_mission_item,
+    build_mission_request,
     to_item,
 )
 
@@ -47,12 +47,13 @@ FENCE, RALLY = 1, 2
 MOST = {MISSION_TYPE_MISSION: CAPACITY, FENCE: 64, RALLY: 32}
 """Items, by MAV_MISSION_TYPE (dataman)."""
 _KNOWN: Mapping[int, Collection[int]] = {
-    MISSION_TYPE_MISSION: COMMANDS, FENCE: frozenset({*Place} - {Place.RALLY_POINT}), RALLY: {Place.RALLY_POINT},
+    MISSION_TYPE_MISSION: COMMANDS, FENCE: frozenset({*PlaceCommand} - {PlaceCommand.RALLY_POINT}),
+    RALLY: {PlaceCommand.RALLY_POINT},
 }  # fmt: skip
 TIMEOUT_TEXT = (Severity.WARNING, "Operation timeout")
 
 
-def mission_checksum(items: Sequence[MissionItem]) -> int:
+def compute_mission_checksum(items: Sequence[MissionItem]) -> int:
     """Return the mission's identity: a CRC32 over everything but ``current``; 0 is the empty mission."""
     crc = 0
     for item in items:
@@ -106,7 +107,7 @@ class Px4Store:
         return self._mission_id
 
     @property
-    def busy(self) -> bool:
+    def is_busy(self) -> bool:
         """Whether a transfer is under way."""
         return self._upload is not None or self._download is not None
 
@@ -115,14 +116,14 @@ class Px4Store:
         if isinstance(message, MissionAckReceived):
             return self._end(message, sender)
         if message.mission_type not in MOST:
-            return StoreStep((ack(sender, MissionResult.UNSUPPORTED, message.mission_type),))
+            return StoreStep((build_mission_ack(sender, MissionResult.UNSUPPORTED, message.mission_type),))
         match message:
             case MissionCount():
                 return self._begin(message, sender, now_s)
             case ItemReceived():
                 return self._store(message, sender, now_s)
             case MissionRequestList():
-                return self._list(sender, now_s, message.mission_type)
+                return self._begin_download(sender, now_s, message.mission_type)
             case MissionRequest():
                 return self._read(message, sender, now_s)
             case MissionClearAll():
@@ -139,7 +140,7 @@ class Px4Store:
         if now_s - upload.heard_s >= self._give_up_s:
             self._upload = None
             return StoreStep(texts=(TIMEOUT_TEXT,))
-        if upload.stalls(self.fault) or now_s - upload.asked_s < ASK_AGAIN_S:
+        if upload.is_stalled(self.fault) or now_s - upload.asked_s < ASK_AGAIN_S:
             return StoreStep()
         return StoreStep((self._ask(upload, now_s),))
 
@@ -148,12 +149,12 @@ class Px4Store:
         self._upload = self._download = None
 
     def _clear(self, sender: Peer, kind: int) -> StoreStep:
-        if self.busy:
-            return _complain("WPM: IGN CLEAR CMD: Busy")
-        return self._emptied(sender, kind)
+        if self.is_busy:
+            return _reject_with_text("WPM: IGN CLEAR CMD: Busy")
+        return self._empty_list(sender, kind)
 
-    def _emptied(self, sender: Peer, kind: int) -> StoreStep:
-        accepted = (ack(sender, MissionResult.ACCEPTED, kind),)
+    def _empty_list(self, sender: Peer, kind: int) -> StoreStep:
+        accepted = (build_mission_ack(sender, MissionResult.ACCEPTED, kind),)
         if kind != MISSION_TYPE_MISSION:
             self._beside[kind] = ()
             return StoreStep(accepted, fenced=kind == FENCE)
@@ -161,32 +162,32 @@ class Px4Store:
         return StoreStep(accepted, cleared=True)
 
     def _begin(self, message: MissionCount, sender: Peer, now_s: float) -> StoreStep:
-        refused = StoreStep((ack(sender, MissionResult.ERROR, message.mission_type),))
+        refused = StoreStep((build_mission_ack(sender, MissionResult.ERROR, message.mission_type),))
         if self.fault is UploadFault.REFUSE:
             return refused
         if self._download is not None:
-            return replace(refused, texts=_critical("WPM: IGN MISSION_COUNT: Busy"))
+            return replace(refused, texts=_build_critical_text("WPM: IGN MISSION_COUNT: Busy"))
         if self._upload is not None and (sender != self._upload.partner or self._upload.next > 0):
             # Whoever it is that asks in vain, the transfer lives longer by it.
             self._upload.heard_s = now_s
-            return refused if sender != self._upload.partner else replace(refused, texts=_critical(BUSY))
+            return refused if sender != self._upload.partner else replace(refused, texts=_build_critical_text(BUSY))
         self._partner = sender
         self._upload = None
         if message.count > MOST[message.mission_type]:
-            return StoreStep((ack(sender, MissionResult.NO_SPACE, message.mission_type),))
+            return StoreStep((build_mission_ack(sender, MissionResult.NO_SPACE, message.mission_type),))
         if message.count == 0:
-            return self._emptied(sender, message.mission_type)
+            return self._empty_list(sender, message.mission_type)
         self._upload = Transfer(sender, message.count, heard_s=now_s, asked_s=now_s, kind=message.mission_type)
         return StoreStep((self._ask(self._upload, now_s),))
 
     def _store(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
         if sender != self._partner:
-            return _complain("REJ. MIS ITEM: partner id mismatch")
+            return _reject_with_text("REJ. MIS ITEM: partner id mismatch")
         upload = self._upload
         # It asks on in the flavour that it was answered in.
         self._integer = message.integer
         if upload is None:
-            return self._late_item(message, sender)
+            return self._handle_late_item(message, sender)
         upload.heard_s = now_s
         if message.seq != upload.next or message.mission_type != upload.kind:
             return StoreStep()
@@ -197,37 +198,42 @@ class Px4Store:
             refusal = MissionResult.UNSUPPORTED
         if refusal is not None:
             self._upload = None
-            return StoreStep((ack(sender, refusal, upload.kind),), _critical("IGN MISSION_ITEM: Invalid item"))
-        if message.command in {Place.INCLUSION_VERTEX, Place.EXCLUSION_VERTEX} and message.params[0] < 3:
+            return StoreStep(
+                (build_mission_ack(sender, refusal, upload.kind),),
+                _build_critical_text("IGN MISSION_ITEM: Invalid item"),
+            )
+        if message.command in {PlaceCommand.INCLUSION_VERTEX, PlaceCommand.EXCLUSION_VERTEX} and message.params[0] < 3:
             self._upload = None  # too few corners
-            return StoreStep((ack(sender, MissionResult.ERROR, upload.kind),))
+            return StoreStep((build_mission_ack(sender, MissionResult.ERROR, upload.kind),))
         upload.items.append(to_item(message))
         upload.next += 1
         if upload.next == upload.count:
             return self._finish(upload)
-        if upload.stalls(self.fault):
+        if upload.is_stalled(self.fault):
             return StoreStep()
         return StoreStep((self._ask(upload, now_s),))
 
-    def _late_item(self, message: ItemReceived, sender: Peer) -> StoreStep:
-        refused = StoreStep((ack(sender, MissionResult.ERROR, message.mission_type),))
+    def _handle_late_item(self, message: ItemReceived, sender: Peer) -> StoreStep:
+        refused = StoreStep((build_mission_ack(sender, MissionResult.ERROR, message.mission_type),))
         if self._download is not None:
-            return replace(refused, texts=_critical("IGN MISSION_ITEM: Busy"))
+            return replace(refused, texts=_build_critical_text("IGN MISSION_ITEM: Busy"))
         if message.seq == self._last_count - 1 and message.mission_type == self._last_kind:
             if message.mission_type != MISSION_TYPE_MISSION:
-                return StoreStep((ack(sender, MissionResult.ACCEPTED, message.mission_type),))
+                return StoreStep((build_mission_ack(sender, MissionResult.ACCEPTED, message.mission_type),))
             # The final ACK was lost: it is said again.
-            return StoreStep((ack(sender, MissionResult.ACCEPTED, opaque_id=self._mission_id),))
-        return replace(refused, texts=_critical("IGN MISSION_ITEM: No transfer"))
+            return StoreStep((build_mission_ack(sender, MissionResult.ACCEPTED, opaque_id=self._mission_id),))
+        return replace(refused, texts=_build_critical_text("IGN MISSION_ITEM: No transfer"))
 
     def _finish(self, upload: Transfer) -> StoreStep:
         self._upload = None
         self._last_count, self._last_kind = upload.count, upload.kind
         if upload.kind != MISSION_TYPE_MISSION:
             self._beside[upload.kind] = tuple(upload.items)
-            return StoreStep((ack(upload.partner, MissionResult.ACCEPTED, upload.kind),), fenced=upload.kind == FENCE)
-        crc = mission_checksum(upload.items)
-        reply = ack(upload.partner, MissionResult.ACCEPTED, opaque_id=crc)
+            return StoreStep(
+                (build_mission_ack(upload.partner, MissionResult.ACCEPTED, upload.kind),), fenced=upload.kind == FENCE
+            )
+        crc = compute_mission_checksum(upload.items)
+        reply = build_mission_ack(upload.partner, MissionResult.ACCEPTED, opaque_id=crc)
         if crc == self._mission_id:
             # The same content is not looked at again, not even for its ``current``.
             return StoreStep((reply,))
@@ -237,36 +243,36 @@ class Px4Store:
 
     def _replace(self, items: tuple[MissionItem, ...]) -> None:
         self._items = items
-        self._mission_id = mission_checksum(items)
+        self._mission_id = compute_mission_checksum(items)
 
     def _end(self, message: MissionAckReceived, sender: Peer) -> StoreStep:
         if sender != self._partner:
-            return _complain("REJ. WP CMD: partner id mismatch")
+            return _reject_with_text("REJ. WP CMD: partner id mismatch")
         self._download = None
         if message.result == MissionResult.OPERATION_CANCELLED:
             self._upload = None
         return StoreStep()
 
-    def _list(self, sender: Peer, now_s: float, kind: int) -> StoreStep:
+    def _begin_download(self, sender: Peer, now_s: float, kind: int) -> StoreStep:
         others = self._download is not None and self._download.partner != sender
         if self._upload is not None or others:
             # A text to everybody, and no ACK.
             return StoreStep(texts=((Severity.INFO, "Mission download request ignored, already active"),))
         self._partner = sender
-        items = self._of(kind)
+        items = self._items_of(kind)
         self._download = Transfer(sender, len(items), heard_s=now_s, asked_s=now_s, kind=kind)
-        opaque_id = self._mission_id if kind == MISSION_TYPE_MISSION else mission_checksum(items)
-        return StoreStep((count_message(sender, len(items), opaque_id, kind),))
+        opaque_id = self._mission_id if kind == MISSION_TYPE_MISSION else compute_mission_checksum(items)
+        return StoreStep((build_mission_count(sender, len(items), opaque_id, kind),))
 
-    def _of(self, kind: int) -> tuple[MissionItem, ...]:
+    def _items_of(self, kind: int) -> tuple[MissionItem, ...]:
         return self._items if kind == MISSION_TYPE_MISSION else self._beside[kind]
 
     def _read(self, message: MissionRequest, sender: Peer, now_s: float) -> StoreStep:
         self._integer = message.integer
         if sender != self._partner:
-            return _complain("WPM: REJ. CMD: partner id mismatch")
+            return _reject_with_text("WPM: REJ. CMD: partner id mismatch")
         if self._upload is not None:
-            return _complain(BUSY)
+            return _reject_with_text(BUSY)
         download = self._download
         if download is None:
             return StoreStep()
@@ -274,29 +280,29 @@ class Px4Store:
         expected = message.seq in {download.next, download.next - 1} and message.seq < download.count
         if not expected or message.mission_type != download.kind:
             self._download = None
-            refusal = (ack(sender, MissionResult.ERROR, message.mission_type),)
-            return StoreStep(refusal, _critical("WPM: REJ. CMD: Req. WP was unexpected"))
+            refusal = (build_mission_ack(sender, MissionResult.ERROR, message.mission_type),)
+            return StoreStep(refusal, _build_critical_text("WPM: REJ. CMD: Req. WP was unexpected"))
         download.next = message.seq + 1
-        item = _in_flavour(self._of(download.kind)[message.seq], integer=message.integer)
-        return StoreStep((item_message(sender, item, integer=message.integer, mission_type=download.kind),))
+        item = _to_message_form(self._items_of(download.kind)[message.seq], integer=message.integer)
+        return StoreStep((build_mission_item(sender, item, integer=message.integer, mission_type=download.kind),))
 
     def _ask(self, upload: Transfer, now_s: float) -> Outbound:
         upload.asked_s = now_s
         name = "MISSION_REQUEST_INT" if self._integer else "MISSION_REQUEST"
-        return request_message(name, upload.partner, upload.next, upload.kind)
+        return build_mission_request(name, upload.partner, upload.next, upload.kind)
 
 
-def _in_flavour(item: MissionItem, *, integer: bool) -> MissionItem:
+def _to_message_form(item: MissionItem, *, integer: bool) -> MissionItem:
     """Return the item as it is sent: frames with and without _INT are one, and follow the kind of the message."""
     pairs = ((Frame.GLOBAL, Frame.GLOBAL_INT), (Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT))
     frame = next((pair[integer] for pair in pairs if item.frame in pair), item.frame)
     return replace(item, frame=frame)
 
 
-def _critical(text: str) -> tuple[tuple[int, str], ...]:
+def _build_critical_text(text: str) -> tuple[tuple[int, str], ...]:
     return ((Severity.CRITICAL, text),)
 
 
-def _complain(text: str) -> StoreStep:
+def _reject_with_text(text: str) -> StoreStep:
     """Say no to everybody, in words alone."""
-    return StoreStep(texts=_critical(text))
+    return StoreStep(texts=_build_critical_text(text))

@@ -49,12 +49,12 @@ class Streams:
         for name in {name for number, names in STREAMS.items() if stream in {0, number} for name in names}:
             self.set_interval(name, 1e6 / rate_hz if rate_hz > 0 else -1.0, now_s)
 
-    def soon(self, name: str, now_s: float) -> None:
+    def schedule_now(self, name: str, now_s: float) -> None:
         """Send a streamed message now, because what it says has changed."""
         if name in self._due_s:
             self._due_s[name] = now_s
 
-    def due(self, now_s: float) -> Iterator[str]:
+    def take_due(self, now_s: float) -> Iterator[str]:
         """Yield what is to be sent now; after a gap each message comes once, not in a burst."""
         for name, due_s in self._due_s.items():
             if due_s <= now_s + 1e-9:

@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterable
 from simulator.airframe import Event
 from simulator.ardupilot import ArduPilot
 from simulator.autopilot import STEP_S, Autopilot
-from simulator.camera import Shot
+from simulator.camera import CapturedImage
 from simulator.channel import Channel, LinkCondition
 from simulator.config import AutopilotKind, SimVehicle
 from simulator.faults import Injection, InjectionKind, faults_of, is_due
 from simulator.gimbal import GIMBAL
-from simulator.messages import Command, Heartbeat, Peer, Received, out
+from simulator.messages import Command, Heartbeat, Peer, Received, build_message
 from simulator.mission_store import UploadFault
 from simulator.px4 import Px4
 from simulator.truth import Truth
@@ -43,7 +43,7 @@ class SimulatedVehicle:
         self.name = vehicle.name
         self.autopilot = make_autopilot(vehicle)
         payload = self.autopilot.payload
-        speaking = frozenset() if payload is None else payload.components()
+        speaking = frozenset() if payload is None else payload.list_components()
         self._codec = Codec(
             vehicle.sysid,
             every_component=vehicle.autopilot is AutopilotKind.ARDUPILOT,
@@ -82,13 +82,13 @@ class SimulatedVehicle:
             self._deliver()
             self.autopilot.advance(self._now_s)
             self._inject()
-            self._beat()
+            self._send_station_heartbeat()
             self._collect()
 
     def drain(self) -> list[bytes]:
         """Take away the datagrams that have reached the ground stations."""
         self._collect()
-        return self._down.due(self._now_s)
+        return self._down.take_due(self._now_s)
 
     def drain_events(self) -> list[Event]:
         """Take away what really happened."""
@@ -107,23 +107,23 @@ class SimulatedVehicle:
             )  # fmt: skip
         return truths
 
-    def drain_shots(self) -> list[Shot]:
+    def drain_shots(self) -> list[CapturedImage]:
         """Take away what came onto its cameras' cards."""
         return [] if self.autopilot.payload is None else self.autopilot.payload.drain_shots()
 
     def _deliver(self) -> None:
-        for datagram in self._up.due(self._now_s):
+        for datagram in self._up.take_due(self._now_s):
             for received in self._codec.decode(datagram):
                 payload = self.autopilot.payload
                 if payload is not None and received.component in self._components:
                     if isinstance(received.body, Command):
-                        payload.asked(received.body, received.component)
+                        payload.answer_component_command(received.body, received.component)
                 else:
                     self.autopilot.receive(received)
 
     def _collect(self) -> None:
         messages = self.autopilot.voice.drain()
-        if not self.autopilot.mute:
+        if not self.autopilot.is_mute:
             for message in messages:
                 self._down.offer(self._codec.encode(message, self._now_s), self._now_s)
         if self.autopilot.payload is not None and self.autopilot.frame.crashed_s is None:
@@ -141,15 +141,15 @@ class SimulatedVehicle:
         if due:
             self._pending = [fault for fault in self._pending if fault not in due]
             for fault in due:
-                self.befall(fault)
+                self.apply_injection(fault)
 
-    def order(self, fault: Injection) -> None:
+    def schedule_injection(self, fault: Injection) -> None:
         """Have a fault befall this vehicle in its own time."""
         self._pending.append(fault)
 
-    def befall(self, fault: Injection) -> None:
+    def apply_injection(self, fault: Injection) -> None:
         """Suffer a fault now, whenever it was ordered for."""
-        self.autopilot.frame.happened(f"fault {fault.spec}")
+        self.autopilot.frame.record_event(f"fault {fault.spec}")
         self._apply(fault.kind, fault.value or 0.0, fault.word)
 
     def _apply(self, kind: InjectionKind, value: float, word: str) -> None:
@@ -158,7 +158,7 @@ class SimulatedVehicle:
             case InjectionKind.SILENT:
                 condition.silent_until_s = self._now_s + (value or math.inf)
             case InjectionKind.BATTERY_STEP:
-                frame.battery.lose(value)
+                frame.battery.remove_charge(value)
             case InjectionKind.DRAIN:
                 frame.battery.drain_factor = value
             case InjectionKind.GPS:
@@ -168,27 +168,29 @@ class SimulatedVehicle:
             case InjectionKind.REBOOT:
                 self.autopilot.reboot(on_pad=word == "pad")
             case InjectionKind.STATION:
-                self._called(word)
+                self._apply_station_order(word)
             case InjectionKind.REFUSE_UPLOAD | InjectionKind.HALF_UPLOAD:
                 refuses = kind is InjectionKind.REFUSE_UPLOAD
                 self.autopilot.store.fault = UploadFault.REFUSE if refuses else UploadFault.HALF
             case _ if kind in LINK_FIELDS:
                 setattr(condition, LINK_FIELDS[kind], value)
             case _:
-                self.autopilot.befalls(kind, word, value)
+                self.autopilot.apply_injection(kind, word, value)
 
-    def _called(self, word: str) -> None:
+    def _apply_station_order(self, word: str) -> None:
         """Let another ground station order a mode; from now on its heartbeat is on the air."""
         if self._station is None:
             self._station = Codec(STATION.sysid, component=STATION.compid)
             self._station_beat_s = self._now_s
-        self.autopilot.frame.happened(f"station {word}")
-        self.autopilot.receive(Received(STATION, self.autopilot.mode_order(word)))
+        self.autopilot.frame.record_event(f"station {word}")
+        self.autopilot.receive(Received(STATION, self.autopilot.build_mode_order(word)))
 
-    def _beat(self) -> None:
+    def _send_station_heartbeat(self) -> None:
         if self._station is None or self._now_s < self._station_beat_s:
             return
         self._station_beat_s += 1.0
         self.autopilot.receive(Received(STATION, Heartbeat(ground_station=True)))
-        beat = out("HEARTBEAT", type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3)
+        beat = build_message(
+            "HEARTBEAT", type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
+        )
         self._down.offer(self._station.encode(beat, self._now_s), self._now_s)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 
-from simulator.messages import Outbound, status_texts
+from simulator.messages import Outbound, split_status_text
 
 WITHHELD_TEXTS = 20
 """Texts that a vehicle keeps for the time when somebody listens again."""
 
 
-class Voice:
+class VehicleOutbox:
     """Collects messages until they are taken away."""
 
     def __init__(self, *, tab: bool) -> None:
@@ -27,13 +27,13 @@ class Voice:
         """Send messages."""
         self._outbox.extend(messages)
 
-    def say(self, severity: int, text: str) -> None:
+    def send_text(self, severity: int, text: str) -> None:
         """Send a text, in parts when it is long."""
         self._texts += 1
         chunk_id = (self._texts - 1) % 65535 + 1
-        (self._withheld if self.muted else self._outbox).extend(status_texts(severity, text + self._tab, chunk_id))
+        (self._withheld if self.muted else self._outbox).extend(split_status_text(severity, text + self._tab, chunk_id))
 
-    def speak_up(self) -> None:
+    def release_withheld(self) -> None:
         """Send the texts that were kept back."""
         self.muted = False
         self._outbox.extend(self._withheld)

@@ -16,7 +16,7 @@ SPREAD = 0.15
 """By so much every period is another one for every vehicle."""
 
 
-class Wander:
+class PositionDrift:
     """A swing about zero, by east and north, the same for the same seed."""
 
     def __init__(self, off_m: float, seed: str) -> None:
@@ -36,7 +36,7 @@ class Wander:
             for _ in range(2)
         ]
 
-    def at_m(self, now_s: float) -> tuple[float, float]:
+    def offset_m(self, now_s: float) -> tuple[float, float]:
         """Return how far off it is, east and north."""
         if not self._swing_m:
             return 0.0, 0.0

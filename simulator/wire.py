@@ -60,79 +60,79 @@ class _Fields:
     def __init__(self, values: Mapping[str, FieldValue | str]) -> None:
         self._values = values
 
-    def integer(self, name: str) -> int:
+    def get_integer(self, name: str) -> int:
         """Return a field as a whole number, 0 when it is not there."""
-        value = self.number(name)
+        value = self.get_number(name)
         return int(value) if math.isfinite(value) else 0
 
-    def number(self, name: str) -> float:
+    def get_number(self, name: str) -> float:
         """Return a field as a number, 0 when it is not there."""
         value = self._values.get(name, 0)
         return value if isinstance(value, int | float) else 0.0
 
-    def text(self, name: str) -> str:
+    def get_text(self, name: str) -> str:
         """Return a field as text."""
         value = self._values.get(name, "")
         return value if isinstance(value, str) else ""
 
-    def e7(self, name: str) -> int:
+    def get_e7(self, name: str) -> int:
         """Return degrees as 1e-7 degrees."""
-        value = self.number(name) * 1e7
+        value = self.get_number(name) * 1e7
         return round(value) if math.isfinite(value) else 0
 
 
-def _command(fields: _Fields, x: str, y: str, z: str) -> Command:
+def _parse_command(fields: _Fields, x: str, y: str, z: str) -> Command:
     names = ("param1", "param2", "param3", "param4", x, y, z)
-    one, two, three, four, five, six, seven = (float(fields.number(name)) for name in names)
-    return Command(fields.integer("command"), (one, two, three, four, five, six, seven))
+    one, two, three, four, five, six, seven = (float(fields.get_number(name)) for name in names)
+    return Command(fields.get_integer("command"), (one, two, three, four, five, six, seven))
 
 
-def _item(fields: _Fields, *, integer: bool) -> ItemReceived:
-    frame = fields.integer("frame")
+def _parse_item(fields: _Fields, *, integer: bool) -> ItemReceived:
+    frame = fields.get_integer("frame")
     in_degrees = not integer and frame != Frame.MISSION
-    one, two, three, four = (fields.number(f"param{number}") for number in (1, 2, 3, 4))
+    one, two, three, four = (fields.get_number(f"param{number}") for number in (1, 2, 3, 4))
     return ItemReceived(
-        seq=fields.integer("seq"),
+        seq=fields.get_integer("seq"),
         frame=frame,
-        command=fields.integer("command"),
+        command=fields.get_integer("command"),
         params=(one, two, three, four),
-        x=fields.e7("x") if in_degrees else fields.integer("x"),
-        y=fields.e7("y") if in_degrees else fields.integer("y"),
-        z=fields.number("z"),
-        current=bool(fields.integer("current")),
-        autocontinue=bool(fields.integer("autocontinue")),
-        mission_type=fields.integer("mission_type"),
+        x=fields.get_e7("x") if in_degrees else fields.get_integer("x"),
+        y=fields.get_e7("y") if in_degrees else fields.get_integer("y"),
+        z=fields.get_number("z"),
+        current=bool(fields.get_integer("current")),
+        autocontinue=bool(fields.get_integer("autocontinue")),
+        mission_type=fields.get_integer("mission_type"),
         integer=integer,
     )
 
 
-def _clear(fields: _Fields) -> MissionClearAll:
-    kind = fields.integer("mission_type")
+def _parse_clear(fields: _Fields) -> MissionClearAll:
+    kind = fields.get_integer("mission_type")
     return MissionClearAll(0 if kind == EVERY_MISSION_TYPE else kind)
 
 
 READERS: Mapping[str, Callable[[_Fields], Body]] = {
-    "HEARTBEAT": lambda f: Heartbeat(f.integer("type") == GROUND_STATION),
-    "COMMAND_LONG": lambda f: _command(f, "param5", "param6", "param7"),
-    "COMMAND_INT": lambda f: _command(f, "x", "y", "z"),
-    "SET_MODE": lambda f: SetMode(f.integer("custom_mode")),
-    "MISSION_COUNT": lambda f: MissionCount(f.integer("count"), f.integer("mission_type")),
-    "MISSION_ITEM_INT": lambda f: _item(f, integer=True),
-    "MISSION_ITEM": lambda f: _item(f, integer=False),
-    "MISSION_REQUEST_LIST": lambda f: MissionRequestList(f.integer("mission_type")),
-    "MISSION_REQUEST": lambda f: MissionRequest(f.integer("seq"), f.integer("mission_type"), integer=False),
-    "MISSION_REQUEST_INT": lambda f: MissionRequest(f.integer("seq"), f.integer("mission_type"), integer=True),
-    "MISSION_ACK": lambda f: MissionAckReceived(f.integer("type"), f.integer("mission_type")),
-    "MISSION_CLEAR_ALL": _clear,
-    "MISSION_SET_CURRENT": lambda f: MissionSetCurrent(f.integer("seq")),
+    "HEARTBEAT": lambda f: Heartbeat(f.get_integer("type") == GROUND_STATION),
+    "COMMAND_LONG": lambda f: _parse_command(f, "param5", "param6", "param7"),
+    "COMMAND_INT": lambda f: _parse_command(f, "x", "y", "z"),
+    "SET_MODE": lambda f: SetMode(f.get_integer("custom_mode")),
+    "MISSION_COUNT": lambda f: MissionCount(f.get_integer("count"), f.get_integer("mission_type")),
+    "MISSION_ITEM_INT": lambda f: _parse_item(f, integer=True),
+    "MISSION_ITEM": lambda f: _parse_item(f, integer=False),
+    "MISSION_REQUEST_LIST": lambda f: MissionRequestList(f.get_integer("mission_type")),
+    "MISSION_REQUEST": lambda f: MissionRequest(f.get_integer("seq"), f.get_integer("mission_type"), integer=False),
+    "MISSION_REQUEST_INT": lambda f: MissionRequest(f.get_integer("seq"), f.get_integer("mission_type"), integer=True),
+    "MISSION_ACK": lambda f: MissionAckReceived(f.get_integer("type"), f.get_integer("mission_type")),
+    "MISSION_CLEAR_ALL": _parse_clear,
+    "MISSION_SET_CURRENT": lambda f: MissionSetCurrent(f.get_integer("seq")),
     "PARAM_REQUEST_LIST": lambda _: ParamRequestList(),
-    "PARAM_REQUEST_READ": lambda f: ParamRequestRead(f.text("param_id"), f.integer("param_index")),
-    "PARAM_SET": lambda f: ParamSet(f.text("param_id"), f.number("param_value"), f.integer("param_type")),
+    "PARAM_REQUEST_READ": lambda f: ParamRequestRead(f.get_text("param_id"), f.get_integer("param_index")),
+    "PARAM_SET": lambda f: ParamSet(f.get_text("param_id"), f.get_number("param_value"), f.get_integer("param_type")),
     "REQUEST_DATA_STREAM": lambda f: RequestDataStream(
-        f.integer("req_stream_id"), f.integer("req_message_rate"), bool(f.integer("start_stop"))
+        f.get_integer("req_stream_id"), f.get_integer("req_message_rate"), bool(f.get_integer("start_stop"))
     ),
-    "TIMESYNC": lambda f: Timesync(f.integer("tc1"), f.integer("ts1")),
-    "PING": lambda f: Ping(f.integer("time_usec"), f.integer("seq"), f.integer("target_system")),
+    "TIMESYNC": lambda f: Timesync(f.get_integer("tc1"), f.get_integer("ts1")),
+    "PING": lambda f: Ping(f.get_integer("time_usec"), f.get_integer("seq"), f.get_integer("target_system")),
 }
 
 
@@ -174,7 +174,7 @@ class Codec:
         packed = getattr(dialect, f"MAVLink_{message.name.lower()}_message")(**fields)
         frame = bytes(packed.pack(self._packer))
         if any(tail):
-            frame = self._extended(packed, tail)
+            frame = self._append_extension_fields(packed, tail)
         self._packer.seq = (self._packer.seq + 1) % 256
         return frame
 
@@ -200,7 +200,7 @@ class Codec:
             received.append(Received(sender, reader(_Fields(values)), target))
         return received
 
-    def _extended(self, packed: dialect.MAVLink_message, tail: bytes) -> bytes:
+    def _append_extension_fields(self, packed: dialect.MAVLink_message, tail: bytes) -> bytes:
         """Return the frame with fields behind those that pymavlink knows."""
         payload = bytes(packed.get_payload()).ljust(struct.calcsize(packed.unpacker.format), b"\0") + tail
         payload = payload.rstrip(b"\0")

@@ -17,9 +17,9 @@ import numpy as np
 import pyproj
 import rasterio
 
-from missions import FlightPath, FlightSetup, Inspection, Network, Phase, Pylon, Segment, flight_setup
+from missions import FlightPath, FlightSetup, Inspection, Network, Phase, Pylon, Segment, plan_flight_setup
 from missions.geo import FloatArray, LocalFrame
-from missions.readers.elevation import Reading, read_elevation
+from missions.readers.elevation import RasterOptions, read_elevation
 from missions.terrain import Terrain, reading_box_m
 from tests.mountains import LAT_DEG, LON_DEG, Mountain, write_raster
 
@@ -151,11 +151,11 @@ def case_of(seed: int, folder: Path, *, holes: bool = False) -> Case:
     crs, cell = RASTERS[seed % len(RASTERS)]
     gaps = tuple((*rng.uniform(-2500, 2500, 2).tolist(), float(rng.uniform(40, 120))) for _ in range(3 if holes else 0))
     path = write_raster(folder / f"mountain-{seed}.tif", mountain, crs=crs, cell=cell, holes_m=gaps)
-    reading = Reading(network.frame, *reading_box_m(network), "egm96", float(rng.uniform(1, 8)))
+    reading = RasterOptions(network.frame, *reading_box_m(network), "egm96", float(rng.uniform(1, 8)))
     terrain = Terrain(read_elevation([path], reading), float(rng.uniform(10, 30)))
     fleet = FLEET[: int(rng.integers(2, 5))]
     inspection = Inspection(height_m=float(rng.uniform(12, 25)), ceiling_m=500.0, return_ceiling_m=1000.0)
-    setup = flight_setup(network, fleet, inspection, terrain=terrain)
+    setup = plan_flight_setup(network, fleet, inspection, terrain=terrain)
     order = rng.permutation(len(network.segments))
     parts = np.array_split(order[: int(rng.integers(len(fleet), len(order) + 1))], len(fleet))
     routes = tuple(tuple(2 * int(one) + int(rng.integers(2)) for one in part) for part in parts)

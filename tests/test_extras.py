@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from executor.adapters.extras import MODULES, Extra, packages
-from executor.core.preflight.parameters import ChangeStage, Kept
-from executor.flight.changed_parameters import write_kept
+from executor.adapters.extras import MODULES, Extra, packages_of
+from executor.core.preflight.parameters import ChangeStage, KeptParameter
+from executor.flight.changed_parameters import write_kept_parameters
 from executor.replay.open_log import ULOG_MAGIC
 
 ROOT = Path(__file__).parents[1]
@@ -114,8 +114,8 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[int, st
             archive.writestr(inside, b"")
     (folder / "flight.tlog").write_bytes(b"")
     (folder / "run").mkdir()
-    changed = Kept("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "its RTL", ChangeStage.SET)
-    write_kept(folder / "run", [changed])
+    changed = KeptParameter("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "its RTL", ChangeStage.SET)
+    write_kept_parameters(folder / "run", [changed])
     (folder / "run" / "site.toml").write_text(SITE, encoding="utf-8")
     return called(folder, [*GOES_ON, *REFUSED, NOT_FLOWN])
 
@@ -131,7 +131,7 @@ def test_a_missing_one_is_one_line_that_says_what_to_install(
     call: str, said: Mapping[str, tuple[int, str, str]]
 ) -> None:
     wanted_by, extra = REFUSED[call]
-    line = f"faultline: {wanted_by} needs the extra {extra.value}: pip install {' '.join(packages(extra))}\n"
+    line = f"faultline: {wanted_by} needs the extra {extra.value}: pip install {' '.join(packages_of(extra))}\n"
     assert said[call] == (2, "", line)
 
 
@@ -152,7 +152,7 @@ def test_the_extras_are_those_of_the_package() -> None:
     named = project["optional-dependencies"]
     always = {re.split(r"[^\w-]", one)[0] for one in project["dependencies"]}
     for extra, modules in MODULES.items():
-        assert {re.split(r"[^\w-]", one)[0] for one in named[extra.value]} == set(packages(extra))
+        assert {re.split(r"[^\w-]", one)[0] for one in named[extra.value]} == set(packages_of(extra))
         assert always.isdisjoint(modules)
     whole = {name for one in named["all"] for name in re.findall(r"[\w-]+", one.partition("[")[2])}
     assert whole == set(named) - {"all"}

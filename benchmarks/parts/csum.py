@@ -10,7 +10,7 @@ from benchmarks.parts.setting import Setting
 from benchmarks.peer import pyvrp_installed, solve_pyvrp
 from benchmarks.problems import AUTHORS_S, line_instance
 from benchmarks.store import Json
-from planner import Cost, Seconds, grasp, solve, warm_up
+from planner import Cost, Seconds, solve, solve_grasp, warm_up
 
 TITLE = "c-MinSum on the authors' matrix"
 VEHICLES = 4
@@ -30,7 +30,7 @@ def _row(setting: Setting, reference: CsumReference) -> Json:
         setting.nechranice(reference.radius_m).ends_m, VEHICLES, AUTHORS_S, float(reference.budget_s)
     )
     runs = [
-        grasp(instance, cost=Cost.MINSUM, stop=UNTIL_DONE, seed=setting.seed + run, runs=1)
+        solve_grasp(instance, cost=Cost.MINSUM, stop=UNTIL_DONE, seed=setting.seed + run, runs=1)
         for run in range(setting.pieces(GRASP_RUNS, 3))
     ]
     values = [run.evaluation.value for run in runs]

@@ -13,7 +13,7 @@ from benchmarks.parts.setting import Setting
 from benchmarks.peer import pyvrp_installed, solve_pyvrp
 from benchmarks.problems import PAPER_S, line_instance, with_budget
 from benchmarks.store import Json
-from executor.adapters.workers import workers
+from executor.adapters.workers import start_worker_pool
 from planner import (
     Cost,
     FirstFeasible,
@@ -23,15 +23,15 @@ from planner import (
     Seconds,
     Stopwatch,
     any_of,
-    completions_s,
+    build_remaining_problem,
+    completion_times_s,
     evaluate,
-    remaining,
     replan,
     route_duration_s,
     solve,
     warm_up,
 )
-from planner.synthetic import generated_network
+from planner.synthetic import generate_network
 
 TITLE = "Re-plans"
 PEER_TITLE = "Given up, asked of PyVRP"
@@ -76,7 +76,7 @@ def _measured(setting: Setting, case: Case) -> Json:
     effort = any_of(FirstFeasible(), Seconds(setting.seconds(EFFORT_S[case.name])))
     for lost, at_s in (losses[place] for place in every):
         watch = Stopwatch()
-        left = remaining(instance, plan, lost, at_s)
+        left = build_remaining_problem(instance, plan, lost, at_s)
         result = replan(left.instance, warm=left.warm, stop=effort, seed=setting.seed)
         if result.feasible:
             feasible_s.append(watch.seconds)
@@ -97,7 +97,7 @@ def _plan(setting: Setting, case: Case) -> tuple[Instance, Plan]:
     if case.name == "real":
         instance = line_instance(setting.nechranice(REAL_RADIUS_M).ends_m, REAL_VEHICLES, PAPER_S)
     else:
-        instance = line_instance(generated_network(LARGE_SEGMENTS, setting.seed), LARGE_VEHICLES, PAPER_S)
+        instance = line_instance(generate_network(LARGE_SEGMENTS, setting.seed), LARGE_VEHICLES, PAPER_S)
     stop = Seconds(setting.seconds(PLAN_S[case.name]))
     minmax = solve(instance, cost=Cost.MINMAX, stop=stop, seed=setting.seed, starts=setting.starts)
     tight = with_budget(instance, minmax.evaluation.value / case.tightness)
@@ -113,7 +113,7 @@ def _losses(instance: Instance, plan: Plan) -> Iterator[tuple[int, float]]:
     ends = [route_duration_s(instance, route) for route in plan.routes]
     times = {0.0, *ends}
     for route in plan.routes:
-        times.update(completions_s(instance, route))
+        times.update(completion_times_s(instance, route))
     for at_s in sorted(times):
         for vehicle, end_s in enumerate(ends):
             if end_s > at_s + 1e-9:
@@ -152,7 +152,7 @@ class _Question:
         self.tightness: float = row["tightness"]
         self.lost, self.at_s = lost, at_s
         real = self.case == "real"
-        ends_m = setting.nechranice(REAL_RADIUS_M).ends_m if real else generated_network(LARGE_SEGMENTS, setting.seed)
+        ends_m = setting.nechranice(REAL_RADIUS_M).ends_m if real else generate_network(LARGE_SEGMENTS, setting.seed)
         self._ends_m, self._vehicles, self._budget, self._routes = ends_m, row["vehicles"], row["budget"], row["routes"]
         self._seconds, self._seed = setting.seconds(PEER_S), setting.seed
         self.key = f"replan-peer-{self.case}-{self.tightness:g}-{lost}-{at_s:.3f}"
@@ -164,7 +164,7 @@ class _Question:
         """Ask PyVRP; what it says counts if it holds by our definition."""
         instance = line_instance(self._ends_m, self._vehicles, PAPER_S, self._budget)
         plan = Plan(tuple(Route(vehicle, tuple(visits)) for vehicle, visits in enumerate(self._routes)))
-        left = remaining(instance, plan, self.lost, self.at_s)
+        left = build_remaining_problem(instance, plan, self.lost, self.at_s)
         answer = solve_pyvrp(left.instance, seconds=self._seconds, seed=self._seed, scale=PEER_SCALE)
         holds = answer.plan is not None and not evaluate(left.instance, answer.plan, Cost.MINSUM).violations
         return {"solved": holds}
@@ -175,7 +175,7 @@ def _answers(setting: Setting, questions: list[_Question]) -> list[Json]:
     known = {one.key: setting.store.known(one.key, one.settings) for one in questions}
     missing = [one for one in questions if known[one.key] is None]
     setting.told(PEER_TITLE, len(questions) - len(missing), len(questions))
-    pool = workers(setting.starts)
+    pool = start_worker_pool(setting.starts)
     try:
         futures = {pool.submit(one.answer): one for one in missing}
         for done, future in enumerate(as_completed(futures), len(questions) - len(missing) + 1):

@@ -16,7 +16,7 @@ from benchmarks.problems import PAPER_S, line_instance
 from benchmarks.store import Json
 from planner import Cost, Progress, Seconds, Stopwatch, solve, warm_up
 from planner.instance import TABLES_UP_TO
-from planner.synthetic import generated_network
+from planner.synthetic import generate_network
 
 TITLE = "Scale"
 SIZES = (100, 300, 1000, 3000, 10_000)
@@ -81,7 +81,7 @@ def child(text: str) -> None:
     """Solve one instance and print what it took; memory is this process's."""
     order = json.loads(text)
     if order["data"] is None:
-        ends_m = generated_network(int(order["name"].split("-")[1]), order["seed"])
+        ends_m = generate_network(int(order["name"].split("-")[1]), order["seed"])
     else:
         ends_m = Setting(Path(order["data"]), None, lambda *_: None).nechranice(EVERYTHING_M).ends_m  # type: ignore[arg-type]
     warm_up()
@@ -144,7 +144,7 @@ def draw_scale(result: Json, path: Path) -> None:
     """Draw time to the first plan and memory over the number of segments, both axes logarithmic."""
     from matplotlib.figure import Figure
 
-    from executor.analysis.pictures import save
+    from executor.analysis.pictures import save_figure
     from executor.analysis.pictures.style import COLOURS, FAINT, MARKERS, PAPER
 
     figure = Figure(figsize=(10.0, 4.2), facecolor=PAPER, layout="constrained")
@@ -161,4 +161,4 @@ def draw_scale(result: Json, path: Path) -> None:
         axes.set(xscale="log", yscale="log", xlabel="segments (hollow: the paper's network)", ylabel=label)
         axes.grid(color=FAINT, alpha=0.3, which="both", lw=0.5)
     left.legend(frameon=False)
-    save(figure, path)
+    save_figure(figure, path)

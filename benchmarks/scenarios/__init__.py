@@ -1,6 +1,6 @@
 """Days of several trips: several depots, recharging between trips, vehicles lost one after another.
 
-    >>> ways = streets(places, edges)                                             # doctest: +SKIP
+    >>> ways = build_road_graph(places, edges)                                             # doctest: +SKIP
     >>> instance = day_instance(ways.times_s, tasks, depots, vehicles, capacity_s=20)   # doctest: +SKIP
     >>> found = solve_day(instance, stop=Seconds(0.5))                            # doctest: +SKIP
 
@@ -23,7 +23,7 @@ from benchmarks.scenarios.losses import (
 from benchmarks.scenarios.model import DayInstance, DayPlan, DayTask, DayVehicle, Trip, day_instance
 from benchmarks.scenarios.result import DayResult
 from benchmarks.scenarios.solve import solve_day, warm_up_day
-from planner.streets import Streets, streets
+from planner.streets import RoadGraph, build_road_graph
 
 __all__ = [
     "MOST_COLUMNS",
@@ -35,10 +35,11 @@ __all__ = [
     "DayResult",
     "DayTask",
     "DayVehicle",
-    "Streets",
+    "RoadGraph",
     "TimedTrip",
     "Timeline",
     "Trip",
+    "build_road_graph",
     "day_after",
     "day_instance",
     "evaluate_day",
@@ -49,7 +50,6 @@ __all__ = [
     "replan_losses",
     "solve_day",
     "solve_day_exact",
-    "streets",
     "trip_s",
     "warm_up_day",
 ]

@@ -252,11 +252,11 @@ def _run(instance: DayInstance, program: _Program, cost: dict[int, float]) -> _C
     # A way without a task may be flown as often as there are tasks.
     most = [1.0 if one.visits else float(len(instance.tasks)) for one in program.columns]
     most += [1.0] * (2 * fleet) + [np.inf] * (fleet + 1) + [1.0] * (fleet * depots)
-    solver = highs.posed(
+    solver = highs.build_program(
         [cost.get(number, 0.0) for number in range(len(most))],
         most,
         (program.lower, program.upper),
-        highs.by_rows(program.rows),
+        highs.build_row_matrix(program.rows),
         whole=[True] * (columns + 2 * fleet) + [False] * (fleet + 1) + [True] * (fleet * depots),
     )
     solver.setOptionValue("time_limit", max(0.0, program.limit_s - program.stopwatch.seconds))

@@ -15,7 +15,7 @@ from benchmarks.scenarios.model import DayInstance, DayPlan, DayTask, DayVehicle
 from benchmarks.scenarios.result import DayResult
 from planner.errors import PlanError
 from planner.stop import Stopwatch
-from planner.streets import Streets
+from planner.streets import RoadGraph
 
 SAME_TIME_S = 1e-6
 """Times nearer to each other than this are the same."""
@@ -44,7 +44,7 @@ Timeline = tuple[TimedTrip, ...]
 class Day:
     """What stays the same all day."""
 
-    streets: Streets
+    streets: RoadGraph
     tasks: tuple[DayTask, ...]
     """Edges of the streets, each done by a trip that leads along it."""
     depots: tuple[int, ...]
@@ -188,13 +188,13 @@ def replan_losses(
     return tuple(history)
 
 
-def trip_places(streets: Streets, instance: DayInstance, trip: Trip) -> tuple[int, ...]:
+def trip_places(streets: RoadGraph, instance: DayInstance, trip: Trip) -> tuple[int, ...]:
     """Return all places of a trip whose tasks are edges of the streets."""
     places = [trip.begin]
     for visit in trip.visits:
         begin, end = way_of(instance, visit)
-        places += [*streets.way(places[-1], begin)[1:], end]
-    places += streets.way(places[-1], trip.end)[1:]
+        places += [*streets.find_way(places[-1], begin)[1:], end]
+    places += streets.find_way(places[-1], trip.end)[1:]
     return tuple(places)
 
 

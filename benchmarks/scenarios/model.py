@@ -117,7 +117,7 @@ def day_instance(
     capacity_s: float,
     turnaround_s: float = 0.0,
 ) -> DayInstance:
-    """Return the instance of a matrix of times; ``Streets`` makes one of a graph.
+    """Return the instance of a matrix of times; ``RoadGraph`` makes one of a graph.
 
     Raises:
         InstanceError: what does not fit.

@@ -19,9 +19,9 @@ from benchmarks.scenarios.kernels.dayinsertion import insert_tasks
 from benchmarks.scenarios.kernels.daysearch import anneal_day, measure_day
 from benchmarks.scenarios.model import DayInstance
 from benchmarks.scenarios.result import DayResult
-from planner.construct import random_state
+from planner.construct import build_random_state
 from planner.kernels.arrays import RandomState
-from planner.rounds import in_rounds, side_by_side
+from planner.rounds import run_in_threads, run_rounds
 from planner.stop import Progress, StopRule, Stopwatch
 
 BATCH = 250
@@ -87,7 +87,7 @@ class DaySearch:
         self._idle = not able.any()
         first = self._first(initial, able, seed)
         self._uncovered = len(instance.tasks) - int(first.lengths.sum())
-        self._starts = [_Start(self._problem, first, random_state(seed + number)) for number in range(starts)]
+        self._starts = [_Start(self._problem, first, build_random_state(seed + number)) for number in range(starts)]
         self._leader = self._starts[0]
         self._iterations = 0
         self._improved_at = 0
@@ -105,7 +105,7 @@ class DaySearch:
             divide(self._problem, state, memory, vehicle)
             waiting[[visit >> 1 for visit in kept]] = False
         left = np.flatnonzero(waiting).astype(np.int64)
-        insert_tasks(self._problem, state, memory, left, len(left), random_state(seed))
+        insert_tasks(self._problem, state, memory, left, len(left), build_random_state(seed))
         return state if state.ends.max() < NEVER else self._one_by_one(able, seed)
 
     def _one_by_one(self, able: npt.NDArray[np.bool_], seed: int) -> DayState:
@@ -114,7 +114,7 @@ class DaySearch:
         A task that can only be done from where a vehicle stands, no depot, is done by its first trip or not at all.
         """
         state = day_state(self._problem)
-        rng = random_state(seed)
+        rng = build_random_state(seed)
         hardest_first = sorted(np.flatnonzero(able), key=lambda task: int(self._problem.able[:, task].sum()))
         for task in hardest_first:
             trial = copy_day(state)
@@ -129,7 +129,7 @@ class DaySearch:
         """Improve until ``stop`` says so."""
         reason = "nothing to do"
         if not self._idle:
-            reason = in_rounds(stop, self._progress, self._advance, len(self._starts))
+            reason = run_rounds(stop, self._progress, self._advance, len(self._starts))
         plan = day_plan(self._instance, self._problem, self._leader.best)
         return DayResult(
             plan=plan,
@@ -151,7 +151,7 @@ class DaySearch:
         fair = max(1, allowed // len(self._starts))
         share = min(BATCH, fair, self._length - self._done)
         starts = self._starts[: min(len(self._starts), allowed)]
-        found = side_by_side(threads, lambda start: start.run(self._cooling, share), starts)
+        found = run_in_threads(threads, lambda start: start.run(self._cooling, share), starts)
         leader = min(self._starts, key=lambda start: start.key.tolist())
         if leader.key.tolist() < self._leader.key.tolist() or max(found) > 0:
             self._leader = leader

@@ -11,7 +11,7 @@ from benchmarks.store import Json, Store
 from benchmarks.table.cells import Against, Cell, PlanFigures, Series, Stretched, best_mincomb
 from benchmarks.table.settings import COSTS, SOLVERS, STRETCHES, TableSettings
 from benchmarks.table.tasks import Routes, TableTask, TaskKind, do
-from executor.adapters.workers import workers
+from executor.adapters.workers import start_worker_pool
 from executor.site.planning import PlanSolver
 from planner import Cost, warm_up
 
@@ -45,7 +45,7 @@ class Maker:
                 yield task, do(task, self.table)
             return
         warm_up()  # so that the processes find compiled kernels
-        pool = workers(self.jobs)
+        pool = start_worker_pool(self.jobs)
         try:
             futures = {pool.submit(do, task, self.table): task for task in tasks}
             for future in as_completed(futures):

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.table.cells import Cell
 from benchmarks.table.report import COST_NAMES
-from executor.analysis.pictures import save
+from executor.analysis.pictures import save_figure
 from executor.analysis.pictures.style import COLOURS, FAINT, INK, MARKERS, PAPER, WIDTH_IN
 
 HEIGHT_IN = 3.9
@@ -31,7 +31,7 @@ def draw_table(cells: Sequence[Cell], path: Path) -> None:
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=10)
     figure.suptitle("Largest re-plan window found, by cost function", color=INK, fontsize=13, fontweight="bold")
     path.parent.mkdir(parents=True, exist_ok=True)
-    save(figure, path)
+    save_figure(figure, path)
 
 
 def _panel(axes: Axes, cells: Sequence[Cell]) -> None:

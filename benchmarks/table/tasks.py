@@ -20,8 +20,8 @@ from planner import (
     Plan,
     ReplanWindow,
     Route,
+    earliest_window_bound_s,
     evaluate,
-    least_earliest_s,
     replan_window,
     solve_window,
     travel_for,
@@ -99,7 +99,7 @@ def do(task: TableTask, table: TableSettings) -> Json:
         case TaskKind.ROBUST:
             return _robust(task, table, instance)
         case TaskKind.BOUND:
-            return {"least_earliest_s": least_earliest_s(instance)}
+            return {"least_earliest_s": earliest_window_bound_s(instance)}
 
 
 def _plan(task: TableTask, table: TableSettings, instance: Instance) -> Json:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from executor.replay.witness.testimony import SECOND, Testimony, pairs_between
+from executor.replay.witness.testimony import SECOND, LogEvidence, select_pairs_between
 
 INSTRUMENTS = (
     ("BARO.Alt", "CTUN.BarAlt", "SCALED_PRESSURE", "vehicle_air_data"),
@@ -29,12 +29,12 @@ DESCENTS_M_S = ("MPC_Z_VEL_MAX_DN", "MPC_Z_V_AUTO_DN", "WP_SPD_DN", "PILOT_SPD_D
 USUAL_DESCENT_M_S, TIMES, LEAST_M_S = 2.5, 1.5, 4.0
 
 
-def sank_m_s(told: Testimony, from_usec: int, to_usec: int) -> tuple[float, str]:
+def sank_m_s(told: LogEvidence, from_usec: int, to_usec: int) -> tuple[float, str]:
     """Return how fast it sank at its fastest in a time, and by what; 0 where no instrument says it."""
     found = []
     for names in INSTRUMENTS:
         name = next((one for one in names if len(told.heights.get(one, ())) > 1), None)
-        rows = () if name is None else pairs_between(told.heights[name], from_usec, to_usec)
+        rows = () if name is None else select_pairs_between(told.heights[name], from_usec, to_usec)
         if name is not None and len(rows) > 1:
             found.append((_steepest_m_s(rows), name))
     if not found:
@@ -55,7 +55,7 @@ def _steepest_m_s(rows: Sequence[tuple[int, float]]) -> float:
     return steepest
 
 
-def never_ordered_m_s(told: Testimony, at_usec: int) -> float | None:
+def never_ordered_m_s(told: LogEvidence, at_usec: int) -> float | None:
     """Return from which speed on no sinking is one that was asked for; None in modes in which nothing limits it."""
     mode = next((one.mode for one in reversed(told.modes) if one.t_usec <= at_usec), None)
     if mode is None or _is_by_hand(told, mode):
@@ -65,7 +65,7 @@ def never_ordered_m_s(told: Testimony, at_usec: int) -> float | None:
     return max(LEAST_M_S, TIMES * max(USUAL_DESCENT_M_S, *allowed))
 
 
-def _is_by_hand(told: Testimony, mode: int) -> bool:
+def _is_by_hand(told: LogEvidence, mode: int) -> bool:
     if not told.ardupilot and not told.on_board:
         return (mode >> 16) & 0xFF in PX4_MAIN_BY_HAND
     return mode in BY_HAND[told.ardupilot]

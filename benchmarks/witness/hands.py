@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from executor.replay.witness.statements import BATTERY, CRASH, EKF
-from executor.replay.witness.testimony import Hand, ModeSet, Testimony, near
+from executor.replay.witness.testimony import Controller, LogEvidence, ModeSet, select_near
 
 BEFORE_S, AFTER_S = 3.5, 1.5
 """HEARTBEAT shows a mode up to a second, on a bad link a few, after it was set; its acknowledgement may come after."""
@@ -18,27 +18,27 @@ OVER = re.compile(r"clear|cleared|over|ok\b|regained|disabled|prearm", re.IGNORE
 ENDED = re.compile(r"mission complete|mission finished|mission: \d+ (rtl|land)", re.IGNORECASE)
 
 
-def hand_of(told: Testimony, change: ModeSet) -> tuple[Hand, str]:
+def hand_of(told: LogEvidence, change: ModeSet) -> tuple[Controller, str]:
     """Return who changed a mode, and the line of the log that says so."""
     if change.by is not None:
         return change.by, change.words
-    moved = near(told.switches, change.t_usec, BEFORE_S, AFTER_S)
+    moved = select_near(told.switches, change.t_usec, BEFORE_S, AFTER_S)
     if moved:
-        return Hand.PILOT, moved[-1].words
-    ordered = near(told.orders, change.t_usec, BEFORE_S, AFTER_S)
+        return Controller.PILOT, moved[-1].words
+    ordered = select_near(told.orders, change.t_usec, BEFORE_S, AFTER_S)
     if ordered:
-        return Hand.STATION, ordered[-1].words
-    failed = near(told.failings, change.t_usec, BEFORE_S, AFTER_S)
+        return Controller.STATION, ordered[-1].words
+    failed = select_near(told.failings, change.t_usec, BEFORE_S, AFTER_S)
     if failed:
-        return Hand.FAILSAFE, failed[0].words
-    texts = [one.words for one in near(told.texts, change.t_usec, BEFORE_S + 1.5, AFTER_S)]
+        return Controller.FAILSAFE, failed[0].words
+    texts = [one.words for one in select_near(told.texts, change.t_usec, BEFORE_S + 1.5, AFTER_S)]
     said = next((words for words in texts if _failsafe(words)), "")
     if said:
-        return Hand.FAILSAFE, said
+        return Controller.FAILSAFE, said
     ended = next((words for words in texts if ENDED.search(words)), "")
     if ended:
-        return Hand.MISSION, ended
-    return Hand.NOBODY, ""
+        return Controller.MISSION, ended
+    return Controller.NOBODY, ""
 
 
 def _failsafe(words: str) -> bool:

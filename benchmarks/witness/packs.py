@@ -11,8 +11,15 @@ from typing import TypeVar
 import numpy as np
 
 from executor.replay.result import Declaration
-from executor.replay.witness.statements import BATTERY, Stated, statements
-from executor.replay.witness.testimony import SECOND, PowerReport, Testimony, Whereabouts, between, near
+from executor.replay.witness.statements import BATTERY, StatementKind, find_statements
+from executor.replay.witness.testimony import (
+    SECOND,
+    LogEvidence,
+    MotionSample,
+    PowerReport,
+    select_between,
+    select_near,
+)
 
 V = TypeVar("V")
 Say = Callable[[str], V]
@@ -53,7 +60,7 @@ COUNTED_DOWN_PCT, EMPTY_PCT, MUCH_PCT = 3.0, 2.0, 15.0
 TRIED_V = 10.0
 
 
-def cells_of(told: Testimony) -> int | None:
+def cells_of(told: LogEvidence) -> int | None:
     """Return the number of cells: a full LiPo cell has 4.2 V, an empty one 3.3; None where both numbers fit."""
     volts = [one.volts for one in told.powers if one.volts]
     if not volts:
@@ -64,7 +71,7 @@ def cells_of(told: Testimony) -> int | None:
     return fewest if top >= TRIED_V / 2 else None
 
 
-def pack_verdict(declared: Declaration, told: Testimony, confirmed: Say[V], refuted: Say[V], undecided: Say[V]) -> V:
+def pack_verdict(declared: Declaration, told: LogEvidence, confirmed: Say[V], refuted: Say[V], undecided: Say[V]) -> V:
     """Hold a declaration about the battery against the log."""
     at = declared.t_usec
     own = _own_words(told, at)
@@ -72,7 +79,7 @@ def pack_verdict(declared: Declaration, told: Testimony, confirmed: Say[V], refu
         return confirmed(own)
     if _TEXT.search(declared.reason):
         return refuted("no text, no record and no state of the battery says so")
-    since = told.armed_since(at)
+    since = told.find_arming_usec(at)
     if since is None:
         return refuted("it was not armed")
     if _on_ground(told, since, at):
@@ -84,7 +91,7 @@ def pack_verdict(declared: Declaration, told: Testimony, confirmed: Say[V], refu
 
 
 def _judgements(
-    declared: Declaration, told: Testimony, since: int, confirmed: Say[V], refuted: Say[V]
+    declared: Declaration, told: LogEvidence, since: int, confirmed: Say[V], refuted: Say[V]
 ) -> Iterator[V | None]:  # fmt: skip
     """Yield what each kind of evidence says, the best one first."""
     at = declared.t_usec
@@ -101,27 +108,29 @@ def _judgements(
 _TEXT = re.compile(r"failsafe|critical")
 
 
-def _own_words(told: Testimony, at: int) -> str:
+def _own_words(told: LogEvidence, at: int) -> str:
     """Return what the autopilot said of its battery in the same flight."""
-    until = told.disarmed_after(at) + 5 * SECOND
+    until = told.find_disarm_usec(at) + 5 * SECOND
     low, high = at - round(SAID_BEFORE_S * SECOND), min(at + round(SAID_AFTER_S * SECOND), until)
-    for one in statements(told, math.inf):
-        if one.what is Stated.BATTERY and low <= one.t_usec <= high:
+    for one in find_statements(told, math.inf):
+        if one.what is StatementKind.BATTERY and low <= one.t_usec <= high:
             return f"{one.words}, {(one.t_usec - at) / 1e6:+.1f} s"
-    said = [one for one in near(told.texts, at, 15.0, 5.0) if BATTERY.search(one.words)]
+    said = [one for one in select_near(told.texts, at, 15.0, 5.0) if BATTERY.search(one.words)]
     return said[0].words if said else ""
 
 
-def _on_ground(told: Testimony, since: int, at: int) -> bool:
-    seen: Sequence[Whereabouts] = [one for one in between(told.moments, since, at + SECOND) if one.height_m is not None]
-    drawn = [one.amperes for one in between(told.powers, since, at) if one.amperes is not None]
+def _on_ground(told: LogEvidence, since: int, at: int) -> bool:
+    seen: Sequence[MotionSample] = [
+        one for one in select_between(told.moments, since, at + SECOND) if one.height_m is not None
+    ]
+    drawn = [one.amperes for one in select_between(told.powers, since, at) if one.amperes is not None]
     idle = not drawn or max(drawn) < IDLE_A
     if not seen:
         return bool(drawn) and idle
     return max(one.height_m or 0.0 for one in seen) < GROUND_M and max(one.speed_m_s for one in seen) < 1.5
 
 
-def _feels_load(told: Testimony) -> bool:
+def _feels_load(told: LogEvidence) -> bool:
     """Return whether the voltage moves with the load: a simulator's battery may say the same whatever is drawn."""
     volts = [one.volts for one in told.powers if one.volts]
     drawn = [one.amperes for one in told.powers if one.amperes is not None]
@@ -129,10 +138,10 @@ def _feels_load(told: Testimony) -> bool:
     return bool(volts) and not (loaded and max(volts) - min(volts) <= MOVES * max(volts))
 
 
-def _by_percent(told: Testimony, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+def _by_percent(told: LogEvidence, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
     """Hold a landing below the reserve against what was reported at it, where the percentage counted down to it."""
-    end = told.disarmed_after(at)
-    reported = [one.percent for one in between(told.powers, at, end) if one.percent is not None]
+    end = told.find_disarm_usec(at)
+    reported = [one.percent for one in select_between(told.powers, at, end) if one.percent is not None]
     if not reported or end == told.ended_usec or reported[0] - reported[-1] < COUNTED_DOWN_PCT:
         return None
     words = f"{reported[-1]:.0f} % reported at its landing"
@@ -141,11 +150,11 @@ def _by_percent(told: Testimony, at: int, confirmed: Say[V], refuted: Say[V]) ->
     return refuted(words) if reported[-1] >= MUCH_PCT else None
 
 
-def _by_voltage(declared: Declaration, told: Testimony, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+def _by_voltage(declared: Declaration, told: LogEvidence, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
     cells = cells_of(told)
     if cells is None:
         return None
-    end = told.disarmed_after(at)
+    end = told.find_disarm_usec(at)
     now = _load(told, at, at + 10 * SECOND)
     if now is not None and now.volts is not None and now.volts / cells < EMPTY_V:
         return confirmed(f"{now.volts / cells:.2f} V a cell under load")
@@ -164,9 +173,9 @@ def _by_voltage(declared: Declaration, told: Testimony, at: int, confirmed: Say[
     return None
 
 
-def _by_rest(told: Testimony, since: int, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+def _by_rest(told: LogEvidence, since: int, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
     """Hold a percentage against the voltages at rest before the flight and after it, in both chemistries."""
-    cells, end = cells_of(told), told.disarmed_after(at)
+    cells, end = cells_of(told), told.find_disarm_usec(at)
     before = _rested(told, since - round(RESTS_S * SECOND), since)
     after = _rested(told, end + round(RESTED_S * SECOND), end + round(RESTS_S * SECOND))
     if cells is None or before is None or after is None or before[0] - after[0] < FELL_V * cells:
@@ -184,10 +193,10 @@ def _by_rest(told: Testimony, since: int, at: int, confirmed: Say[V], refuted: S
     return refuted(f"{words} counted, {max(gone):.0f} % gone at most") if max(gone) <= AS_BEFORE * counted else None
 
 
-def _rested(told: Testimony, from_usec: int, to_usec: int) -> tuple[float, float] | None:
+def _rested(told: LogEvidence, from_usec: int, to_usec: int) -> tuple[float, float] | None:
     """Return the median voltage and percentage of a time in which it stood with its motors off."""
     rows: Sequence[PowerReport] = [
-        one for one in between(told.powers, from_usec, to_usec)
+        one for one in select_between(told.powers, from_usec, to_usec)
         if one.volts and one.percent is not None and (one.amperes or 0.0) <= REST_A and not told.is_armed(one.t_usec)
     ]  # fmt: skip
     if not rows:
@@ -195,12 +204,12 @@ def _rested(told: Testimony, from_usec: int, to_usec: int) -> tuple[float, float
     return median(one.volts or 0.0 for one in rows), median(one.percent or 0.0 for one in rows)
 
 
-def _stepped(told: Testimony, at: int, cells: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+def _stepped(told: LogEvidence, at: int, cells: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
     before, after = _load(told, at - 20 * SECOND, at - 6 * SECOND), _load(told, at + 2 * SECOND, at + 15 * SECOND)
     if before is None or after is None or before.volts is None or after.volts is None:
         return None
     fell = (before.volts - after.volts) / cells
-    back = max((one.volts or 0.0 for one in between(told.powers, at - SECOND, at + 15 * SECOND)), default=0.0)
+    back = max((one.volts or 0.0 for one in select_between(told.powers, at - SECOND, at + 15 * SECOND)), default=0.0)
     if back / cells >= before.volts / cells - BACK_V:
         return refuted(f"{back:.2f} V again within 15 s, where {before.volts:.2f} V had been usual")
     if before.amperes and after.amperes and abs(after.amperes - before.amperes) > LOAD_SHARE * before.amperes:
@@ -211,9 +220,9 @@ def _stepped(told: Testimony, at: int, cells: int, confirmed: Say[V], refuted: S
     return refuted(f"{fell:+.2f} V a cell between 13 s before and 8 s after")
 
 
-def _load(told: Testimony, from_usec: int, to_usec: int) -> PowerReport | None:
+def _load(told: LogEvidence, from_usec: int, to_usec: int) -> PowerReport | None:
     """Return the median voltage and current of a time."""
-    rows: Sequence[PowerReport] = between(told.powers, from_usec, to_usec)
+    rows: Sequence[PowerReport] = select_between(told.powers, from_usec, to_usec)
     volts = [one.volts for one in rows if one.volts]
     drawn = [one.amperes for one in rows if one.amperes is not None]
     if not volts:
@@ -221,13 +230,17 @@ def _load(told: Testimony, from_usec: int, to_usec: int) -> PowerReport | None:
     return PowerReport(from_usec, median(volts), median(drawn) if drawn else None, None, None)
 
 
-def _by_counter(told: Testimony, since: int, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+def _by_counter(told: LogEvidence, since: int, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
     """Hold a drain against the current that was measured: before it, and in the half minute up to it."""
     flying = since + 10 * SECOND
     usual = [
-        one.amperes for one in between(told.powers, flying, at - 30 * SECOND) if one.amperes and one.amperes > IDLE_A
+        one.amperes
+        for one in select_between(told.powers, flying, at - 30 * SECOND)
+        if one.amperes and one.amperes > IDLE_A
     ]
-    lately = [one.amperes for one in between(told.powers, at - 20 * SECOND, at + 5 * SECOND) if one.amperes is not None]
+    lately = [
+        one.amperes for one in select_between(told.powers, at - 20 * SECOND, at + 5 * SECOND) if one.amperes is not None
+    ]
     if len(usual) < 10 or len(lately) < 5:
         return None
     was, is_ = median(usual), median(lately)

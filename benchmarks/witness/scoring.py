@@ -6,13 +6,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from executor.core.vehicle import FaultKind
-from executor.replay.witness.statements import RIGHT, Stated, Statement
-from executor.replay.witness.testimony import SECOND, Testimony
+from executor.replay.witness.statements import RIGHT, Statement, StatementKind
+from executor.replay.witness.testimony import SECOND, LogEvidence
 
 LATE_S = 2.0
 """So long after the autopilot's own text, or after the time-out, a declaration still counts."""
 TOO_LATE_S = 60.0
-LEAD_S = {Stated.CRASH: 30.0, Stated.BATTERY: 900.0, Stated.SILENCE: 0.0}
+LEAD_S = {StatementKind.CRASH: 30.0, StatementKind.BATTERY: 900.0, StatementKind.SILENCE: 0.0}
 """So long before it a declaration of the right kind counts as one of the same thing."""
 
 
@@ -27,7 +27,7 @@ class Answered:
 
 
 def found_all(
-    told: Testimony, stated: Sequence[Statement], declared: Iterable[tuple[int, FaultKind]], link_timeout_s: float
+    told: LogEvidence, stated: Sequence[Statement], declared: Iterable[tuple[int, FaultKind]], link_timeout_s: float
 ) -> list[Answered]:
     """Return how each statement of a log was declared, by times and kinds of what was.
 
@@ -36,15 +36,15 @@ def found_all(
     """
     said, outcomes, crashed_usec = list(declared), [], 0
     for one in stated:
-        since = told.armed_since(one.t_usec) or told.armed_since(one.t_usec - 3 * SECOND) or 0
-        since = max(since, crashed_usec) if one.what is Stated.CRASH else since
-        crashed_usec = one.t_usec + 2 * SECOND if one.what is Stated.CRASH else crashed_usec
+        since = told.find_arming_usec(one.t_usec) or told.find_arming_usec(one.t_usec - 3 * SECOND) or 0
+        since = max(since, crashed_usec) if one.what is StatementKind.CRASH else since
+        crashed_usec = one.t_usec + 2 * SECOND if one.what is StatementKind.CRASH else crashed_usec
         outcomes.append(_found(one, [pair for pair in said if pair[0] >= since - SECOND], link_timeout_s))
     return outcomes
 
 
 def _found(stated: Statement, declared: Iterable[tuple[int, FaultKind]], link_timeout_s: float) -> Answered:
-    due = stated.t_usec + round((link_timeout_s if stated.what is Stated.SILENCE else 0.0) * SECOND)
+    due = stated.t_usec + round((link_timeout_s if stated.what is StatementKind.SILENCE else 0.0) * SECOND)
     first = due - round(LEAD_S[stated.what] * SECOND)
     last = due + round(TOO_LATE_S * SECOND) if stated.until_usec is None else stated.until_usec + SECOND
     right = sorted(t_usec for t_usec, kind in declared if kind in RIGHT[stated.what] and first <= t_usec <= last)

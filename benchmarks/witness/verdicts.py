@@ -14,16 +14,16 @@ from benchmarks.witness.hands import hand_of
 from benchmarks.witness.packs import pack_verdict
 from executor.core.vehicle import FaultKind
 from executor.replay.result import Declaration
-from executor.replay.witness.statements import CRASH, EKF, EMERGENCY_STATES, Stated, statements
+from executor.replay.witness.statements import CRASH, EKF, EMERGENCY_STATES, StatementKind, find_statements
 from executor.replay.witness.testimony import (
     SECOND,
-    Hand,
-    Testimony,
-    Whereabouts,
-    between,
-    last_before,
-    near,
-    pairs_between,
+    Controller,
+    LogEvidence,
+    MotionSample,
+    find_last_before,
+    select_between,
+    select_near,
+    select_pairs_between,
 )
 
 
@@ -75,12 +75,12 @@ def undecided(because: str) -> Ruling:
     return Ruling(Stand.UNDECIDED, because)
 
 
-def hold_against(declared: Declaration, told: Testimony, link_timeout_s: float) -> Ruling:
+def hold_against(declared: Declaration, told: LogEvidence, link_timeout_s: float) -> Ruling:
     """Hold one declaration against what the log says of its vehicle."""
     at = declared.t_usec
     if declared.kind is FaultKind.LINK:
         return _link(told, at, link_timeout_s)
-    crash = _near_statement(told, Stated.CRASH, at, 5.0, 15.0)
+    crash = _near_statement(told, StatementKind.CRASH, at, 5.0, 15.0)
     if declared.kind is FaultKind.BATTERY:
         return pack_verdict(declared, told, confirmed, refuted, undecided)
     if declared.reason in STREAMS:
@@ -96,14 +96,14 @@ def hold_against(declared: Declaration, told: Testimony, link_timeout_s: float) 
     return _said(declared, told)
 
 
-def _near_statement(told: Testimony, what: Stated, at: int, before_s: float, after_s: float) -> str:
-    for one in statements(told, math.inf):
+def _near_statement(told: LogEvidence, what: StatementKind, at: int, before_s: float, after_s: float) -> str:
+    for one in find_statements(told, math.inf):
         if one.what is what and at - before_s * SECOND <= one.t_usec <= at + after_s * SECOND:
             return one.words
     return ""
 
 
-def _link(told: Testimony, at: int, timeout_s: float) -> Ruling:
+def _link(told: LogEvidence, at: int, timeout_s: float) -> Ruling:
     for one in told.silences:
         if one.from_usec <= at <= one.to_usec + SECOND:
             if one.others is False:
@@ -114,7 +114,7 @@ def _link(told: Testimony, at: int, timeout_s: float) -> Ruling:
     return refuted("its frames came all the time")
 
 
-def _stream(told: Testimony, at: int, stream: str) -> Ruling:
+def _stream(told: LogEvidence, at: int, stream: str) -> Ruling:
     times = told.streams.get(stream, [])
     before = [t_usec for t_usec in times if t_usec <= at]
     if not before:
@@ -125,16 +125,16 @@ def _stream(told: Testimony, at: int, stream: str) -> Ruling:
     return refuted(f"{stream} came {age_s:.1f} s before")
 
 
-def _names_hand(declared: Declaration) -> Hand | None:
+def _names_hand(declared: Declaration) -> Controller | None:
     """Return whom a declaration itself names as who changed the mode."""
     words = f"{declared.reason} {declared.evidence.partition('; it says')[0]}".lower()
-    for hand, name in ((Hand.PILOT, "pilot"), (Hand.STATION, "station"), (Hand.FAILSAFE, "failsafe")):
+    for hand, name in ((Controller.PILOT, "pilot"), (Controller.STATION, "station"), (Controller.FAILSAFE, "failsafe")):
         if name in words:
             return hand
     return None
 
 
-def _mode(declared: Declaration, told: Testimony) -> Ruling:
+def _mode(declared: Declaration, told: LogEvidence) -> Ruling:
     changes = [one for one in told.modes if one.t_usec <= declared.t_usec + SECOND // 2]
     if len(changes) < 2:
         return refuted("its mode never changed")
@@ -142,17 +142,17 @@ def _mode(declared: Declaration, told: Testimony) -> Ruling:
     hand, words = hand_of(told, change)
     when = f"mode {change.mode} {(declared.t_usec - change.t_usec) / 1e6:.1f} s before"
     claimed = _names_hand(declared)
-    if hand is Hand.NOBODY:
+    if hand is Controller.NOBODY:
         return undecided(f"{when}, and the log names nobody")
-    if hand is claimed or (claimed is None and hand is Hand.FAILSAFE):
+    if hand is claimed or (claimed is None and hand is Controller.FAILSAFE):
         return confirmed(f"{when}: {words}")
     return refuted(f"{when} by {hand.value}: {words}")
 
 
-def _down(told: Testimony, at: int, *, falls: bool) -> Ruling:
-    tilted = max((tilt for _, tilt in pairs_between(told.tilts, at - 3 * SECOND, at + 3 * SECOND)), default=0.0)
-    where, since = told.moment_at(at), told.armed_since(at - SECOND)
-    flown = [one.height_m or 0.0 for one in between(told.moments, since or told.began_usec, at)]
+def _down(told: LogEvidence, at: int, *, falls: bool) -> Ruling:
+    tilted = max((tilt for _, tilt in select_pairs_between(told.tilts, at - 3 * SECOND, at + 3 * SECOND)), default=0.0)
+    where, since = told.find_motion(at), told.find_arming_usec(at - SECOND)
+    flown = [one.height_m or 0.0 for one in select_between(told.moments, since or told.began_usec, at)]
     if flown and max(flown) < GROUND_M:
         return refuted(f"it had not left the ground: {max(flown):.1f} m at most since it was armed")
     if tilted >= TUMBLED_DEG:
@@ -164,7 +164,7 @@ def _down(told: Testimony, at: int, *, falls: bool) -> Ruling:
     never_m_s = never_ordered_m_s(told, at)
     if falls and never_m_s is not None and sunk >= never_m_s:
         return confirmed(f"sank at {sunk:.1f} m/s, as nothing in its mode ever asks for ({by})")
-    later = told.moment_at(at + round(FLOWN_ON_S * SECOND))
+    later = told.find_motion(at + round(FLOWN_ON_S * SECOND))
     if told.is_armed(at + round(FLOWN_ON_S * SECOND)) and later is not None and (later.height_m or 0.0) > GROUND_M:
         return refuted(f"it flew on, {later.height_m:.0f} m high {FLOWN_ON_S:g} s later")
     if falls:
@@ -172,23 +172,23 @@ def _down(told: Testimony, at: int, *, falls: bool) -> Ruling:
     return _disarmed(where)
 
 
-def _sank(told: Testimony, at: int) -> Ruling:
+def _sank(told: LogEvidence, at: int) -> Ruling:
     """Look whether it lost height by and by, and did not win it back."""
-    before, then = told.moment_at(at - round(SANK_S * SECOND)), told.moment_at(at)
+    before, then = told.find_motion(at - round(SANK_S * SECOND)), told.find_motion(at)
     if before is None or then is None or before.height_m is None or then.height_m is None:
         return undecided("how high it was is not in the log")
     lost_m = before.height_m - then.height_m
     if lost_m < SANK_M:
         return refuted(f"it lost {max(0.0, lost_m):.1f} m in {SANK_S:g} s")
-    later = told.moment_at(at + round(FLOWN_ON_S * SECOND))
+    later = told.find_motion(at + round(FLOWN_ON_S * SECOND))
     if later is not None and told.is_armed(later.t_usec) and (later.height_m or 0.0) > then.height_m + SANK_M:
         return refuted(f"it was {later.height_m:.0f} m high again {FLOWN_ON_S:g} s later, from {then.height_m:.0f} m")
     return confirmed(f"it lost {lost_m:.1f} m in {SANK_S:g} s, and did not climb again")
 
 
-def _lay(told: Testimony, at: int) -> Ruling:
+def _lay(told: LogEvidence, at: int) -> Ruling:
     """Look whether it came down faster than any landing and stayed there, armed."""
-    after = between(told.moments, at, at + round(FLOWN_ON_S * SECOND))
+    after = select_between(told.moments, at, at + round(FLOWN_ON_S * SECOND))
     if not told.is_armed(at + round(FLOWN_ON_S * SECOND)) or not after:
         return refuted("it disarmed, as after a landing")
     span_m = max(_apart_m(after[0], one) for one in after)
@@ -197,7 +197,7 @@ def _lay(told: Testimony, at: int) -> Ruling:
     return confirmed(f"armed, and moved {span_m:.1f} m in {FLOWN_ON_S:g} s")
 
 
-def _disarmed(where: Whereabouts | None) -> Ruling:
+def _disarmed(where: MotionSample | None) -> Ruling:
     if where is None or where.height_m is None:
         return undecided("where it was is not in the log")
     if where.height_m >= HIGH_M and (where.climb_m_s < -1.0 or where.speed_m_s > 1.0):
@@ -207,15 +207,15 @@ def _disarmed(where: Whereabouts | None) -> Ruling:
     return undecided(f"{where.height_m:.1f} m high at {where.speed_m_s:.1f} m/s")
 
 
-def _terminated(told: Testimony, at: int) -> Ruling:
-    known = last_before(told.statuses, at)
+def _terminated(told: LogEvidence, at: int) -> Ruling:
+    known = find_last_before(told.statuses, at)
     if known is not None and known[1] in EMERGENCY_STATES:
         return confirmed(f"HEARTBEAT.system_status {known[1]}")
     return refuted(f"HEARTBEAT.system_status {known[1] if known else 'unknown'}")
 
 
-def _jumped(told: Testimony, at: int) -> Ruling:
-    seen = near(told.moments, at, 6.0, 0.5)
+def _jumped(told: LogEvidence, at: int) -> Ruling:
+    seen = select_near(told.moments, at, 6.0, 0.5)
     most = 0.0
     for before, after in pairwise(seen):
         elapsed_s = (after.t_usec - before.t_usec) / 1e6
@@ -223,14 +223,14 @@ def _jumped(told: Testimony, at: int) -> Ruling:
     return confirmed(f"jumped by {most:.0f} m") if most >= JUMP_M else refuted(f"jumped by {most:.1f} m at most")
 
 
-def _stood(told: Testimony, at: int) -> Ruling:
-    since = told.armed_since(at)
+def _stood(told: LogEvidence, at: int) -> Ruling:
+    since = told.find_arming_usec(at)
     if since is None:
         return refuted("it was not armed")
-    seen = between(told.moments, max(since, at - round(STILL_S * SECOND)), at)
+    seen = select_between(told.moments, max(since, at - round(STILL_S * SECOND)), at)
     if not seen:
         return undecided("where it was is not in the log")
-    if max(one.height_m or 0.0 for one in between(told.moments, since, at)) < GROUND_M:
+    if max(one.height_m or 0.0 for one in select_between(told.moments, since, at)) < GROUND_M:
         return refuted("it stood on the ground, and had not taken off")
     span_m = max(_apart_m(seen[0], one) for one in seen)
     return confirmed(f"moved {span_m:.1f} m in {STILL_S:g} s") if span_m < STILL_M else refuted(f"moved {span_m:.0f} m")
@@ -244,13 +244,13 @@ def _apart_m(one: object, other: object) -> float:
     return math.hypot(north, east)
 
 
-def _said(declared: Declaration, told: Testimony) -> Ruling:
+def _said(declared: Declaration, told: LogEvidence) -> Ruling:
     """Look for the autopilot's own words of that kind."""
     pattern = next((one for name, one in SAID.items() if name in declared.reason), None)
-    failed = [one for one in near(told.failings, declared.t_usec, SAID_S, 2.0) if one.kind in declared.reason]
+    failed = [one for one in select_near(told.failings, declared.t_usec, SAID_S, 2.0) if one.kind in declared.reason]
     if failed:
         return confirmed(failed[0].words)
-    texts = [one.words for one in near(told.texts, declared.t_usec, SAID_S, 2.0)]
+    texts = [one.words for one in select_near(told.texts, declared.t_usec, SAID_S, 2.0)]
     said = next((words for words in texts if pattern is not None and pattern.search(words)), "")
     if said:
         return confirmed(said)
@@ -261,8 +261,8 @@ def _said(declared: Declaration, told: Testimony) -> Ruling:
 
 STREAMS = {"heartbeat": "HEARTBEAT", "positions": "position", "items": "item", "battery-reports": "battery"}
 CRASHES = frozenset({"off-pad", "falling", "crash", "crashed", "tumbled", "attitude"})
-SANK: Mapping[str, Callable[[Testimony, int], Ruling]] = {"sinking": _sank, "thrust": _sank, "lies": _lay}
-BY_REASON: Mapping[str, Callable[[Testimony, int], Ruling]] = {
+SANK: Mapping[str, Callable[[LogEvidence, int], Ruling]] = {"sinking": _sank, "thrust": _sank, "lies": _lay}
+BY_REASON: Mapping[str, Callable[[LogEvidence, int], Ruling]] = {
     "terminated": _terminated, "position": _jumped, "stall": _stood,
 }  # fmt: skip
 SAID: Mapping[str, re.Pattern[str]] = {

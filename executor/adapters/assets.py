@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 from executor.core.intents import LONGEST_NAME, MOST_ASSETS
 
 
-def _asset(value: Any) -> int | str:  # noqa: ANN401 - whatever somebody sent
+def _check_asset(value: Any) -> int | str:  # noqa: ANN401 - whatever somebody sent
     """Return a name or a number; a union's own complaint would name the types of Python."""
     if isinstance(value, str) and 0 < len(value) <= LONGEST_NAME:
         return value
@@ -25,6 +25,6 @@ _SCHEMA = {
         {"type": "integer", "minimum": 0},
     ]
 }
-Asset = Annotated[int | str, PlainValidator(_asset), WithJsonSchema(_SCHEMA)]
+Asset = Annotated[int | str, PlainValidator(_check_asset), WithJsonSchema(_SCHEMA)]
 NamedAssets = Annotated[tuple[Asset, ...], Field(min_length=1, max_length=MOST_ASSETS)]
 """One at least: a list that came out empty does not stand for all of them."""

@@ -30,12 +30,12 @@ class SystemClock:
     """This computer's two clocks at construction."""
 
     @classmethod
-    def beside(cls, speedup: float, steady: Callable[[], float]) -> Self:
+    def start_on(cls, speedup: float, steady: Callable[[], float]) -> Self:
         """Return the clock of a flight that begins, on a steady clock of its own."""
         return cls(speedup, steady(), steady=steady)
 
     @classmethod
-    def again(
+    def resume(
         cls,
         speedup: float,
         began_unix_s: float,
@@ -65,11 +65,11 @@ class SystemClock:
         """Seconds of the flight since construction."""
         return (self.steady() - self.began_steady_s) * self.speedup
 
-    def dated_s(self) -> float:
+    def steady_unix_s(self) -> float:
         """Seconds since 1970 by the time of day at construction and the steady clock since."""
         return self.began_unix_s + self.now_s() / self.speedup
 
-    def set_s(self) -> float:
+    def clock_step_s(self) -> float:
         """Seconds by which the time of day was set, or drifted, since construction."""
         unix_s, own_s = self.set_since
         return (time.time() - unix_s) - (steady_s() - own_s)

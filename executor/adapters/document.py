@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executor.adapters.run_directory import write_json
 from executor.errors import LogError
-from missions import first_reason
+from missions import format_first_error
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Field(strict=True)]
@@ -21,7 +21,7 @@ class Document(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    def plain(self) -> dict[str, object]:
+    def to_plain(self) -> dict[str, object]:
         """Return it as JSON has it."""
         return self.model_dump(mode="json")
 
@@ -31,7 +31,7 @@ class Document(BaseModel):
         Raises:
             OSError: it cannot be written.
         """
-        write_json(path, self.plain())
+        write_json(path, self.to_plain())
 
     @classmethod
     def read(cls, path: Path, expected: str) -> Self:
@@ -49,4 +49,4 @@ class Document(BaseModel):
         except OSError as error:
             raise LogError(f"{path}: cannot be read: {error.strerror}; expected {expected}") from error
         except ValidationError as error:
-            raise LogError(f"{path}: {first_reason(error)}") from error
+            raise LogError(f"{path}: {format_first_error(error)}") from error

@@ -17,7 +17,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-from executor.adapters.logend import LogPlace, digest_of, ends, is_time, whole_bytes
+from executor.adapters.logend import LogPlace, count_whole_bytes, digest_of, is_time, read_ends
 from executor.core import events, intents, messages
 from executor.core.events import Event, Heard, Reopened, Tick
 from executor.errors import LogError
@@ -47,7 +47,7 @@ _KINDS: dict[str, type] = {
 }
 
 
-def _enum_of(hint: object) -> Callable[[Any], Enum | None] | None:
+def _find_enum_reader(hint: object) -> Callable[[Any], Enum | None] | None:
     """Return what reads a field of such a type, if it holds a member of an enum, or may hold one."""
     kind = next((one for one in (hint, *get_args(hint)) if isinstance(one, type) and issubclass(one, Enum)), None)
     if kind is None or kind is hint:
@@ -56,7 +56,7 @@ def _enum_of(hint: object) -> Callable[[Any], Enum | None] | None:
 
 
 _ENUMS = {
-    name: {key: read for key, hint in get_type_hints(kind).items() if (read := _enum_of(hint)) is not None}
+    name: {key: read for key, hint in get_type_hints(kind).items() if (read := _find_enum_reader(hint)) is not None}
     for name, kind in _KINDS.items()
 }
 """How fields are read that hold a member of an enum, which stands in the log by its value."""
@@ -108,7 +108,7 @@ def from_plain(value: Any) -> Any:  # noqa: ANN401 - the inverse of a generic ru
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Head:
+class LogHeader:
     """The first line of a log."""
 
     began_unix_s: float
@@ -176,9 +176,9 @@ class EventLog:
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_APPEND | new, 0o644)
             if began_unix_s is None:
-                whole = whole_bytes(path)
+                whole = count_whole_bytes(path)
                 os.ftruncate(self._fd, whole)
-                self._first, self._last = ends(path, whole)
+                self._first, self._last = read_ends(path, whole)
         except OSError as error:
             raise LogError(f"{path}: cannot be made: {error.strerror}") from error
         if began_unix_s is not None:
@@ -193,7 +193,7 @@ class EventLog:
         """Append a line that replay passes over: what was decided, in words."""
         self._write({"t_s": now_s, **fields})
 
-    def place(self) -> LogPlace | None:
+    def current_place(self) -> LogPlace | None:
         """Return where the log has come to; None while lines wait that the system did not take."""
         if self._fd < 0 or self._waiting:
             return None
@@ -215,27 +215,27 @@ class EventLog:
                     if self._syncing is None:
                         self._syncing = asyncio.create_task(self._sync())
                     await asyncio.shield(self._syncing)
-        self._say_slow(slow=self._synced < wanted)
+        self._report_slow_disk(slow=self._synced < wanted)
 
     async def _sync(self) -> None:
         until = self._written
         try:
-            await asyncio.to_thread(_to_disk, self._fd)
+            await asyncio.to_thread(_sync_to_disk, self._fd)
             self._synced = until
         finally:
             self._syncing = None
 
-    def _say_slow(self, *, slow: bool) -> None:
+    def _report_slow_disk(self, *, slow: bool) -> None:
         if slow is self._slow:
             return
         self._slow = slow
-        self._tell(
+        self._report_trouble(
             f"the disk takes longer than {DISK_S:g} s to write the event log: orders no longer wait for it"
             if slow
             else "the disk writes the event log in time again"
         )
 
-    def _tell(self, text: str) -> None:
+    def _report_trouble(self, text: str) -> None:
         """Tell the operator, and write it down where there is room again."""
         self._told(text)
         self._waiting.append(json.dumps({"t_s": self._now_s, "told": text, "level": "warning"}).encode() + b"\n")
@@ -273,7 +273,7 @@ class EventLog:
         if bool(self._waiting) is not stuck:
             lost = f"; {self.lost} lines are lost" if self.lost else ""
             trouble = "the event log cannot be written: is the disk full? What happens is kept in memory"
-            self._tell(trouble if self._waiting else f"the event log is written again{lost}")
+            self._report_trouble(trouble if self._waiting else f"the event log is written again{lost}")
 
     def _flush(self) -> None:
         """Write what waits, as far as there is room."""
@@ -292,12 +292,12 @@ class EventLog:
             self._lines += 1
 
 
-def _to_disk(fd: int) -> None:
+def _sync_to_disk(fd: int) -> None:
     with suppress(OSError):
         os.fdatasync(fd)
 
 
-def read_head(path: Path) -> Head:
+def read_head(path: Path) -> LogHeader:
     """Return a log's first line.
 
     Raises:
@@ -306,14 +306,14 @@ def read_head(path: Path) -> Head:
     try:
         with path.open("rb") as file:
             head = _expect_format(path, file.readline())
-        return Head(float(head["began_unix_s"]), float(head["speedup"]))
+        return LogHeader(float(head["began_unix_s"]), float(head["speedup"]))
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise LogError(f"{path}: line 1: expected a log of format {FORMAT}") from error
 
 
-def clock_set_s(path: Path, since: LogPlace | None = None) -> float:
+def total_clock_step_s(path: Path, since: LogPlace | None = None) -> float:
     """Return by how many seconds the time of day was set while a log was written, as far as its notes say."""
     total_s = 0.0
     with path.open("rb") as file:
@@ -386,11 +386,11 @@ def read_events(
                     if damaged is not None:
                         damaged(f"line {number}, the last one, is torn and was dropped")
                     return
-                content = _content(path, number, line, damaged)
+                content = _parse_line(path, number, line, damaged)
                 if damaged is not None and GAP in content:
                     damaged(f"line {number}: {content[GAP]} lines could not be written here")
                 try:
-                    timed = _timed(content)
+                    timed = _parse_event(content)
                 except (LogError, RecursionError) as error:
                     raise LogError(f"{path}: line {number}: {error}") from error
                 if timed is None:
@@ -404,7 +404,7 @@ def read_events(
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def _content(path: Path, number: int, line: bytes, damaged: Callable[[str], None] | None) -> dict[str, Any]:
+def _parse_line(path: Path, number: int, line: bytes, damaged: Callable[[str], None] | None) -> dict[str, Any]:
     """Return a line's object; an empty one for a line that cannot be read where that is no error."""
     reason = "expected an object"
     try:
@@ -419,7 +419,7 @@ def _content(path: Path, number: int, line: bytes, damaged: Callable[[str], None
     return {}
 
 
-def _timed(content: dict[str, Any]) -> tuple[float, Event] | None:
+def _parse_event(content: dict[str, Any]) -> tuple[float, Event] | None:
     """Return the event of a line with its time; None for a line that has none."""
     if "event" not in content:
         return None

@@ -44,7 +44,7 @@ INSTALLED_BY: Mapping[str, str] = {"PIL": "pillow", "shapefile": "pyshp"}
 """The name that a module is installed by, where that is another one."""
 
 
-def what_to_install(extra: Extra, wanted_by: str) -> str:
+def describe_missing_extra(extra: Extra, wanted_by: str) -> str:
     """Return what to install where an extra is missing; empty where it is there. Nothing is loaded for that.
 
     Args:
@@ -54,20 +54,20 @@ def what_to_install(extra: Extra, wanted_by: str) -> str:
     if all(find_spec(name) is not None for name in MODULES[extra]):
         return ""
     # The libraries by their names: on the public index this program's name is another project's.
-    return f"{wanted_by} needs the extra {extra.value}: pip install {' '.join(packages(extra))}"
+    return f"{wanted_by} needs the extra {extra.value}: pip install {' '.join(packages_of(extra))}"
 
 
-def packages(extra: Extra) -> tuple[str, ...]:
+def packages_of(extra: Extra) -> tuple[str, ...]:
     """Return what an extra is installed by."""
     return tuple(INSTALLED_BY.get(module, module) for module in MODULES[extra])
 
 
-def need(extra: Extra, wanted_by: str) -> None:
+def require_extra(extra: Extra, wanted_by: str) -> None:
     """Go on only where an extra is there.
 
     Raises:
-        ExtraMissing: it is not; the text is that of `what_to_install`.
+        ExtraMissing: it is not; the text is that of `describe_missing_extra`.
     """
-    line = what_to_install(extra, wanted_by)
+    line = describe_missing_extra(extra, wanted_by)
     if line:
         raise ExtraMissing(line)

@@ -8,7 +8,16 @@ import time
 from collections.abc import Callable
 from typing import cast
 
-from simulator.common_time import AHEAD_S, HERE, Greeting, Lines, Turn, greeting_in, time_in, time_line
+from simulator.common_time import (
+    AHEAD_S,
+    HERE,
+    Greeting,
+    LineBuffer,
+    ReplyWait,
+    format_time_line,
+    parse_greeting,
+    parse_time_line,
+)
 
 GREETS_REAL_S = 1.0
 """Who does not greet within this is no fleet of ours."""
@@ -38,8 +47,8 @@ class FleetTime(asyncio.Protocol):
         self._own_s = steady_s
         self._monotonic_s = monotonic_s
         self._transport: asyncio.Transport | None = None
-        self._lines = Lines()
-        self._turn: Turn | None = None
+        self._lines = LineBuffer()
+        self._turn: ReplyWait | None = None
         self._came = asyncio.Event()
         self._behind_s = 0.0
         """Of our time behind the computer's clock, while alone."""
@@ -57,7 +66,7 @@ class FleetTime(asyncio.Protocol):
         """A moment of our time, and its date on the fleet's clock."""
 
     @property
-    def together(self) -> bool:
+    def is_synchronised(self) -> bool:
         """Whether the fleet's time is ours at the moment."""
         return self._together
 
@@ -68,7 +77,7 @@ class FleetTime(asyncio.Protocol):
         return self._own_s() - self._behind_s
 
     @property
-    def connected(self) -> bool:
+    def is_connected(self) -> bool:
         """Whether a fleet has greeted and is still there, be it stopped."""
         return self._turn is not None
 
@@ -79,87 +88,87 @@ class FleetTime(asyncio.Protocol):
         at_s, unix_s = self._dated
         return unix_s + self.steady_s() - at_s
 
-    async def call(self, port: int) -> bool:
+    async def connect(self, port: int) -> bool:
         """Ask the fleet behind this port for a common time; returns whether there is one."""
         try:
             async with asyncio.timeout(GREETS_REAL_S):
                 await asyncio.get_running_loop().create_connection(lambda: self, HERE, port)
                 await self._came.wait()
         except (OSError, TimeoutError):
-            self.hang_up()
+            self.disconnect()
         return self._turn is not None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Wait for the greeting."""
         self._came.clear()
-        self._transport, self._lines = cast("asyncio.Transport", transport), Lines()
+        self._transport, self._lines = cast("asyncio.Transport", transport), LineBuffer()
 
     def data_received(self, data: bytes) -> None:
         """Hear how far the fleet has lived."""
         for line in self._lines.take(data):
             if self._turn is None:
-                greeting = greeting_in(line)
+                greeting = parse_greeting(line)
                 if greeting is None or greeting.speedup != self._speedup:
-                    self.hang_up()
+                    self.disconnect()
                     return
-                self._greeted(greeting)
-            elif (told_s := time_in(line)) is not None and told_s > self._told_s:
+                self._handle_greeting(greeting)
+            elif (told_s := parse_time_line(line)) is not None and told_s > self._told_s:
                 if not self._together:
-                    self._go_together(told_s)
+                    self._synchronise(told_s)
                 if self._told_s == self._lived_s:
                     self._heard_at_s = self._monotonic_s()
                 self._told_s = told_s
-                self._turn.answered()
+                self._turn.end()
         # It lived on without us, and what it said meanwhile is late already: it is heard as late as it was.
         if self._together and self._told_s - self._lived_s > 2 * AHEAD_S:
-            self._live_on()
+            self._advance()
 
-    def _greeted(self, greeting: Greeting) -> None:
-        self._turn = Turn(greeting.pid)
+    def _handle_greeting(self, greeting: Greeting) -> None:
+        self._turn = ReplyWait(greeting.pid)
         if self._transport is not None:
-            self._transport.write(Greeting(os.getpid(), self._speedup).line())
-        self._go_together(greeting.lived_s)
+            self._transport.write(Greeting(os.getpid(), self._speedup).to_line())
+        self._synchronise(greeting.lived_s)
         self._dated = (self._base_s, greeting.unix_s)
         self._came.set()
 
-    def _go_together(self, lived_s: float) -> None:
+    def _synchronise(self, lived_s: float) -> None:
         self._base_s = self.steady_s()
         self._base_lived_s = self._lived_s = self._told_s = self._taken_s = lived_s
         self._together = True
 
-    def _go_alone(self) -> None:
+    def _fall_back_to_own_time(self) -> None:
         if self._together:
             self._behind_s = self._own_s() - self.steady_s()
             self._together = False
 
-    def _live_on(self) -> None:
+    def _advance(self) -> None:
         self._lived_s = self._told_s
 
-    def rested(self) -> bool:
+    def note_idle(self) -> bool:
         """Take note that everything that was heard is dealt with; returns whether time has gone on by that."""
         if self._told_s > self._lived_s:
-            self._live_on()
+            self._advance()
             return True
         if self._taken_s < self._lived_s and self._transport is not None and self._turn is not None:
             self._taken_s = self._lived_s
-            self._transport.write(time_line(self._taken_s))
-            self._turn.owes(self._monotonic_s())
+            self._transport.write(format_time_line(self._taken_s))
+            self._turn.begin(self._monotonic_s())
         return False
 
-    def restless(self) -> None:
+    def note_busy(self) -> None:
         """Take note that there is still something to be dealt with."""
         if self._told_s > self._lived_s and self._monotonic_s() - self._heard_at_s >= BUSY_REAL_S:
-            self._live_on()
-            self.rested()
+            self._advance()
+            self.note_idle()
 
-    def waited(self) -> None:
+    def note_silence(self) -> None:
         """Take note that nothing was heard for a while: the fleet may be stopped, or gone."""
         if self._turn is not None and self._turn.is_gone(self._monotonic_s()):
-            self._go_alone()
+            self._fall_back_to_own_time()
 
-    def hang_up(self) -> None:
+    def disconnect(self) -> None:
         """Go on alone."""
-        self._go_alone()
+        self._fall_back_to_own_time()
         self._turn = None
         if self._transport is not None:
             self._transport.abort()
@@ -167,6 +176,6 @@ class FleetTime(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
         """Go on alone."""
-        self._go_alone()
+        self._fall_back_to_own_time()
         self._turn = self._transport = None
         self._came.set()

@@ -27,7 +27,7 @@ ENDS_S = 1.0
 
 
 @contextmanager
-def held_back() -> Iterator[None]:
+def defer_ctrl_c() -> Iterator[None]:
     """Start processes that Ctrl-C does not reach; one that comes meanwhile is delivered afterwards."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows, where nothing holds signals back
         yield
@@ -54,16 +54,16 @@ def held_back() -> Iterator[None]:
 
 
 @contextmanager
-def ended_like_ctrl_c() -> Iterator[None]:
+def treat_signals_as_ctrl_c() -> Iterator[None]:
     """Have SIGTERM, and a terminal that closes, end the program like one Ctrl-C; what is ignored stays so (nohup)."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    once = Once()
+    once = SignalDebouncer()
 
     def ends(_: int, __: FrameType | None) -> None:
         forget_terminal()
-        if once.first():
+        if once.is_first():
             signal.raise_signal(signal.SIGINT)
 
     ours = [number for number in ENDS if signal.getsignal(number) == signal.SIG_DFL]
@@ -76,13 +76,13 @@ def ended_like_ctrl_c() -> Iterator[None]:
             signal.signal(number, signal.SIG_DFL)
 
 
-class Once:
+class SignalDebouncer:
     """Takes signals that come together for one."""
 
     def __init__(self) -> None:
         self._last_s = float("-inf")
 
-    def first(self) -> bool:
+    def is_first(self) -> bool:
         """Return whether the last one was some time ago."""
         before_s, self._last_s = self._last_s, time.monotonic()
         return self._last_s - before_s > TOGETHER_S
@@ -91,11 +91,11 @@ class Once:
 def forget_terminal() -> None:
     """Stop writing to a terminal that is there no more: every line to it would be an error."""
     for stream in (sys.stdout, sys.stderr):
-        if stream is not None and _hung_up(stream):
-            nobody_reads(stream)
+        if stream is not None and _is_hung_up(stream):
+            discard_output(stream)
 
 
-def nobody_reads(stream: TextIO) -> None:
+def discard_output(stream: TextIO) -> None:
     """Throw away what is written to a stream from now on, and what is still buffered."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -103,7 +103,7 @@ def nobody_reads(stream: TextIO) -> None:
         os.close(nowhere)
 
 
-def _hung_up(stream: TextIO) -> bool:
+def _is_hung_up(stream: TextIO) -> bool:
     """Return whether a stream led to a terminal that is closed now: it takes nothing, not even nothing."""
     try:
         os.write(stream.fileno(), b"")
@@ -133,17 +133,17 @@ def end_processes(processes: Collection[BaseProcess], *, patience_s: float = END
     Returns:
         How many had to be killed.
     """
-    left = _left(processes, patience_s)
+    left = _wait_for_processes(processes, patience_s)
     for process in left:
         process.terminate()
-    left = _left(left, ENDS_S)
+    left = _wait_for_processes(left, ENDS_S)
     for process in left:
         process.kill()
-    _left(left, ENDS_S)
+    _wait_for_processes(left, ENDS_S)
     return len(left)
 
 
-def _left(processes: Collection[BaseProcess], within_s: float) -> list[BaseProcess]:
+def _wait_for_processes(processes: Collection[BaseProcess], within_s: float) -> list[BaseProcess]:
     """Return those that still run after a while."""
     from multiprocessing import connection
 

@@ -33,16 +33,16 @@ def digest_of(first: bytes, last: bytes) -> str:
     return hashlib.sha256(first + last).hexdigest()
 
 
-def holds(path: Path, place: LogPlace) -> bool:
+def is_place_in_log(path: Path, place: LogPlace) -> bool:
     """Return whether a place lies in this log: the same flight has written both."""
     with suppress(OSError):
         if 0 < place.size <= path.stat().st_size:
-            first, last = ends(path, place.size)
+            first, last = read_ends(path, place.size)
             return last.endswith(b"\n") and digest_of(first, last) == place.digest
     return False
 
 
-def ends(path: Path, size: int) -> tuple[bytes, bytes]:
+def read_ends(path: Path, size: int) -> tuple[bytes, bytes]:
     """Return the first line of a log, and the last one of its first `size` bytes."""
     with path.open("rb") as file:
         first = file.readline()
@@ -55,7 +55,7 @@ def ends(path: Path, size: int) -> tuple[bytes, bytes]:
     return first, tail[tail.rfind(b"\n", 0, -1) + 1 :]
 
 
-def whole_bytes(path: Path) -> int:
+def count_whole_bytes(path: Path) -> int:
     """Return how many bytes of a log are whole lines."""
     with path.open("rb") as file:
         end = file.seek(0, os.SEEK_END)
@@ -69,7 +69,7 @@ def whole_bytes(path: Path) -> int:
     return 0
 
 
-def lines_after(path: Path, place: LogPlace | None) -> int:
+def count_lines_after(path: Path, place: LogPlace | None) -> int:
     """Return how many whole lines follow a place, or are in the whole log."""
     lines = 0
     with path.open("rb") as file:
@@ -79,7 +79,7 @@ def lines_after(path: Path, place: LogPlace | None) -> int:
     return lines
 
 
-def says_it_is_over(path: Path) -> bool:
+def is_flight_finished(path: Path) -> bool:
     """Return whether the last that a log holds is that nothing is left to supervise."""
     with path.open("rb") as file:
         size = file.seek(0, os.SEEK_END)
@@ -87,23 +87,23 @@ def says_it_is_over(path: Path) -> bool:
         return b'"command":{"kind":"Finish"' in file.read(PIECE_BYTES)
 
 
-def last_event_s(path: Path) -> float | None:
+def read_last_event_s(path: Path) -> float | None:
     """Return the time of a log's last event; None if it holds none."""
     with path.open("rb") as file:
-        begin, after = whole_bytes(path), b""
+        begin, after = count_whole_bytes(path), b""
         while begin > 0:
             piece = min(begin, PIECE_BYTES)
             begin -= piece
             file.seek(begin)
             after, *lines = (file.read(piece) + after).split(b"\n")
             for line in reversed(lines):
-                t_s = _event_s(line)
+                t_s = _parse_event_time_s(line)
                 if t_s is not None:
                     return t_s
     return None
 
 
-def _event_s(line: bytes) -> float | None:
+def _parse_event_time_s(line: bytes) -> float | None:
     if b'"event":' not in line[:60]:
         return None
     with suppress(ValueError, TypeError, KeyError, RecursionError):

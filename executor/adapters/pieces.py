@@ -12,7 +12,7 @@ PIECE = 1 << 18
 """Bytes read at a time."""
 
 
-def in_pieces(path: Path, read: Callable[[bytes, bool], Generator[Found, None, int]]) -> Iterator[Found]:
+def read_in_chunks(path: Path, read: Callable[[bytes, bool], Generator[Found, None, int]]) -> Iterator[Found]:
     """Yield what is found in a file's pieces, each of which begins with what the one before left over.
 
     Args:

@@ -87,16 +87,16 @@ class RunDirectory:
         """Return the last two checkpoints: while one is written, the other is whole."""
         return self.path / "checkpoint-a.jsonl", self.path / "checkpoint-b.jsonl"
 
-    def plan(self, revision: int) -> Path:
+    def plan_path(self, revision: int) -> Path:
         """Return a plan: the first is 0, every re-plan one more."""
         return self.path / f"plan-{revision:03d}.json"
 
-    def telemetry(self, vehicle: str) -> Path:
+    def telemetry_path(self, vehicle: str) -> Path:
         """Return a vehicle's telemetry log; a long one has further parts beside it."""
         return self.path / f"{vehicle}.tlog"
 
 
-def new_run_directory(wanted: Path | None) -> Path:
+def create_run_directory(wanted: Path | None) -> Path:
     """Make the directory of a run; by default a dated one under runs/ in the working directory.
 
     Raises:
@@ -112,7 +112,7 @@ def new_run_directory(wanted: Path | None) -> Path:
     return path
 
 
-def keep_site(path: Path, site: Mapping[str, object], files: Mapping[tuple[str, str], Path]) -> None:
+def write_site(path: Path, site: Mapping[str, object], files: Mapping[tuple[str, str], Path]) -> None:
     """Write site.toml so that the directory can be carried elsewhere: the files that it names lie beside it.
 
     Args:
@@ -147,7 +147,7 @@ def write_json(path: Path, content: Mapping[str, object]) -> None:
 
 
 @contextmanager
-def locked(path: Path) -> Iterator[None]:
+def lock_run_directory(path: Path) -> Iterator[None]:
     """Hold a run directory: of all processes on this computer one flies it.
 
     The lock is the system's, and ends with the process however it dies; a copy of the directory is not locked.

@@ -13,29 +13,29 @@ from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import ParamSpec, Self, TypeVar
 
-from executor.adapters.interrupts import end_processes, end_with_parent, held_back
+from executor.adapters.interrupts import defer_ctrl_c, end_processes, end_with_parent
 from executor.core.commands import Solve
 from executor.core.events import Gain, NewRoute, SolveEnded
-from missions import Pricing, Task, open_task
+from missions import Pricing, Task, build_open_task
 from planner import (
     Cancelled,
-    CarriedPlan,
     Cost,
     Instance,
     NoImprovement,
+    OnboardPlan,
     Plan,
     PlannerError,
     Seconds,
     Vehicle,
     any_of,
-    best_of,
-    carried_plan,
-    granted,
+    build_onboard_plan,
+    grant_onboard_budgets,
+    rate_plan,
     replan,
     segment_of,
+    select_best_plan,
     warm_start,
     warm_up,
-    worth,
 )
 
 P = ParamSpec("P")
@@ -77,18 +77,18 @@ def _prepare(setup: SolverSetup, cancelled: c_longlong, wanted: c_longlong) -> N
     warm_up()
 
 
-def _ready() -> bool:
+def _is_ready() -> bool:
     return _worker is not None
 
 
-def _work(problem: Solve, pricing: Pricing) -> SolveEnded:
+def _solve_in_worker(problem: Solve, pricing: Pricing) -> SolveEnded:
     if _worker is None:
         raise RuntimeError("the worker was not prepared")
     setup, cancelled, _ = _worker
     return solve_for_survivors(setup, problem, pricing, lambda: cancelled.value >= problem.revision)
 
 
-def _judge(problem: Solve, pricing: Pricing) -> SolveEnded:
+def _judge_in_worker(problem: Solve, pricing: Pricing) -> SolveEnded:
     if _worker is None:
         raise RuntimeError("the worker was not prepared")
     setup, _, wanted = _worker
@@ -116,15 +116,15 @@ def solve_for_survivors(
         limit_s: Real seconds; by default the setup's.
         settled: Iterations without an improvement that are enough.
     """
-    task, tails = replan_task(pricing, problem)
+    task, tails = build_replan_task(pricing, problem)
     spare = {segment for segment, number in enumerate(task.segment_ids) if number in problem.left_over}
-    carried = carried_plan(task.instance, tails)
+    carried = build_onboard_plan(task.instance, tails)
     stop = any_of(Seconds(setup.limit_s if limit_s is None else limit_s), NoImprovement(settled), Cancelled(cancelled))
     try:
         own, own_tails = task, tails
         if spare:  # what is to spare must not take a part in what is not
-            own = open_task(paced(pricing, problem), problem.open_segments, task.instance.vehicles)
-            own_tails = [own.from_network(_among(own, task.to_network(tail))) for tail in tails]
+            own = build_open_task(apply_pace(pricing, problem), problem.open_segments, task.instance.vehicles)
+            own_tails = [own.from_network(_select_task_visits(own, task.to_network(tail))) for tail in tails]
         warm = warm_start(own.instance, own_tails)
         result = replan(own.instance, warm=warm, cost=REPLAN_COST, stop=stop, seed=setup.seed)
     except PlannerError as error:
@@ -135,7 +135,7 @@ def solve_for_survivors(
     if spare:
         found = [task.from_network(own.to_network(route.visits)) for route in result.plan.routes]
         candidates = [warm_start(task.instance, routes) for routes in (found, tails)]
-    best = best_of(task.instance, carried.plan, candidates, spare)
+    best = select_best_plan(task.instance, carried.plan, candidates, spare)
     plan, names = task.plan_to_network(best), [vehicle.name for vehicle in task.instance.vehicles]
     return SolveEnded(
         problem.revision,
@@ -143,11 +143,11 @@ def solve_for_survivors(
         tuple(sorted(set(plan.uncovered) - set(problem.left_over))),
         result.seconds,
         result.stopped_by,
-        _gain(task.instance, carried, best, spare, names),
+        _compute_gain(task.instance, carried, best, spare, names),
     )
 
 
-def replan_task(pricing: Pricing, problem: Solve) -> tuple[Task, list[tuple[int, ...]]]:
+def build_replan_task(pricing: Pricing, problem: Solve) -> tuple[Task, list[tuple[int, ...]]]:
     """Return what is to be planned, and what of it each survivor has on board."""
     vehicles = [
         Vehicle(
@@ -161,18 +161,21 @@ def replan_task(pricing: Pricing, problem: Solve) -> tuple[Task, list[tuple[int,
         )
         for offer in problem.survivors
     ]
-    pricing = paced(pricing, problem)
-    task = open_task(pricing, (*problem.open_segments, *problem.left_over), vehicles)
-    tails = [task.from_network(_among(task, tail)) for tail in _each_once([one.tail for one in problem.survivors])]
-    instance = granted(task.instance, tails, [offer.most_pct for offer in problem.survivors])
+    pricing = apply_pace(pricing, problem)
+    task = build_open_task(pricing, (*problem.open_segments, *problem.left_over), vehicles)
+    tails = [
+        task.from_network(_select_task_visits(task, tail))
+        for tail in _remove_duplicates([one.tail for one in problem.survivors])
+    ]
+    instance = grant_onboard_budgets(task.instance, tails, [offer.most_pct for offer in problem.survivors])
     return replace(task, instance=instance), tails
 
 
-def paced(pricing: Pricing, problem: Solve) -> Pricing:
+def apply_pace(pricing: Pricing, problem: Solve) -> Pricing:
     """Return what flights take with what the survivors have shown of their pace."""
     shown = {offer.vehicle: offer.pace for offer in problem.survivors}
     models = {
-        name: replace(model, pace=model.pace.times(shown[name])) if name in shown else model
+        name: replace(model, pace=model.pace.combine(shown[name])) if name in shown else model
         for name, model in pricing.models.items()
     }
     barred = {offer.vehicle: frozenset(offer.barred) for offer in problem.survivors if offer.barred}
@@ -181,8 +184,8 @@ def paced(pricing: Pricing, problem: Solve) -> Pricing:
     return replace(pricing, models=models, barred=barred, closed=closed, low_starts=low)
 
 
-def _gain(instance: Instance, carried: CarriedPlan, best: Plan, spare: set[int], names: Sequence[str]) -> Gain:
-    now, before = worth(instance, best, spare), worth(instance, carried.plan, spare)
+def _compute_gain(instance: Instance, carried: OnboardPlan, best: Plan, spare: set[int], names: Sequence[str]) -> Gain:
+    now, before = rate_plan(instance, best, spare), rate_plan(instance, carried.plan, spare)
     return Gain(
         now.segments - before.segments,
         now.value - before.value,
@@ -193,13 +196,13 @@ def _gain(instance: Instance, carried: CarriedPlan, best: Plan, spare: set[int],
     )
 
 
-def _among(task: Task, visits: Sequence[int]) -> tuple[int, ...]:
+def _select_task_visits(task: Task, visits: Sequence[int]) -> tuple[int, ...]:
     """Return those of the network's visits that a problem is about."""
     known = set(task.segment_ids)
     return tuple(visit for visit in visits if segment_of(visit) in known)
 
 
-def _each_once(tails: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+def _remove_duplicates(tails: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
     """Return what each survivor carries without what another carries too.
 
     A vehicle that comes back from its pilot still has the work on board that others were given meanwhile.
@@ -246,7 +249,7 @@ class SolverProcess:
     ) -> None:
         """End the worker, and see that it has ended: what hangs is killed."""
         self._cancelled.value = 2**62
-        workers = self._let_go()
+        workers = self._release_workers()
         if await asyncio.to_thread(end_processes, workers):
             self._tell("the solver did not end when it was told to, and was killed")
 
@@ -258,12 +261,12 @@ class SolverProcess:
                 async with asyncio.timeout(START_S):
                     await self._warm_up()
             async with asyncio.timeout(self._setup.limit_s + GIVE_UP_S):
-                return await asyncio.wrap_future(self._submitted(_work, problem, pricing))
+                return await asyncio.wrap_future(self._submit(_solve_in_worker, problem, pricing))
         except BrokenProcessPool:
-            self._kill()
+            self._kill_workers()
             return SolveEnded(problem.revision, None, (), 0.0, "the solver's process died")
         except TimeoutError:
-            self._kill()
+            self._kill_workers()
             return SolveEnded(problem.revision, None, (), 0.0, "the solver did not answer")
         finally:
             self._wanted.value -= 1
@@ -274,7 +277,7 @@ class SolverProcess:
             return None
         try:
             async with asyncio.timeout(JUDGE_S + GIVE_UP_S):
-                ended = await asyncio.wrap_future(self._submitted(_judge, problem, pricing))
+                ended = await asyncio.wrap_future(self._submit(_judge_in_worker, problem, pricing))
         except (BrokenProcessPool, TimeoutError):
             return None  # the next re-plan finds out, and makes the worker anew
         return None if ended.routes is None else ended.uncovered
@@ -285,27 +288,27 @@ class SolverProcess:
 
     async def _warm_up(self) -> None:
         """Wait until the worker has loaded everything; compiling may take as long as it takes."""
-        ready = self._submitted(_ready)
+        ready = self._submit(_is_ready)
         # A worker on its way takes what is shared from here: it must be there until then, whoever gives up before.
         ready.add_done_callback(lambda _: self._cancelled)
         await asyncio.wrap_future(ready)
         self._warm = True
 
-    def _submitted(self, work: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> Future[T]:
-        with held_back():  # the first task of a pool starts its process
+    def _submit(self, work: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> Future[T]:
+        with defer_ctrl_c():  # the first task of a pool starts its process
             before = set(multiprocessing.active_children())
-            submitted = self._running().submit(work, *arguments, **named)
+            submitted = self._ensure_pool().submit(work, *arguments, **named)
             self._workers |= set(multiprocessing.active_children()) - before
             return submitted
 
-    def _running(self) -> ProcessPoolExecutor:
+    def _ensure_pool(self) -> ProcessPoolExecutor:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(
                 1, mp_context=self._context, initializer=_prepare, initargs=(self._setup, self._cancelled, self._wanted)
             )
         return self._pool
 
-    def _let_go(self) -> set[BaseProcess]:
+    def _release_workers(self) -> set[BaseProcess]:
         """Have the next problem solved by a new worker; returns those there were, which end when they have time."""
         workers, self._workers = self._workers, set()
         if self._pool is not None:
@@ -314,7 +317,7 @@ class SolverProcess:
             self._warm = False
         return workers
 
-    def _kill(self) -> None:
+    def _kill_workers(self) -> None:
         """End a worker that is of no use any more, at once: it may hang, and would keep the program from ending."""
-        for worker in self._let_go():
+        for worker in self._release_workers():
             worker.kill()

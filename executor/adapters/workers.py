@@ -8,7 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 from executor.adapters.interrupts import end_with_parent
 
 
-def workers(count: int) -> ProcessPoolExecutor:
+def start_worker_pool(count: int) -> ProcessPoolExecutor:
     """Return a pool of so many processes.
 
     They are spawned: one that has had threads, as the compiler's, must not be forked. However this process dies, they

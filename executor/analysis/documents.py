@@ -406,7 +406,7 @@ def read_report(run: Path) -> FlightReport:
     return FlightReport.read(RunDirectory(run).report, "the report of a flight that is over")
 
 
-def read_asked(run: Path) -> AskedVehicles:
+def read_vehicle_answers(run: Path) -> AskedVehicles:
     """Return what the vehicles of a run directory answered before the flight.
 
     Raises:

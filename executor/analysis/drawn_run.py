@@ -14,7 +14,7 @@ from executor.adapters.run_directory import RunDirectory
 from executor.analysis.flight_record import FaultRecord, FlightRecord, VehicleRecord
 from executor.analysis.read_run import read_run
 from executor.errors import LogError
-from executor.site.assembly import terrain_of
+from executor.site.assembly import load_terrain
 from executor.site.config import read_site
 from missions import (
     FlightPath,
@@ -24,22 +24,22 @@ from missions import (
     Phase,
     PlanFile,
     Waypoint,
+    build_flight_path,
     continue_path,
-    flight_path,
     read_plan,
 )
-from missions.asked import first_paths
+from missions.asked import build_first_paths
 from missions.exports import (
-    Drawn,
-    DrawnKind,
-    DrawnPlace,
-    DrawnWay,
     Fact,
-    Piece,
+    MapFeatureKind,
+    MapFeatures,
+    MapLine,
+    MapLinePiece,
+    MapPoint,
     Reference,
-    drawn_line,
-    drawn_pads,
-    drawn_route,
+    build_pad_points,
+    build_route_line,
+    build_segment_lines,
 )
 from missions.geo import FloatArray
 from missions.plansetup import setup_of_plan
@@ -53,7 +53,7 @@ STEP_S = 0.5
 """Positions that follow sooner say nothing more to who looks at a map."""
 
 
-def drawn_run(run: Path) -> Drawn:
+def build_drawn_run(run: Path) -> MapFeatures:
     """Return the flight of a run directory.
 
     Raises:
@@ -61,49 +61,57 @@ def drawn_run(run: Path) -> Drawn:
         SiteError: site.toml cannot be used.
         MissionsError: a plan file cannot be used.
     """
-    record, first = read_run(run), read_plan(RunDirectory(run).plan(0))
+    record, first = read_run(run), read_plan(RunDirectory(run).plan_path(0))
     if first.inspection is None:
-        raise LogError(f"{RunDirectory(run).plan(0)}: inspection: expected heights and speeds, but the plan has none")
-    pads = [Pad(vehicle.name, *vehicle.pad_m, _home_m(vehicle, first.frame.alt_m)) for vehicle in record.vehicles]
+        raise LogError(
+            f"{RunDirectory(run).plan_path(0)}: inspection: expected heights and speeds, but the plan has none"
+        )
+    pads = [
+        Pad(vehicle.name, *vehicle.pad_m, _home_height_m(vehicle, first.frame.alt_m)) for vehicle in record.vehicles
+    ]
     names = tuple(vehicle.name for vehicle in record.vehicles)
-    terrain = terrain_of(read_site(RunDirectory(run).site), run, first.network())
+    terrain = load_terrain(read_site(RunDirectory(run).site), run, first.build_network())
     setup = setup_of_plan(first, first.inspection, pads=pads, terrain=terrain)
     segments = {
         number: {
             "inspected_by": segment.inspected_by,
-            "inspected": None if segment.inspected_s is None else _time(record, segment.inspected_s),
+            "inspected": None if segment.inspected_s is None else _format_time(record, segment.inspected_s),
         }
         for number, segment in enumerate(record.segments)
     }
-    ways = [*drawn_line(setup, segments), *_planned(record, setup, first), *_replanned(run, record, setup, first)]
-    ways += [way for vehicle in record.vehicles for way in _flown(record, setup.frame, vehicle)]
-    spots = [*drawn_pads(setup, Reference.SEA), *_events(record, setup)]
-    return Drawn(f"flight of {_time(record, 0.0)}", names, ways, spots)
+    ways = [
+        *build_segment_lines(setup, segments),
+        *_build_planned_ways(record, setup, first),
+        *_build_replanned_ways(run, record, setup, first),
+    ]
+    ways += [way for vehicle in record.vehicles for way in _build_flown_ways(record, setup.frame, vehicle)]
+    spots = [*build_pad_points(setup, Reference.SEA), *_build_loss_places(record, setup)]
+    return MapFeatures(f"flight of {_format_time(record, 0.0)}", names, ways, spots)
 
 
-def _home_m(vehicle: VehicleRecord, otherwise_m: float) -> float:
+def _home_height_m(vehicle: VehicleRecord, otherwise_m: float) -> float:
     """Return the height of a vehicle's home above mean sea level, as it said it first."""
     return float(vehicle.sea_m[0] - vehicle.track[0, 3]) if len(vehicle.track) else otherwise_m
 
 
-def _time(record: FlightRecord, t_s: float) -> str:
+def _format_time(record: FlightRecord, t_s: float) -> str:
     when = datetime.fromtimestamp(record.launched_unix_s + t_s, UTC)
     return f"{when:%Y-%m-%dT%H:%M:%S}.{when.microsecond // 1000:03d}Z"
 
 
-def _planned(record: FlightRecord, setup: FlightSetup, first: PlanFile) -> Iterator[DrawnWay]:
+def _build_planned_ways(record: FlightRecord, setup: FlightSetup, first: PlanFile) -> Iterator[MapLine]:
     routes = {first.vehicles[route.vehicle].name: route.visits for route in first.plan.routes}
-    for name, path in first_paths(setup, routes).items():
+    for name, path in build_first_paths(setup, routes).items():
         if path.waypoints:
-            facts: dict[str, Fact] = {"revision": 0, "begin": _time(record, 0.0), "segments": len(routes[name])}
-            yield drawn_route(setup, path, f"{name} planned", facts, reference=Reference.SEA)
+            facts: dict[str, Fact] = {"revision": 0, "begin": _format_time(record, 0.0), "segments": len(routes[name])}
+            yield build_route_line(setup, path, f"{name} planned", facts, reference=Reference.SEA)
 
 
-def _replanned(run: Path, record: FlightRecord, setup: FlightSetup, first: PlanFile) -> Iterator[DrawnWay]:
+def _build_replanned_ways(run: Path, record: FlightRecord, setup: FlightSetup, first: PlanFile) -> Iterator[MapLine]:
     """Yield what was put on board in flight, from where the vehicle began it."""
     numbers = {segment.id: number for number, segment in enumerate(first.segments)}
     for revision in record.revisions[1:]:
-        content = read_plan(RunDirectory(run).plan(revision.number))
+        content = read_plan(RunDirectory(run).plan_path(revision.number))
         on_board = {route.vehicle for route in revision.routes}
         for route in content.plan.routes:
             vehicle = content.vehicles[route.vehicle]
@@ -114,20 +122,20 @@ def _replanned(run: Path, record: FlightRecord, setup: FlightSetup, first: PlanF
             )
             if vehicle.airborne:
                 up_m = vehicle.start_up_m if content.pricing is not None else None
-                path = _from_the_air(setup, vehicle.name, vehicle.start_m, up_m, visits)
+                path = _build_path_from_air(setup, vehicle.name, vehicle.start_m, up_m, visits)
             else:
-                path = flight_path(setup, vehicle.name, visits)
+                path = build_flight_path(setup, vehicle.name, visits)
             if path.waypoints:
                 facts: dict[str, Fact] = {
                     "revision": revision.number,
-                    "begin": _time(record, revision.decided_s),
+                    "begin": _format_time(record, revision.decided_s),
                     "segments": len(visits),
                 }
                 name = f"{vehicle.name} re-plan {revision.number}"
-                yield drawn_route(setup, path, name, facts, reference=Reference.SEA)
+                yield build_route_line(setup, path, name, facts, reference=Reference.SEA)
 
 
-def _from_the_air(
+def _build_path_from_air(
     setup: FlightSetup, name: str, start_m: tuple[float, float], up_m: float | None, visits: tuple[int, ...]
 ) -> FlightPath:
     """Return the path that begins where a vehicle was in the air; without its height there, in its layer."""
@@ -138,14 +146,14 @@ def _from_the_air(
     return continue_path(setup, FlightPath(name, (begin,)), 1, visits)
 
 
-def _flown(record: FlightRecord, frame: LocalFrame, vehicle: VehicleRecord) -> Iterator[DrawnWay]:
+def _build_flown_ways(record: FlightRecord, frame: LocalFrame, vehicle: VehicleRecord) -> Iterator[MapLine]:
     """Yield a vehicle's track since the launch, in as many pieces as it was heard in; what is reckoned for itself."""
-    kept = _thinned(vehicle.track[:, 0])
+    kept = _thin_positions(vehicle.track[:, 0])
     adrift = np.zeros(len(vehicle.track), dtype=np.bool_) if vehicle.reckoned is None else vehicle.reckoned
     cuts = (np.diff(vehicle.track[kept, 0]) > GAP_S) | (np.diff(adrift[kept].astype(np.int8)) != 0)
     breaks = [0, *(np.flatnonzero(cuts) + 1).tolist(), len(kept)]
     lat_lon = frame.many_to_wgs84_deg(vehicle.track[kept, 1:3]) if len(kept) else np.zeros((0, 2))
-    pieces: dict[bool, list[Piece]] = {False: [], True: []}
+    pieces: dict[bool, list[MapLinePiece]] = {False: [], True: []}
     for begin, end in pairwise(breaks):
         rows = kept[begin:end]
         if len(rows) > 1:
@@ -153,22 +161,23 @@ def _flown(record: FlightRecord, frame: LocalFrame, vehicle: VehicleRecord) -> I
                 (round(float(lat), DECIMALS), round(float(lon), DECIMALS), float(sea_m))
                 for (lat, lon), sea_m in zip(lat_lon[begin:end], vehicle.sea_m[rows], strict=True)
             )
-            times = tuple(_time(record, t_s) for t_s in vehicle.track[rows, 0].tolist())
-            pieces[bool(adrift[rows[0]])].append(Piece(positions, times))
+            times = tuple(_format_time(record, t_s) for t_s in vehicle.track[rows, 0].tolist())
+            pieces[bool(adrift[rows[0]])].append(MapLinePiece(positions, times))
     if pieces[False]:
         segments = sum(segment.inspected_by == vehicle.name for segment in record.segments)
-        yield DrawnWay(
-            DrawnKind.FLOWN, f"{vehicle.name} flown", tuple(pieces[False]), Reference.SEA, vehicle.name,
+        yield MapLine(
+            MapFeatureKind.FLOWN, f"{vehicle.name} flown", tuple(pieces[False]), Reference.SEA, vehicle.name,
             {"segments": segments},
         )  # fmt: skip
     if pieces[True]:
-        yield DrawnWay(
-            DrawnKind.FLOWN, f"{vehicle.name} reckoned without GPS", tuple(pieces[True]), Reference.SEA, vehicle.name,
+        yield MapLine(
+            MapFeatureKind.FLOWN, f"{vehicle.name} reckoned without GPS", tuple(pieces[True]), Reference.SEA,
+            vehicle.name,
             {"known": "reckoned"},
         )  # fmt: skip
 
 
-def _thinned(times_s: FloatArray) -> npt.NDArray[np.intp]:
+def _thin_positions(times_s: FloatArray) -> npt.NDArray[np.intp]:
     """Return the indices of positions since the launch that are `STEP_S` apart or more."""
     kept: list[int] = []
     last_s = -STEP_S
@@ -179,9 +188,9 @@ def _thinned(times_s: FloatArray) -> npt.NDArray[np.intp]:
     return np.array(kept, dtype=np.intp)
 
 
-def _events(record: FlightRecord, setup: FlightSetup) -> Iterator[DrawnPlace]:
+def _build_loss_places(record: FlightRecord, setup: FlightSetup) -> Iterator[MapPoint]:
     """Yield where each vehicle that was lost was by GPS last before that was declared, and how long before."""
-    for vehicle, fault in record.lost:
+    for vehicle, fault in record.losses:
         by_gps = np.ones(len(vehicle.track), dtype=np.bool_) if vehicle.reckoned is None else ~vehicle.reckoned
         heard = np.flatnonzero((vehicle.track[:, 0] <= fault.detected_s) & by_gps)
         if len(heard) == 0:
@@ -189,14 +198,14 @@ def _events(record: FlightRecord, setup: FlightSetup) -> Iterator[DrawnPlace]:
         at_s, east_m, north_m, _ = vehicle.track[heard[-1]].tolist()
         lat_deg, lon_deg = setup.frame.to_wgs84_deg(east_m, north_m)
         place = (round(lat_deg, DECIMALS), round(lon_deg, DECIMALS), float(vehicle.sea_m[heard[-1]]))
-        yield DrawnPlace(
-            DrawnKind.EVENT, f"{vehicle.name} lost: {fault.kind.value}", place, Reference.SEA, vehicle.name,
-            _time(record, fault.detected_s), _facts(record, fault, fault.detected_s - at_s),
+        yield MapPoint(
+            MapFeatureKind.EVENT, f"{vehicle.name} lost: {fault.kind.value}", place, Reference.SEA, vehicle.name,
+            _format_time(record, fault.detected_s), _describe_fault(record, fault, fault.detected_s - at_s),
         )  # fmt: skip
 
 
-def _facts(record: FlightRecord, fault: FaultRecord, age_s: float) -> dict[str, Fact]:
-    happened = None if fault.happened_s is None else _time(record, fault.happened_s)
+def _describe_fault(record: FlightRecord, fault: FaultRecord, age_s: float) -> dict[str, Fact]:
+    happened = None if fault.happened_s is None else _format_time(record, fault.happened_s)
     return {
         "event": "fault",
         "fault": fault.kind.value,

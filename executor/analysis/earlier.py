@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from executor.analysis.documents import EarlierRow, FlightReport, read_report
-from executor.core.words import count_of
+from executor.core.words import format_count
 
 
-def earlier_flights(run: Path) -> tuple[EarlierRow, ...]:
+def read_earlier_flights(run: Path) -> tuple[EarlierRow, ...]:
     """Return the flights up to that of a run directory, by its report, the first one first.
 
     Raises:
@@ -17,7 +17,7 @@ def earlier_flights(run: Path) -> tuple[EarlierRow, ...]:
     report = read_report(run)
     row = EarlierRow(
         run=run.resolve().name,
-        segments=inspected_by(report),
+        segments=inspected_segments_of(report),
         sorties=len(report.sorties) or sum(1 for vehicle in report.vehicles if vehicle.energy_used_pct > 0.0),
         duration_s=report.duration_s,
         faults=tuple(dict.fromkeys(fault.vehicle for fault in report.faults)),
@@ -25,15 +25,15 @@ def earlier_flights(run: Path) -> tuple[EarlierRow, ...]:
     return (*report.earlier, row)
 
 
-def inspected_by(report: FlightReport) -> tuple[int, ...]:
+def inspected_segments_of(report: FlightReport) -> tuple[int, ...]:
     """Return the ids of the segments that a flight inspected."""
     return tuple(sorted(segment for vehicle in report.vehicles for segment in vehicle.segments))
 
 
-def together_words(report: FlightReport) -> str:
+def describe_total_inspected(report: FlightReport) -> str:
     """Return what this flight and those before it inspected together; empty where it is the first."""
     if not report.earlier:
         return ""
-    done = {*inspected_by(report), *(segment for row in report.earlier for segment in row.segments)}
+    done = {*inspected_segments_of(report), *(segment for row in report.earlier for segment in row.segments)}
     total = len(done | set(report.segments_uncovered))
-    return f"with {count_of(len(report.earlier), 'flight')} before it {len(done)} of {total} segments are inspected"
+    return f"with {format_count(len(report.earlier), 'flight')} before it {len(done)} of {total} segments are inspected"

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from executor.core.commands import Level
-from executor.core.coverage import Run, Sample, Track, follow
+from executor.core.coverage import InspectionRun, PositionSample, Track, advance_run
 from executor.core.vehicle import FaultKind
 from missions import PlanFile
 from missions.areas import Area
@@ -18,12 +18,12 @@ from missions.pricing import DEPOT_M
 from planner import (
     Instance,
     Route,
-    completions_s,
+    completion_times_s,
+    energy_use_pct,
     is_reversed,
     route_duration_s,
     route_energy_pct,
     segment_of,
-    spent_pct,
 )
 
 Place = tuple[float, float]
@@ -54,7 +54,7 @@ class SegmentRecord:
     """What its asset is called; empty where nobody said."""
 
     @property
-    def shown(self) -> str:
+    def display_name(self) -> str:
         """What people call it."""
         return self.name or str(self.id)
 
@@ -116,7 +116,7 @@ class PlannedRoute:
 
 
 @dataclass(frozen=True, slots=True)
-class Revision:
+class PlanRevision:
     """The first plan (0), or a re-plan that was put on board."""
 
     number: int
@@ -128,7 +128,7 @@ class Revision:
 
 
 @dataclass(frozen=True, slots=True)
-class Decision:
+class DecisionLine:
     """One line that the operator saw."""
 
     t_s: float
@@ -143,9 +143,9 @@ class FlightRecord:
     segments: tuple[SegmentRecord, ...]
     vehicles: tuple[VehicleRecord, ...]
     """From the lowest layer to the highest."""
-    revisions: tuple[Revision, ...]
+    revisions: tuple[PlanRevision, ...]
     """The first plan first."""
-    decisions: tuple[Decision, ...]
+    decisions: tuple[DecisionLine, ...]
     duration_s: float
     launched_unix_s: float
     """Seconds since 1970 at the launch; later times are the flight's, which in a simulation may pass faster."""
@@ -155,13 +155,13 @@ class FlightRecord:
     """Names of segments that lie in an area or behind one, and why they could not be inspected."""
 
     @property
-    def lost(self) -> tuple[tuple[VehicleRecord, FaultRecord], ...]:
+    def losses(self) -> tuple[tuple[VehicleRecord, FaultRecord], ...]:
         """Vehicles that did not finish, in the order in which that was declared."""
         at_fault = [(vehicle, vehicle.fault) for vehicle in self.vehicles if vehicle.fault is not None]
         return tuple(sorted(at_fault, key=lambda pair: pair[1].detected_s))
 
     @property
-    def uncovered(self) -> tuple[SegmentRecord, ...]:
+    def uncovered_segments(self) -> tuple[SegmentRecord, ...]:
         """Segments that nobody inspected."""
         return tuple(segment for segment in self.segments if segment.inspected_by is None)
 
@@ -171,14 +171,14 @@ class FlightRecord:
         return max((route.energy[-1][0] for route in self.revisions[0].routes), default=0.0)
 
 
-def plan_at_launch(content: PlanFile) -> Revision:
+def build_launch_revision(content: PlanFile) -> PlanRevision:
     """Return the plan that a flight begins with."""
-    instance = content.instance()
-    routes = [planned_route(content, instance, route) for route in content.plan.routes if route.visits]
-    return Revision(0, 0.0, tuple(routes), uncovered_ids(content))
+    instance = content.build_instance()
+    routes = [build_planned_route(content, instance, route) for route in content.plan.routes if route.visits]
+    return PlanRevision(0, 0.0, tuple(routes), uncovered_ids_of(content))
 
 
-def planned_route(
+def build_planned_route(
     content: PlanFile, instance: Instance, route: Route, *, began_s: float = 0.0, used_pct: float = 0.0
 ) -> PlannedRoute:
     """Return one route of a plan file.
@@ -198,24 +198,24 @@ def planned_route(
         way_m += reversed(ends_m) if is_reversed(visit) else ends_m
     way_m.append(DEPOT_M)
     energy = [(0.0, 0.0)]
-    for done, end_s in enumerate(completions_s(instance, route), start=1):
-        energy.append((end_s, spent_pct(instance, route, done)))
+    for done, end_s in enumerate(completion_times_s(instance, route), start=1):
+        energy.append((end_s, energy_use_pct(instance, route, done)))
     energy.append((route_duration_s(instance, route), route_energy_pct(instance, route)))
     return PlannedRoute(
         vehicle=vehicle.name,
         segments=tuple(segment.id for segment in segments),
         way_m=tuple(way_m),
         energy=tuple((began_s + t_s, used_pct + spent) for t_s, spent in energy),
-        turns_m=tuple(_turns_m(content, route)),
+        turns_m=tuple(_find_turns_m(content, route)),
     )
 
 
-def _turns_m(content: PlanFile, route: Route) -> Iterator[tuple[Place, ...]]:
+def _find_turns_m(content: PlanFile, route: Route) -> Iterator[tuple[Place, ...]]:
     """Yield the corners of every way between two inspections, and of those from the start and home."""
     if content.pricing is None or not content.areas:
         return
     vehicle = content.vehicles[route.vehicle]
-    around = content.pricing.fliers([vehicle.name], around=True)[0].columns
+    around = content.pricing.build_vehicle_moves([vehicle.name], around=True)[0].columns
     base_m = content.pricing.bases[vehicle.name].place_m[:2]
     tracks_m = content.pricing.tracks_m[:, :, :2]
     here_m = np.array(vehicle.start_m if vehicle.airborne else base_m)
@@ -226,34 +226,34 @@ def _turns_m(content: PlanFile, route: Route) -> Iterator[tuple[Place, ...]]:
     yield tuple((float(east), float(north)) for east, north in around.way_m(here_m, np.array(base_m)))
 
 
-def uncovered_ids(content: PlanFile) -> tuple[int, ...]:
+def uncovered_ids_of(content: PlanFile) -> tuple[int, ...]:
     """Return the ids of the segments that a plan file does not cover."""
     return tuple(content.segments[index].id for index in content.plan.uncovered)
 
 
 @dataclass(frozen=True, slots=True)
-class GivenAway:
+class AbandonedSegment:
     """A segment that a lost vehicle left."""
 
     segment: SegmentRecord
     left_by: str
 
 
-def given_away(record: FlightRecord) -> tuple[GivenAway, ...]:
+def find_abandoned_segments(record: FlightRecord) -> tuple[AbandonedSegment, ...]:
     """Return what was planned for vehicles that were lost before they inspected it; `inspected_by` says who did.
 
     A segment that two vehicles left, one after the other, is there once, as the last one's.
     """
     segments = {segment.id: segment for segment in record.segments}
     left: dict[int, str] = {}
-    for vehicle, fault in record.lost:
-        for segment, planned_for in _planned_for(record.revisions, fault.detected_s).items():
+    for vehicle, fault in record.losses:
+        for segment, planned_for in _map_planned_vehicles(record.revisions, fault.detected_s).items():
             if planned_for == vehicle.name and segments[segment].inspected_by != vehicle.name:
                 left[segment] = vehicle.name
-    return tuple(GivenAway(segments[number], name) for number, name in sorted(left.items()))
+    return tuple(AbandonedSegment(segments[number], name) for number, name in sorted(left.items()))
 
 
-def _planned_for(revisions: Iterable[Revision], until_s: float) -> dict[int, str]:
+def _map_planned_vehicles(revisions: Iterable[PlanRevision], until_s: float) -> dict[int, str]:
     """Return whose route each segment was on at a time."""
     planned: dict[int, str] = {}
     for revision in revisions:
@@ -262,7 +262,7 @@ def _planned_for(revisions: Iterable[Revision], until_s: float) -> dict[int, str
     return planned
 
 
-def used(battery: FloatArray) -> FloatArray:
+def compute_used_pct(battery: FloatArray) -> FloatArray:
     """Return (m, 2) float64, seconds and percent used since the first of (m, 2) reports of what remains.
 
     Nothing is counted at a jump upwards: both autopilots' percentages are 100 again after a restart.
@@ -272,27 +272,27 @@ def used(battery: FloatArray) -> FloatArray:
     return np.column_stack((battery[:, 0], np.cumsum(drops)))
 
 
-def used_at_pct(vehicle: VehicleRecord, t_s: float) -> float:
+def used_pct_at(vehicle: VehicleRecord, t_s: float) -> float:
     """Return the percent that a vehicle had used at a time; 0 if its battery never reported."""
     if len(vehicle.battery) == 0:
         return 0.0
-    account = used(vehicle.battery)
+    account = compute_used_pct(vehicle.battery)
     return float(np.interp(t_s, account[:, 0], account[:, 1]))
 
 
-def last_place_m(vehicle: VehicleRecord, t_s: float) -> Place | None:
+def find_last_place_m(vehicle: VehicleRecord, t_s: float) -> Place | None:
     """Return where a vehicle was by GPS last until a time; None if it was not heard."""
     heard = vehicle.by_gps[vehicle.by_gps[:, 0] <= t_s]
     return (float(heard[-1, 1]), float(heard[-1, 2])) if len(heard) else None
 
 
-def takes_off_s(track: FloatArray, after_s: float) -> float:
+def take_off_time_s(track: FloatArray, after_s: float) -> float:
     """Return when a (n, 4) track is in the air for the first time after a time; that time itself if it never is."""
     up = track[(track[:, 0] >= after_s) & (track[:, 3] > OFF_GROUND_M)]
     return float(up[0, 0]) if len(up) else after_s
 
 
-def joins_s(track: FloatArray, start_m: Place, after_s: float) -> float:
+def route_join_time_s(track: FloatArray, start_m: Place, after_s: float) -> float:
     """Return when a (n, 4) track first passes a place after a time: where it first comes within `JOIN_M`, and nearest.
 
     If it never comes so near, the nearest that it comes; the time itself if nothing is on record after it.
@@ -311,8 +311,8 @@ def joins_s(track: FloatArray, start_m: Place, after_s: float) -> float:
     return float(rest[int(away_m.argmin()), 0])
 
 
-def inspected_s(
-    samples: Iterable[tuple[float, Sample]], line: Track, *, corridor_m: float, speed_m_s: float
+def inspection_time_s(
+    samples: Iterable[tuple[float, PositionSample]], line: Track, *, corridor_m: float, speed_m_s: float
 ) -> float | None:
     """Return when a line was first flown as `coverage` demands it, in either direction; None if it never was.
 
@@ -323,14 +323,14 @@ def inspected_s(
         speed_m_s: The inspection speed asked for.
     """
     directions = (line, Track(line.segment, line.end_m, line.begin_m))
-    runs: list[Run | None] = [None, None]
+    runs: list[InspectionRun | None] = [None, None]
     last_s: float | None = None
     for arrived_s, sample in samples:
         if last_s is not None and -OVERTAKEN_S < sample.boot_s - last_s <= 0.0:
             continue
         last_s = sample.boot_s
         for index, direction in enumerate(directions):
-            step = follow(runs[index], direction, sample, corridor_m=corridor_m, speed_m_s=speed_m_s)
+            step = advance_run(runs[index], direction, sample, corridor_m=corridor_m, speed_m_s=speed_m_s)
             runs[index] = step.run
             if step.done:
                 return arrived_s

@@ -14,7 +14,7 @@ from executor.adapters.run_directory import RunDirectory
 from executor.core import learning
 from executor.core.battery.kalman import Prior
 from executor.core.context import Context
-from executor.core.learning import BOUNDS, FACTOR_BOUNDS, Known, PaceEstimate
+from executor.core.learning import BOUNDS, FACTOR_BOUNDS, KnownVehicle, PaceEstimate
 from executor.core.state import FleetState
 from executor.core.vehicle import FaultKind
 from missions import Performance
@@ -69,7 +69,7 @@ class LearnedDocument(Document):
     vehicles: tuple[LearnedVehicle, ...]
 
     @model_validator(mode="after")
-    def _distinct(self) -> Self:
+    def _check_names(self) -> Self:
         names = [vehicle.name for vehicle in self.vehicles]
         for index, name in enumerate(names):
             if name in names[:index]:
@@ -77,9 +77,9 @@ class LearnedDocument(Document):
         return self
 
     @property
-    def known(self) -> dict[str, Known]:
+    def known_by_name(self) -> dict[str, KnownVehicle]:
         """Return what is known, by the vehicle's name."""
-        return {one.name: _known(one) for one in self.vehicles}
+        return {one.name: _parse_known(one) for one in self.vehicles}
 
 
 def read_learned(path: Path) -> LearnedDocument:
@@ -91,24 +91,26 @@ def read_learned(path: Path) -> LearnedDocument:
     return LearnedDocument.read(path, "what a flight taught about its vehicles")
 
 
-def began_with(run: Path) -> Mapping[str, Known]:
+def read_learned_before(run: Path) -> Mapping[str, KnownVehicle]:
     """Return what a flight began with, by its run directory.
 
     Raises:
         LogError: the file cannot be used.
     """
     path = RunDirectory(run).learned_before
-    return read_learned(path).known if path.exists() else MappingProxyType({})
+    return read_learned(path).known_by_name if path.exists() else MappingProxyType({})
 
 
-def document_of(known: Mapping[str, Known], date: str) -> LearnedDocument:
+def build_learned_document(known: Mapping[str, KnownVehicle], date: str) -> LearnedDocument:
     """Return the content of learned.json."""
     return LearnedDocument(
-        format="faultline-learned/1", date=date, vehicles=tuple(_part(name, one) for name, one in known.items())
+        format="faultline-learned/1", date=date, vehicles=tuple(_build_part(name, one) for name, one in known.items())
     )
 
 
-def learned_of(context: Context, state: FleetState, before: Mapping[str, Known], date: str) -> LearnedDocument:
+def learn_from_flight(
+    context: Context, state: FleetState, before: Mapping[str, KnownVehicle], date: str
+) -> LearnedDocument:
     """Return what is known of a fleet after a flight.
 
     Args:
@@ -124,15 +126,15 @@ def learned_of(context: Context, state: FleetState, before: Mapping[str, Known],
         if learned is None and name not in before:
             continue
         fault = vehicle.fault
-        known[name] = before[name] if learned is None else learning.kept(
+        known[name] = before[name] if learned is None else learning.update_known_vehicle(
             learned, before.get(name), setup.prior, autopilot=setup.dialect.name, drone=context.drone.name,
             performance=context.pricing.models[name].performance,
             drained=fault is not None and fault.kind is FaultKind.BATTERY,
         )  # fmt: skip
-    return document_of(known, date)
+    return build_learned_document(known, date)
 
 
-def learned_words(vehicle: LearnedVehicle) -> str:
+def describe_learned(vehicle: LearnedVehicle) -> str:
     """Return in one line what is known of a vehicle."""
 
     def of(part: PacePart | ConsumptionPart) -> str:
@@ -144,13 +146,13 @@ def learned_words(vehicle: LearnedVehicle) -> str:
     )
 
 
-def _part(name: str, known: Known) -> LearnedVehicle:
+def _build_part(name: str, known: KnownVehicle) -> LearnedVehicle:
     return LearnedVehicle(
         name=name,
         autopilot=known.autopilot,
         drone=known.drone,
-        inspect=_pace_part(known.inspect),
-        transit=_pace_part(known.transit),
+        inspect=_build_pace_part(known.inspect),
+        transit=_build_pace_part(known.transit),
         consumption=ConsumptionPart(
             mean=round(known.consumption.factor, 4), sd=round(known.consumption.sd, 4), minutes=round(known.minutes, 1)
         ),
@@ -158,12 +160,12 @@ def _part(name: str, known: Known) -> LearnedVehicle:
     )
 
 
-def _pace_part(known: PaceEstimate) -> PacePart:
+def _build_pace_part(known: PaceEstimate) -> PacePart:
     return PacePart(mean=round(known.mean, 4), sd=round(known.sd, 4), legs=known.legs)
 
 
-def _known(row: LearnedVehicle) -> Known:
-    return Known(
+def _parse_known(row: LearnedVehicle) -> KnownVehicle:
+    return KnownVehicle(
         PaceEstimate(row.inspect.mean, row.inspect.sd**2, row.inspect.legs),
         PaceEstimate(row.transit.mean, row.transit.sd**2, row.transit.legs),
         Prior(row.consumption.mean, row.consumption.sd),

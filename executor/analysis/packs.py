@@ -8,7 +8,7 @@ from executor.site.packs import FORMAT, PackEntry, PacksDocument
 USEC = 1e6
 
 
-def flown_packs(state: FleetState, log: str, began_unix_s: float) -> PacksDocument:
+def build_flown_packs(state: FleetState, log: str, began_unix_s: float) -> PacksDocument:
     """Return what the sorties of a flight say of the packs that the crew named, or changed.
 
     Args:

@@ -8,12 +8,12 @@ from itertools import groupby
 from types import MappingProxyType
 
 from executor.analysis.documents import LegRow, RouteRow
-from executor.core.parts import FlownLeg, LegBegin
+from executor.core.parts import FlownLeg, LegBoundary
 from executor.core.state import FleetState
 from missions import Phase
 
 
-def flown_routes(state: FleetState, factors: Mapping[str, float] = MappingProxyType({})) -> tuple[RouteRow, ...]:
+def build_route_rows(state: FleetState, factors: Mapping[str, float] = MappingProxyType({})) -> tuple[RouteRow, ...]:
     """Return what every vehicle flew of each of its missions; times are seconds since the launch.
 
     Args:
@@ -24,14 +24,14 @@ def flown_routes(state: FleetState, factors: Mapping[str, float] = MappingProxyT
     rows = []
     for vehicle in state.vehicles.values():
         for revision, legs in groupby(vehicle.assignment.flown, key=lambda leg: leg.revision):
-            row = _route(
-                vehicle.name, revision, [_at_factor(leg, factors.get(vehicle.name, 1.0)) for leg in legs], launched_s
+            row = _build_route_row(
+                vehicle.name, revision, [_scale_energy(leg, factors.get(vehicle.name, 1.0)) for leg in legs], launched_s
             )
             rows += [] if row is None else [row]
     return tuple(rows)
 
 
-def _at_factor(leg: FlownLeg, factor: float) -> FlownLeg:
+def _scale_energy(leg: FlownLeg, factor: float) -> FlownLeg:
     return replace(leg, planned=replace(leg.planned, energy_pct=factor * leg.planned.energy_pct))
 
 
@@ -44,7 +44,7 @@ def error_pct(flown: float | None, planned: float) -> float | None:
     return None if flown is None or planned <= 0.0 else round(100.0 * flown / planned - 100.0, 2)
 
 
-def _route(vehicle: str, revision: int, legs: Sequence[FlownLeg], launched_s: float) -> RouteRow | None:
+def _build_route_row(vehicle: str, revision: int, legs: Sequence[FlownLeg], launched_s: float) -> RouteRow | None:
     """Return one mission's row; None if nobody heard when any of it began or ended."""
     heard = [number for number, leg in enumerate(legs) if leg.began is not None]
     ended = [number for number, leg in enumerate(legs) if leg.ended is not None]
@@ -56,7 +56,7 @@ def _route(vehicle: str, revision: int, legs: Sequence[FlownLeg], launched_s: fl
         return None
     planned_s = sum(leg.planned.duration_s for leg in legs)
     planned_pct = sum(leg.planned.energy_pct for leg in legs)
-    flown_s, flown_pct = end.at_s - began.at_s, _given_pct(began, end)
+    flown_s, flown_pct = end.at_s - began.at_s, _spent_pct(began, end)
     return RouteRow(
         vehicle=vehicle,
         revision=revision,
@@ -69,14 +69,14 @@ def _route(vehicle: str, revision: int, legs: Sequence[FlownLeg], launched_s: fl
         planned_pct=round(planned_pct, 2),
         flown_pct=None if flown_pct is None else round(flown_pct, 2),
         energy_error_pct=error_pct(flown_pct, planned_pct),
-        legs=tuple(map(_leg, legs)),
+        legs=tuple(map(_build_leg_row, legs)),
     )
 
 
-def _leg(leg: FlownLeg) -> LegRow:
+def _build_leg_row(leg: FlownLeg) -> LegRow:
     began, ended = leg.began, leg.ended
     flown_s = None if began is None or ended is None else ended.at_s - began.at_s
-    flown_pct = _given_pct(began, ended)
+    flown_pct = _spent_pct(began, ended)
     return LegRow(
         waypoint=leg.waypoint,
         phase=leg.phase.value,
@@ -88,7 +88,7 @@ def _leg(leg: FlownLeg) -> LegRow:
     )
 
 
-def _given_pct(began: LegBegin | None, ended: LegBegin | None) -> float | None:
+def _spent_pct(began: LegBoundary | None, ended: LegBoundary | None) -> float | None:
     if began is None or ended is None or began.given_pct is None or ended.given_pct is None:
         return None
     return ended.given_pct - began.given_pct

@@ -16,7 +16,7 @@ STEP_M = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Profile:
+class HeightProfile:
     """Heights above mean sea level over the way flown."""
 
     vehicle: str
@@ -38,7 +38,7 @@ class Profile:
     """(w, 2) float64: how far along, and how high."""
 
     @property
-    def lowest(self) -> tuple[float, float, float]:
+    def lowest_point(self) -> tuple[float, float, float]:
         """How far along, how high, and how far over the ground it is the lowest, between take-off and landing."""
         level = np.flatnonzero((self.along_m > 0) & (self.along_m < self.along_m[-1]))
         over_m = (self.flown_m - self.ground_m)[level]
@@ -48,12 +48,12 @@ class Profile:
         return float(self.along_m[index]), float(self.flown_m[index]), float(self.flown_m[index] - self.ground_m[index])
 
 
-def profiles(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[Profile]:
+def build_profiles(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[HeightProfile]:
     """Return the profile of each flight over ground that a raster knows; none where there is no raster."""
-    return [_profile(setup, path) for path in paths if path.waypoints and setup.terrain is not None]
+    return [_build_profile(setup, path) for path in paths if path.waypoints and setup.terrain is not None]
 
 
-def _profile(setup: FlightSetup, path: FlightPath) -> Profile:
+def _build_profile(setup: FlightSetup, path: FlightPath) -> HeightProfile:
     terrain, pad = setup.terrain, setup.pad_of(path.vehicle)
     if terrain is None:
         raise ValueError("expected ground that a raster knows")
@@ -69,7 +69,7 @@ def _profile(setup: FlightSetup, path: FlightPath) -> Profile:
         stops.append((so_far_m, float(leg[1, 2]) + setup.frame.alt_m))
     places = np.concatenate(pieces)
     known = terrain.elevation
-    return Profile(
+    return HeightProfile(
         vehicle=path.vehicle,
         along_m=np.concatenate(along),
         flown_m=places[:, 2] + setup.frame.alt_m,

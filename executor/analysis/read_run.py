@@ -14,35 +14,35 @@ from executor.adapters.eventlog import read_events, read_head
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import FlightReport, read_report
 from executor.analysis.flight_record import (
-    Decision,
+    DecisionLine,
     FaultRecord,
     FlightRecord,
-    Revision,
+    PlanRevision,
     SegmentRecord,
     VehicleRecord,
-    inspected_s,
-    joins_s,
-    plan_at_launch,
-    planned_route,
-    takes_off_s,
-    uncovered_ids,
-    used_at_pct,
+    build_launch_revision,
+    build_planned_route,
+    inspection_time_s,
+    route_join_time_s,
+    take_off_time_s,
+    uncovered_ids_of,
+    used_pct_at,
 )
 from executor.core.battery.history import PackHistory
 from executor.core.commands import Level
-from executor.core.coverage import Sample, Track
+from executor.core.coverage import PositionSample, Track
 from executor.core.events import Event, Heard, LaunchOrdered, SolveEnded, UploadEnded
 from executor.core.messages import Battery, EstimatorStatus, Gps, Heartbeat, Position, SystemStatus
-from executor.core.parts import Fix, Positioning
+from executor.core.parts import PositionFix, Positioning
 from executor.core.positioning import positioning_heard
 from executor.errors import LogError
 from executor.site import assembly
 from executor.site.config import Site, read_site
-from executor.site.packs import packs_of_site
+from executor.site.packs import load_site_packs
 from missions import Inspection, LocalFrame, PlanFile, read_plan, tracks_m
 
 
-class _SaidLine(BaseModel):
+class _DecisionText(BaseModel):
     """A line of the log that holds what the operator saw."""
 
     t_s: float
@@ -52,17 +52,17 @@ class _SaidLine(BaseModel):
 
 
 @dataclass(slots=True)
-class _Heard:
+class _VehicleMessages:
     """What one vehicle said, in the order of arrival and in seconds since the launch."""
 
     positions: list[tuple[float, float, float, float]] = field(default_factory=list)
     seas: list[float] = field(default_factory=list)
     """Heights above mean sea level of the positions."""
-    samples: list[tuple[float, Sample]] = field(default_factory=list)
+    samples: list[tuple[float, PositionSample]] = field(default_factory=list)
     battery: list[tuple[float, float]] = field(default_factory=list)
     status: list[tuple[float, float]] = field(default_factory=list)
     positioning: Positioning = field(default_factory=Positioning)
-    newest: Fix | None = None
+    newest: PositionFix | None = None
     armed: bool = False
     reckoned: list[bool] = field(default_factory=list)
     """Of the positions: whether GPS was lost."""
@@ -71,12 +71,14 @@ class _Heard:
         """Take where it was; what is reckoned proves nothing."""
         velocity_m_s = (said.east_m_s, said.north_m_s, -said.down_m_s)
         is_reckoned = self.positioning.lost_s is not None
-        self.newest = Fix(t_s, said.boot_s, place_m, said.alt_rel_m, said.alt_msl_m, velocity_m_s, reckoned=is_reckoned)
+        self.newest = PositionFix(
+            t_s, said.boot_s, place_m, said.alt_rel_m, said.alt_msl_m, velocity_m_s, reckoned=is_reckoned
+        )
         self.positions.append((t_s, *place_m, said.alt_rel_m))
         self.seas.append(said.alt_msl_m)
         self.reckoned.append(is_reckoned)
         if not is_reckoned:
-            self.samples.append((t_s, Sample(said.boot_s, place_m)))
+            self.samples.append((t_s, PositionSample(said.boot_s, place_m)))
 
     def take_positioning(self, said: Gps | EstimatorStatus | SystemStatus, t_s: float) -> None:
         """Take what it said of its GPS."""
@@ -89,7 +91,7 @@ class _Log:
 
     launched_s: float
     """In the ground station's time; all others are since then."""
-    heard: dict[str, _Heard]
+    heard: dict[str, _VehicleMessages]
     solved_s: dict[int, float]
     """When each re-plan was found."""
     solving_s: dict[int, float]
@@ -110,16 +112,16 @@ def read_run(run: Path) -> FlightRecord:
     """
     report = read_report(run)
     site = read_site(RunDirectory(run).site)
-    first = read_plan(RunDirectory(run).plan(0))
+    first = read_plan(RunDirectory(run).plan_path(0))
     log = _read_log(RunDirectory(run).events, first.frame, site)
-    vehicles = _vehicles(site, packs_of_site(site, run).fitted, report, log)
+    vehicles = _build_vehicles(site, load_site_packs(site, run).fitted, report, log)
     by_name = {vehicle.name: vehicle for vehicle in vehicles}
-    revisions = [plan_at_launch(first)]
+    revisions = [build_launch_revision(first)]
     for row in report.replans:
-        content = read_plan(RunDirectory(run).plan(row.revision))
-        revisions.append(_replanned(row.revision, content, by_name, log))
+        content = read_plan(RunDirectory(run).plan_path(row.revision))
+        revisions.append(_build_replan_revision(row.revision, content, by_name, log))
     return FlightRecord(
-        segments=_segments(first, site, report, log),
+        segments=_build_segments(first, site, report, log),
         vehicles=vehicles,
         revisions=tuple(revisions),
         decisions=tuple(_read_decisions(RunDirectory(run).events, log.launched_s)),
@@ -135,13 +137,13 @@ def _read_log(path: Path, frame: LocalFrame, site: Site) -> _Log:
     launched_s = next((t_s for t_s, event in events if isinstance(event, LaunchOrdered)), None)
     if launched_s is None:
         raise LogError(f"{path}: expected the log of a flight, but nothing was launched")
-    log = _Log(launched_s, {table.name: _Heard() for table in site.vehicle}, {}, {}, {})
+    log = _Log(launched_s, {table.name: _VehicleMessages() for table in site.vehicle}, {}, {}, {})
     for t_s, event in events:
-        _take(log, event, t_s - launched_s, frame, site.flight.speedup)
+        _take_event(log, event, t_s - launched_s, frame, site.flight.speedup)
     return log
 
 
-def _take(log: _Log, event: Event, t_s: float, frame: LocalFrame, speedup: float) -> None:
+def _take_event(log: _Log, event: Event, t_s: float, frame: LocalFrame, speedup: float) -> None:
     match event:
         case Heard(vehicle, Position() as position) if vehicle in log.heard:
             log.heard[vehicle].take_position(position, frame.to_local_m(position.lat_deg, position.lon_deg), t_s)
@@ -164,16 +166,16 @@ def _take(log: _Log, event: Event, t_s: float, frame: LocalFrame, speedup: float
             pass
 
 
-def _read_decisions(path: Path, launched_s: float) -> Iterator[Decision]:
+def _read_decisions(path: Path, launched_s: float) -> Iterator[DecisionLine]:
     with path.open(encoding="utf-8") as file:
         for line in file:
             # Most lines are events, which `read_events` has parsed already; a cheap look tells them apart.
             if ('"said":' in line or '"told":' in line) and '"event":' not in line and line.endswith("\n"):
-                said = _SaidLine.model_validate_json(line)
-                yield Decision(said.t_s - launched_s, said.level, said.said)
+                said = _DecisionText.model_validate_json(line)
+                yield DecisionLine(said.t_s - launched_s, said.level, said.said)
 
 
-def _vehicles(
+def _build_vehicles(
     site: Site, packs: Mapping[str, PackHistory], report: FlightReport, log: _Log
 ) -> tuple[VehicleRecord, ...]:
     drone = assembly.drone_of(site)
@@ -187,8 +189,8 @@ def _vehicles(
                 layer=layer,
                 # It stands there until it takes off; whoever was never heard is shown at the depot.
                 pad_m=heard.samples[0][1].place_m if heard.samples else (0.0, 0.0),
-                budget_pct=assembly.budget_of(packs.get(table.name), drone, table),
-                reserve_pct=table.reserve_pct + assembly.empty_of(packs.get(table.name), drone, table),
+                budget_pct=assembly.budget_pct_of(packs.get(table.name), drone, table),
+                reserve_pct=table.reserve_pct + assembly.empty_pct_of(packs.get(table.name), drone, table),
                 track=np.array(heard.positions, dtype=np.float64).reshape(-1, 4),
                 # As in flight: SYS_STATUS counts only where there is no BATTERY_STATUS.
                 battery=np.array(heard.battery or heard.status, dtype=np.float64).reshape(-1, 2),
@@ -200,16 +202,16 @@ def _vehicles(
     return tuple(vehicles)
 
 
-def _segments(first: PlanFile, site: Site, report: FlightReport, log: _Log) -> tuple[SegmentRecord, ...]:
+def _build_segments(first: PlanFile, site: Site, report: FlightReport, log: _Log) -> tuple[SegmentRecord, ...]:
     inspected_by = {segment: row.name for row in report.vehicles for segment in row.segments}
     standoff_m = (first.inspection or Inspection()).standoff_m
-    lines_m = tracks_m(first.network(), standoff_m).tolist()
+    lines_m = tracks_m(first.build_network(), standoff_m).tolist()
     segments = []
     for segment, (begin_m, end_m) in zip(first.segments, lines_m, strict=True):
         by = inspected_by.get(segment.id)
         at_s = None
         if by is not None and by in log.heard:
-            at_s = inspected_s(
+            at_s = inspection_time_s(
                 log.heard[by].samples,
                 Track(segment.id, tuple(begin_m), tuple(end_m)),
                 corridor_m=site.inspection.corridor_m,
@@ -220,9 +222,11 @@ def _segments(first: PlanFile, site: Site, report: FlightReport, log: _Log) -> t
     return tuple(segments)
 
 
-def _replanned(number: int, content: PlanFile, vehicles: Mapping[str, VehicleRecord], log: _Log) -> Revision:
+def _build_replan_revision(
+    number: int, content: PlanFile, vehicles: Mapping[str, VehicleRecord], log: _Log
+) -> PlanRevision:
     """Return a re-plan with its routes set where the vehicles began them, in time and in battery."""
-    instance = content.instance()
+    instance = content.build_instance()
     decided_s = log.solved_s.get(number, 0.0)
     routes = []
     for route in content.plan.routes:
@@ -232,9 +236,9 @@ def _replanned(number: int, content: PlanFile, vehicles: Mapping[str, VehicleRec
             continue
         vehicle = vehicles[planned_for.name]
         if planned_for.airborne:
-            began_s = joins_s(vehicle.track, planned_for.start_m, log.solving_s.get(number, decided_s))
+            began_s = route_join_time_s(vehicle.track, planned_for.start_m, log.solving_s.get(number, decided_s))
         else:
-            began_s = takes_off_s(vehicle.track, uploaded_s)
-        used_pct = used_at_pct(vehicle, began_s)
-        routes.append(planned_route(content, instance, route, began_s=began_s, used_pct=used_pct))
-    return Revision(number, decided_s, tuple(routes), uncovered_ids(content))
+            began_s = take_off_time_s(vehicle.track, uploaded_s)
+        used_pct = used_pct_at(vehicle, began_s)
+        routes.append(build_planned_route(content, instance, route, began_s=began_s, used_pct=used_pct))
+    return PlanRevision(number, decided_s, tuple(routes), uncovered_ids_of(content))

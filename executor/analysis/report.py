@@ -28,22 +28,22 @@ from executor.analysis.documents import (
     UnreachableRow,
     VehicleRow,
 )
-from executor.analysis.planned_and_flown import flown_routes
+from executor.analysis.planned_and_flown import build_route_rows
 from executor.core.context import Context
 from executor.core.events import Gain
 from executor.core.hearing import firmware
-from executor.core.places import over_its_pad
+from executor.core.places import is_over_pad
 from executor.core.ports import LinkCounts
 from executor.core.preflight import heights
-from executor.core.preflight.checks import Check, Facts
-from executor.core.state import Absence, FleetState, ReplanRecord
+from executor.core.preflight.checks import Check, VehicleFacts
+from executor.core.state import FleetState, GroundStationAbsence, ReplanRecord
 from executor.core.vehicle import Fault, Stage, VehicleState
-from executor.core.view import position_view, state_word
-from executor.images.rows import AssetRow, asset_rows
+from executor.core.view import position_view, vehicle_state_word
+from executor.images.rows import AssetRow, build_asset_rows
 
 
 @dataclass(frozen=True, slots=True)
-class Happening:
+class InjectedFault:
     """A fault that a simulator ordered, when it really happened."""
 
     vehicle: str
@@ -54,10 +54,10 @@ class Happening:
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class PreflightRecord:
     """What was known before the flight."""
 
-    facts: Mapping[str, Facts]
+    facts: Mapping[str, VehicleFacts]
     """What each vehicle said."""
     checks: Sequence[Check]
     """The checklist."""
@@ -66,33 +66,33 @@ class Said:
     kept: AskedVehicles | None = None
     """Of a flight that is taken up again: vehicles.json, which says what was known before it."""
 
-    def check_rows(self) -> tuple[CheckRow, ...]:
+    def build_check_rows(self) -> tuple[CheckRow, ...]:
         """Return the checklist as a document has it."""
-        return tuple(map(checked, self.checks)) if self.kept is None else self.kept.checks
+        return tuple(map(build_check_row, self.checks)) if self.kept is None else self.kept.checks
 
-    def firmware(self, name: str) -> dict[str, str | None]:
+    def firmware_of(self, name: str) -> dict[str, str | None]:
         """Return what a vehicle is and which firmware it has."""
         rows = () if self.kept is None else self.kept.vehicles
         known = next((row for row in rows if row.name == name), None)
         if known is not None:
             return {"type": known.type, "autopilot": known.autopilot, "firmware": known.firmware}
-        return _firmware(self.facts.get(name))
+        return _describe_firmware(self.facts.get(name))
 
 
-NOTHING_SAID = Said(MappingProxyType({}), ())
+NOTHING_SAID = PreflightRecord(MappingProxyType({}), ())
 
 
-def vehicles_of(context: Context, said: Said) -> AskedVehicles:
+def build_vehicle_answers(context: Context, said: PreflightRecord) -> AskedVehicles:
     """Return the content of vehicles.json: who was asked before the flight, and what each one answered."""
     return AskedVehicles(
         vehicles=tuple(
             AskedVehicle(
                 name=name,
                 sysid=context.vehicles[name].sysid,
-                **_firmware(facts),
+                **_describe_firmware(facts),
                 remaining_pct=facts.remaining_pct,
                 link_timeout_s=context.vehicles[name].link_timeout_s,
-                pad=_pad(context, name),
+                pad=_build_pad(context, name),
                 gps_fix=None if facts.gps is None else facts.gps.fix,
                 gps_accuracy_m=None if facts.gps is None else facts.gps.accuracy_m,
                 parameters=dict(sorted(facts.parameters.items())),
@@ -100,38 +100,38 @@ def vehicles_of(context: Context, said: Said) -> AskedVehicles:
             )
             for name, facts in said.facts.items()
         ),
-        checks=tuple(map(checked, said.checks)),
+        checks=tuple(map(build_check_row, said.checks)),
         earlier=said.earlier,
     )
 
 
-def _pad(context: Context, name: str) -> PadPart:
+def _build_pad(context: Context, name: str) -> PadPart:
     pad = context.setup.pad_of(name)
     return PadPart(east_m=pad.east_m, north_m=pad.north_m, alt_m=pad.alt_m)
 
 
-def checked(check: Check) -> CheckRow:
+def build_check_row(check: Check) -> CheckRow:
     """Return a line of the checklist as a document has it."""
     return CheckRow(severity=check.severity, code=check.code, subject=check.subject, text=check.text)
 
 
-def _firmware(facts: Facts | None) -> dict[str, str | None]:
+def _describe_firmware(facts: VehicleFacts | None) -> dict[str, str | None]:
     if facts is None:
         return {}
     return {
-        "type": firmware.vehicle_words(facts.heartbeat.vehicle_type),
-        "autopilot": firmware.autopilot_words(facts.heartbeat.autopilot),
+        "type": firmware.describe_vehicle_type(facts.heartbeat.vehicle_type),
+        "autopilot": firmware.describe_autopilot(facts.heartbeat.autopilot),
         "firmware": None if facts.version is None else str(facts.version),
     }
 
 
-def report_of(
+def build_report(
     context: Context,
     state: FleetState,
     ended_s: float,
-    truths: Sequence[Happening] = (),
+    truths: Sequence[InjectedFault] = (),
     frames: Mapping[str, LinkCounts] = MappingProxyType({}),
-    said: Said = NOTHING_SAID,
+    said: PreflightRecord = NOTHING_SAID,
     parameters: Sequence[ParameterRow] = (),
 ) -> FlightReport:
     """Return the content of report.json.
@@ -164,23 +164,26 @@ def report_of(
         finished=not uncovered,
         duration_s=round(ended_s - began_s, 1),
         faults=tuple(
-            _fault(name, fault, began_s, truths) for name, fault in (*state.replanning.mended, *_at_fault(state))
+            _build_fault_row(name, fault, began_s, truths)
+            for name, fault in (*state.replanning.mended, *_find_faults(state))
         ),
-        replans=tuple(_replan(record) for record in state.replanning.records if not record.sortie),
+        replans=tuple(_build_replan_row(record) for record in state.replanning.records if not record.sortie),
         vehicles=tuple(
-            _vehicle(context, state, vehicle, frames.get(vehicle.name), said.firmware(vehicle.name), began_s)
+            _build_vehicle_row(
+                context, state, vehicle, frames.get(vehicle.name), said.firmware_of(vehicle.name), began_s
+            )
             for vehicle in state.vehicles.values()
         ),
-        checks=said.check_rows(),
+        checks=said.build_check_rows(),
         parameters=tuple(parameters),
-        heights=_heights(context, state),
-        absences=tuple(_absence(absence, began_s) for absence in state.listening.absences),
-        seen=tuple(_seen(row, state.coverage.inspected_at_m) for row in asset_rows(context, state)),
-        inferred=tuple(sorted(state.coverage.unproven())),
+        heights=_build_heights(context, state),
+        absences=tuple(_build_absence_row(absence, began_s) for absence in state.listening.absences),
+        seen=tuple(_build_seen_row(row, state.coverage.inspected_at_m) for row in build_asset_rows(context, state)),
+        inferred=tuple(sorted(state.coverage.inferred_segments())),
         min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
         inspection_speed_m_s=context.inspection_speed_m_s,
         inspections=tuple(
-            _inspection(context, state, segment)
+            _build_inspection_row(context, state, segment)
             for segment in sorted(set(state.coverage.flown) & set(state.coverage.inspected))
         ),
         not_counted=tuple(
@@ -188,13 +191,13 @@ def report_of(
             for vehicle in state.vehicles.values()
             for segment, reason in vehicle.assignment.runs_broken
         ),
-        sorties=sortie_rows(context, state, began_s),
+        sorties=build_sortie_rows(context, state, began_s),
         earlier=said.earlier if said.kept is None else said.kept.earlier,
-        routes=flown_routes(state, {name: setup.prior.factor for name, setup in context.vehicles.items()}),
+        routes=build_route_rows(state, {name: setup.prior.factor for name, setup in context.vehicles.items()}),
     )
 
 
-def _absence(absence: Absence, began_s: float) -> AbsenceRow:
+def _build_absence_row(absence: GroundStationAbsence, began_s: float) -> AbsenceRow:
     return AbsenceRow(
         until_s=round(absence.until_s - began_s, 1),
         pause_s=round(absence.pause_s, 1),
@@ -202,7 +205,7 @@ def _absence(absence: Absence, began_s: float) -> AbsenceRow:
     )
 
 
-def sortie_rows(context: Context, state: FleetState, began_s: float) -> tuple[SortieRow, ...]:
+def build_sortie_rows(context: Context, state: FleetState, began_s: float) -> tuple[SortieRow, ...]:
     """Return every sortie, in the order of their take-offs; none of a flight of one each."""
     turns = {name: vehicle.turn for name, vehicle in state.vehicles.items()}
     if context.day is None and not any(turn.swaps for turn in turns.values()):
@@ -228,7 +231,7 @@ def sortie_rows(context: Context, state: FleetState, began_s: float) -> tuple[So
     return tuple(sorted(rows, key=lambda row: row.began_s))
 
 
-def _seen(row: AssetRow, at_m: Mapping[int, float]) -> SeenRow:
+def _build_seen_row(row: AssetRow, at_m: Mapping[int, float]) -> SeenRow:
     return SeenRow(
         segment=row.segment,
         name=row.asset,
@@ -242,7 +245,7 @@ def _seen(row: AssetRow, at_m: Mapping[int, float]) -> SeenRow:
     )
 
 
-def _replan(record: ReplanRecord) -> ReplanRow:
+def _build_replan_row(record: ReplanRecord) -> ReplanRow:
     return ReplanRow(
         revision=record.revision,
         trigger=record.trigger,
@@ -251,11 +254,11 @@ def _replan(record: ReplanRecord) -> ReplanRow:
         upload_s=round(record.upload_s, 2),
         total_s=round(record.ended_s - record.begun_s, 2),
         uncovered=tuple(record.uncovered),
-        **_gained(record.gain),
+        **_describe_gain(record.gain),
     )
 
 
-def _gained(gain: Gain | None) -> dict[str, Any]:
+def _describe_gain(gain: Gain | None) -> dict[str, Any]:
     if gain is None:
         return {}
     return {
@@ -268,14 +271,14 @@ def _gained(gain: Gain | None) -> dict[str, Any]:
     }
 
 
-def _heights(context: Context, state: FleetState) -> HeightsPart:
+def _build_heights(context: Context, state: FleetState) -> HeightsPart:
     paths = [
         vehicle.assignment.board.path for vehicle in state.vehicles.values() if vehicle.assignment.board is not None
     ]
-    return HeightsPart.model_validate(heights.heights_document(context.setup, paths))
+    return HeightsPart.model_validate(heights.build_heights_document(context.setup, paths))
 
 
-def _inspection(context: Context, state: FleetState, segment: int) -> InspectionRow:
+def _build_inspection_row(context: Context, state: FleetState, segment: int) -> InspectionRow:
     flown = state.coverage.flown[segment]
     return InspectionRow(
         segment=segment,
@@ -289,11 +292,11 @@ def _inspection(context: Context, state: FleetState, segment: int) -> Inspection
     )
 
 
-def _at_fault(state: FleetState) -> list[tuple[str, Fault]]:
+def _find_faults(state: FleetState) -> list[tuple[str, Fault]]:
     return [(name, vehicle.fault) for name, vehicle in state.vehicles.items() if vehicle.fault is not None]
 
 
-def _fault(name: str, fault: Fault, began_s: float, truths: Sequence[Happening]) -> FaultRow:
+def _build_fault_row(name: str, fault: Fault, began_s: float, truths: Sequence[InjectedFault]) -> FaultRow:
     known = [t.at_s for t in truths if t.vehicle in {name, "all"} and t.kind == fault.kind.value]
     before = [at_s for at_s in known if at_s <= fault.detected_s]
     return FaultRow(
@@ -306,7 +309,7 @@ def _fault(name: str, fault: Fault, began_s: float, truths: Sequence[Happening])
     )
 
 
-def _vehicle(
+def _build_vehicle_row(
     context: Context,
     state: FleetState,
     vehicle: VehicleState,
@@ -319,10 +322,10 @@ def _vehicle(
         name=vehicle.name,
         segments=tuple(sorted(segment for segment, name in state.coverage.inspected.items() if name == vehicle.name)),
         energy_used_pct=round(battery.given_pct, 1),
-        landed=vehicle.stage in {Stage.LANDED, Stage.GROUND} and over_its_pad(context, vehicle),
+        landed=vehicle.stage in {Stage.LANDED, Stage.GROUND} and is_over_pad(context, vehicle),
         min_reserve_pct=battery.least_pct,
-        state=state_word(context, vehicle),
-        last_position=_last_position(context, vehicle, began_s),
+        state=vehicle_state_word(context, vehicle),
+        last_position=_build_last_position(context, vehicle, began_s),
         frames_received=None if counts is None else counts.received,
         frames_missing=None if counts is None else counts.missing,
         frames_foreign=None if counts is None else counts.foreign,
@@ -331,7 +334,7 @@ def _vehicle(
     )
 
 
-def _last_position(context: Context, vehicle: VehicleState, began_s: float) -> LastPosition | None:
+def _build_last_position(context: Context, vehicle: VehicleState, began_s: float) -> LastPosition | None:
     fix = vehicle.motion.fix
     at = None if fix is None else position_view(context, vehicle, fix.at_s)
     if fix is None or at is None:

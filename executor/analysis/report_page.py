@@ -14,8 +14,8 @@ from pathlib import Path
 
 from executor.adapters.document import Document
 from executor.analysis.documents import FlightReport
-from executor.analysis.earlier import together_words
-from executor.analysis.flight_record import FlightRecord, given_away
+from executor.analysis.earlier import describe_total_inspected
+from executor.analysis.flight_record import FlightRecord, find_abandoned_segments
 from executor.core import words
 from executor.core.commands import Level
 from executor.core.preflight.checks import Severity
@@ -127,7 +127,7 @@ figcaption { color: var(--faint); font-size: .9rem; }
 """
 
 
-def write_page(record: FlightRecord, report: FlightReport, path: Path) -> None:
+def write_report_page(record: FlightRecord, report: FlightReport, path: Path) -> None:
     """Write the page of a flight; the pictures that lie beside it go into it.
 
     Args:
@@ -138,12 +138,12 @@ def write_page(record: FlightRecord, report: FlightReport, path: Path) -> None:
     Raises:
         OSError: the file cannot be written, or a picture cannot be read.
     """
-    text = page(record, report, _pictures(path.parent))
+    text = render_report_page(record, report, _read_pictures(path.parent))
     # A vehicle's words may hold half a surrogate pair; that must not cost the page.
     write_whole(path, text.encode("utf-8", errors="xmlcharrefreplace"))
 
 
-def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, bytes]) -> str:
+def render_report_page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, bytes]) -> str:
     """Return the page.
 
     Args:
@@ -151,26 +151,37 @@ def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, byte
         report: The content of report.json.
         pictures: PNG files by what they show.
     """
-    sentence = outcome(record)
+    sentence = describe_outcome(record)
     flown = INSPECTIONS | (DISTANCE if any(row.inspected_at_m is not None for row in report.inspections) else {})
     seen = SEEN | (DISTANCE if any(row.inspected_at_m is not None for row in report.seen) else {})
     parts = [
-        f'<h1 class="{"bad" if record.uncovered or record.never else "good"}">{escape(sentence)}</h1>',
-        f'<p class="facts">{escape(_facts(record, report))}</p>',
-        *(_picture(words, content) for words, content in pictures.items()),
-        _section("Faults", FAULTS, _faults(record)),
-        _section("Re-plans", REPLANS.values(), _rows(report, report.replans, REPLANS)),
-        _section("Vehicles", VEHICLES.values(), _rows(report, report.vehicles, VEHICLES)),
-        _section("Flights before this one", EARLIER.values(), _rows(report, report.earlier, EARLIER)),
-        _section("Sorties", SORTIES.values(), _rows(report, report.sorties, SORTIES)),
-        _section("Not at home: where to look", AWAY, _away(report)),
-        _section("Before the flight", CHECKS.values(), _rows(report, report.checks, CHECKS), _severities(report)),
-        _section("How the segments were flown", flown.values(), _rows(report, report.inspections, flown)),
-        _section("What was seen", seen.values(), _rows(report, report.seen, seen), _unseen(report)),
-        _section("Flown, but not counted", NOT_COUNTED.values(), _rows(report, report.not_counted, NOT_COUNTED)),
-        _section("Planned and flown", ROUTES, _routes(report)) + "".join(_legs(report)),
-        _section("Decisions", DECISIONS, _decisions(record), [_CLASSES[one.level] for one in record.decisions]),
-        _section("Segments", SEGMENTS, _segments(record)),
+        f'<h1 class="{"bad" if record.uncovered_segments or record.never else "good"}">{escape(sentence)}</h1>',
+        f'<p class="facts">{escape(_describe_facts(record, report))}</p>',
+        *(_render_picture(words, content) for words, content in pictures.items()),
+        _render_section("Faults", FAULTS, _build_fault_rows(record)),
+        _render_section("Re-plans", REPLANS.values(), _build_rows(report, report.replans, REPLANS)),
+        _render_section("Vehicles", VEHICLES.values(), _build_rows(report, report.vehicles, VEHICLES)),
+        _render_section("Flights before this one", EARLIER.values(), _build_rows(report, report.earlier, EARLIER)),
+        _render_section("Sorties", SORTIES.values(), _build_rows(report, report.sorties, SORTIES)),
+        _render_section("Not at home: where to look", AWAY, _build_away_rows(report)),
+        _render_section(
+            "Before the flight",
+            CHECKS.values(),
+            _build_rows(report, report.checks, CHECKS),
+            _build_check_classes(report),
+        ),
+        _render_section("How the segments were flown", flown.values(), _build_rows(report, report.inspections, flown)),
+        _render_section(
+            "What was seen", seen.values(), _build_rows(report, report.seen, seen), _build_seen_classes(report)
+        ),
+        _render_section(
+            "Flown, but not counted", NOT_COUNTED.values(), _build_rows(report, report.not_counted, NOT_COUNTED)
+        ),
+        _render_section("Planned and flown", ROUTES, _build_route_rows(report)) + "".join(_render_legs(report)),
+        _render_section(
+            "Decisions", DECISIONS, _build_decision_rows(record), [_CLASSES[one.level] for one in record.decisions]
+        ),
+        _render_section("Segments", SEGMENTS, _build_segment_rows(record)),
     ]
     body = "\n".join(part for part in parts if part)
     return (
@@ -180,83 +191,102 @@ def page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, byte
     )
 
 
-def outcome(record: FlightRecord) -> str:
+def describe_outcome(record: FlightRecord) -> str:
     """Return in one sentence what became of the flight."""
-    total, missing = (count + len(record.never) for count in (len(record.segments), len(record.uncovered)))
-    lost = " and ".join(vehicle.name for vehicle, _ in record.lost)
+    total, missing = (count + len(record.never) for count in (len(record.segments), len(record.uncovered_segments)))
+    lost = " and ".join(vehicle.name for vehicle, _ in record.losses)
     if missing == 0:
-        done = f"All {total} segments were inspected in {_clock(record.duration_s)}"
+        done = f"All {total} segments were inspected in {_format_duration(record.duration_s)}"
         if not lost:
             return f"{done}."
-        handed = len(given_away(record))
+        handed = len(find_abandoned_segments(record))
         others = f"; the others took over {handed} of them" if handed else ""
-        return f"{done}, although {lost} {'was' if len(record.lost) == 1 else 'were'} lost{others}."
-    reason = f" after {lost} {'was' if len(record.lost) == 1 else 'were'} lost" if lost else ""
+        return f"{done}, although {lost} {'was' if len(record.losses) == 1 else 'were'} lost{others}."
+    reason = f" after {lost} {'was' if len(record.losses) == 1 else 'were'} lost" if lost else ""
     were = "was" if missing == 1 else "were"
-    return f"{missing} of {total} segments {were} not inspected{reason}; the flight took {_clock(record.duration_s)}."
+    flown = _format_duration(record.duration_s)
+    return f"{missing} of {total} segments {were} not inspected{reason}; the flight took {flown}."
 
 
-def _facts(record: FlightRecord, report: FlightReport) -> str:
-    facts = [words.count_of(len(record.vehicles), "vehicle"), words.count_of(len(record.revisions) - 1, "re-plan")]
+def _describe_facts(record: FlightRecord, report: FlightReport) -> str:
+    facts = [
+        words.format_count(len(record.vehicles), "vehicle"),
+        words.format_count(len(record.revisions) - 1, "re-plan"),
+    ]
     if report.min_separation_m is not None:
-        facts.append(f"any two vehicles stayed at least {value_words(report.min_separation_m)} m apart")
-    facts += [together] if (together := together_words(report)) else []
-    facts += _speeds(report)
-    if record.uncovered:
-        facts.append("not inspected: " + ", ".join(segment.shown for segment in record.uncovered))
+        facts.append(f"any two vehicles stayed at least {format_value(report.min_separation_m)} m apart")
+    facts += [together] if (together := describe_total_inspected(report)) else []
+    facts += _describe_speeds(report)
+    if record.uncovered_segments:
+        facts.append("not inspected: " + ", ".join(segment.display_name for segment in record.uncovered_segments))
     if report.left_over:
         names = [report.segment_names.get(str(segment), str(segment)) for segment in report.left_over]
         facts.append(f"of these, planned for the next sortie: {', '.join(names)}")
-    facts += words.not_reachable(record.never, len(record.never))
+    facts += words.describe_unreachable(record.never, len(record.never))
     return "; ".join(facts) + ". Times are minutes and seconds since the order to take off (T+)."
 
 
-def _severities(report: FlightReport) -> list[str]:
+def _build_check_classes(report: FlightReport) -> list[str]:
     return ["" if check.severity is Severity.OK else "warning" for check in report.checks]
 
 
-def _unseen(report: FlightReport) -> list[str]:
+def _build_seen_classes(report: FlightReport) -> list[str]:
     return ["" if row.state == "seen" else "fault" for row in report.seen]
 
 
-def _speeds(report: FlightReport) -> list[str]:
+def _describe_speeds(report: FlightReport) -> list[str]:
     """Return in words how fast and how near to the track the segments were flown; nothing if no run is on record."""
     rows = report.inspections
     highest = [row.speed_max_m_s for row in rows if row.speed_max_m_s is not None]
     if not highest:
         return []
     text = (
-        f"segments were flown at {value_words(sum(row.speed_mean_m_s for row in rows) / len(rows))} m/s on average "
-        f"({value_words(report.inspection_speed_m_s)} m/s were asked for), "
-        f"at most {value_words(max(highest))} m/s and at most "
-        f"{value_words(max(row.deviation_max_m for row in rows))} m beside the track"
+        f"segments were flown at {format_value(sum(row.speed_mean_m_s for row in rows) / len(rows))} m/s on average "
+        f"({format_value(report.inspection_speed_m_s)} m/s were asked for), "
+        f"at most {format_value(max(highest))} m/s and at most "
+        f"{format_value(max(row.deviation_max_m for row in rows))} m beside the track"
     )
     return [text]
 
 
-def _faults(record: FlightRecord) -> Iterator[Sequence[object]]:
-    for vehicle, fault in record.lost:
+def _build_fault_rows(record: FlightRecord) -> Iterator[Sequence[object]]:
+    for vehicle, fault in record.losses:
         delay_s = None if fault.happened_s is None else fault.detected_s - fault.happened_s
-        yield vehicle.name, fault.kind.value, fault.reason, _at(fault.happened_s), _at(fault.detected_s), delay_s
+        yield (
+            vehicle.name,
+            fault.kind.value,
+            fault.reason,
+            _format_time(fault.happened_s),
+            _format_time(fault.detected_s),
+            delay_s,
+        )
 
 
-def _decisions(record: FlightRecord) -> Iterator[Sequence[object]]:
+def _build_decision_rows(record: FlightRecord) -> Iterator[Sequence[object]]:
     for decision in record.decisions:
-        yield _at(decision.t_s), decision.level.value, decision.text
+        yield _format_time(decision.t_s), decision.level.value, decision.text
 
 
-def _segments(record: FlightRecord) -> Iterator[Sequence[object]]:
+def _build_segment_rows(record: FlightRecord) -> Iterator[Sequence[object]]:
     planned = {segment: route.vehicle for route in record.revisions[0].routes for segment in route.segments}
     for segment in record.segments:
         by = segment.inspected_by or "no vehicle"
-        yield segment.shown, math.dist(segment.a_m, segment.b_m), planned.get(segment.id), by, _at(segment.inspected_s)
+        yield (
+            segment.display_name,
+            math.dist(segment.a_m, segment.b_m),
+            planned.get(segment.id),
+            by,
+            _format_time(segment.inspected_s),
+        )
 
 
-def _rows(report: FlightReport, rows: Iterable[Document], columns: Iterable[str]) -> list[Sequence[object]]:
-    return [[_named(report.segment_names, column, getattr(row, column)) for column in columns] for row in rows]
+def _build_rows(report: FlightReport, rows: Iterable[Document], columns: Iterable[str]) -> list[Sequence[object]]:
+    return [
+        [_replace_with_names(report.segment_names, column, getattr(row, column)) for column in columns] for row in rows
+    ]
 
 
-def _named(names: Mapping[str, str], column: str, value: object) -> object:
+def _replace_with_names(names: Mapping[str, str], column: str, value: object) -> object:
     """Return a value with segments by the names of their assets."""
     if column not in {"segment", "segments", "uncovered"}:
         return value
@@ -265,7 +295,7 @@ def _named(names: Mapping[str, str], column: str, value: object) -> object:
     return names.get(str(value), value)
 
 
-def _away(report: FlightReport) -> Iterator[Sequence[object]]:
+def _build_away_rows(report: FlightReport) -> Iterator[Sequence[object]]:
     for row in report.vehicles:
         at = row.last_position
         if not row.landed and at is not None:
@@ -274,23 +304,31 @@ def _away(report: FlightReport) -> Iterator[Sequence[object]]:
                 ""
                 if (fix := at.last_fix) is None
                 else (
-                    f"{words.place(fix.lat_deg, fix.lon_deg, fix.accuracy_m)}, {_at(fix.at_s)}, "
+                    f"{words.format_lat_lon(fix.lat_deg, fix.lon_deg, fix.accuracy_m)}, {_format_time(fix.at_s)}, "
                     f"at {fix.ground_speed_m_s:.0f} m/s"
                 )
             )
-            yield row.name, words.state(row.state), by_gps or "the same", place, at.alt_rel_m, _at(at.at_s)
+            yield (
+                row.name,
+                words.format_state_word(row.state),
+                by_gps or "the same",
+                place,
+                at.alt_rel_m,
+                _format_time(at.at_s),
+            )
 
 
-def _routes(report: FlightReport) -> Iterator[Sequence[object]]:
+def _build_route_rows(report: FlightReport) -> Iterator[Sequence[object]]:
     for row in report.routes:
         legs = len(row.legs) if row.whole else f"{len(row.legs)}, not from take-off to landing"
         yield (
-            row.vehicle, row.revision, legs, _clock(row.planned_s), _clock(row.flown_s), row.time_error_pct,
+            row.vehicle, row.revision, legs, _format_duration(row.planned_s), _format_duration(row.flown_s),
+            row.time_error_pct,
             row.planned_pct, row.flown_pct, row.energy_error_pct,
         )  # fmt: skip
 
 
-def _legs(report: FlightReport) -> Iterator[str]:
+def _render_legs(report: FlightReport) -> Iterator[str]:
     """Yield the legs of every vehicle, folded: there may be hundreds."""
     for name in dict.fromkeys(row.vehicle for row in report.routes):
         rows = [
@@ -300,28 +338,28 @@ def _legs(report: FlightReport) -> Iterator[str]:
             )
             for row in report.routes if row.vehicle == name for leg in row.legs
         ]  # fmt: skip
-        summary = f"{name}: {words.count_of(len(rows), 'leg')}, by mission and waypoint"
-        yield f"<details>\n<summary>{escape(summary)}</summary>\n{_table(LEGS, rows)}\n</details>\n"
+        summary = f"{name}: {words.format_count(len(rows), 'leg')}, by mission and waypoint"
+        yield f"<details>\n<summary>{escape(summary)}</summary>\n{_render_table(LEGS, rows)}\n</details>\n"
 
 
-def _at(t_s: float | None) -> str | None:
+def _format_time(t_s: float | None) -> str | None:
     """Return a time as the terminal and the page show it; what was before the take-off has none."""
-    return None if t_s is None else words.since_take_off(t_s) or "before"
+    return None if t_s is None else words.format_flight_time(t_s) or "before"
 
 
-def _section(
+def _render_section(
     title: str, headings: Collection[str], rows: Iterable[Sequence[object]], classes: Sequence[str] = ()
 ) -> str:
     """Return a table under a heading, each row with its class if there are any; nothing if there is no row."""
-    table = _table(headings, rows, classes)
+    table = _render_table(headings, rows, classes)
     return f"<section>\n<h2>{escape(title)}</h2>\n{table}\n</section>" if table else ""
 
 
-def _table(headings: Collection[str], rows: Iterable[Sequence[object]], classes: Sequence[str] = ()) -> str:
+def _render_table(headings: Collection[str], rows: Iterable[Sequence[object]], classes: Sequence[str] = ()) -> str:
     lines = []
     for index, row in enumerate(rows):
         kind = f' class="{classes[index]}"' if classes and classes[index] else ""
-        lines.append(f"<tr{kind}>{''.join(map(_cell, row))}</tr>")
+        lines.append(f"<tr{kind}>{''.join(map(_render_cell, row))}</tr>")
     if not lines:
         return ""
     head = "".join(f'<th scope="col">{escape(heading)}</th>' for heading in headings)
@@ -329,13 +367,13 @@ def _table(headings: Collection[str], rows: Iterable[Sequence[object]], classes:
     return f'<div class="wide">\n{table}\n</div>'
 
 
-def _cell(value: object) -> str:
+def _render_cell(value: object) -> str:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     opening = '<td class="number">' if number else "<td>"
-    return f"{opening}{escape(value_words(value))}</td>"
+    return f"{opening}{escape(format_value(value))}</td>"
 
 
-def value_words(value: object) -> str:
+def format_value(value: object) -> str:
     """Return a value of a report in words.
 
     >>> said(None), said(True), said([3, 4]), said(211.44)
@@ -351,20 +389,20 @@ def value_words(value: object) -> str:
         case float():
             return f"{value:.2f}" if abs(value) < 10 else f"{value:.1f}"
         case list() | tuple():
-            return ", ".join(map(value_words, value)) or "none"
+            return ", ".join(map(format_value, value)) or "none"
         case _:
             return str(value)
 
 
-def _clock(seconds: float) -> str:
+def _format_duration(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 
-def _picture(words: str, content: bytes) -> str:
+def _render_picture(words: str, content: bytes) -> str:
     source = "data:image/png;base64," + b64encode(content).decode("ascii")
     return f'<figure><img src="{source}" alt="{escape(words)}"><figcaption>{escape(words)}</figcaption></figure>'
 
 
-def _pictures(folder: Path) -> dict[str, bytes]:
+def _read_pictures(folder: Path) -> dict[str, bytes]:
     return {words: (folder / name).read_bytes() for name, words in PICTURES.items() if (folder / name).exists()}

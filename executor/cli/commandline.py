@@ -22,12 +22,12 @@ ONLY_IN_A_CHECKOUT = (
 )
 
 
-class NotInstalled(ExecutorError):
+class CheckoutRequired(ExecutorError):
     """A command needs what only a checkout of the project has."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _CommandPlace:
     """Where a command is defined, and its line in the overview (a test holds it to the command's own help)."""
 
     module: str
@@ -35,93 +35,93 @@ class _Place:
     help: str
 
 
-COMMANDS: Mapping[str, _Place] = {
-    "demo": _Place(
+COMMANDS: Mapping[str, _CommandPlace] = {
+    "demo": _CommandPlace(
         "executor.cli.flights",
         "demo",
         "Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures.",
     ),
-    "init": _Place(
+    "init": _CommandPlace(
         "executor.cli.init_site",
         "init",
         "Write a commented site file to start from.",
     ),
-    "network": _Place(
+    "network": _CommandPlace(
         "executor.cli.network",
         "network",
         "Show how a network file is read, what was repaired and what to check; needs no depot.",
     ),
-    "plan": _Place(
+    "plan": _CommandPlace(
         "executor.cli.plans",
         "plan",
         "Plan a route for each vehicle within its budget; exit 1 if segments are left over.",
     ),
-    "check": _Place(
+    "check": _CommandPlace(
         "executor.cli.plans",
         "check",
         "Recompute every figure of a plan file, or a day plan, from its own network and report errors.",
     ),
-    "window": _Place(
+    "window": _CommandPlace(
         "executor.cli.plans",
         "window",
         "Compute from when on the fleet can finish without any one vehicle, and which loss breaks it before.",
     ),
-    "replan": _Place(
+    "replan": _CommandPlace(
         "executor.cli.plans",
         "replan",
         "Plan the response to the loss of one vehicle at a given time; exit 1 if segments are left over.",
     ),
-    "export": _Place(
+    "export": _CommandPlace(
         "executor.cli.exports",
         "export",
         "Write a plan for other ground stations, or a plan or a flight for maps.",
     ),
-    "risk": _Place(
+    "risk": _CommandPlace(
         "executor.cli.risk",
         "risk",
         "Estimate the probability of a complete inspection, as planned and with re-plans after losses.",
     ),
-    "simulate": _Place(
+    "simulate": _CommandPlace(
         "executor.cli.flights",
         "simulate",
         "Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C.",
     ),
-    "fly": _Place(
+    "fly": _CommandPlace(
         "executor.cli.flights",
         "fly",
         "Connect, check, upload, fly and supervise; re-plan when a vehicle is lost.",
     ),
-    "preflight": _Place(
+    "preflight": _CommandPlace(
         "executor.cli.flights",
         "preflight",
         "Read every vehicle's state and parameters and run the checklist; nothing is uploaded, nothing moves.",
     ),
-    "resume": _Place(
+    "resume": _CommandPlace(
         "executor.cli.flights",
         "resume",
         "Resume a flight from its run directory after its ground station died; on another computer too.",
     ),
-    "restore": _Place(
+    "restore": _CommandPlace(
         "executor.cli.restore",
         "restore",
         "Restore the parameters, fences and rally points that the flight of a run directory changed on its vehicles.",
     ),
-    "images": _Place(
+    "images": _CommandPlace(
         "executor.cli.images",
         "images",
         "Match camera files to the pictures of a flight by time and place, and list what is missing.",
     ),
-    "day": _Place(
+    "day": _CommandPlace(
         "executor.cli.flights",
         "fly_day",
         "Plan a working day of sorties from the bases of the site, and fly it.",
     ),
-    "replay": _Place(
+    "replay": _CommandPlace(
         "executor.cli.replay",
         "replay_logs",
         "Run recorded flights through the fault detection of a live flight: what it declares, when and why.",
     ),
-    "bench": _Place(
+    "bench": _CommandPlace(
         BENCHMARKS,
         "cli",
         "Run the benchmarks: the planner against published figures, other solvers and the clock; uploads against "
@@ -138,7 +138,7 @@ def load_command(name: str) -> Any:  # noqa: ANN401 - typer does not export what
     """
     place = COMMANDS[name]
     if place.module == BENCHMARKS and not _is_checkout():
-        raise NotInstalled(ONLY_IN_A_CHECKOUT)
+        raise CheckoutRequired(ONLY_IN_A_CHECKOUT)
     defined = getattr(import_module(place.module), place.attribute)
     if isinstance(defined, typer.Typer):
         return get_command(defined)
@@ -153,7 +153,7 @@ def _is_checkout() -> bool:
     return found is not None and found.origin is not None and Path(found.origin).resolve().parents[1] == ROOT
 
 
-class _Unloaded(TyperCommand):
+class _LazyCommand(TyperCommand):
     """A command whose module is not imported yet."""
 
     def make_context(self, info_name: str | None, args: list[str], *more: Any, **named: Any) -> Any:  # noqa: ANN401
@@ -166,5 +166,5 @@ cli = TyperGroup(
     help="Flies a fleet of UAVs along a power line, and finishes the inspection when one of them is lost.",
     no_args_is_help=True,
     rich_markup_mode=None,
-    commands=[_Unloaded(name, help=place.help, rich_markup_mode=None) for name, place in COMMANDS.items()],
+    commands=[_LazyCommand(name, help=place.help, rich_markup_mode=None) for name, place in COMMANDS.items()],
 )

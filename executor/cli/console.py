@@ -15,13 +15,13 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from executor.adapters.interrupts import nobody_reads
+from executor.adapters.interrupts import discard_output
 from executor.core import words
 from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.preflight.checks import Check, Severity
 from executor.core.state import FleetState
-from executor.core.view import FleetView, VehicleView, fleet_view
+from executor.core.view import FleetView, VehicleView, build_fleet_view
 
 DRAWS_PER_S = 4.0
 LEFT_ALIGNED = frozenset({"vehicle", "state", "where"})
@@ -51,12 +51,12 @@ class _Screen:
         return cast("TextIO", getattr(sys.stderr, PROXIED, sys.stderr))
 
     def write(self, text: str) -> int:
-        with self._while_it_lasts():
+        with self._ignore_closed_terminal():
             self._stream.write(text)
         return len(text)
 
     def flush(self) -> None:
-        with self._while_it_lasts():
+        with self._ignore_closed_terminal():
             self._stream.flush()
 
     def __getattr__(self, name: str) -> object:
@@ -65,13 +65,13 @@ class _Screen:
         return getattr(self._stream, name)
 
     @contextmanager
-    def _while_it_lasts(self) -> Iterator[None]:
+    def _ignore_closed_terminal(self) -> Iterator[None]:
         try:
             yield
         except (OSError, ValueError) as error:
             if isinstance(error, UnicodeError):
                 raise  # rich has an answer to that
-            nobody_reads(self._stream)
+            discard_output(self._stream)
 
 
 class TerminalConsole:
@@ -106,22 +106,24 @@ class TerminalConsole:
             return
         if level is Level.FAULT and self._terminal.is_terminal:
             self._terminal.bell()
-        line = Text(f"{words.since_take_off(at_s):>9} {_MARKS[level]} {words.shown(text)}", style=_STYLES[level])
+        line = Text(
+            f"{words.format_flight_time(at_s):>9} {_MARKS[level]} {words.escape_controls(text)}", style=_STYLES[level]
+        )
         self._print(line)
 
-    def progress(self, text: str) -> None:
+    def show_progress(self, text: str) -> None:
         """Show how far something long has come; an empty text clears the line."""
         if self._quiet or not self._terminal.is_terminal:
             return
         self._terminal.print(Text(text), end="\r" if text else "\x1b[2K\r", overflow="crop")
 
-    def checks(self, found: Sequence[Check]) -> None:
+    def show_checks(self, found: Sequence[Check]) -> None:
         """Show the checklist."""
         if self._quiet:
             return
         for check in found:
             mark, style = _CHECK_MARKS[check.severity]
-            about = f"  {words.shown(check.subject)}: {words.shown(check.text)}"
+            about = f"  {words.escape_controls(check.subject)}: {words.escape_controls(check.text)}"
             self._print(Text.assemble("  ", (mark, style), about))
 
     def confirm(self, question: str) -> bool:
@@ -131,7 +133,7 @@ class TerminalConsole:
         if not sys.stdin.isatty():
             return False
         try:
-            with self._asking(question):
+            with self._show_question(question):
                 return _is_yes(sys.stdin.readline())
         except KeyboardInterrupt:
             self._terminal.print()
@@ -156,7 +158,7 @@ class TerminalConsole:
                 except (OSError, ValueError):
                     line.set_result("")  # the terminal is closed: nobody is there to say yes
 
-        with self._asking(question):
+        with self._show_question(question):
             loop.add_reader(sys.stdin.fileno(), typed)
             try:
                 return _is_yes(await line)
@@ -167,10 +169,10 @@ class TerminalConsole:
                 loop.remove_reader(sys.stdin.fileno())
 
     @contextmanager
-    def _asking(self, question: str) -> Iterator[None]:
+    def _show_question(self, question: str) -> Iterator[None]:
         """Show a question for as long as it waits for its answer."""
-        _forget_typed()
-        self._asked = Text(f"{words.shown(question)} [y/N] ")
+        _drop_typed_input()
+        self._asked = Text(f"{words.escape_controls(question)} [y/N] ")
         self._terminal.print(self._asked, end="")
         try:
             yield
@@ -188,11 +190,11 @@ class TerminalConsole:
         if self._live is not None:
             return
         self._live = Live(
-            get_renderable=self._drawn, console=self._terminal, refresh_per_second=DRAWS_PER_S, transient=True
+            get_renderable=self._render_view, console=self._terminal, refresh_per_second=DRAWS_PER_S, transient=True
         )
         self._live.start()
 
-    def done(self) -> None:
+    def stop_drawing(self) -> None:
         """Stop drawing."""
         if self._live is not None:
             self._live.stop()
@@ -211,72 +213,72 @@ class TerminalConsole:
         self._terminal.print(line)
         self._terminal.print(self._asked, end="")
 
-    def _drawn(self) -> Group:
+    def _render_view(self) -> Group:
         """Draw the newest view; called by the terminal's own thread, which must outlive a mistake in it."""
         if self._view is None:
             return Group(Table(*COLUMNS))
         try:
-            view = fleet_view(*self._view)
+            view = build_fleet_view(*self._view)
             offer = "" if view.offer is None else view.offer.text
             if offer != self._offer:
                 self._offer, self._rings = offer, bool(offer)
-            return fleet_on_screen(view)
+            return render_fleet(view)
         except Exception as error:  # noqa: BLE001 - the boundary of that thread
             died = (type(error), error, error.__traceback__, threading.current_thread())
             threading.excepthook(threading.ExceptHookArgs(died))
             return Group(Text("fleet display failed; decisions are still shown"))
 
 
-def fleet_on_screen(view: FleetView) -> Group:
+def render_fleet(view: FleetView) -> Group:
     """Return the fleet as a table, and below it who is to be found where and what the crew is asked."""
     table = Table(title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for column in COLUMNS:
         table.add_column(column, justify="left" if column in LEFT_ALIGNED else "right")
-    clock = words.since_take_off(view.flight_s)
+    clock = words.format_flight_time(view.flight_s)
     table.title = f"{clock}  {len(view.inspected)} of {view.segments_total} segments inspected"
     for vehicle in view.vehicles:
-        table.add_row(*(Text(cell) for cell in _row(vehicle)), style=_style(vehicle))
-    return Group(table, *(Text(line, style="bold") for line in _notes(view)))
+        table.add_row(*(Text(cell) for cell in _build_row(vehicle)), style=_style_of(vehicle))
+    return Group(table, *(Text(line, style="bold") for line in _build_notes(view)))
 
 
-def _style(vehicle: VehicleView) -> str:
+def _style_of(vehicle: VehicleView) -> str:
     if vehicle.fault is not None:
         return "bold red"
     return "yellow" if vehicle.stale or vehicle.taken is not None else ""
 
 
-def _row(vehicle: VehicleView) -> tuple[str, ...]:
+def _build_row(vehicle: VehicleView) -> tuple[str, ...]:
     progress, left_pct = vehicle.progress, vehicle.battery.measured_pct
     shows = vehicle.fault_kind is not None and vehicle.state != "down"
     where = _PHASES.get(progress.phase or "", "-")
     if progress.segment_name is not None:
-        where = f"{where} {words.shown(progress.segment_name)}"
+        where = f"{where} {words.escape_controls(progress.segment_name)}"
     return (
         vehicle.name,
-        words.state(vehicle.state) + (f", {vehicle.fault_kind}" if shows else ""),
+        words.format_state_word(vehicle.state) + (f", {vehicle.fault_kind}" if shows else ""),
         where,
         f"{progress.done} of {progress.total}",
         str(progress.inspected),
         "?" if left_pct is None else f"{left_pct:.0f} %",
-        words.gps(vehicle.gps_fix, vehicle.satellites),
+        words.format_gps_fix(vehicle.gps_fix, vehicle.satellites),
         "?" if vehicle.link_age_s is None else f"{vehicle.link_age_s:.1f} s",
-        "-" if vehicle.lands_in_s is None else words.minutes(vehicle.lands_in_s),
+        "-" if vehicle.lands_in_s is None else words.format_duration(vehicle.lands_in_s),
     )
 
 
-def _notes(view: FleetView) -> Iterator[str]:
+def _build_notes(view: FleetView) -> Iterator[str]:
     for vehicle in view.vehicles:
         if vehicle.state in FOUND_BY_PLACE:
-            yield f"{vehicle.name} {words.state(vehicle.state)}: {_last_place(vehicle)}"
+            yield f"{vehicle.name} {words.format_state_word(vehicle.state)}: {_describe_last_place(vehicle)}"
         if vehicle.turn is not None and vehicle.turn.text:
-            yield f"{'?' if vehicle.turn.awaited else ' '} {vehicle.name}: {words.shown(vehicle.turn.text)}"
+            yield f"{'?' if vehicle.turn.awaited else ' '} {vehicle.name}: {words.escape_controls(vehicle.turn.text)}"
         if vehicle.taken is not None:
-            yield f"{vehicle.name}: {in_other_hands_words(vehicle)}"
+            yield f"{vehicle.name}: {describe_other_control(vehicle)}"
     if view.offer is not None:
-        yield f"? {words.shown(view.offer.text)}"
+        yield f"? {words.escape_controls(view.offer.text)}"
 
 
-def _last_place(vehicle: VehicleView) -> str:
+def _describe_last_place(vehicle: VehicleView) -> str:
     at = vehicle.position
     if at is None:
         return "position unknown"
@@ -284,11 +286,11 @@ def _last_place(vehicle: VehicleView) -> str:
     reported = f"last at {place}, {at.relative_alt_m:.0f} m, {words.ago(at.age_s)}"
     if (fix := at.last_fix) is None:
         return reported
-    gps = words.place(fix.lat_deg, fix.lon_deg, fix.accuracy_m)
+    gps = words.format_lat_lon(fix.lat_deg, fix.lon_deg, fix.accuracy_m)
     return f"last GPS fix {gps}, {words.ago(fix.age_s)}, at {fix.ground_speed_m_s:.0f} m/s; {reported}"
 
 
-def in_other_hands_words(vehicle: VehicleView) -> str:
+def describe_other_control(vehicle: VehicleView) -> str:
     """Return what holds of a vehicle that is in other hands."""
     hands = vehicle.taken
     if hands is None:
@@ -296,11 +298,11 @@ def in_other_hands_words(vehicle: VehicleView) -> str:
     if hands.returned:
         return "its pilot has put it back on its mission; include it to go on"
     if hands.kept_s > 0.0:
-        return f"not commanded; its segments are kept for {words.minutes(hands.kept_s)}"
+        return f"not commanded; its segments are kept for {words.format_duration(hands.kept_s)}"
     return "not commanded; its segments are released"
 
 
-def _forget_typed() -> None:
+def _drop_typed_input() -> None:
     """Drop what was typed before the question was there: nobody has said yes to it."""
     with suppress(ImportError, OSError, ValueError):
         import termios

@@ -11,27 +11,36 @@ from typing import Annotated
 import typer
 
 from executor.cli.console import TerminalConsole
-from executor.cli.options import finite
-from executor.cli.planning import writable
+from executor.cli.options import require_finite
+from executor.cli.planning import write_named_file
 from executor.core.commands import Level
 from executor.errors import SiteError
-from executor.site.assembly import Ground
-from executor.site.crew import ChunkCrew, crew
+from executor.site.assembly import SiteModel
+from executor.site.crew import CampaignRunner, open_campaign_runner
 from executor.site.day_words import (
-    day_lines,
-    enough_for,
-    left_lines,
-    need_lines,
-    needs,
-    rule_packs,
-    spare_lines,
-    window_lines,
+    compute_base_needs,
+    compute_rule_packs,
+    describe_base_needs,
+    describe_day_sorties,
+    describe_loss_windows,
+    describe_spares,
+    describe_uncovered,
+    find_enough_spares,
 )
-from executor.site.sorties import DayWanted, planned_day, site_day, spares_of
-from missions import DayPlanFile, check_day_plan, day_plan_document, write_day_plan
+from executor.site.sorties import DayPlanRequest, build_day_problem, solve_day, spares_of
+from missions import DayPlanFile, build_day_plan_document, check_day_plan, write_day_plan
 from missions.files import json_text
 from planner import Progress, Seconds
-from planner.sorties import DayCampaign, Objective, Spares, day_chunks, fly_days, lives_of, sortie_window, with_spares
+from planner.sorties import (
+    Objective,
+    SparesEstimate,
+    SurvivalCampaign,
+    add_spares,
+    find_loss_windows,
+    simulate_days,
+    split_samples,
+    summarise_samples,
+)
 
 DAY_SECONDS = 20.0
 """Of a day's search where nobody said how long."""
@@ -52,7 +61,7 @@ ObjectiveName = Annotated[
 MtbfOption = Annotated[
     float | None,
     typer.Option(
-        "--mtbf-hours", min=0.01, callback=finite, metavar="HOURS",
+        "--mtbf-hours", min=0.01, callback=require_finite, metavar="HOURS",
         help="With --day: mean flight hours between failures of one vehicle; says how many vehicles and packs it takes",
     ),
 ]  # fmt: skip
@@ -68,7 +77,7 @@ SamplesOption = Annotated[
 
 
 @dataclass(frozen=True, slots=True)
-class DayAsked:
+class DayOptions:
     """What the options of `plan --day` ask for."""
 
     objective: str
@@ -82,7 +91,7 @@ class DayAsked:
     jobs: int | None = None
 
 
-def shares_of(text: str) -> list[float]:
+def parse_shares(text: str) -> list[float]:
     """Return the chances of `--probability` as shares.
 
     Raises:
@@ -98,9 +107,9 @@ def shares_of(text: str) -> list[float]:
 
 
 def plan_day(
-    ground: Ground,
+    ground: SiteModel,
     console: TerminalConsole,
-    asked: DayAsked,
+    asked: DayOptions,
     output: Path | None,
     picture: Path | None,
     left: Sequence[int] | None,
@@ -115,28 +124,32 @@ def plan_day(
         ConnectionFailed: the cluster is away.
         ExtraMissing: the cluster's client is not installed.
     """
-    shares = shares_of(asked.probability)
-    spares: list[Spares] = []
-    with crew(jobs=asked.jobs, dask=asked.dask) as fly:
-        content = day_for(ground, console, asked, left)
+    shares = parse_shares(asked.probability)
+    spares: list[SparesEstimate] = []
+    with open_campaign_runner(jobs=asked.jobs, dask=asked.dask) as fly:
+        content = plan_site_day(ground, console, asked, left)
         if asked.mtbf_h is not None:
-            spares = _spares(content, console, asked, fly, asked.mtbf_h, max(shares))
-    console.progress("")
+            spares = _evaluate_spares(content, console, asked, fly, asked.mtbf_h, max(shares))
+    console.show_progress("")
     if output is not None:
-        writable(output, lambda: write_day_plan(output, content))
+        write_named_file(output, lambda: write_day_plan(output, content))
     if picture is not None:
-        from executor.analysis.pictures import gantt_figure, save
+        from executor.analysis.pictures import draw_gantt_figure, save_figure
 
-        writable(picture, lambda: save(gantt_figure(content), picture))
+        write_named_file(picture, lambda: save_figure(draw_gantt_figure(content), picture))
     if as_json:
-        print(json_text({**day_plan_document(content), **day_document(content, spares, shares, asked.mtbf_h)}))
+        print(
+            json_text({**build_day_plan_document(content), **build_day_document(content, spares, shares, asked.mtbf_h)})
+        )
     else:
         _print_day(content, spares, shares, asked.mtbf_h)
     if content.plan.uncovered:
         raise typer.Exit(1)
 
 
-def day_for(ground: Ground, console: TerminalConsole, asked: DayAsked, left: Sequence[int] | None) -> DayPlanFile:
+def plan_site_day(
+    ground: SiteModel, console: TerminalConsole, asked: DayOptions, left: Sequence[int] | None
+) -> DayPlanFile:
     """Return the days of a site, planned.
 
     Args:
@@ -148,15 +161,21 @@ def day_for(ground: Ground, console: TerminalConsole, asked: DayAsked, left: Seq
     Raises:
         SiteError: the site or an option cannot be used.
     """
-    return _planned(site_day(ground, left), console, asked, objective_of(asked.objective), spares_of(ground))
+    return _solve_day(
+        build_day_problem(ground, left), console, asked, parse_objective(asked.objective), spares_of(ground)
+    )
 
 
-def day_told(content: DayPlanFile) -> list[str]:
+def describe_day(content: DayPlanFile) -> list[str]:
     """Return the days in words."""
-    return [line for lines in (day_lines, need_lines, left_lines, window_lines) for line in lines(content)]
+    return [
+        line
+        for lines in (describe_day_sorties, describe_base_needs, describe_uncovered, describe_loss_windows)
+        for line in lines(content)
+    ]
 
 
-def objective_of(text: str) -> Objective:
+def parse_objective(text: str) -> Objective:
     """Return what `--objective` asks for.
 
     Raises:
@@ -168,17 +187,17 @@ def objective_of(text: str) -> Objective:
     return Objective(text)
 
 
-def _print_day(content: DayPlanFile, spares: list[Spares], shares: list[float], mtbf_h: float | None) -> None:
-    for line in day_told(content):
+def _print_day(content: DayPlanFile, spares: list[SparesEstimate], shares: list[float], mtbf_h: float | None) -> None:
+    for line in describe_day(content):
         print(line)
     if spares:
         print(f"one failure in {mtbf_h:g} flight hours, re-planned; a lower bound of what can be reached:")
-        for line in spare_lines(content, spares, shares):
+        for line in describe_spares(content, spares, shares):
             print(line)
 
 
-def _planned(
-    content: DayPlanFile, console: TerminalConsole, asked: DayAsked, objective: Objective, spares: frozenset[str]
+def _solve_day(
+    content: DayPlanFile, console: TerminalConsole, asked: DayOptions, objective: Objective, spares: frozenset[str]
 ) -> DayPlanFile:
     console.say(
         Level.INFO,
@@ -188,59 +207,61 @@ def _planned(
 
     def progressed(progress: Progress) -> None:
         value = progress.value if objective is Objective.SWAPS else progress.value / 3600
-        console.progress(
+        console.show_progress(
             f"{progress.iterations} iterations, {asked.objective} {value:.2f}, {progress.uncovered} left out"
         )
 
-    wanted = DayWanted(objective, Seconds(asked.seconds), asked.seed, asked.starts or os.cpu_count() or 1, spares)
-    content = planned_day(content, wanted, progressed)
+    wanted = DayPlanRequest(objective, Seconds(asked.seconds), asked.seed, asked.starts or os.cpu_count() or 1, spares)
+    content = solve_day(content, wanted, progressed)
     for line in check_day_plan(content):
         raise SiteError(f"the day plan is invalid: {line}")
-    return with_windows(content, console, asked.seed)
+    return add_loss_windows(content, console, asked.seed)
 
 
-def with_windows(content: DayPlanFile, console: TerminalConsole, seed: int) -> DayPlanFile:
+def add_loss_windows(content: DayPlanFile, console: TerminalConsole, seed: int) -> DayPlanFile:
     """Return a day plan with the time from which on each vehicle may be lost, where everything is inspected."""
     if content.plan.uncovered or not content.evaluation.count:
         return content
 
     def told(done: int, of: int) -> None:
-        console.progress(f"losses checked: {done} of {of}")
+        console.show_progress(f"losses checked: {done} of {of}")
 
-    return replace(content, windows=sortie_window(content.instance(), content.plan, seed=seed, told=told))
+    return replace(content, windows=find_loss_windows(content.build_instance(), content.plan, seed=seed, told=told))
 
 
-def _spares(
-    content: DayPlanFile, console: TerminalConsole, asked: DayAsked, fly: ChunkCrew, mtbf_h: float, share: float
-) -> list[Spares]:
+def _evaluate_spares(
+    content: DayPlanFile, console: TerminalConsole, asked: DayOptions, fly: CampaignRunner, mtbf_h: float, share: float
+) -> list[SparesEstimate]:
     """Return what each number of spares comes to, up to the first that is enough."""
-    instance, found = content.instance(), list[Spares]()
+    instance, found = content.build_instance(), list[SparesEstimate]()
     busy_s = [sum(own) for own in content.evaluation.lasts_s]
     order = sorted(range(len(busy_s)), key=lambda row: -busy_s[row])
     for count in range(MOST_SPARES + 1):
 
         def told(done: int, of: int, count: int = count) -> None:
-            console.progress(f"{count} spares: {done} of {of} times flown")
+            console.show_progress(f"{count} spares: {done} of {of} times flown")
 
         chosen = tuple(order[number % len(order)] for number in range(count))
-        campaign = DayCampaign(with_spares(instance, chosen), content.plan, mtbf_h, asked.seed)
-        lives = lives_of(fly(fly_days, campaign, day_chunks(asked.samples), told))
-        found.append(Spares(chosen, lives))
+        campaign = SurvivalCampaign(add_spares(instance, chosen), content.plan, mtbf_h, asked.seed)
+        lives = summarise_samples(fly(simulate_days, campaign, split_samples(asked.samples), told))
+        found.append(SparesEstimate(chosen, lives))
         if lives.finished.estimate >= share:
             break
     return found
 
 
-def day_document(
-    content: DayPlanFile, spares: list[Spares], shares: list[float], mtbf_h: float | None
+def build_day_document(
+    content: DayPlanFile, spares: list[SparesEstimate], shares: list[float], mtbf_h: float | None
 ) -> dict[str, object]:
     """Return what `--json` says beside the day plan itself."""
-    document: dict[str, object] = {"needs": [asdict(one) for one in needs(content)]}
+    document: dict[str, object] = {"needs": [asdict(one) for one in compute_base_needs(content)]}
     if mtbf_h is None:
         return document
     fleet = sum(1 for own in content.plan.sorties if own)
     document["mtbf_h"] = mtbf_h
-    document["rule_packs"] = {place.name: rule_packs(content, number) for number, place in enumerate(content.places)}
+    document["rule_packs"] = {
+        place.name: compute_rule_packs(content, number) for number, place in enumerate(content.places)
+    }
     document["fleets"] = [
         {
             "vehicles": fleet + len(one.spares), "spares": [content.vehicles[row].name for row in one.spares],
@@ -249,7 +270,7 @@ def day_document(
         }
         for one in spares
     ]  # fmt: skip
-    enough = [(share, enough_for(spares, share)) for share in shares]
+    enough = [(share, find_enough_spares(spares, share)) for share in shares]
     document["needed"] = [
         {
             "probability": share,
@@ -257,7 +278,7 @@ def day_document(
                 fleet + len(one.spares) for one in spares if one.lives is lives
             ),
             "packs": None if lives is None else dict(
-                zip((place.name for place in content.places), lives.packs_for(share), strict=True)
+                zip((place.name for place in content.places), lives.packs_for_share(share), strict=True)
             ),
         }
         for share, lives in enough

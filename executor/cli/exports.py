@@ -12,9 +12,9 @@ import typer
 from executor.adapters.run_directory import RunDirectory
 from executor.cli.console import TerminalConsole
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, FormatName
-from executor.cli.planning import writable
+from executor.cli.planning import write_named_file
 from executor.core.commands import Level
-from executor.core.preflight.heights import too_low
+from executor.core.preflight.heights import find_low_places
 from executor.errors import SiteError
 from executor.site import assembly, planning
 from executor.site.config import read_site
@@ -26,19 +26,19 @@ from missions import (
     PlanFile,
     dialect_for,
     encode,
-    qgc_plan,
-    qgc_waypoints,
+    format_qgc_plan,
+    format_qgc_waypoints,
     read_plan,
 )
-from missions.exports import Drawn, drawn_plan, geojson_text, gpx_text, kml_text
-from missions.fences import fence_around, fence_items, flown_places, rally_items
+from missions.exports import MapFeatures, build_plan_features, format_geojson, format_gpx, format_kml
+from missions.fences import build_fence, build_fence_items, build_rally_items, flown_places
 from missions.files import write_whole
 from missions.plansetup import setup_of_plan
 
-DRAWN: Mapping[FormatName, Callable[[Drawn], str]] = {
-    FormatName.KML: kml_text,
-    FormatName.GEOJSON: geojson_text,
-    FormatName.GPX: gpx_text,
+DRAWN: Mapping[FormatName, Callable[[MapFeatures], str]] = {
+    FormatName.KML: format_kml,
+    FormatName.GEOJSON: format_geojson,
+    FormatName.GPX: format_gpx,
 }
 """One file of everything, in formats that show rather than fly it."""
 SUFFIXES = {FormatName.QGC: "plan", FormatName.WAYPOINTS: "waypoints"}
@@ -75,27 +75,27 @@ def export(
         _export_run(what, output, FormatName.KML if to is None else to)
         return
     content = read_plan(what)
-    setup = _setup_of(content, what, site)
+    setup = _build_setup(content, what, site)
     to = to or FormatName.QGC
     if to in DRAWN:
-        _write(output, f"{what.stem}.{to.value}", DRAWN[to](drawn_plan(content, setup, what.stem)))
+        _write(output, f"{what.stem}.{to.value}", DRAWN[to](build_plan_features(content, setup, what.stem)))
     else:
         _export_missions(content, setup, output, to, autopilot)
 
 
-def _setup_of(content: PlanFile, source: Path, site: Path | None) -> FlightSetup:
+def _build_setup(content: PlanFile, source: Path, site: Path | None) -> FlightSetup:
     if content.inspection is None:
         raise SiteError(f"{source}: inspection: expected heights and speeds, but the plan has none")
     terrain = None
     if content.terrain is not None:
         if site is None:
             raise SiteError(f"{source}: terrain: expected --site with the site file that the plan was made of")
-        ground = assembly.ground_of(read_site(site), site.parent)
-        planning.fits(content, ground, str(source))
+        ground = assembly.load_site_model(read_site(site), site.parent)
+        planning.check_plan_fits(content, ground, str(source))
         terrain = ground.terrain
     setup = setup_of_plan(content, content.inspection, terrain=terrain)
     routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
-    for line in too_low(setup, list(assembly.paths_of(setup, routes).values())):
+    for line in find_low_places(setup, list(assembly.build_paths(setup, routes).values())):
         raise SiteError(f"{source}: heights: {line}")
     return setup
 
@@ -104,7 +104,7 @@ def _export_missions(
     content: PlanFile, setup: FlightSetup, output: Path, to: FormatName, autopilot: AutopilotName | None
 ) -> None:
     routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
-    paths = assembly.paths_of(setup, routes)
+    paths = assembly.build_paths(setup, routes)
     texts = {}
     for name, path in paths.items():
         own = dialect_for(_autopilot_of(content, name, autopilot))
@@ -124,13 +124,13 @@ def _mission_text(content: PlanFile, setup: FlightSetup, path: FlightPath, to: F
     items, pad, frame = encode(path, dialect).items, setup.pad_of(path.vehicle), setup.frame
     home = (*frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m)
     if to is not FormatName.QGC:
-        return qgc_waypoints(items, dialect, home)
+        return format_qgc_waypoints(items, dialect, home)
     if content.fence is None:
-        return qgc_plan(items, dialect, home)
+        return format_qgc_plan(items, dialect, home)
     pad_m = (pad.east_m, pad.north_m)
-    fence = fence_around(flown_places(pad_m, path, frame), content.fence.margin_m, top_m=0.0)
-    rally = rally_items((pad_m,), frame) if content.fence.rally == "pad" else ()
-    return qgc_plan(items, dialect, home, fence=fence_items(fence, frame), rally=rally)
+    fence = build_fence(flown_places(pad_m, path, frame), content.fence.margin_m, top_m=0.0)
+    rally = build_rally_items((pad_m,), frame) if content.fence.rally == "pad" else ()
+    return format_qgc_plan(items, dialect, home, fence=build_fence_items(fence, frame), rally=rally)
 
 
 def _autopilot_of(content: PlanFile, name: str, asked: AutopilotName | None) -> str:
@@ -148,18 +148,18 @@ def _warn(text: str) -> None:
 
 
 def _export_run(run: Path, output: Path, to: FormatName) -> None:
-    from executor.analysis.drawn_run import drawn_run
+    from executor.analysis.drawn_run import build_drawn_run
 
     if to not in DRAWN:
         raise SiteError(
             f"{run}: --format {to.value}: expected kml, geojson or gpx for a run directory; its plans can be exported "
-            f"one by one, such as {RunDirectory(run).plan(0)}"
+            f"one by one, such as {RunDirectory(run).plan_path(0)}"
         )
-    _write(output, f"flight.{to.value}", DRAWN[to](drawn_run(run)))
+    _write(output, f"flight.{to.value}", DRAWN[to](build_drawn_run(run)))
 
 
 def _write(output: Path, name: str, text: str) -> None:
-    writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
+    write_named_file(output, lambda: output.mkdir(parents=True, exist_ok=True))
     path = output / name
-    writable(path, partial(write_whole, path, text.encode()))
+    write_named_file(path, partial(write_whole, path, text.encode()))
     print(path)

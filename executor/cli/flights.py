@@ -10,15 +10,15 @@ from typing import Annotated, TextIO
 
 import typer
 
-from executor.adapters.extras import Extra, need, what_to_install
-from executor.adapters.interrupts import nobody_reads
-from executor.adapters.run_directory import RunDirectory, new_run_directory
+from executor.adapters.extras import Extra, describe_missing_extra, require_extra
+from executor.adapters.interrupts import discard_output
+from executor.adapters.run_directory import RunDirectory, create_run_directory
 from executor.analysis.documents import FlightReport
-from executor.analysis.earlier import earlier_flights, together_words
+from executor.analysis.earlier import describe_total_inspected, read_earlier_flights
 from executor.analysis.flight_record import FlightRecord
-from executor.analysis.report import checked
+from executor.analysis.report import build_check_row
 from executor.cli.console import TerminalConsole
-from executor.cli.day import DAY_SECONDS, DayAsked, ObjectiveName, day_for, day_told
+from executor.cli.day import DAY_SECONDS, DayOptions, ObjectiveName, describe_day, plan_site_day
 from executor.cli.errors import OUR_ERRORS
 from executor.cli.options import (
     DEFAULT_STRETCH_PCT,
@@ -41,45 +41,45 @@ from executor.cli.options import (
     SolverOption,
     StartsOption,
     StretchOption,
-    finite,
+    require_finite,
 )
 from executor.cli.planning import (
-    can_be_written,
-    day_wanted,
-    ground_with,
-    plan_and_tell,
-    routes_wanted,
-    wanted_for,
-    wanted_of,
+    check_can_write,
+    load_site_with_learned,
+    parse_plan_request,
+    plan_and_report,
+    plan_request_for,
+    select_day_plan,
+    select_flight_plan,
 )
 from executor.core.commands import Level
 from executor.core.preflight.checks import Severity
-from executor.core.preflight.parameters import number
+from executor.core.preflight.parameters import format_number
 from executor.core.words import command_line
 from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import fly as flying
-from executor.flight.broker import settings_of
-from executor.flight.flight_order import Order, keep
+from executor.flight.broker import read_mqtt_settings
+from executor.flight.flight_order import FlightRequest, write_run_start
 from executor.flight.linking import check_backends
-from executor.flight.next_sortie import next_sortie, segments_left, sortie_words
-from executor.flight.parameter_changes import check_run, still_open
+from executor.flight.next_sortie import describe_next_flight, plan_next_flight, read_segments_left
+from executor.flight.parameter_changes import check_run, find_open_changes
 from executor.runtime import turns
 from executor.simulated.demo_site import (
     OTHER_LOSS,
     USUAL_LOSS,
     USUAL_RADIUS_M,
     USUAL_VEHICLES,
+    build_demo_site,
     check_faults,
-    demo_site,
-    is_usual,
-    simulated_fleet,
+    is_default_demo,
+    run_simulated_fleet,
 )
-from executor.simulated.injected import happenings
+from executor.simulated.injected import read_injected_faults
 from executor.site import assembly, dayflight
-from executor.site.config import check_site, read_site, signing_key
+from executor.site.config import check_site, read_signing_key, read_site
 from executor.site.ground_files import read_ground
 from executor.site.ground_view import GroundView, view_for
-from executor.site.planning import DEFAULT, Wanted
+from executor.site.planning import DEFAULT, PlanRequest
 from missions import DayPlanFile, PlanFile, is_day_plan, write_plan
 from missions.files import json_text
 
@@ -95,13 +95,18 @@ DEMO_SEARCHES = 2
 def demo(
     network: NetworkOption = None,
     radius: Annotated[
-        float, typer.Option(min=1, callback=finite, metavar="M", help="Only segments within M metres of the depot.")
+        float,
+        typer.Option(min=1, callback=require_finite, metavar="M", help="Only segments within M metres of the depot."),
     ] = USUAL_RADIUS_M,
     vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = USUAL_VEHICLES,
     speedup: Annotated[
         float,
         typer.Option(
-            min=0.1, max=100, callback=finite, metavar="X", help="Speed of the simulation, in multiples of real time."
+            min=0.1,
+            max=100,
+            callback=require_finite,
+            metavar="X",
+            help="Speed of the simulation, in multiples of real time.",
         ),
     ] = 10.0,
     seed: SeedOption = 1,
@@ -113,25 +118,25 @@ def demo(
     as_json: JsonOption = False,
 ) -> None:
     """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
-    content = demo_site(
+    content = build_demo_site(
         network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value, flat=flat
     )
-    usual = is_usual(network, radius, vehicles)
+    usual = is_default_demo(network, radius, vehicles)
     faults = fault if fault is not None else [USUAL_LOSS if usual else OTHER_LOSS]
     site = check_site(content, "demo")
-    ground = assembly.ground_of(site, Path())
+    ground = assembly.load_site_model(site, Path())
     check_faults(ground, faults)
     console = TerminalConsole(quiet=as_json, yes=True)
     # Nobody has looked at a plan before, and the vehicle of the story must fly.
-    wanted = replace(wanted_for(cost), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
+    wanted = replace(plan_request_for(cost), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
     if usual:
         wanted = replace(wanted, seconds=DEMO_MOST_S, iterations=DEMO_ITERATIONS, starts=DEMO_SEARCHES)
-    plan = plan_and_tell(ground, console, wanted)
-    directory = new_run_directory(run)
-    order = Order(site, Path(), ground, plan, directory, lambda clock: happenings(directory, clock))
-    keep(order)
-    with simulated_fleet(directory, faults, seed):
-        flown = turns.run(flying.fly(order, console))
+    plan = plan_and_report(ground, console, wanted)
+    directory = create_run_directory(run)
+    order = FlightRequest(site, Path(), ground, plan, directory, lambda clock: read_injected_faults(directory, clock))
+    write_run_start(order)
+    with run_simulated_fleet(directory, faults, seed):
+        flown = turns.run_on_fair_loop(flying.run_flight(order, console))
     _finish_flight(order, flown, as_json=as_json)
 
 
@@ -142,7 +147,7 @@ def simulate(
         typer.Option(
             min=0.1,
             max=100,
-            callback=finite,
+            callback=require_finite,
             metavar="X",
             help="Speed in multiples of real time, instead of the site's.",
         ),
@@ -151,7 +156,9 @@ def simulate(
     seed: SeedOption = 1,
     wind: Annotated[
         float,
-        typer.Option(min=0.1, max=5, callback=finite, metavar="FACTOR", help="Factor on energy consumption, for wind."),
+        typer.Option(
+            min=0.1, max=5, callback=require_finite, metavar="FACTOR", help="Factor on energy consumption, for wind."
+        ),
     ] = 1.0,
     truth: Annotated[
         Path | None,
@@ -170,17 +177,17 @@ def simulate(
     ] = None,
 ) -> None:
     """Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C."""
-    from executor.simulated.fleet import Outputs, run_simulation
+    from executor.simulated.fleet import SimulationOutputs, run_simulation
 
-    can_be_written(truth)
+    check_can_write(truth)
     if cards is not None:
-        need(Extra.IMAGES, "--cards")
+        require_extra(Extra.IMAGES, "--cards")
     content = read_site(site)
-    ground = assembly.ground_of(content, site.parent)
+    ground = assembly.load_site_model(content, site.parent)
     factor = content.flight.speedup if speedup is None else speedup
     run_simulation(
-        ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, outputs=Outputs(truth, cards),
-        failsafe=failsafe, key=signing_key(content, site.parent),
+        ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, outputs=SimulationOutputs(truth, cards),
+        failsafe=failsafe, key=read_signing_key(content, site.parent),
     )  # fmt: skip
 
 
@@ -211,12 +218,12 @@ def fly(
     as `plan --day` writes it, is flown sortie by sortie: each after the first by the crew's word, when its pack is
     changed.
     """
-    site, plan = _site_and_plan(site, of, plan)
-    wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
+    site, plan = _select_site_and_plan(site, of, plan)
+    wanted = parse_plan_request(cost, solver, stretch, all_vehicles, seconds, seed, starts)
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
-    made = _Made(site, learned, after, console)
-    day, routes = _flown(made.ground, console, asked, wanted, plan, after)
-    _fly_and_finish(made.order(routes, run, day), console, as_json=as_json)
+    made = _PreparedSite(site, learned, after, console)
+    day, routes = _select_flown_plan(made.ground, console, asked, wanted, plan, after)
+    _fly_and_finish(made.build_flight_request(routes, run, day), console, as_json=as_json)
 
 
 def fly_day(
@@ -225,7 +232,7 @@ def fly_day(
     learned: LearnedOption = None,
     objective: ObjectiveName = "finish",
     seconds: Annotated[
-        float, typer.Option(min=0.1, callback=finite, metavar="S", help="Time for the planning.")
+        float, typer.Option(min=0.1, callback=require_finite, metavar="S", help="Time for the planning.")
     ] = DAY_SECONDS,
     seed: SeedOption = DEFAULT.seed,
     starts: StartsOption = 0,
@@ -240,43 +247,43 @@ def fly_day(
     makes the same plan to look at first; `fly` flies that.
     """
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
-    made = _Made(site, learned, after, console)
-    left = None if after is None else segments_left(after, made.ground)
-    planned = day_for(made.ground, console, DayAsked(objective, seconds, seed, starts, None, "95,99", 1), left)
-    console.progress("")
-    for line in day_told(planned):
+    made = _PreparedSite(site, learned, after, console)
+    left = None if after is None else read_segments_left(after, made.ground)
+    planned = plan_site_day(made.ground, console, DayOptions(objective, seconds, seed, starts, None, "95,99", 1), left)
+    console.show_progress("")
+    for line in describe_day(planned):
         console.say(Level.INFO, line)
-    routes = dayflight.first_sorties(planned, made.ground)
-    _fly_and_finish(made.order(routes, run, planned), console, as_json=as_json)
+    routes = dayflight.build_first_sorties_plan(planned, made.ground)
+    _fly_and_finish(made.build_flight_request(routes, run, planned), console, as_json=as_json)
 
 
-class _Made:
+class _PreparedSite:
     """What is made of a site before anything is planned: what cannot be used is said by then."""
 
     def __init__(self, site: Path, learned: Path | None, after: Path | None, console: TerminalConsole) -> None:
         self._base, self._content = site.parent, read_site(site)
         check_backends(self._content)
-        self.ground = ground_with(self._content, self._base, learned, console)
-        self._mqtt = settings_of(self._content.mqtt, self._base, str(site))
+        self.ground = load_site_with_learned(self._content, self._base, learned, console)
+        self._mqtt = read_mqtt_settings(self._content.mqtt, self._base, str(site))
         self._below = view_for(self.ground, self._base)
         self._after = after
 
-    def order(self, routes: PlanFile, run: Path | None, day: DayPlanFile | None) -> Order:
+    def build_flight_request(self, routes: PlanFile, run: Path | None, day: DayPlanFile | None) -> FlightRequest:
         """Return the order to fly a plan."""
-        return Order(
-            self._content, self._base, self.ground, routes, new_run_directory(run), lambda _: (), self._mqtt,
-            self._below, day, () if self._after is None else earlier_flights(self._after),
+        return FlightRequest(
+            self._content, self._base, self.ground, routes, create_run_directory(run), lambda _: (), self._mqtt,
+            self._below, day, () if self._after is None else read_earlier_flights(self._after),
         )  # fmt: skip
 
 
-def _fly_and_finish(order: Order, console: TerminalConsole, *, as_json: bool) -> None:
+def _fly_and_finish(order: FlightRequest, console: TerminalConsole, *, as_json: bool) -> None:
     check_run(order.run, order.site)
-    keep(order)
-    flown = turns.run(flying.fly(order, console))
+    write_run_start(order)
+    flown = turns.run_on_fair_loop(flying.run_flight(order, console))
     _finish_flight(order, flown, as_json=as_json)
 
 
-def _site_and_plan(first: Path, of: Path | None, plan: Path | None) -> tuple[Path, Path | None]:
+def _select_site_and_plan(first: Path, of: Path | None, plan: Path | None) -> tuple[Path, Path | None]:
     """Return the site file and the plan, whichever of them is named first.
 
     Raises:
@@ -291,19 +298,19 @@ def _site_and_plan(first: Path, of: Path | None, plan: Path | None) -> tuple[Pat
     return of, first
 
 
-def _flown(
-    ground: assembly.Ground,
+def _select_flown_plan(
+    ground: assembly.SiteModel,
     console: TerminalConsole,
     asked: typer.Context,
-    wanted: Wanted,
+    wanted: PlanRequest,
     plan: Path | None,
     after: Path | None,
 ) -> tuple[DayPlanFile | None, PlanFile]:
     """Return what is flown: the day, where it is one, and the first plan."""
-    day = day_wanted(asked, plan)
+    day = select_day_plan(asked, plan)
     if day is None:
-        return None, routes_wanted(ground, console, asked, wanted, plan=plan, after=after)
-    routes = dayflight.first_sorties(day, ground)
+        return None, select_flight_plan(ground, console, asked, wanted, plan=plan, after=after)
+    routes = dayflight.build_first_sorties_plan(day, ground)
     console.say(Level.INFO, f"the day is that of {plan}")
     return day, routes
 
@@ -325,20 +332,20 @@ def preflight(
     as_json: JsonOption = False,
 ) -> None:
     """Read every vehicle's state and parameters and run the checklist; nothing is uploaded, nothing moves."""
-    from executor.flight.examination import examine
+    from executor.flight.examination import run_checklist_only
 
-    wanted = wanted_of(cost, solver, stretch, all_vehicles, seconds, seed, starts)
+    wanted = parse_plan_request(cost, solver, stretch, all_vehicles, seconds, seed, starts)
     content = read_site(site)
     check_backends(content)
     console = TerminalConsole(quiet=as_json or quiet, yes=True)
-    ground = ground_with(content, site.parent, learned, console)
-    day, routes = _flown(ground, console, asked, wanted, plan, after)
-    order = Order(content, site.parent, ground, routes, Path(), lambda _: (), day=day)
-    found = turns.run(examine(order, console))
-    console.checks(found)
+    ground = load_site_with_learned(content, site.parent, learned, console)
+    day, routes = _select_flown_plan(ground, console, asked, wanted, plan, after)
+    order = FlightRequest(content, site.parent, ground, routes, Path(), lambda _: (), day=day)
+    found = turns.run_on_fair_loop(run_checklist_only(order, console))
+    console.show_checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
     if as_json:
-        print(json_text({"ready": not stops, "checks": [checked(check).plain() for check in found]}))
+        print(json_text({"ready": not stops, "checks": [build_check_row(check).to_plain() for check in found]}))
     elif not quiet:
         print("ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}")
     if stops:
@@ -355,50 +362,54 @@ def resume(
     from executor.flight import resume as resuming
 
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
-    known = resuming.outset(directory)
-    if isinstance(known, resuming.Ready):
-        order = resuming.order_of(directory, known.ground, known.plan)
-        _finish_flight(order, turns.run(resuming.begin_again(directory, known, console)), as_json=as_json)
+    known = resuming.read_resume_plan(directory)
+    if isinstance(known, resuming.UnlaunchedRun):
+        order = resuming.build_resumed_request(directory, known.ground, known.plan)
+        _finish_flight(
+            order, turns.run_on_fair_loop(resuming.start_unlaunched_run(directory, known, console)), as_json=as_json
+        )
         return
-    left = resuming.ended(directory)
-    report = None if left is None else resuming.over(directory, left)
+    left = resuming.read_finished_run(directory)
+    report = None if left is None else resuming.finish_report(directory, left)
     if left is None or report is None:
         # A heartbeat that begins and ends is a lost ground station to a vehicle: it begins after the yes.
-        told = [] if yes else resuming.beforehand(directory, known)
+        told = [] if yes else resuming.describe_before_resume(directory, known)
         for line in told:
             console.say(Level.INFO, line)
         if not console.confirm("Resume this flight?"):
             raise PreflightFailed("not confirmed; nothing was sent to any vehicle")
-        _finish_flight(known.order, turns.run(resuming.take_up(directory, console, told)), as_json=as_json)
+        _finish_flight(
+            known.order, turns.run_on_fair_loop(resuming.resume_flight(directory, console, told)), as_json=as_json
+        )
         return
     console.say(Level.INFO, f"{directory}: this flight is over")
-    for one in still_open(directory):
+    for one in find_open_changes(directory):
         restore = command_line("restore", directory)
-        text = f"{one.vehicle}: {one.name} (was {number(one.old)}) not restored: {restore}"
+        text = f"{one.vehicle}: {one.name} (was {format_number(one.old)}) not restored: {restore}"
         console.say(Level.WARNING, text)
     _finish_flight(known.order, flying.FlightResult(report, left.begun.context, left=False), as_json=as_json)
 
 
-def _finish_flight(order: Order, flown: flying.FlightResult, *, as_json: bool) -> None:
+def _finish_flight(order: FlightRequest, flown: flying.FlightResult, *, as_json: bool) -> None:
     report = flown.report
     if as_json:
-        _told(json_text(report.plain()))
+        _print_line(json_text(report.to_plain()))
     else:
-        _told(f"{report.segments_inspected} of {report.segments_total} segments inspected; record in {order.run}")
-        if together := together_words(report):
-            _told(together)
+        _print_line(f"{report.segments_inspected} of {report.segments_total} segments inspected; record in {order.run}")
+        if together := describe_total_inspected(report):
+            _print_line(together)
         if report.segments_uncovered:
-            _told(f"not inspected: {', '.join(report.uncovered_names)}")
+            _print_line(f"not inspected: {', '.join(report.uncovered_names)}")
         if report.left_over:
             names = (report.segment_names[str(segment)] for segment in report.left_over)
-            _told(f"of these, planned for the next sortie: {', '.join(names)}")
-    _keep_next_sortie(order, report, quiet=as_json)
+            _print_line(f"of these, planned for the next sortie: {', '.join(names)}")
+    _write_next_flight(order, report, quiet=as_json)
     _show_flight(order.run, report)
     if not report.finished:
         raise typer.Exit(1)
 
 
-def _told(text: str, *, to: TextIO | None = None) -> None:
+def _print_line(text: str, *, to: TextIO | None = None) -> None:
     """Print a line; nobody may read it any more, and what is left to do is done all the same."""
     stream = sys.stdout if to is None else to
     try:
@@ -406,55 +417,61 @@ def _told(text: str, *, to: TextIO | None = None) -> None:
     except OSError as error:
         if error.errno not in {errno.EPIPE, errno.EIO}:
             raise
-        nobody_reads(stream)
+        discard_output(stream)
 
 
-def _keep_next_sortie(order: Order, report: FlightReport, *, quiet: bool) -> None:
+def _write_next_flight(order: FlightRequest, report: FlightReport, *, quiet: bool) -> None:
     path = RunDirectory(order.run).next_sortie
     try:
-        plan = next_sortie(order.ground, report, order.plan.solved.seed)
+        plan = plan_next_flight(order.ground, report, order.plan.solved.seed)
         if plan is None:
             return
         write_plan(path, plan)
     except (OSError, *OUR_ERRORS) as error:
-        _told(f"faultline: the next sortie could not be planned: {error}", to=sys.stderr)
+        _print_line(f"faultline: the next sortie could not be planned: {error}", to=sys.stderr)
         return
     if not quiet:
-        _told(sortie_words(plan, path))
+        _print_line(describe_next_flight(plan, path))
 
 
 def _show_flight(run: Path, report: FlightReport) -> None:
     from executor.analysis.read_run import read_run
-    from executor.analysis.report_page import write_page
+    from executor.analysis.report_page import write_report_page
 
     try:
         record = read_run(run)
-        if line := what_to_install(Extra.PICTURES, "a picture of the flight"):
-            _told(f"faultline: {line}", to=sys.stderr)
+        if line := describe_missing_extra(Extra.PICTURES, "a picture of the flight"):
+            _print_line(f"faultline: {line}", to=sys.stderr)
         else:
             _draw_flight(run, record)
-        write_page(record, report, RunDirectory(run).page)
+        write_report_page(record, report, RunDirectory(run).page)
     except (OSError, *OUR_ERRORS) as error:
-        _told(f"faultline: the pictures could not be made: {error}", to=sys.stderr)
+        _print_line(f"faultline: the pictures could not be made: {error}", to=sys.stderr)
 
 
 def _draw_flight(run: Path, record: FlightRecord) -> None:
-    from executor.analysis.pictures import battery_figure, map_figure, profile_figure, save
-    from executor.analysis.profile import profiles
-    from executor.flight.run_start import beginning
+    from executor.analysis.pictures import draw_battery_figure, draw_flight_figure, draw_profile_figure, save_figure
+    from executor.analysis.profile import build_profiles
+    from executor.flight.run_start import read_run_start
 
-    save(map_figure(record, _kept_ground(run)), RunDirectory(run).map)
-    save(battery_figure(record), RunDirectory(run).battery)
+    save_figure(draw_flight_figure(record, _read_kept_ground(run)), RunDirectory(run).map)
+    save_figure(draw_battery_figure(record), RunDirectory(run).battery)
     if RunDirectory(run).terrain.exists():
-        begun = beginning(run)
-        setup, routes = begun.context.setup, assembly.routes_of(begun.ground, begun.plan.task(), begun.plan.plan)
-        save(profile_figure(profiles(setup, assembly.paths_of(setup, routes).values())), RunDirectory(run).profile)
+        begun = read_run_start(run)
+        setup, routes = (
+            begun.context.setup,
+            assembly.name_routes(begun.ground, begun.plan.build_task(), begun.plan.plan),
+        )
+        save_figure(
+            draw_profile_figure(build_profiles(setup, assembly.build_paths(setup, routes).values())),
+            RunDirectory(run).profile,
+        )
 
 
-def _kept_ground(run: Path) -> GroundView | None:
+def _read_kept_ground(run: Path) -> GroundView | None:
     """Return the ground below a flight's map; without it where what was kept of it is damaged."""
     try:
         return read_ground(run)
     except LogError as error:
-        _told(f"faultline: {error}: the map is drawn without the ground", to=sys.stderr)
+        _print_line(f"faultline: {error}: the map is drawn without the ground", to=sys.stderr)
         return None

@@ -9,12 +9,12 @@ from typing import Annotated
 
 import typer
 
-from executor.adapters.extras import Extra, need
+from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
 from executor.cli.options import JsonOption, QuietOption
 from executor.errors import LogError
 from executor.images.matching import FileMatch, Matching, match_files
-from executor.images.store import read_index, write_files
+from executor.images.store import read_index, write_file_matches
 from missions.files import json_text
 
 SHOWN = 5
@@ -22,7 +22,7 @@ SHOWN = 5
 COLUMNS = ("path", "asset", "viewpoint", "vehicle", "camera", "sequence", "state", "clock_ahead_s")
 
 
-class Written(StrEnum):
+class PlaceDestination(StrEnum):
     """Where a place is written that a file does not have."""
 
     NONE = "none"
@@ -34,53 +34,53 @@ def images(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The files of the cards, in any folders below it.")],
     run: Annotated[Path, typer.Option("--run", metavar="DIR", help="The run directory of the flight.")],
     write: Annotated[
-        Written,
+        PlaceDestination,
         typer.Option(
             "--write",
             help="Where a place is written that a file lacks: a file .xmp beside it, its own EXIF, or nowhere.",
         ),
-    ] = Written.XMP,
+    ] = PlaceDestination.XMP,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Match camera files to the pictures of a flight by time and place, and list what is missing."""
-    need(Extra.IMAGES, "faultline images")
-    from executor.images.exif import picture_files
-    from executor.images.pages import write_assets, write_into_report
+    require_extra(Extra.IMAGES, "faultline images")
+    from executor.images.exif import find_picture_files
+    from executor.images.pages import add_pictures_to_report, write_assets_page
 
     if not folder.is_dir():
         raise LogError(f"{folder}: no such folder; expected one with the files of cameras")
     index = read_index(run)
-    found = match_files(index, list(picture_files(folder)), folder)
-    placed = _placed(found.matches, write)
-    write_files(run, COLUMNS, _rows(found))
-    write_assets(RunDirectory(run).assets, index, found)
-    write_into_report(RunDirectory(run).page, index, found)
+    found = match_files(index, list(find_picture_files(folder)), folder)
+    placed = _write_places(found.matches, write)
+    write_file_matches(run, COLUMNS, _build_rows(found))
+    write_assets_page(RunDirectory(run).assets, index, found)
+    add_pictures_to_report(RunDirectory(run).page, index, found)
     if as_json:
-        print(json_text(_document(found, placed)))
+        print(json_text(_build_document(found, placed)))
     elif not quiet:
-        print("\n".join(_lines(found, placed, len(index.images))))
-    if not found.complete:
+        print("\n".join(_describe_matching(found, placed, len(index.images))))
+    if not found.is_complete:
         raise typer.Exit(1)
 
 
-def _placed(matches: Sequence[FileMatch], write: Written) -> int:
+def _write_places(matches: Sequence[FileMatch], write: PlaceDestination) -> int:
     """Write places where files have none; returns how many."""
     from executor.images.exif import write_place_exif, write_place_xmp
 
     without = [match for match in matches if match.file.lat_deg is None or match.file.lon_deg is None]
-    if write is Written.NONE:
+    if write is PlaceDestination.NONE:
         return 0
     for match in without:
         place = (match.image.lat_deg, match.image.lon_deg, match.image.alt_msl_m)
-        if write is Written.XMP:
+        if write is PlaceDestination.XMP:
             write_place_xmp(match.file.path, *place)
         else:
             write_place_exif(match.file.path, *place)
     return len(without)
 
 
-def _rows(found: Matching) -> list[tuple[object, ...]]:
+def _build_rows(found: Matching) -> list[tuple[object, ...]]:
     blurred = {match.file.path for match in found.blurred}
     rows: list[tuple[object, ...]] = []
     for match in found.matches:
@@ -100,7 +100,7 @@ def _rows(found: Matching) -> list[tuple[object, ...]]:
     return rows
 
 
-def _lines(found: Matching, placed: int, pictures: int) -> list[str]:
+def _describe_matching(found: Matching, placed: int, pictures: int) -> list[str]:
     lines = [f"{len(found.matches)} of {pictures} pictures have a file"]
     for card in found.cards:
         if card.key is None or card.offset is None:
@@ -111,30 +111,32 @@ def _lines(found: Matching, placed: int, pictures: int) -> list[str]:
         lines.append(f"{card.name}: {len(card.files)} files of {card.key[0]}, camera {card.key[1]}; {clock}")
     if placed:
         lines.append(f"{placed} files had no position; position written")
-    lines += _some(
-        "missing", [f"{row.vehicle} {row.camera} {row.sequence} ({_of(row.asset)})" for row in found.missing]
+    lines += _list_some(
+        "missing", [f"{row.vehicle} {row.camera} {row.sequence} ({_name_asset(row.asset)})" for row in found.missing]
     )
-    lines += _some("doubled", [f"{copy} is {first}" for first, copy in found.doubled])
-    lines += _some("of no picture of this flight", [str(path) for path in found.strange])
-    lines += _some("unreadable", [f"{path}: {why}" for path, why in found.unreadable])
-    lines += _some("blurred by speed", [str(match.file.path) for match in found.blurred])
-    lines += _some("do not count", [f"{row.vehicle} {row.camera} {row.sequence}: {row.flaw}" for row in found.misaimed])
-    lines += _some("not seen", [f"{row.asset}: {row.missing or row.state}" for row in found.unseen])
+    lines += _list_some("doubled", [f"{copy} is {first}" for first, copy in found.doubled])
+    lines += _list_some("of no picture of this flight", [str(path) for path in found.strange])
+    lines += _list_some("unreadable", [f"{path}: {why}" for path, why in found.unreadable])
+    lines += _list_some("blurred by speed", [str(match.file.path) for match in found.blurred])
+    lines += _list_some(
+        "do not count", [f"{row.vehicle} {row.camera} {row.sequence}: {row.flaw}" for row in found.misaimed]
+    )
+    lines += _list_some("not seen", [f"{row.asset}: {row.missing or row.state}" for row in found.unseen])
     return lines
 
 
-def _of(asset: str) -> str:
+def _name_asset(asset: str) -> str:
     return asset or "of no span"
 
 
-def _some(what: str, names: Sequence[str]) -> list[str]:
+def _list_some(what: str, names: Sequence[str]) -> list[str]:
     if not names:
         return []
     more = f", and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     return [f"{what}, {len(names)}: {', '.join(names[:SHOWN])}{more}"]
 
 
-def _document(found: Matching, placed: int) -> dict[str, object]:
+def _build_document(found: Matching, placed: int) -> dict[str, object]:
     return {
         "matched": len(found.matches),
         "missing": [[row.vehicle, row.camera, row.sequence] for row in found.missing],
@@ -155,5 +157,5 @@ def _document(found: Matching, placed: int) -> dict[str, object]:
             for card in found.cards
         ],
         "placed": placed,
-        "complete": found.complete,
+        "complete": found.is_complete,
     }

@@ -18,16 +18,16 @@ from executor.cli.network_options import (
     RadiusOption,
     SnapOption,
     WhereOption,
-    depot_of,
-    wanted,
+    parse_depot,
+    parse_selection,
 )
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName
-from executor.cli.planning import can_be_written, writable
+from executor.cli.planning import check_can_write, write_named_file
 from executor.core.words import command_line
 from executor.errors import SiteError
 from executor.site import assembly, template
 from executor.site.tables.ground import DepotTable
-from missions import SNAP_M, Mending, Network, NetworkError, Selection, default_network_path, understand
+from missions import SNAP_M, MendingLimits, Network, NetworkError, Selection, default_network_path, import_network
 from missions.files import write_whole
 
 
@@ -54,39 +54,41 @@ def init(
     max_span: MaxSpanOption = None,
 ) -> None:
     """Write a commented site file to start from."""
-    can_be_written(output)
+    check_can_write(output)
     if output is not None and output.exists():
         raise SiteError(f"{output}: expected a new file, this one exists already")
-    place = None if depot is None else depot_of(depot)
-    chosen = wanted(layer, where, crs, Mending(snap, max_span), encoding)
-    known = _network(network, chosen, place, radius)
+    place = None if depot is None else parse_depot(depot)
+    chosen = parse_selection(layer, where, crs, MendingLimits(snap, max_span), encoding)
+    known = _read_network(network, chosen, place, radius)
     file = network
     if network != assembly.DEFAULT_NETWORK:
         file = Path(os.path.relpath(network, output.parent if output is not None else Path())).as_posix()
-    table = None if place is None else _depot_table(place)
+    table = None if place is None else _build_depot_table(place)
     choice = {"layer": layer, "where": where, "crs": crs, "encoding": encoding,
               "snap_m": None if snap == SNAP_M else snap, "max_span_m": max_span}  # fmt: skip
-    text = template.starter(template.Wish(file, known.has_heights, table, radius, vehicles, autopilot.value, choice))
+    text = template.render_site_template(
+        template.SiteTemplate(file, known.has_heights, table, radius, vehicles, autopilot.value, choice)
+    )
     if output is None:
         print(text, end="")
         return
-    writable(output, lambda: write_whole(output, text.encode()))
+    write_named_file(output, lambda: write_whole(output, text.encode()))
     print(f"{output}: {len(known.segments)} segments, {vehicles} vehicles; next: {command_line('plan', output)}")
 
 
-def _network(
+def _read_network(
     file: str, chosen: Selection, depot: tuple[float, float, float | None] | None, radius_m: float | None
 ) -> Network:
     path = default_network_path() if file == assembly.DEFAULT_NETWORK else Path(file)
     try:
-        return understand(path, chosen, depot=depot, radius_m=radius_m).network
+        return import_network(path, chosen, depot=depot, radius_m=radius_m).network
     except NetworkError as error:
         if depot is None and ": depot: " in str(error):
             raise SiteError(f"{error}; --depot LAT,LON,ALT says where it is") from error
         raise
 
 
-def _depot_table(place: tuple[float, float, float | None]) -> DepotTable:
+def _build_depot_table(place: tuple[float, float, float | None]) -> DepotTable:
     try:
         return DepotTable(lat_deg=place[0], lon_deg=place[1], alt_m=place[2])
     except ValidationError as error:

@@ -17,7 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
-from executor.adapters.interrupts import end_children, ended_like_ctrl_c, nobody_reads
+from executor.adapters.interrupts import discard_output, end_children, treat_signals_as_ctrl_c
 
 INTERRUPTED = 128 + signal.SIGINT
 NO_READER = 1
@@ -35,55 +35,55 @@ NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.E
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; the one place where whatever is left over is caught."""
     given = list(arguments) if arguments is not None else sys.argv[1:]
-    sys.unraisablehook = _unraisable
+    sys.unraisablehook = _ignore_loop_unraisable
     code: str | int | None = INTERNAL
     try:
-        with ended_like_ctrl_c():
-            code = _ended(given)
+        with treat_signals_as_ctrl_c():
+            code = _run_to_exit_code(given)
     except SystemExit as end:
         code = end.code
     if arguments is None:  # the program itself; whoever else calls has an end of its own
-        _insist(code)
+        _force_exit(code)
     raise SystemExit(code)
 
 
-def _ended(given: Sequence[str]) -> int:
+def _run_to_exit_code(given: Sequence[str]) -> int:
     """Run the command line; returns, or ends with, its exit code."""
     try:
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="backslashreplace")  # names may hold what a terminal has no letter for
         code = _run(given or ["--help"])
         if code == INTERRUPTED:  # some versions of typer take the interrupt for themselves
-            _interrupted()
+            _exit_interrupted()
         if sys.stdout is not None:
             sys.stdout.flush()
     except KeyboardInterrupt:
-        _interrupted()
+        _exit_interrupted()
     except OSError as error:
-        _no_output(error)
+        _exit_without_output(error)
     return code
 
 
-def _insist(code: str | int | None) -> None:
+def _force_exit(code: str | int | None) -> None:
     """See to it that the program ends in bounded time: Python waits for threads, and those may wait for anything."""
 
     def ends() -> None:
         time.sleep(ENDS_S)
         with suppress(OSError, ValueError):
-            print(f"faultline: ended while waiting for {_waited_for()}", file=sys.stderr, flush=True)
+            print(f"faultline: ended while waiting for {_list_waiting_threads()}", file=sys.stderr, flush=True)
         os._exit(code if isinstance(code, int) else int(code is not None))
 
     threading.Thread(target=ends, name="the end", daemon=True).start()
 
 
-def _waited_for() -> str:
+def _list_waiting_threads() -> str:
     mine = {threading.main_thread(), threading.current_thread()}
     return (
         ", ".join(sorted(one.name for one in threading.enumerate() if one not in mine and not one.daemon)) or "itself"
     )
 
 
-def _unraisable(what: sys.UnraisableHookArgs) -> None:
+def _ignore_loop_unraisable(what: sys.UnraisableHookArgs) -> None:
     """Pass over an event loop that Ctrl-C kept from being made whole: it complains when it is thrown away."""
     if getattr(what.object, "__qualname__", "") != "BaseEventLoop.__del__":
         sys.__unraisablehook__(what)
@@ -100,7 +100,7 @@ def _run(given: Sequence[str]) -> int:
     try:
         return int(cli(args=list(given), standalone_mode=False) or 0)
     except BaseExceptionGroup as group:
-        _several(group, _our_errors())
+        _exit_for_group(group, _load_own_errors())
     except TyperException as error:
         # What a command line can be wrong about; the base class does not promise the method that all of them have.
         said = error.format_message() if isinstance(error, typer.BadParameter) else str(error)
@@ -112,14 +112,14 @@ def _run(given: Sequence[str]) -> int:
             _fail(f"{error.filename}: {error.strerror}", 2)
         if isinstance(error, BrokenPipeError) or error.errno in NO_ROOM:
             raise
-        _internal(error)
+        _exit_internal_error(error)
     except Exception as error:  # noqa: BLE001 - the last place where it can become one line
-        if isinstance(error, _our_errors()):
-            _fail(str(error), _code(error))
-        _internal(error)
+        if isinstance(error, _load_own_errors()):
+            _fail(str(error), _exit_code_for(error))
+        _exit_internal_error(error)
 
 
-def _our_errors() -> tuple[type[Exception], ...]:
+def _load_own_errors() -> tuple[type[Exception], ...]:
     """Import the errors that have a line of their own: only once one was raised, `--help` needs none."""
     from executor.cli.errors import OUR_ERRORS
 
@@ -134,18 +134,18 @@ def _say_at_once(given: Sequence[str]) -> None:
             print("resuming the flight; heartbeats start once it is loaded", flush=True)
 
 
-def _several(group: BaseExceptionGroup[BaseException], known: tuple[type[Exception], ...]) -> NoReturn:
+def _exit_for_group(group: BaseExceptionGroup[BaseException], known: tuple[type[Exception], ...]) -> NoReturn:
     """End with the first of several that were raised side by side."""
     if group.subgroup(KeyboardInterrupt) is not None:
         raise KeyboardInterrupt
     ours, rest = group.split(known)
     if rest is None and ours is not None:
-        first = _first(ours)
-        _fail(str(first), _code(first))
-    _internal(group)
+        first = _find_first_error(ours)
+        _fail(str(first), _exit_code_for(first))
+    _exit_internal_error(group)
 
 
-def _code(error: BaseException) -> int:
+def _exit_code_for(error: BaseException) -> int:
     """Return 2 for bad input, and 1 where nothing was wrong with it and a vehicle said no."""
     from executor.errors import VehicleRefused
 
@@ -161,22 +161,22 @@ def _fail(text: str, code: int) -> NoReturn:
     raise SystemExit(code)
 
 
-def _interrupted() -> NoReturn:
+def _exit_interrupted() -> NoReturn:
     # Threads end in their own time; one more Ctrl-C meanwhile has nothing left to interrupt.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_children()
     _fail("interrupted", INTERRUPTED)
 
 
-def _no_output(error: OSError) -> NoReturn:
+def _exit_without_output(error: OSError) -> NoReturn:
     """End without a word if nobody reads any more, as `| head` does; else say what there is no room for."""
     if not isinstance(error, BrokenPipeError):
         _fail(f"cannot write: {error.strerror}", 2)
-    nobody_reads(sys.stdout)
+    discard_output(sys.stdout)
     raise SystemExit(NO_READER)
 
 
-def _internal(error: BaseException) -> NoReturn:
+def _exit_internal_error(error: BaseException) -> NoReturn:
     """Keep a mistake of ours where it can be reported, and say one line."""
     import tempfile
     import traceback
@@ -190,6 +190,6 @@ def _internal(error: BaseException) -> NoReturn:
     _fail(f"internal error: {type(error).__name__}: {error}; please report it{kept}", INTERNAL)
 
 
-def _first(group: BaseExceptionGroup[BaseException]) -> BaseException:
+def _find_first_error(group: BaseExceptionGroup[BaseException]) -> BaseException:
     error = group.exceptions[0]
-    return _first(error) if isinstance(error, BaseExceptionGroup) else error
+    return _find_first_error(error) if isinstance(error, BaseExceptionGroup) else error

@@ -22,23 +22,23 @@ from executor.cli.network_options import (
     RadiusOption,
     SnapOption,
     WhereOption,
-    depot_of,
-    wanted,
+    parse_depot,
+    parse_selection,
 )
 from executor.cli.options import JsonOption
-from executor.cli.planning import can_be_drawn, can_be_written, writable
+from executor.cli.planning import check_can_draw, check_can_write, write_named_file
 from executor.core import words
 from executor.site import assembly
 from missions import (
     SNAP_M,
-    Matter,
-    Mending,
+    MendingLimits,
+    NetworkImport,
     Pylon,
     Remark,
-    Understood,
+    RemarkTopic,
+    build_network_document,
     default_network_path,
-    network_document,
-    understand,
+    import_network,
 )
 from missions.files import json_text, write_whole
 
@@ -82,31 +82,31 @@ def network(
     as_json: JsonOption = False,
 ) -> None:
     """Show how a network file is read, what was repaired and what to check; needs no depot."""
-    can_be_written(output)
-    can_be_drawn("--picture", picture)
+    check_can_write(output)
+    check_can_draw("--picture", picture)
     path = default_network_path() if file == assembly.DEFAULT_NETWORK else Path(file)
-    place = None if depot is None else depot_of(depot)
-    understood = understand(
+    place = None if depot is None else parse_depot(depot)
+    understood = import_network(
         path,
-        wanted(layer, where, crs, Mending(snap, max_span), encoding),
+        parse_selection(layer, where, crs, MendingLimits(snap, max_span), encoding),
         depot=place,
         radius_m=radius,
         anywhere=True,
     )
     if output is not None:
-        text = json.dumps(network_document(understood), ensure_ascii=False, indent=1, allow_nan=False)
-        writable(output, lambda: write_whole(output, f"{text}\n".encode()))
+        text = json.dumps(build_network_document(understood), ensure_ascii=False, indent=1, allow_nan=False)
+        write_named_file(output, lambda: write_whole(output, f"{text}\n".encode()))
     if picture is not None:
-        from executor.analysis.pictures import network_figure, save
+        from executor.analysis.pictures import draw_network_figure, save_figure
 
-        writable(picture, lambda: save(network_figure(understood), picture))
+        write_named_file(picture, lambda: save_figure(draw_network_figure(understood), picture))
     if as_json:
-        print(json_text(_document(understood)))
+        print(json_text(_build_document(understood)))
     else:
         _show(understood)
 
 
-def line_rows(understood: Understood) -> list[LineRow]:
+def build_line_rows(understood: NetworkImport) -> list[LineRow]:
     """Return the lines of a network in the order of its file; spans without a line's name are one."""
     network = understood.network
     spans: dict[str, list[int]] = {}
@@ -118,15 +118,15 @@ def line_rows(understood: Understood) -> list[LineRow]:
         ends = {end for span in own for end in (network.segments[span].a, network.segments[span].b)}
         poles = [network.pylons[end] for end in ends]
         rows.append(LineRow(name, len(own), sum(lengths_m), min(lengths_m), max(lengths_m), len(poles),
-            _known(poles, "elevation_m"), _known(poles, "height_m")))  # fmt: skip
+            _count_known(poles, "elevation_m"), _count_known(poles, "height_m")))  # fmt: skip
     return rows
 
 
-def _known(poles: Iterable[Pylon], key: str) -> int:
+def _count_known(poles: Iterable[Pylon], key: str) -> int:
     return sum(getattr(pole, key) is not None for pole in poles)
 
 
-def _document(understood: Understood) -> dict[str, object]:
+def _build_document(understood: NetworkImport) -> dict[str, object]:
     network = understood.network
     lat_deg, lon_deg, alt_m = network.depot
     return {
@@ -134,50 +134,54 @@ def _document(understood: Understood) -> dict[str, object]:
         "format": understood.format,
         "crs": understood.crs,
         "depot": {"lat_deg": lat_deg, "lon_deg": lon_deg, "alt_m": alt_m} if understood.has_depot else None,
-        "lines": [{key: getattr(row, key) for key in LineRow.__slots__} for row in line_rows(understood)],
+        "lines": [{key: getattr(row, key) for key in LineRow.__slots__} for row in build_line_rows(understood)],
         "segments": len(network.segments),
         "pylons": len(network.pylons),
         "length_m": float(network.lengths_m.sum()),
-        "elevations_known": _known(network.pylons, "elevation_m"),
-        "heights_known": _known(network.pylons, "height_m"),
+        "elevations_known": _count_known(network.pylons, "elevation_m"),
+        "heights_known": _count_known(network.pylons, "height_m"),
         "findings": [{"matter": one.matter.value, "asset": one.asset, "text": one.text} for one in understood.found],
     }
 
 
-def _show(understood: Understood) -> None:
+def _show(understood: NetworkImport) -> None:
     network, console = understood.network, Console(highlight=False, soft_wrap=True)
-    rows = line_rows(understood)
-    console.print(Text(words.shown(f"{network.source}: {understood.format}, {understood.crs}")))
-    first = [one for one in understood.found if one.matter in {Matter.WHOLE, Matter.FILTER}]
-    for line in _finding_lines(first):
-        print(words.shown(line))
+    rows = build_line_rows(understood)
+    console.print(Text(words.escape_controls(f"{network.source}: {understood.format}, {understood.crs}")))
+    first = [one for one in understood.found if one.matter in {RemarkTopic.WHOLE, RemarkTopic.FILTER}]
+    for line in _describe_findings(first):
+        print(words.escape_controls(line))
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
     for column in ("line", "spans", "length", "shortest", "longest", "poles", "ground of", "height of"):
         table.add_column(column, justify="left" if column == "line" else "right", overflow="fold")
     for row in rows[:MOST_LINES]:
-        table.add_row(*_cells(row))
+        table.add_row(*_build_cells(row))
     if len(rows) > MOST_LINES:
         table.add_row(f"{len(rows) - MOST_LINES} more")
     total = LineRow("all", len(network.segments), float(network.lengths_m.sum()), float(network.lengths_m.min()),
-        float(network.lengths_m.max()), len(network.pylons), _known(network.pylons, "elevation_m"),
-        _known(network.pylons, "height_m"))  # fmt: skip
-    table.add_row(*_cells(total))
+        float(network.lengths_m.max()), len(network.pylons), _count_known(network.pylons, "elevation_m"),
+        _count_known(network.pylons, "height_m"))  # fmt: skip
+    table.add_row(*_build_cells(total))
     Console(highlight=False, width=None if console.is_terminal else WIDTH).print(table)
     lat_deg, lon_deg, alt_m = network.depot
-    depot = f"depot {words.place(lat_deg, lon_deg)}, {alt_m:g} m" if understood.has_depot else "no depot in the file"
+    depot = (
+        f"depot {words.format_lat_lon(lat_deg, lon_deg)}, {alt_m:g} m"
+        if understood.has_depot
+        else "no depot in the file"
+    )
     print(f"{depot}; lines {len(rows)}")
-    for line in _finding_lines([one for one in understood.found if one not in first]):
-        print(words.shown(line))
+    for line in _describe_findings([one for one in understood.found if one not in first]):
+        print(words.escape_controls(line))
 
 
-def _cells(row: LineRow) -> tuple[Text, ...]:
+def _build_cells(row: LineRow) -> tuple[Text, ...]:
     known = (f"{count} of {row.poles}" for count in (row.elevations_known, row.heights_known))
     lengths = (f"{row.length_m / 1000:.2f} km", f"{row.shortest_m:.1f} m", f"{row.longest_m:.1f} m")
-    cells = (words.shown(row.name) or "-", str(row.spans), *lengths, str(row.poles), *known)
+    cells = (words.escape_controls(row.name) or "-", str(row.spans), *lengths, str(row.poles), *known)
     return tuple(Text(cell) for cell in cells)
 
 
-def _finding_lines(found: Sequence[Remark]) -> Iterator[str]:
+def _describe_findings(found: Sequence[Remark]) -> Iterator[str]:
     by_matter: dict[str, list[Remark]] = {}
     for finding in found:
         by_matter.setdefault(finding.matter.value, []).append(finding)

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from executor.cli.options import finite
+from executor.cli.options import require_finite
 from executor.errors import SiteError
-from missions import Mending, Selection, parse_where, station_points
+from missions import MendingLimits, Selection, parse_where, read_station_points
 
 LayersOption = Annotated[
     list[str] | None,
@@ -35,7 +35,7 @@ SnapOption = Annotated[
         "--snap",
         min=0.01,
         max=50,
-        callback=finite,
+        callback=require_finite,
         metavar="M",
         help="Join ends of lines that are nearer than M metres.",
     ),
@@ -46,14 +46,14 @@ MaxSpanOption = Annotated[
         "--max-span",
         min=5,
         max=20_000,
-        callback=finite,
+        callback=require_finite,
         metavar="M",
         help="Divide longer spans, where there are no poles.",
     ),
 ]
 RadiusOption = Annotated[
     float | None,
-    typer.Option(min=1, callback=finite, metavar="M", help="Only segments within M metres of the depot."),
+    typer.Option(min=1, callback=require_finite, metavar="M", help="Only segments within M metres of the depot."),
 ]
 DepotOption = Annotated[
     str | None,
@@ -64,11 +64,11 @@ DepotOption = Annotated[
 ]
 
 
-def wanted(
+def parse_selection(
     layer: Sequence[str] | None,
     where: str | None,
     crs: str | None,
-    mending: Mending | None = None,
+    mending: MendingLimits | None = None,
     encoding: str | None = None,
 ) -> Selection:
     """Return what options ask of a network's file.
@@ -80,10 +80,10 @@ def wanted(
         terms = () if where is None else parse_where(where)
     except ValueError as error:
         raise SiteError(f"--where: {error}, got {where!r}") from error
-    return Selection(tuple(layer or ()), terms, crs, mending or Mending(), encoding)
+    return Selection(tuple(layer or ()), terms, crs, mending or MendingLimits(), encoding)
 
 
-def depot_of(text: str) -> tuple[float, float, float | None]:
+def parse_depot(text: str) -> tuple[float, float, float | None]:
     """Return where a depot is: by its figures, or as a point of a file by its name.
 
     Raises:
@@ -93,24 +93,24 @@ def depot_of(text: str) -> tuple[float, float, float | None]:
     try:
         lat_deg, lon_deg, *rest = (float(word) for word in text.split(","))
     except ValueError:
-        return _station(text)
+        return _read_depot_point(text)
     if len(rest) > 1 or not (abs(lat_deg) <= 89 and abs(lon_deg) <= 180 and all(-500 <= up <= 9000 for up in rest)):
-        raise _no_depot(text)
+        raise _make_depot_error(text)
     return lat_deg, lon_deg, rest[0] if rest else None
 
 
-def _station(text: str) -> tuple[float, float, float | None]:
+def _read_depot_point(text: str) -> tuple[float, float, float | None]:
     name, _, point = text.partition("#")
     if not Path(name).is_file():
-        raise _no_depot(text)
-    found = station_points(name)
+        raise _make_depot_error(text)
+    found = read_station_points(name)
     if point in found or (len(found) == 1 and not point):
         return found[point] if point else next(iter(found.values()))
     known = ", ".join(f"#{one}" for one in list(found)[:12]) or "none"
     raise SiteError(f"--depot: expected the name of a point in {name}, of {known}, got {text!r}")
 
 
-def _no_depot(text: str) -> SiteError:
+def _make_depot_error(text: str) -> SiteError:
     return SiteError(
         "--depot: expected latitude and longitude in degrees and the ground's height in metres, such as "
         f"49.5985,15.6137,462, or FILE#NAME, got '{text}'"

@@ -14,7 +14,7 @@ from missions import AUTOPILOTS
 from planner import Cost
 
 
-def finite(value: float | None) -> float | None:
+def require_finite(value: float | None) -> float | None:
     """Refuse what is no number: a bound lets nan pass, and nothing ends at infinity."""
     if value is not None and not math.isfinite(value):
         raise typer.BadParameter(f"expected a finite number, got {value}.")
@@ -69,7 +69,7 @@ RESULTS = Path("docs") / "results"
 """Where what is measured is kept."""
 
 
-def kept_in(names: str) -> object:
+def make_output_option(names: str) -> object:
     """Return the option for the directory of what a command measures, in files of these names."""
     return typer.Option("--out", "-o", metavar="DIR", help=f"Write {names} there.")
 
@@ -86,7 +86,8 @@ CostOption = Annotated[
     typer.Option(help="What to minimise: minmax, the longest route; minsum, all routes together; mincomb, both."),
 ]
 SecondsOption = Annotated[
-    float, typer.Option(min=0.01, max=MOST_SECONDS, callback=finite, help="Time limit of the solver, in seconds.")
+    float,
+    typer.Option(min=0.01, max=MOST_SECONDS, callback=require_finite, help="Time limit of the solver, in seconds."),
 ]
 SeedOption = Annotated[
     int, typer.Option(min=0, max=MOST_SEED, help="Random seed; the same seed reproduces the result.")
@@ -110,7 +111,7 @@ StretchOption = Annotated[
     typer.Option(
         min=0,
         max=1000,
-        callback=finite,
+        callback=require_finite,
         metavar="PCT",
         help="With --cost window: how much longer than the shortest possible the longest route may be, in percent. A "
         "larger window costs flight time.",

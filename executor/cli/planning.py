@@ -9,22 +9,22 @@ from pathlib import Path
 
 import typer
 
-from executor.adapters.extras import Extra, need
+from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.learned import learned_words, read_learned
+from executor.analysis.learned import describe_learned, read_learned
 from executor.cli.console import TerminalConsole
 from executor.cli.options import PlanCostName, SolverName
 from executor.core.commands import Level
 from executor.errors import SiteError
-from executor.flight.next_sortie import segments_left
+from executor.flight.next_sortie import read_segments_left
 from executor.site import assembly, planning
 from executor.site.config import Site
-from executor.site.planning import DEFAULT, PlanSolver, Wanted
+from executor.site.planning import DEFAULT, PlanRequest, PlanSolver
 from missions import DayPlanFile, PlanFile, check_plan, is_day_plan, read_day_plan, read_plan
 from planner import Cost, Progress
 
 
-def wanted_of(
+def parse_plan_request(
     cost: PlanCostName | None,
     solver: SolverName,
     stretch_pct: float,
@@ -32,14 +32,14 @@ def wanted_of(
     seconds: float,
     seed: int,
     starts: int,
-) -> Wanted:
+) -> PlanRequest:
     """Return what the options that `plan`, `preflight` and `fly` share ask for.
 
     Raises:
         PlanFileError: the solver cannot do it.
     """
     return replace(
-        wanted_for(cost),
+        plan_request_for(cost),
         seconds=seconds,
         seed=seed,
         solver=PlanSolver(solver.value),
@@ -49,13 +49,15 @@ def wanted_of(
     )
 
 
-def wanted_for(cost: PlanCostName | None) -> Wanted:
+def plan_request_for(cost: PlanCostName | None) -> PlanRequest:
     """Return what is asked for by a cost, or by none."""
     chosen = None if cost is None or cost is PlanCostName.WINDOW else Cost(cost.value)
     return replace(DEFAULT, cost=chosen, usual=cost is None)
 
 
-def ground_with(site: Site, base: Path, learned: Path | None, console: TerminalConsole) -> assembly.Ground:
+def load_site_with_learned(
+    site: Site, base: Path, learned: Path | None, console: TerminalConsole
+) -> assembly.SiteModel:
     """Return what is known before any vehicle answers, with what was learned of the site's vehicles before.
 
     Args:
@@ -69,7 +71,7 @@ def ground_with(site: Site, base: Path, learned: Path | None, console: TerminalC
         MissionsError: the network cannot be used.
     """
     if learned is None:
-        return assembly.ground_of(site, base)
+        return assembly.load_site_model(site, base)
     path = RunDirectory(learned).learned
     document, drone = read_learned(path), assembly.drone_of(site).name
     rows, known = {row.name: row for row in document.vehicles}, {}
@@ -81,19 +83,19 @@ def ground_with(site: Site, base: Path, learned: Path | None, console: TerminalC
             was = f"{row.autopilot} on a {row.drone}"
             console.say(Level.WARNING, f"{vehicle.name}: was {was} in {path}; using the defaults")
         else:
-            known[vehicle.name] = document.known[vehicle.name]
-            console.say(Level.INFO, f"{learned_words(row)} ({document.date})")
-    return assembly.ground_of(site, base, known)
+            known[vehicle.name] = document.known_by_name[vehicle.name]
+            console.say(Level.INFO, f"{describe_learned(row)} ({document.date})")
+    return assembly.load_site_model(site, base, known)
 
 
 PLANNING = ("cost", "solver", "stretch", "all_vehicles", "seconds", "seed", "starts", "after")
 
 
-def routes_wanted(
-    ground: assembly.Ground,
+def select_flight_plan(
+    ground: assembly.SiteModel,
     console: TerminalConsole,
     asked: typer.Context,
-    wanted: Wanted,
+    wanted: PlanRequest,
     *,
     plan: Path | None,
     after: Path | None = None,
@@ -113,15 +115,15 @@ def routes_wanted(
         SiteError: options of a new plan beside the file of another.
     """
     if plan is None:
-        return plan_and_tell(ground, console, wanted, None if after is None else segments_left(after, ground))
-    _as_it_is(asked)
+        return plan_and_report(ground, console, wanted, None if after is None else read_segments_left(after, ground))
+    _refuse_planning_options(asked)
     content = read_plan(plan)
-    planning.fits(content, ground, str(plan))
+    planning.check_plan_fits(content, ground, str(plan))
     console.say(Level.INFO, f"the plan is that of {plan}")
     return content
 
 
-def day_wanted(asked: typer.Context, plan: Path | None) -> DayPlanFile | None:
+def select_day_plan(asked: typer.Context, plan: Path | None) -> DayPlanFile | None:
     """Return the day plan that is to be flown; None where another plan is, or none.
 
     Raises:
@@ -130,24 +132,24 @@ def day_wanted(asked: typer.Context, plan: Path | None) -> DayPlanFile | None:
     """
     if plan is None or not is_day_plan(plan):
         return None
-    _as_it_is(asked)
+    _refuse_planning_options(asked)
     return read_day_plan(plan)
 
 
-def _as_it_is(asked: typer.Context) -> None:
+def _refuse_planning_options(asked: typer.Context) -> None:
     for name in PLANNING:
-        if is_given(asked, name):
+        if is_option_given(asked, name):
             raise SiteError(f"--{name.replace('_', '-')}: expected none beside --plan, which is flown as it is")
 
 
-def is_given(asked: typer.Context, name: str) -> bool:
+def is_option_given(asked: typer.Context, name: str) -> bool:
     """Return whether an option of a command was given, and is not its default."""
     source = asked.get_parameter_source(name)
     return source is not None and source.name != "DEFAULT"
 
 
-def plan_and_tell(
-    ground: assembly.Ground, console: TerminalConsole, wanted: Wanted, segments: Sequence[int] | None = None
+def plan_and_report(
+    ground: assembly.SiteModel, console: TerminalConsole, wanted: PlanRequest, segments: Sequence[int] | None = None
 ) -> PlanFile:
     """Plan a site, or some of its segments, and say how it goes.
 
@@ -155,18 +157,18 @@ def plan_and_tell(
         SiteError: the plan does not hold what it must.
         planner.PlannerError: the solver cannot take this problem.
     """
-    task = assembly.task_of(ground, segments)
-    wanted = wanted.for_task(task)
-    progressed = announced(ground, console, wanted, len(task.segment_ids))
-    content = planning.first_plan(ground, wanted, progressed, task)
-    console.progress("")
+    task = assembly.build_first_task(ground, segments)
+    wanted = wanted.adapt_to_task(task)
+    progressed = announce_planning(ground, console, wanted, len(task.segment_ids))
+    content = planning.plan_site(ground, wanted, progressed, task)
+    console.show_progress("")
     for line in check_plan(content, search_window=False):
         raise SiteError(f"the plan of --solver {wanted.solver.value} is invalid: {line}")
     return content
 
 
-def announced(
-    ground: assembly.Ground, console: TerminalConsole, wanted: Wanted, segments: int
+def announce_planning(
+    ground: assembly.SiteModel, console: TerminalConsole, wanted: PlanRequest, segments: int
 ) -> Callable[[Progress], None]:
     """Say what is planned, and return how to say how far it is."""
     vehicles = len(ground.names)
@@ -175,14 +177,14 @@ def announced(
     console.say(Level.INFO, f"planning {segments} segments for {vehicles} vehicles ({name}, {length})")
 
     def progressed(progress: Progress) -> None:
-        console.progress(
+        console.show_progress(
             f"{progress.iterations} iterations, {unit} {progress.value:.2f}, {progress.uncovered} left out"
         )
 
     return progressed
 
 
-def writable(path: Path, write: Callable[[], object]) -> None:
+def write_named_file(path: Path, write: Callable[[], object]) -> None:
     """Write a file that the user named.
 
     Raises:
@@ -194,19 +196,19 @@ def writable(path: Path, write: Callable[[], object]) -> None:
         raise SiteError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def can_be_drawn(option: str, path: Path | None) -> None:
+def check_can_draw(option: str, path: Path | None) -> None:
     """Check before the work that a picture will have a place, and that it can be drawn; None if nobody asked for one.
 
     Raises:
         ExtraMissing: nothing is installed to draw with.
-        SiteError: as `can_be_written`.
+        SiteError: as `check_can_write`.
     """
     if path is not None:
-        need(Extra.PICTURES, option)
-        can_be_written(path)
+        require_extra(Extra.PICTURES, option)
+        check_can_write(path)
 
 
-def can_be_written(*paths: Path | None) -> None:
+def check_can_write(*paths: Path | None) -> None:
     """Check before the work that its results will have a place; None for what nobody asked for.
 
     Raises:

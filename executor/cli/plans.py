@@ -12,8 +12,8 @@ import typer
 from executor.cli.console import TerminalConsole
 from executor.cli.day import (
     DAY_SECONDS,
-    DayAsked,
     DayOption,
+    DayOptions,
     MtbfOption,
     ObjectiveName,
     ProbabilityOption,
@@ -41,17 +41,17 @@ from executor.cli.options import (
     SolverOption,
     StartsOption,
     StretchOption,
-    finite,
+    require_finite,
 )
 from executor.cli.planning import (
-    announced,
-    can_be_drawn,
-    can_be_written,
-    ground_with,
-    is_given,
-    plan_and_tell,
-    wanted_of,
-    writable,
+    announce_planning,
+    check_can_draw,
+    check_can_write,
+    is_option_given,
+    load_site_with_learned,
+    parse_plan_request,
+    plan_and_report,
+    write_named_file,
 )
 from executor.core.words import command_line
 from executor.errors import SiteError
@@ -59,29 +59,29 @@ from executor.flight import next_sortie
 from executor.site import assembly, planning
 from executor.site.config import read_site
 from executor.site.ground_view import GroundView, view_for
-from executor.site.heights import PlannedHeights, planned_heights
+from executor.site.heights import PlannedHeights, compute_planned_heights
 from executor.site.plan_words import (
     but_left_over,
-    distance_words,
-    left_over_words,
-    left_words,
-    route_words,
-    summary,
-    window_words,
+    describe_distances,
+    describe_left_over,
+    describe_routes,
+    describe_window,
+    find_left_over,
+    summarise_plan,
 )
-from executor.site.planning import DEFAULT, Wanted
+from executor.site.planning import DEFAULT, PlanRequest
 from missions import (
     PlanFile,
+    build_plan_document,
     check_day_plan,
     check_plan,
     is_day_plan,
-    plan_document,
     read_day_plan,
     read_plan,
     write_plan,
 )
 from missions.files import json_text
-from planner import Cost, ReplanWindow, SearchParams, repairs_at, replan_window
+from planner import Cost, ReplanWindow, SearchParams, find_repairs_at, replan_window
 
 if TYPE_CHECKING:
     from executor.analysis.pictures import FrontPoint
@@ -143,29 +143,31 @@ def plan(
 
     `fly --plan` flies exactly this plan; `preflight` and `fly` with the same options make one by the same rules.
     """
-    _fit_together(asked, day=day)
-    wanted = wanted_of(PlanCostName.WINDOW if front else cost, solver, stretch, all_vehicles, seconds, seed, starts)
+    _check_options_fit(asked, day=day)
+    wanted = parse_plan_request(
+        PlanCostName.WINDOW if front else cost, solver, stretch, all_vehicles, seconds, seed, starts
+    )
     if search is not None:
         wanted = replace(wanted, params=SearchParams.load(search))
-    can_be_written(None if front else output)
-    can_be_drawn("--picture", picture)
+    check_can_write(None if front else output)
+    check_can_draw("--picture", picture)
     console = TerminalConsole(quiet=as_json, yes=True)
-    ground = ground_with(read_site(site), site.parent, learned, console)
-    _can_be_profiled(profile, site, front=front, over_raster=ground.terrain is not None)
-    left = None if after is None else next_sortie.segments_left(after, ground)
+    ground = load_site_with_learned(read_site(site), site.parent, learned, console)
+    _check_can_profile(profile, site, front=front, over_raster=ground.terrain is not None)
+    left = None if after is None else next_sortie.read_segments_left(after, ground)
     if day:
-        seconds = seconds if is_given(asked, "seconds") else DAY_SECONDS
-        wishes = DayAsked(objective, seconds, seed, starts, mtbf_hours, probability, samples, dask, jobs)
+        seconds = seconds if is_option_given(asked, "seconds") else DAY_SECONDS
+        wishes = DayOptions(objective, seconds, seed, starts, mtbf_hours, probability, samples, dask, jobs)
         plan_day(ground, console, wishes, output, picture, left, as_json=as_json)
         return
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
     below = None if picture is None else view_for(ground, site.parent)
-    content = plan_and_tell(ground, console, wanted, left)
-    heights = planned_heights(ground, content)
+    content = plan_and_report(ground, console, wanted, left)
+    heights = compute_planned_heights(ground, content)
     if output is not None:
-        writable(output, lambda: write_plan(output, content))
+        write_named_file(output, lambda: write_plan(output, content))
     _draw(ground, content, (picture, below), profile)
     _print_plan(content, as_json=as_json, heights=heights)
     if not as_json:
@@ -181,32 +183,32 @@ def _print_how_to_fly(site: Path, plan: Path | None, learned: Path | None) -> No
     print(f"flown as it is by: {command_line('fly', site, '--plan', plan, *known)}")
 
 
-def _can_be_profiled(profile: Path | None, site: Path, *, front: bool, over_raster: bool) -> None:
-    can_be_drawn("--profile", profile)
+def _check_can_profile(profile: Path | None, site: Path, *, front: bool, over_raster: bool) -> None:
+    check_can_draw("--profile", profile)
     if profile is not None and (front or not over_raster):
         raise SiteError(f"--profile: expected one plan, without --front, of a site with [terrain], got {site}")
 
 
 def _draw(
-    ground: assembly.Ground, content: PlanFile, chart: tuple[Path | None, GroundView | None], profile: Path | None
+    ground: assembly.SiteModel, content: PlanFile, chart: tuple[Path | None, GroundView | None], profile: Path | None
 ) -> None:
     picture, below = chart
     if picture is not None:
-        from executor.analysis.pictures import plan_figure, save
+        from executor.analysis.pictures import draw_plan_figure, save_figure
 
-        writable(picture, lambda: save(plan_figure(content, below), picture))
+        write_named_file(picture, lambda: save_figure(draw_plan_figure(content, below), picture))
     if profile is not None:
         _draw_profile(ground, content, profile)
 
 
-def _draw_profile(ground: assembly.Ground, content: PlanFile, path: Path) -> None:
-    from executor.analysis.pictures import profile_figure, save
-    from executor.analysis.profile import profiles
+def _draw_profile(ground: assembly.SiteModel, content: PlanFile, path: Path) -> None:
+    from executor.analysis.pictures import draw_profile_figure, save_figure
+    from executor.analysis.profile import build_profiles
 
-    setup = assembly.setup_of(ground)
-    paths = assembly.paths_of(setup, assembly.routes_of(ground, content.task(), content.plan))
-    flown = profiles(setup, paths.values())
-    writable(path, lambda: save(profile_figure(flown), path))
+    setup = assembly.build_flight_setup(ground)
+    paths = assembly.build_paths(setup, assembly.name_routes(ground, content.build_task(), content.plan))
+    flown = build_profiles(setup, paths.values())
+    write_named_file(path, lambda: save_figure(draw_profile_figure(flown), path))
 
 
 NOT_BY_DAY = ("cost", "solver", "stretch", "all_vehicles", "search", "front", "profile")
@@ -214,43 +216,47 @@ ONLY_BY_DAY = ("objective", "mtbf_hours", "probability", "samples", "dask", "job
 ONLY_BY_LOSSES = ("dask", "jobs")
 
 
-def _fit_together(asked: typer.Context, *, day: bool) -> None:
+def _check_options_fit(asked: typer.Context, *, day: bool) -> None:
     for name in NOT_BY_DAY if day else ONLY_BY_DAY:
-        if is_given(asked, name):
+        if is_option_given(asked, name):
             beside = "none beside --day" if day else "--day beside it"
             raise SiteError(f"--{name.replace('_', '-')}: expected {beside}")
     for name in ONLY_BY_LOSSES:
-        if is_given(asked, name) and not is_given(asked, "mtbf_hours"):
+        if is_option_given(asked, name) and not is_option_given(asked, "mtbf_hours"):
             raise SiteError(f"--{name}: expected --mtbf-hours beside it")
 
 
 def _plan_front(
-    ground: assembly.Ground,
+    ground: assembly.SiteModel,
     console: TerminalConsole,
-    wanted: Wanted,
+    wanted: PlanRequest,
     output: Path | None,
     picture: Path | None,
     *,
     as_json: bool,
 ) -> None:
-    plans = planning.front_plans(ground, wanted, announced(ground, console, wanted, len(ground.network.segments)))
-    console.progress("")
-    heights = [planned_heights(ground, content) for content in plans]
+    plans = planning.plan_front(
+        ground, wanted, announce_planning(ground, console, wanted, len(ground.network.segments))
+    )
+    console.show_progress("")
+    heights = [compute_planned_heights(ground, content) for content in plans]
     if not plans:
         raise SiteError("--front: no plan covers every segment within the budgets, so there is nothing to choose from")
     if output is not None:
-        writable(output, lambda: output.mkdir(parents=True, exist_ok=True))
+        write_named_file(output, lambda: output.mkdir(parents=True, exist_ok=True))
         for number, content in enumerate(plans, start=1):
-            writable(output, partial(write_plan, output / f"plan-{number:02d}.json", content))
+            write_named_file(output, partial(write_plan, output / f"plan-{number:02d}.json", content))
     if as_json:
-        print(json_text({"front": [plan_document(content) for content in plans]}))
-    references = {} if as_json and picture is None else planning.reference_plans(ground, wanted)
+        print(json_text({"front": [build_plan_document(content) for content in plans]}))
+    references = {} if as_json and picture is None else planning.plan_references(ground, wanted)
     if picture is not None:
-        from executor.analysis.pictures import front_figure, save
+        from executor.analysis.pictures import draw_front_figure, save_figure
 
-        points = [_front_point(content) for content in plans]
-        others = {name: _front_point(content) for name, content in references.items() if content.window is not None}
-        writable(picture, lambda: save(front_figure(points, others), picture))
+        points = [_build_front_point(content) for content in plans]
+        others = {
+            name: _build_front_point(content) for name, content in references.items() if content.window is not None
+        }
+        write_named_file(picture, lambda: save_figure(draw_front_figure(points, others), picture))
     if not as_json:
         print("         longest route   all energy   any loss from   window")
         for number, content in enumerate(plans, start=1):
@@ -261,7 +267,7 @@ def _plan_front(
             print(f"warning: {line}")
 
 
-def _front_point(content: PlanFile) -> FrontPoint:
+def _build_front_point(content: PlanFile) -> FrontPoint:
     from executor.analysis.pictures import FrontPoint
 
     earliest_s = 0.0 if content.window is None else content.window.earliest_s
@@ -302,15 +308,15 @@ def window(
     The window is the share of the longest route's time, counted from its end, in which every single loss has a re-plan
     that was found and checked. The certified time is a bound: before it at least one loss certainly has none.
     """
-    can_be_drawn("--picture", picture)
+    check_can_draw("--picture", picture)
     content = read_plan(plan)
-    found = replan_window(content.instance(), content.plan, seed=seed, fly_again=content.fly_again)
+    found = replan_window(content.build_instance(), content.plan, seed=seed, fly_again=content.fly_again)
     if picture is not None:
-        from executor.analysis.pictures import save, window_figure
+        from executor.analysis.pictures import draw_window_figure, save_figure
 
         again = content.fly_again
-        repairs = repairs_at(content.instance(), content.plan, found.earliest_s, seed=seed, fly_again=again)
-        writable(picture, lambda: save(window_figure(content, found, repairs), picture))
+        repairs = find_repairs_at(content.build_instance(), content.plan, found.earliest_s, seed=seed, fly_again=again)
+        write_named_file(picture, lambda: save_figure(draw_window_figure(content, found, repairs), picture))
     _print_window(content, found, as_json=as_json)
 
 
@@ -322,7 +328,7 @@ def replan(
         typer.Option(
             min=0,
             max=MOST_SECONDS,
-            callback=finite,
+            callback=require_finite,
             metavar="SECONDS",
             help="Time of the loss, from the start of the plan.",
         ),
@@ -336,10 +342,10 @@ def replan(
     as_json: JsonOption = False,
 ) -> None:
     """Plan the response to the loss of one vehicle at a given time; exit 1 if segments are left over."""
-    can_be_written(output)
-    result = planning.after_loss(read_plan(plan), lost, at, cost=Cost(cost.value), seconds=seconds, seed=seed)
+    check_can_write(output)
+    result = planning.preview_loss(read_plan(plan), lost, at, cost=Cost(cost.value), seconds=seconds, seed=seed)
     if output is not None:
-        writable(output, lambda: write_plan(output, result.plan))
+        write_named_file(output, lambda: write_plan(output, result.plan))
     _print_plan(result.plan, as_json=as_json)
     if not result.feasible:
         raise typer.Exit(1)
@@ -382,17 +388,17 @@ def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> N
 def _print_plan(content: PlanFile, *, as_json: bool, heights: PlannedHeights | None = None) -> None:
     if as_json:
         more = {} if heights is None else {"heights": heights.document, "warnings": list(heights.warnings)}
-        left = {"left_over": [asdict(one) for one in left_over_words(content)]}
-        print(json_text({**plan_document(content), **left, **more}))
+        left = {"left_over": [asdict(one) for one in find_left_over(content)]}
+        print(json_text({**build_plan_document(content), **left, **more}))
         return
-    for line in (*route_words(content), summary(content)):
+    for line in (*describe_routes(content), summarise_plan(content)):
         print(line)
     print(f"{content.cost_name} {content.cost_value:.3f}, found in {content.solved.seconds:.1f} s")
-    for line in (*window_words(content), *distance_words(content)):
+    for line in (*describe_window(content), *describe_distances(content)):
         print(line)
     if heights is not None:
         print(f"heights: {heights.words}")
         for line in heights.warnings:
             print(f"warning: {line}")
-    for line in left_words(content):
+    for line in describe_left_over(content):
         print(line)

@@ -11,19 +11,19 @@ from typing import Annotated
 
 import typer
 
-from executor.adapters.extras import Extra, need
+from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
 from executor.cli.options import JsonOption
-from executor.cli.planning import writable
+from executor.cli.planning import write_named_file
 from executor.core.messages import Actor
-from executor.core.recording import Skipped
+from executor.core.recording import SkippedRecords
 from executor.errors import LogError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
-from executor.replay.logs import ReplayRules, replay, rules_of
+from executor.replay.logs import ReplayRules, replay_log, rules_of
 from executor.replay.open_log import is_log_by_content, open_log
-from executor.replay.packs_file import pack_lines, packs_of
+from executor.replay.packs_file import format_pack_lines, merge_packs
 from executor.replay.result import LogReplay, RecordedTruth, VehicleReplay
-from executor.replay.run import Comparison, rerun
+from executor.replay.run import DecisionComparison, replay_run
 from executor.site.assembly import drone_of
 from executor.site.config import Site, read_site
 from executor.site.packs import PacksDocument, read_packs
@@ -38,12 +38,12 @@ SUFFIXES = frozenset({".tlog", ".bin", ".ulg"})
 
 
 @dataclass(frozen=True, slots=True)
-class _Done:
+class _ReplayedLog:
     """One log, replayed."""
 
     replay: LogReplay
     truth: RecordedTruth | None
-    comparison: Comparison | None = None
+    comparison: DecisionComparison | None = None
     """Of a run directory: whether it decided the same."""
 
 
@@ -75,44 +75,44 @@ def replay_logs(
     For a run directory every decision is made again; exit 1 if one differs from the flight's.
     """
     known = None if site is None else read_site(site)
-    paths = [path for given in logs for path in logs_in(given)]
+    paths = [path for given in logs for path in find_logs(given)]
     if learn:
         _learn(paths, known, output, as_json=as_json)
         return
     if output is not None:
-        need(Extra.PICTURES, "--output")
+        require_extra(Extra.PICTURES, "--output")
     rules = rules_of(known)
     # Of many logs one that cannot be read must not cost the others.
-    done = [_replayed(path, rules) if len(paths) == 1 else _replayed_or_named(path, rules) for path in paths]
+    done = [_replay(path, rules) if len(paths) == 1 else _replay_or_report(path, rules) for path in paths]
     if output is not None:
         _write(done, output)
-    history = None if packs is None else _packs(done, packs, known)
+    history = None if packs is None else _update_packs(done, packs, known)
     if as_json:
-        print(json_text(replay_document(done)))
+        print(json_text(build_replay_document(done)))
     else:
         for one in done:
             _print(one)
-        for line in () if history is None else pack_lines(history):
+        for line in () if history is None else format_pack_lines(history):
             print(line)
     nothing = all(not one.replay.vehicles for one in done)
-    if nothing or any(one.comparison is not None and not one.comparison.same for one in done):
+    if nothing or any(one.comparison is not None and not one.comparison.is_same for one in done):
         raise typer.Exit(1)
 
 
-def _packs(done: Sequence[_Done], path: Path, site: Site | None) -> PacksDocument:
+def _update_packs(done: Sequence[_ReplayedLog], path: Path, site: Site | None) -> PacksDocument:
     """Add what the flights say of their packs to a file, and return all that stands in it."""
-    known = packs_of((), read_packs(path) if path.exists() else None)
+    known = merge_packs((), read_packs(path) if path.exists() else None)
     for one in done:
         run = RunDirectory(one.replay.path)
         own = read_site(run.site) if site is None and run.site.exists() else site
         tables = () if own is None else own.vehicle
         labels = {table.sysid: table.pack for table in tables if table.pack is not None}
-        known = packs_of([one.replay], known, labels)
-    writable(path, lambda: known.write(path))
+        known = merge_packs([one.replay], known, labels)
+    write_named_file(path, lambda: known.write(path))
     return known
 
 
-def logs_in(path: Path) -> list[Path]:
+def find_logs(path: Path) -> list[Path]:
     """Return the logs that a path names: itself, a run directory, or what lies in a folder.
 
     Raises:
@@ -128,37 +128,39 @@ def logs_in(path: Path) -> list[Path]:
     return found
 
 
-def _replayed_or_named(path: Path, rules: ReplayRules) -> _Done:
+def _replay_or_report(path: Path, rules: ReplayRules) -> _ReplayedLog:
     try:
-        return _replayed(path, rules)
+        return _replay(path, rules)
     except LogError as error:
-        return _Done(LogReplay(path, (), Skipped(), 0, 0.0, (str(error).removeprefix(f"{path}: "),)), None)
+        return _ReplayedLog(
+            LogReplay(path, (), SkippedRecords(), 0, 0.0, (str(error).removeprefix(f"{path}: "),)), None
+        )
 
 
-def _replayed(path: Path, rules: ReplayRules) -> _Done:
+def _replay(path: Path, rules: ReplayRules) -> _ReplayedLog:
     if path.is_dir():
-        done = rerun(path)
-        return _Done(done.log, None, done.comparison)
+        done = replay_run(path)
+        return _ReplayedLog(done.log, None, done.comparison)
     opened = open_log(path)
     truth = truth_for(path, read_recorded_truths(path.parent))
-    return _Done(replay(opened.file, path, rules, on_board=opened.on_board), truth)
+    return _ReplayedLog(replay_log(opened.file, path, rules, on_board=opened.on_board), truth)
 
 
-def replay_document(done: Sequence[_Done]) -> dict[str, object]:
+def build_replay_document(done: Sequence[_ReplayedLog]) -> dict[str, object]:
     """Return what was found as JSON has it."""
-    total = Skipped()
+    total = SkippedRecords()
     for one in done:
         for name, count in one.replay.skipped.counts().items():
             setattr(total, name, getattr(total, name) + count)
     return {
-        "vehicles": [vehicle for one in done for vehicle in _vehicles(one.replay)],
+        "vehicles": [vehicle for one in done for vehicle in _build_vehicle_entries(one.replay)],
         "skipped": total.counts(),
         "logs": [
             {
                 "log": str(one.replay.path),
                 "began_usec": one.replay.began_usec,
                 "lasted_s": round(one.replay.lasted_s, 3),
-                "vehicles": _vehicles(one.replay),
+                "vehicles": _build_vehicle_entries(one.replay),
                 "skipped": one.replay.skipped.counts(),
                 "notes": list(one.replay.notes),
                 "commands": None
@@ -166,7 +168,7 @@ def replay_document(done: Sequence[_Done]) -> dict[str, object]:
                 else {
                     "logged": one.comparison.logged,
                     "replayed": one.comparison.replayed,
-                    "same": one.comparison.same,
+                    "same": one.comparison.is_same,
                     "first_difference": one.comparison.first_difference,
                 },
             }
@@ -175,7 +177,7 @@ def replay_document(done: Sequence[_Done]) -> dict[str, object]:
     }
 
 
-def _vehicles(found: LogReplay) -> list[dict[str, object]]:
+def _build_vehicle_entries(found: LogReplay) -> list[dict[str, object]]:
     return [
         {
             "log": str(found.path),
@@ -215,12 +217,12 @@ BY: Mapping[Actor, str] = MappingProxyType(
 """Who changed a mode, for people."""
 
 
-def _print(done: _Done) -> None:
+def _print(done: _ReplayedLog) -> None:
     found = done.replay
     print(f"{found.path}: {found.lasted_s / 60:.1f} min")
     for note in found.notes:
         print(f"  {note}")
-    if done.comparison is not None and done.comparison.same:
+    if done.comparison is not None and done.comparison.is_same:
         print(f"  the same {done.comparison.logged} decisions as the flight")
 
     def at(usec: int) -> str:
@@ -249,29 +251,29 @@ def _print_vehicle(vehicle: VehicleReplay, at: Callable[[int], str]) -> None:
         print("    no declaration")
 
 
-def _write(done: Sequence[_Done], folder: Path) -> None:
+def _write(done: Sequence[_ReplayedLog], folder: Path) -> None:
     from executor.replay.page import write_replay_page
     from executor.replay.pictures import draw_replay
 
-    writable(folder, lambda: folder.mkdir(parents=True, exist_ok=True))
+    write_named_file(folder, lambda: folder.mkdir(parents=True, exist_ok=True))
     for one in done:
         name = one.replay.path.resolve().name
         picture, page = folder / f"{name}.png", folder / f"{name}.html"
-        writable(folder, partial(draw_replay, one.replay, one.truth, picture))
-        writable(folder, partial(write_replay_page, one.replay, one.truth, picture, page))
+        write_named_file(folder, partial(draw_replay, one.replay, one.truth, picture))
+        write_named_file(folder, partial(write_replay_page, one.replay, one.truth, picture, page))
 
 
 def _learn(paths: Sequence[Path], site: Site | None, output: Path | None, *, as_json: bool) -> None:
-    from executor.replay.learnedfile import learn, learned_toml, table, told
+    from executor.replay.learnedfile import build_learned_table, describe_aircraft, format_learned_toml, learn_from_logs
 
-    system, found, others = learn([path for path in paths if not path.is_dir()])
+    system, found, others = learn_from_logs([path for path in paths if not path.is_dir()])
     drone, base = ("mavic3", PRESETS["mavic3"]) if site is None else (site.energy.drone, drone_of(site))
-    content = learned_toml(found, drone, base)
+    content = format_learned_toml(found, drone, base)
     if output is not None:
-        writable(output, lambda: write_whole(output, content.encode()))
+        write_named_file(output, lambda: write_whole(output, content.encode()))
     if as_json:
-        print(json_text({"system": system, "left_out": others, **table(found)}))
+        print(json_text({"system": system, "left_out": others, **build_learned_table(found)}))
     elif output is None:
         print(content, end="")
     else:
-        print("\n".join(told(system, found, others)))
+        print("\n".join(describe_aircraft(system, found, others)))

@@ -11,9 +11,9 @@ import typer
 from executor.cli.console import TerminalConsole
 from executor.cli.options import JsonOption, QuietOption
 from executor.core.commands import Level
-from executor.core.preflight.parameters import Kept
-from executor.core.words import count_of
-from executor.flight.changed_parameters import parameters_report, read_kept
+from executor.core.preflight.parameters import KeptParameter
+from executor.core.words import format_count
+from executor.flight.changed_parameters import build_parameter_rows, read_kept_parameters
 from executor.flight.kept_lists import KeptList, read_kept_lists
 from executor.runtime import turns
 from missions.files import json_text
@@ -28,30 +28,34 @@ def restore(
     """Restore the parameters, fences and rally points that the flight of a run directory changed on its vehicles."""
     from executor.flight import restore as restoring
 
-    _, waiting, lists = restoring.read_open(directory)
+    _, waiting, lists = restoring.read_open_changes(directory)
     if not waiting and not lists:
-        _finish(directory, read_kept(directory) or (), read_kept_lists(directory), as_json=as_json, quiet=quiet)
+        _finish(
+            directory, read_kept_parameters(directory) or (), read_kept_lists(directory), as_json=as_json, quiet=quiet
+        )
         return
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
-    for words in (*(one.words for one in waiting), *(one.words for one in lists)):
+    for words in (*(one.words for one in waiting), *(one.description for one in lists)):
         console.say(Level.INFO, words)
-    counted = [count_of(len(waiting), "parameter")] if waiting else []
-    counted += list(dict.fromkeys(one.what for one in lists))
+    counted = [format_count(len(waiting), "parameter")] if waiting else []
+    counted += list(dict.fromkeys(one.list_name for one in lists))
     asked = " and ".join(counted)
     if not console.confirm(f"Restore {asked}?"):
         console.say(Level.WARNING, "not confirmed; nothing was sent to any vehicle")
         raise typer.Exit(1)
-    kept, fences = turns.run(restoring.restore(directory, console))
+    kept, fences = turns.run_on_fair_loop(restoring.restore_from_run(directory, console))
     _finish(directory, kept, fences, as_json=as_json, quiet=quiet)
 
 
-def _finish(directory: Path, kept: Sequence[Kept], lists: Sequence[KeptList], *, as_json: bool, quiet: bool) -> None:
-    stay = sum(one.open for one in kept) + sum(one.open for one in lists)
+def _finish(
+    directory: Path, kept: Sequence[KeptParameter], lists: Sequence[KeptList], *, as_json: bool, quiet: bool
+) -> None:
+    stay = sum(one.open for one in kept) + sum(one.is_open for one in lists)
     if as_json:
-        rows = {"parameters": [row.plain() for row in parameters_report(kept)]}
+        rows = {"parameters": [row.to_plain() for row in build_parameter_rows(kept)]}
         if lists:
             rows["fences"] = [
-                {"vehicle": one.vehicle, "list": one.kind.name.lower(), "restored": not one.open} for one in lists
+                {"vehicle": one.vehicle, "list": one.kind.name.lower(), "restored": not one.is_open} for one in lists
             ]
         print(json_text({"restored": stay == 0, **rows}))
     elif not quiet:

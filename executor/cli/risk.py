@@ -9,22 +9,24 @@ from typing import Annotated
 import typer
 
 from executor.cli.console import TerminalConsole
-from executor.cli.options import DaskOption, JobsOption, JsonOption, PlanArgument, SeedOption, finite
-from executor.cli.planning import can_be_drawn, writable
-from executor.site.crew import crew
-from executor.site.risk import risks, sweep_mtbf
+from executor.cli.options import DaskOption, JobsOption, JsonOption, PlanArgument, SeedOption, require_finite
+from executor.cli.planning import check_can_draw, write_named_file
+from executor.site.crew import open_campaign_runner
+from executor.site.risk import compute_campaign_risks, sweep_mtbf
 from missions import read_plan
 from missions.files import json_text
-from planner import Campaign, Risk, flight_chunks, risk_campaign
+from planner import RiskCampaign, RiskEstimate, build_risk_campaign, split_flights
 
 MtbfOption = Annotated[
     float,
-    typer.Option(min=0.01, callback=finite, metavar="HOURS", help="Mean flight hours between failures of one vehicle."),
+    typer.Option(
+        min=0.01, callback=require_finite, metavar="HOURS", help="Mean flight hours between failures of one vehicle."
+    ),
 ]
 SpreadOption = Annotated[
     float,
     typer.Option(
-        min=0, max=50, callback=finite, metavar="PCT",
+        min=0, max=50, callback=require_finite, metavar="PCT",
         help="Standard deviation of a vehicle's true consumption, in percent of the planned; re-plans count with the "
         "planned one.",
     ),
@@ -32,7 +34,7 @@ SpreadOption = Annotated[
 ReserveOption = Annotated[
     float,
     typer.Option(
-        min=0, max=100, callback=finite, metavar="PCT",
+        min=0, max=100, callback=require_finite, metavar="PCT",
         help="Reserve beyond the budget, in percent of a full battery; a vehicle that has used up both is lost.",
     ),
 ]  # fmt: skip
@@ -64,36 +66,37 @@ def risk(
     others take over what a lost vehicle has not finished, where a re-plan is found that inspects everything; without
     one it is left over. The same seed gives the same answer for any number of processes.
     """
-    can_be_drawn("--picture", picture)
+    check_can_draw("--picture", picture)
     content = read_plan(plan)
     names = [vehicle.name for vehicle in content.vehicles]
     console = TerminalConsole(quiet=as_json, yes=True)
-    swept: tuple[Risk, ...] = ()
+    swept: tuple[RiskEstimate, ...] = ()
 
     def done(flown: int, total: int) -> None:
-        console.progress(f"{flown} of {total} flights")
+        console.show_progress(f"{flown} of {total} flights")
 
-    with crew(jobs=jobs, dask=dask) as fly:
-        console.progress("checking each first loss")
-        wanted = risk_campaign(
-            content.instance(), content.plan, mtbf_h=(mtbf,), battery_spread_pct=battery_spread, reserve_pct=reserve,
+    with open_campaign_runner(jobs=jobs, dask=dask) as fly:
+        console.show_progress("checking each first loss")
+        wanted = build_risk_campaign(
+            content.build_instance(), content.plan, mtbf_h=(mtbf,), battery_spread_pct=battery_spread,
+            reserve_pct=reserve,
             max_losses=max_losses, fly_again=content.fly_again,
         )  # fmt: skip
-        (found,) = risks(fly, wanted, flight_chunks(samples, seed), done)
+        (found,) = compute_campaign_risks(fly, wanted, split_flights(samples, seed), done)
         if picture is not None:
-            swept = risks(fly, *sweep_mtbf(wanted, seed, flights=samples), done)
-    console.progress("")
+            swept = compute_campaign_risks(fly, *sweep_mtbf(wanted, seed, flights=samples), done)
+    console.show_progress("")
     if picture is not None:
-        from executor.analysis.pictures import risk_figure, save
+        from executor.analysis.pictures import draw_risk_figure, save_figure
 
-        writable(picture, lambda: save(risk_figure(swept, found), picture))
+        write_named_file(picture, lambda: save_figure(draw_risk_figure(swept, found), picture))
     if as_json:
-        print(json_text(risk_document(wanted, found, names, seed)))
+        print(json_text(build_risk_document(wanted, found, names, seed)))
     else:
         _print_risk(found, names)
 
 
-def risk_document(flown: Campaign, found: Risk, names: Sequence[str], seed: int) -> dict[str, object]:
+def build_risk_document(flown: RiskCampaign, found: RiskEstimate, names: Sequence[str], seed: int) -> dict[str, object]:
     """Return an answer as JSON has it."""
     worst = found.worst
     return {
@@ -125,11 +128,11 @@ def risk_document(flown: Campaign, found: Risk, names: Sequence[str], seed: int)
     }  # fmt: skip
 
 
-def _print_risk(found: Risk, names: Sequence[str]) -> None:
+def _print_risk(found: RiskEstimate, names: Sequence[str]) -> None:
     print(f"everything inspected, {found.flights} flights, one failure in {found.mtbf_h:g} flight hours:")
     for replans, (chance, undone_m) in enumerate(zip(found.finished, found.undone_m, strict=True)):
         print(
-            f"  {_policy(replans):<32}{100 * chance.estimate:7.2f} %  (95 %: {100 * chance.low:.2f} to "
+            f"  {_describe_policy(replans):<32}{100 * chance.estimate:7.2f} %  (95 %: {100 * chance.low:.2f} to "
             f"{100 * chance.high:.2f} %), {undone_m:.1f} m left on average"
         )
     none, one, more = (100 * share for share in found.losses_share)
@@ -149,7 +152,7 @@ def _print_risk(found: Risk, names: Sequence[str]) -> None:
     )
 
 
-def _policy(replans: int) -> str:
+def _describe_policy(replans: int) -> str:
     if replans == 0:
         return "as planned, without a re-plan"
     return "re-planned after one loss" if replans == 1 else f"re-planned after up to {replans} losses"

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 
 from executor.core.context import Scene, VehicleSetup
-from executor.core.parts import Fix, OwnMission
+from executor.core.parts import OwnMission, PositionFix
 from executor.core.vehicle import VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
@@ -58,7 +58,7 @@ class _Slope:
             return 1.0  # straight up or down: where it ends is what counts
         return ((place_m[0] - east) * (x - east) + (place_m[1] - north) * (y - north)) / length2
 
-    def asked(self, fix: Fix, up_m: float) -> AskedHeight:
+    def asked(self, fix: PositionFix, up_m: float) -> AskedHeight:
         """Return what it asks of a vehicle at a height."""
         rise_m = self.to_up_m - self.from_up_m
         height_m = self.from_up_m + rise_m * min(1.0, max(0.0, self.share(fix.place_m)))
@@ -86,7 +86,7 @@ def lies_low(context: Scene, setup: VehicleSetup, state: VehicleState) -> bool:
     return asked is not None and asked.below_m >= limits.below_mission_m
 
 
-def _planned(state: VehicleState, fix: Fix) -> AskedHeight | None:
+def _planned(state: VehicleState, fix: PositionFix) -> AskedHeight | None:
     board, number = state.assignment.board, state.assignment.waypoint
     if board is None or state.assignment.carried.foreign_s is not None or number < 1:
         return None
@@ -107,7 +107,7 @@ def _planned(state: VehicleState, fix: Fix) -> AskedHeight | None:
     return AskedHeight(min(one.below_m for one in asked), max(one.sinks_m_s for one in asked))
 
 
-def _seen(context: Scene, own: OwnMission, fix: Fix) -> AskedHeight | None:
+def _seen(context: Scene, own: OwnMission, fix: PositionFix) -> AskedHeight | None:
     ends = item_of(own, own.leads_to)
     if ends is None or ends.command not in {WAYPOINT, SPLINE} | _STAYS or (up_m := _up_in(ends.frame, fix)) is None:
         return None
@@ -121,12 +121,12 @@ def _seen(context: Scene, own: OwnMission, fix: Fix) -> AskedHeight | None:
     return _Slope(from_m, from_up_m, _place_m(context, ends, fix), ends.z).asked(fix, up_m)
 
 
-def _up_in(frame: int, fix: Fix) -> float | None:
+def _up_in(frame: int, fix: PositionFix) -> float | None:
     """Return a vehicle's height as a frame counts it; None over the ground, which nobody knows."""
     return fix.alt_rel_m if frame in _OVER_HOME else fix.alt_msl_m if frame in _OVER_SEA else None
 
 
-def _place_m(context: Scene, item: MissionItem, fix: Fix) -> tuple[float, float]:
+def _place_m(context: Scene, item: MissionItem, fix: PositionFix) -> tuple[float, float]:
     if not item.x and not item.y:
         return fix.place_m  # where it is
     return context.frame.to_local_m(item.x / DEG_E7, item.y / DEG_E7)
@@ -149,7 +149,7 @@ def with_item(own: OwnMission, item: MissionItem) -> OwnMission:
     return replace(own, listed=tuple(sorted((*others, item), key=lambda one: one.seq)))
 
 
-def flown_to(own: OwnMission, number: int, fix: Fix | None) -> OwnMission:
+def flown_to(own: OwnMission, number: int, fix: PositionFix | None) -> OwnMission:
     """Return a mission whose vehicle says which item it flies to; what a camera or a speed is told leads nowhere."""
     item = item_of(own, number)
     if number == own.leads_to or (item is not None and item.command > LAST_NAV):

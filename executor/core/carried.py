@@ -30,7 +30,7 @@ _RECEIVED = re.compile(r"^(flight plan received|auto mission changed)", re.IGNOR
 
 
 @dataclass(frozen=True, slots=True)
-class Carried:
+class MissionOwnership:
     """What is known of the mission on board besides what was put there."""
 
     ours_s: float = float("-inf")
@@ -50,62 +50,64 @@ class Carried:
     by_items: bool = False
     """Whether its items are others, by what was read: as many as ours are no sign that they are ours again."""
 
-    def doubted(self) -> bool:
+    def may_be_foreign(self) -> bool:
         """Return whether it may carry another mission."""
         return self.foreign_s is not None or self.told_s is not None
 
-    def to_be_read(self, now_s: float) -> bool:
+    def needs_reading(self, now_s: float) -> bool:
         """Return whether it is time to look up what it carries."""
         if self.told_s is None or now_s - self.read_s < READ_AGAIN_S:
             return False
         return self.asked_s is None or now_s - self.asked_s >= READS_S
 
-    def sure(self, now_s: float) -> bool:
+    def is_surely_foreign(self, now_s: float) -> bool:
         """Return whether it carries another mission for certain."""
         return self.foreign_s is not None and now_s - self.foreign_s >= SURE_S
 
 
-def items_expected(context: Scene, name: str, items: int) -> int:
+def compute_expected_total(context: Scene, name: str, items: int) -> int:
     """Return the total that a vehicle reports for a mission of so many items."""
     return items - 1 if context.vehicles[name].dialect.current_counts_home else items
 
 
-def after_report(carried: Carried, message: MissionCurrent, expected: int, now_s: float) -> Carried:
+def apply_mission_report(
+    carried: MissionOwnership, message: MissionCurrent, expected: int, now_s: float
+) -> MissionOwnership:
     """Take what a vehicle says of its mission, where that should be `expected` items of ours."""
     total, number = message.total, message.mission_id
     if total == NO_ITEM:  # PX4 without a mission
-        return _foreign(carried, "none at all", now_s)
+        return _mark_foreign(carried, "none at all", now_s)
     if total and total != expected:
-        return _foreign(carried, f"{total} items where ours has {expected}", now_s)
+        return _mark_foreign(carried, f"{total} items where ours has {expected}", now_s)
     if number and number != carried.id:
         # What it says first after an upload may be of before it.
         if carried.id is None or now_s - carried.ours_s < SETTLES_S:
             return replace(carried, id=number, foreign_s=None, words="")
-        return _foreign(carried, "as many items as ours, but others", now_s)
+        return _mark_foreign(carried, "as many items as ours, but others", now_s)
     if carried.foreign_s is None or (not number and carried.by_items):
         return carried
     return replace(carried, foreign_s=None, words="", by_items=False)
 
 
-def texted(carried: Carried, text: str, now_s: float) -> Carried:
+def note_mission_text(carried: MissionOwnership, text: str, now_s: float) -> MissionOwnership:
     """Take a text of a vehicle that is being sent nothing from here."""
     if not _RECEIVED.search(text) or now_s - carried.ours_s < SETTLES_S or carried.told_s is not None:
         return carried
     return replace(carried, told_s=now_s)
 
 
-def after_reading(carried: Carried, match: Match | None, now_s: float) -> Carried:
+def apply_mission_readback(carried: MissionOwnership, match: Match | None, now_s: float) -> MissionOwnership:
     """Take what was read from it, against the mission that is ours; None if nothing could be read."""
     known = replace(carried, told_s=None, asked_s=None, read_s=now_s)
     if match is None:
-        return replace(_foreign(known, "it reports a new one, which cannot be read", now_s), by_items=True)
+        return replace(_mark_foreign(known, "it reports a new one, which cannot be read", now_s), by_items=True)
     if match.whole:
         return replace(known, foreign_s=None, words="", by_items=False)
     words = f"read-back differs from item {match.alike} on"
-    return replace(_foreign(known, words, now_s), words=words, by_items=True)
+    return replace(_mark_foreign(known, words, now_s), words=words, by_items=True)
 
 
-def _foreign(carried: Carried, words: str, now_s: float) -> Carried:
+def _mark_foreign(carried: MissionOwnership, words: str, now_s: float) -> MissionOwnership:
     if carried.foreign_s is not None:
         return carried
     return replace(carried, foreign_s=now_s, words=words)

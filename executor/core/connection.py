@@ -26,7 +26,7 @@ class Scheme(Enum):
     SERIAL = "serial"
 
     @property
-    def we_call(self) -> bool:
+    def is_outgoing(self) -> bool:
         """Whether the other end is known before it has said anything."""
         return self in {Scheme.UDP_OUT, Scheme.TCP_OUT, Scheme.SERIAL}
 
@@ -59,12 +59,12 @@ class Connection:
             return True
 
     @property
-    def place(self) -> str:
+    def exclusive_resource(self) -> str:
         """What only one connection can use: a device, a port of this machine, or an address elsewhere."""
         if self.scheme is Scheme.SERIAL:
             return self.where
         transport = self.scheme.value[:3]
-        here = not self.scheme.we_call or self.where in {"127.0.0.1", "localhost"}
+        here = not self.scheme.is_outgoing or self.where in {"127.0.0.1", "localhost"}
         return f"{transport} port {self.number}" if here else f"{transport} {self.where}:{self.number}"
 
 

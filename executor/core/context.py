@@ -12,7 +12,7 @@ from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.history import PackHistory
 from executor.core.battery.kalman import Prior
 from executor.core.battery.resting import NO_FACTS, PackFacts
-from executor.core.learning import UNKNOWN, Learned
+from executor.core.learning import UNKNOWN, LearnedFactors
 from executor.core.limits import Limits
 from missions import Dialect, FlightSetup, LocalFrame, Pace, Performance, Pricing
 from missions.areas import Unreachable
@@ -20,7 +20,7 @@ from missions.pace import AS_MODELLED
 from planner import Drone, pct_per_s, top_speed_m_s
 
 
-class FlyAgain(Enum):
+class RelaunchPolicy(Enum):
     """Whether a vehicle on the ground takes off for a re-plan."""
 
     ASK = "ask"
@@ -32,7 +32,7 @@ class FlyAgain(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Fencing:
+class FenceRules:
     """What the site says of fences and rally points."""
 
     enabled: bool
@@ -74,7 +74,7 @@ class VehicleSetup:
     """The pack, where the site names it."""
     empty_pct: float = 0.0
     """What its autopilot reports when its pack is empty, by its earlier flights; a part of `reserve_pct`."""
-    start: Learned = UNKNOWN
+    start: LearnedFactors = UNKNOWN
     """What is known of its pace, relative to its model, before it has flown anything."""
     packs: Mapping[str, VehicleSetup] = field(default_factory=dict)
     """The same vehicle with another pack that the site knows, by its label; by "" with one that nobody knows."""
@@ -115,7 +115,7 @@ class Scene:
 
 
 @cache
-def draws_pct_s(drone: Drone) -> tuple[float, ...]:
+def power_draw_table_pct_s(drone: Drone) -> tuple[float, ...]:
     """Return what a second costs at 0, 0.1, 0.2 ... m/s, up to what the battery can give.
 
     Every position and every look at the battery asks for one; a step changes the figure by less than 1 %.
@@ -153,7 +153,7 @@ class Context(Scene):
     """The network's segments that this flight is for: those of its first plan."""
     unreachable: tuple[Unreachable, ...]
     """Those that were asked for as well, and no flight can inspect."""
-    fly_again: FlyAgain
+    fly_again: RelaunchPolicy
     pilot_grace_s: float
     """How long the segments of a vehicle that its pilot has taken are kept for it."""
     pilot_returns: bool
@@ -164,7 +164,7 @@ class Context(Scene):
     """How long an offer to fly again stands once nobody flies any more."""
     horizon_s: float
     """How long solving and uploading a re-plan may take, in the vehicles' time."""
-    fencing: Fencing | None = None
+    fencing: FenceRules | None = None
     """None where the site says nothing of fences."""
     camera_home: bool = True
     """Whether a vehicle whose camera or gimbal fails comes home; else it goes on with what it can see."""

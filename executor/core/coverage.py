@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from missions.geometry import locate
+from missions.geometry import locate_on_leg
 
 SPEED_FACTOR = 1.3
 END_TOLERANCE_M = 5.0
@@ -41,9 +41,9 @@ class Track:
 
     def locate(self, place_m: tuple[float, float]) -> tuple[float, float]:
         """Return how far along the track a place lies, and how far beside or beyond it."""
-        return locate(self.begin_m, self.end_m, place_m)
+        return locate_on_leg(self.begin_m, self.end_m, place_m)
 
-    def aside_m(self, place_m: tuple[float, float]) -> float:
+    def lateral_offset_m(self, place_m: tuple[float, float]) -> float:
         """Return how far beside the track, or beside its continuation, a place lies."""
         along, away = self.locate(place_m)
         beyond = max(-along, along - self.length_m, 0.0)
@@ -51,7 +51,7 @@ class Track:
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class PositionSample:
     """Where the vehicle was by its own clock."""
 
     boot_s: float
@@ -74,7 +74,7 @@ class SegmentPass:
 
 
 @dataclass(frozen=True, slots=True)
-class _Pace:
+class _RunStatistics:
     """What a run was like so far."""
 
     began_s: float
@@ -84,9 +84,9 @@ class _Pace:
     aside_max_m: float = 0.0
     samples: int = 0
 
-    def with_sample(self, sample: Sample, aside_m: float) -> _Pace:
+    def with_sample(self, sample: PositionSample, aside_m: float) -> _RunStatistics:
         speeds = [speed for speed in (self.fastest_m_s, sample.speed_m_s) if speed is not None]
-        return _Pace(
+        return _RunStatistics(
             self.began_s,
             self.began_m,
             max(speeds, default=None),
@@ -95,37 +95,39 @@ class _Pace:
             self.samples + 1,
         )
 
-    def flown(self, ended_s: float, ended_m: float) -> SegmentPass:
+    def to_segment_pass(self, ended_s: float, ended_m: float) -> SegmentPass:
         took_s = ended_s - self.began_s
         mean_m_s = (ended_m - self.began_m) / took_s if took_s > 0 else 0.0
         return SegmentPass(mean_m_s, self.fastest_m_s, self.aside_sum_m / self.samples, self.aside_max_m)
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class InspectionRun:
     """An inspection under way: the samples since the vehicle left the first pylon."""
 
     furthest_m: float
     recent: tuple[tuple[float, float], ...]
     """(boot_s, along_m) of the last seconds, the oldest first."""
-    pace: _Pace
+    pace: _RunStatistics
 
 
-def run_joined(track: Track, sample: Sample, speed_m_s: float) -> Run:
+def join_run(track: Track, sample: PositionSample, speed_m_s: float) -> InspectionRun:
     """Return the run of a vehicle that is found on a track, as if it had come from the first pylon at this speed.
 
     Nobody saw that; who says so has other evidence for it.
     """
     along, _ = track.locate(sample.place_m)
-    pace = _Pace(sample.boot_s - max(0.0, along) / speed_m_s, 0.0).with_sample(sample, track.aside_m(sample.place_m))
-    return Run(along, ((sample.boot_s, along),), pace)
+    pace = _RunStatistics(sample.boot_s - max(0.0, along) / speed_m_s, 0.0).with_sample(
+        sample, track.lateral_offset_m(sample.place_m)
+    )
+    return InspectionRun(along, ((sample.boot_s, along),), pace)
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class RunStep:
     """What one more position means for a visit."""
 
-    run: Run | None
+    run: InspectionRun | None
     flown: SegmentPass | None = None
     """How it was flown, once the run has come to the other pylon."""
     broken: str = ""
@@ -137,9 +139,9 @@ class Step:
         return self.flown is not None
 
 
-def follow(  # noqa: PLR0911 - one return for each way in which a run goes on or ends
-    run: Run | None, track: Track, sample: Sample, *, corridor_m: float, speed_m_s: float
-) -> Step:
+def advance_run(  # noqa: PLR0911 - one return for each way in which a run goes on or ends
+    run: InspectionRun | None, track: Track, sample: PositionSample, *, corridor_m: float, speed_m_s: float
+) -> RunStep:
     """Carry a run on by one position.
 
     Args:
@@ -154,27 +156,27 @@ def follow(  # noqa: PLR0911 - one return for each way in which a run goes on or
     inside = beside <= corridor_m
     if inside and along <= tolerance and (run is None or run.furthest_m <= tolerance):
         # Still about the first pylon: the run begins when it leaves.
-        begun = _Pace(sample.boot_s, along).with_sample(sample, track.aside_m(sample.place_m))
-        return Step(Run(along, ((sample.boot_s, along),), begun))
+        begun = _RunStatistics(sample.boot_s, along).with_sample(sample, track.lateral_offset_m(sample.place_m))
+        return RunStep(InspectionRun(along, ((sample.boot_s, along),), begun))
     if run is None:
-        return Step(None)
+        return RunStep(None)
     gap_s = sample.boot_s - run.recent[-1][0]
     if not inside:
-        return Step(None, broken=f"{beside:.0f} m beside the line")
+        return RunStep(None, broken=f"{beside:.0f} m beside the line")
     if gap_s > GAP_S:
-        return Step(None, broken=f"no position for {gap_s:.1f} s")
+        return RunStep(None, broken=f"no position for {gap_s:.1f} s")
     if along < run.furthest_m - corridor_m:
-        return Step(None, broken="turned back")
+        return RunStep(None, broken="turned back")
     recent = (*run.recent, (sample.boot_s, along))
     while len(recent) > 2 and sample.boot_s - recent[1][0] >= SPEED_WINDOW_S:
         recent = recent[1:]
     elapsed_s = sample.boot_s - recent[0][0]
     speed = (along - recent[0][1]) / elapsed_s if elapsed_s >= SPEED_WINDOW_S else 0.0
     if speed > SPEED_FACTOR * speed_m_s:
-        return Step(None, broken=f"flown at {speed:.1f} m/s")
-    furthest, pace = max(run.furthest_m, along), run.pace.with_sample(sample, track.aside_m(sample.place_m))
+        return RunStep(None, broken=f"flown at {speed:.1f} m/s")
+    furthest, pace = max(run.furthest_m, along), run.pace.with_sample(sample, track.lateral_offset_m(sample.place_m))
     if along >= track.length_m - tolerance:
         if along - recent[0][1] > SPEED_FACTOR * speed_m_s * elapsed_s + NOISE_M:
-            return Step(None, broken="flown too fast")
-        return Step(None, flown=pace.flown(sample.boot_s, along))
-    return Step(Run(furthest, recent, pace))
+            return RunStep(None, broken="flown too fast")
+        return RunStep(None, flown=pace.to_segment_pass(sample.boot_s, along))
+    return RunStep(InspectionRun(furthest, recent, pace))

@@ -169,7 +169,7 @@ class Found:
     matches: tuple[Match, ...]
     """Against every mission that it may have been given."""
 
-    def against(self, revision: int) -> Match | None:
+    def match_of(self, revision: int) -> Match | None:
         """Return how much of a revision's mission is on board; None if that was not looked at, or nothing was read."""
         return next((one for one in self.matches if one.revision == revision), None)
 

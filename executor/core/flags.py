@@ -100,7 +100,7 @@ FLAGS: tuple[FlagRule, ...] = (
 )  # fmt: skip
 
 
-def breaches(before: VehicleState, after: VehicleState) -> Iterator[str]:
+def find_flag_breaches(before: VehicleState, after: VehicleState) -> Iterator[str]:
     """Yield what a step made of a vehicle that the tables do not allow."""
     if after.stage is not before.stage and after.stage not in TRANSITIONS[before.stage]:
         yield f"{after.name}: {before.stage.value} became {after.stage.value}"

@@ -35,47 +35,56 @@ from executor.core.events import (
     UploadEnded,
 )
 from executor.core.faults import link_loss, streams, warnings, watchpoints
-from executor.core.faults.watching import View, Watchpoint
+from executor.core.faults.watching import Watchpoint, WatchView
 from executor.core.hearing import texts
-from executor.core.hearing.fold import fold
-from executor.core.hearing.pictures import payload_heard
-from executor.core.hearing.strangers import stranger_lines
+from executor.core.hearing.fold import apply_message
+from executor.core.hearing.pictures import apply_payload_message
+from executor.core.hearing.strangers import describe_new_foreign_systems
 from executor.core.homing import down, homeward
-from executor.core.homing.homeward import comes_home, on_mission
-from executor.core.homing.landing import has_landed, touched_down
+from executor.core.homing.homeward import is_coming_home, is_on_mission
+from executor.core.homing.landing import apply_touchdown, has_landed
 from executor.core.messages import ComponentText, Heartbeat, LandedState, MissionCurrent, PayloadMessage, Position
 from executor.core.operator import handling
-from executor.core.parts import Assignment, Cause, OnBoard, SortieAhead, Turnaround
+from executor.core.parts import Assignment, ModeCause, OnboardMission, PlannedSortie, Turnaround
 from executor.core.places import (
-    at_rest,
-    last_heard,
-    over_its_pad,
-    place_words,
-    seen_at_rest,
+    describe_down_place,
+    describe_last_position,
+    is_at_rest,
+    is_over_pad,
+    is_resting_place_known,
 )
 from executor.core.positioning import regained_words
 from executor.core.replan import closer, new_missions, offering, replanning, survivors
 from executor.core.resume import blackout, resuming
 from executor.core.roster import killswitch, offers, takeover, turnaround
-from executor.core.roster.withdraw import declare
+from executor.core.roster.withdraw import declare_fault
 from executor.core.seeing import faults as faults_of_cameras
 from executor.core.seeing import proof
-from executor.core.separation import separated
-from executor.core.setups import setup_now
-from executor.core.state import Briefing, CheckLine, Crew, FleetState, Outlook, Question, SaidLine, Told
-from executor.core.uploaded import uploaded
-from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
-from executor.core.words import count_of
+from executor.core.separation import record_separation
+from executor.core.setups import current_setup_of
+from executor.core.state import (
+    Briefing,
+    CheckLine,
+    CrewDialogue,
+    FleetState,
+    LossOutlook,
+    OperatorLine,
+    Question,
+    ReportedWarnings,
+)
+from executor.core.uploaded import apply_upload_result
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
+from executor.core.words import format_count
 from missions.fences import Fence
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 
 
-def initial(
-    boards: Mapping[str, OnBoard | None],
+def build_initial_state(
+    boards: Mapping[str, OnboardMission | None],
     checks: tuple[CheckLine, ...] = (),
     fences: Mapping[str, Fence] = MappingProxyType({}),
-    ahead: Mapping[str, tuple[SortieAhead, ...]] = MappingProxyType({}),
+    ahead: Mapping[str, tuple[PlannedSortie, ...]] = MappingProxyType({}),
 ) -> FleetState:
     """Return the state before the launch.
 
@@ -95,44 +104,44 @@ def initial(
             for name, board in boards.items()
         }
     )
-    return FleetState(vehicles, crew=Crew(briefing=Briefing(checks)))
+    return FleetState(vehicles, crew=CrewDialogue(briefing=Briefing(checks)))
 
 
 def step(context: Context, state: FleetState, event: Event, now_s: float) -> Stepped:
     """Apply one event."""
-    state, commands = _step(context, state, event, now_s)
+    state, commands = _dispatch_event(context, state, event, now_s)
     if not commands:
         return state, commands
-    lines = tuple(SaidLine(now_s, command.level, command.text) for command in commands if isinstance(command, Say))
-    return (state.telling(lines) if lines else state), commands
+    lines = tuple(OperatorLine(now_s, command.level, command.text) for command in commands if isinstance(command, Say))
+    return (state.with_lines(lines) if lines else state), commands
 
 
-def _step(  # noqa: C901, PLR0911 - one return for each kind of event
+def _dispatch_event(  # noqa: C901, PLR0911 - one return for each kind of event
     context: Context, state: FleetState, event: Event, now_s: float
 ) -> Stepped:
     match event:
         case Heard():
-            return _heard(context, state, event, now_s)
+            return _apply_message(context, state, event, now_s)
         case Tick():
-            return _tick(context, state, event.late_s, now_s)
+            return _apply_tick(context, state, event.late_s, now_s)
         case LaunchOrdered():
-            return launching.launch(context, state, now_s)
+            return launching.launch_fleet(context, state, now_s)
         case StartEnded():
-            return launching.started(context, state, event, now_s)
+            return launching.apply_start_result(context, state, event, now_s)
         case UploadEnded():
-            return uploaded(context, state, event, now_s)
+            return apply_upload_result(context, state, event, now_s)
         case SolveEnded() | Examined():
-            return turnaround.turnaround_answered(context, state, event, now_s)
+            return turnaround.apply_turnaround_event(context, state, event, now_s)
         case MissionsWanted():
-            return new_missions.composed(context, state, event, now_s)
+            return new_missions.apply_missions_wanted(context, state, event, now_s)
         case LossJudged():
-            return _judged(state, event, now_s), ()
+            return _record_loss_judgement(state, event, now_s), ()
         case ReturnEnded() | OrderEnded() | IntentReceived() | ReturnAllOrdered():
-            return handling.operator_step(context, state, event, now_s)
+            return handling.apply_operator_event(context, state, event, now_s)
         case Reopened():
-            return resuming.reopened(state, event, now_s)
+            return resuming.apply_reopening(state, event, now_s)
         case Resumed() | MissionRead():
-            return _found(context, state, event, now_s)
+            return _apply_mission_findings(context, state, event, now_s)
         case Asked(question, text, lines):
             asked = Question(question, text, lines)
             return replace(
@@ -140,113 +149,119 @@ def _step(  # noqa: C901, PLR0911 - one return for each kind of event
             ), ()
 
 
-def _found(context: Context, state: FleetState, event: Resumed | MissionRead, now_s: float) -> Stepped:
+def _apply_mission_findings(context: Context, state: FleetState, event: Resumed | MissionRead, now_s: float) -> Stepped:
     if isinstance(event, MissionRead):
-        return reading.mission_read(state, event.found, now_s)
-    taken = resuming.resumed(context, state, event, now_s)
+        return reading.apply_mission_read(state, event.found, now_s)
+    taken = resuming.resume_fleet(context, state, event, now_s)
     state, commands = taken.state, list(taken.commands)
     for ended in taken.ended:
-        state, more = _step(context, state, ended, now_s)
+        state, more = _dispatch_event(context, state, ended, now_s)
         commands.extend(more)
     for name, why in taken.strange:
         fault = Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.MISSION_FOREIGN)
-        state, more = declare(context, state, state.vehicles[name], fault)
+        state, more = declare_fault(context, state, state.vehicles[name], fault)
         commands.extend(more)
     return state, tuple(commands)
 
 
-def _judged(state: FleetState, event: LossJudged, now_s: float) -> FleetState:
+def _record_loss_judgement(state: FleetState, event: LossJudged, now_s: float) -> FleetState:
     if event.revision != state.replanning.revision:
         return state
-    outlook = {**state.replanning.outlook, event.vehicle: Outlook(now_s, event.uncovered)}
+    outlook = {**state.replanning.outlook, event.vehicle: LossOutlook(now_s, event.uncovered)}
     return replace(state, replanning=replace(state.replanning, outlook=MappingProxyType(outlook)))
 
 
-def _heard(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
+def _apply_message(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
     before = state.vehicles[event.vehicle]
     if isinstance(event.message, ComponentText):
-        return texts.said_aboard(state, before, event.message, now_s)
+        return texts.show_component_text(state, before, event.message, now_s)
     if isinstance(event.message, PayloadMessage):
-        return payload_heard(context, state, before, event.message, now_s), ()
-    folded = fold(context, before, event.message, now_s)
+        return apply_payload_message(context, state, before, event.message, now_s), ()
+    folded = apply_message(context, before, event.message, now_s)
     if isinstance(event.message, Heartbeat):
-        folded = replace(folded, state=causes.judged(context, state.listening.absences, before, folded.state, now_s))
+        folded = replace(
+            folded, state=causes.update_mode_cause(context, state.listening.absences, before, folded.state, now_s)
+        )
     elif isinstance(event.message, MissionCurrent | LandedState | Position):
         start = context.vehicles[event.vehicle].start
-        folded = replace(folded, state=leg_times.followed(before, folded.state, now_s, start))
+        folded = replace(folded, state=leg_times.track_legs(before, folded.state, now_s, start))
     state = state.put(folded.state)
     commands = _noticed(before, folded.state, now_s)
     if folded.text is not None:
-        state, more = texts.tell_text(state, folded.state, folded.text, now_s)
+        state, more = texts.show_status_text(state, folded.state, folded.text, now_s)
         commands.extend(more)
-        state, more = killswitch.kill_heard(state, state.vehicles[event.vehicle], folded.text, now_s)
+        state, more = killswitch.apply_kill_switch_text(state, state.vehicles[event.vehicle], folded.text, now_s)
         commands.extend(more)
     if folded.inspected is not None:
-        state = proof.was_flown(context, state, event.vehicle, [(folded.inspected, folded.flown)], now_s)
-    state = proof.passed_pylons(context, state, before, now_s)
+        state = proof.record_flown_segments(context, state, event.vehicle, [(folded.inspected, folded.flown)], now_s)
+    state = proof.record_passed_pylons(context, state, before, now_s)
     if folded.state.assignment.runs_broken is not before.assignment.runs_broken:
         # What was inferred of its beginning is worth nothing now: it counts when all of it is seen.
         broken = {folded.state.assignment.runs_broken[-1][0]} - set(state.coverage.inspected)
         state = replace(state, coverage=replace(state.coverage, inferred=state.coverage.inferred - broken))
     if isinstance(event.message, Position):
-        state = separated(context, state, folded.state, now_s)
+        state = record_separation(context, state, folded.state, now_s)
     # Only a heartbeat says in which mode it is, and whether it is armed; its last one is from before the silence.
     if isinstance(event.message, Heartbeat):
-        state, more = _beat(context, state, before, now_s)
+        state, more = _apply_heartbeat(context, state, before, now_s)
         commands.extend(more)
     return state, tuple(commands)
 
 
 def _noticed(before: VehicleState, after: VehicleState, now_s: float) -> list[Command]:
     """Say who else is on its link, and that it has GPS again."""
-    lines = [(Level.WARNING, line) for line in stranger_lines(before.link.strangers, after.link.strangers)]
+    lines = [
+        (Level.WARNING, line) for line in describe_new_foreign_systems(before.link.strangers, after.link.strangers)
+    ]
     if regained := regained_words(before, after, now_s):
         lines.append((Level.INFO, regained))
     return [Say(level, f"{after.name}: {line}") for level, line in lines]
 
 
-def _beat(context: Context, state: FleetState, before: VehicleState, now_s: float) -> Stepped:
+def _apply_heartbeat(context: Context, state: FleetState, before: VehicleState, now_s: float) -> Stepped:
     vehicle = state.vehicles[before.name]
     commands: tuple[Command, ...] = ()
-    if vehicle.custody.cause is Cause.PERSON and before.custody.cause is not Cause.PERSON:
+    if vehicle.custody.cause is ModeCause.PERSON and before.custody.cause is not ModeCause.PERSON:
         commands = (HandsOff(vehicle.name),)  # whether it is certain or not: nothing more is said to it
         if vehicle.stage is Stage.STARTING:
             state = state.put(replace(vehicle, orders=replace(vehicle.orders, start_let_go=True)))
     if before.stage is Stage.LOST:
-        state, more = _came_back(context, state, vehicle, now_s)
+        state, more = _recover_lost_vehicle(context, state, vehicle, now_s)
         if state.progress.finished:  # it is heard in the very moment in which the flight ended without it
             state = replace(state, progress=replace(state.progress, finished=False))
         return state, (*commands, *more)
     return state, commands
 
 
-def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Make sure that a vehicle whose work was given away does not go on with it, in the air or on the ground."""
     heard = f"{vehicle.name}: link regained"
-    if vehicle.armed and causes.in_other_hands(vehicle):
-        state, more = takeover.taken(context, state, vehicle)
+    if vehicle.armed and causes.is_under_foreign_control(vehicle):
+        state, more = takeover.apply_takeover(context, state, vehicle)
         return state, (Say(Level.WARNING, heard), *more)
     if vehicle.armed:
         vehicle = replace(
-            moved_to(vehicle, Stage.RETURNING),
+            change_stage(vehicle, Stage.RETURNING),
             motion=replace(vehicle.motion, anchor=None),
             sortie=replace(vehicle.sortie, left_s=now_s),
         )
-        state, more = homeward.sent_home(context, state, vehicle, now_s)
-        if comes_home(context, vehicle):
+        state, more = homeward.bring_home(context, state, vehicle, now_s)
+        if is_coming_home(context, vehicle):
             return state, (Say(Level.WARNING, f"{heard}, returning or landing by itself"), *more)
         return state, (Say(Level.WARNING, f"{heard}; its segments were reassigned, its mission is not resumed"), *more)
-    if not over_its_pad(context, vehicle):
+    if not is_over_pad(context, vehicle):
         state = state.put(
             replace(
-                moved_to(vehicle, Stage.DOWN),
+                change_stage(vehicle, Stage.DOWN),
                 orders=replace(vehicle.orders, ordered_mode_s=now_s),
                 sortie=replace(vehicle.sortie, place_told=True),
             )
         )
-        return state, (Say(Level.FAULT, f"{heard}, {place_words(context, vehicle)}"),)
-    state = state.put(replace(moved_to(vehicle, Stage.LANDED), orders=replace(vehicle.orders, ordered_mode_s=now_s)))
-    if not on_mission(context, vehicle):
+        return state, (Say(Level.FAULT, f"{heard}, {describe_down_place(context, vehicle)}"),)
+    state = state.put(
+        replace(change_stage(vehicle, Stage.LANDED), orders=replace(vehicle.orders, ordered_mode_s=now_s))
+    )
+    if not is_on_mission(context, vehicle):
         return state, (Say(Level.INFO, f"{heard}, on the ground"),)
     # Armed in this mode it would fly its old mission: neither autopilot takes off for a return.
     if vehicle.custody.taken is not None:
@@ -259,135 +274,143 @@ def _came_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
 def _look_at_all(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands: list[Command] = []
     for name in state.vehicles:
-        state, more = _look_at(context, state, name, now_s)
+        state, more = _check_vehicle(context, state, name, now_s)
         commands.extend(more)
     return state, tuple(commands)
 
 
-def _look_at(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
+def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
     vehicle = state.vehicles[name]
-    alone = state.listening.silent_since_s is not None and blackout.may_fly(context, vehicle, now_s)
+    alone = state.listening.silent_since_s is not None and blackout.may_be_airborne(context, vehicle, now_s)
     if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
-        return _on_the_ground(context, state, vehicle, now_s)
+        return _check_grounded_vehicle(context, state, vehicle, now_s)
     if vehicle.stage is Stage.LOST:
         return state, ()
     commands: list[Command] = []
-    state, more = link_loss.of_one(context, state, vehicle, now_s)
+    state, more = link_loss.check_link(context, state, vehicle, now_s)
     commands.extend(more)
     if vehicle.link.stale and not state.vehicles[name].link.stale:
-        state = replanning.heard_again(state, state.vehicles[name], now_s)
-    taken_up = blackout.taken_up(context, state, state.vehicles[name], now_s)
+        state = replanning.replan_for_regained_link(state, state.vehicles[name], now_s)
+    taken_up = blackout.recover_after_silence(context, state, state.vehicles[name], now_s)
     if taken_up is not None:
         state, more = taken_up
         commands.extend(more)
-    vehicle = causes.looked_at_again(context, state.listening.absences, state.vehicles[name], now_s)
-    setup = setup_now(context, vehicle)
-    view = View(context, setup, vehicle, False, now_s)
-    told, lines = warnings.new_warnings(view, state.crew.told.get(name, Told()))
+    vehicle = causes.review_mode_cause(context, state.listening.absences, state.vehicles[name], now_s)
+    setup = current_setup_of(context, vehicle)
+    view = WatchView(context, setup, vehicle, False, now_s)
+    told, lines = warnings.find_new_warnings(view, state.crew.told.get(name, ReportedWarnings()))
     if told is not state.crew.told.get(name):
         state = replace(state, crew=replace(state.crew, told=MappingProxyType({**state.crew.told, name: told})))
     commands.extend(Say(Level.WARNING, line) for line in lines)
-    if vehicle.stage is not Stage.PILOT and not causes.in_other_hands(vehicle) and streams.to_be_asked(view):
+    if (
+        vehicle.stage is not Stage.PILOT
+        and not causes.is_under_foreign_control(vehicle)
+        and streams.needs_stream_request(view)
+    ):
         vehicle = replace(vehicle, orders=replace(vehicle.orders, streams_asked_s=now_s))
         commands.append(AskStreams(name))
-    if reading.wanted(vehicle, now_s):
+    if reading.is_mission_read_due(vehicle, now_s):
         vehicle = replace(
             vehicle, assignment=replace(vehicle.assignment, carried=replace(vehicle.assignment.carried, asked_s=now_s))
         )
         commands.append(ReadMission(name))
-    judgement = watchpoints.judge(context, setup, vehicle, now_s)
-    vehicle = watchpoints.remembered(vehicle, judgement)
+    judgement = watchpoints.judge_watchpoints(context, setup, vehicle, now_s)
+    vehicle = watchpoints.store_watches(vehicle, judgement)
     state = state.put(vehicle)
     raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
     if taken_up is None:
         raised = [(point, why) for point, why in raised if point.kind is FaultKind.LINK]
         if not raised:
             return state, tuple(commands)  # it has not said yet what it does
-    state, more = _decided(context, state, vehicle, raised, now_s)
+    state, more = _decide_vehicle(context, state, vehicle, raised, now_s)
     commands.extend(more)
-    state, more = _owed(context, state, name)
+    state, more = _report_unproven_segment(context, state, name)
     return state, (*commands, *more)
 
 
-def _decided(  # noqa: PLR0911 - one return for each thing
+def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
     context: Context, state: FleetState, vehicle: VehicleState, raised: list[tuple[Watchpoint, str]], now_s: float
 ) -> Stepped:
     """One thing at a time, the most important first."""
     name = vehicle.name
     lost = next((why for point, why in raised if point.kind is FaultKind.LINK), "")
-    if vehicle.stage is not Stage.PILOT and causes.takes_over(vehicle, now_s) and not lost:
-        return takeover.taken(context, state, vehicle)
-    if vehicle.stage is Stage.FLYING and vehicle.assignment.carried.sure(now_s) and not lost:
-        return takeover.taken(context, state, vehicle)
+    if vehicle.stage is not Stage.PILOT and causes.is_taken_over(vehicle, now_s) and not lost:
+        return takeover.apply_takeover(context, state, vehicle)
+    if vehicle.stage is Stage.FLYING and vehicle.assignment.carried.is_surely_foreign(now_s) and not lost:
+        return takeover.apply_takeover(context, state, vehicle)
     left_its_mission = bool(raised) and raised[0][0].code is FaultCode.MODE_CHANGED
-    if left_its_mission and causes.missed_us(context, state.listening.absences, vehicle, now_s):
-        return _missed_us(context, state, vehicle, now_s)
+    if left_its_mission and causes.is_gcs_absence_failsafe(context, state.listening.absences, vehicle, now_s):
+        return _return_after_absence(context, state, vehicle, now_s)
     if vehicle.fault is not None:
         # The first reason stands. A later one only changes where the vehicle is taken to be, and hides nothing.
-        raised = [(point, why) for point, why in raised if point.kind is FaultKind.LINK or _lies(context, vehicle)]
+        raised = [
+            (point, why) for point, why in raised if point.kind is FaultKind.LINK or _is_down_off_pad(context, vehicle)
+        ]
     if raised:
         point, why = raised[0]
-        return _fault(context, state, vehicle, Fault(point.kind, why, now_s, point.code))
-    if why := down.found_down(context, vehicle, now_s):
-        return _down(context, state, vehicle, why, now_s)
+        return _apply_fault(context, state, vehicle, Fault(point.kind, why, now_s, point.code))
+    if why := down.describe_unexpected_landing(context, vehicle, now_s):
+        return _report_down_vehicle(context, state, vehicle, why, now_s)
     if vehicle.stage is Stage.PILOT:
-        return takeover.attended(context, state, vehicle, now_s)
+        return takeover.monitor_taken_vehicle(context, state, vehicle, now_s)
     if vehicle.stage is Stage.STARTING:
-        return launching.start_attended(context, state, vehicle, now_s)
+        return launching.monitor_start(context, state, vehicle, now_s)
     if has_landed(vehicle):
-        return _landed(context, state, vehicle, now_s)
-    return homeward.pursued(context, state, name, now_s)
+        return _apply_landing(context, state, vehicle, now_s)
+    return homeward.issue_homing_order(context, state, name, now_s)
 
 
-def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def _apply_landing(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Take a vehicle that has disarmed to be on the ground as soon as it is seen to rest there."""
-    if not seen_at_rest(vehicle, now_s):
+    if not is_resting_place_known(vehicle, now_s):
         return state, ()
-    spare = survivors.from_its_pad(context, vehicle).budget_pct > 0.0
-    state, commands = touched_down(context, state, vehicle, now_s, spare=spare)
-    waits = turnaround.ahead_words(context, state, state.vehicles[vehicle.name], now_s)
+    spare = survivors.build_pad_survivor(context, vehicle).budget_pct > 0.0
+    state, commands = apply_touchdown(context, state, vehicle, now_s, spare=spare)
+    waits = turnaround.describe_awaited_sortie(context, state, state.vehicles[vehicle.name], now_s)
     return state, (*commands, Say(Level.INFO, f"{vehicle.name}: {waits}")) if waits else commands
 
 
-def _on_the_ground(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Look at a vehicle that should not move."""
     if state.progress.launched_s is None:
         return state, ()
     if vehicle.stage is Stage.DOWN:
-        if not vehicle.armed and not vehicle.sortie.place_told and at_rest(vehicle, now_s):
+        if not vehicle.armed and not vehicle.sortie.place_told and is_at_rest(vehicle, now_s):
             state = state.put(replace(vehicle, sortie=replace(vehicle.sortie, place_told=True)))
-            return state, (Say(Level.FAULT, f"{vehicle.name}: {place_words(context, vehicle)}"),)
-        if not down.flies_again(vehicle):
+            return state, (Say(Level.FAULT, f"{vehicle.name}: {describe_down_place(context, vehicle)}"),)
+        if not down.is_flying_again(vehicle):
             return state, ()
-        return _flies_on(context, state, vehicle, "down", now_s)
-    if vehicle.armed and causes.takes_over(vehicle, now_s):
-        return takeover.taken(context, state, vehicle)
-    if causes.never_landed(context, vehicle):
-        return _flies_on(context, state, vehicle, "landed", now_s)
-    if vehicle.armed and causes.start_overtaken(vehicle, now_s) and vehicle.custody.cause is Cause.OURS:
+        return _bring_home_flying_vehicle(context, state, vehicle, "down", now_s)
+    if vehicle.armed and causes.is_taken_over(vehicle, now_s):
+        return takeover.apply_takeover(context, state, vehicle)
+    if causes.has_never_landed(context, vehicle):
+        return _bring_home_flying_vehicle(context, state, vehicle, "landed", now_s)
+    if vehicle.armed and causes.may_arm_late(vehicle, now_s) and vehicle.custody.cause is ModeCause.OURS:
         text = f"{vehicle.name}: armed on its pad although the start was cancelled"
-        return state.put(moved_to(vehicle, Stage.RETURNING)), (Say(Level.WARNING, text),)
+        return state.put(change_stage(vehicle, Stage.RETURNING)), (Say(Level.WARNING, text),)
     return state, ()
 
 
-def _flies_on(context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float) -> Stepped:
+def _bring_home_flying_vehicle(
+    context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float
+) -> Stepped:
     """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
-    text = f"{vehicle.name}: reported {taken_for} but is airborne, {last_heard(context, vehicle, now_s)}"
+    text = f"{vehicle.name}: reported {taken_for} but is airborne, {describe_last_position(context, vehicle, now_s)}"
     back = replace(
-        moved_to(vehicle, Stage.RETURNING),
+        change_stage(vehicle, Stage.RETURNING),
         motion=replace(vehicle.motion, anchor=None),
         sortie=replace(vehicle.sortie, left_s=now_s),
     )
-    state, more = homeward.sent_home(context, state, back, now_s)
+    state, more = homeward.bring_home(context, state, back, now_s)
     return state, (Say(Level.FAULT, text), *more)
 
 
-def _down(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
+def _report_down_vehicle(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
     """Say where a vehicle is down that is armed still."""
     if vehicle.fault is None:
-        return declare(context, state, vehicle, Fault(FaultKind.DOWN, why, now_s, FaultCode.DOWN))
+        return declare_fault(context, state, vehicle, Fault(FaultKind.DOWN, why, now_s, FaultCode.DOWN))
     lies = replace(
-        moved_to(vehicle, Stage.DOWN),
+        change_stage(vehicle, Stage.DOWN),
         orders=replace(vehicle.orders, errand=None),
         motion=replace(vehicle.motion, anchor=vehicle.motion.fix),
         sortie=replace(vehicle.sortie, place_told=True),
@@ -395,7 +418,7 @@ def _down(context: Context, state: FleetState, vehicle: VehicleState, why: str, 
     return state.put(lies), (Say(Level.FAULT, f"{vehicle.name}: {why}"),)
 
 
-def _owed(context: Context, state: FleetState, name: str) -> Stepped:
+def _report_unproven_segment(context: Context, state: FleetState, name: str) -> Stepped:
     """Say that an inspection does not count once its vehicle has left the segment without proof."""
     vehicle = state.vehicles[name]
     if vehicle.assignment.owed is None or vehicle.assignment.board is None:
@@ -413,52 +436,54 @@ def _owed(context: Context, state: FleetState, name: str) -> Stepped:
     return state, (Say(Level.WARNING, f"{name}: {context.segment_name(segment)} is not proven: {why}"),)
 
 
-def _missed_us(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def _return_after_absence(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Let a vehicle come home whose own failsafe acted because we were not there: it is well, and may fly again.
 
     Its mission is not taken up in the air: both autopilots forget the speed at a change of mode (measured).
     """
     vehicle = replace(
-        moved_to(vehicle, Stage.RETURNING),
+        change_stage(vehicle, Stage.RETURNING),
         assignment=replace(vehicle.assignment, run=None),
         motion=replace(vehicle.motion, anchor=None),
         sortie=replace(vehicle.sortie, left_s=now_s),
     )
-    state, more = homeward.sent_home(context, state, vehicle, now_s)
+    state, more = homeward.bring_home(context, state, vehicle, now_s)
     trigger = f"{vehicle.name}: ended its mission while the ground station was offline"
     state = replace(state, replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s))
     return state, (Say(Level.WARNING, f"{trigger}; returning"), *more)
 
 
-def _fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
+def _apply_fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
     if vehicle.fault is None:
-        return declare(context, state, vehicle, fault)
-    text = f"{vehicle.name}: {fault.reason}; {last_heard(context, vehicle, fault.detected_s)}"
+        return declare_fault(context, state, vehicle, fault)
+    text = f"{vehicle.name}: {fault.reason}; {describe_last_position(context, vehicle, fault.detected_s)}"
     orders = replace(vehicle.orders, errand=None)
     if fault.kind is FaultKind.LINK:
-        return state.put(replace(moved_to(vehicle, Stage.LOST), orders=orders)), (Say(Level.WARNING, text),)
+        return state.put(replace(change_stage(vehicle, Stage.LOST), orders=orders)), (Say(Level.WARNING, text),)
     sortie = replace(vehicle.sortie, place_told=False)
-    return state.put(replace(moved_to(vehicle, Stage.DOWN), orders=orders, sortie=sortie)), (Say(Level.FAULT, text),)
+    return state.put(replace(change_stage(vehicle, Stage.DOWN), orders=orders, sortie=sortie)), (
+        Say(Level.FAULT, text),
+    )
 
 
-def _lies(context: Context, vehicle: VehicleState) -> bool:
+def _is_down_off_pad(context: Context, vehicle: VehicleState) -> bool:
     """Return whether its motors stopped where neither a landing was commanded nor its pad is."""
     down = vehicle.sortie.armed_once and not vehicle.armed
-    return down and not vehicle.orders.lands and not over_its_pad(context, vehicle)
+    return down and not vehicle.orders.lands and not is_over_pad(context, vehicle)
 
 
-def _finish(context: Context, state: FleetState, now_s: float) -> Stepped:
+def _finish_flight_if_over(context: Context, state: FleetState, now_s: float) -> Stepped:
     waiting = {Stage.STARTING, Stage.FLYING, Stage.RETURNING, Stage.PILOT}
     if state.progress.finished or state.progress.launched_s is None or state.replanning.replan is not None:
         return state, ()
-    if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or offers.awaits_answer(state):
+    if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or offers.is_offer_open(state):
         return state, ()
-    if turnaround.awaited(context, state, now_s) or closer.waits(context, state, now_s):
+    if turnaround.find_awaited_vehicles(context, state, now_s) or closer.is_clearance_awaited(context, state, now_s):
         return state, ()
-    if not state.progress.recalled and replanning.orphans(context, state):
+    if not state.progress.recalled and replanning.find_orphan_segments(context, state):
         return state, ()
     missing = context.segments - len(state.coverage.inspected)
-    reason = "all segments inspected" if missing == 0 else f"{count_of(missing, 'segment')} not inspected"
+    reason = "all segments inspected" if missing == 0 else f"{format_count(missing, 'segment')} not inspected"
     if left := state.coverage.left_over - set(state.coverage.inspected):
         reason += f", {len(left)} of them planned for the next sortie"
     return replace(state, progress=replace(state.progress, finished=True)), (Finish(reason),)
@@ -476,15 +501,15 @@ class TickPhase:
 
 PHASES: tuple[TickPhase, ...] = (
     TickPhase(
-        "host pause", link_loss.own_sleep,
+        "host pause", link_loss.discount_host_pause,
         "First: each silence is counted from when a link was last heard, and a pause of our own must not count.",
     ),
     TickPhase(
-        "loss of all links", link_loss.of_all,
+        "loss of all links", link_loss.check_all_links,
         "Before the vehicles: while all are silent none is declared lost that may still fly, and no re-plan begins.",
     ),
     TickPhase(
-        "gap in the tracks", blackout.began,
+        "gap in the tracks", blackout.record_blackout,
         "After the loss of all links: needs to know since when. Before the vehicles: one with a gap is judged by its "
         "link alone until it has said what it flew meanwhile.",
     ),
@@ -494,46 +519,46 @@ PHASES: tuple[TickPhase, ...] = (
         "that plans or commands: it goes by the stages and faults that are set here.",
     ),
     TickPhase(
-        "pictures", proof.pictures_judged,
+        "pictures", proof.judge_pictures,
         "After the vehicles: only those in the air with a link are asked again. Before the re-plan: a segment "
         "flown without its pictures is open.",
     ),
     TickPhase(
-        "cameras", faults_of_cameras.cameras_looked_at,
+        "cameras", faults_of_cameras.check_cameras,
         "After the vehicles: a vehicle's first fault stands. After the pictures: what they have just shown is not "
         "reassigned.",
     ),
     TickPhase(
-        "missions offered again", offering.offered_again,
+        "missions offered again", offering.retry_declined_missions,
         "After the vehicles: one that is lost is offered none. Before the re-plan: it begins in this tick, with the "
         "vehicle that answers again.",
     ),
     TickPhase(
-        "re-plan", replanning.begin,
+        "re-plan", replanning.begin_replan,
         "After the vehicles, pictures, cameras and missions offered again: one re-plan serves all that they open.",
     ),
     TickPhase(
-        "asked distance", closer.closer,
+        "asked distance", closer.lower_one_vehicle,
         "After the re-plan: open segments come before a nearer look, and only one re-plan is under way at a time.",
     ),
     TickPhase(
-        "climbs", giving_way.giving_way,
+        "climbs", giving_way.avoid_climbs,
         "After the vehicles and the cameras: an RTL commanded in this tick is already a climb to give way to.",
     ),
     TickPhase(
-        "turnarounds", turnaround.turnarounds_pursued,
+        "turnarounds", turnaround.advance_turnarounds,
         "After the re-plan and the asked distance: a sortie can wait on its base, a vehicle in the air cannot.",
     ),
     TickPhase(
-        "starts", launching.starts_pursued,
+        "starts", launching.retry_waiting_starts,
         "After the vehicles: one that has just left its start, to its pilot or by a fault, is not started again.",
     ),
     TickPhase(
-        "status texts", texts.tell_passed_over,
+        "status texts", texts.report_suppressed_texts,
         "Needs no other phase and none needs it: it only counts lines, so it comes after all that command vehicles.",
     ),
     TickPhase(
-        "take-off offers", offers.looked_at,
+        "take-off offers", offers.update_offers,
         "After the re-plan and the asked distance: it offers only what these leave. Before the end of flight: that "
         "waits for the crew's answer.",
     ),
@@ -543,14 +568,14 @@ PHASES: tuple[TickPhase, ...] = (
         "flight: it may be the last tick.",
     ),
     TickPhase(
-        "end of flight", _finish,
+        "end of flight", _finish_flight_if_over,
         "Last: the flight ends only if no phase has found anything more to fly, to plan or to ask.",
     ),
 )  # fmt: skip
 """What happens in each tick, in this order."""
 
 
-def _tick(context: Context, state: FleetState, late_s: float, now_s: float) -> Stepped:
+def _apply_tick(context: Context, state: FleetState, late_s: float, now_s: float) -> Stepped:
     state = replace(state, listening=replace(state.listening, late_s=late_s))
     commands: list[Command] = []
     for phase in PHASES:

@@ -14,7 +14,7 @@ CLEARED_S = 120.0
 """After this the crew's word that a pad is clear is too old; who takes off by it may, with hours that begin so soon."""
 
 
-def hours_left(
+def find_remaining_hours(
     context: Context, state: FleetState, name: str, now_s: float, *, ahead_s: float = 0.0
 ) -> tuple[float, float | None]:
     """Return how long a vehicle may fly, and when it may again.
@@ -38,18 +38,18 @@ def hours_left(
     return max(0.0, left_s), min((begin for begin, _ in windows if begin - ahead_s > flight_s), default=None)
 
 
-def drawn_in(context: Context, seconds: float) -> float:
+def min_draw_pct(context: Context, seconds: float) -> float:
     """Return what a flight draws in a time at least, in percent: nothing that draws no more lasts longer."""
     return seconds * min(context.draws_pct_s)
 
 
-def within_hours(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Survivor:
+def limit_to_hours(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Survivor:
     """Return what a vehicle can offer to a re-plan that has it land within its hours.
 
     What it carries already it may go on with if that ends in time. One in the air was sent up for hours that are about
     to begin, if they have not.
     """
-    left_s, _ = hours_left(context, state, offer.vehicle, now_s, ahead_s=CLEARED_S if offer.airborne else 0.0)
+    left_s, _ = find_remaining_hours(context, state, offer.vehicle, now_s, ahead_s=CLEARED_S if offer.airborne else 0.0)
     if math.isinf(left_s):
         return offer
     vehicle = state.vehicles[offer.vehicle]
@@ -57,7 +57,7 @@ def within_hours(context: Context, state: FleetState, offer: Survivor, now_s: fl
     if offer.airborne and vehicle.assignment.board is not None:
         free_s = projection.time_to_reach_s(vehicle, offer.kept - 1)
         home_s = projection.time_to_reach_s(vehicle, len(vehicle.assignment.board.legs) - 1)
-    most_pct = drawn_in(context, max(0.0, left_s - free_s))
+    most_pct = min_draw_pct(context, max(0.0, left_s - free_s))
     in_time = offer.airborne and home_s <= left_s
     return replace(
         offer,

@@ -6,21 +6,21 @@ import math
 from dataclasses import replace
 
 from executor.core import sorties
-from executor.core.carried import Carried
+from executor.core.carried import MissionOwnership
 from executor.core.commands import Command, HandsOff, Level, Say, Start
-from executor.core.context import Context, FlyAgain
+from executor.core.context import Context, RelaunchPolicy
 from executor.core.endings import Ending
 from executor.core.events import StartEnded
 from executor.core.hearing.fold import FELL_BACK_S
-from executor.core.homing.homeward import comes_home, on_mission
-from executor.core.parts import Cause
-from executor.core.places import kill_switch_on
-from executor.core.replan.wording import listed
+from executor.core.homing.homeward import is_coming_home, is_on_mission
+from executor.core.parts import ModeCause
+from executor.core.places import is_kill_switch_text
+from executor.core.replan.wording import format_segments
 from executor.core.roster import killswitch, turnaround
 from executor.core.roster.turnaround import PLACELESS_S
-from executor.core.roster.withdraw import declare
+from executor.core.roster.withdraw import declare_fault
 from executor.core.state import FleetState, Stepped
-from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
 from missions import StartStep
 from planner import segment_of
 
@@ -33,7 +33,7 @@ HEARD_LATELY_S = 15.0
 """Who was heard so long ago when the crew said yes is there: what it said since waits where the question was asked."""
 
 
-def launch(context: Context, state: FleetState, now_s: float) -> Stepped:
+def launch_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Start everybody who has something to fly: the crew has said yes."""
     commands: list[Command] = []
     for vehicle in state.vehicles.values():
@@ -55,13 +55,13 @@ def launch(context: Context, state: FleetState, now_s: float) -> Stepped:
         if vehicle.armed:
             continue  # somebody else has armed it since it was looked at
         begun |= own
-        state, order = ordered(context, state, vehicle, now_s)
+        state, order = order_start(context, state, vehicle, now_s)
         commands.append(order)
     if context.day is not None:
-        state, begun = turnaround.lined_up(context, state, now_s), planned
-    left = context.wanted - planned - state.ahead()
+        state, begun = turnaround.queue_first_sorties(context, state, now_s), planned
+    left = context.wanted - planned - state.later_segments()
     if left:
-        commands.append(Say(Level.INFO, f"planned for the next sortie: {listed(context, left)}"))
+        commands.append(Say(Level.INFO, f"planned for the next sortie: {format_segments(context, left)}"))
     given_up = state.coverage.given_up | (planned - begun)
     state = replace(state, coverage=replace(state.coverage, given_up=given_up, left_over=left))
     return replace(
@@ -71,13 +71,13 @@ def launch(context: Context, state: FleetState, now_s: float) -> Stepped:
     ), tuple(commands)
 
 
-def ordered(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
+def order_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
     """Return a vehicle that was told to start, and the order."""
     dialect = context.vehicles[vehicle.name].dialect
     modes_on_the_way = {dialect.modes.mission.custom_mode}
     if StartStep.GUIDED in dialect.start:
         modes_on_the_way.add(dialect.modes.guided.custom_mode)
-    vehicle = moved_to(sorties.begun(state, vehicle, now_s), Stage.STARTING)
+    vehicle = change_stage(sorties.begin_sortie(state, vehicle, now_s), Stage.STARTING)
     vehicle = replace(
         vehicle,
         orders=replace(
@@ -88,7 +88,7 @@ def ordered(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
             start_let_go=False,
         ),
         assignment=replace(
-            vehicle.assignment, waypoint=0, run=None, owed=None, carried=Carried(ours_s=now_s), leg_began=None
+            vehicle.assignment, waypoint=0, run=None, owed=None, carried=MissionOwnership(ours_s=now_s), leg_began=None
         ),
         sortie=replace(vehicle.sortie, armed_once=False, took_off=False, rebooted_s=None, away_once=False),
         motion=replace(vehicle.motion, anchor=None),
@@ -97,13 +97,13 @@ def ordered(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
     return state.put(vehicle), Start(vehicle.name)
 
 
-def sent_up(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def start_from_base(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Start a vehicle that stood on its base for a while: at once if it says where it is, else once it does.
 
     Who is without a position may have rebooted, without what was set on it, and with another pack.
     """
-    placed, anew = _placed(context, vehicle, now_s), _began_anew(vehicle)
-    state, order = ordered(context, state, vehicle, now_s)
+    placed, anew = _has_fresh_position(context, vehicle, now_s), _describe_reboot(vehicle)
+    state, order = order_start(context, state, vehicle, now_s)
     if placed and not anew:
         return state, (order,)
     owed = state.vehicles[vehicle.name]
@@ -116,82 +116,82 @@ def sent_up(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
     return state.put(owed), said
 
 
-def started(context: Context, state: FleetState, event: StartEnded, now_s: float) -> Stepped:
+def apply_start_result(context: Context, state: FleetState, event: StartEnded, now_s: float) -> Stepped:
     """Take up how a start ended: it flies, it is tried again, or it is lost at its pad."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.stage is not Stage.STARTING:
         return state, ()
     if event.accepted:
         vehicle = replace(
-            moved_to(vehicle, Stage.FLYING),
+            change_stage(vehicle, Stage.FLYING),
             assignment=replace(vehicle.assignment, failures=0),
             orders=replace(vehicle.orders, ordered_mode_s=now_s, cleared_s=None),
             motion=replace(vehicle.motion, anchor=None),
         )
         return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
-    if not vehicle.armed and kill_switch_on(event.reason):
-        return killswitch.left_alone(state, vehicle, now_s)
+    if not vehicle.armed and is_kill_switch_text(event.reason):
+        return killswitch.stand_down_vehicle(state, vehicle, now_s)
     stopped = (vehicle.sortie.armed_once or event.armed) and not vehicle.armed
-    may = context.fly_again is FlyAgain.AUTO or (_just_allowed(state, vehicle, now_s) and not stopped)
+    may = context.fly_again is RelaunchPolicy.AUTO or (_is_clearance_fresh(state, vehicle, now_s) and not stopped)
     may = may and event.code not in {Ending.MODE_CHANGED, Ending.STOOD_STILL} and vehicle.sortie.rebooted_s is None
-    if vehicle.assignment.failures + 1 < RETRIES and may and _waits_on_its_pad(context, vehicle, event, now_s):
+    if vehicle.assignment.failures + 1 < RETRIES and may and _is_waiting_on_pad(context, vehicle, event, now_s):
         vehicle = replace(
             vehicle,
             assignment=replace(vehicle.assignment, failures=vehicle.assignment.failures + 1),
             orders=replace(vehicle.orders, ordered_mode_s=now_s),
         )
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
-        if not _placed(context, vehicle, now_s):
+        if not _has_fresh_position(context, vehicle, now_s):
             owed = replace(vehicle, orders=replace(vehicle.orders, start_owed_s=now_s))
             return state.put(owed), (Say(Level.WARNING, f"{text} once a position is received"),)
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
     why = f"did not start: {event.reason}"
-    if event.armed and not vehicle.armed and not _beats(context, vehicle, now_s):
+    if event.armed and not vehicle.armed and not _has_fresh_heartbeat(context, vehicle, now_s):
         # It acknowledged that it armed, and what became of it nobody knows: it may stand there with its motors on.
         why += ", and no HEARTBEAT since"
-        return declare(context, state, vehicle, Fault(FaultKind.LINK, why, now_s, FaultCode.NOT_STARTED))
+        return declare_fault(context, state, vehicle, Fault(FaultKind.LINK, why, now_s, FaultCode.NOT_STARTED))
     why += ", and it has disarmed" if stopped else ""
-    return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
+    return declare_fault(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
 
 
-def start_attended(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def monitor_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Look at a vehicle that starts: it may have disarmed again, and nobody may pursue its start any more."""
     beat_s, released = vehicle.link.heartbeat_s, vehicle.orders.start_let_go
     # Two HEARTBEATs say so: one may be another's.
     stopped = vehicle.sortie.armed_once and not vehicle.armed and (beat_s or 0.0) > vehicle.sortie.disarmed_s
-    if stopped and (released or context.fly_again is not FlyAgain.AUTO):
+    if stopped and (released or context.fly_again is not RelaunchPolicy.AUTO):
         why = "mode changed by another source, then disarmed" if released else "armed, then disarmed"
         fault = Fault(FaultKind.INTERRUPTION, f"did not start: {why}", now_s, FaultCode.NOT_STARTED)
-        state, more = declare(context, state, vehicle, fault)
+        state, more = declare_fault(context, state, vehicle, fault)
         return state, (HandsOff(vehicle.name), *more)  # what goes on with its start would arm it again
-    flies = released and vehicle.sortie.took_off and vehicle.custody.cause is Cause.OURS
-    return _flies(state, vehicle, now_s) if flies and on_mission(context, vehicle) else (state, ())
+    flies = released and vehicle.sortie.took_off and vehicle.custody.cause is ModeCause.OURS
+    return _begin_mission(state, vehicle, now_s) if flies and is_on_mission(context, vehicle) else (state, ())
 
 
-def _flies(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def _begin_mission(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Take a vehicle to fly its mission that was seen to have taken off."""
     vehicle = replace(
-        moved_to(vehicle, Stage.FLYING),
+        change_stage(vehicle, Stage.FLYING),
         assignment=replace(vehicle.assignment, failures=0),
         orders=replace(vehicle.orders, ordered_mode_s=now_s),
     )
     return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
 
 
-def _just_allowed(state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
+def _is_clearance_fresh(state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether the crew's yes is of now: later somebody may be at the pad of a vehicle that does not start."""
     asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
     return now_s - asked_s < START_WINDOW_S
 
 
-def starts_pursued(context: Context, state: FleetState, now_s: float) -> Stepped:
+def retry_waiting_starts(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Try starts again that wait for a position: who is silent for a while may have rebooted, with another pack."""
     commands: list[Command] = []
     for vehicle in tuple(state.vehicles.values()):
         owed_s = vehicle.orders.start_owed_s
         if owed_s is None:
             continue
-        why, fix = _began_anew(vehicle), vehicle.motion.fix
+        why, fix = _describe_reboot(vehicle), vehicle.motion.fix
         if not why and now_s - owed_s > PLACELESS_S:
             why = f"no position for {PLACELESS_S:g} s, it may have rebooted since its checks"
         starts = vehicle.stage is Stage.STARTING
@@ -201,20 +201,20 @@ def starts_pursued(context: Context, state: FleetState, now_s: float) -> Stepped
         state = state.put(paid)
         if starts and why:
             fault = Fault(FaultKind.INTERRUPTION, f"did not start: {why}", now_s, FaultCode.NOT_STARTED)
-            state, more = declare(context, state, paid, fault)
+            state, more = declare_fault(context, state, paid, fault)
             commands.extend(more)
         elif starts:
             commands.append(Start(vehicle.name))
     return state, tuple(commands)
 
 
-def _placed(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+def _has_fresh_position(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle says where it is."""
     fix = vehicle.motion.fix
     return fix is not None and now_s - fix.at_s <= context.limits.link_stale_s
 
 
-def _began_anew(vehicle: VehicleState) -> str:
+def _describe_reboot(vehicle: VehicleState) -> str:
     """Return why an autopilot is not the one any more that was checked, or included; empty if it is."""
     cleared_s = vehicle.orders.cleared_s or -math.inf
     if vehicle.sortie.rebooted_s is not None and vehicle.sortie.rebooted_s > cleared_s:
@@ -224,27 +224,33 @@ def _began_anew(vehicle: VehicleState) -> str:
     return ""
 
 
-def _beats(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+def _has_fresh_heartbeat(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether its HEARTBEAT is recent."""
     beat_s = vehicle.link.heartbeat_s
     return beat_s is not None and now_s - beat_s < context.limits.heartbeat_stale_s
 
 
-def _waits_on_its_pad(context: Context, vehicle: VehicleState, event: StartEnded, now_s: float) -> bool:
+def _is_waiting_on_pad(context: Context, vehicle: VehicleState, event: StartEnded, now_s: float) -> bool:
     """Return whether a vehicle whose start failed is known to stand there still, with nobody's else hand on it."""
     if not (vehicle.sortie.armed_once or event.armed):
         return True
-    if not _beats(context, vehicle, now_s) or not _placed(context, vehicle, now_s):
+    if not _has_fresh_heartbeat(context, vehicle, now_s) or not _has_fresh_position(context, vehicle, now_s):
         return False  # it may have taken off, or its autopilot may have started anew
-    return not vehicle.sortie.took_off and not comes_home(context, vehicle) and vehicle.custody.cause is Cause.OURS
+    return (
+        not vehicle.sortie.took_off and not is_coming_home(context, vehicle) and vehicle.custody.cause is ModeCause.OURS
+    )
 
 
-def started_again(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def resume_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Go on with a start that an upload broke off: whatever is being said to a vehicle gives way to an upload."""
     if vehicle.sortie.took_off:
-        return _flies(state, vehicle, now_s)
-    if not vehicle.armed and context.fly_again is not FlyAgain.AUTO and not _just_allowed(state, vehicle, now_s):
+        return _begin_mission(state, vehicle, now_s)
+    if (
+        not vehicle.armed
+        and context.fly_again is not RelaunchPolicy.AUTO
+        and not _is_clearance_fresh(state, vehicle, now_s)
+    ):
         why = f"did not start within {START_WINDOW_S:.0f} s of take-off clearance"
-        return declare(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
-    state, order = ordered(context, state, vehicle, now_s)
+        return declare_fault(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
+    state, order = order_start(context, state, vehicle, now_s)
     return state, (order,)

@@ -62,7 +62,7 @@ class PaceEstimate:
 
 
 @dataclass(frozen=True, slots=True)
-class Learned:
+class LearnedFactors:
     """What one vehicle's legs have said so far, relative to the models that its flight began with."""
 
     inspect: PaceEstimate = field(default_factory=PaceEstimate)
@@ -81,7 +81,7 @@ class Learned:
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownVehicle:
     """What is known of a vehicle from flights before, against the model of a vehicle that nobody knows."""
 
     inspect: PaceEstimate
@@ -100,9 +100,9 @@ class Known:
         return Pace(self.inspect.mean, self.transit.mean)
 
     @property
-    def start(self) -> Learned:
+    def start(self) -> LearnedFactors:
         """Return what a flight on another day begins with: relative to this, it is not known whether it is the same."""
-        return Learned(_another_day(self.inspect), _another_day(self.transit))
+        return LearnedFactors(_widen_for_another_day(self.inspect), _widen_for_another_day(self.transit))
 
     @property
     def prior(self) -> Prior:
@@ -110,10 +110,10 @@ class Known:
         return Prior(self.consumption.factor, math.hypot(self.consumption.sd, ANOTHER_DAY_SD))
 
 
-UNKNOWN = Learned()
+UNKNOWN = LearnedFactors()
 
 
-def observed(
+def update_pace(
     known: PaceEstimate, flown_s: float, planned_s: float, scatter: float = SCATTER_INSPECT
 ) -> PaceEstimate:  # fmt: skip
     """Return an estimate after a leg.
@@ -134,16 +134,16 @@ def observed(
     return PaceEstimate(mean, max(LEAST_SD**2, (1.0 - gain) * known.var), known.legs + 1)
 
 
-def with_leg(known: Learned, phase: Phase, flown_s: float, planned_s: float) -> Learned:
+def learn_from_leg(known: LearnedFactors, phase: Phase, flown_s: float, planned_s: float) -> LearnedFactors:
     """Return what is known after a leg of a phase that was flown from end to end, undisturbed."""
     if phase is Phase.INSPECT:
-        return replace(known, inspect=observed(known.inspect, flown_s, planned_s))
+        return replace(known, inspect=update_pace(known.inspect, flown_s, planned_s))
     if phase in (Phase.TRANSIT, Phase.RETURN):
-        return replace(known, transit=observed(known.transit, flown_s, planned_s, SCATTER_TRANSIT))
+        return replace(known, transit=update_pace(known.transit, flown_s, planned_s, SCATTER_TRANSIT))
     return known
 
 
-def with_power(known: Learned, given_pct: float, modelled_pct: float, flown_s: float) -> Learned:
+def learn_from_energy(known: LearnedFactors, given_pct: float, modelled_pct: float, flown_s: float) -> LearnedFactors:
     """Return what is known with what a leg used; what its battery counted anew within it says nothing."""
     if modelled_pct <= 0.0:
         return known
@@ -155,7 +155,7 @@ def with_power(known: Learned, given_pct: float, modelled_pct: float, flown_s: f
     )
 
 
-def consumption(known: Learned, prior: Prior) -> Prior:
+def estimate_consumption(known: LearnedFactors, prior: Prior) -> Prior:
     """Return the consumption after a flight: the prior beside what was given over what the model says.
 
     Two readings of whole percents are as far apart as their roundings allow; the rest is scatter of the flights.
@@ -173,10 +173,11 @@ def consumption(known: Learned, prior: Prior) -> Prior:
     return Prior(prior.factor + gain * (ratio - prior.factor), math.sqrt((1.0 - gain) * prior.sd**2))
 
 
-def kept(
-    known: Learned, start: Known | None, prior: Prior, *, autopilot: str, drone: str, performance: Performance,
+def update_known_vehicle(
+    known: LearnedFactors, start: KnownVehicle | None, prior: Prior, *, autopilot: str, drone: str,
+    performance: Performance,
     drained: bool,
-) -> Known:  # fmt: skip
+) -> KnownVehicle:  # fmt: skip
     """Return what is known of a vehicle after a flight, against the model of a vehicle that nobody knows.
 
     Args:
@@ -190,10 +191,10 @@ def kept(
     """
     minutes, before = (0.0, Pace()) if start is None else (start.minutes, start.pace)
     legs = (0, 0) if start is None else (start.inspect.legs, start.transit.legs)
-    return Known(
-        _absolute(known.inspect, before.inspect, legs[0]),
-        _absolute(known.transit, before.transit, legs[1]),
-        prior if drained else consumption(known, prior),
+    return KnownVehicle(
+        _to_absolute(known.inspect, before.inspect, legs[0]),
+        _to_absolute(known.transit, before.transit, legs[1]),
+        prior if drained else estimate_consumption(known, prior),
         minutes if drained else minutes + known.flown_s / 60.0,
         autopilot,
         drone,
@@ -201,12 +202,12 @@ def kept(
     )
 
 
-def _absolute(known: PaceEstimate, before: float, legs: int) -> PaceEstimate:
+def _to_absolute(known: PaceEstimate, before: float, legs: int) -> PaceEstimate:
     low, high = BOUNDS
     mean = min(high, max(low, known.mean * before))
     return PaceEstimate(mean, known.var * before**2, legs + known.legs)
 
 
-def _another_day(known: PaceEstimate) -> PaceEstimate:
+def _widen_for_another_day(known: PaceEstimate) -> PaceEstimate:
     sd = min(FIRST_SD, math.hypot(known.sd / known.mean, ANOTHER_DAY_SD))
     return PaceEstimate(1.0, sd**2)

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from executor.core import learning
-from executor.core.learning import UNKNOWN, Learned
-from executor.core.parts import FlownLeg, LegBegin
+from executor.core.learning import UNKNOWN, LearnedFactors
+from executor.core.parts import FlownLeg, LegBoundary
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
 from planner import segment_of
@@ -19,7 +19,9 @@ from planner import segment_of
 _FLIES_MISSION = frozenset({Stage.STARTING, Stage.FLYING, Stage.PILOT})
 
 
-def followed(before: VehicleState, state: VehicleState, now_s: float, start: Learned = UNKNOWN) -> VehicleState:
+def track_legs(
+    before: VehicleState, state: VehicleState, now_s: float, start: LearnedFactors = UNKNOWN
+) -> VehicleState:
     """Return a vehicle after something was heard of where it is, with the legs that this begins and ends.
 
     Args:
@@ -34,25 +36,25 @@ def followed(before: VehicleState, state: VehicleState, now_s: float, start: Lea
     if assignment.leg_began is None:
         runs = state.armed or state.sortie.took_off
         first = assignment.waypoint == 0
-        began = _moment(state, now_s)
+        began = _build_leg_boundary(state, now_s)
         return replace(state, assignment=replace(assignment, leg_began=began)) if runs and first else state
     if not state.armed and not state.sortie.took_off:  # its motors stopped before it took off: it begins anew
         return replace(state, assignment=replace(assignment, leg_began=None))
     if assignment.waypoint != before.assignment.waypoint:
-        return _passed(state, before.assignment.waypoint, assignment.waypoint, now_s, start)
+        return _end_legs(state, before.assignment.waypoint, assignment.waypoint, now_s, start)
     stands = state.telemetry.on_ground and not state.armed
-    return landed(state, now_s, start) if stands and state.sortie.took_off else state
+    return end_landing_leg(state, now_s, start) if stands and state.sortie.took_off else state
 
 
-def landed(state: VehicleState, now_s: float, start: Learned = UNKNOWN) -> VehicleState:
+def end_landing_leg(state: VehicleState, now_s: float, start: LearnedFactors = UNKNOWN) -> VehicleState:
     """Return a vehicle that stands on the ground, with the end of its landing if its mission led there."""
     assignment, leg = state.assignment, state.leg
     if assignment.board is None or assignment.leg_began is None or leg is None or leg.phase is not Phase.LAND:
         return state
-    return _passed(state, assignment.waypoint, assignment.waypoint + 1, now_s, start)
+    return _end_legs(state, assignment.waypoint, assignment.waypoint + 1, now_s, start)
 
 
-def given_pct(state: VehicleState) -> float | None:
+def battery_use_pct(state: VehicleState) -> float | None:
     """Return what its battery has given since its first report, in percent; None if there was none."""
     battery = state.power.battery
     if battery.estimate is None or battery.first_pct is None:
@@ -60,16 +62,16 @@ def given_pct(state: VehicleState) -> float | None:
     return battery.earlier_pct + battery.first_pct - battery.estimate.remaining_pct
 
 
-def _moment(state: VehicleState, now_s: float) -> LegBegin:
-    return LegBegin(now_s, given_pct(state), state.power.battery.modelled_pct)
+def _build_leg_boundary(state: VehicleState, now_s: float) -> LegBoundary:
+    return LegBoundary(now_s, battery_use_pct(state), state.power.battery.modelled_pct)
 
 
-def _passed(state: VehicleState, waypoint: int, goes_to: int, now_s: float, start: Learned) -> VehicleState:
+def _end_legs(state: VehicleState, waypoint: int, goes_to: int, now_s: float, start: LearnedFactors) -> VehicleState:
     """Return a vehicle that was on its way to one waypoint and is on its way to another one now."""
     board, began = state.assignment.board, state.assignment.leg_began
     if board is None:
         return state
-    end = _moment(state, now_s)
+    end = _build_leg_boundary(state, now_s)
     flown: list[FlownLeg] = []
     # Of several at once it is known when the first began and the last ended.
     for leg in range(waypoint, min(goes_to, len(board.legs))):
@@ -81,24 +83,24 @@ def _passed(state: VehicleState, waypoint: int, goes_to: int, now_s: float, star
     lands = goes_to >= len(board.legs)
     assignment = replace(state.assignment, flown=(*state.assignment.flown, *flown), leg_began=None if lands else end)
     if len(flown) == 1:
-        assignment = replace(assignment, learned=_learned(state, flown[0], start))
+        assignment = replace(assignment, learned=_learn_from_leg(state, flown[0], start))
     return replace(state, assignment=assignment)
 
 
-def _learned(state: VehicleState, leg: FlownLeg, start: Learned) -> Learned | None:
+def _learn_from_leg(state: VehicleState, leg: FlownLeg, start: LearnedFactors) -> LearnedFactors | None:
     """Return what is known of a vehicle after a leg."""
     known, began, ended = state.assignment.learned, leg.began, leg.ended
-    if began is None or ended is None or not _undisturbed(state, began.at_s):
+    if began is None or ended is None or not _is_undisturbed(state, began.at_s):
         return known
     flown_s = ended.at_s - began.at_s
-    after = learning.with_leg(known or start, leg.phase, flown_s, leg.planned.duration_s)
+    after = learning.learn_from_leg(known or start, leg.phase, flown_s, leg.planned.duration_s)
     if began.given_pct is not None and ended.given_pct is not None:
         given_pct, modelled_pct = ended.given_pct - began.given_pct, ended.modelled_pct - began.modelled_pct
-        after = learning.with_power(after, given_pct, modelled_pct, flown_s)
+        after = learning.learn_from_energy(after, given_pct, modelled_pct, flown_s)
     return after
 
 
-def _undisturbed(state: VehicleState, since_s: float) -> bool:
+def _is_undisturbed(state: VehicleState, since_s: float) -> bool:
     """Return whether a vehicle has flown this mission of its own, heard all the time, since then."""
     link, assignment = state.link, state.assignment
     silent = max(link.excused_s, link.regained_s or float("-inf"))
@@ -110,6 +112,6 @@ def _undisturbed(state: VehicleState, since_s: float) -> bool:
         and state.fault is None
         and state.custody.taken is None
         and state.orders.held_s is None
-        and not assignment.carried.doubted()
+        and not assignment.carried.may_be_foreign()
         and max(silent, changed) <= since_s
     )

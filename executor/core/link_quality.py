@@ -55,7 +55,7 @@ class LinkQuality:
         return ""
 
 
-def with_traffic(state: LinkQuality, traffic: Traffic, now_s: float, window_s: float) -> LinkQuality:
+def add_traffic(state: LinkQuality, traffic: Traffic, now_s: float, window_s: float) -> LinkQuality:
     """Take what came and what did not since the last count."""
     kept = tuple(one for one in state.window if now_s - one[0] < window_s)
     window = (*kept, (now_s, traffic.received, traffic.missing))
@@ -70,6 +70,6 @@ def with_traffic(state: LinkQuality, traffic: Traffic, now_s: float, window_s: f
     return LinkQuality(window, lost, usual + (lost - usual) * follow, state.radio, state.radio_s)
 
 
-def heard_radio(state: LinkQuality, radio: Radio, now_s: float) -> LinkQuality:
+def apply_radio_report(state: LinkQuality, radio: Radio, now_s: float) -> LinkQuality:
     """Take the radio's own report."""
     return LinkQuality(state.window, state.lost, state.usual, radio, now_s)

@@ -32,10 +32,10 @@ _CAUSES: Mapping[int, tuple[str, str]] = MappingProxyType({
 """failsafe_cause_t; 0 is any other."""
 UNNAMED = ("other", "")
 
-Said = OwnFailsafe | ModeChange | None
+EventMeaning = OwnFailsafe | ModeChange | None
 
 
-def event_id(name: str) -> int:
+def compute_event_id(name: str) -> int:
     """Return the number of one of PX4's events.
 
     >>> event_id("commander_failsafe_enter") & 0xFFFFFF
@@ -47,7 +47,7 @@ def event_id(name: str) -> int:
     return value & _LOW | AUTOPILOT_EVENTS
 
 
-def event_said(number: int, arguments: bytes) -> Said:
+def parse_px4_event(number: int, arguments: bytes) -> EventMeaning:
     """Return what an event says of a failsafe, or of who changed the mode; None if it says nothing of that.
 
     Args:
@@ -58,10 +58,12 @@ def event_said(number: int, arguments: bytes) -> Said:
     return None if read is None else read(arguments.ljust(ARGUMENT_BYTES, b"\0"))
 
 
-def _acts(action_at: int, cause_at: int | None = None, delay_at: int | None = None) -> Callable[[bytes], Said]:
+def _build_failsafe_reader(
+    action_at: int, cause_at: int | None = None, delay_at: int | None = None
+) -> Callable[[bytes], EventMeaning]:
     """Return how to read a failsafe that acts, or will: behind the mode that was wanted come these."""
 
-    def read(arguments: bytes) -> Said:
+    def read(arguments: bytes) -> EventMeaning:
         if arguments[action_at] == WARNS:
             return None
         kind, why = UNNAMED if cause_at is None else _CAUSES.get(arguments[cause_at], UNNAMED)
@@ -74,11 +76,11 @@ def _acts(action_at: int, cause_at: int | None = None, delay_at: int | None = No
     return read
 
 
-def _failed(kind: str, words: str) -> Callable[[bytes], Said]:
+def _build_failure_reader(kind: str, words: str) -> Callable[[bytes], EventMeaning]:
     return lambda _: OwnFailsafe(kind, active=True, words=words)
 
 
-def _chosen(by: Actor) -> Callable[[bytes], Said]:
+def _build_mode_change_reader(by: Actor) -> Callable[[bytes], EventMeaning]:
     return lambda _: ModeChange(None, by)
 
 
@@ -88,35 +90,35 @@ DISARMED_BY: Mapping[int, tuple[str, str]] = MappingProxyType({
 """arm_disarm_reason_t, of those that are neither a person's nor a landing's."""
 
 
-def _disarmed(arguments: bytes) -> Said:
+def _read_disarm_reason(arguments: bytes) -> EventMeaning:
     known = DISARMED_BY.get(arguments[0])
     return None if known is None else OwnFailsafe(known[0], active=True, words=known[1])
 
 
-EVENTS: Mapping[str, Callable[[bytes], Said]] = MappingProxyType({
-    "commander_failsafe_enter": _acts(4, cause_at=5),
-    "commander_failsafe_enter_hold": _acts(4, cause_at=7, delay_at=5),
-    "commander_failsafe_enter_generic": _acts(4),
-    "commander_failsafe_enter_generic_hold": _acts(4, delay_at=5),
-    "commander_failsafe_enter_autopilot_disengaged": _acts(4),
-    "check_battery_critical": _failed("battery", "critical battery"),
-    "check_battery_emergency": _failed("battery", "emergency battery level"),
-    "commander_low_bat_shutdown": _failed("battery", "dangerously low battery, shutting down"),
-    "check_gf_violation_max_hor_dist": _failed("fence", "geofence violation: maximum distance to home"),
-    "check_gf_violation_max_alt": _failed("fence", "geofence violation: maximum height above home"),
-    "check_gf_violation_custom_gf": _failed("fence", "geofence violation"),
-    "check_failure_detector_roll": _failed("attitude", "failure detector: roll"),
-    "check_failure_detector_pitch": _failed("attitude", "failure detector: pitch"),
-    "check_failure_detector_alt": _failed("attitude", "failure detector: height"),
-    "check_failure_detector_ext": _failed("other", "failure detector: external system"),
-    "check_failure_detector_motor": _failed("motor", "failure detector: motor"),
-    "check_failure_detector_imbalanced_prop": _failed("motor", "failure detector: imbalanced propeller"),
-    "check_system_flight_term_active": _failed("other", "flight termination active"),
-    "commander_disarmed_by": _disarmed,
-    "commander_rc_override": _chosen(Actor.PILOT),
-    "failsafe_rc_override": _chosen(Actor.PILOT),
-    "mission_finished": _chosen(Actor.MISSION),
-    "mission_finished_loiter": _chosen(Actor.MISSION),
+EVENTS: Mapping[str, Callable[[bytes], EventMeaning]] = MappingProxyType({
+    "commander_failsafe_enter": _build_failsafe_reader(4, cause_at=5),
+    "commander_failsafe_enter_hold": _build_failsafe_reader(4, cause_at=7, delay_at=5),
+    "commander_failsafe_enter_generic": _build_failsafe_reader(4),
+    "commander_failsafe_enter_generic_hold": _build_failsafe_reader(4, delay_at=5),
+    "commander_failsafe_enter_autopilot_disengaged": _build_failsafe_reader(4),
+    "check_battery_critical": _build_failure_reader("battery", "critical battery"),
+    "check_battery_emergency": _build_failure_reader("battery", "emergency battery level"),
+    "commander_low_bat_shutdown": _build_failure_reader("battery", "dangerously low battery, shutting down"),
+    "check_gf_violation_max_hor_dist": _build_failure_reader("fence", "geofence violation: maximum distance to home"),
+    "check_gf_violation_max_alt": _build_failure_reader("fence", "geofence violation: maximum height above home"),
+    "check_gf_violation_custom_gf": _build_failure_reader("fence", "geofence violation"),
+    "check_failure_detector_roll": _build_failure_reader("attitude", "failure detector: roll"),
+    "check_failure_detector_pitch": _build_failure_reader("attitude", "failure detector: pitch"),
+    "check_failure_detector_alt": _build_failure_reader("attitude", "failure detector: height"),
+    "check_failure_detector_ext": _build_failure_reader("other", "failure detector: external system"),
+    "check_failure_detector_motor": _build_failure_reader("motor", "failure detector: motor"),
+    "check_failure_detector_imbalanced_prop": _build_failure_reader("motor", "failure detector: imbalanced propeller"),
+    "check_system_flight_term_active": _build_failure_reader("other", "flight termination active"),
+    "commander_disarmed_by": _read_disarm_reason,
+    "commander_rc_override": _build_mode_change_reader(Actor.PILOT),
+    "failsafe_rc_override": _build_mode_change_reader(Actor.PILOT),
+    "mission_finished": _build_mode_change_reader(Actor.MISSION),
+    "mission_finished_loiter": _build_mode_change_reader(Actor.MISSION),
 })  # fmt: skip
 """By their names in PX4 1.13 to 1.17."""
-_BY_NUMBER = MappingProxyType({event_id(name): read for name, read in EVENTS.items()})
+_BY_NUMBER = MappingProxyType({compute_event_id(name): read for name, read in EVENTS.items()})

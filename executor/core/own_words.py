@@ -65,7 +65,7 @@ _GOES_ON = re.compile(r"continuing|warning triggered|advised", re.IGNORECASE)
 
 
 @lru_cache(maxsize=256)
-def failure_said(text: str, *, low_acts: bool) -> OwnFailsafe | None:
+def parse_failure_text(text: str, *, low_acts: bool) -> OwnFailsafe | None:
     """Return what a text says has failed, None if it says nothing of that.
 
     Args:
@@ -81,6 +81,6 @@ def failure_said(text: str, *, low_acts: bool) -> OwnFailsafe | None:
     return None if found is None else OwnFailsafe(found, active=True, words=text)
 
 
-def acts(failed: OwnFailsafe) -> bool:
+def has_failsafe_action(failed: OwnFailsafe) -> bool:
     """Return whether an autopilot does something about what failed, as far as its words tell."""
     return failed.active and not _GOES_ON.search(failed.words) and not _WARNS.search(failed.words)

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from executor.core.battery.account import BatteryState
-from executor.core.battery.pack import Pack
-from executor.core.battery.roundings import Roundings
+from executor.core.battery.pack import PackState
+from executor.core.battery.roundings import PercentRounding
 from executor.core.battery.voltage import VoltageState
-from executor.core.carried import Carried
-from executor.core.coverage import Run, Track
+from executor.core.carried import MissionOwnership
+from executor.core.coverage import InspectionRun, Track
 from executor.core.doubles import Twins
-from executor.core.learning import Learned
+from executor.core.learning import LearnedFactors
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import (
     Attitude,
@@ -30,7 +30,7 @@ from missions.fences import Fence
 from missions.items import MissionItem
 
 
-class Cause(Enum):
+class ModeCause(Enum):
     """Why a vehicle is in the mode that it is in."""
 
     OURS = "ours"
@@ -44,7 +44,7 @@ class Cause(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class TakenOver:
+class Takeover:
     """A vehicle in other hands."""
 
     since_s: float
@@ -55,7 +55,7 @@ class TakenOver:
 
 
 @dataclass(frozen=True, slots=True)
-class Errand:
+class HomingOrder:
     """What a vehicle is to be told, until it has answered: to return, or to land where it is."""
 
     since_s: float
@@ -69,14 +69,14 @@ class Errand:
 
 
 @dataclass(frozen=True, slots=True)
-class Watch:
+class WatchpointMemory:
     """One watchpoint's memory: since when it fails, if it does."""
 
     failing_since_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Fix:
+class PositionFix:
     """A position in the local frame."""
 
     at_s: float
@@ -96,7 +96,7 @@ class Fix:
 class Positioning:
     """Whether its positions are by satellites, and which was the last that is known to be."""
 
-    fixed: Fix | None = None
+    fixed: PositionFix | None = None
     """The newest position when its GPS last reported a fix; None before there was one."""
     lost_s: float | None = None
     """When it was heard that GPS is lost; None while it is not."""
@@ -119,7 +119,7 @@ class Positioning:
 
 
 @dataclass(frozen=True, slots=True)
-class TextFlow:
+class TextWindow:
     """What a vehicle said in words, as far as it decides what is shown."""
 
     last: tuple[str, float] = ("", float("-inf"))
@@ -133,7 +133,7 @@ class TextFlow:
 
 
 @dataclass(frozen=True, slots=True)
-class OnBoard:
+class OnboardMission:
     """The mission that the vehicle is known to carry."""
 
     revision: int
@@ -151,7 +151,7 @@ class OnBoard:
 
 
 @dataclass(frozen=True, slots=True)
-class LegBegin:
+class LegBoundary:
     """A moment at which one leg ended and the next began."""
 
     at_s: float
@@ -173,18 +173,18 @@ class FlownLeg:
     segment: int | None
     """The segment that it inspects, or leads to."""
     planned: LegEstimate
-    began: LegBegin | None
+    began: LegBoundary | None
     """None where nobody heard it."""
-    ended: LegBegin | None
+    ended: LegBoundary | None
 
 
 @dataclass(frozen=True, slots=True)
-class Before:
+class LastKnown:
     """Where a vehicle on its mission was before a gap in its positions, or before nobody listened."""
 
-    fix: Fix
+    fix: PositionFix
     waypoint: int
-    run: Run | None
+    run: InspectionRun | None
     run_visit: int | None
     remaining_pct: float | None
     until_s: float = float("-inf")
@@ -194,14 +194,14 @@ class Before:
 
 
 @dataclass(frozen=True, slots=True)
-class Declined:
+class DeclinedMission:
     """A new mission that a vehicle could not be given."""
 
     at_s: float
     """When that was known."""
     tries: int
     """How many in a row."""
-    maybe: OnBoard | None = None
+    maybe: OnboardMission | None = None
     """What it may carry all the same, instead of its old one; None where that cannot be."""
 
 
@@ -226,7 +226,7 @@ class LinkState:
     twins: Twins = field(default_factory=Twins)
     """Whether its positions are those of one vehicle."""
 
-    def heard(self, now_s: float, *, silent: bool) -> LinkState:
+    def with_contact(self, now_s: float, *, silent: bool) -> LinkState:
         """Return it after the vehicle said something, whatever it was: every message comes here."""
         regained_s = now_s if silent else self.regained_s
         return LinkState(
@@ -256,7 +256,7 @@ class Telemetry:
     on_ground: bool | None = None
     alarm: tuple[str, float] = ("", float("-inf"))
     """What it said last of a failsafe or a crash, and when."""
-    texts: TextFlow = field(default_factory=TextFlow)
+    texts: TextWindow = field(default_factory=TextWindow)
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,10 +281,10 @@ class Sensors:
 class MotionState:
     """Where it is, and how it moves."""
 
-    fix: Fix | None = None
-    last_fix: Fix | None = None
+    fix: PositionFix | None = None
+    last_fix: PositionFix | None = None
     """The one before."""
-    anchor: Fix | None = None
+    anchor: PositionFix | None = None
     """Where the vehicle was when it last moved on, for the stall watchpoint."""
     jump: tuple[float, float] = (0.0, float("-inf"))
     """How far its position lay from where its velocity leads, and when."""
@@ -314,7 +314,7 @@ class OwnMission:
     """The item with a place that it flies to."""
     came_from: int | None = None
     """The one that it flew to before; None if its leg did not begin there."""
-    leg_from: Fix | None = None
+    leg_from: PositionFix | None = None
     """Where it was when that leg began."""
     below_m: float = 0.0
     """How far it is below the height that its autopilot wants."""
@@ -323,18 +323,18 @@ class OwnMission:
 
 
 @dataclass(frozen=True, slots=True)
-class Power:
+class PowerState:
     """What its batteries say, and what is made of it."""
 
     battery: BatteryState = field(default_factory=BatteryState)
     packs: tuple[tuple[int, float], ...] = ()
     """What each battery reported last, in percent, by its id."""
-    roundings: Roundings = field(default_factory=Roundings)
+    roundings: PercentRounding = field(default_factory=PercentRounding)
     """PX4's two ways to say its percentage."""
     volts: VoltageState = field(default_factory=VoltageState)
     battery_faults: int = 0
     """MAV_BATTERY_FAULT bits of its last report."""
-    pack: Pack = field(default_factory=Pack)
+    pack: PackState = field(default_factory=PackState)
     """What its voltage and its parameters say of the pack."""
     told_s: float = float("-inf")
     """When BATTERY_STATUS came last: SYS_STATUS says less, and in another way."""
@@ -353,41 +353,41 @@ class Power:
 class Assignment:
     """The mission that it carries, and how far it has come with it."""
 
-    board: OnBoard | None = None
+    board: OnboardMission | None = None
     waypoint: int = 0
     """The waypoint at the end of the leg under way, by the vehicle's own word."""
     fix_waypoint: int | None = None
     """The same when its newest position came: after a silence either may be heard first."""
-    run: Run | None = None
+    run: InspectionRun | None = None
     run_visit: int | None = None
     """The visit that `run` belongs to."""
     runs_broken: tuple[tuple[int, str], ...] = ()
     """(segment, reason) of inspections that do not count."""
     owed: tuple[int, str] | None = None
     """(visit, reason) of an inspection that broke, until it is known that it does not count."""
-    before: Before | None = None
+    before: LastKnown | None = None
     """Until it is known what it did while nobody listened."""
-    carried: Carried = field(default_factory=Carried)
+    carried: MissionOwnership = field(default_factory=MissionOwnership)
     fence: Fence | None = None
     """The fence on board, of those that were put there from here: while a wider one is being uploaded, the narrower."""
     pending: int | None = None
     """The revision whose mission is being put on board."""
     stubborn: bool = False
     """Whether it could not be given a new mission: it is planned around."""
-    declined: Declined | None = None
+    declined: DeclinedMission | None = None
     """That mission, until it is given one."""
     failures: int = 0
     """Starts or uploads that failed since the last that succeeded."""
-    leg_began: LegBegin | None = None
+    leg_began: LegBoundary | None = None
     """When the leg under way began; None before the take-off and after the landing."""
     flown: tuple[FlownLeg, ...] = ()
     """Legs that are behind it, of all its missions."""
-    learned: Learned | None = None
+    learned: LearnedFactors | None = None
     """What they say of the vehicle; None as long as they say nothing."""
 
 
 @dataclass(frozen=True, slots=True)
-class GivesWay:
+class YieldState:
     """A vehicle flies slowly, as somebody climbs ahead of it."""
 
     since_s: float
@@ -417,7 +417,7 @@ class Orders:
     """Since when it holds by the operator's order; None if it does not."""
     hold_asked_s: float = float("-inf")
     """When a hold was commanded last, and no resume since: it may follow late."""
-    gives_way: GivesWay | None = None
+    gives_way: YieldState | None = None
     gave_way_s: float = float("-inf")
     """When it last gave way to anybody: what its legs take says nothing of its pace then."""
     excluded: bool = False
@@ -426,7 +426,7 @@ class Orders:
     """Whether its base of the day is closed: it is sent out from there only when that is opened again."""
     lands: bool = False
     """Whether the operator ordered it to land where it was."""
-    errand: Errand | None = None
+    errand: HomingOrder | None = None
     cleared_s: float | None = None
     """When the crew said that it may take off again; None if it did not, or it has."""
     start_owed_s: float | None = None
@@ -438,7 +438,7 @@ class Orders:
 
 
 @dataclass(frozen=True, slots=True)
-class Sortie:
+class SortieProgress:
     """What was seen of it since its last start."""
 
     armed_once: bool = False
@@ -459,7 +459,7 @@ class Sortie:
 
 
 @dataclass(frozen=True, slots=True)
-class SortieAhead:
+class PlannedSortie:
     """A sortie that the day's plan has for a vehicle."""
 
     visits: tuple[int, ...]
@@ -469,7 +469,7 @@ class SortieAhead:
 
 
 @dataclass(frozen=True, slots=True)
-class SortieFlown:
+class FlownSortie:
     """A flight from a take-off to the landing."""
 
     number: int
@@ -507,11 +507,11 @@ class Turnaround:
     """That word's id."""
     ready_s: float | None = None
     """Since when its checks have passed and it waits for its sortie."""
-    ahead: tuple[SortieAhead, ...] = ()
+    ahead: tuple[PlannedSortie, ...] = ()
     """What it is planned to fly after what it carries."""
     beyond: frozenset[int] = frozenset()
     """Open segments of which it could fly none with a good pack."""
-    sorties: tuple[SortieFlown, ...] = ()
+    sorties: tuple[FlownSortie, ...] = ()
     """Its sorties, the one under way last."""
 
 
@@ -519,7 +519,7 @@ LONG_AGO_S = float("-inf")
 
 
 @dataclass(frozen=True, slots=True)
-class SwitchMoved:
+class SwitchMove:
     """A switch of the pilot's transmitter was moved: some time between two reports of its channel."""
 
     channel: int
@@ -530,7 +530,7 @@ class SwitchMoved:
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class ModeEvidence:
     """What was heard that may say who changed a mode, and what its autopilot says has failed."""
 
     others_orders: tuple[tuple[OrderSeen, float], ...] = ()
@@ -538,7 +538,7 @@ class Evidence:
     channels_us: tuple[int, ...] = ()
     channels_s: float = LONG_AGO_S
     """When its transmitter's channels came last."""
-    switched: tuple[SwitchMoved, ...] = ()
+    switched: tuple[SwitchMove, ...] = ()
     """The last switches that were moved."""
     mode_channel: int | None = None
     """Counted from 1, as its settings say; 0 if it has none."""
@@ -558,8 +558,8 @@ class Evidence:
 class Custody:
     """Who has it, and in which silence of its link it may have been taken, or have acted by itself."""
 
-    taken: TakenOver | None = None
-    cause: Cause = Cause.OURS
+    taken: Takeover | None = None
+    cause: ModeCause = ModeCause.OURS
     """Why it is in its mode, as long as it is armed."""
     certain: bool = False
     """Whether no text that may come late can make it anything but a person's."""

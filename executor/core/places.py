@@ -7,14 +7,14 @@ import re
 
 from executor.core import words
 from executor.core.context import Scene
-from executor.core.parts import Fix
+from executor.core.parts import PositionFix
 from executor.core.positioning import accuracy_of, is_adrift, without_fix_s
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_home_mode
 
 
-def coordinates(context: Scene, vehicle: VehicleState) -> str:
+def format_coordinates(context: Scene, vehicle: VehicleState) -> str:
     """Return a vehicle's place as people paste it into a map, and how it is known.
 
     Of a vehicle without GPS the last place with a fix comes first: where to look, before what is reckoned since.
@@ -45,23 +45,23 @@ def reckoned(context: Scene, vehicle: VehicleState) -> str:
     return f"reckoned since to {_place(context, fix, how.off_m)}, off by {how.off_m:.0f} m or more"
 
 
-def _place(context: Scene, at: Fix, off_m: float | None) -> str:
-    return words.place(*context.frame.to_wgs84_deg(*at.place_m), off_m)
+def _place(context: Scene, at: PositionFix, off_m: float | None) -> str:
+    return words.format_lat_lon(*context.frame.to_wgs84_deg(*at.place_m), off_m)
 
 
-def where(context: Scene, vehicle: VehicleState) -> str:
+def describe_position(context: Scene, vehicle: VehicleState) -> str:
     """Return a vehicle's place as coordinates and height over its home."""
     height = "" if vehicle.motion.fix is None else f", {round(vehicle.motion.fix.alt_rel_m)} m over its home"
-    return coordinates(context, vehicle) + height
+    return format_coordinates(context, vehicle) + height
 
 
-def last_heard(context: Scene, vehicle: VehicleState, now_s: float) -> str:
+def describe_last_position(context: Scene, vehicle: VehicleState, now_s: float) -> str:
     """Return where a vehicle was heard last, and how long ago that was."""
     fix = vehicle.motion.fix
     if fix is None:
         return "its position is not known"
     position = "" if fix.reckoned else "last position "
-    return f"{position}{where(context, vehicle)}, {words.ago(max(0.0, now_s - fix.at_s))}"
+    return f"{position}{describe_position(context, vehicle)}, {words.ago(max(0.0, now_s - fix.at_s))}"
 
 
 _KILLED = re.compile(r"^(?!.*(disengage|release|clear)).*(emergency stop|kill)", re.IGNORECASE)
@@ -77,38 +77,42 @@ UNSEEN_S = 6.0
 """After this nobody waits any more for a position of a vehicle that has disarmed."""
 
 
-def seen_at_rest(vehicle: VehicleState, now_s: float) -> bool:
+def is_resting_place_known(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle that has disarmed was seen since; after a while it is taken for where it was last."""
     fix = vehicle.motion.fix
     return fix is None or now_s - fix.at_s <= SEEN_S or now_s - max(fix.at_s, vehicle.sortie.disarmed_s) >= UNSEEN_S
 
 
-def kill_switch_on(text: str) -> bool:
+def is_kill_switch_text(text: str) -> bool:
     """Return whether a text says that somebody has stopped the motors."""
     return bool(_KILLED.search(text))
 
 
-def fell(context: Scene, vehicle: VehicleState) -> bool:
+def has_fallen(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether a vehicle disarmed in the air, as far as its last position tells."""
     fix = vehicle.motion.fix
     if fix is None:
         return False
-    return killed(context, vehicle) or sank(vehicle) or fix.alt_rel_m > context.limits.off_pad_up_m
+    return (
+        has_used_kill_switch(context, vehicle)
+        or has_sinking_fix(vehicle)
+        or fix.alt_rel_m > context.limits.off_pad_up_m
+    )
 
 
-def killed(context: Scene, vehicle: VehicleState) -> bool:
+def has_used_kill_switch(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether a vehicle disarmed as its kill switch was used, by its own report."""
     text, said_s = vehicle.telemetry.alarm
-    return kill_switch_on(text) and abs(vehicle.sortie.disarmed_s - said_s) <= context.limits.alarm_s
+    return is_kill_switch_text(text) and abs(vehicle.sortie.disarmed_s - said_s) <= context.limits.alarm_s
 
 
-def sank(vehicle: VehicleState) -> bool:
+def has_sinking_fix(vehicle: VehicleState) -> bool:
     """Return whether a vehicle that has disarmed was on its way down when it was seen last."""
     fix = vehicle.motion.fix
     return fix is not None and fix.velocity_m_s[2] < -(SINKS_M_S if fix.alt_rel_m > 1.0 else LANDS_M_S)
 
 
-def at_rest(vehicle: VehicleState, now_s: float) -> bool:
+def is_at_rest(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle whose motors are off is seen to lie where it is."""
     fix = vehicle.motion.fix
     if fix is None or now_s - vehicle.sortie.disarmed_s < RESTS_AFTER_S or now_s - fix.at_s > SEEN_S:
@@ -118,7 +122,7 @@ def at_rest(vehicle: VehicleState, now_s: float) -> bool:
     return math.hypot(*fix.velocity_m_s) < RESTS_M_S
 
 
-def place_words(context: Scene, vehicle: VehicleState) -> str:
+def describe_down_place(context: Scene, vehicle: VehicleState) -> str:
     """Return where a vehicle is down, and whether it is safe to go there."""
     state = "armed: keep away" if vehicle.armed else "disarmed"
     return f"{down_at(context, vehicle)}, {state}"
@@ -128,10 +132,10 @@ def down_at(context: Scene, vehicle: VehicleState) -> str:
     """Return where a vehicle is down; one without GPS is not said to be where it reckons."""
     how = accuracy_of(vehicle)
     known = how is None or how.known != "reckoned"
-    return f"down{' at' if known else ':'} {coordinates(context, vehicle)}"
+    return f"down{' at' if known else ':'} {format_coordinates(context, vehicle)}"
 
 
-def lean_words(vehicle: VehicleState) -> str:
+def describe_lean(vehicle: VehicleState) -> str:
     """Return how a vehicle leans that stands or flies as none does; empty if it does not."""
     attitude = vehicle.sensors.attitude
     if vehicle.sensors.tilted_since_s is None or attitude is None:
@@ -139,7 +143,7 @@ def lean_words(vehicle: VehicleState) -> str:
     return f"leans by {max(abs(attitude.roll_deg), abs(attitude.pitch_deg)):.0f} degrees"
 
 
-def over_its_pad(context: Scene, vehicle: VehicleState) -> bool:
+def is_over_pad(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether it is where it may land, seen from above; a place that is reckoned does not show it."""
     return not is_adrift(vehicle) and takes_itself_home(context, vehicle)
 
@@ -150,7 +154,7 @@ def takes_itself_home(context: Scene, vehicle: VehicleState) -> bool:
     return fix is None or math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.off_pad_m
 
 
-def mission_over(context: Scene, vehicle: VehicleState) -> bool:
+def has_mission_ended(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether a vehicle that disarms has landed: its mission was over, or it was on its way home."""
     if vehicle.sortie.rebooted_s is not None:
         return False  # it did not come down by itself

@@ -71,7 +71,7 @@ class FrameLog(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class LinkOrder:
+class LinkRequest:
     """A link to be opened."""
 
     connection: Connection
@@ -113,7 +113,7 @@ class Solver(Protocol):
         ...
 
 
-class Judge(Protocol):
+class LossJudge(Protocol):
     """The planner, asked what would be, when nothing else is asked."""
 
     async def judge(self, problem: Solve, pricing: Pricing) -> tuple[int, ...] | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from executor.core.coverage import GAP_S
 from executor.core.messages import EstimatorStatus, Gps, SystemStatus
-from executor.core.parts import Fix, Positioning
+from executor.core.parts import PositionFix, Positioning
 from executor.core.vehicle import VehicleState
 
 FIXED = 3
@@ -30,7 +30,12 @@ USUAL_M = 3.0
 
 
 def positioning_heard(
-    known: Positioning, message: Gps | EstimatorStatus | SystemStatus, at: Fix | None, now_s: float, *, stands: bool
+    known: Positioning,
+    message: Gps | EstimatorStatus | SystemStatus,
+    at: PositionFix | None,
+    now_s: float,
+    *,
+    stands: bool,
 ) -> Positioning:
     """Take what a vehicle says of its GPS.
 
@@ -50,7 +55,7 @@ def positioning_heard(
             return _health_heard(known, unhealthy, now_s)
 
 
-def _gps_heard(known: Positioning, message: Gps, at: Fix | None, now_s: float) -> Positioning:
+def _gps_heard(known: Positioning, message: Gps, at: PositionFix | None, now_s: float) -> Positioning:
     """Take what a receiver says.
 
     A report whose own time stands still is that of the last fix, repeated: ArduPilot does so for four seconds.
@@ -96,14 +101,14 @@ def _lost(known: Positioning, why: str, now_s: float) -> Positioning:
     return replace(known, lost_s=now_s, why=why)
 
 
-def _regained(known: Positioning, at: Fix | None, now_s: float) -> Positioning:
+def _regained(known: Positioning, at: PositionFix | None, now_s: float) -> Positioning:
     if known.lost_s is None:
         return known if at is None else replace(known, fixed=at)
     # The newest position is from before: the next report confirms one.
     return replace(known, lost_s=None, why="", regained_s=now_s)
 
 
-def without_fix_s(known: Positioning, at: Fix) -> float:
+def without_fix_s(known: Positioning, at: PositionFix) -> float:
     """Return how long before a position the last one with a fix was, by the vehicle's own clock; 0 where it has one."""
     if not at.reckoned or known.fixed is None:
         return 0.0
@@ -139,7 +144,7 @@ class Accuracy:
     """By so much it may be off; a reckoned one by this or more."""
     without_s: float = 0.0
     """How long it is reckoned."""
-    fixed: Fix | None = None
+    fixed: PositionFix | None = None
     """The last position with a fix, of one that is reckoned."""
 
 

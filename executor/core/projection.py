@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 
 from executor.core.battery import account
-from executor.core.battery.kalman import Projection, projected
+from executor.core.battery.kalman import Projection, project_remaining
 from executor.core.context import Scene, VehicleSetup
-from executor.core.parts import OnBoard
+from executor.core.parts import OnboardMission
 from executor.core.vehicle import Stage, VehicleState
 from missions import LegEstimate, Phase
 from planner import CLIMB_SHARE_PER_M_S
@@ -21,31 +21,33 @@ UPRIGHT_M = 1.0
 
 def time_to_reach_s(state: VehicleState, waypoint: int) -> float:
     """Return how long the vehicle needs until the end of a waypoint's leg at its own pace; 0 if it has passed."""
-    return _paced(state, [leg.duration_s for leg in _legs_until(state, waypoint)])
+    return _sum_at_own_pace(state, [leg.duration_s for leg in _select_legs_until(state, waypoint)])
 
 
-def modelled_to_reach_pct(state: VehicleState, waypoint: int) -> float:
+def energy_to_reach_pct(state: VehicleState, waypoint: int) -> float:
     """Return the energy of the same way by the model, in percent of a full battery.
 
     With its pace, as who takes longer draws its power for longer, but without its consumption: that is a factor of
     power, learned by velocities, and comes on top.
     """
-    return _paced(state, [leg.energy_pct for leg in _legs_until(state, waypoint)])
+    return _sum_at_own_pace(state, [leg.energy_pct for leg in _select_legs_until(state, waypoint)])
 
 
-def _legs_until(state: VehicleState, waypoint: int) -> tuple[LegEstimate, ...]:
+def _select_legs_until(state: VehicleState, waypoint: int) -> tuple[LegEstimate, ...]:
     board = state.assignment.board
     return () if board is None else board.legs[state.assignment.waypoint : waypoint + 1]
 
 
-def to_finish_pct(state: VehicleState) -> float:
+def energy_to_finish_pct(state: VehicleState) -> float:
     """Return what finishing the mission on board should cost, with what was learned of the vehicle's consumption."""
     if state.assignment.board is None:
         return 0.0
-    return modelled_to_reach_pct(state, len(state.assignment.board.legs) - 1) * account.factor(state.power.battery)
+    return energy_to_reach_pct(state, len(state.assignment.board.legs) - 1) * account.consumption_factor(
+        state.power.battery
+    )
 
 
-def at_landing(context: Scene, state: VehicleState, setup: VehicleSetup) -> Projection | None:
+def project_landing(context: Scene, state: VehicleState, setup: VehicleSetup) -> Projection | None:
     """Return what should be left after the mission on board, or after the way home where no mission is known.
 
     None while the battery has not reported, or nobody knows where it is.
@@ -54,14 +56,14 @@ def at_landing(context: Scene, state: VehicleState, setup: VehicleSetup) -> Proj
         return None
     if state.assignment.board is not None and state.stage in {Stage.STARTING, Stage.FLYING}:
         last = len(state.assignment.board.legs) - 1
-        modelled_pct: float | None = modelled_to_reach_pct(state, last)
-        unsure_pct = _unsure_of_pace_pct(state, setup, last)
+        modelled_pct: float | None = energy_to_reach_pct(state, last)
+        unsure_pct = _pace_uncertainty_pct(state, setup, last)
     else:
-        modelled_pct = modelled_to_return_pct(context, state, setup)
+        modelled_pct = energy_to_return_pct(context, state, setup)
         unsure_pct = (state.assignment.learned or setup.start).transit.sd * (modelled_pct or 0.0)
     if modelled_pct is None:
         return None
-    ahead = projected(state.power.battery.estimate, modelled_pct)
+    ahead = project_remaining(state.power.battery.estimate, modelled_pct)
     unsure_pct *= state.power.battery.estimate.factor
     return Projection(ahead.mean_pct, math.hypot(ahead.sd_pct, unsure_pct, account.blindness_pct(state.power.battery)))
 
@@ -70,14 +72,14 @@ def landing_chance_below(context: Scene, state: VehicleState, setup: VehicleSetu
     """Return the probability that less than `floor_pct` is left at the landing; None where nobody knows."""
     known = state.power.battery
     if known.estimate is not None and state.assignment.board is None and state.motion.fix is not None:
-        ahead_pct = FAR * known.estimate.factor * (modelled_to_return_pct(context, state, setup) or 0.0)
+        ahead_pct = FAR * known.estimate.factor * (energy_to_return_pct(context, state, setup) or 0.0)
         if known.estimate.remaining_pct - ahead_pct > floor_pct + PLENTY_PCT:
             return 0.0  # most of the time there is no question, and it is asked on every tick
-    ahead = at_landing(context, state, setup)
+    ahead = project_landing(context, state, setup)
     return None if ahead is None else ahead.chance_below(floor_pct)
 
 
-def modelled_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSetup) -> float | None:
+def energy_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSetup) -> float | None:
     """Return the energy of a return of its own from here, by the model; None without a place.
 
     As its autopilot flies it: up to the height of its return, straight home at that speed, and down. Who is over its
@@ -106,21 +108,22 @@ def modelled_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSe
     return climb_pct + level_pct + land_s * hover_pct_s
 
 
-def _paced(state: VehicleState, legs: list[float]) -> float:
+def _sum_at_own_pace(state: VehicleState, legs: list[float]) -> float:
     """Return the sum of figures of the leg under way, as far as it is left, and of those after it, at its own pace."""
     board, learned = state.assignment.board, state.assignment.learned
     if board is None or not legs:
         return 0.0
-    legs[0] *= _share_of_leg_left(state)
+    legs[0] *= _remaining_leg_share(state)
     if learned is None:
         return sum(legs)
     pace = learned.pace
     return sum(
-        pace.of(phase) * leg for phase, leg in zip(_phases(board, state.assignment.waypoint), legs, strict=False)
+        pace.factor_of(phase) * leg
+        for phase, leg in zip(_iterate_phases(board, state.assignment.waypoint), legs, strict=False)
     )
 
 
-def _unsure_of_pace_pct(state: VehicleState, setup: VehicleSetup, waypoint: int) -> float:
+def _pace_uncertainty_pct(state: VehicleState, setup: VehicleSetup, waypoint: int) -> float:
     """Return how far off the energy until the end of a waypoint's leg may be, as it is not known how long legs take.
 
     One standard deviation; what is not known of inspections and of transits is learned from legs of their own.
@@ -130,8 +133,8 @@ def _unsure_of_pace_pct(state: VehicleState, setup: VehicleSetup, waypoint: int)
         return 0.0
     learned = state.assignment.learned or setup.start
     inspect_pct = transit_pct = 0.0
-    share = _share_of_leg_left(state)
-    for phase, leg in zip(_phases(board, first), board.legs[first : waypoint + 1], strict=False):
+    share = _remaining_leg_share(state)
+    for phase, leg in zip(_iterate_phases(board, first), board.legs[first : waypoint + 1], strict=False):
         if phase is Phase.INSPECT:
             inspect_pct += share * leg.energy_pct
         elif phase in (Phase.TRANSIT, Phase.RETURN):
@@ -140,11 +143,11 @@ def _unsure_of_pace_pct(state: VehicleState, setup: VehicleSetup, waypoint: int)
     return math.hypot(learned.inspect.sd * inspect_pct, learned.transit.sd * transit_pct)
 
 
-def _phases(board: OnBoard, first: int) -> Iterator[Phase]:
+def _iterate_phases(board: OnboardMission, first: int) -> Iterator[Phase]:
     return (point.phase for point in board.path.waypoints[first:])
 
 
-def _share_of_leg_left(state: VehicleState) -> float:
+def _remaining_leg_share(state: VehicleState) -> float:
     board, waypoint, fix = state.assignment.board, state.assignment.waypoint, state.motion.fix
     if board is None or fix is None or waypoint == 0:
         return 1.0

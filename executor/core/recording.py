@@ -16,7 +16,7 @@ time that passes. A tuple, because a log has millions."""
 
 
 @dataclass(slots=True)
-class Skipped:
+class SkippedRecords:
     """Counts of what could not be read, or not used."""
 
     garbage_runs: int = 0
@@ -53,7 +53,7 @@ class RecordedFile(ABC):
     """One log, read once from its beginning to its end."""
 
     path: Path
-    skipped: Skipped = field(default_factory=Skipped, kw_only=True)
+    skipped: SkippedRecords = field(default_factory=SkippedRecords, kw_only=True)
     stations: set[int] = field(default_factory=set, kw_only=True)
     """Systems that sent a ground station's HEARTBEAT."""
     heard: dict[int, int] = field(default_factory=dict, kw_only=True)
@@ -63,7 +63,7 @@ class RecordedFile(ABC):
     """What is odd about it, in words; complete once it was read."""
 
     @abstractmethod
-    def records(self) -> Iterator[Record]:
+    def read_records(self) -> Iterator[Record]:
         """Yield what it says, in its order."""
 
 
@@ -88,13 +88,13 @@ STICKS_USEC = 1_900_000
 
 
 @dataclass(slots=True)
-class RcWatch:
+class RcChangeFilter:
     """One vehicle's channels: a switch is told at once, sticks every other second."""
 
     told: tuple[int, ...] = ()
     at_usec: int = 0
 
-    def news(self, t_usec: int, values_us: tuple[int, ...]) -> RcChannels | None:
+    def filter_channels(self, t_usec: int, values_us: tuple[int, ...]) -> RcChannels | None:
         """Return what the channels say, unless it is what they said."""
         if self.told and 0 <= t_usec - self.at_usec < STICKS_USEC:
             before = self.told[STICKS:]
@@ -112,13 +112,13 @@ LEVEL_USEC = 4_900_000
 
 
 @dataclass(slots=True)
-class TiltWatch:
+class TiltFilter:
     """One vehicle's attitude: steep is told at once, level seldom, and once after it was steep."""
 
     at_usec: int = -LEVEL_USEC
     steep: bool = False
 
-    def news(self, t_usec: int, said: Attitude) -> Attitude | None:
+    def filter_attitude(self, t_usec: int, said: Attitude) -> Attitude | None:
         """Return an attitude, unless it is as level as the last one."""
         steep = max(abs(said.roll_deg), abs(said.pitch_deg)) >= STEEP_DEG
         if not steep and not self.steep and 0 <= t_usec - self.at_usec < LEVEL_USEC:

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from executor.core.context import Context
-from executor.core.state import FleetState, Separation
+from executor.core.state import ClosestApproach, FleetState
 from executor.core.vehicle import VehicleState
 
 FRESH_S = 1.5
@@ -15,7 +15,7 @@ CLIMBS_MOST_M = 15.0
 """More than anybody rises or sinks in that time."""
 
 
-def separated(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
+def record_separation(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
     """Take note of how near two vehicles came to each other, after a position of one of them; reckoned ones say not."""
     fix = vehicle.motion.fix
     high = context.limits.airborne_m
@@ -39,7 +39,7 @@ def separated(context: Context, state: FleetState, vehicle: VehicleState, now_s:
         north_m = seen.place_m[1] + north_m_s * age_s - fix.place_m[1]
         apart_m = math.hypot(east_m, north_m, higher_m)
         if least is None or apart_m < least.least_m:
-            least = Separation(apart_m, (vehicle.name, other.name), now_s)
+            least = ClosestApproach(apart_m, (vehicle.name, other.name), now_s)
     if least is state.progress.separation:
         return state
     return replace(state, progress=replace(state.progress, separation=least))

@@ -8,7 +8,7 @@ from executor.core.context import Scene, VehicleSetup
 from executor.core.vehicle import VehicleState
 
 
-def setup_now(context: Scene, vehicle: VehicleState) -> VehicleSetup:
+def current_setup_of(context: Scene, vehicle: VehicleState) -> VehicleSetup:
     """Return the setup of a vehicle; what its percentage says too much is a part of the reserve in it."""
     setup, turn = context.vehicles[vehicle.name], vehicle.turn
     if turn.swaps == 0:

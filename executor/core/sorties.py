@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from executor.core.parts import SortieFlown
+from executor.core.parts import FlownSortie
 from executor.core.state import FleetState
 from executor.core.vehicle import VehicleState
 
@@ -12,14 +12,14 @@ REFILLED_PCT = 10.0
 """A pack at rest recovers by less."""
 
 
-def begun(state: FleetState, vehicle: VehicleState, now_s: float) -> VehicleState:
+def begin_sortie(state: FleetState, vehicle: VehicleState, now_s: float) -> VehicleState:
     """Return a vehicle that is told to start; one that never left its pad since begins the same sortie again."""
     turn, rest = vehicle.turn, vehicle.power.pack.rest
     before = turn.sorties
     if before and before[-1].ended_s is None and not vehicle.sortie.took_off:
         before = before[:-1]
     own = tuple(sorted(segment for segment, name in state.coverage.inspected.items() if name == vehicle.name))
-    sortie = SortieFlown(
+    sortie = FlownSortie(
         len(before) + 1,
         turn.label,
         now_s,
@@ -30,7 +30,7 @@ def begun(state: FleetState, vehicle: VehicleState, now_s: float) -> VehicleStat
     return replace(vehicle, turn=replace(turn, sorties=(*before, sortie)))
 
 
-def sortie_ended(vehicle: VehicleState, now_s: float) -> VehicleState:
+def end_sortie(vehicle: VehicleState, now_s: float) -> VehicleState:
     """Return a vehicle that has landed."""
     turn = vehicle.turn
     if not turn.sorties or turn.sorties[-1].ended_s is not None or not vehicle.sortie.took_off:

@@ -11,7 +11,7 @@ from executor.core.commands import Command, Level, Solve
 from executor.core.coverage import SegmentPass
 from executor.core.events import Gain, NewRoute
 from executor.core.intents import IntentRecord
-from executor.core.payload.pictures import NotSeen, Unseen
+from executor.core.payload.pictures import AwaitedPictures, MissingPictures
 from executor.core.vehicle import Fault, Stage, VehicleState
 from missions import FlightPath
 from missions.fences import Fence
@@ -62,7 +62,7 @@ class Replan:
 
 
 @dataclass(frozen=True, slots=True)
-class Outlook:
+class LossOutlook:
     """What the loss of a vehicle would mean."""
 
     at_s: float
@@ -90,7 +90,7 @@ class ReplanRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class Separation:
+class ClosestApproach:
     """The nearest that two flying vehicles came to each other."""
 
     least_m: float
@@ -99,7 +99,7 @@ class Separation:
 
 
 @dataclass(frozen=True, slots=True)
-class Absence:
+class GroundStationAbsence:
     """A time in which the ground station was not there: stopped, or restarted."""
 
     until_s: float
@@ -111,7 +111,7 @@ class Absence:
 
 
 @dataclass(frozen=True, slots=True)
-class SaidLine:
+class OperatorLine:
     """A line for the operator, kept for who looks later."""
 
     at_s: float
@@ -142,7 +142,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class Offer:
+class TakeoffOffer:
     """Vehicles on the ground that could take over work, if the crew says so."""
 
     vehicles: tuple[str, ...]
@@ -171,7 +171,7 @@ KEPT_LINES = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class ReportedWarnings:
     """What an operator was told of a vehicle."""
 
     at_s: tuple[tuple[str, float], ...] = ()
@@ -186,7 +186,7 @@ class FlightProgress:
     recalled: bool = False
     """The flight was aborted."""
     finished: bool = False
-    separation: Separation | None = None
+    separation: ClosestApproach | None = None
 
 
 SAME_M = 0.5
@@ -216,23 +216,23 @@ class Coverage:
     """Of segments that ask for pictures: the camera, and metres along the flight track from a, of each that counts."""
     caught_nearer: Mapping[int, tuple[tuple[str, float], ...]] = field(default_factory=lambda: MappingProxyType({}))
     """The same of segments that count, taken from nearer: they take the others' place once they show all of it."""
-    unseen: Mapping[int, Unseen] = field(default_factory=lambda: MappingProxyType({}))
+    unseen: Mapping[int, AwaitedPictures] = field(default_factory=lambda: MappingProxyType({}))
     """Segments that were flown, and whose pictures are waited for."""
-    not_seen: tuple[NotSeen, ...] = ()
+    not_seen: tuple[MissingPictures, ...] = ()
     """Segments that were flown but not seen, in the order of time; some were seen later."""
 
-    def would_be_nearer(self, segment: int, at_m: float | None) -> bool:
+    def is_nearer_than_counted(self, segment: int, at_m: float | None) -> bool:
         """Return whether a segment that counts was inspected from farther away than this."""
         counted_m = self.inspected_at_m.get(segment) if segment in self.inspected else None
         return counted_m is not None and at_m is not None and at_m < counted_m - SAME_M
 
-    def unproven(self) -> frozenset[int]:
+    def inferred_segments(self) -> frozenset[int]:
         """Return the segments that count as inspected by evidence alone."""
         return self.inferred & set(self.inspected)
 
 
 @dataclass(frozen=True, slots=True)
-class Replanning:
+class ReplanningState:
     """Whether a re-plan is needed or under way, and those that have ended."""
 
     revision: int = 0
@@ -254,12 +254,12 @@ class Replanning:
     mended: tuple[tuple[str, Fault], ...] = ()
     """(vehicle, fault) of vehicles that were taken back into the plan."""
     records: tuple[ReplanRecord, ...] = ()
-    outlook: Mapping[str, Outlook] = field(default_factory=lambda: MappingProxyType({}))
+    outlook: Mapping[str, LossOutlook] = field(default_factory=lambda: MappingProxyType({}))
     """Of each vehicle that flies its mission: what its loss would mean; computed seldom."""
 
 
 @dataclass(frozen=True, slots=True)
-class Listening:
+class ContactState:
     """Whether the ground station was there, and heard anybody."""
 
     tick_s: float | None = None
@@ -269,22 +269,22 @@ class Listening:
     """Since when nobody at all is heard."""
     silence_told_s: float | None = None
     """When that was said last."""
-    absences: tuple[Absence, ...] = ()
+    absences: tuple[GroundStationAbsence, ...] = ()
     """When the ground station was not there for long enough to be worth a word, the last one last."""
 
 
 @dataclass(frozen=True, slots=True)
-class Crew:
+class CrewDialogue:
     """What the crew was told, what it asked for, and what it is asked."""
 
-    said: tuple[SaidLine, ...] = ()
+    said: tuple[OperatorLine, ...] = ()
     """The last lines for the operator, the oldest first."""
-    told: Mapping[str, Told] = field(default_factory=lambda: MappingProxyType({}))
+    told: Mapping[str, ReportedWarnings] = field(default_factory=lambda: MappingProxyType({}))
     """Of each vehicle that was not well: what the operator was told."""
     intents: Mapping[str, IntentRecord] = field(default_factory=lambda: MappingProxyType({}))
     """What an operator asked for in flight, by its id, the oldest first."""
     briefing: Briefing = field(default_factory=Briefing)
-    offer: Offer | None = None
+    offer: TakeoffOffer | None = None
     offer_wanted_s: float | None = None
     """Since when there is something to offer."""
     offers_over: bool = False
@@ -298,9 +298,9 @@ class FleetState:
     vehicles: Mapping[str, VehicleState]
     progress: FlightProgress = field(default_factory=FlightProgress)
     coverage: Coverage = field(default_factory=Coverage)
-    replanning: Replanning = field(default_factory=Replanning)
-    listening: Listening = field(default_factory=Listening)
-    crew: Crew = field(default_factory=Crew)
+    replanning: ReplanningState = field(default_factory=ReplanningState)
+    listening: ContactState = field(default_factory=ContactState)
+    crew: CrewDialogue = field(default_factory=CrewDialogue)
 
     def put(self, vehicle: VehicleState) -> FleetState:
         """Return the state with one vehicle replaced."""
@@ -310,11 +310,11 @@ class FleetState:
         vehicles = MappingProxyType({**self.vehicles, vehicle.name: vehicle})
         return FleetState(vehicles, self.progress, self.coverage, self.replanning, self.listening, self.crew)
 
-    def telling(self, lines: tuple[SaidLine, ...]) -> FleetState:
+    def with_lines(self, lines: tuple[OperatorLine, ...]) -> FleetState:
         """Return the state with lines for the operator added."""
         return replace(self, crew=replace(self.crew, said=(*self.crew.said, *lines)[-KEPT_LINES:]))
 
-    def ahead(self) -> frozenset[int]:
+    def later_segments(self) -> frozenset[int]:
         """Return the segments of the sorties that are planned for later."""
         return frozenset(
             segment_of(visit)
@@ -323,20 +323,20 @@ class FleetState:
             for visit in sortie.visits
         )
 
-    def flying(self) -> list[VehicleState]:
+    def airborne_vehicles(self) -> list[VehicleState]:
         """Vehicles that are out there as far as we know."""
         return [vehicle for vehicle in self.vehicles.values() if vehicle.airborne]
 
-    def on_mission(self) -> list[VehicleState]:
+    def mission_vehicles(self) -> list[VehicleState]:
         """Vehicles whose remaining visits will be flown, or are kept for them while their pilot has them."""
-        return [vehicle for vehicle in self.vehicles.values() if vehicle.fault is None and _keeps_its_work(vehicle)]
+        return [vehicle for vehicle in self.vehicles.values() if vehicle.fault is None and _has_segments(vehicle)]
 
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
 """What a step comes to: the state after it, and what is to be done."""
 
 
-def _keeps_its_work(vehicle: VehicleState) -> bool:
+def _has_segments(vehicle: VehicleState) -> bool:
     if vehicle.stage is Stage.PILOT:
         return vehicle.custody.taken is not None and not vehicle.custody.taken.given_away
     return vehicle.stage in {Stage.STARTING, Stage.FLYING}

@@ -12,13 +12,21 @@ from executor.core.events import UploadEnded
 from executor.core.homing import homeward
 from executor.core.replan import new_missions, offering
 from executor.core.roster import offers, turnaround
-from executor.core.roster.withdraw import declare
+from executor.core.roster.withdraw import declare_fault
 from executor.core.state import FleetState, NewMission, Replan, Stepped
-from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, aboard, carrying
-from executor.core.words import count_of
+from executor.core.vehicle import (
+    Fault,
+    FaultCode,
+    FaultKind,
+    Stage,
+    VehicleState,
+    apply_onboard_mission,
+    build_onboard_mission,
+)
+from executor.core.words import format_count
 
 
-def uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: float) -> Stepped:
+def apply_upload_result(context: Context, state: FleetState, event: UploadEnded, now_s: float) -> Stepped:
     """Take how the upload of a re-plan's mission, or of a sortie, came to its end."""
     vehicle = state.vehicles[event.vehicle]
     plan = state.replanning.replan
@@ -30,75 +38,75 @@ def uploaded(context: Context, state: FleetState, event: UploadEnded, now_s: flo
         vehicle = replace(vehicle, assignment=replace(vehicle.assignment, fence=mission.fence))
     plan = replace(plan, pending=plan.pending - {event.vehicle})
     if event.accepted:
-        state, more = _on_board(context, state, vehicle, mission, event, now_s)
+        state, more = _apply_accepted_upload(context, state, vehicle, mission, event, now_s)
     else:
         plan = replace(plan, failed=(*plan.failed, vehicle.name))
-        state, more = _not_on_board(context, state, vehicle, plan, event, now_s)
+        state, more = _apply_failed_upload(context, state, vehicle, plan, event, now_s)
     commands: list[Command] = [*more]
-    state, more = _then(context, state, vehicle, plan, event, now_s)
+    state, more = _continue_after_upload(context, state, vehicle, plan, event, now_s)
     commands.extend(more)
     state = replace(state, replanning=replace(state.replanning, replan=plan))
-    if event.mixed and not event.accepted and not mission.fresh and not _left_meanwhile(context, vehicle):
+    if event.mixed and not event.accepted and not mission.fresh and not _has_left_mission(context, vehicle):
         unknown = event.code is Ending.NO_ANSWER
         why = f"its mission on board {'may be' if unknown else 'is'} a mix of two"
         fault = Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.MISSION_MIXED)
-        state, more = declare(context, state, state.vehicles[vehicle.name], fault)
+        state, more = declare_fault(context, state, state.vehicles[vehicle.name], fault)
         commands.extend(more)
-    state, more = new_missions.ended_if_done(state, now_s)
+    state, more = new_missions.end_replan_if_done(state, now_s)
     return state, (*commands, *more)
 
 
-def _on_board(
+def _apply_accepted_upload(
     context: Context, state: FleetState, vehicle: VehicleState, mission: NewMission, event: UploadEnded, now_s: float
 ) -> Stepped:
-    board = aboard(context, vehicle.name, event.revision, mission.path, mission.visits)
+    board = build_onboard_mission(context, vehicle.name, event.revision, mission.path, mission.visits)
     if mission.fresh:
         vehicle = replace(vehicle, assignment=replace(vehicle.assignment, waypoint=0))
-    state = state.put(carrying(vehicle, board, now_s))
+    state = state.put(apply_onboard_mission(vehicle, board, now_s))
     to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
-    what = f"{count_of(to_go, 'segment')} to go" if to_go else "no segment left, returning"
+    what = f"{format_count(to_go, 'segment')} to go" if to_go else "no segment left, returning"
     what += "; fence widened first" if mission.fence is not None else ""
     return state, (Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"),)
 
 
-def _not_on_board(
+def _apply_failed_upload(
     context: Context, state: FleetState, vehicle: VehicleState, plan: Replan, event: UploadEnded, now_s: float
 ) -> Stepped:
     mission, sortie = plan.missions[vehicle.name], plan.solve.sortie == vehicle.name
-    if _left_meanwhile(context, vehicle) or (state.listening.silent_since_s is not None and not event.mixed):
+    if _has_left_mission(context, vehicle) or (state.listening.silent_since_s is not None and not event.mixed):
         # Nobody hears us, or it has left its mission meanwhile: that is not its refusal.
         known = replace(state.replanning, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
         return replace(state.put(vehicle), replanning=state.replanning if sortie else known), ()
     if sortie:
         return state.put(vehicle), ()  # the crew is told, and asked again
-    refused, how_long = offering.declined(context, vehicle, mission, event, now_s)
+    refused, how_long = offering.record_declined_mission(context, vehicle, mission, event, now_s)
     text = f"{vehicle.name}: upload of its new mission failed ({event.reason}); re-planning without it{how_long}"
     trigger = f"{vehicle.name}: {event.reason}"
     known = replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s)
     return replace(state.put(refused), replanning=known), (Say(Level.WARNING, text),)
 
 
-def _then(
+def _continue_after_upload(
     context: Context, state: FleetState, vehicle: VehicleState, plan: Replan, event: UploadEnded, now_s: float
 ) -> Stepped:
     """Start a vehicle on its base, or go on with a start that the upload broke off."""
     mission, sortie = plan.missions[vehicle.name], plan.solve.sortie == vehicle.name
     if mission.fresh and event.accepted and offers.may_take_off(context, vehicle, now_s):
         if not sortie:
-            return launching.sent_up(context, state, state.vehicles[vehicle.name], now_s)
-        state = turnaround.sortie_started(state, vehicle.name, now_s)  # it has looked at its boots itself
-        state, start = launching.ordered(context, state, state.vehicles[vehicle.name], now_s)
+            return launching.start_from_base(context, state, state.vehicles[vehicle.name], now_s)
+        state = turnaround.record_sortie_start(state, vehicle.name, now_s)  # it has looked at its boots itself
+        state, start = launching.order_start(context, state, state.vehicles[vehicle.name], now_s)
         return state, (start,)
     if sortie:
         why = "its mission was uploaded too late" if event.accepted else f"its upload failed ({event.reason})"
-        return turnaround.not_started(state, vehicle.name, why, now_s)
+        return turnaround.end_failed_turnaround(state, vehicle.name, why, now_s)
     if mission.fresh and event.accepted:
         return state, (Say(Level.WARNING, f"{vehicle.name}: stays on the ground: take-off clearance expired"),)
     if vehicle.stage is Stage.STARTING and not event.mixed:
-        return launching.started_again(context, state, state.vehicles[vehicle.name], now_s)
+        return launching.resume_start(context, state, state.vehicles[vehicle.name], now_s)
     return state, ()
 
 
-def _left_meanwhile(context: Context, vehicle: VehicleState) -> bool:
+def _has_left_mission(context: Context, vehicle: VehicleState) -> bool:
     """Return whether a vehicle does not fly what is on board any more: a mix of two missions does no harm then."""
-    return vehicle.stage in {Stage.RETURNING, Stage.DOWN} or homeward.comes_down(context, vehicle)
+    return vehicle.stage in {Stage.RETURNING, Stage.DOWN} or homeward.is_coming_down(context, vehicle)

@@ -6,25 +6,25 @@ from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
 
 from executor.core.battery import account
-from executor.core.carried import Carried
+from executor.core.carried import MissionOwnership
 from executor.core.context import Context
 from executor.core.coverage import Track
 from executor.core.parts import (
     Assignment,
-    Before,
     Custody,
-    Evidence,
+    LastKnown,
     LinkState,
+    ModeEvidence,
     MotionState,
-    OnBoard,
+    OnboardMission,
     Orders,
     OwnMission,
-    Power,
+    PowerState,
     Sensors,
-    Sortie,
+    SortieProgress,
     Telemetry,
     Turnaround,
-    Watch,
+    WatchpointMemory,
 )
 from executor.core.payload.pictures import NO_PAYLOAD, PayloadState
 from missions import FlightPath, Phase, Waypoint, encode, estimate
@@ -186,17 +186,17 @@ class VehicleState:
     name: str
     stage: Stage = Stage.GROUND
     fault: Fault | None = None
-    watches: tuple[tuple[str, Watch], ...] = ()
+    watches: tuple[tuple[str, WatchpointMemory], ...] = ()
     link: LinkState = field(default_factory=LinkState)
     telemetry: Telemetry = field(default_factory=Telemetry)
     sensors: Sensors = field(default_factory=Sensors)
     motion: MotionState = field(default_factory=MotionState)
-    power: Power = field(default_factory=Power)
+    power: PowerState = field(default_factory=PowerState)
     assignment: Assignment = field(default_factory=Assignment)
     orders: Orders = field(default_factory=Orders)
-    sortie: Sortie = field(default_factory=Sortie)
+    sortie: SortieProgress = field(default_factory=SortieProgress)
     custody: Custody = field(default_factory=Custody)
-    evidence: Evidence = field(default_factory=Evidence)
+    evidence: ModeEvidence = field(default_factory=ModeEvidence)
     payload: PayloadState = NO_PAYLOAD
     turn: Turnaround = field(default_factory=Turnaround)
     own: OwnMission = field(default_factory=OwnMission)
@@ -217,10 +217,10 @@ class VehicleState:
         board, waypoint = self.assignment.board, self.assignment.waypoint
         return None if board is None or waypoint >= len(board.path.waypoints) else board.path.waypoints[waypoint]
 
-    def after(
+    def with_parts(
         self, link: LinkState, *, telemetry: Telemetry | None = None, sensors: Sensors | None = None,
-        motion: MotionState | None = None, power: Power | None = None, assignment: Assignment | None = None,
-        sortie: Sortie | None = None, custody: Custody | None = None,
+        motion: MotionState | None = None, power: PowerState | None = None, assignment: Assignment | None = None,
+        sortie: SortieProgress | None = None, custody: Custody | None = None,
     ) -> VehicleState:  # fmt: skip
         """Return it after a message: as `replace`, in half its time, as every message comes here."""
         return VehicleState(
@@ -239,7 +239,7 @@ class VehicleState:
         return tuple(visit for index, visit in enumerate(board.visits) if index in ahead)
 
 
-def moved_to(
+def change_stage(
     state: VehicleState, stage: Stage, *, besides: frozenset[tuple[Stage, Stage]] = frozenset()
 ) -> VehicleState:
     """Return the vehicle in another stage; nothing else of it is another.
@@ -259,12 +259,12 @@ def moved_to(
     return replace(state, stage=stage)
 
 
-def supposed_lost(state: VehicleState, now_s: float) -> VehicleState:
+def suppose_lost(state: VehicleState, now_s: float) -> VehicleState:
     """Return a vehicle as if it were lost, to reckon what that would mean: no vehicle ever becomes this."""
     return replace(state, stage=Stage.LOST, fault=Fault(FaultKind.LINK, "what if", now_s, FaultCode.LINK_LOST))
 
 
-def before_of(vehicle: VehicleState, until_s: float = float("-inf")) -> Before | None:
+def last_known_of(vehicle: VehicleState, until_s: float = float("-inf")) -> LastKnown | None:
     """Return where a vehicle on its mission was when it last said so; None for one that is not on it.
 
     Args:
@@ -276,12 +276,12 @@ def before_of(vehicle: VehicleState, until_s: float = float("-inf")) -> Before |
         return None
     waypoint = known.waypoint if known.fix_waypoint is None else known.fix_waypoint
     battery = vehicle.power.battery
-    return Before(
-        fix, waypoint, known.run, known.run_visit, battery.remaining_pct, until_s, account.factor(battery)
+    return LastKnown(
+        fix, waypoint, known.run, known.run_visit, battery.remaining_pct, until_s, account.consumption_factor(battery)
     )  # fmt: skip
 
 
-def carrying(vehicle: VehicleState, board: OnBoard, now_s: float) -> VehicleState:
+def apply_onboard_mission(vehicle: VehicleState, board: OnboardMission, now_s: float) -> VehicleState:
     """Return a vehicle with another mission on board, known to be ours.
 
     What is flown of a visit that stands no longer in its place is over: an upload may take longer than was reckoned.
@@ -296,12 +296,14 @@ def carrying(vehicle: VehicleState, board: OnBoard, now_s: float) -> VehicleStat
     owed = old.owed if old.owed is not None and stays(old.owed[0]) else None
     assignment = replace(
         old, pending=None, board=board, run=run, run_visit=run_visit, owed=owed, before=None,
-        stubborn=False, declined=None, carried=Carried(ours_s=now_s),
+        stubborn=False, declined=None, carried=MissionOwnership(ours_s=now_s),
     )  # fmt: skip
     return replace(vehicle, assignment=assignment)
 
 
-def aboard(context: Context, name: str, revision: int, path: FlightPath, visits: tuple[int, ...]) -> OnBoard:
+def build_onboard_mission(
+    context: Context, name: str, revision: int, path: FlightPath, visits: tuple[int, ...]
+) -> OnboardMission:
     """Return what a vehicle carries once `path` has been put on board and read back."""
     places = tuple(context.frame.to_local_m(waypoint.lat_deg, waypoint.lon_deg) for waypoint in path.waypoints)
     pylons = context.setup.looks.pylons
@@ -313,4 +315,4 @@ def aboard(context: Context, name: str, revision: int, path: FlightPath, visits:
     )
     encoded = encode(path, context.vehicles[name].dialect)
     legs = estimate(path, context.pricing.models[name]).legs
-    return OnBoard(revision, path, encoded.waypoint_of, visits, tracks, places, legs)
+    return OnboardMission(revision, path, encoded.waypoint_of, visits, tracks, places, legs)

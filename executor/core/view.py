@@ -14,11 +14,11 @@ from executor.core.battery.kalman import BAND_SD
 from executor.core.context import Context
 from executor.core.coverage import Track
 from executor.core.positioning import accuracy_of
-from executor.core.replan.replanning import left_over
+from executor.core.replan.replanning import find_left_over_segments
 from executor.core.roster import turnaround
-from executor.core.roster.offers import offer_words
+from executor.core.roster.offers import describe_offer
 from executor.core.seeing import proof
-from executor.core.setups import setup_now
+from executor.core.setups import current_setup_of
 from executor.core.state import CheckLine, FleetState, Question
 from executor.core.vehicle import FaultCode, Stage, VehicleState
 from missions import Phase
@@ -273,7 +273,7 @@ class FleetView:
     offer: OfferView | None
 
 
-def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
+def build_fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
     """Return the flight as it is known at `now_s`."""
     plan = state.replanning.replan
     by = Counter(state.coverage.inspected.values())
@@ -284,7 +284,7 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
         segments_total=context.segments,
         inspected=tuple(sorted(state.coverage.inspected)),
         uncovered=_uncovered(state),
-        missed=tuple(sorted(proof.missed(context, state))),
+        missed=tuple(sorted(proof.find_missed_segments(context, state))),
         replan=None
         if plan is None
         else ReplanView(plan.solve.revision, plan.solve.trigger, plan.solve_s is None, tuple(sorted(plan.pending))),
@@ -292,7 +292,9 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
         recalled=state.progress.recalled,
         finished=state.progress.finished,
         min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
-        vehicles=tuple(_vehicle(context, state, vehicle, now_s, by[name]) for name, vehicle in state.vehicles.items()),
+        vehicles=tuple(
+            _build_vehicle_view(context, state, vehicle, now_s, by[name]) for name, vehicle in state.vehicles.items()
+        ),
         said=tuple(SaidView(round(one.at_s, 2), one.level.value, one.text) for one in state.crew.said[-SAID_LINES:]),
         intents=tuple(
             IntentView(
@@ -305,23 +307,25 @@ def fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
         question=state.crew.briefing.question,
         offer=None
         if state.crew.offer is None
-        else OfferView(state.crew.offer.vehicles, state.crew.offer.segments, offer_words(context, state.crew.offer)),
+        else OfferView(state.crew.offer.vehicles, state.crew.offer.segments, describe_offer(context, state.crew.offer)),
     )  # fmt: skip
 
 
 def _uncovered(state: FleetState) -> tuple[int, ...]:
-    return tuple(sorted((state.coverage.given_up | left_over(state)) - set(state.coverage.inspected)))
+    return tuple(sorted((state.coverage.given_up | find_left_over_segments(state)) - set(state.coverage.inspected)))
 
 
-def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float, inspected: int) -> VehicleView:
-    setup, layers = setup_now(context, vehicle), context.setup.layers
+def _build_vehicle_view(
+    context: Context, state: FleetState, vehicle: VehicleState, now_s: float, inspected: int
+) -> VehicleView:
+    setup, layers = current_setup_of(context, vehicle), context.setup.layers
     outlook = state.replanning.outlook.get(vehicle.name)
     known = outlook is not None and vehicle.fault is None and vehicle.stage in {Stage.STARTING, Stage.FLYING}
     lost = vehicle.link.quality.lost
     return VehicleView(
         name=vehicle.name,
         sysid=setup.sysid,
-        state=state_word(context, vehicle),
+        state=vehicle_state_word(context, vehicle),
         mode=None
         if vehicle.telemetry.heartbeat is None
         else mode_name(setup.dialect, vehicle.telemetry.heartbeat.custom_mode),
@@ -329,11 +333,11 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
         layer=layers.vehicles.index(vehicle.name),
         layer_m=layers.offset_m(vehicle.name),
         position=position_view(context, vehicle, now_s),
-        battery=_battery(context, vehicle),
+        battery=_build_battery_view(context, vehicle),
         link_age_s=None if vehicle.link.heard_s is None else round(max(0.0, now_s - vehicle.link.heard_s), 1),
         link_loss=None if lost is None else round(lost, 3),
         stale=vehicle.link.stale,
-        progress=replace(_progress(context, vehicle), inspected=inspected),
+        progress=replace(_build_progress_view(context, vehicle), inspected=inspected),
         fault=None if vehicle.fault is None else vehicle.fault.reason,
         fault_kind=None if vehicle.fault is None else vehicle.fault.kind.value,
         fault_code=None if vehicle.fault is None else vehicle.fault.code,
@@ -341,20 +345,20 @@ def _vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
         loss=LossView(not outlook.uncovered, outlook.uncovered, round(now_s - outlook.at_s, 1), _uncovered(state))
         if known and outlook is not None
         else None,
-        lands_in_s=_lands_in_s(vehicle),
+        lands_in_s=_time_to_landing_s(vehicle),
         gps_fix=None if vehicle.sensors.gps is None else vehicle.sensors.gps.fix,
         satellites=None if vehicle.sensors.gps is None else vehicle.sensors.gps.satellites,
         voltage_v=vehicle.power.volts.voltage_v,
         wind=None
         if vehicle.sensors.wind is None
         else WindView(vehicle.sensors.wind.speed_m_s, vehicle.sensors.wind.from_deg),
-        taken=_taken(context, vehicle, now_s),
+        taken=_build_taken_view(context, vehicle, now_s),
         offered=state.crew.offer is not None and vehicle.name in state.crew.offer.vehicles,
-        turn=_turn(context, state, vehicle, now_s),
+        turn=_build_turn_view(context, state, vehicle, now_s),
     )
 
 
-def _turn(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> TurnView | None:
+def _build_turn_view(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> TurnView | None:
     turn = vehicle.turn
     if context.day is None and not turn.swaps and turn.asked_s is None:
         return None
@@ -365,17 +369,17 @@ def _turn(context: Context, state: FleetState, vehicle: VehicleState, now_s: flo
     if turn.asked_s is not None:
         text = "is looked at" if turn.ready_s is None else "waits for its sortie"
         return TurnView(turn.label, sortie, False, text, base, closed)
-    text = turnaround.ahead_words(context, state, vehicle, now_s)
+    text = turnaround.describe_awaited_sortie(context, state, vehicle, now_s)
     return TurnView(turn.label, sortie, bool(text) and not closed, text, base, closed)
 
 
-def _lands_in_s(vehicle: VehicleState) -> float | None:
+def _time_to_landing_s(vehicle: VehicleState) -> float | None:
     if vehicle.assignment.board is None or vehicle.stage is not Stage.FLYING or vehicle.orders.held_s is not None:
         return None
     return round(projection.time_to_reach_s(vehicle, len(vehicle.assignment.board.legs) - 1), 0)
 
 
-def _taken(context: Context, vehicle: VehicleState, now_s: float) -> TakenView | None:
+def _build_taken_view(context: Context, vehicle: VehicleState, now_s: float) -> TakenView | None:
     hold = vehicle.custody.taken
     if hold is None:
         return None
@@ -383,7 +387,7 @@ def _taken(context: Context, vehicle: VehicleState, now_s: float) -> TakenView |
     return TakenView(round(hold.since_s, 2), round(kept_s, 0), hold.returned_s is not None)
 
 
-def state_word(context: Context, vehicle: VehicleState) -> str:
+def vehicle_state_word(context: Context, vehicle: VehicleState) -> str:
     """Return what a vehicle does, in one word; it holds once it says so itself."""
     hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
     shown = vehicle.telemetry.heartbeat is not None and vehicle.telemetry.heartbeat.custom_mode == hold
@@ -438,14 +442,14 @@ def _last_fix(context: Context, vehicle: VehicleState, now_s: float) -> LastFixV
     )
 
 
-def _battery(context: Context, vehicle: VehicleState) -> BatteryView:
-    setup = setup_now(context, vehicle)
-    ahead = projection.at_landing(context, vehicle, setup) if vehicle.airborne else None
+def _build_battery_view(context: Context, vehicle: VehicleState) -> BatteryView:
+    setup = current_setup_of(context, vehicle)
+    ahead = projection.project_landing(context, vehicle, setup) if vehicle.airborne else None
     predicted_pct = band_pct = None
     # Before the launch nobody listens to batteries here: the first report is from its first seconds then.
     began_pct = vehicle.power.battery.first_pct if vehicle.power.began_pct is None else vehicle.power.began_pct
     if vehicle.assignment.board is not None and began_pct is not None and vehicle.airborne:
-        spent_pct = sum(leg.energy_pct for leg in vehicle.assignment.board.legs) - projection.modelled_to_reach_pct(
+        spent_pct = sum(leg.energy_pct for leg in vehicle.assignment.board.legs) - projection.energy_to_reach_pct(
             vehicle, len(vehicle.assignment.board.legs) - 1
         )
         predicted_pct = round(began_pct - setup.prior.factor * spent_pct, 1)
@@ -454,23 +458,23 @@ def _battery(context: Context, vehicle: VehicleState) -> BatteryView:
         measured_pct=vehicle.power.battery.remaining_pct,
         predicted_pct=predicted_pct,
         predicted_band_pct=band_pct,
-        to_finish_pct=round(_to_finish_pct(context, vehicle), 1),
+        to_finish_pct=round(_energy_to_finish_pct(context, vehicle), 1),
         landing_pct=None if ahead is None else round(ahead.mean_pct, 1),
         landing_band_pct=None if ahead is None else round(ahead.band_pct, 1),
         reserve_pct=setup.reserve_pct,
     )
 
 
-def _to_finish_pct(context: Context, vehicle: VehicleState) -> float:
+def _energy_to_finish_pct(context: Context, vehicle: VehicleState) -> float:
     """Return what is still to be spent: on the mission, or on the way home."""
     if vehicle.stage in {Stage.STARTING, Stage.FLYING}:
-        return projection.to_finish_pct(vehicle) if vehicle.airborne else 0.0
+        return projection.energy_to_finish_pct(vehicle) if vehicle.airborne else 0.0
     if vehicle.stage is not Stage.RETURNING:
         return 0.0
-    return projection.modelled_to_return_pct(context, vehicle, context.vehicles[vehicle.name]) or 0.0
+    return projection.energy_to_return_pct(context, vehicle, context.vehicles[vehicle.name]) or 0.0
 
 
-def _progress(context: Context, vehicle: VehicleState) -> ProgressView:
+def _build_progress_view(context: Context, vehicle: VehicleState) -> ProgressView:
     board, leg = vehicle.assignment.board, vehicle.leg
     if board is None:
         return ProgressView(0, 0)
@@ -484,11 +488,11 @@ def _progress(context: Context, vehicle: VehicleState) -> ProgressView:
     if leg is None or leg.visit is None:
         return ProgressView(done, total, phase=None if leg is None else leg.phase.value)
     track = board.tracks[leg.visit]
-    share = _share(track, vehicle) if leg.phase is Phase.INSPECT else 0.0
+    share = _segment_share(track, vehicle) if leg.phase is Phase.INSPECT else 0.0
     return ProgressView(done, total, track.segment, context.segment_name(track.segment), leg.phase.value, share)
 
 
-def _share(track: Track, vehicle: VehicleState) -> float:
+def _segment_share(track: Track, vehicle: VehicleState) -> float:
     if vehicle.motion.fix is None or track.length_m <= 0.0:
         return 0.0
     return round(min(1.0, max(0.0, track.locate(vehicle.motion.fix.place_m)[0] / track.length_m)), 3)

@@ -17,7 +17,7 @@ MINUTES_S = 120.0
 _UNSHOWN_KINDS = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 
 
-def count_of(number: int, thing: str) -> str:
+def format_count(number: int, thing: str) -> str:
     """Return how many there are of something.
 
     >>> count_of(1, "segment"), count_of(0, "segment")
@@ -26,7 +26,7 @@ def count_of(number: int, thing: str) -> str:
     return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
 
 
-def not_reachable(named: Iterable[tuple[str, str]], most: int) -> list[str]:
+def describe_unreachable(named: Iterable[tuple[str, str]], most: int) -> list[str]:
     """Return which segments cannot be inspected, a line for each reason, from their names and why that is so.
 
     >>> not_reachable([("A1", "lies in area 'park'"), ("A2", "lies in area 'park'")], most=1)
@@ -35,10 +35,10 @@ def not_reachable(named: Iterable[tuple[str, str]], most: int) -> list[str]:
     reasons: dict[str, list[str]] = {}
     for name, why in named:
         reasons.setdefault(why, []).append(name)
-    return [f"not reachable, {why}: {first_of(names, most)}" for why, names in reasons.items()]
+    return [f"not reachable, {why}: {join_first_names(names, most)}" for why, names in reasons.items()]
 
 
-def first_of(names: Sequence[str], most: int) -> str:
+def join_first_names(names: Sequence[str], most: int) -> str:
     """Return names in a row; of many the first, and how many more there are."""
     shown_names = names if len(names) <= most else [*names[:most], f"and {len(names) - most} more"]
     return ", ".join(shown_names)
@@ -53,7 +53,7 @@ def command_line(*parts: object) -> str:
     return shlex.join(("faultline", *map(str, parts)))
 
 
-def minutes(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """Return a time as minutes and seconds, with hours where there are some; a part of a second does not count.
 
     >>> minutes(7.9), minutes(754.2), minutes(3725), minutes(-3)
@@ -65,13 +65,13 @@ def minutes(seconds: float) -> str:
     return f"{above}:{rest % 60:02d}"
 
 
-def since_take_off(seconds: float | None) -> str:
+def format_flight_time(seconds: float | None) -> str:
     """Return a time since the order to take off; nothing for what was before it.
 
     >>> since_take_off(754.2), since_take_off(None)
     ('T+12:34', '')
     """
-    return "" if seconds is None or seconds < 0.0 else f"T+{minutes(seconds)}"
+    return "" if seconds is None or seconds < 0.0 else f"T+{format_duration(seconds)}"
 
 
 def place_decimals(accuracy_m: float | None) -> int:
@@ -85,7 +85,7 @@ def place_decimals(accuracy_m: float | None) -> int:
     return 6 if accuracy_m < 1.0 else 4 if accuracy_m < 10 * TENS_M else 3
 
 
-def place(lat_deg: float, lon_deg: float, accuracy_m: float | None = None) -> str:
+def format_lat_lon(lat_deg: float, lon_deg: float, accuracy_m: float | None = None) -> str:
     """Return coordinates as people read them out and type them in, to what their accuracy carries.
 
     >>> place(49.5984123, -15.6), place(49.5984123, -15.6, 0.3)
@@ -101,7 +101,7 @@ def known_place(lat_deg: float, lon_deg: float, known: str, accuracy_m: float | 
     >>> known_place(49.5984123, -15.6, "fix", 3.0), known_place(49.6, -15.6, "reckoned", 441.0)
     ('49.59841, -15.60000 (GPS, 3 m)', '49.600, -15.600 (reckoned without GPS, off by 441 m or more)')
     """
-    coordinates = place(lat_deg, lon_deg, accuracy_m)
+    coordinates = format_lat_lon(lat_deg, lon_deg, accuracy_m)
     if known == "reckoned":
         return f"{coordinates} (reckoned without GPS, off by {accuracy_m or 0.0:.0f} m or more)"
     if known == "unsaid":
@@ -115,10 +115,10 @@ def ago(seconds: float) -> str:
     >>> ago(4.2), ago(754.2)
     ('4 s ago', '12:34 min ago')
     """
-    return f"{seconds:.0f} s ago" if seconds < MINUTES_S else f"{minutes(seconds)} min ago"
+    return f"{seconds:.0f} s ago" if seconds < MINUTES_S else f"{format_duration(seconds)} min ago"
 
 
-def shown(text: str) -> str:
+def escape_controls(text: str) -> str:
     r"""Return a text without what a terminal would obey: vehicles and files may say anything.
 
     >>> shown("crash \x1b[2J of\tuav1\n") == f"crash {UNSHOWN}[2J of uav1"
@@ -130,7 +130,7 @@ def shown(text: str) -> str:
     return "".join(UNSHOWN if unicodedata.category(one) in _UNSHOWN_KINDS else one for one in words)
 
 
-def state(word: str) -> str:
+def format_state_word(word: str) -> str:
     """Return what a vehicle does, as `VehicleView.state` has it, for people.
 
     >>> state("flying"), state("pilot")
@@ -139,7 +139,7 @@ def state(word: str) -> str:
     return _STATES.get(word, word)
 
 
-def gps(fix: int | None, satellites: int | None) -> str:
+def format_gps_fix(fix: int | None, satellites: int | None) -> str:
     """Return GPS_FIX_TYPE and the number of satellites.
 
     >>> gps(3, 14), gps(1, None), gps(None, None)

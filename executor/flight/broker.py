@@ -9,19 +9,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from secrets import token_hex
 
-from executor.adapters.extras import Extra, need
-from executor.adapters.mqtt.broker import Broker, IntakeRules, Topics
+from executor.adapters.extras import Extra, require_extra
+from executor.adapters.mqtt.broker import BrokerAddress, IntakeRules, MqttTopics
 from executor.errors import SiteError
 from executor.site.config import read_secret
 from executor.site.tables.links import MqttTable
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class MqttSettings:
     """What a site says of its broker."""
 
-    topics: Topics
-    broker: Broker
+    topics: MqttTopics
+    broker: BrokerAddress
     rules: IntakeRules
     period_s: float
     """Of telemetry, in real seconds."""
@@ -29,9 +29,9 @@ class Settings:
     """Whether secrets leave this computer without TLS."""
 
 
-def settings_of(
+def read_mqtt_settings(
     table: MqttTable | None, base: Path, source: str, environment: Mapping[str, str] = os.environ
-) -> Settings | None:
+) -> MqttSettings | None:
     """Return what a site says of its broker, with the secrets that it names; None if it has none.
 
     Args:
@@ -46,22 +46,24 @@ def settings_of(
     """
     if table is None:
         return None
-    need(Extra.MQTT, f"[mqtt] in {source}")
-    broker = Broker(
+    require_extra(Extra.MQTT, f"[mqtt] in {source}")
+    broker = BrokerAddress(
         table.host,
         table.port or (8883 if table.tls else 1883),
         # The same at every connection of this flight, and nobody else's.
         f"faultline-{token_hex(6)}",
         read_secret(table.username_env, "mqtt.username_env", source, environment),
         read_secret(table.password_env, "mqtt.password_env", source, environment),
-        _tls(table, base, source),
+        _build_tls_context(table, base, source),
     )
     token = (environment.get(table.token_env) if table.token_env is not None else None) or None
     exposed = not table.is_here and not table.tls and (token, broker.username, broker.password) != (None, None, None)
-    return Settings(Topics(table.prefix), broker, _rules(table, token), 1.0 / table.telemetry_rate_hz, exposed)
+    return MqttSettings(
+        MqttTopics(table.prefix), broker, _build_rules(table, token), 1.0 / table.telemetry_rate_hz, exposed
+    )
 
 
-def _rules(table: MqttTable, token: str | None) -> IntakeRules:
+def _build_rules(table: MqttTable, token: str | None) -> IntakeRules:
     closed = ""
     if token is None and table.token_env is not None:
         closed = f"the environment variable {table.token_env} is not set"
@@ -70,7 +72,7 @@ def _rules(table: MqttTable, token: str | None) -> IntakeRules:
     return IntakeRules(table.intent_max_age_s, token, closed)
 
 
-def _tls(table: MqttTable, base: Path, source: str) -> ssl.SSLContext | None:
+def _build_tls_context(table: MqttTable, base: Path, source: str) -> ssl.SSLContext | None:
     if not table.tls:
         return None
     try:

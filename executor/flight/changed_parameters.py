@@ -12,7 +12,7 @@ from pydantic import Field
 from executor.adapters.document import Document, Number
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import ParameterRow
-from executor.core.preflight.parameters import ChangeStage, Kept
+from executor.core.preflight.parameters import ChangeStage, KeptParameter
 from executor.site.tables.aircraft import AutopilotKey
 
 
@@ -35,7 +35,7 @@ class _File(Document):
     parameters: tuple[_KeptRow, ...]
 
 
-def read_kept(run: Path) -> tuple[Kept, ...] | None:
+def read_kept_parameters(run: Path) -> tuple[KeptParameter, ...] | None:
     """Return what is on record of a flight; None if nothing was ever changed from there.
 
     Raises:
@@ -45,10 +45,12 @@ def read_kept(run: Path) -> tuple[Kept, ...] | None:
     if not path.exists():
         return None
     content = _File.read(path, "what was changed on board")
-    return tuple(Kept(**{**row.model_dump(exclude={"state"}), "stage": row.state}) for row in content.parameters)
+    return tuple(
+        KeptParameter(**{**row.model_dump(exclude={"state"}), "stage": row.state}) for row in content.parameters
+    )
 
 
-def write_kept(run: Path, kept: Iterable[Kept]) -> None:
+def write_kept_parameters(run: Path, kept: Iterable[KeptParameter]) -> None:
     """Write the record; once this returns it outlives a power loss.
 
     Raises:
@@ -58,7 +60,7 @@ def write_kept(run: Path, kept: Iterable[Kept]) -> None:
     _File(format="faultline-parameters/1", parameters=tuple(rows)).write(RunDirectory(run).parameters)
 
 
-def parameters_report(kept: Sequence[Kept]) -> list[ParameterRow]:
+def build_parameter_rows(kept: Sequence[KeptParameter]) -> list[ParameterRow]:
     """Return what a report says of the parameters that were changed."""
     return [
         ParameterRow(vehicle=one.vehicle, name=one.name, old=one.old, new=one.new, restored=not one.open)

@@ -51,7 +51,7 @@ class Checkpointer:
         self._writing: asyncio.Task[None] | None = None
         self._failing = False
 
-    def due(self, state: FleetState, now_s: float) -> bool:
+    def is_due(self, state: FleetState, now_s: float) -> bool:
         """Return whether it is time; before the launch nothing is worth it."""
         if state.progress.launched_s is None or self._writing is not None:
             return False
@@ -59,7 +59,7 @@ class Checkpointer:
 
     def begin(self, now_s: float, made: Callable[[LogPlace], Checkpoint]) -> None:
         """Begin to write one; called between two events, when all that was decided is in the log."""
-        place = self._log.place()
+        place = self._log.current_place()
         if place is None or self._writing is not None:
             return  # the disk is full: what waits in memory is in no log yet
         self._last_s = now_s
@@ -70,16 +70,16 @@ class Checkpointer:
             await self._log.settle()  # a checkpoint that outlives its log in a power loss is worth nothing
             await asyncio.to_thread(write_checkpoint, self._files[self._next], checkpoint)
             self._next = 1 - self._next
-            self._say("checkpoints are written again", failing=False)
+            self._report("checkpoints are written again", failing=False)
         except OSError as error:
-            self._say(f"no checkpoint can be written: {error.strerror}; resume would take longer", failing=True)
+            self._report(f"no checkpoint can be written: {error.strerror}; resume would take longer", failing=True)
         except Exception as error:  # noqa: BLE001 - a mistake of ours here must not cost anything but time
             text = f"{type(error).__name__}: {error!s:.200}"
-            self._say(f"no checkpoint can be written: {text}; resume would take longer", failing=True)
+            self._report(f"no checkpoint can be written: {text}; resume would take longer", failing=True)
         finally:
             self._writing = None
 
-    def _say(self, text: str, *, failing: bool) -> None:
+    def _report(self, text: str, *, failing: bool) -> None:
         if failing is not self._failing:
             self._failing = failing
             self._told(text)

@@ -21,22 +21,22 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from executor.adapters.logend import LogPlace, holds
+from executor.adapters.logend import LogPlace, is_place_in_log
 from executor.adapters.run_directory import RunDirectory
 from executor.core.commands import Solve
 from executor.core.events import SolveEnded
-from executor.core.state import Coverage, Crew, FleetState, Replan, Replanning
+from executor.core.state import Coverage, CrewDialogue, FleetState, Replan, ReplanningState
 from executor.core.vehicle import VehicleState
-from missions import first_reason
+from missions import format_first_error
 from missions.files import write_whole
 
 FORMAT = "faultline-checkpoint/2"
 
 Planned = tuple[Solve, SolveEnded]
 """A problem and its answer."""
-_MAPPING = (Coverage, Replanning, Crew, Replan)
+_MAPPING = (Coverage, ReplanningState, CrewDialogue, Replan)
 """What of the state of a flight holds mappings."""
-T = TypeVar("T", bound=FleetState | Coverage | Replanning | Crew | Replan)
+T = TypeVar("T", bound=FleetState | Coverage | ReplanningState | CrewDialogue | Replan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +94,13 @@ class _Vehicle(_Part):
 
 
 @cache
-def program() -> str:
+def describe_program() -> str:
     """Return the version of this program, and the shape of the state that it knows."""
     shape = json.dumps([model.model_json_schema() for model in (_Fleet, _Vehicle)], sort_keys=True)
     release = ""
     with suppress(PackageNotFoundError):  # run from its sources
         release = version("faultline")
-    return f"{release} {_digest(shape.encode())[:16]}"
+    return f"{release} {_compute_digest(shape.encode())[:16]}"
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
@@ -109,10 +109,10 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    write_whole(path, encoded(checkpoint, RunDirectory(path.parent).plan(0).read_bytes()))
+    write_whole(path, encode_checkpoint(checkpoint, RunDirectory(path.parent).plan_path(0).read_bytes()))
 
 
-def encoded(checkpoint: Checkpoint, plan: bytes) -> bytes:
+def encode_checkpoint(checkpoint: Checkpoint, plan: bytes) -> bytes:
     """Return what the file of a checkpoint holds.
 
     No step of this takes longer than one vehicle's state does, so that the event loop, which has to share the
@@ -122,34 +122,40 @@ def encoded(checkpoint: Checkpoint, plan: bytes) -> bytes:
         checkpoint: What to write.
         plan: The file of the flight's first plan.
     """
-    body = _written(checkpoint.state, checkpoint.solve, checkpoint.unkept, checkpoint.set_s)
-    head = _Head(format=FORMAT, program=program(), plan=_digest(plan), place=checkpoint.place, body=_digest(body))
+    body = _encode_body(checkpoint.state, checkpoint.solve, checkpoint.unkept, checkpoint.set_s)
+    head = _Head(
+        format=FORMAT,
+        program=describe_program(),
+        plan=_compute_digest(plan),
+        place=checkpoint.place,
+        body=_compute_digest(body),
+    )
     return head.model_dump_json().encode() + b"\n" + body
 
 
-def newest(run: Path, log: Path) -> FoundCheckpoint:
+def find_newest_checkpoint(run: Path, log: Path) -> FoundCheckpoint:
     """Return the newest checkpoint that fits a run directory's log."""
     notes: list[str] = []
     files: dict[str, tuple[_Head, bytes]] = {}
     for file in RunDirectory(run).checkpoints:
         name = file.name
         try:
-            files[name] = _opened(file.read_bytes())
+            files[name] = _parse_header(file.read_bytes())
         except FileNotFoundError:
             continue
         except (OSError, ValueError, RecursionError) as error:
-            notes.append(f"{name} is not used: {_why(error)}")
+            notes.append(f"{name} is not used: {_describe_error(error)}")
     for name in sorted(files, key=lambda name: files[name][0].place.size, reverse=True):
         try:
-            return FoundCheckpoint(_fitting(run, log, *files[name]), name, tuple(notes))
+            return FoundCheckpoint(_restore_checkpoint(run, log, *files[name]), name, tuple(notes))
         except (OSError, ValueError) as error:
-            notes.append(f"{name} is not used: {_why(error)}")
+            notes.append(f"{name} is not used: {_describe_error(error)}")
     if notes:
         notes.append("without a checkpoint the whole log is read")
     return FoundCheckpoint(None, "", tuple(notes))
 
 
-def _opened(content: bytes) -> tuple[_Head, bytes]:
+def _parse_header(content: bytes) -> tuple[_Head, bytes]:
     head, _, body = content.partition(b"\n")
     found = json.loads(head)
     known = found.get("format") if isinstance(found, dict) else None
@@ -158,44 +164,44 @@ def _opened(content: bytes) -> tuple[_Head, bytes]:
     return _Head.model_validate_json(head), body
 
 
-def _fitting(run: Path, log: Path, head: _Head, body: bytes) -> Checkpoint:
+def _restore_checkpoint(run: Path, log: Path, head: _Head, body: bytes) -> Checkpoint:
     """Return what a file holds.
 
     Raises:
         ValueError: it does not fit, or is damaged.
     """
-    if head.program != program():
+    if head.program != describe_program():
         raise ValueError("another version of the program wrote it")
-    if head.plan != _digest(RunDirectory(run).plan(0).read_bytes()):
+    if head.plan != _compute_digest(RunDirectory(run).plan_path(0).read_bytes()):
         raise ValueError("it is of a flight with another plan")
-    if head.body != _digest(body):
+    if head.body != _compute_digest(body):
         raise ValueError("it is torn or damaged")
-    if not holds(log, head.place):
+    if not is_place_in_log(log, head.place):
         raise ValueError("the log does not reach as far, or is another one")
-    fleet, state = _read(body)
+    fleet, state = _decode_body(body)
     return Checkpoint(head.place, state, fleet.solve, fleet.unkept, fleet.set_s)
 
 
-def rewritten(state: FleetState) -> FleetState:
+def round_trip_state(state: FleetState) -> FleetState:
     """Return a state as it is once a checkpoint was made of it and read again."""
-    return _read(_written(state, None, (), 0.0))[1]
+    return _decode_body(_encode_body(state, None, (), 0.0))[1]
 
 
-def _written(state: FleetState, solve: Solve | None, unkept: tuple[Planned, ...], set_s: float) -> bytes:
-    plain = replace(_mapped(state, dict), vehicles={})
+def _encode_body(state: FleetState, solve: Solve | None, unkept: tuple[Planned, ...], set_s: float) -> bytes:
+    plain = replace(_convert_mappings(state, dict), vehicles={})
     fleet = _Fleet.model_construct(state=plain, solve=solve, unkept=unkept, set_s=set_s)
     parts: list[_Part] = [fleet, *(_Vehicle.model_construct(vehicle=vehicle) for vehicle in state.vehicles.values())]
     return b"".join(part.model_dump_json().encode() + b"\n" for part in parts)
 
 
-def _read(body: bytes) -> tuple[_Fleet, FleetState]:
+def _decode_body(body: bytes) -> tuple[_Fleet, FleetState]:
     first, *rest = body.splitlines()
     fleet = _Fleet.model_validate_json(first)
     vehicles = {row.name: row for row in (_Vehicle.model_validate_json(line).vehicle for line in rest)}
-    return fleet, replace(_mapped(fleet.state, MappingProxyType), vehicles=MappingProxyType(vehicles))
+    return fleet, replace(_convert_mappings(fleet.state, MappingProxyType), vehicles=MappingProxyType(vehicles))
 
 
-def _mapped(value: T, kind: Callable[[Mapping[Any, Any]], Mapping[Any, Any]]) -> T:
+def _convert_mappings(value: T, kind: Callable[[Mapping[Any, Any]], Mapping[Any, Any]]) -> T:
     """Return a state in whose parts every mapping is of one kind: dictionaries can be written, proxies not changed."""
     changes: dict[str, Any] = {}
     for field in fields(value):
@@ -203,16 +209,16 @@ def _mapped(value: T, kind: Callable[[Mapping[Any, Any]], Mapping[Any, Any]]) ->
         if isinstance(held, Mapping):
             changes[field.name] = kind(held)
         elif isinstance(held, _MAPPING):
-            changes[field.name] = _mapped(held, kind)
+            changes[field.name] = _convert_mappings(held, kind)
     return replace(value, **changes)
 
 
-def _digest(content: bytes) -> str:
+def _compute_digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def _why(error: Exception) -> str:
+def _describe_error(error: Exception) -> str:
     """Return in one line why a checkpoint is not used."""
     if isinstance(error, ValidationError):
-        return first_reason(error)
+        return format_first_error(error)
     return (error.strerror or str(error)) if isinstance(error, OSError) else str(error)

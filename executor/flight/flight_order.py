@@ -8,26 +8,26 @@ from pathlib import Path
 from typing import Protocol
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.run_directory import RunDirectory, keep_site, today
+from executor.adapters.run_directory import RunDirectory, today, write_site
 from executor.analysis.documents import EarlierRow
-from executor.analysis.learned import document_of, learned_of
-from executor.analysis.report import Happening
+from executor.analysis.learned import build_learned_document, learn_from_flight
+from executor.analysis.report import InjectedFault
 from executor.core.commands import Level
 from executor.core.context import Context
-from executor.core.learning import Known
+from executor.core.learning import KnownVehicle
 from executor.core.preflight.checks import Check
 from executor.core.state import FleetState
-from executor.flight.broker import Settings
+from executor.flight.broker import MqttSettings
 from executor.site import assembly
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.site.config import Site
-from executor.site.ground_files import keep_ground
+from executor.site.ground_files import write_ground
 from executor.site.ground_view import GroundView, view_for
 from missions import DayPlanFile, PlanFile, write_day_plan, write_plan
 from missions.readers.kept_elevation import write_kept_ground
 
 
-class Teller(Protocol):
+class MessageSink(Protocol):
     """What shows the operator a line."""
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
@@ -35,10 +35,10 @@ class Teller(Protocol):
         ...
 
 
-class Console(Teller, Protocol):
+class Console(MessageSink, Protocol):
     """Where the operator looks."""
 
-    def checks(self, found: Sequence[Check]) -> None:
+    def show_checks(self, found: Sequence[Check]) -> None:
         """Show the checklist."""
         ...
 
@@ -54,25 +54,25 @@ class Console(Teller, Protocol):
         """Show the fleet; called often, draws seldom."""
         ...
 
-    def done(self) -> None:
+    def stop_drawing(self) -> None:
         """Stop drawing."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class FlightRequest:
     """What is to be flown, and where its record goes."""
 
     site: Site
     base: Path
     """The folder that the site file's paths are relative to."""
-    ground: Ground
+    ground: SiteModel
     plan: PlanFile
     """Over all of the ground's segments, for its vehicles."""
     run: Path
-    truths: Callable[[SystemClock], Sequence[Happening]]
+    truths: Callable[[SystemClock], Sequence[InjectedFault]]
     """What really happened, asked for at the end; empty without a simulator."""
-    mqtt: Settings | None = None
+    mqtt: MqttSettings | None = None
     """Where it is published."""
     below: GroundView | None = None
     """The ground around the line, where it is read already."""
@@ -82,23 +82,23 @@ class Order:
     """Flights whose rest is flown."""
 
 
-def keep_learned(run: Path, context: Context, state: FleetState, before: Mapping[str, Known]) -> None:
+def write_learned(run: Path, context: Context, state: FleetState, before: Mapping[str, KnownVehicle]) -> None:
     """Write what a flight taught about its vehicles.
 
     Raises:
         OSError: it cannot be written.
     """
-    learned_of(context, state, before, today()).write(RunDirectory(run).learned)
+    learn_from_flight(context, state, before, today()).write(RunDirectory(run).learned)
 
 
-def keep(order: Order) -> None:
+def write_run_start(order: FlightRequest) -> None:
     """Write the site, the first plan and the ground around the line into the run directory.
 
     Raises:
         BackgroundError: the picture of the ground cannot be used; nothing is written then.
     """
     below = view_for(order.ground, order.base) if order.below is None else order.below
-    keep_ground(order.run, below, order.ground.network.frame)
+    write_ground(order.run, below, order.ground.network.frame)
     files = {}
     if order.site.network.file != assembly.DEFAULT_NETWORK:
         files["network", "file"] = order.base / order.site.network.file
@@ -120,9 +120,9 @@ def keep(order: Order) -> None:
         kept = RunDirectory(order.run).terrain
         write_kept_ground(kept, order.ground.terrain.elevation)
         content["terrain"] = {**content["terrain"], "files": kept.name}
-    keep_site(order.run, content, files)
+    write_site(order.run, content, files)
     if order.ground.learned:
-        document_of(order.ground.learned, today()).write(RunDirectory(order.run).learned_before)
-    write_plan(RunDirectory(order.run).plan(0), order.plan)
+        build_learned_document(order.ground.learned, today()).write(RunDirectory(order.run).learned_before)
+    write_plan(RunDirectory(order.run).plan_path(0), order.plan)
     if order.day is not None:
         write_day_plan(RunDirectory(order.run).day_plan, order.day)

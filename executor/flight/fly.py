@@ -14,39 +14,39 @@ from typing import TYPE_CHECKING
 from executor import supervised
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog
-from executor.adapters.run_directory import RunDirectory, locked
+from executor.adapters.run_directory import RunDirectory, lock_run_directory
 from executor.adapters.solver import SolverProcess, SolverSetup
 from executor.analysis.documents import FlightReport
-from executor.analysis.packs import flown_packs
-from executor.analysis.report import Said, report_of, vehicles_of
+from executor.analysis.packs import build_flown_packs
+from executor.analysis.report import PreflightRecord, build_report, build_vehicle_answers
 from executor.core import fleet
 from executor.core.commands import Level, Say
 from executor.core.context import Context
 from executor.core.events import Asked, IntentReceived, Reopened
-from executor.core.fencing import first_fences
+from executor.core.fencing import build_first_fences
 from executor.core.intents import Action
-from executor.core.parts import OnBoard
+from executor.core.parts import OnboardMission
 from executor.core.ports import OpenLink
 from executor.core.preflight.checks import Check, Severity
-from executor.core.preflight.fences import Lists
-from executor.core.preflight.parameters import Kept, Proposal
-from executor.core.seeing.assets import asked_of, asset_views
+from executor.core.preflight.fences import OnboardLists
+from executor.core.preflight.parameters import KeptParameter, ParameterProposal
+from executor.core.seeing.assets import build_asset_views, list_asked_pictures
 from executor.core.state import CheckLine, FleetState
-from executor.core.view import fleet_view
+from executor.core.view import build_fleet_view
 from executor.errors import PreflightFailed
 from executor.flight import fencing, parameter_changes, web
-from executor.flight.changed_parameters import parameters_report
-from executor.flight.flight_order import Console, Order, keep_learned
+from executor.flight.changed_parameters import build_parameter_rows
+from executor.flight.flight_order import Console, FlightRequest, write_learned
 from executor.flight.leaving import Interrupts
 from executor.flight.linking import open_links
-from executor.flight.preparing import examined, interviews, load_all
-from executor.flight.recorder import NOTHING_LEFT, Keeper, Legacy, in_force
-from executor.flight.together import time_of
-from executor.images.store import index_of, write_index
+from executor.flight.preparing import build_context_and_checklist, interview_vehicles, upload_first_missions
+from executor.flight.recorder import NOTHING_LEFT, FlightRecorder, InheritedRecord, read_plan_in_force
+from executor.flight.together import follow_fleet_time
+from executor.images.store import build_image_index, write_index
 from executor.runtime.flight import Flight
 from executor.runtime.outlook import keep_judging
 from executor.site import dayflight
-from executor.site.plan_words import route_words, summary
+from executor.site.plan_words import describe_routes, summarise_plan
 from missions.fences import Fence
 
 if TYPE_CHECKING:
@@ -63,22 +63,25 @@ class FlightResult:
     """Whether the operator left while the vehicles flew on."""
 
 
-async def fly(order: Order, console: Console) -> FlightResult:
+async def run_flight(order: FlightRequest, console: Console) -> FlightResult:
     """Connect, check, upload, fly and report.
 
     Raises:
         ExecutorError: a vehicle does not answer, or a check says no; nothing has moved then.
     """
-    load_parts(order)
-    solver = solver_of(order, console)
-    with locked(order.run), supervised.hear(lambda text: console.say(Level.FAULT, text), order.run):
-        async with time_of(order.site, console) as found:
-            clock = SystemClock.beside(order.site.flight.speedup, found.steady)
+    load_optional_parts(order)
+    solver = make_solver_process(order, console)
+    with (
+        lock_run_directory(order.run),
+        supervised.watch_mistakes(lambda text: console.say(Level.FAULT, text), order.run),
+    ):
+        async with follow_fleet_time(order.site, console) as found:
+            clock = SystemClock.start_on(order.site.flight.speedup, found.steady)
             async with open_links(order, clock) as links, solver:
-                return await _fly(order, console, clock, solver, links)
+                return await _check_and_supervise(order, console, clock, solver, links)
 
 
-def load_parts(order: Order) -> None:
+def load_optional_parts(order: FlightRequest) -> None:
     """Load what not every flight has, before anything is connected: no vehicle would be heard in that time.
 
     Raises:
@@ -89,114 +92,119 @@ def load_parts(order: Order) -> None:
         import executor.flight.mqtt  # noqa: F401 - it is loaded, and used later
 
 
-def solver_of(order: Order, console: Console) -> SolverProcess:
+def make_solver_process(order: FlightRequest, console: Console) -> SolverProcess:
     """Return the solver of a flight, not started yet."""
     setup = SolverSetup(order.site.flight.solve_s, order.plan.solved.seed)
-    return SolverProcess(setup, telling(console))
+    return SolverProcess(setup, make_warning_sink(console))
 
 
-async def _fly(
-    order: Order,
+async def _check_and_supervise(
+    order: FlightRequest,
     console: Console,
     clock: SystemClock,
     solver: SolverProcess,
     links: Mapping[str, OpenLink],
 ) -> FlightResult:
     run = order.run
-    facts = await interviews(order, links, clock, console)
-    context, boards, found = examined(order, facts)
-    lists = await fencing.read_all(context, links, clock)
-    found += fencing.fences_checked(context, facts, boards, lists, run)
-    console.checks(found)
+    facts = await interview_vehicles(order, links, clock, console)
+    context, boards, found = build_context_and_checklist(order, facts)
+    lists = await fencing.read_fences(context, links, clock)
+    found += fencing.check_fences_on_board(context, facts, boards, lists, run)
+    console.show_checks(found)
     try:
-        _must_not_stop(found)
+        _raise_on_stop(found)
         proposal = await parameter_changes.read_changes(context, links, clock)
-        console.checks(proposal.checks)
-        _must_not_stop(proposal.checks)
+        console.show_checks(proposal.checks)
+        _raise_on_stop(proposal.checks)
     except PreflightFailed:
-        await _given_back(run, links, clock, console)  # of an earlier attempt in this directory
+        await _restore_vehicles(run, links, clock, console)  # of an earlier attempt in this directory
         raise
     found += proposal.checks
-    fences = first_fences(context, boards)
-    state = fleet.initial(
+    fences = build_first_fences(context, boards)
+    state = fleet.build_initial_state(
         boards,
         tuple(CheckLine(one.severity.value, one.subject, one.text, one.code) for one in found),
         fences,
-        {} if order.day is None else dayflight.ahead_of(order.day),
+        {} if order.day is None else dayflight.sorties_ahead_of(order.day),
     )
     log = EventLog(
-        RunDirectory(run).events, began_unix_s=clock.began_unix_s, speedup=clock.speedup, told=telling(console)
+        RunDirectory(run).events,
+        began_unix_s=clock.began_unix_s,
+        speedup=clock.speedup,
+        told=make_warning_sink(console),
     )
-    seat = Cockpit(context, state, links, clock, log, solver, Said(facts, found, order.earlier))
+    seat = FlightSession(context, state, links, clock, log, solver, PreflightRecord(facts, found, order.earlier))
     flown: FlightResult | None = None
     try:
-        flown = await supervise(order, console, seat, Launch(proposal, boards, found, fences, lists))
+        flown = await supervise(order, console, seat, LaunchPreparation(proposal, boards, found, fences, lists))
     except PreflightFailed:
         RunDirectory(run).events.unlink(missing_ok=True)  # there is nothing to be taken up again
         raise
     finally:
         if flown is None:
             # Nothing stays changed for a flight that is not flown; who flies all the same is armed, and left alone.
-            await _given_back(run, links, clock, console)
+            await _restore_vehicles(run, links, clock, console)
     return flown
 
 
-async def _given_back(
+async def _restore_vehicles(
     run: Path, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
-) -> tuple[Kept, ...]:
+) -> tuple[KeptParameter, ...]:
     """Give back what is on record, fences before the parameters that say how they are kept to."""
-    await fencing.give_lists_back(run, links, clock, console)
-    return await parameter_changes.give_back(run, links, clock, console)
+    await fencing.restore_kept_lists(run, links, clock, console)
+    return await parameter_changes.restore_kept_parameters(run, links, clock, console)
 
 
-def _must_not_stop(found: Sequence[Check]) -> None:
+def _raise_on_stop(found: Sequence[Check]) -> None:
     stops = [check for check in found if check.severity is Severity.STOP]
     if stops:
         raise PreflightFailed(f"{stops[0].subject}: {stops[0].text}")
 
 
 @dataclass(frozen=True, slots=True)
-class Launch:
+class LaunchPreparation:
     """What has to be done before a flight that begins."""
 
-    proposal: Proposal
-    boards: Mapping[str, OnBoard | None]
+    proposal: ParameterProposal
+    boards: Mapping[str, OnboardMission | None]
     found: list[Check]
     """The checklist so far."""
     fences: Mapping[str, Fence]
     """What is to be put on board."""
-    lists: Mapping[str, Lists]
+    lists: Mapping[str, OnboardLists]
     """What every vehicle carries beside its mission, where it was asked."""
 
 
-async def _begun(order: Order, console: Console, seat: Cockpit, flight: Flight, beginning: Launch) -> None:
+async def _prepare_launch(
+    order: FlightRequest, console: Console, seat: FlightSession, flight: Flight, beginning: LaunchPreparation
+) -> None:
     """Tell what the flight changes on board, ask, set it, put the missions on board, and ask for the take-off.
 
     Raises:
         PreflightFailed: the operator did not confirm, or something cannot be put on board.
     """
     context, links, clock, proposal = seat.context, seat.links, seat.clock, beginning.proposal
-    fence_lines = fencing.fence_lines(context, beginning.fences, beginning.lists)
+    fence_lines = fencing.describe_fence_changes(context, beginning.fences, beginning.lists)
     if proposal.changes or fence_lines:
-        text = parameter_changes.changes_question(proposal, fences=len(fence_lines))
-        told = [*fence_lines, *parameter_changes.lines(proposal)]
-        if not await _asked(flight, console, Action.PREPARE, text, told):
+        text = parameter_changes.compose_changes_question(proposal, fences=len(fence_lines))
+        told = [*fence_lines, *parameter_changes.describe_parameter_changes(proposal)]
+        if not await _ask_crew(flight, console, Action.PREPARE, text, told):
             raise PreflightFailed("not confirmed; nothing was changed on board")
     beginning.found.extend(await parameter_changes.apply_changes(order.run, proposal, context, links, clock, console))
     # Before the missions: PX4 holds a mission against the fence that is on board.
-    await fencing.put_lists(order.run, context, links, clock, beginning.fences, beginning.lists, console)
-    await load_all(context, links, clock, beginning.boards, console)
-    vehicles_of(context, seat.said).write(RunDirectory(order.run).vehicles)
-    later = [] if order.day is None else dayflight.sortie_lines(order.day)
-    text = f"All missions are on board, verified by read-back: {summary(order.plan)}. Take off?"
-    if not await _asked(flight, console, Action.TAKE_OFF, text, (*route_words(order.plan), *later)):
+    await fencing.upload_wanted_lists(order.run, context, links, clock, beginning.fences, beginning.lists, console)
+    await upload_first_missions(context, links, clock, beginning.boards, console)
+    build_vehicle_answers(context, seat.said).write(RunDirectory(order.run).vehicles)
+    later = [] if order.day is None else dayflight.describe_later_sorties(order.day)
+    text = f"All missions are on board, verified by read-back: {summarise_plan(order.plan)}. Take off?"
+    if not await _ask_crew(flight, console, Action.TAKE_OFF, text, (*describe_routes(order.plan), *later)):
         raise PreflightFailed("not confirmed; nothing has moved")
 
 
-async def _asked(flight: Flight, console: Console, action: Action, text: str, lines: Sequence[str] = ()) -> bool:
+async def _ask_crew(flight: Flight, console: Console, action: Action, text: str, lines: Sequence[str] = ()) -> bool:
     """Ask the crew, in the terminal and on the page; the first answer counts."""
     flight.apply(Asked(action.value, text, tuple(lines)))
-    answers = {asyncio.ensure_future(console.ask(text)), asyncio.ensure_future(flight.answered(action))}
+    answers = {asyncio.ensure_future(console.ask(text)), asyncio.ensure_future(flight.wait_for_yes(action))}
     try:
         done, _ = await asyncio.wait(answers, return_when=asyncio.FIRST_COMPLETED)
     finally:
@@ -206,7 +214,7 @@ async def _asked(flight: Flight, console: Console, action: Action, text: str, li
 
 
 @dataclass(frozen=True, slots=True)
-class Cockpit:
+class FlightSession:
     """All that a flight is supervised with."""
 
     context: Context
@@ -216,12 +224,14 @@ class Cockpit:
     clock: SystemClock
     log: EventLog
     solver: SolverProcess
-    said: Said
-    legacy: Legacy = NOTHING_LEFT
+    said: PreflightRecord
+    legacy: InheritedRecord = NOTHING_LEFT
     """What the process before this one left."""
 
 
-async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launch | Reopened) -> FlightResult:
+async def supervise(
+    order: FlightRequest, console: Console, seat: FlightSession, begins: LaunchPreparation | Reopened
+) -> FlightResult:
     """Begin a flight, or take one up again that was left in the midst; fly it to its end and report.
 
     Raises:
@@ -229,44 +239,48 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
         ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
     """
     context, clock, links = seat.context, seat.clock, seat.links
-    publication = _publication(order, clock)
-    keeper = Keeper(order, context, console, seat.log, clock, publication, seat.legacy)
+    publication = _build_publication(order, clock)
+    keeper = FlightRecorder(order, context, console, seat.log, clock, publication, seat.legacy)
     if publication is not None:
-        publication.plan(seat.state.replanning.revision, in_force(order, seat.state.replanning.revision))
-    flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.observer())
-    hearing = supervised.hear(lambda text: keeper.told(Say(Level.FAULT, text), clock.now_s()), order.run)
+        publication.publish_plan(
+            seat.state.replanning.revision, read_plan_in_force(order, seat.state.replanning.revision)
+        )
+    flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.build_observer())
+    hearing = supervised.watch_mistakes(
+        lambda text: keeper.show_notice(Say(Level.FAULT, text), clock.now_s()), order.run
+    )
     try:
-        listening = flight.listening() if isinstance(begins, Launch) else nullcontext()
+        listening = flight.listen_to_vehicles() if isinstance(begins, LaunchPreparation) else nullcontext()
         with hearing, listening, Interrupts(flight, console) as interrupts:
             async with (
-                web.page_beside(order.site.web, flight, clock, console, web.lasting_of(order, console)),
-                _published(publication, flight, keeper, clock),
+                web.serve_page(order.site.web, flight, clock, console, web.read_static_page_data(order, console)),
+                _publish_flight(publication, flight, keeper, clock),
             ):
                 gc.collect()  # 0.1 s for a hundred vehicles: not between the crew's yes and the take-off
                 reopened = begins if isinstance(begins, Reopened) else None
-                if isinstance(begins, Launch):
-                    await interrupts.unless_pressed(_begun(order, console, seat, flight, begins))
-                with _settled_memory():
-                    async with supervised.beside("judging losses", partial(keep_judging, flight, seat.solver)):
+                if isinstance(begins, LaunchPreparation):
+                    await interrupts.run_unless_interrupted(_prepare_launch(order, console, seat, flight, begins))
+                with _freeze_garbage_collector():
+                    async with supervised.run_beside("judging losses", partial(keep_judging, flight, seat.solver)):
                         await flight.run(reopened, order.site.flight.connect_timeout_s)
                         await keeper.settle()
     finally:
-        console.done()
+        console.stop_drawing()
         seat.log.close()
     ended_s = clock.now_s()
-    given_back = await _given_back(order.run, links, clock, console)
+    given_back = await _restore_vehicles(order.run, links, clock, console)
     frames = {name: link.counts for name, link in links.items()}
-    report = report_of(
-        context, flight.state, ended_s, order.truths(clock), frames, seat.said, parameters_report(given_back)
+    report = build_report(
+        context, flight.state, ended_s, order.truths(clock), frames, seat.said, build_parameter_rows(given_back)
     )
     kept = RunDirectory(order.run)
     writes: dict[str, Callable[[], None]] = {"report.json": partial(report.write, kept.report)}
     if context.setup.looks:
-        writes["images"] = partial(write_index, order.run, index_of(context, flight.state, clock.began_unix_s))
+        writes["images"] = partial(write_index, order.run, build_image_index(context, flight.state, clock.began_unix_s))
     if report.sorties:
-        packs = flown_packs(flight.state, order.run.name, clock.began_unix_s)
+        packs = build_flown_packs(flight.state, order.run.name, clock.began_unix_s)
         writes["packs.json"] = partial(packs.write, kept.packs)
-    writes["learned.json"] = partial(keep_learned, order.run, context, flight.state, order.ground.learned)
+    writes["learned.json"] = partial(write_learned, order.run, context, flight.state, order.ground.learned)
     for name, write in writes.items():
         try:
             write()
@@ -275,7 +289,7 @@ async def supervise(order: Order, console: Console, seat: Cockpit, begins: Launc
     return FlightResult(report, context, interrupts.left)
 
 
-def _publication(order: Order, clock: SystemClock) -> Publication | None:
+def _build_publication(order: FlightRequest, clock: SystemClock) -> Publication | None:
     if order.mqtt is None:
         return None
     from executor.flight.mqtt import Publication
@@ -283,23 +297,23 @@ def _publication(order: Order, clock: SystemClock) -> Publication | None:
     return Publication(order.mqtt, order.run, clock)
 
 
-def _published(
-    publication: Publication | None, flight: Flight, keeper: Keeper, clock: SystemClock
+def _publish_flight(
+    publication: Publication | None, flight: Flight, keeper: FlightRecorder, clock: SystemClock
 ) -> AbstractAsyncContextManager[None]:
     if publication is None:
         return nullcontext()
     context, looks = flight.context, flight.context.setup.looks
-    asked = asked_of(context) if looks else {}
-    return publication.running(
-        view=lambda: fleet_view(flight.context, flight.state, clock.now_s()),
+    asked = list_asked_pictures(context) if looks else {}
+    return publication.run(
+        view=lambda: build_fleet_view(flight.context, flight.state, clock.now_s()),
         accept=lambda intent: flight.apply(IntentReceived(intent)),
-        tell=lambda level, text: keeper.told(Say(level, text), clock.now_s()),
-        assets=(lambda: asset_views(context, flight.state, asked)) if looks else None,
+        tell=lambda level, text: keeper.show_notice(Say(level, text), clock.now_s()),
+        assets=(lambda: build_asset_views(context, flight.state, asked)) if looks else None,
     )
 
 
 @contextmanager
-def _settled_memory() -> Iterator[None]:
+def _freeze_garbage_collector() -> Iterator[None]:
     """Keep the collector of cycles away from what was there before the flight: one look at all of it takes 0.1 s."""
     gc.freeze()
     try:
@@ -308,6 +322,6 @@ def _settled_memory() -> Iterator[None]:
         gc.unfreeze()
 
 
-def telling(console: Console) -> Callable[[str], None]:
+def make_warning_sink(console: Console) -> Callable[[str], None]:
     """Return how a log tells the operator of its troubles."""
     return lambda text: console.say(Level.WARNING, text)

@@ -12,10 +12,10 @@ from pydantic import Field
 
 from executor.adapters.document import Document, Number, Whole, YesNo
 from executor.adapters.run_directory import RunDirectory
-from executor.core.preflight.fences import Lists
+from executor.core.preflight.fences import OnboardLists
 from executor.site.tables.aircraft import AutopilotKey
 from missions import MissionItem, MissionKind
-from missions.fences import place_differences
+from missions.fences import find_list_differences
 
 
 class ListStage(Enum):
@@ -49,35 +49,35 @@ class KeptList:
     stage: ListStage = ListStage.PLANNED
 
     @property
-    def open(self) -> bool:
+    def is_open(self) -> bool:
         """Whether it has still to be given back."""
         return self.stage is not ListStage.RESTORED
 
     @property
-    def what(self) -> str:
+    def list_name(self) -> str:
         """Which list, in words."""
         return "fence" if self.kind is MissionKind.FENCE else "rally points"
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """What is restored, for the crew to confirm."""
         items = f"{len(self.old)} item{'s' if len(self.old) != 1 else ''}" if self.old else "none"
-        return f"{self.vehicle}: {self.what} -> {items}, as before the flight"
+        return f"{self.vehicle}: {self.list_name} -> {items}, as before the flight"
 
-    def ours(self, items: Sequence[MissionItem]) -> bool:
+    def is_ours(self, items: Sequence[MissionItem]) -> bool:
         """Return whether what is on board was put there from here."""
-        return any(not place_differences(one, items) for one in self.new)
+        return any(not find_list_differences(one, items) for one in self.new)
 
 
-def planned_lists(
-    before: Sequence[KeptList], name: str, about: tuple[int, str], found: Lists, wanted: Lists
+def build_planned_lists(
+    before: Sequence[KeptList], name: str, about: tuple[int, str], found: OnboardLists, wanted: OnboardLists
 ) -> list[KeptList]:
     """Return what is on record of one vehicle before anything is sent.
 
     What an earlier attempt at the same flight found is what is given back, unless somebody put something else on board
     since.
     """
-    known = {one.kind: one for one in before if one.vehicle == name and one.open}
+    known = {one.kind: one for one in before if one.vehicle == name and one.is_open}
     made = []
     for kind, old, new in (
         (MissionKind.FENCE, found.fence, wanted.fence),
@@ -86,7 +86,7 @@ def planned_lists(
         if old is None or new is None:
             continue
         earlier = known.get(kind)
-        if earlier is not None and (earlier.ours(old) or not place_differences(earlier.old, old)):
+        if earlier is not None and (earlier.is_ours(old) or not find_list_differences(earlier.old, old)):
             made.append(replace(earlier, new=(*earlier.new, new), stage=ListStage.PLANNED))
         else:
             made.append(KeptList(name, *about, kind, old, (new,)))
@@ -136,14 +136,14 @@ def read_kept_lists(run: Path) -> tuple[KeptList, ...]:
         return ()
     return tuple(
         KeptList(
-            row.vehicle, row.sysid, row.autopilot, _KINDS[row.list], _items(row.old),
-            tuple(_items(one) for one in row.new), row.state,
+            row.vehicle, row.sysid, row.autopilot, _KINDS[row.list], _parse_items(row.old),
+            tuple(_parse_items(one) for one in row.new), row.state,
         )
         for row in _File.read(path, "fences and rally points that were replaced on board").lists
     )  # fmt: skip
 
 
-def write_lists(run: Path, kept: Iterable[KeptList]) -> None:
+def write_kept_lists(run: Path, kept: Iterable[KeptList]) -> None:
     """Write the record; once this returns it outlives a power loss.
 
     Raises:
@@ -151,19 +151,20 @@ def write_lists(run: Path, kept: Iterable[KeptList]) -> None:
     """
     rows = tuple(
         _ListRow(
-            vehicle=one.vehicle, sysid=one.sysid, autopilot=one.autopilot, list=_NAMES[one.kind], old=_rows(one.old),
-            new=tuple(_rows(items) for items in one.new), state=one.stage,
+            vehicle=one.vehicle, sysid=one.sysid, autopilot=one.autopilot, list=_NAMES[one.kind],
+            old=_build_rows(one.old),
+            new=tuple(_build_rows(items) for items in one.new), state=one.stage,
         )
         for one in kept
     )  # fmt: skip
     _File(format="faultline-fences/1", lists=rows).write(RunDirectory(run).fences)
 
 
-def _items(rows: Iterable[_Item]) -> Items:
+def _parse_items(rows: Iterable[_Item]) -> Items:
     return tuple(MissionItem(seq, **row.model_dump()) for seq, row in enumerate(rows))
 
 
-def _rows(items: Iterable[MissionItem]) -> tuple[_Item, ...]:
+def _build_rows(items: Iterable[MissionItem]) -> tuple[_Item, ...]:
     keys = _Item.model_fields
     # PX4 answers NaN for what means nothing in a fence, and JSON has none.
     return tuple(

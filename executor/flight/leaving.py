@@ -8,7 +8,7 @@ from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from types import FrameType
 
-from executor.adapters.interrupts import ENDS, Once, forget_terminal
+from executor.adapters.interrupts import ENDS, SignalDebouncer, forget_terminal
 from executor.core.commands import Level
 from executor.core.events import ReturnAllOrdered
 from executor.errors import PreflightFailed
@@ -37,7 +37,7 @@ class Interrupts:
         self._recalled = False
         self._declined = asyncio.Event()
         self._how = "Ctrl-C"
-        self._once = Once()
+        self._once = SignalDebouncer()
         self._before: dict[int, Callable[[int, FrameType | None], object] | int | None] = {}
         self.left = False
 
@@ -47,7 +47,9 @@ class Interrupts:
             if before is signal.SIG_IGN and number in ENDS:
                 continue  # as nohup has it
             with suppress(NotImplementedError):
-                self._loop.add_signal_handler(number, self._pressed if number == signal.SIGINT else self._told, number)
+                self._loop.add_signal_handler(
+                    number, self._on_interrupt if number == signal.SIGINT else self._on_signal, number
+                )
                 self._before[number] = before
         return self
 
@@ -59,7 +61,7 @@ class Interrupts:
             if before is not None:
                 signal.signal(number, before)  # what is done after the flight is interrupted as it was before
 
-    async def unless_pressed(self, work: Coroutine[None, None, None]) -> None:
+    async def run_unless_interrupted(self, work: Coroutine[None, None, None]) -> None:
         """Do what comes before the take-off.
 
         Raises:
@@ -78,22 +80,22 @@ class Interrupts:
             raise PreflightFailed(f"{self._how}: nothing has moved")
         await task
 
-    def _told(self, number: int) -> None:
+    def _on_signal(self, number: int) -> None:
         """Take a signal to end; several of them are one."""
         forget_terminal()
-        if not self._once.first():
+        if not self._once.is_first():
             return
         self._how = signal.Signals(number).name
         if self._flight.state.progress.launched_s is None or self._timer is None or self._recalled:
-            self._pressed(number)
+            self._on_interrupt(number)
 
-    def _pressed(self, _: int) -> None:
+    def _on_interrupt(self, _: int) -> None:
         if self._flight.state.progress.launched_s is None:
             self._declined.set()
         elif self._recalled or self.left:
             self._leave()
         elif self._timer is None:
-            text = f"{self._how}: the vehicles stay on their missions; {self._again} sends them home"
+            text = f"{self._how}: the vehicles stay on their missions; {self._repeat_hint} sends them home"
             self._console.say(Level.WARNING, text)
             self._timer = self._loop.call_later(LEAVE_AFTER_S, self._leave)
         else:
@@ -103,12 +105,12 @@ class Interrupts:
             self._console.say(Level.WARNING, "once more ends the supervision; the vehicles come home by themselves")
 
     @property
-    def _again(self) -> str:
+    def _repeat_hint(self) -> str:
         within = f"within {LEAVE_AFTER_S:g} s"
         return f"once more {within}" if self._how == "Ctrl-C" else f"Ctrl-C {within}"
 
     def _leave(self) -> None:
-        waits_for = self._flight.leave(at_once=self.left or self._recalled)
+        waits_for = self._flight.stop_supervising(at_once=self.left or self._recalled)
         self.left = True
         uploads = f"the upload to {' and '.join(waits_for)} has ended"
         text = f"supervision ends once {uploads}, Ctrl-C ends it at once; {STAYS}" if waits_for else LEFT

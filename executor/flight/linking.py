@@ -7,18 +7,18 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from functools import partial
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.extras import Extra, need
+from executor.adapters.extras import Extra, require_extra
 from executor.adapters.mavlink import endpoints
-from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.tlog_writer import TelemetryLog
 from executor.adapters.mavsdk import link as mavsdk
 from executor.adapters.mavsdk.library import WANTED_BY
 from executor.adapters.run_directory import RunDirectory
-from executor.core.ports import Keyring, LinkOrder, OpenLink
-from executor.flight.flight_order import Order
-from executor.runtime.flight import keep_heartbeat
-from executor.site.config import Site, signing_key
-from executor.supervised import beside
+from executor.core.ports import Keyring, LinkRequest, OpenLink
+from executor.flight.flight_order import FlightRequest
+from executor.runtime.flight import send_heartbeats
+from executor.site.config import Site, read_signing_key
+from executor.supervised import run_beside
 
 
 def check_backends(site: Site) -> None:
@@ -28,12 +28,12 @@ def check_backends(site: Site) -> None:
         ExtraMissing: MAVSDK is not.
     """
     if any(table.backend == "mavsdk" for table in site.vehicle):
-        need(Extra.MAVSDK, WANTED_BY)
+        require_extra(Extra.MAVSDK, WANTED_BY)
 
 
 @asynccontextmanager
 async def open_links(
-    order: Order, clock: SystemClock, *, recorded: bool = True
+    order: FlightRequest, clock: SystemClock, *, recorded: bool = True
 ) -> AsyncIterator[Mapping[str, OpenLink]]:
     """Open the links to all vehicles, record them in the run directory, and keep up our heartbeat on them.
 
@@ -41,18 +41,20 @@ async def open_links(
         ConnectionFailed: one cannot be opened.
     """
     async with AsyncExitStack() as stack:
-        wanted: dict[str, dict[str, LinkOrder]] = {"native": {}, "mavsdk": {}}
+        wanted: dict[str, dict[str, LinkRequest]] = {"native": {}, "mavsdk": {}}
         for table in order.site.vehicle:
             log = None
             if recorded:
-                log = TelemetryLog(RunDirectory(order.run).telemetry(table.name), clock.label_usec)
+                log = TelemetryLog(RunDirectory(order.run).telemetry_path(table.name), clock.label_usec)
                 stack.callback(log.close)
-            wanted[table.backend][table.name] = LinkOrder(table.link, table.sysid, log)
-        key = signing_key(order.site, order.base)
-        keyring = None if key is None else Keyring(key, clock.dated_s)
+            wanted[table.backend][table.name] = LinkRequest(table.link, table.sysid, log)
+        key = read_signing_key(order.site, order.base)
+        keyring = None if key is None else Keyring(key, clock.steady_unix_s)
         radios = order.site.link.senders
         native = await stack.enter_async_context(endpoints.open_mavlink_links(wanted["native"], keyring, radios))
-        others = await stack.enter_async_context(mavsdk.open_mavsdk_links(wanted["mavsdk"], Codec(radios=radios)))
+        others = await stack.enter_async_context(
+            mavsdk.open_mavsdk_links(wanted["mavsdk"], MavlinkCodec(radios=radios))
+        )
         links = {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
-        async with beside("our heartbeat", partial(keep_heartbeat, links, clock), at_once=True):
+        async with run_beside("our heartbeat", partial(send_heartbeats, links, clock), at_once=True):
             yield links

@@ -11,8 +11,8 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.mqtt.client import FLUSH_S, Client, Subscriber
-from executor.adapters.mqtt.intake import Intake
+from executor.adapters.mqtt.client import FLUSH_S, MqttClient, Subscriber
+from executor.adapters.mqtt.intake import IntentIntake
 from executor.adapters.mqtt.outbox import Outbox
 from executor.adapters.mqtt.publisher import Publisher
 from executor.core.commands import Level, Say
@@ -21,44 +21,44 @@ from executor.core.intents import Intent
 from executor.core.seeing.assets import AssetView
 from executor.core.state import FleetState
 from executor.core.view import FleetView
-from executor.flight.broker import Settings
+from executor.flight.broker import MqttSettings
 from executor.supervised import keep_going, report_mistake
-from missions import PlanFile, plan_document
+from missions import PlanFile, build_plan_document
 
-Tell = Callable[[Level, str], None]
+MessageCallback = Callable[[Level, str], None]
 AssetsNow = Callable[[], tuple[AssetView, ...]]
 
 
 class Publication:
     """What one flight publishes; every method but `running` returns at once and raises nothing."""
 
-    def __init__(self, settings: Settings, run: Path, clock: SystemClock) -> None:
+    def __init__(self, settings: MqttSettings, run: Path, clock: SystemClock) -> None:
         """Prepare everything; nothing is connected yet."""
         self._settings = settings
         self._clock = clock
         self._outbox = Outbox()
         self._publisher = Publisher(settings.topics, self._outbox, run.resolve().name, clock.unix_s)
-        self._tell: Tell = lambda *_: None
+        self._tell: MessageCallback = lambda *_: None
         self._mistakes: set[str] = set()
 
-    def applied(self, event: Event, state: FleetState) -> None:
+    def publish_event(self, event: Event, state: FleetState) -> None:
         """Publish what an event led to."""
-        self._safely(lambda: self._publisher.applied(event, state))
+        self._call_safely(lambda: self._publisher.publish_event(event, state))
 
-    def said(self, line: Say, at_s: float, flight_s: float | None = None) -> None:
+    def publish_line(self, line: Say, at_s: float, flight_s: float | None = None) -> None:
         """Publish a line for the operator."""
-        self._safely(lambda: self._publisher.said(line, at_s, flight_s))
+        self._call_safely(lambda: self._publisher.publish_line(line, at_s, flight_s))
 
-    def plan(self, revision: int, plan: PlanFile) -> None:
+    def publish_plan(self, revision: int, plan: PlanFile) -> None:
         """Publish the plan in force."""
-        self._safely(lambda: self._publisher.plan(revision, plan_document(plan)))
+        self._call_safely(lambda: self._publisher.publish_plan(revision, build_plan_document(plan)))
 
     @asynccontextmanager
-    async def running(
+    async def run(
         self,
         view: Callable[[], FleetView],
         accept: Callable[[Intent], None],
-        tell: Tell,
+        tell: MessageCallback,
         assets: AssetsNow | None = None,
     ) -> AsyncIterator[None]:
         """Publish for as long as the block runs, and a moment longer for what still waits.
@@ -71,22 +71,26 @@ class Publication:
         """
         self._tell = tell
         loop = asyncio.get_running_loop()
-        intake = Intake(self._settings.rules, self._clock.unix_s, loop.time, accept, self._publisher.refused, tell)
-        subscriber = Subscriber(self._settings.topics.intent, intake.take)
-        client = Client(self._settings.broker, self._outbox, self._publisher.presence, subscriber, tell)
+        intake = IntentIntake(
+            self._settings.rules, self._clock.unix_s, loop.time, accept, self._publisher.publish_refusal, tell
+        )
+        subscriber = Subscriber(self._settings.topics.intent_topic, intake.handle_message)
+        client = MqttClient(self._settings.broker, self._outbox, self._publisher.build_presence, subscriber, tell)
         if self._settings.rules.closed:
             tell(Level.INFO, f"mqtt: no intents are taken: {self._settings.rules.closed}")
         if self._settings.exposed:
             tell(
                 Level.WARNING, f"mqtt: without tls everybody on the way to {self._settings.broker} can read its secrets"
             )
-        views = asyncio.create_task(keep_going("mqtt's views", lambda: self._views(view, assets)), name="mqtt views")
+        views = asyncio.create_task(
+            keep_going("mqtt's views", lambda: self._publish_views(view, assets)), name="mqtt views"
+        )
         carrier = asyncio.create_task(keep_going("mqtt's connection", client.run), name="mqtt")
         try:
             yield
         finally:
             views.cancel()
-            self._look(view, assets, last=True)
+            self._publish_view(view, assets, last=True)
             client.close()
             await asyncio.wait({carrier}, timeout=FLUSH_S)
             carrier.cancel()
@@ -96,17 +100,17 @@ class Publication:
             if len(self._outbox):
                 tell(Level.WARNING, f"mqtt: {len(self._outbox)} messages never reached {self._settings.broker}")
 
-    async def _views(self, view: Callable[[], FleetView], assets: AssetsNow | None) -> None:
+    async def _publish_views(self, view: Callable[[], FleetView], assets: AssetsNow | None) -> None:
         while True:
-            self._look(view, assets)
+            self._publish_view(view, assets)
             await asyncio.sleep(self._settings.period_s)
 
-    def _look(self, view: Callable[[], FleetView], assets: AssetsNow | None, *, last: bool = False) -> None:
-        self._safely(lambda: self._publisher.view(view()))
+    def _publish_view(self, view: Callable[[], FleetView], assets: AssetsNow | None, *, last: bool = False) -> None:
+        self._call_safely(lambda: self._publisher.publish_view(view()))
         if assets is not None:
-            self._safely(lambda: self._publisher.assets(assets, last=last))
+            self._call_safely(lambda: self._publisher.publish_assets(assets, last=last))
 
-    def _safely(self, work: Callable[[], None]) -> None:
+    def _call_safely(self, work: Callable[[], None]) -> None:
         try:
             work()
         except Exception as error:  # noqa: BLE001 - what is told of the flight must not end it

@@ -9,15 +9,15 @@ from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import FlightReport, read_report
 from executor.errors import LogError
 from executor.site import assembly, planning
-from executor.site.assembly import Ground
-from executor.site.plan_words import left_words
+from executor.site.assembly import SiteModel
+from executor.site.plan_words import describe_left_over
 from missions import PlanFile, read_plan
 
 PLAN_S = 2.0
 """Of the solver; the crew can have more with `faultline plan --after`."""
 
 
-def segments_left(run: Path, ground: Ground) -> tuple[int, ...]:
+def read_segments_left(run: Path, ground: SiteModel) -> tuple[int, ...]:
     """Return the segments that a flight over a site's network left, by its report.
 
     Raises:
@@ -27,12 +27,12 @@ def segments_left(run: Path, ground: Ground) -> tuple[int, ...]:
     report = read_report(run)
     if not report.segments_uncovered:
         raise LogError(f"{RunDirectory(run).report}: segments_uncovered: nothing is left over")
-    plan = RunDirectory(run).plan(0)
-    planning.same_segments(read_plan(plan), ground, str(plan))
+    plan = RunDirectory(run).plan_path(0)
+    planning.check_same_segments(read_plan(plan), ground, str(plan))
     return report.segments_uncovered
 
 
-def next_sortie(ground: Ground, report: FlightReport, seed: int) -> PlanFile | None:
+def plan_next_flight(ground: SiteModel, report: FlightReport, seed: int) -> PlanFile | None:
     """Return a plan for what a flight left over, by the vehicles that are not at fault; None if nothing, or nobody, is.
 
     Args:
@@ -45,11 +45,11 @@ def next_sortie(ground: Ground, report: FlightReport, seed: int) -> PlanFile | N
     if not set(report.segments_uncovered) - never or lost >= set(ground.names):
         return None
     wanted = replace(planning.DEFAULT, seconds=PLAN_S, seed=seed)
-    return planning.first_plan(ground, wanted, task=assembly.task_of(ground, report.segments_uncovered, lost))
+    return planning.plan_site(ground, wanted, task=assembly.build_first_task(ground, report.segments_uncovered, lost))
 
 
-def sortie_words(plan: PlanFile, file: Path) -> str:
+def describe_next_flight(plan: PlanFile, file: Path) -> str:
     """Return what the crew can do with the next sortie."""
     names = ", ".join(vehicle.name for vehicle in plan.vehicles)
     words = f"the next sortie is planned in {file} for {names} with full batteries"
-    return "\n".join([words, *left_words(plan)])
+    return "\n".join([words, *describe_left_over(plan)])

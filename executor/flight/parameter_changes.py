@@ -18,41 +18,43 @@ from executor.core.preflight.checks import Check, Severity
 from executor.core.preflight.parameters import (
     Answers,
     ChangeStage,
-    Kept,
-    Proposal,
-    number,
-    on_record,
-    propose,
-    return_heights,
+    KeptParameter,
+    ParameterProposal,
+    build_parameter_record,
+    check_return_height,
+    format_number,
+    propose_return_changes,
 )
-from executor.core.words import command_line, count_of
+from executor.core.words import command_line, format_count
 from executor.errors import LogError, PreflightFailed
-from executor.flight.changed_parameters import read_kept, write_kept
+from executor.flight.changed_parameters import read_kept_parameters, write_kept_parameters
 from executor.flight.flight_order import Console
-from executor.flight.side_by_side import AT_ONCE, in_turns
+from executor.flight.side_by_side import AT_ONCE, run_for_each
 from executor.runtime import parameters
-from executor.runtime.parameters import HEARD_S, GivenBack
+from executor.runtime.parameters import HEARD_S, RestoreResult
 from executor.site.config import Site
 
 Links = Mapping[str, OpenLink]
 
 
-async def read_changes(context: Context, links: Links, clock: Clock) -> Proposal:
+async def read_changes(context: Context, links: Links, clock: Clock) -> ParameterProposal:
     """Ask every vehicle what it has, and return what the flight would change; nothing is set."""
 
     async def read(name: str) -> Answers:
-        beside = fences.parameter_names(context, name)
+        beside = fences.list_fence_parameters(context, name)
         return await parameters.read_present(links[name], clock, context.vehicles[name].dialect, beside)
 
-    return fences.with_fences(context, propose(context, await in_turns(context.vehicles, read)))
+    return fences.add_fence_changes(
+        context, propose_return_changes(context, await run_for_each(context.vehicles, read))
+    )
 
 
-def lines(proposal: Proposal) -> list[str]:
+def describe_parameter_changes(proposal: ParameterProposal) -> list[str]:
     """Return every change with its old and new value and its reason."""
     return [f"{change.vehicle}: {change.words}" for change in proposal.changes]
 
 
-def changes_question(proposal: Proposal, *, fences: int = 0) -> str:
+def compose_changes_question(proposal: ParameterProposal, *, fences: int = 0) -> str:
     """Return what is asked before anything is set.
 
     Args:
@@ -60,12 +62,12 @@ def changes_question(proposal: Proposal, *, fences: int = 0) -> str:
         fences: Of how many vehicles the fence.
     """
     counted = ((len(proposal.changes), "parameter"), (fences, "fence"))
-    what = " and ".join(count_of(count, name) for count, name in counted if count)
+    what = " and ".join(format_count(count, name) for count, name in counted if count)
     return f"Change {what} on board until the flight is over?"
 
 
 async def apply_changes(
-    run: Path, proposal: Proposal, context: Context, links: Links, clock: Clock, console: Console
+    run: Path, proposal: ParameterProposal, context: Context, links: Links, clock: Clock, console: Console
 ) -> list[Check]:
     """Set what the flight needs, and return how every changed vehicle comes home now.
 
@@ -77,7 +79,7 @@ async def apply_changes(
         LogError: there is a record of an earlier attempt, and it cannot be read.
     """
     about = {name: (setup.sysid, setup.dialect.name) for name, setup in context.vehicles.items()}
-    record = _Record(run, console, on_record(proposal.changes, about, read_kept(run) or ()))
+    record = _Record(run, console, build_parameter_record(proposal.changes, about, read_kept_parameters(run) or ()))
     try:
         record.write()
     except OSError as error:
@@ -89,17 +91,17 @@ async def apply_changes(
 
     async def one(name: str) -> None:
         async with turn:
-            ends = await parameters.set_changes(links[name], clock, proposal.of(name))
+            ends = await parameters.set_changes(links[name], clock, proposal.changes_of(name))
         for parameter, problem in ends.items():
             if not problem:
-                record.stage(name, parameter, ChangeStage.SET)
-        record.keep()
-        own = fences.parameter_names(context, name)
+                record.set_change_stage(name, parameter, ChangeStage.SET)
+        record.try_write()
+        own = fences.list_fence_parameters(context, name)
         unfenced.extend(f"{name}: {ends[one]}; without it there is no fence" for one in own if ends.get(one))
         rest = {key: problem for key, problem in ends.items() if key not in own}
         if rest:
-            checks.append(return_heights(context, name, proposal, rest))
-            console.checks(checks[-1:])
+            checks.append(check_return_height(context, name, proposal, rest))
+            console.show_checks(checks[-1:])
 
     async with asyncio.TaskGroup() as tasks:
         for name in dict.fromkeys(change.vehicle for change in proposal.changes):
@@ -116,14 +118,14 @@ class _Record:
 
     run: Path
     console: Console
-    kept: list[Kept]
+    kept: list[KeptParameter]
     told: bool = False
 
-    def stage(self, vehicle: str, name: str, stage: ChangeStage) -> None:
+    def set_change_stage(self, vehicle: str, name: str, stage: ChangeStage) -> None:
         """Note how far a change has come."""
-        self.take([replace(one, stage=stage) for one in self.kept if one.key == (vehicle, name)])
+        self.add_changes([replace(one, stage=stage) for one in self.kept if one.key == (vehicle, name)])
 
-    def take(self, changed: Sequence[Kept]) -> None:
+    def add_changes(self, changed: Sequence[KeptParameter]) -> None:
         """Take over what has changed."""
         known = {one.key: one for one in changed}
         self.kept = [known.get(one.key, one) for one in self.kept]
@@ -134,9 +136,9 @@ class _Record:
         Raises:
             OSError: it cannot be written.
         """
-        write_kept(self.run, self.kept)
+        write_kept_parameters(self.run, self.kept)
 
-    def keep(self) -> None:
+    def try_write(self) -> None:
         """Write it down where there is room: an older record gives everything back as well, it only asks again."""
         try:
             self.write()
@@ -148,9 +150,9 @@ class _Record:
                 )
 
 
-async def give_back(
+async def restore_kept_parameters(
     run: Path, links: Links, clock: Clock, console: Console, heard_s: float = HEARD_S
-) -> tuple[Kept, ...]:
+) -> tuple[KeptParameter, ...]:
     """Give back what was changed to every vehicle that answers and is not armed; say of each what became of it.
 
     Args:
@@ -164,23 +166,23 @@ async def give_back(
         The whole record as it is now; empty if nothing was ever changed, or the record cannot be read.
     """
     try:
-        record = _Record(run, console, list(read_kept(run) or ()))
+        record = _Record(run, console, list(read_kept_parameters(run) or ()))
     except LogError as error:
         console.say(Level.WARNING, str(error))
         return ()
-    waiting = _open(record.kept)
+    waiting = _group_open(record.kept)
     turn = asyncio.Semaphore(AT_ONCE)
 
-    async def one(name: str, kept: Sequence[Kept]) -> None:
+    async def one(name: str, kept: Sequence[KeptParameter]) -> None:
         if name not in links:
-            given = GivenBack(tuple(kept), ("is not in the site file",))
+            given = RestoreResult(tuple(kept), ("is not in the site file",))
         else:
             async with turn:
-                given = await parameters.give_back_to(links[name], clock, kept, heard_s)
-        record.take(given.kept)
-        record.keep()
+                given = await parameters.restore_vehicle_parameters(links[name], clock, kept, heard_s)
+        record.add_changes(given.kept)
+        record.try_write()
         waiting.pop(name)
-        _tell(run, console, name, given)
+        _report_restored(run, console, name, given)
 
     try:
         async with asyncio.TaskGroup() as tasks:
@@ -188,35 +190,35 @@ async def give_back(
                 tasks.create_task(one(name, kept))
     except asyncio.CancelledError:
         for name, kept in waiting.items():
-            _tell(run, console, name, GivenBack(tuple(kept), ("interrupted",)))
+            _report_restored(run, console, name, RestoreResult(tuple(kept), ("interrupted",)))
         raise
     return tuple(record.kept)
 
 
-def _open(kept: Sequence[Kept]) -> dict[str, list[Kept]]:
+def _group_open(kept: Sequence[KeptParameter]) -> dict[str, list[KeptParameter]]:
     """Return by vehicle what has still to be given back."""
-    waiting: dict[str, list[Kept]] = defaultdict(list)
+    waiting: dict[str, list[KeptParameter]] = defaultdict(list)
     for one in kept:
         if one.open:
             waiting[one.vehicle].append(one)
     return waiting
 
 
-def _tell(run: Path, console: Console, name: str, given: GivenBack) -> None:
+def _report_restored(run: Path, console: Console, name: str, given: RestoreResult) -> None:
     """Say of one vehicle what it has again, and what stays."""
-    back = [f"{one.name} {number(one.old)}" for one in given.kept if not one.open]
+    back = [f"{one.name} {format_number(one.old)}" for one in given.kept if not one.open]
     if back:
         console.say(Level.INFO, f"{name}: {', '.join(back)} restored")
-    stays = [f"{one.name} (was {number(one.old)})" for one in given.kept if one.open]
+    stays = [f"{one.name} (was {format_number(one.old)})" for one in given.kept if one.open]
     if stays:
         console.say(Level.WARNING, f"{name}: {', '.join(stays)} not restored: {'; '.join(given.problems)}")
         console.say(Level.WARNING, f"{name}: to restore them: {command_line('restore', run)}")
 
 
-def still_open(run: Path) -> list[Kept]:
+def find_open_changes(run: Path) -> list[KeptParameter]:
     """Return what a run directory's record says is not given back; what cannot be read is left to `restore` to say."""
     with suppress(LogError):
-        return [one for one in read_kept(run) or () if one.open]
+        return [one for one in read_kept_parameters(run) or () if one.open]
     return []
 
 
@@ -227,7 +229,7 @@ def check_run(run: Path, site: Site) -> None:
         LogError: it is so, or the record cannot be read.
     """
     systems = {table.name: table.sysid for table in site.vehicle}
-    for one in read_kept(run) or ():
+    for one in read_kept_parameters(run) or ():
         if one.open and systems.get(one.vehicle) != one.sysid:
             record = RunDirectory(run).parameters
             raise LogError(

@@ -12,7 +12,7 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import CLOCK_SET, EventLog, to_plain
 from executor.adapters.logend import LogPlace
 from executor.adapters.run_directory import RunDirectory
-from executor.adapters.solver import REPLAN_COST, replan_task
+from executor.adapters.solver import REPLAN_COST, build_replan_task
 from executor.core.commands import Command, Level, Say, Solve, Upload
 from executor.core.context import Context
 from executor.core.events import Event, SolveEnded, Tick
@@ -21,10 +21,10 @@ from executor.errors import LogError
 from executor.flight import fencing
 from executor.flight.checkpointing import Checkpointer
 from executor.flight.checkpoints import Checkpoint, Planned
-from executor.flight.flight_order import Console, Order
+from executor.flight.flight_order import Console, FlightRequest
 from executor.runtime.flight import Observer
 from executor.supervised import report_mistake
-from missions import MissionsError, PlanFile, Pricing, Solved, Task, make_plan_file, read_plan, write_plan
+from missions import MissionsError, PlanFile, Pricing, SolverRecord, Task, make_plan_file, read_plan, write_plan
 from planner import Plan, Route, segment_of
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ SETTLE_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class Legacy:
+class InheritedRecord:
     """What an earlier process leaves to the one that takes its flight up."""
 
     unkept: tuple[Planned, ...] = ()
@@ -51,22 +51,22 @@ class Legacy:
     """The file that the flight was taken up from."""
 
 
-NOTHING_LEFT = Legacy()
+NOTHING_LEFT = InheritedRecord()
 """Of a flight that begins."""
 
 
-class Keeper:
+class FlightRecorder:
     """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
 
     def __init__(
         self,
-        order: Order,
+        order: FlightRequest,
         context: Context,
         console: Console,
         log: EventLog,
         clock: SystemClock,
         publication: Publication | None,
-        legacy: Legacy = NOTHING_LEFT,
+        legacy: InheritedRecord = NOTHING_LEFT,
     ) -> None:
         """Name who is told."""
         self._order = order
@@ -76,7 +76,7 @@ class Keeper:
         self._log = log
         self._clock = clock
         self._solve = legacy.solve
-        self._set_s = clock.set_s()
+        self._set_s = clock.clock_step_s()
         self._noted_set_s = legacy.set_s
         """What the log's notes come to."""
         self._launched_s: float | None = None
@@ -88,26 +88,26 @@ class Keeper:
         self._keeping: set[asyncio.Task[None]] = set()
         self._checkpoints = Checkpointer(order.run, log, clock.speedup, self._warn, legacy.checkpoint)
 
-    def observer(self) -> Observer:
+    def build_observer(self) -> Observer:
         """Return what the flight tells of itself."""
-        return Observer(self.said, self.applied, self.decided, self.told)
+        return Observer(self.show_line, self.record_event, self.record_decision, self.show_notice)
 
-    def decided(self, command: Command, now_s: float) -> None:
+    def record_decision(self, command: Command, now_s: float) -> None:
         """Write a decision down, before it is carried out."""
         if not isinstance(command, Say):
             self._log.note(now_s, command=to_plain(command))
         if isinstance(command, Upload):
             try:
-                fencing.lists_noted(self._order.run, self._context, command)
+                fencing.record_wider_fence(self._order.run, self._context, command)
             except (OSError, LogError) as error:
                 self._warn(f"the new fence of {command.vehicle} is not on record: {error}")
 
-    def said(self, line: Say, now_s: float) -> None:
+    def show_line(self, line: Say, now_s: float) -> None:
         """Show, keep and publish a line."""
         self._log.note(now_s, said=line.text, level=line.level.value)
         self._show(line, now_s)
 
-    def told(self, line: Say, now_s: float) -> None:
+    def show_notice(self, line: Say, now_s: float) -> None:
         """Show and keep what nobody decided, such as that a broker went away: a replay does not look for it."""
         self._log.note(now_s, told=line.text, level=line.level.value)
         self._show(line, now_s)
@@ -117,13 +117,13 @@ class Keeper:
         flight_s = None if self._launched_s is None else now_s - self._launched_s
         self._console.say(line.level, line.text, flight_s)
         if self._publication is not None:
-            self._publication.said(line, now_s, flight_s)
+            self._publication.publish_line(line, now_s, flight_s)
 
-    def applied(self, event: Event, state: FleetState, now_s: float) -> None:
+    def record_event(self, event: Event, state: FleetState, now_s: float) -> None:
         """Show the fleet after an event, and keep the plan that it brought."""
         self._launched_s, self._state = state.progress.launched_s, state
         if isinstance(event, Tick):
-            self._look_at_the_clock(now_s)
+            self._record_clock_step(now_s)
         if state.replanning.replan is not None:
             self._solve = state.replanning.replan.solve
         if isinstance(event, SolveEnded) and event.routes is not None:
@@ -132,25 +132,25 @@ class Keeper:
                 self._unkept.append((solve, event))
                 self._in_no_file.append((solve, event))
         if self._unkept and (state.replanning.replan is None or state.replanning.replan.solve_s is None):
-            self._keep_plans()
+            self._write_plans()
         self._console.show(self._context, state, now_s)
         if self._publication is not None:
-            self._publication.applied(event, state)
-        if self._checkpoints.due(state, now_s):
+            self._publication.publish_event(event, state)
+        if self._checkpoints.is_due(state, now_s):
             # Between two events: what this one decides is in the log by then.
-            asyncio.get_running_loop().call_soon(self._checkpoints.begin, now_s, self._checkpoint)
+            asyncio.get_running_loop().call_soon(self._checkpoints.begin, now_s, self._build_checkpoint)
 
-    def _checkpoint(self, place: LogPlace) -> Checkpoint:
+    def _build_checkpoint(self, place: LogPlace) -> Checkpoint:
         if self._state is None:
             raise RuntimeError("a checkpoint is due after an event")
         return Checkpoint(place, self._state, self._solve, tuple(self._in_no_file), self._noted_set_s)
 
     def _warn(self, text: str) -> None:
-        self.told(Say(Level.WARNING, text), self._clock.now_s())
+        self.show_notice(Say(Level.WARNING, text), self._clock.now_s())
 
-    def _look_at_the_clock(self, now_s: float) -> None:
+    def _record_clock_step(self, now_s: float) -> None:
         """Write down that the time of day was set: the flight does not go by it, but its resumption does."""
-        set_s = self._clock.set_s()
+        set_s = self._clock.clock_step_s()
         by_s = set_s - self._set_s
         if abs(by_s) < CLOCK_SET_S:
             return
@@ -159,73 +159,73 @@ class Keeper:
         self._log.note(now_s, **{CLOCK_SET: by_s})
         way = "forward" if by_s > 0 else "back"
         text = f"this computer's clock was set {way} by {abs(by_s):.0f} s; the flight's own time goes on"
-        self.told(Say(Level.WARNING, text), now_s)
+        self.show_notice(Say(Level.WARNING, text), now_s)
 
-    def _keep_plans(self) -> None:
+    def _write_plans(self) -> None:
         """Keep what was planned, in a thread: for fifty vehicles it takes longer than the loop may be blocked.
 
         It waits until the new missions are on board, which are more urgent and need the same processor.
         """
         for planned in self._unkept:
-            task = asyncio.create_task(self._keep(planned))
+            task = asyncio.create_task(self._write_plan(planned))
             self._keeping.add(task)
             task.add_done_callback(self._keeping.discard)
         self._unkept.clear()
 
-    async def _keep(self, planned: Planned) -> None:
+    async def _write_plan(self, planned: Planned) -> None:
         try:
-            content = await asyncio.to_thread(_plan_file, self._order, self._context.pricing, planned)
+            content = await asyncio.to_thread(_build_plan_file, self._order, self._context.pricing, planned)
         except Exception as error:  # noqa: BLE001 - what keeps a plan is nothing that a flight may end for
             text = f"plan {planned[1].revision} could not be kept: {type(error).__name__}: {error}"
-            self.told(Say(Level.WARNING, text), self._clock.now_s())
+            self.show_notice(Say(Level.WARNING, text), self._clock.now_s())
             report_mistake("keeping a plan", error, said=True)
             return
-        if plan_path(self._order.run, planned).exists():
+        if plan_path_of(self._order.run, planned).exists():
             self._in_no_file.remove(planned)
         if self._publication is not None:
-            self._publication.plan(planned[1].revision, content)
+            self._publication.publish_plan(planned[1].revision, content)
 
     async def settle(self) -> None:
         """Wait until everything is kept, but not for a disk that never answers."""
-        self._keep_plans()
+        self._write_plans()
         if self._keeping:
             _, waiting = await asyncio.wait(self._keeping, timeout=SETTLE_S)
             if waiting:
                 text = f"{len(waiting)} plans are not on the disk after {SETTLE_S:g} s; they are in the event log"
-                self.told(Say(Level.WARNING, text), self._clock.now_s())
+                self.show_notice(Say(Level.WARNING, text), self._clock.now_s())
         await self._checkpoints.settle()
 
 
-def plan_path(run: Path, planned: Planned) -> Path:
+def plan_path_of(run: Path, planned: Planned) -> Path:
     """Return where a re-plan is kept."""
-    return RunDirectory(run).plan(planned[1].revision)
+    return RunDirectory(run).plan_path(planned[1].revision)
 
 
-def _plan_file(order: Order, pricing: Pricing, planned: Planned) -> PlanFile:
+def _build_plan_file(order: FlightRequest, pricing: Pricing, planned: Planned) -> PlanFile:
     """Return a re-plan as a plan file, and keep it where there is room."""
     ground, (solve, event) = order.ground, planned
-    task, plan = _replanned(pricing, solve, event)
-    solved = Solved(seed=order.plan.solved.seed, solver="search", seconds=event.solve_s)
+    task, plan = _build_replan(pricing, solve, event)
+    solved = SolverRecord(seed=order.plan.solved.seed, solver="search", seconds=event.solve_s)
     content = make_plan_file(
         ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection,
     )  # fmt: skip
     content = replace(content.with_site_of(order.plan), says_distances=not ground.inspection.same_distance)
     with suppress(OSError):
-        write_plan(plan_path(order.run, planned), content)
+        write_plan(plan_path_of(order.run, planned), content)
     return content
 
 
-def _replanned(pricing: Pricing, solve: Solve, event: SolveEnded) -> tuple[Task, Plan]:
-    task, _ = replan_task(pricing, solve)
+def _build_replan(pricing: Pricing, solve: Solve, event: SolveEnded) -> tuple[Task, Plan]:
+    task, _ = build_replan_task(pricing, solve)
     visits = {route.vehicle: task.from_network(route.visits) for route in event.routes or ()}
     routes = tuple(Route(index, visits.get(offer.vehicle, ())) for index, offer in enumerate(solve.survivors))
     flown = {segment_of(visit) for route in routes for visit in route.visits}
     return task, Plan(routes, tuple(segment for segment in range(len(task.segment_ids)) if segment not in flown))
 
 
-def in_force(order: Order, revision: int) -> PlanFile:
+def read_plan_in_force(order: FlightRequest, revision: int) -> PlanFile:
     """Return the newest plan that is on record; a flight that is taken up again may have had several."""
     with suppress(OSError, MissionsError):
         if revision > 0:
-            return read_plan(RunDirectory(order.run).plan(revision))
+            return read_plan(RunDirectory(order.run).plan_path(revision))
     return order.plan

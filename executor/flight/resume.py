@@ -12,33 +12,41 @@ from pathlib import Path
 
 from executor import supervised
 from executor.adapters.clock import SystemClock
-from executor.adapters.eventlog import EventLog, Head, clock_set_s, read_decisions, read_events, read_head, to_plain
-from executor.adapters.extras import Extra, what_to_install
-from executor.adapters.logend import last_event_s, lines_after, says_it_is_over
-from executor.adapters.run_directory import RunDirectory, locked
-from executor.analysis.documents import FlightReport, read_asked, read_report
-from executor.analysis.learned import began_with
-from executor.analysis.report import NOTHING_SAID, Said, report_of
+from executor.adapters.eventlog import (
+    EventLog,
+    LogHeader,
+    read_decisions,
+    read_events,
+    read_head,
+    to_plain,
+    total_clock_step_s,
+)
+from executor.adapters.extras import Extra, describe_missing_extra
+from executor.adapters.logend import count_lines_after, is_flight_finished, read_last_event_s
+from executor.adapters.run_directory import RunDirectory, lock_run_directory
+from executor.analysis.documents import FlightReport, read_report, read_vehicle_answers
+from executor.analysis.learned import read_learned_before
+from executor.analysis.report import NOTHING_SAID, PreflightRecord, build_report
 from executor.core import fleet
 from executor.core.commands import Command, Level, Say, Solve
 from executor.core.events import Reopened, SolveEnded
 from executor.core.state import FleetState
 from executor.errors import LogError
 from executor.flight import fly
-from executor.flight.broker import Settings, settings_of
-from executor.flight.changed_parameters import parameters_report, read_kept
-from executor.flight.checkpoints import FoundCheckpoint, Planned, newest
-from executor.flight.flight_order import Console, Order, keep_learned
-from executor.flight.fly import Cockpit, FlightResult
+from executor.flight.broker import MqttSettings, read_mqtt_settings
+from executor.flight.changed_parameters import build_parameter_rows, read_kept_parameters
+from executor.flight.checkpoints import FoundCheckpoint, Planned, find_newest_checkpoint
+from executor.flight.flight_order import Console, FlightRequest, write_learned
+from executor.flight.fly import FlightResult, FlightSession
 from executor.flight.linking import open_links
-from executor.flight.recorder import Legacy, plan_path
-from executor.flight.run_start import Beginning, beginning, day_rules_of
-from executor.flight.together import time_of
-from executor.images.store import index_of, write_index
-from executor.simulated.injected import happenings
-from executor.site.assembly import Ground, ground_of
+from executor.flight.recorder import InheritedRecord, plan_path_of
+from executor.flight.run_start import RunStart, read_flown_day_plan, read_run_start
+from executor.flight.together import follow_fleet_time
+from executor.images.store import build_image_index, write_index
+from executor.simulated.injected import read_injected_faults
+from executor.site.assembly import SiteModel, load_site_model
 from executor.site.config import read_site
-from executor.site.planning import belongs
+from executor.site.planning import check_plan_belongs
 from missions import PlanFile, read_plan
 
 HEAD = b'{"format":"faultline-'
@@ -48,19 +56,19 @@ LAUNCH = b'"LaunchOrdered"'
 
 
 @dataclass(frozen=True, slots=True)
-class Ready:
+class UnlaunchedRun:
     """A run directory of a flight that was never launched: nothing has moved, so it begins from its beginning."""
 
-    ground: Ground
+    ground: SiteModel
     plan: PlanFile
 
 
 @dataclass(frozen=True, slots=True)
-class Left:
+class InterruptedRun:
     """A flight as its log ends."""
 
-    begun: Beginning
-    head: Head
+    begun: RunStart
+    head: LogHeader
     state: FleetState
     last_s: float
     """The last time that is on record."""
@@ -70,15 +78,15 @@ class Left:
     """What is wrong with the log, or with its checkpoints."""
     undone: tuple[Command, ...]
     """What was decided last, and is not on record as carried out."""
-    legacy: Legacy
+    legacy: InheritedRecord
 
 
 @dataclass(frozen=True, slots=True)
-class Outset:
+class ResumePlan:
     """What is known of a flight that was left before its log is read: enough to be heard by its vehicles."""
 
-    order: Order
-    head: Head
+    order: FlightRequest
+    head: LogHeader
     found: FoundCheckpoint
     """Its checkpoint, if there is a good one."""
     last_s: float
@@ -87,7 +95,7 @@ class Outset:
     """By how much the computer's time of day was set in the flight."""
 
 
-def outset(run: Path) -> Ready | Outset:
+def read_resume_plan(run: Path) -> UnlaunchedRun | ResumePlan:
     """Return what is known of a flight without reading its log, as far as there is a checkpoint.
 
     Raises:
@@ -95,37 +103,37 @@ def outset(run: Path) -> Ready | Outset:
         SiteError: site.toml cannot be used.
         MissionsError: the first plan, or the network, cannot be used.
     """
-    if not RunDirectory(run).site.exists() or not RunDirectory(run).plan(0).exists():
+    if not RunDirectory(run).site.exists() or not RunDirectory(run).plan_path(0).exists():
         raise LogError(f"{run}: expected a run directory with site.toml and plan-000.json; nothing was flown from here")
     path = RunDirectory(run).events
-    found = newest(run, path)
-    launched = found.checkpoint is not None or _launched(run)
+    found = find_newest_checkpoint(run, path)
+    launched = found.checkpoint is not None or _is_launched(run)
     ground, plan = (
-        ground_of(read_site(RunDirectory(run).site), run, began_with(run)),
-        read_plan(RunDirectory(run).plan(0)),
+        load_site_model(read_site(RunDirectory(run).site), run, read_learned_before(run)),
+        read_plan(RunDirectory(run).plan_path(0)),
     )
-    belongs(plan, ground, str(RunDirectory(run).plan(0)))
+    check_plan_belongs(plan, ground, str(RunDirectory(run).plan_path(0)))
     if not launched:
-        return Ready(ground, plan)
+        return UnlaunchedRun(ground, plan)
     known = found.checkpoint
-    set_s = clock_set_s(path) if known is None else known.set_s + clock_set_s(path, known.place)
-    last_s = last_event_s(path) or 0.0
-    return Outset(_order_in_the_air(run, ground, plan), read_head(path), found, last_s, set_s)
+    set_s = total_clock_step_s(path) if known is None else known.set_s + total_clock_step_s(path, known.place)
+    last_s = read_last_event_s(path) or 0.0
+    return ResumePlan(_build_request_in_air(run, ground, plan), read_head(path), found, last_s, set_s)
 
 
-def read_left(run: Path) -> Ready | Left:
+def read_interrupted_run(run: Path) -> UnlaunchedRun | InterruptedRun:
     """Return how a flight was left.
 
     Raises:
-        LogError: as `outset`, or what the directory holds cannot be used.
+        LogError: as `read_resume_plan`, or what the directory holds cannot be used.
         SiteError: site.toml cannot be used.
         MissionsError: the first plan, or the network, cannot be used.
     """
-    known = outset(run)
-    return known if isinstance(known, Ready) else read_rest(run, known)
+    known = read_resume_plan(run)
+    return known if isinstance(known, UnlaunchedRun) else replay_interrupted_run(run, known)
 
 
-def read_rest(run: Path, known: Outset, stopped: Callable[[], bool] = lambda: False) -> Left:
+def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], bool] = lambda: False) -> InterruptedRun:
     """Return how a flight was left, by its checkpoint and what its log holds since; else by the whole log.
 
     Args:
@@ -134,9 +142,9 @@ def read_rest(run: Path, known: Outset, stopped: Callable[[], bool] = lambda: Fa
         stopped: Asked again and again: whether nobody waits for it any more.
 
     Raises:
-        LogError: as `read_left`, or it was stopped.
+        LogError: as `read_interrupted_run`, or it was stopped.
     """
-    path, begun, checkpoint = RunDirectory(run).events, beginning(run), known.found.checkpoint
+    path, begun, checkpoint = RunDirectory(run).events, read_run_start(run), known.found.checkpoint
     notes = list(known.found.notes)
     state, place, last_s = begun.state, None, 0.0
     solves: dict[int, Solve] = {}
@@ -160,26 +168,26 @@ def read_rest(run: Path, known: Outset, stopped: Callable[[], bool] = lambda: Fa
             solves |= {command.revision: command for command in latest if isinstance(command, Solve)}
     missing = replayed - sum(1 for _ in read_decisions(path, place))
     undone = latest[-missing:] if 0 < missing <= len(latest) else ()
-    unkept = tuple(one for one in planned if not plan_path(run, one).exists())
+    unkept = tuple(one for one in planned if not plan_path_of(run, one).exists())
     solve = solves[max(solves)] if solves else None
-    legacy = Legacy(unkept, solve, known.set_s, known.found.name)
-    lines = (0 if place is None else place.lines) + lines_after(path, place)
-    return Left(begun, known.head, state, last_s, lines, tuple(notes), undone, legacy)
+    legacy = InheritedRecord(unkept, solve, known.set_s, known.found.name)
+    lines = (0 if place is None else place.lines) + count_lines_after(path, place)
+    return InterruptedRun(begun, known.head, state, last_s, lines, tuple(notes), undone, legacy)
 
 
-def ended(run: Path) -> Left | None:
+def read_finished_run(run: Path) -> InterruptedRun | None:
     """Return a flight whose log says that nothing is left to supervise; None if it does not, or there is none.
 
     Raises:
-        LogError: as `read_left`.
+        LogError: as `read_interrupted_run`.
     """
-    if not RunDirectory(run).events.exists() or not says_it_is_over(RunDirectory(run).events):
+    if not RunDirectory(run).events.exists() or not is_flight_finished(RunDirectory(run).events):
         return None
-    left = read_left(run)
-    return left if isinstance(left, Left) and left.state.progress.finished else None
+    left = read_interrupted_run(run)
+    return left if isinstance(left, InterruptedRun) and left.state.progress.finished else None
 
 
-def _launched(run: Path) -> bool:
+def _is_launched(run: Path) -> bool:
     """Return whether the log holds a launch; without one nothing was told to move."""
     path = RunDirectory(run).events
     if not path.exists() or path.stat().st_size == 0:
@@ -197,7 +205,7 @@ def _launched(run: Path) -> bool:
     return False
 
 
-def how_it_was_left(left: Left) -> list[str]:
+def describe_interrupted_run(left: InterruptedRun) -> list[str]:
     """Return how a flight was left, for the crew to confirm."""
     state = left.state
     vehicles = [
@@ -210,43 +218,53 @@ def how_it_was_left(left: Left) -> list[str]:
     return [*left.notes, f"left at {left.last_s:.0f} s with {done}: {', '.join(vehicles)}", *under_way]
 
 
-def over(run: Path, left: Left) -> FlightReport | None:
+def finish_report(run: Path, left: InterruptedRun) -> FlightReport | None:
     """Return the report of a flight that has ended; None if there is something left to supervise."""
     if not left.state.progress.finished:
         return None
     with suppress(LogError):
         return read_report(run)
     # It died between the end of the flight and its report.
-    parameters = parameters_report(read_kept(run) or ())
-    report = report_of(left.begun.context, left.state, left.last_s, said=_said(run), parameters=parameters)
+    parameters = build_parameter_rows(read_kept_parameters(run) or ())
+    report = build_report(
+        left.begun.context, left.state, left.last_s, said=_read_preflight_record(run), parameters=parameters
+    )
     with suppress(OSError):  # it is shown all the same
-        keep_learned(run, left.begun.context, left.state, left.begun.ground.learned)
+        write_learned(run, left.begun.context, left.state, left.begun.ground.learned)
         report.write(RunDirectory(run).report)
         if left.begun.context.setup.looks:
-            write_index(run, index_of(left.begun.context, left.state, left.head.began_unix_s))
+            write_index(run, build_image_index(left.begun.context, left.state, left.head.began_unix_s))
     return report
 
 
-def order_of(run: Path, ground: Ground, plan: PlanFile) -> Order:
+def build_resumed_request(run: Path, ground: SiteModel, plan: PlanFile) -> FlightRequest:
     """Return the order to fly what a run directory describes."""
-    return replace(_unpublished(run, ground, plan), mqtt=_broker(run, ground))
+    return replace(_build_unpublished_request(run, ground, plan), mqtt=_read_broker(run, ground))
 
 
-def _unpublished(run: Path, ground: Ground, plan: PlanFile) -> Order:
-    return Order(ground.site, run, ground, plan, run, lambda clock: happenings(run, clock), day=day_rules_of(run))
+def _build_unpublished_request(run: Path, ground: SiteModel, plan: PlanFile) -> FlightRequest:
+    return FlightRequest(
+        ground.site,
+        run,
+        ground,
+        plan,
+        run,
+        lambda clock: read_injected_faults(run, clock),
+        day=read_flown_day_plan(run),
+    )
 
 
-def _broker(run: Path, ground: Ground) -> Settings | None:
-    return settings_of(ground.site.mqtt, run, str(RunDirectory(run).site))
+def _read_broker(run: Path, ground: SiteModel) -> MqttSettings | None:
+    return read_mqtt_settings(ground.site.mqtt, run, str(RunDirectory(run).site))
 
 
-def _order_in_the_air(run: Path, ground: Ground, plan: PlanFile) -> Order:
+def _build_request_in_air(run: Path, ground: SiteModel, plan: PlanFile) -> FlightRequest:
     """Return the order of a flight that was launched: it is taken up though it cannot be published."""
-    order = _unpublished(run, ground, plan)
-    return order if what_to_install(Extra.MQTT, "[mqtt]") else replace(order, mqtt=_broker(run, ground))
+    order = _build_unpublished_request(run, ground, plan)
+    return order if describe_missing_extra(Extra.MQTT, "[mqtt]") else replace(order, mqtt=_read_broker(run, ground))
 
 
-async def begin_again(run: Path, ready: Ready, console: Console) -> FlightResult:
+async def start_unlaunched_run(run: Path, ready: UnlaunchedRun, console: Console) -> FlightResult:
     """Fly a flight that was never launched.
 
     Raises:
@@ -259,23 +277,23 @@ async def begin_again(run: Path, ready: Ready, console: Console) -> FlightResult
     ):  # the log holds its head at most; checkpoints would be another flight's
         file.unlink(missing_ok=True)
     console.say(Level.INFO, f"{run}: nothing was launched; the flight begins from its beginning")
-    return await fly.fly(order_of(run, ready.ground, ready.plan), console)
+    return await fly.run_flight(build_resumed_request(run, ready.ground, ready.plan), console)
 
 
-def beforehand(run: Path, known: Outset) -> list[str]:
+def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
     """Return what there is to say of a flight before anybody is told anything: the less, the longer its log is.
 
     Raises:
-        LogError: as `read_left`.
+        LogError: as `read_interrupted_run`.
     """
     if known.found.checkpoint is not None:
-        return how_it_was_left(read_rest(run, known))
+        return describe_interrupted_run(replay_interrupted_run(run, known))
     size_mb = 1e-6 * RunDirectory(run).events.stat().st_size
     text = f"left at {known.last_s:.0f} s; its log of {size_mb:.0f} MB is read while the vehicles hear our heartbeat"
     return [*known.found.notes, text]
 
 
-async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> FlightResult:
+async def resume_flight(run: Path, console: Console, told: Sequence[str] = ()) -> FlightResult:
     """Supervise a flight again that was left in the midst, to its end.
 
     The links are opened first, and our heartbeat goes out: without it the vehicles' own failsafes act. The log is read
@@ -289,56 +307,58 @@ async def take_up(run: Path, console: Console, told: Sequence[str] = ()) -> Flig
     Raises:
         ExecutorError: another process flies it, nobody answers, or the directory cannot be used.
     """
-    with locked(run), supervised.hear(lambda text: console.say(Level.FAULT, text), run):
-        known = outset(run)  # now that nobody else writes to it
-        if isinstance(known, Ready):
+    with lock_run_directory(run), supervised.watch_mistakes(lambda text: console.say(Level.FAULT, text), run):
+        known = read_resume_plan(run)  # now that nobody else writes to it
+        if isinstance(known, UnlaunchedRun):
             raise LogError(f"{run}: expected a flight that was launched")
         order = known.order
         if order.mqtt is None and order.site.mqtt is not None:
-            why = what_to_install(Extra.MQTT, f"[mqtt] in {RunDirectory(run).site}")
+            why = describe_missing_extra(Extra.MQTT, f"[mqtt] in {RunDirectory(run).site}")
             console.say(Level.WARNING, f"{why}; the flight goes on unpublished")
         async with AsyncExitStack() as stack:
-            found = await stack.enter_async_context(time_of(order.site, console))
+            found = await stack.enter_async_context(follow_fleet_time(order.site, console))
             head = known.head
-            clock = SystemClock.again(
+            clock = SystemClock.resume(
                 head.speedup, head.began_unix_s, known.last_s, known.set_s, found.steady, found.date_unix_s()
             )
             links = await stack.enter_async_context(open_links(order, clock))
             console.say(Level.INFO, f"the vehicles hear our heartbeat again; reading {RunDirectory(run).events}")
-            await asyncio.to_thread(fly.load_parts, order)
-            left = await _read(run, known)
-            report = over(run, left)
+            await asyncio.to_thread(fly.load_optional_parts, order)
+            left = await _replay_in_thread(run, known)
+            report = finish_report(run, left)
             if report is not None:
                 console.say(Level.INFO, f"{run}: this flight is over")
                 return FlightResult(report, left.begun.context, left=False)
-            for line in how_it_was_left(left):
+            for line in describe_interrupted_run(left):
                 if line not in told:
                     console.say(Level.INFO, line)
-            log = EventLog(RunDirectory(run).events, told=fly.telling(console), lines=left.lines)
+            log = EventLog(RunDirectory(run).events, told=fly.make_warning_sink(console), lines=left.lines)
             for command in left.undone:
-                _note(log, command, left.last_s)
+                _note_undone_command(log, command, left.last_s)
             away_s = max(0.0, clock.now_s() - left.last_s)
             reopened = Reopened(time.time(), away_s, left.notes)
             # The planner's process starts while the vehicles are asked: they fly meanwhile.
-            solver = fly.solver_of(order, console)
+            solver = fly.make_solver_process(order, console)
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
-                seat = Cockpit(left.begun.context, left.state, links, clock, log, solver, _said(run), left.legacy)
+                seat = FlightSession(
+                    left.begun.context, left.state, links, clock, log, solver, _read_preflight_record(run), left.legacy
+                )
                 return await fly.supervise(order, console, seat, reopened)
             finally:
                 await starting
 
 
-async def _read(run: Path, known: Outset) -> Left:
+async def _replay_in_thread(run: Path, known: ResumePlan) -> InterruptedRun:
     """Read the log in a thread, which ends with its caller."""
     over = threading.Event()
     try:
-        return await asyncio.to_thread(read_rest, run, known, over.is_set)
+        return await asyncio.to_thread(replay_interrupted_run, run, known, over.is_set)
     finally:
         over.set()
 
 
-def _note(log: EventLog, command: Command, at_s: float) -> None:
+def _note_undone_command(log: EventLog, command: Command, at_s: float) -> None:
     """Write down what was decided when the ground station died: the vehicles may not know of it."""
     if isinstance(command, Say):
         log.note(at_s, said=command.text, level=command.level.value, carried_out=False)
@@ -346,8 +366,8 @@ def _note(log: EventLog, command: Command, at_s: float) -> None:
         log.note(at_s, command=to_plain(command), carried_out=False)
 
 
-def _said(run: Path) -> Said:
+def _read_preflight_record(run: Path) -> PreflightRecord:
     """Return what was known before the flight, as vehicles.json has it."""
     with suppress(LogError):
-        return Said({}, (), kept=read_asked(run))
+        return PreflightRecord({}, (), kept=read_vehicle_answers(run))
     return NOTHING_SAID

@@ -8,32 +8,32 @@ from pathlib import Path
 from types import MappingProxyType
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.documents import AskedVehicle, read_asked
-from executor.analysis.learned import began_with
+from executor.analysis.documents import AskedVehicle, read_vehicle_answers
+from executor.analysis.learned import read_learned_before
 from executor.core import fleet
 from executor.core.context import Context
-from executor.core.fencing import first_fences
-from executor.core.preflight.failsafes import LinkFailsafe, link_failsafe
+from executor.core.fencing import build_first_fences
+from executor.core.preflight.failsafes import LinkFailsafe, read_link_failsafe
 from executor.core.state import FleetState
-from executor.core.vehicle import aboard
+from executor.core.vehicle import build_onboard_mission
 from executor.site import assembly, dayflight
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.site.config import read_site
-from executor.site.planning import belongs
-from missions import DayPlanFile, Pad, PlanFile, dialect_for, read_day_plan, read_plan, tuned
+from executor.site.planning import check_plan_belongs
+from missions import DayPlanFile, Pad, PlanFile, apply_tunings, dialect_for, read_day_plan, read_plan
 
 
 @dataclass(frozen=True, slots=True)
-class Beginning:
+class RunStart:
     """A flight before its launch."""
 
-    ground: Ground
+    ground: SiteModel
     plan: PlanFile
     context: Context
     state: FleetState
 
 
-def beginning(run: Path) -> Beginning:
+def read_run_start(run: Path) -> RunStart:
     """Return what a flight began with.
 
     Raises:
@@ -42,37 +42,42 @@ def beginning(run: Path) -> Beginning:
         MissionsError: the first plan, or the network, cannot be used.
     """
     site = read_site(RunDirectory(run).site)
-    ground = assembly.ground_of(site, run, began_with(run))
-    plan = read_plan(RunDirectory(run).plan(0))
-    belongs(plan, ground, str(RunDirectory(run).plan(0)))
-    task = plan.task()
-    rows = {row.name: row for row in read_asked(run).vehicles}
-    pads = _pads(rows, ground.names)
-    setup = assembly.setup_of(ground, pads)
+    ground = assembly.load_site_model(site, run, read_learned_before(run))
+    plan = read_plan(RunDirectory(run).plan_path(0))
+    check_plan_belongs(plan, ground, str(RunDirectory(run).plan_path(0)))
+    task = plan.build_task()
+    rows = {row.name: row for row in read_vehicle_answers(run).vehicles}
+    pads = _build_pads(rows, ground.names)
+    setup = assembly.build_flight_setup(ground, pads)
     dialects = {table.name: dialect_for(table.autopilot) for table in site.vehicle}
     own: Mapping[str, LinkFailsafe] = MappingProxyType({
-        name: link_failsafe(dialects[name], row.parameters) for name, row in rows.items() if name in dialects
+        name: read_link_failsafe(dialects[name], row.parameters) for name, row in rows.items() if name in dialects
     })  # fmt: skip
     performances = {
-        name: tuned(dialects[name].performance, dialects[name].tunings, row.parameters)
+        name: apply_tunings(dialects[name].performance, dialects[name].tunings, row.parameters)
         for name, row in rows.items()
         if name in dialects
     }
-    context = assembly.context_of(ground, setup, task, own, performances)
-    day = day_rules_of(run)
+    context = assembly.build_context(ground, setup, task, own, performances)
+    day = read_flown_day_plan(run)
     if day is not None:
-        context = replace(context, day=dayflight.day_rules(day))
-    routes = assembly.routes_of(ground, task, plan.plan)
-    paths = assembly.paths_of(setup, routes, context.vehicles)
+        context = replace(context, day=dayflight.build_day_rules(day))
+    routes = assembly.name_routes(ground, task, plan.plan)
+    paths = assembly.build_paths(setup, routes, context.vehicles)
     boards = {
-        name: aboard(context, name, 0, paths[name], routes[name]) if name in paths else None
+        name: build_onboard_mission(context, name, 0, paths[name], routes[name]) if name in paths else None
         for name in context.vehicles
     }
-    ahead = {} if day is None else dayflight.ahead_of(day)
-    return Beginning(ground, plan, context, fleet.initial(boards, fences=first_fences(context, boards), ahead=ahead))
+    ahead = {} if day is None else dayflight.sorties_ahead_of(day)
+    return RunStart(
+        ground,
+        plan,
+        context,
+        fleet.build_initial_state(boards, fences=build_first_fences(context, boards), ahead=ahead),
+    )
 
 
-def day_rules_of(run: Path) -> DayPlanFile | None:
+def read_flown_day_plan(run: Path) -> DayPlanFile | None:
     """Return the day plan that a run directory was flown by; None for a single flight.
 
     Raises:
@@ -82,7 +87,7 @@ def day_rules_of(run: Path) -> DayPlanFile | None:
     return read_day_plan(path) if path.exists() else None
 
 
-def _pads(rows: Mapping[str, AskedVehicle], names: tuple[str, ...]) -> list[Pad] | None:
+def _build_pads(rows: Mapping[str, AskedVehicle], names: tuple[str, ...]) -> list[Pad] | None:
     pads = []
     for name in names:
         row = rows.get(name)

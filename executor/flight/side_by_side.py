@@ -11,7 +11,7 @@ AT_ONCE = 10
 """Vehicles that are spoken to at the same time: a radio has its limits, and so has a simulator."""
 
 
-async def together(works: Iterable[Coroutine[None, None, T]]) -> list[T]:
+async def run_concurrently(works: Iterable[Coroutine[None, None, T]]) -> list[T]:
     """Do several things side by side; the first that fails ends the others, and is raised as it is."""
     tasks = [asyncio.ensure_future(work) for work in works]
     try:
@@ -22,7 +22,7 @@ async def together(works: Iterable[Coroutine[None, None, T]]) -> list[T]:
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def in_turns(names: Iterable[str], work: Callable[[str], Coroutine[None, None, T]]) -> dict[str, T]:
+async def run_for_each(names: Iterable[str], work: Callable[[str], Coroutine[None, None, T]]) -> dict[str, T]:
     """Do something with every vehicle, `AT_ONCE` of them at a time; as `together` otherwise."""
     turn, every = asyncio.Semaphore(AT_ONCE), list(names)
 
@@ -30,4 +30,4 @@ async def in_turns(names: Iterable[str], work: Callable[[str], Coroutine[None, N
         async with turn:
             return await work(name)
 
-    return dict(zip(every, await together(map(one, every)), strict=True))
+    return dict(zip(every, await run_concurrently(map(one, every)), strict=True))

@@ -12,10 +12,10 @@ from executor.adapters.clock import steady_s
 from executor.adapters.fleet_time import FleetTime
 from executor.core.commands import Level
 from executor.core.connection import Scheme
-from executor.flight.flight_order import Teller
-from executor.runtime.turns import Loop
+from executor.flight.flight_order import MessageSink
+from executor.runtime.turns import FairEventLoop
 from executor.site.config import Site
-from executor.supervised import beside
+from executor.supervised import run_beside
 
 CALL_AGAIN_S = 0.2
 """Real seconds between two attempts to find the fleet: it may begin later, and again."""
@@ -26,7 +26,7 @@ KEPT = 0.9
 
 
 @dataclass(frozen=True, slots=True)
-class FoundTime:
+class FlightTimeSource:
     """A steady clock, and what the time of day is on it."""
 
     steady: Callable[[], float] = steady_s
@@ -35,47 +35,49 @@ class FoundTime:
 
 
 @asynccontextmanager
-async def time_of(site: Site, console: Teller) -> AsyncIterator[FoundTime]:
+async def follow_fleet_time(site: Site, console: MessageSink) -> AsyncIterator[FlightTimeSource]:
     """Keep the time together with the simulated fleet of this site, if one of ours flies on this computer.
 
     Real vehicles, real autopilots in a simulation and everything at real time have the computer's.
     """
     loop = asyncio.get_running_loop()
     ports = [one.link.number for one in site.vehicle if one.link.scheme in {Scheme.UDP_IN, Scheme.UDP_OUT}]
-    if site.flight.speedup <= 1 or not ports or not isinstance(loop, Loop):
-        yield FoundTime()
+    if site.flight.speedup <= 1 or not ports or not isinstance(loop, FairEventLoop):
+        yield FlightTimeSource()
         return
     fleet = FleetTime(site.flight.speedup, steady_s)
-    with loop.at_the_pace_of(fleet):
-        await fleet.call(ports[0])
+    with loop.follow_pacemaker(fleet):
+        await fleet.connect(ports[0])
         try:
             async with (
-                beside("keeping the fleet's time", partial(_keep_calling, fleet, ports[0])),
-                beside("comparing the fleet's time", partial(_tell_once, fleet, site.flight.speedup, console)),
+                run_beside("keeping the fleet's time", partial(_keep_connecting, fleet, ports[0])),
+                run_beside(
+                    "comparing the fleet's time", partial(_report_slow_host_once, fleet, site.flight.speedup, console)
+                ),
             ):
-                yield FoundTime(fleet.steady_s, fleet.date_unix_s)
+                yield FlightTimeSource(fleet.steady_s, fleet.date_unix_s)
         finally:
-            fleet.hang_up()
+            fleet.disconnect()
 
 
-async def _keep_calling(fleet: FleetTime, port: int) -> None:
+async def _keep_connecting(fleet: FleetTime, port: int) -> None:
     while True:
-        if not fleet.connected:
-            await fleet.call(port)
+        if not fleet.is_connected:
+            await fleet.connect(port)
         await asyncio.sleep(CALL_AGAIN_S)
 
 
-async def _tell_once(fleet: FleetTime, speedup: float, console: Teller) -> None:
+async def _report_slow_host_once(fleet: FleetTime, speedup: float, console: MessageSink) -> None:
     """Say in one line when the computer cannot keep up with the speed that was asked for."""
     while True:
-        ours_s, own_s, whole = fleet.steady_s(), steady_s(), fleet.together
+        ours_s, own_s, whole = fleet.steady_s(), steady_s(), fleet.is_synchronised
         await asyncio.sleep(WINDOW_S)
         kept = (fleet.steady_s() - ours_s) / (steady_s() - own_s)
-        if whole and fleet.together and kept < KEPT:
-            console.say(Level.INFO, slower(kept * speedup, speedup))
+        if whole and fleet.is_synchronised and kept < KEPT:
+            console.say(Level.INFO, describe_slow_host(kept * speedup, speedup))
             return
 
 
-def slower(kept: float, speedup: float) -> str:
+def describe_slow_host(kept: float, speedup: float) -> str:
     """Return what the crew is told."""
     return f"host too slow: running at {kept:.1f}x instead of {speedup:g}x real time; results are unaffected"

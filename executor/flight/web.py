@@ -13,17 +13,17 @@ from types import MappingProxyType
 from urllib.parse import urlsplit
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.extras import Extra, what_to_install
+from executor.adapters.extras import Extra, describe_missing_extra
 from executor.core.commands import Level
 from executor.core.intents import Intent, IntentRecord
 from executor.core.state import FleetState
 from executor.errors import ConnectionFailed, LogError, SiteError
-from executor.flight.flight_order import Order, Teller
+from executor.flight.flight_order import FlightRequest, MessageSink
 from executor.runtime.flight import Flight
-from executor.site.ground_files import ground_files, kept_files
-from executor.site.ground_view import GroundView, area_of
+from executor.site.ground_files import encode_ground, read_ground_files
+from executor.site.ground_view import GroundView, shown_area_of
 from executor.site.tables.links import WebTable
-from executor.supervised import hand_over
+from executor.supervised import report_on_loop
 from missions import Window
 
 LEAST_TOKEN = 16
@@ -31,16 +31,16 @@ LEAST_TOKEN = 16
 
 
 @dataclass(frozen=True, slots=True)
-class Lasting:
+class StaticPageData:
     """What the page shows that is the same during the whole flight."""
 
     ground: Mapping[str, bytes]
-    """Files, as `ground_files` names them."""
+    """Files, as `encode_ground` names them."""
     window: Window | None
     """The re-plan window of the first plan."""
 
 
-NOTHING = Lasting(MappingProxyType({}), None)
+NOTHING = StaticPageData(MappingProxyType({}), None)
 
 
 def check_web(table: WebTable) -> None:
@@ -50,13 +50,13 @@ def check_web(table: WebTable) -> None:
         SiteError: the token is missing or too short.
     """
     if table.enabled:
-        _token(table)
-        if what_to_install(Extra.WEB, "the page"):
+        _read_token(table)
+        if describe_missing_extra(Extra.WEB, "the page"):
             return  # said beside the flight, which goes on without
         import executor.adapters.web  # noqa: F401 - a third of a second in which no vehicle would be heard
 
 
-def _token(table: WebTable) -> str | None:
+def _read_token(table: WebTable) -> str | None:
     if table.token_env is None:
         return None
     value = os.environ.get(table.token_env, "")
@@ -74,8 +74,8 @@ def _token(table: WebTable) -> str | None:
 
 
 @asynccontextmanager
-async def page_beside(
-    table: WebTable, flight: Flight, clock: SystemClock, console: Teller, lasting: Lasting = NOTHING
+async def serve_page(
+    table: WebTable, flight: Flight, clock: SystemClock, console: MessageSink, lasting: StaticPageData = NOTHING
 ) -> AsyncIterator[None]:
     """Serve the page; a flight goes on without it where it cannot be served.
 
@@ -84,7 +84,7 @@ async def page_beside(
     if not table.enabled:
         yield
         return
-    if line := what_to_install(Extra.WEB, "the page"):
+    if line := describe_missing_extra(Extra.WEB, "the page"):
         console.say(Level.WARNING, f"{line}; the flight goes on without it")
         yield
         return
@@ -96,17 +96,17 @@ async def page_beside(
         return flight.state, clock.now_s()
 
     async def take(intent: Intent) -> IntentRecord:
-        return flight.ask(intent)
+        return flight.submit_intent(intent)
 
     def submit(intent: Intent) -> Future[IntentRecord]:
         return asyncio.run_coroutine_threadsafe(take(intent), loop)
 
-    token = _token(table)
+    token = _read_token(table)
     names = {*table.names, *(() if table.address is None else (urlsplit(table.address).hostname or "",))}
     settings = WebSettings(
         table.host, table.port, token, frozenset(names), clock.speedup, lasting.ground, lasting.window
     )
-    server = WebServer(settings, flight.context, now, submit, mistake=partial(hand_over, loop))
+    server = WebServer(settings, flight.context, now, submit, mistake=partial(report_on_loop, loop))
     stack = ExitStack()
     try:
         await asyncio.to_thread(stack.enter_context, server)
@@ -122,14 +122,14 @@ async def page_beside(
         await asyncio.to_thread(stack.close)
 
 
-def lasting_of(order: Order, console: Teller) -> Lasting:
+def read_static_page_data(order: FlightRequest, console: MessageSink) -> StaticPageData:
     """Return what the run directory keeps of the ground, or at least where the local metres are; and the window."""
     if not order.site.web.enabled:
         return NOTHING
     try:
-        kept = kept_files(order.run)
+        kept = read_ground_files(order.run)
     except LogError as error:
         console.say(Level.WARNING, f"{error}: the page shows no ground")
         kept = {}
-    around = GroundView(*area_of(order.ground.network.positions_m))
-    return Lasting(kept or ground_files(around, order.ground.network.frame), order.plan.window)
+    around = GroundView(*shown_area_of(order.ground.network.positions_m))
+    return StaticPageData(kept or encode_ground(around, order.ground.network.frame), order.plan.window)

@@ -27,7 +27,7 @@ MOST_PAIRS = 4_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Times:
+class PlacedTimes:
     """Times in ascending order, with places where they are known."""
 
     times_s: FloatArray
@@ -36,7 +36,7 @@ class Times:
 
 
 @dataclass(frozen=True, slots=True)
-class Offset:
+class ClockOffset:
     """How a card's clock differs."""
 
     ahead_s: float
@@ -47,19 +47,19 @@ class Offset:
     """How well they do: two cameras that fly alike have as many pairs, but not as near ones."""
 
 
-def series(frame: LocalFrame, rows: list[tuple[float, float | None, float | None]]) -> Times:
+def build_placed_times(frame: LocalFrame, rows: list[tuple[float, float | None, float | None]]) -> PlacedTimes:
     """Return times with their places, from times, latitudes and longitudes."""
     places = [
         (np.nan, np.nan) if lat_deg is None or lon_deg is None else frame.to_local_m(lat_deg, lon_deg)
         for _, lat_deg, lon_deg in rows
     ]
     times = np.array([row[0] for row in rows], dtype=np.float64)
-    return Times(times, np.array(places, dtype=np.float64).reshape(-1, 2))
+    return PlacedTimes(times, np.array(places, dtype=np.float64).reshape(-1, 2))
 
 
-def offset_of(card: Times, pictures: Times) -> Offset | None:
+def find_clock_offset(card: PlacedTimes, pictures: PlacedTimes) -> ClockOffset | None:
     """Return the offset at which most files fall together with pictures; None where none do."""
-    apart_s = _differences(card, pictures)
+    apart_s = _compute_differences_s(card, pictures)
     apart_s = apart_s[np.abs(apart_s) <= FARTHEST_S]
     if not len(apart_s):
         return None
@@ -69,13 +69,13 @@ def offset_of(card: Times, pictures: Times) -> Offset | None:
     middle_s = low_s + (int(pairs.argmax()) + 1) * BIN_S
     near = apart_s[np.abs(apart_s - middle_s) <= BIN_S]
     ahead_s = float(np.median(near))
-    together = matched(card, pictures, ahead_s)
+    together = match_times(card, pictures, ahead_s)
     apart_s = np.array([card.times_s[file] - ahead_s - pictures.times_s[picture] for file, picture in together])
     wrong = ZONE_DOUBT * min(1.0, abs((ahead_s + ZONE_S / 2) % ZONE_S - ZONE_S / 2) / WRONG_S)
-    return Offset(ahead_s, len(together), float((1.0 - np.abs(apart_s) / TOLERANCE_S).sum()) * (1.0 - wrong))
+    return ClockOffset(ahead_s, len(together), float((1.0 - np.abs(apart_s) / TOLERANCE_S).sum()) * (1.0 - wrong))
 
 
-def _differences(card: Times, pictures: Times) -> FloatArray:
+def _compute_differences_s(card: PlacedTimes, pictures: PlacedTimes) -> FloatArray:
     """Return by how much the time of each file is after that of each picture, of pairs that may be the same."""
     thin = max(1, int(np.ceil(len(card.times_s) * len(pictures.times_s) / MOST_PAIRS)))
     times_s, places_m = card.times_s[::thin], card.places_m[::thin]
@@ -84,7 +84,7 @@ def _differences(card: Times, pictures: Times) -> FloatArray:
     return np.asarray(apart_s[~(apart_m > NEAR_M)])
 
 
-def matched(card: Times, pictures: Times, ahead_s: float) -> list[tuple[int, int]]:
+def match_times(card: PlacedTimes, pictures: PlacedTimes, ahead_s: float) -> list[tuple[int, int]]:
     """Return (file, picture) of all that fall together, each at most once, the nearest in time first."""
     times_s = card.times_s - ahead_s
     candidates: list[tuple[float, int, int]] = []

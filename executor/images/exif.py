@@ -39,7 +39,7 @@ class PictureFile:
     """Why nothing could be read of it."""
 
 
-def picture_files(folder: Path) -> Iterator[PictureFile]:
+def find_picture_files(folder: Path) -> Iterator[PictureFile]:
     """Yield all pictures below a folder, in the order of their names.
 
     Raises:
@@ -59,18 +59,18 @@ def read_picture(path: Path) -> PictureFile:
         with Image.open(path) as image:
             exif = image.getexif()
             details, gps = exif.get_ifd(DETAILS), exif.get_ifd(GPS)
-        taken_s, zoned = _time(details)
-        lat_deg, lon_deg = _degrees(gps, 2, 1, "S"), _degrees(gps, 4, 3, "W")
+        taken_s, zoned = _read_time(details)
+        lat_deg, lon_deg = _read_degrees(gps, 2, 1, "S"), _read_degrees(gps, 4, 3, "W")
         camera = " ".join(
             str(part).strip("\0 ") for part in (exif.get(MAKE), exif.get(MODEL), details.get(SERIAL)) if part
         )
-        return PictureFile(path, taken_s, zoned, lat_deg, lon_deg, camera, _number(details.get(EXPOSURE)), digest)
+        return PictureFile(path, taken_s, zoned, lat_deg, lon_deg, camera, _to_number(details.get(EXPOSURE)), digest)
     except (OSError, UnidentifiedImageError, ValueError, SyntaxError, TypeError, KeyError) as error:
         why = " ".join(str(error).split())[:200] or type(error).__name__
         return PictureFile(path, None, False, None, None, "", None, "", f"expected a picture: {why}")
 
 
-def _time(details: dict[int, object]) -> tuple[float | None, bool]:
+def _read_time(details: dict[int, object]) -> tuple[float | None, bool]:
     text = str(details.get(ORIGINAL) or "").strip("\0 ")
     if not text:
         return None, False
@@ -87,7 +87,7 @@ def _time(details: dict[int, object]) -> tuple[float | None, bool]:
     return local.replace(tzinfo=timezone(away)).timestamp() + part_s, zone is not None
 
 
-def _number(value: object) -> float | None:
+def _to_number(value: object) -> float | None:
     try:
         number = float(value)  # type: ignore[arg-type]  # whatever a file holds
     except (TypeError, ValueError, ZeroDivisionError):
@@ -95,11 +95,11 @@ def _number(value: object) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _degrees(gps: dict[int, object], place: int, side: int, negative: str) -> float | None:
+def _read_degrees(gps: dict[int, object], place: int, side: int, negative: str) -> float | None:
     parts = gps.get(place)
     if not isinstance(parts, tuple) or len(parts) != 3:
         return None
-    numbers = [_number(part) for part in parts]
+    numbers = [_to_number(part) for part in parts]
     if any(number is None for number in numbers):
         return None
     whole, minutes, seconds = (number or 0.0 for number in numbers)
@@ -107,20 +107,20 @@ def _degrees(gps: dict[int, object], place: int, side: int, negative: str) -> fl
     return -degrees if str(gps.get(side, "")).strip("\0 ").upper().startswith(negative) else degrees
 
 
-def gps_tags(lat_deg: float, lon_deg: float, alt_m: float) -> dict[int, object]:
+def build_gps_tags(lat_deg: float, lon_deg: float, alt_m: float) -> dict[int, object]:
     """Return a place as EXIF has it."""
     return {
         0: b"\2\3\0\0",
         1: "N" if lat_deg >= 0 else "S",
-        2: _sexagesimal(lat_deg),
+        2: _to_sexagesimal(lat_deg),
         3: "E" if lon_deg >= 0 else "W",
-        4: _sexagesimal(lon_deg),
+        4: _to_sexagesimal(lon_deg),
         5: b"\1" if alt_m < 0 else b"\0",
         6: round(abs(alt_m), 2),
     }
 
 
-def _sexagesimal(angle_deg: float) -> tuple[float, float, float]:
+def _to_sexagesimal(angle_deg: float) -> tuple[float, float, float]:
     left = round(abs(angle_deg) * 3600, 4)
     return float(left // 3600), float(left % 3600 // 60), round(left % 60, 4)
 
@@ -138,12 +138,12 @@ def write_place_exif(path: Path, lat_deg: float, lon_deg: float, alt_m: float) -
             raise OSError(f"{path}: expected a JPEG")
         exif = image.getexif()
         exif.get_ifd(DETAILS)  # it is written again with what it holds
-        exif.get_ifd(GPS).update(gps_tags(lat_deg, lon_deg, alt_m))
+        exif.get_ifd(GPS).update(build_gps_tags(lat_deg, lon_deg, alt_m))
         block = exif.tobytes()
-    write_whole(path, with_exif(path.read_bytes(), block))
+    write_whole(path, replace_exif(path.read_bytes(), block))
 
 
-def with_exif(jpeg: bytes, block: bytes) -> bytes:
+def replace_exif(jpeg: bytes, block: bytes) -> bytes:
     """Return a JPEG with another EXIF block, all else as it was.
 
     Raises:
@@ -174,7 +174,7 @@ def write_place_xmp(path: Path, lat_deg: float, lon_deg: float, alt_m: float) ->
         '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>\n<x:xmpmeta xmlns:x="adobe:ns:meta/">\n'
         ' <rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">\n'
         '  <rdf:Description rdf:about="" xmlns:exif="http://ns.adobe.com/exif/1.0/"\n'
-        f'   exif:GPSLatitude="{_minutes(lat_deg, "NS")}" exif:GPSLongitude="{_minutes(lon_deg, "EW")}"\n'
+        f'   exif:GPSLatitude="{_format_minutes(lat_deg, "NS")}" exif:GPSLongitude="{_format_minutes(lon_deg, "EW")}"\n'
         f'   exif:GPSAltitude="{round(abs(alt_m) * 100)}/100" exif:GPSAltitudeRef="{int(alt_m < 0)}"\n'
         '   exif:GPSVersionID="2.3.0.0"/>\n </rdf:RDF>\n</x:xmpmeta>\n<?xpacket end="w"?>\n'
     )
@@ -182,6 +182,6 @@ def write_place_xmp(path: Path, lat_deg: float, lon_deg: float, alt_m: float) ->
     return beside
 
 
-def _minutes(angle_deg: float, sides: str) -> str:
+def _format_minutes(angle_deg: float, sides: str) -> str:
     degrees, minutes = divmod(abs(angle_deg) * 60, 60)
     return f"{degrees:.0f},{minutes:.6f}{sides[angle_deg < 0]}"

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from executor.images.clocks import Offset, matched, offset_of, series
+from executor.images.clocks import ClockOffset, build_placed_times, find_clock_offset, match_times
 from executor.images.exif import PictureFile
 from executor.images.rows import AssetRow, ImageRow
-from executor.images.store import Index
+from executor.images.store import ImageIndex
 from missions.geo import LocalFrame
 
 BLUR_M = 0.02
@@ -29,14 +29,14 @@ class FileMatch:
 
 
 @dataclass(frozen=True, slots=True)
-class Card:
+class MemoryCard:
     """Files that one camera wrote."""
 
     name: str
     files: tuple[PictureFile, ...]
     key: Key | None = None
     """Whose they are; None where they fall together with nobody's pictures."""
-    offset: Offset | None = None
+    offset: ClockOffset | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Matching:
     """What a folder holds of an index."""
 
     matches: tuple[FileMatch, ...]
-    cards: tuple[Card, ...]
+    cards: tuple[MemoryCard, ...]
     missing: tuple[ImageRow, ...]
     """Pictures without a file."""
     doubled: tuple[tuple[Path, Path], ...]
@@ -59,23 +59,23 @@ class Matching:
     """Assets of which something is not shown."""
 
     @property
-    def complete(self) -> bool:
+    def is_complete(self) -> bool:
         """Return whether every picture has a file, and everything was seen."""
         return not self.missing and not self.unseen
 
 
-def match_files(index: Index, files: Sequence[PictureFile], folder: Path) -> Matching:
+def match_files(index: ImageIndex, files: Sequence[PictureFile], folder: Path) -> Matching:
     """Match files to an index."""
     readable = [file for file in files if not file.unreadable]
-    once, doubled = _once(readable)
+    once, doubled = _remove_duplicates(readable)
     groups: dict[Key, list[ImageRow]] = {}
     for row in index.images:
         groups.setdefault((row.vehicle, row.camera), []).append(row)
-    cards = _owners(_cards(once, folder), groups, index)
+    cards = _assign_owners(_group_by_card(once, folder), groups, index)
     matches: list[FileMatch] = []
     for card in cards:
         if card.key is not None and card.offset is not None:
-            matches += _matches(card, card.offset, groups[card.key], _frame(index))
+            matches += _match_card(card, card.offset, groups[card.key], _frame_of(index))
     have = {id(match.image) for match in matches}
     used = {match.file.path for match in matches}
     return Matching(
@@ -91,7 +91,7 @@ def match_files(index: Index, files: Sequence[PictureFile], folder: Path) -> Mat
     )
 
 
-def _once(files: Sequence[PictureFile]) -> tuple[list[PictureFile], list[tuple[Path, Path]]]:
+def _remove_duplicates(files: Sequence[PictureFile]) -> tuple[list[PictureFile], list[tuple[Path, Path]]]:
     first: dict[str, PictureFile] = {}
     doubled = []
     for file in files:
@@ -102,7 +102,7 @@ def _once(files: Sequence[PictureFile]) -> tuple[list[PictureFile], list[tuple[P
     return list(first.values()), doubled
 
 
-def _cards(files: Sequence[PictureFile], folder: Path) -> list[Card]:
+def _group_by_card(files: Sequence[PictureFile], folder: Path) -> list[MemoryCard]:
     """Return the files by what wrote them: a folder's, of one make and number."""
     groups: dict[tuple[Path, str], list[PictureFile]] = {}
     for file in files:
@@ -111,54 +111,57 @@ def _cards(files: Sequence[PictureFile], folder: Path) -> list[Card]:
     cards = []
     for (place, camera), own in groups.items():
         name = str(place.relative_to(folder)) if place != folder else "."
-        cards.append(Card(f"{name} ({camera})" if place in several else name, tuple(own)))
+        cards.append(MemoryCard(f"{name} ({camera})" if place in several else name, tuple(own)))
     return cards
 
 
-def _frame(index: Index) -> LocalFrame:
+def _frame_of(index: ImageIndex) -> LocalFrame:
     first = index.images[0] if index.images else None
     return LocalFrame(0.0, 0.0) if first is None else LocalFrame(first.lat_deg, first.lon_deg)
 
 
-def _timed(card: Card) -> list[PictureFile]:
+def _select_timed(card: MemoryCard) -> list[PictureFile]:
     return sorted((file for file in card.files if file.taken_s is not None), key=lambda file: file.taken_s or 0.0)
 
 
-def _owners(cards: list[Card], groups: dict[Key, list[ImageRow]], index: Index) -> list[Card]:
+def _assign_owners(cards: list[MemoryCard], groups: dict[Key, list[ImageRow]], index: ImageIndex) -> list[MemoryCard]:
     """Return whose each card is: of all pairs, those that fall together best come first.
 
     A camera may have filled several cards; a card has pictures of one camera.
     """
-    frame = _frame(index)
-    tried: list[tuple[float, int, Key, Offset]] = []
+    frame = _frame_of(index)
+    tried: list[tuple[float, int, Key, ClockOffset]] = []
     for number, card in enumerate(cards):
-        files = series(frame, [(file.taken_s or 0.0, file.lat_deg, file.lon_deg) for file in _timed(card)])
+        files = build_placed_times(
+            frame, [(file.taken_s or 0.0, file.lat_deg, file.lon_deg) for file in _select_timed(card)]
+        )
         for key, rows in groups.items():
-            pictures = series(frame, [(row.unix_s, row.lat_deg, row.lon_deg) for row in rows])
-            found = offset_of(files, pictures) if len(files.times_s) else None
-            if found is not None and found.pairs >= _enough(len(files.times_s), len(rows)):
+            pictures = build_placed_times(frame, [(row.unix_s, row.lat_deg, row.lon_deg) for row in rows])
+            found = find_clock_offset(files, pictures) if len(files.times_s) else None
+            if found is not None and found.pairs >= _required_matches(len(files.times_s), len(rows)):
                 tried.append((found.score, number, key, found))
-    owned: dict[int, tuple[Key, Offset]] = {}
+    owned: dict[int, tuple[Key, ClockOffset]] = {}
     left = {key: len(rows) for key, rows in groups.items()}
     for _, number, key, found in sorted(tried, key=lambda one: (-one[0], one[1], one[2])):
         if number not in owned and left[key] >= found.pairs / 2:
             owned[number] = (key, found)
             left[key] -= found.pairs
     return [
-        Card(card.name, card.files, *owned[number]) if number in owned else card for number, card in enumerate(cards)
+        MemoryCard(card.name, card.files, *owned[number]) if number in owned else card
+        for number, card in enumerate(cards)
     ]
 
 
-def _enough(files: int, rows: int) -> int:
+def _required_matches(files: int, rows: int) -> int:
     """Return how many must fall together: any two rows of times have some pairs at some offset."""
     return max(1, min(files, rows) // 2)
 
 
-def _matches(card: Card, offset: Offset, rows: list[ImageRow], frame: LocalFrame) -> Iterator[FileMatch]:
-    timed = _timed(card)
-    files = series(frame, [(file.taken_s or 0.0, file.lat_deg, file.lon_deg) for file in timed])
-    pictures = series(frame, [(row.unix_s, row.lat_deg, row.lon_deg) for row in rows])
-    for file, picture in matched(files, pictures, offset.ahead_s):
+def _match_card(card: MemoryCard, offset: ClockOffset, rows: list[ImageRow], frame: LocalFrame) -> Iterator[FileMatch]:
+    timed = _select_timed(card)
+    files = build_placed_times(frame, [(file.taken_s or 0.0, file.lat_deg, file.lon_deg) for file in timed])
+    pictures = build_placed_times(frame, [(row.unix_s, row.lat_deg, row.lon_deg) for row in rows])
+    for file, picture in match_times(files, pictures, offset.ahead_s):
         yield FileMatch(timed[file], rows[picture], offset.ahead_s)
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from executor.images.matching import FileMatch, Matching
 from executor.images.rows import AssetRow, ImageRow
-from executor.images.store import Index
+from executor.images.store import ImageIndex
 from missions.files import write_whole
 
 THUMBNAIL_PX = (320, 240)
@@ -47,32 +47,32 @@ table { border-collapse: collapse; font-size: .92rem; } td, th { text-align: lef
 """
 
 
-def write_assets(path: Path, index: Index, found: Matching) -> None:
+def write_assets_page(path: Path, index: ImageIndex, found: Matching) -> None:
     """Write the page; a file that no thumbnail can be made of is named without one.
 
     Raises:
         OSError: it cannot be written.
     """
-    write_whole(path, assets_page(index, found).encode("utf-8", errors="xmlcharrefreplace"))
+    write_whole(path, render_assets_page(index, found).encode("utf-8", errors="xmlcharrefreplace"))
 
 
-def assets_page(index: Index, found: Matching) -> str:
+def render_assets_page(index: ImageIndex, found: Matching) -> str:
     """Return the page."""
     assets = list(dict.fromkeys(row.asset for row in index.assets))
     seen = {name: [row for row in index.assets if row.asset == name] for name in assets}
     whole = sum(all(row.state == "seen" for row in rows) for rows in seen.values())
     head = f"{whole} of {len(assets)} assets were seen as asked; {len(found.matches)} of {len(index.images)} pictures"
-    sections = "\n".join(_section(name, seen[name], index.images, found) for name in assets)
+    sections = "\n".join(_render_section(name, seen[name], index.images, found) for name in assets)
     kind = "good" if whole == len(assets) and not found.missing else "bad"
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(head)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
-        f'<h1 class="{kind}">{escape(head)} have a file.</h1>\n{_contents(seen)}\n{sections}\n</body>\n</html>\n'
+        f'<h1 class="{kind}">{escape(head)} have a file.</h1>\n{_render_contents(seen)}\n{sections}\n</body>\n</html>\n'
     )
 
 
-def write_into_report(path: Path, index: Index, found: Matching) -> None:
+def add_pictures_to_report(path: Path, index: ImageIndex, found: Matching) -> None:
     """Put small thumbnails of each asset into a flight's report.html, in the place of older ones; nothing without one.
 
     Raises:
@@ -80,10 +80,10 @@ def write_into_report(path: Path, index: Index, found: Matching) -> None:
     """
     if path.is_file():
         text = path.read_text(encoding="utf-8", errors="replace")
-        write_whole(path, with_pictures(text, index, found).encode("utf-8", errors="xmlcharrefreplace"))
+        write_whole(path, add_pictures(text, index, found).encode("utf-8", errors="xmlcharrefreplace"))
 
 
-def with_pictures(report: str, index: Index, found: Matching) -> str:
+def add_pictures(report: str, index: ImageIndex, found: Matching) -> str:
     """Return a report with the pictures of each asset at its end."""
     before, _, rest = report.partition(BEGIN)
     after = rest.partition(END)[2] if rest else ""
@@ -94,7 +94,7 @@ def with_pictures(report: str, index: Index, found: Matching) -> str:
     for name in dict.fromkeys(row.asset for row in index.assets):
         rows = [row for row in index.assets if row.asset == name]
         matches = [match for match in found.matches if match.image.asset == name]
-        figures = "".join(_figures(matches[:MOST_SMALL], SMALL_PX)) if left > 0 else ""
+        figures = "".join(_render_figures(matches[:MOST_SMALL], SMALL_PX)) if left > 0 else ""
         figures = figures.replace("<figure", f'<figure style="width: {SMALL_PX[0]}px; margin: 0"')
         left -= len(figures)
         missing = "; ".join(row.missing for row in rows if row.missing)
@@ -109,7 +109,7 @@ def with_pictures(report: str, index: Index, found: Matching) -> str:
     return f"{before.rstrip()}\n{BEGIN}\n<h2>Pictures by asset</h2>\n{shown}\n{END}\n{after.lstrip()}"
 
 
-def _contents(seen: dict[str, list[AssetRow]]) -> str:
+def _render_contents(seen: dict[str, list[AssetRow]]) -> str:
     rows = "".join(
         f'<tr><td><a href="#{escape(name)}">{escape(name)}</a></td><td>{escape(row.camera)}</td>'
         f'<td class="{"good" if row.state == "seen" else "bad"}">{escape(row.state)}</td>'
@@ -120,8 +120,8 @@ def _contents(seen: dict[str, list[AssetRow]]) -> str:
     return f"<table><thead><tr><th>asset<th>camera<th>state<th>missing</tr></thead><tbody>{rows}</tbody></table>"
 
 
-def _section(name: str, rows: Sequence[AssetRow], images: Sequence[ImageRow], found: Matching) -> str:
-    asked = "; ".join(_asked(row) for row in rows)
+def _render_section(name: str, rows: Sequence[AssetRow], images: Sequence[ImageRow], found: Matching) -> str:
+    asked = "; ".join(_describe_request(row) for row in rows)
     lacks = [row.missing for row in rows if row.missing]
     gone = [row for row in found.missing if row.asset == name]
     if gone:
@@ -133,21 +133,21 @@ def _section(name: str, rows: Sequence[AssetRow], images: Sequence[ImageRow], fo
     return (
         f'<section id="{escape(name)}">\n<h2>{escape(name)}</h2>\n<p class="facts">Asked: {escape(asked)}. '
         f"{own} pictures were taken, {len(matches)} have a file.</p>\n{missing}\n"
-        f'<div class="pictures">{"".join(_figures(matches[:MOST]))}</div>{more}\n</section>'
+        f'<div class="pictures">{"".join(_render_figures(matches[:MOST]))}</div>{more}\n</section>'
     )
 
 
-def _asked(row: AssetRow) -> str:
+def _describe_request(row: AssetRow) -> str:
     every = f" every {row.every_m:g} m" if row.every_m else ""
     return f"{row.camera}: {row.take}{every}"
 
 
-def _figures(matches: Sequence[FileMatch], size_px: tuple[int, int] = THUMBNAIL_PX) -> Iterator[str]:
+def _render_figures(matches: Sequence[FileMatch], size_px: tuple[int, int] = THUMBNAIL_PX) -> Iterator[str]:
     for match in matches:
         image = match.image
         words = f"{image.viewpoint}, {image.vehicle}, {match.file.path.name}"
         flaw = f" ({image.flaw})" if image.flaw else ""
-        content = thumbnail(match.file.path, size_px)
+        content = make_thumbnail(match.file.path, size_px)
         shown = "no thumbnail" if content is None else (
             f'<img src="data:image/jpeg;base64,{b64encode(content).decode("ascii")}" alt="{escape(words)}">'
         )  # fmt: skip
@@ -155,7 +155,7 @@ def _figures(matches: Sequence[FileMatch], size_px: tuple[int, int] = THUMBNAIL_
         yield f"<figure{kind}>{shown}<figcaption>{escape(words + flaw)}</figcaption></figure>"
 
 
-def thumbnail(path: Path, size_px: tuple[int, int]) -> bytes | None:
+def make_thumbnail(path: Path, size_px: tuple[int, int]) -> bytes | None:
     """Return a picture made small, as JPEG; None where it cannot be read."""
     from PIL import Image
 

@@ -8,9 +8,9 @@ from datetime import UTC, datetime
 
 from executor.core.context import Context
 from executor.core.payload.pictures import Picture
-from executor.core.seeing.proof import unshown
+from executor.core.seeing.proof import describe_unseen_parts
 from executor.core.state import FleetState
-from missions.cameras import Looks, Trigger
+from missions.cameras import CameraTasks, Trigger
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class ImageRow:
     """Why it does not count; empty if it does."""
 
     @property
-    def time(self) -> str:
+    def time_iso(self) -> str:
         """Return when it was taken, as ISO 8601 in UTC."""
         return datetime.fromtimestamp(self.unix_s, UTC).isoformat(timespec="milliseconds")
 
@@ -71,7 +71,7 @@ class AssetRow:
     """Latitude and longitude of both pylons."""
 
 
-def image_rows(context: Context, state: FleetState, began_unix_s: float) -> list[ImageRow]:
+def build_image_rows(context: Context, state: FleetState, began_unix_s: float) -> list[ImageRow]:
     """Return all pictures of a flight, in the order of time.
 
     Args:
@@ -80,18 +80,18 @@ def image_rows(context: Context, state: FleetState, began_unix_s: float) -> list
         began_unix_s: Seconds since 1970 at which its log's time is 0.
     """
     rows = [
-        _image(context, name, picture, began_unix_s)
+        _build_image_row(context, name, picture, began_unix_s)
         for name, vehicle in state.vehicles.items()
         for picture in vehicle.payload.pictures
     ]
     return sorted(rows, key=lambda row: (row.unix_s, row.vehicle, row.sequence))
 
 
-def _image(context: Context, vehicle: str, picture: Picture, began_unix_s: float) -> ImageRow:
+def _build_image_row(context: Context, vehicle: str, picture: Picture, began_unix_s: float) -> ImageRow:
     return ImageRow(
         asset="" if picture.segment is None else context.segment_name(picture.segment),
         segment=picture.segment,
-        viewpoint=_viewpoint(picture),
+        viewpoint=_describe_viewpoint(picture),
         vehicle=vehicle,
         camera=picture.camera,
         sequence=picture.sequence,
@@ -110,22 +110,22 @@ def _image(context: Context, vehicle: str, picture: Picture, began_unix_s: float
     )
 
 
-def _viewpoint(picture: Picture) -> str:
+def _describe_viewpoint(picture: Picture) -> str:
     if picture.points:
         return f"viewpoint {', '.join(str(number + 1) for number in picture.points)}"
     return "" if picture.along_m is None else f"{picture.along_m:.1f} m"
 
 
-def asset_rows(context: Context, state: FleetState) -> list[AssetRow]:
+def build_asset_rows(context: Context, state: FleetState) -> list[AssetRow]:
     """Return what every span of this flight asked for, and what became of it."""
-    return list(_assets(context, state, context.setup.looks))
+    return list(_generate_asset_rows(context, state, context.setup.looks))
 
 
-def _assets(context: Context, state: FleetState, looks: Looks) -> Iterator[AssetRow]:
+def _generate_asset_rows(context: Context, state: FleetState, looks: CameraTasks) -> Iterator[AssetRow]:
     network, past = context.setup.network, {one.segment for one in state.coverage.not_seen}
     for segment in sorted(context.wanted & {*looks.spans, *looks.pylons}):
         by = state.coverage.inspected.get(segment, "")
-        lacks = unshown(context, state, segment)
+        lacks = describe_unseen_parts(context, state, segment)
         caught = state.coverage.caught.get(segment, ())
         ends = [network.pylons[end] for end in (network.segments[segment].a, network.segments[segment].b)]
         first, last = ((pylon.lat_deg, pylon.lon_deg) for pylon in ends)

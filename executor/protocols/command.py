@@ -7,7 +7,7 @@ from typing import Self
 
 from executor.core.endings import Ending
 from executor.core.messages import CommandAck, Message, Outgoing, SendCommand
-from executor.protocols.machine import Accepted, Machine, Rejected, TimedOut
+from executor.protocols.machine import Accepted, DialogueMachine, Rejected, TimedOut
 
 PERIOD_S = 1.0
 TRIES = 5
@@ -21,7 +21,7 @@ _CODES = {
 
 
 @dataclass(frozen=True, slots=True)
-class CommandDialogue(Machine):
+class CommandDialogue(DialogueMachine):
     """The state of one command."""
 
     command: SendCommand
@@ -43,7 +43,7 @@ class CommandDialogue(Machine):
             case CommandAck(command, result) if command == self.command.command:
                 match result:
                     case 0:
-                        return self._ended(Accepted()), ()
+                        return self._finish(Accepted()), ()
                     case 1:
                         return replace(self, refusal=RESULT_NAMES[result]), ()
                     case 5:
@@ -51,7 +51,7 @@ class CommandDialogue(Machine):
                     case _:
                         reason = RESULT_NAMES.get(result, f"result {result}")
                         code = _CODES.get(result, Ending.UNKNOWN_RESULT)
-                        return self._ended(Rejected(f"{self.what}: {reason}", code)), ()
+                        return self._finish(Rejected(f"{self.what}: {reason}", code)), ()
             case _:
                 return self, ()
 
@@ -61,7 +61,7 @@ class CommandDialogue(Machine):
             return self, ()
         if self.tries >= TRIES:
             if self.refusal:
-                return self._ended(Rejected(f"{self.what}: {self.refusal}", Ending.TEMPORARILY_REJECTED)), ()
-            return self._ended(TimedOut(f"{self.what}: no acknowledgement")), ()
+                return self._finish(Rejected(f"{self.what}: {self.refusal}", Ending.TEMPORARILY_REJECTED)), ()
+            return self._finish(TimedOut(f"{self.what}: no acknowledgement")), ()
         state = replace(self, tries=self.tries + 1, deadline_s=now_s + PERIOD_S)
         return state, (replace(self.command, confirmation=self.tries),)

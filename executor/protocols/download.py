@@ -23,9 +23,9 @@ from executor.core.messages import (
     SendMissionRequest,
     SendMissionRequestList,
 )
-from executor.protocols.machine import SAME_S, Accepted, BrokenOff, Machine, TimedOut
+from executor.protocols.machine import SAME_S, Aborted, Accepted, DialogueMachine, TimedOut
 from executor.protocols.round_trip import RoundTrip
-from executor.protocols.upload import rejected
+from executor.protocols.upload import build_rejection
 from missions.items import MissionItem, MissionKind
 
 D = TypeVar("D", bound="DownloadDialogue")
@@ -41,7 +41,7 @@ FIRST_TRIP = RoundTrip(waits_s=1.0, most_s=MOST_PERIOD_S)
 
 
 @dataclass(frozen=True, slots=True)
-class DownloadDialogue(Machine):
+class DownloadDialogue(DialogueMachine):
     """The state of one download."""
 
     kind: MissionKind = MissionKind.MISSION
@@ -85,8 +85,8 @@ class DownloadDialogue(Machine):
             return self, ()
         if now_s >= self.heard_s + SILENT_S - SAME_S:
             if self.refusal is not None:
-                return self._ended(rejected("download", self.refusal)), ()
-            return self._ended(TimedOut(f"no answer when asked for {self._open}")), ()
+                return self._finish(build_rejection("download", self.refusal)), ()
+            return self._finish(TimedOut(f"no answer when asked for {self._open}")), ()
         state = replace(self, round_trip=self.round_trip.missed() if self.tries > 1 else self.round_trip)
         ended = self.refusal is not None or now_s - self.heard_s >= LEFT_S
         if self.count is not None and ended and self.begun < ANEW:
@@ -99,7 +99,7 @@ class DownloadDialogue(Machine):
         """Give up."""
         if self.outcome is not None:
             return self, ()
-        return self._ended(BrokenOff()), (SendMissionAck(15, self.kind),)
+        return self._finish(Aborted()), (SendMissionAck(15, self.kind),)
 
     @property
     def _open(self) -> str:

@@ -39,15 +39,15 @@ class TimedOut:
 
 
 @dataclass(frozen=True, slots=True)
-class BrokenOff:
+class Aborted:
     """We gave it up ourselves."""
 
 
-Outcome = Accepted | Rejected | TimedOut | BrokenOff
+Outcome = Accepted | Rejected | TimedOut | Aborted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Machine(ABC):
+class DialogueMachine(ABC):
     """One dialogue."""
 
     outcome: Outcome | None = None
@@ -69,7 +69,7 @@ class Machine(ABC):
 
     def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
         """Give up; what is sent tells the vehicle so where it can be told."""
-        return (self if self.outcome is not None else self._ended(BrokenOff())), ()
+        return (self if self.outcome is not None else self._finish(Aborted())), ()
 
-    def _ended(self, outcome: Outcome) -> Self:
+    def _finish(self, outcome: Outcome) -> Self:
         return replace(self, outcome=outcome, deadline_s=float("inf"))

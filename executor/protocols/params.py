@@ -13,7 +13,7 @@ from typing import Self, TypeVar
 
 from executor.core.endings import Ending
 from executor.core.messages import Message, Outgoing, ParamRefused, ParamValue, SendParamRequest, SendParamSet
-from executor.protocols.machine import SAME_S, Accepted, Machine, Rejected, TimedOut
+from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Rejected, TimedOut
 from executor.protocols.round_trip import RoundTrip
 
 R = TypeVar("R", bound="ParameterReading")
@@ -49,7 +49,7 @@ class _Question:
 
 
 @dataclass(frozen=True, slots=True)
-class ParameterReading(Machine):
+class ParameterReading(DialogueMachine):
     """The state of reading parameters: of each there is a value in the end, or it is not there, or it was not read."""
 
     waiting: tuple[_Question, ...]
@@ -112,7 +112,7 @@ class ParameterReading(Machine):
         if self.outcome is not None:
             return self, ()
         if now_s >= min(self.heard_s + SILENT_S, self.began_s + LONGEST_S) - SAME_S:
-            return self._ended(TimedOut(f"{', '.join(sorted(self.unread))}: no answer")), ()
+            return self._finish(TimedOut(f"{', '.join(sorted(self.unread))}: no answer")), ()
         latest_s = now_s - self.round_trip.waits_s + SAME_S
         late = [one for one in self.asked if one.asked_s <= latest_s]
         state = self
@@ -178,7 +178,7 @@ def _sent(state: ParameterReading, question: _Question, now_s: float) -> _Questi
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter(Machine):
+class ParameterDialogue(DialogueMachine):
     """The state of one question, or of one change if `wanted` is given."""
 
     name: str
@@ -188,7 +188,7 @@ class Parameter(Machine):
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask, or set."""
-        return replace(self, tries=1, deadline_s=now_s + PERIOD_S), (self._question(),)
+        return replace(self, tries=1, deadline_s=now_s + PERIOD_S), (self._build_request(),)
 
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take the value if it is the one asked for, and the one wanted."""
@@ -197,11 +197,11 @@ class Parameter(Machine):
         match message:
             case ParamValue(name, value) if name == self.name:
                 if self.wanted is None or math.isclose(value, self.wanted.value, rel_tol=1e-5, abs_tol=1e-6):
-                    return replace(self._ended(Accepted()), value=message), ()
+                    return replace(self._finish(Accepted()), value=message), ()
                 return replace(self, value=message, deadline_s=min(self.deadline_s, now_s + PERIOD_S)), ()
             case ParamRefused(name, absent) if name == self.name:
                 why = "is not there" if absent else "is refused"
-                return self._ended(Rejected(f"{self.name} {why}", Ending.VALUE_STAYS)), ()
+                return self._finish(Rejected(f"{self.name} {why}", Ending.VALUE_STAYS)), ()
             case _:
                 return self, ()
 
@@ -210,11 +210,11 @@ class Parameter(Machine):
         if self.outcome is not None:
             return self, ()
         if self.wanted is not None and self.value is not None and self.tries >= TRIES_ANSWERED:
-            return self._ended(Rejected(f"{self.name} stays {self.value.value:g}", Ending.VALUE_STAYS)), ()
+            return self._finish(Rejected(f"{self.name} stays {self.value.value:g}", Ending.VALUE_STAYS)), ()
         if self.tries >= TRIES:
-            return self._ended(TimedOut(f"{self.name}: no answer")), ()
+            return self._finish(TimedOut(f"{self.name}: no answer")), ()
         period_s = PERIOD_S if self.value is not None else min(PERIOD_S * 2.0**self.tries, LONGEST_PERIOD_S)
-        return replace(self, tries=self.tries + 1, deadline_s=now_s + period_s), (self._question(),)
+        return replace(self, tries=self.tries + 1, deadline_s=now_s + period_s), (self._build_request(),)
 
-    def _question(self) -> Outgoing:
+    def _build_request(self) -> Outgoing:
         return self.wanted if self.wanted is not None else SendParamRequest(self.name)

@@ -23,7 +23,7 @@ from executor.core.messages import (
     SendMissionCount,
     SendMissionItem,
 )
-from executor.protocols.machine import Accepted, BrokenOff, Machine, Rejected, TimedOut
+from executor.protocols.machine import Aborted, Accepted, DialogueMachine, Rejected, TimedOut
 from executor.protocols.round_trip import RoundTrip
 from missions.items import MissionItem, MissionKind
 
@@ -55,7 +55,7 @@ _CODES = {
 
 
 @dataclass(frozen=True, slots=True)
-class UploadDialogue(Machine):
+class UploadDialogue(DialogueMachine):
     """The state of one upload."""
 
     items: tuple[MissionItem, ...]
@@ -80,7 +80,7 @@ class UploadDialogue(Machine):
     """The error that it sent since its last request."""
 
     @property
-    def begun(self) -> bool:
+    def is_begun(self) -> bool:
         """Whether the vehicle has asked for an item: from then on ArduPilot's old mission is no longer whole."""
         return self.furthest >= 0
 
@@ -97,7 +97,7 @@ class UploadDialogue(Machine):
             case MissionRequest(seq, kind) if kind is self.kind and 0 <= seq < len(self.items):
                 return self._answer(seq, now_s)
             case MissionAck(result, kind) if kind is self.kind:
-                return self._acknowledged(result), ()
+                return self._handle_acknowledgement(result), ()
             case _:
                 return self, ()
 
@@ -105,15 +105,15 @@ class UploadDialogue(Machine):
         """Repeat what may be repeated, or give up."""
         if self.outcome is not None:
             return self, ()
-        if not self.begun:
+        if not self.is_begun:
             if self.counts_sent >= COUNT_TRIES:
-                return self._ended(TimedOut("the vehicle did not ask for the first item")), ()
+                return self._finish(TimedOut("the vehicle did not ask for the first item")), ()
             state = replace(self, counts_sent=self.counts_sent + 1, deadline_s=now_s + COUNT_PERIOD_S)
             return state, (SendMissionCount(len(self.items), self.kind),)
         if now_s - self.heard_s >= self.silence_s:
             if self.refusal is not None:
-                return self._ended(rejected(what_of(self.kind), self.refusal)), ()
-            return self._ended(TimedOut(f"no answer after item {self.furthest} of {len(self.items)}")), ()
+                return self._finish(build_rejection(list_name_of(self.kind), self.refusal)), ()
+            return self._finish(TimedOut(f"no answer after item {self.furthest} of {len(self.items)}")), ()
         state = replace(self, deadline_s=now_s + max(LAST_ITEM_PERIOD_S, self.round_trip.waits_s))
         if self.furthest == len(self.items) - 1:
             return state, (SendMissionItem(self.items[-1], self.kind),)
@@ -123,7 +123,7 @@ class UploadDialogue(Machine):
         """Give up; PX4 takes the cancellation, ArduPilot notices the silence."""
         if self.outcome is not None:
             return self, ()
-        return self._ended(BrokenOff()), (SendMissionAck(RESULT_CANCELLED, self.kind),)
+        return self._finish(Aborted()), (SendMissionAck(RESULT_CANCELLED, self.kind),)
 
     def _answer(self, seq: int, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         trip = self._measured(now_s) if seq == self.answered + 1 else self.round_trip
@@ -147,25 +147,25 @@ class UploadDialogue(Machine):
         vain = self.round_trip.mean_s is not None and since_s < self.round_trip.mean_s / 2
         return self.round_trip.measured(now_s - self.first_s if vain else since_s)
 
-    def _acknowledged(self, result: int) -> Self:
+    def _handle_acknowledgement(self, result: int) -> Self:
         all_asked = self.furthest == len(self.items) - 1
         if result == RESULT_ACCEPTED:
             # Before the last item was asked for it can only be a late duplicate of an earlier transfer's.
-            return self._ended(Accepted()) if all_asked else self
-        if result in self.warnings or (result == RESULT_CANCELLED and not self.begun):
+            return self._finish(Accepted()) if all_asked else self
+        if result in self.warnings or (result == RESULT_CANCELLED and not self.is_begun):
             return self  # what has not begun cannot be given up: that was an earlier transfer
-        if result == RESULT_ERROR and self.begun and not all_asked:
+        if result == RESULT_ERROR and self.is_begun and not all_asked:
             # PX4 says so of a doubled COUNT and goes on. Whether it does, its next request shows.
             return replace(self, refusal=result)
-        return self._ended(rejected(what_of(self.kind), result))
+        return self._finish(build_rejection(list_name_of(self.kind), result))
 
 
-def what_of(kind: MissionKind) -> str:
+def list_name_of(kind: MissionKind) -> str:
     """Return one of a vehicle's lists in words."""
     return {MissionKind.MISSION: "mission", MissionKind.FENCE: "fence", MissionKind.RALLY: "rally points"}[kind]
 
 
-def rejected(what: str, result: int) -> Rejected:
+def build_rejection(what: str, result: int) -> Rejected:
     """Return the outcome that a MAV_MISSION_RESULT means."""
     words = RESULT_NAMES.get(result, f"result {result}")
     return Rejected(f"{what} refused: {words}", _CODES.get(result, Ending.UNKNOWN_RESULT))

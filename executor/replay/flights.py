@@ -22,11 +22,11 @@ class FlightBook:
 
     flights: list[_Flight] = field(default_factory=list)
 
-    def armed(self, at_s: float) -> None:
+    def begin_flight(self, at_s: float) -> None:
         """Begin a flight."""
         self.flights.append(_Flight(at_s))
 
-    def look(self, vehicle: VehicleState) -> None:
+    def update(self, vehicle: VehicleState) -> None:
         """Take note of what the flight under way is."""
         if not self.flights or not vehicle.armed:
             return
@@ -34,7 +34,7 @@ class FlightBook:
         flight.took_off |= vehicle.sortie.took_off
         flight.mission |= vehicle.sortie.flew_mission
 
-    def note(self, name: str) -> str:
+    def describe_missionless(self, name: str) -> str:
         """Return in words which flights had no mission; nothing if all had one."""
         flown = [one for one in self.flights if one.took_off]
         by_hand = [one for one in flown if not one.mission]

@@ -10,7 +10,7 @@ from typing import Any
 
 from executor.core.vehicle import FaultKind
 from executor.errors import LogError
-from executor.replay.result import Happened, RecordedTruth
+from executor.replay.result import RecordedTruth, TrueEvent
 
 KINDS: Mapping[str, FaultKind] = {
     "battery fault": FaultKind.BATTERY,
@@ -35,8 +35,8 @@ def read_recorded_truths(folder: Path) -> dict[str, RecordedTruth]:
     for path in sorted(folder.glob("*_truth.json")):
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
-            found |= {name: _truth(row, on_board=False) for name, row in content["logs"].items()}
-            found |= {Path(name).stem: _truth(row, on_board=True) for name, row in content["logs"].items()}
+            found |= {name: _parse_truth(row, on_board=False) for name, row in content["logs"].items()}
+            found |= {Path(name).stem: _parse_truth(row, on_board=True) for name, row in content["logs"].items()}
         except OSError as error:
             raise LogError(f"{path}: cannot be read: {error.strerror}") from error
         except (ValueError, KeyError, TypeError, AttributeError) as error:
@@ -49,10 +49,10 @@ def truth_for(log: Path, truths: Mapping[str, RecordedTruth]) -> RecordedTruth |
     return truths.get(log.name) if log.suffix.lower() == ".tlog" else truths.get(log.stem)
 
 
-def _truth(row: Mapping[str, Any], *, on_board: bool) -> RecordedTruth:
+def _parse_truth(row: Mapping[str, Any], *, on_board: bool) -> RecordedTruth:
     """Read one; the autopilots' own logs count from the vehicle's boot."""
     events = tuple(
-        Happened(_when(event, on_board=on_board), str(event["what"])) for event in row["events"]
+        TrueEvent(_parse_time_usec(event, on_board=on_board), str(event["what"])) for event in row["events"]
     )  # fmt: skip
     kind = KINDS.get(row["kind"])
     if kind is FaultKind.LINK and row.get("vehicle_silent") and not on_board:
@@ -70,5 +70,5 @@ def _truth(row: Mapping[str, Any], *, on_board: bool) -> RecordedTruth:
     )
 
 
-def _when(event: Mapping[str, Any], *, on_board: bool) -> int:
+def _parse_time_usec(event: Mapping[str, Any], *, on_board: bool) -> int:
     return int(event["boot_ms"]) * 1000 if on_board else int(event["t_usec"])

@@ -11,7 +11,13 @@ from typing import Any
 import tomli_w
 
 from executor.errors import LogError
-from executor.replay.learning import Aircraft, Figure, Notes, learned, notes_of
+from executor.replay.learning import (
+    AircraftNotes,
+    LearnedAircraft,
+    LearnedFigure,
+    estimate_aircraft,
+    read_aircraft_notes,
+)
 from planner import Drone, InstanceError, pct_per_s
 
 DIGITS = 4
@@ -23,29 +29,34 @@ HEAD = """\
 """
 
 
-def learn(paths: Sequence[Path]) -> tuple[int, Aircraft, tuple[int, ...]]:
+def learn_from_logs(paths: Sequence[Path]) -> tuple[int, LearnedAircraft, tuple[int, ...]]:
     """Return what logs say of the vehicle that flies most in them: its system, its figures, and who is left out.
 
     Raises:
         LogError: a log cannot be read, or no vehicle flies in any.
     """
-    notes: Mapping[int, Notes] = notes_of(paths)
+    notes: Mapping[int, AircraftNotes] = read_aircraft_notes(paths)
     flown = sorted(notes, key=lambda system: -notes[system].flown_s)
     if not flown or not notes[flown[0]].flown_s:
         raise LogError("--learn: expected logs in which a vehicle flies, with its positions")
     others = tuple(system for system in flown[1:] if notes[system].flown_s)
-    return flown[0], learned(notes[flown[0]]), others
+    return flown[0], estimate_aircraft(notes[flown[0]]), others
 
 
-def learned_toml(found: Aircraft, drone: str, base: Drone) -> str:
+def format_learned_toml(found: LearnedAircraft, drone: str, base: Drone) -> str:
     """Return the file."""
     logs = f"{found.logs} log" + "s" * (found.logs != 1)
     return "\n".join(
-        [HEAD.format(logs=logs, minutes=found.minutes), *_energy(found, drone, base), "", tomli_w.dumps(table(found))]
+        [
+            HEAD.format(logs=logs, minutes=found.minutes),
+            *_format_energy(found, drone, base),
+            "",
+            tomli_w.dumps(build_learned_table(found)),
+        ]
     )
 
 
-def _energy(found: Aircraft, drone: str, base: Drone) -> list[str]:
+def _format_energy(found: LearnedAircraft, drone: str, base: Drone) -> list[str]:
     lines = ["[energy]", f'drone = "{drone}"  # mass, rotors and propellers: not in any log']
     if found.cells is not None:
         lines.append(f"cells = {found.cells}")
@@ -60,7 +71,7 @@ def _energy(found: Aircraft, drone: str, base: Drone) -> list[str]:
         if found.told_capacity_ah is not None:
             source += f"; the autopilot's parameter says {found.told_capacity_ah:g}"
     lines.append(f"capacity_ah = {round(capacity, 3)}  # {source}")
-    efficiency = fitted(found, replace(base, capacity_ah=capacity), capacity)
+    efficiency = fit_efficiency(found, replace(base, capacity_ah=capacity), capacity)
     if efficiency is None:
         lines.append("# efficiency: too little level flight with a current sensor, or far from what the preset can be")
         return lines
@@ -72,7 +83,7 @@ def _energy(found: Aircraft, drone: str, base: Drone) -> list[str]:
     return lines
 
 
-def fitted(found: Aircraft, drone: Drone, capacity_ah: float) -> tuple[float, float] | None:
+def fit_efficiency(found: LearnedAircraft, drone: Drone, capacity_ah: float) -> tuple[float, float] | None:
     """Return the efficiency with which the model uses what was used in level flight, and how sure it is."""
     observed = [
         (speed, figure.mean / capacity_ah / 36.0, figure.sd / figure.mean, figure.samples)
@@ -102,7 +113,7 @@ def fitted(found: Aircraft, drone: Drone, capacity_ah: float) -> tuple[float, fl
     return low, max(share * low, 10.0**-DIGITS)
 
 
-def table(found: Aircraft) -> dict[str, Any]:
+def build_learned_table(found: LearnedAircraft) -> dict[str, Any]:
     """Return the table `[learned]`, as a site file has it."""
     capacity = found.capacity_ah.mean if found.capacity_ah is not None else found.told_capacity_ah
     content: dict[str, Any] = {"logs": found.logs, "minutes": round(found.minutes, 2)}
@@ -112,29 +123,33 @@ def table(found: Aircraft) -> dict[str, Any]:
         ("link_loss_pct", found.link_loss_pct),
     ):  # fmt: skip
         if figure is not None:
-            content[name] = _row(figure)
+            content[name] = _build_row(figure)
     if found.switch is not None:
         content["mode_switch"] = asdict(found.switch)
     level = []
     for speed, figure in found.level:
-        row: dict[str, Any] = {"speed_m_s": round(speed, 2), "current_a": _row(figure)}
+        row: dict[str, Any] = {"speed_m_s": round(speed, 2), "current_a": _build_row(figure)}
         if capacity is not None:
-            row["pct_per_min"] = _row(figure, times=100.0 / capacity / 60.0)
+            row["pct_per_min"] = _build_row(figure, times=100.0 / capacity / 60.0)
         level.append(row)
     if level:
         content["level"] = level
     return {"learned": content}
 
 
-def _row(figure: Figure, times: float = 1.0) -> dict[str, float | int]:
-    return {"mean": _short(times * figure.mean), "sd": _short(times * figure.sd), "samples": figure.samples}
+def _build_row(figure: LearnedFigure, times: float = 1.0) -> dict[str, float | int]:
+    return {
+        "mean": _round_digits(times * figure.mean),
+        "sd": _round_digits(times * figure.sd),
+        "samples": figure.samples,
+    }
 
 
-def _short(value: float) -> float:
+def _round_digits(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
 
-def told(system: int, found: Aircraft, others: Sequence[int]) -> list[str]:
+def describe_aircraft(system: int, found: LearnedAircraft, others: Sequence[int]) -> list[str]:
     """Return what was found in a few lines."""
     lines = [f"system {system}: {found.minutes:.1f} min in the air, {found.logs} logs"]
     rows = (

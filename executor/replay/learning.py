@@ -16,8 +16,8 @@ from itertools import pairwise
 from pathlib import Path
 from statistics import fmean, median, stdev
 
-from executor.replay.witness.statements import read_testimony
-from executor.replay.witness.testimony import SECOND, Testimony, between, near
+from executor.replay.witness.statements import read_log_evidence
+from executor.replay.witness.testimony import SECOND, LogEvidence, select_between, select_near
 
 BLOCK_S, CLIMB_BLOCK_S = 6.0, 3.0
 """Climbs are short."""
@@ -49,7 +49,7 @@ SWITCH_SETTINGS = ("FLTMODE_CH", "RC_MAP_FLTMODE", "RC_MAP_MODE_SW")
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class LearnedFigure:
     """A figure, how sure it is, and how many observations it is from."""
 
     mean: float
@@ -58,7 +58,7 @@ class Figure:
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class SteadyBlock:
     """Some seconds of one flight in which little changed."""
 
     flight: int
@@ -69,7 +69,7 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True)
-class Switch:
+class ModeSwitch:
     """The pilot's mode switch."""
 
     channel: int
@@ -79,23 +79,23 @@ class Switch:
 
 
 @dataclass(frozen=True, slots=True)
-class Aircraft:
+class LearnedAircraft:
     """What logs say of one vehicle."""
 
     logs: int
     minutes: float
     cells: int | None
-    level: tuple[tuple[float, Figure], ...]
+    level: tuple[tuple[float, LearnedFigure], ...]
     """Speed and current of level flight."""
-    hover_a: Figure | None
-    hover_w: Figure | None
-    climb_share: Figure | None
-    capacity_ah: Figure | None
+    hover_a: LearnedFigure | None
+    hover_w: LearnedFigure | None
+    climb_share: LearnedFigure | None
+    capacity_ah: LearnedFigure | None
     told_capacity_ah: float | None
     """By the autopilot's own parameter."""
-    resistance_ohm: Figure | None
-    link_loss_pct: Figure | None
-    switch: Switch | None
+    resistance_ohm: LearnedFigure | None
+    link_loss_pct: LearnedFigure | None
+    switch: ModeSwitch | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ class _Report:
 
 
 @dataclass(slots=True)
-class Notes:
+class AircraftNotes:
     """What is noted of one system while its logs are read."""
 
     logs: int = 0
@@ -125,33 +125,33 @@ class Notes:
     minutes: list[list[int]] = field(default_factory=list)
     """Frames received and missing, of each minute."""
 
-    def take(self, told: Testimony) -> None:
+    def add_log(self, told: LogEvidence) -> None:
         """Take what one log says."""
         self.logs += 1
         self.settings |= told.settings
         self.minutes += told.frames.values()
-        self._modes(told)
-        armed = [(began, told.disarmed_after(began)) for began, is_armed in told.armed if is_armed]
+        self._count_mode_changes(told)
+        armed = [(began, told.find_disarm_usec(began)) for began, is_armed in told.armed if is_armed]
         self.rests_v += [
             one.volts for one in told.powers
             if one.volts and not any(began <= one.t_usec <= ended + RESTS_S * SECOND for began, ended in armed)
         ]  # fmt: skip
         for began, ended in armed:
-            flown = [one for one in between(told.moments, began, ended) if (one.height_m or 0.0) > HIGH_M]
+            flown = [one for one in select_between(told.moments, began, ended) if (one.height_m or 0.0) > HIGH_M]
             self.flown_s += sum(min(STALE_S, (after.t_usec - before.t_usec) / 1e6) for before, after in pairwise(flown))
-            self.flights.append(_counted(list(_reports(told, began, ended))))
+            self.flights.append(_integrate_charge(list(_extract_reports(told, began, ended))))
 
-    def _modes(self, told: Testimony) -> None:
+    def _count_mode_changes(self, told: LogEvidence) -> None:
         for change in told.modes[1:]:
             self.changes += 1
-            near_it = near(told.switches, change.t_usec, BEFORE_S, AFTER_S)
+            near_it = select_near(told.switches, change.t_usec, BEFORE_S, AFTER_S)
             self.moved.update({one.channel for one in near_it if one.channel is not None})
 
 
-def _reports(told: Testimony, began: int, ended: int) -> Iterator[_Report]:
+def _extract_reports(told: LogEvidence, began: int, ended: int) -> Iterator[_Report]:
     """Yield what the battery said in the air, with how it flew then."""
     moments, index = told.moments, 0
-    for power in between(told.powers, began, ended):
+    for power in select_between(told.powers, began, ended):
         while index + 1 < len(moments) and moments[index + 1].t_usec <= power.t_usec:
             index += 1
         place = moments[index] if moments else None
@@ -168,7 +168,7 @@ def _reports(told: Testimony, began: int, ended: int) -> Iterator[_Report]:
         )  # fmt: skip
 
 
-def _counted(reports: list[_Report]) -> list[_Report]:
+def _integrate_charge(reports: list[_Report]) -> list[_Report]:
     """Return reports with the charge that was used: by the counter, or else by the currents, added up."""
     if any(one.consumed_ah for one in reports):
         return reports
@@ -179,55 +179,55 @@ def _counted(reports: list[_Report]) -> list[_Report]:
     return counted
 
 
-def notes_of(paths: Iterable[Path]) -> dict[int, Notes]:
+def read_aircraft_notes(paths: Iterable[Path]) -> dict[int, AircraftNotes]:
     """Read logs, each once; returns what was noted, by system."""
-    notes: dict[int, Notes] = {}
+    notes: dict[int, AircraftNotes] = {}
     for path in paths:
-        for system, told in read_testimony(path).items():
-            notes.setdefault(system, Notes()).take(told)
+        for system, told in read_log_evidence(path).items():
+            notes.setdefault(system, AircraftNotes()).add_log(told)
     return notes
 
 
-def learned(notes: Notes) -> Aircraft:
+def estimate_aircraft(notes: AircraftNotes) -> LearnedAircraft:
     """Return what the notes of one vehicle say of it."""
     blocks, climbs = (
-        [block for number, flight in enumerate(notes.flights) for block in _blocks(number, flight, length_s)]
+        [block for number, flight in enumerate(notes.flights) for block in _cut_blocks(number, flight, length_s)]
         for length_s in (BLOCK_S, CLIMB_BLOCK_S)
     )
     steady = [one for one in blocks if abs(one.climb_m_s) < LEVEL_M_S]
-    level = _level(steady)
+    level = _estimate_level_flight(steady)
     hovers = [one for one in steady if one.speed_m_s < HOVER_M_S]
-    return Aircraft(
+    return LearnedAircraft(
         logs=notes.logs,
         minutes=notes.flown_s / 60,
-        cells=_cells(notes),
+        cells=_find_cell_count(notes),
         level=level,
-        hover_a=_figure(hovers, lambda one: one.current_a),
-        hover_w=_figure(
+        hover_a=_estimate_figure(hovers, lambda one: one.current_a),
+        hover_w=_estimate_figure(
             [one for one in hovers if one.voltage_v], lambda one: one.current_a * (one.voltage_v or 0.0)
         ),
-        climb_share=_climb(climbs, level),
-        capacity_ah=_capacity(notes.flights),
-        told_capacity_ah=_told_capacity(notes.settings),
-        resistance_ohm=_resistance(notes.flights),
-        link_loss_pct=_loss(notes.minutes),
-        switch=_switch(notes),
+        climb_share=_estimate_climb(climbs, level),
+        capacity_ah=_estimate_capacity(notes.flights),
+        told_capacity_ah=_reported_capacity_ah(notes.settings),
+        resistance_ohm=_estimate_resistance(notes.flights),
+        link_loss_pct=_estimate_link_loss(notes.minutes),
+        switch=_estimate_switch(notes),
     )  # fmt: skip
 
 
-def _blocks(flight: int, reports: Sequence[_Report], length_s: float) -> Iterable[Block]:
+def _cut_blocks(flight: int, reports: Sequence[_Report], length_s: float) -> Iterable[SteadyBlock]:
     """Cut a flight into blocks, and keep those in which speed and climb hardly change."""
     block: list[_Report] = []
     for report in reports:
         if block and report.at_s - block[0].at_s >= length_s:
-            yield from _block(flight, block)
+            yield from _build_block(flight, block)
             block = []
         if block and report.at_s - block[-1].at_s > STALE_S:
             block = []
         block.append(report)
 
 
-def _block(flight: int, reports: Sequence[_Report]) -> Iterable[Block]:
+def _build_block(flight: int, reports: Sequence[_Report]) -> Iterable[SteadyBlock]:
     drawn = [one.amperes for one in reports if one.amperes]
     if len(drawn) < LEAST_REPORTS:
         return
@@ -235,13 +235,13 @@ def _block(flight: int, reports: Sequence[_Report]) -> Iterable[Block]:
         if not max(values) - min(values) <= STEADY_M_S:  # nor where it is unknown
             return
     volts = [one.volts for one in reports if one.volts]
-    yield Block(
+    yield SteadyBlock(
         flight, fmean(one.speed_m_s for one in reports), fmean(one.climb_m_s for one in reports), fmean(drawn),
         fmean(volts) if volts else None,
     )  # fmt: skip
 
 
-def _figure(blocks: Sequence[Block], value: Callable[[Block], float]) -> Figure | None:
+def _estimate_figure(blocks: Sequence[SteadyBlock], value: Callable[[SteadyBlock], float]) -> LearnedFigure | None:
     """Return the mean of what blocks say, with the deviation of that mean."""
     if len(blocks) < FEWEST:
         return None
@@ -254,23 +254,23 @@ def _figure(blocks: Sequence[Block], value: Callable[[Block], float]) -> Figure 
     whole = [fmean(those) for those in flights.values() if len(those) >= FEWEST]
     if len(whole) > 1:  # flights differ by more than their blocks: wind, payload, pack
         sd = max(sd, stdev(whole) / math.sqrt(len(whole)))
-    return Figure(mean, max(sd, SENSOR_SHARE * abs(mean)), len(values))
+    return LearnedFigure(mean, max(sd, SENSOR_SHARE * abs(mean)), len(values))
 
 
-def _level(blocks: Sequence[Block]) -> tuple[tuple[float, Figure], ...]:
-    bins: dict[int, list[Block]] = {}
+def _estimate_level_flight(blocks: Sequence[SteadyBlock]) -> tuple[tuple[float, LearnedFigure], ...]:
+    bins: dict[int, list[SteadyBlock]] = {}
     for one in blocks:
         number = 0 if one.speed_m_s < HOVER_M_S else 1 + int((one.speed_m_s - FIRST_BIN_M_S) / BIN_M_S)
         bins.setdefault(number, []).append(one)
     found = []
     for number in sorted(bins):
-        figure = _figure(bins[number], lambda one: one.current_a)
+        figure = _estimate_figure(bins[number], lambda one: one.current_a)
         if figure is not None:
             found.append((fmean(one.speed_m_s for one in bins[number]), figure))
     return tuple(found)
 
 
-def current_at(level: Sequence[tuple[float, Figure]], speed_m_s: float) -> float | None:
+def interpolate_current_a(level: Sequence[tuple[float, LearnedFigure]], speed_m_s: float) -> float | None:
     """Return the current of level flight at a speed, between two that are known; nothing outside."""
     for (slow, low), (fast, high) in pairwise(level):
         if slow <= speed_m_s <= fast:
@@ -280,18 +280,20 @@ def current_at(level: Sequence[tuple[float, Figure]], speed_m_s: float) -> float
     return nearest[1].mean if nearest is not None and abs(nearest[0] - speed_m_s) <= BIN_M_S else None
 
 
-def _climb(blocks: Sequence[Block], level: Sequence[tuple[float, Figure]]) -> Figure | None:
+def _estimate_climb(
+    blocks: Sequence[SteadyBlock], level: Sequence[tuple[float, LearnedFigure]]
+) -> LearnedFigure | None:
     shares = []
     for one in blocks:
-        usual = current_at(level, one.speed_m_s)
+        usual = interpolate_current_a(level, one.speed_m_s)
         if one.climb_m_s > CLIMBS_M_S and usual:
             shares.append((one.current_a / usual - 1.0) / one.climb_m_s)
     if len(shares) < FEWEST:
         return None
-    return Figure(fmean(shares), stdev(shares) / math.sqrt(len(shares)) + SENSOR_SHARE, len(shares))
+    return LearnedFigure(fmean(shares), stdev(shares) / math.sqrt(len(shares)) + SENSOR_SHARE, len(shares))
 
 
-def _capacity(flights: Sequence[Sequence[_Report]]) -> Figure | None:
+def _estimate_capacity(flights: Sequence[Sequence[_Report]]) -> LearnedFigure | None:
     """Return what the counter gives for a full percentage, over the stretch of each flight in which it falls."""
     weights = total = 0.0
     count = 0
@@ -315,15 +317,15 @@ def _capacity(flights: Sequence[Sequence[_Report]]) -> Figure | None:
     if not count:
         return None
     mean = total / weights
-    return Figure(mean, max(1 / math.sqrt(weights), SENSOR_SHARE * mean), count)
+    return LearnedFigure(mean, max(1 / math.sqrt(weights), SENSOR_SHARE * mean), count)
 
 
-def _told_capacity(settings: dict[str, float]) -> float | None:
+def _reported_capacity_ah(settings: dict[str, float]) -> float | None:
     value = next((settings[name] for name in ("BATT_CAPACITY", "BAT1_CAPACITY", "BAT_CAPACITY") if name in settings), 0)
     return value / 1e3 if value > 0 else None
 
 
-def _resistance(flights: Sequence[Sequence[_Report]]) -> Figure | None:
+def _estimate_resistance(flights: Sequence[Sequence[_Report]]) -> LearnedFigure | None:
     """Return the pack's resistance: how much the voltage falls for a step of the current, by least squares."""
     steps: list[tuple[float, float]] = []
     for flight in flights:
@@ -340,10 +342,10 @@ def _resistance(flights: Sequence[Sequence[_Report]]) -> Figure | None:
     squares = sum(step * step for step, _ in steps)
     mean = -sum(step * fell for step, fell in steps) / squares
     spread = math.sqrt(sum((step * (fell + mean * step)) ** 2 for step, fell in steps)) / squares
-    return Figure(mean, max(spread, 2 * SENSOR_SHARE * mean), len(steps)) if mean > 0 else None
+    return LearnedFigure(mean, max(spread, 2 * SENSOR_SHARE * mean), len(steps)) if mean > 0 else None
 
 
-def _loss(minutes: Sequence[Sequence[int]]) -> Figure | None:
+def _estimate_link_loss(minutes: Sequence[Sequence[int]]) -> LearnedFigure | None:
     received, missing = sum(one[0] for one in minutes), sum(one[1] for one in minutes)
     full = [100.0 * one[1] / (one[0] + one[1]) for one in minutes if sum(one) >= FRAMES]
     if not full:
@@ -351,10 +353,10 @@ def _loss(minutes: Sequence[Sequence[int]]) -> Figure | None:
     mean = 100.0 * missing / (received + missing)
     frames = math.sqrt(mean * (100.0 - mean) / (received + missing))
     spread = stdev(full) / math.sqrt(len(full)) if len(full) > 1 else 0.0
-    return Figure(mean, max(frames, spread), len(full))
+    return LearnedFigure(mean, max(frames, spread), len(full))
 
 
-def _cells(notes: Notes) -> int | None:
+def _find_cell_count(notes: AircraftNotes) -> int | None:
     """Return the number of cells, where one number alone fits what the pack showed at rest and in flight."""
     seen = notes.rests_v or [one.volts for flight in notes.flights for one in flight if one.volts]
     if not seen:
@@ -367,13 +369,13 @@ def _cells(notes: Notes) -> int | None:
     return fewest if fewest == most else None
 
 
-def _switch(notes: Notes) -> Switch | None:
+def _estimate_switch(notes: AircraftNotes) -> ModeSwitch | None:
     before, changes = notes.moved, notes.changes
     for name in SWITCH_SETTINGS:
         channel = int(notes.settings.get(name, 0))
         if channel > 0:
-            return Switch(channel, name, before[channel], changes)
+            return ModeSwitch(channel, name, before[channel], changes)
     if not before:
         return None
     channel, moved = before.most_common(1)[0]
-    return Switch(channel, "seen", moved, changes) if moved > 1 else None
+    return ModeSwitch(channel, "seen", moved, changes) if moved > 1 else None

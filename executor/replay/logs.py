@@ -14,14 +14,14 @@ from executor.core import projection
 from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.kalman import Prior
 from executor.core.battery.resting import NO_FACTS
-from executor.core.context import Scene, VehicleSetup, draws_pct_s
+from executor.core.context import Scene, VehicleSetup, power_draw_table_pct_s
 from executor.core.events import Heard, Tick
 from executor.core.faults import passive
 from executor.core.faults.link_loss import SLEPT_S
-from executor.core.faults.passive import Declared, Degraded, Finding, Moded
-from executor.core.hearing.charge import facts_of
-from executor.core.hearing.firmware import autopilot_words, vehicle_words
-from executor.core.hearing.strangers import stranger_words
+from executor.core.faults.passive import DeclaredFault, Degradation, Finding, ObservedModeChange
+from executor.core.hearing.charge import pack_facts_of
+from executor.core.hearing.firmware import describe_autopilot, describe_vehicle_type
+from executor.core.hearing.strangers import describe_foreign_system
 from executor.core.limits import Limits
 from executor.core.messages import (
     Battery,
@@ -40,7 +40,15 @@ from executor.core.recording import Record, RecordedFile
 from executor.core.vehicle import FaultKind, Stage, VehicleState
 from executor.replay.flights import FlightBook
 from executor.replay.packs import PackBook
-from executor.replay.result import Declaration, Impaired, LogReplay, ModeSeen, ReplaySample, Trace, VehicleReplay
+from executor.replay.result import (
+    Declaration,
+    ImpairedPeriod,
+    LogReplay,
+    ModeTransition,
+    ReplaySample,
+    SampleTrace,
+    VehicleReplay,
+)
 from executor.site import assembly
 from executor.site.config import Site
 from missions import AUTOPILOTS, Dialect, LocalFrame, dialect_of
@@ -93,10 +101,10 @@ class ReplayRules:
 
 def rules_of(site: Site | None) -> ReplayRules:
     """Return the rules of a site, or those without one."""
-    return ReplayRules() if site is None else ReplayRules(limits=assembly.limits_of(site), site=site)
+    return ReplayRules() if site is None else ReplayRules(limits=assembly.build_limits(site), site=site)
 
 
-def replay(file: RecordedFile, path: Path, rules: ReplayRules, *, on_board: bool = False) -> LogReplay:
+def replay_log(file: RecordedFile, path: Path, rules: ReplayRules, *, on_board: bool = False) -> LogReplay:
     """Replay one log.
 
     Args:
@@ -106,9 +114,9 @@ def replay(file: RecordedFile, path: Path, rules: ReplayRules, *, on_board: bool
         on_board: whether the vehicle itself wrote it: then its link cannot be judged.
     """
     player = _Player(rules, file, on_board=on_board)
-    for record in file.records():
-        player.take(record)
-    return player.result(path)
+    for record in file.read_records():
+        player.play_record(record)
+    return player.build_result(path)
 
 
 _TICK = Tick()
@@ -119,8 +127,8 @@ class _Player:
 
     def __init__(self, rules: ReplayRules, file: RecordedFile, *, on_board: bool) -> None:
         self._rules, self._file, self._on_board = rules, file, on_board
-        self._scene = _empty_scene(rules)
-        self._state = passive.watch_begun(())
+        self._scene = _build_empty_scene(rules)
+        self._state = passive.start_watch(())
         self._names: dict[int, str] = {}
         self._others: dict[int, str] = {}
         """Systems that are not followed, and why."""
@@ -130,7 +138,7 @@ class _Player:
         self._now_s = 0.0
         self._next_s = 0.0
         self._findings: list[Finding] = []
-        self._traces: dict[str, Trace] = {}
+        self._traces: dict[str, SampleTrace] = {}
         self._books: dict[str, PackBook] = {}
         self._flown: dict[str, float] = {}
         self._flights: dict[str, FlightBook] = {}
@@ -145,7 +153,7 @@ class _Player:
         self._mixed: dict[str, float] = {}
         """Names by which two vehicles answer, and since when."""
 
-    def take(self, record: Record) -> None:
+    def play_record(self, record: Record) -> None:
         """Let time pass to a record, and take what it says."""
         t_usec, system, message = record
         if self._first is None:
@@ -160,33 +168,33 @@ class _Player:
         self._last = t_usec
         now_s = (t_usec - self._first + self._shift) / 1e6
         if now_s >= self._next_s:
-            self._pass(now_s)
+            self._advance_to(now_s)
         self._now_s = now_s
         if message is None:
             return
         if system == 0:
             for name in self._names.values():
-                self._heard(name, message, now_s)
+                self._handle_message(name, message, now_s)
             return
         self._route(system, message, now_s)
 
     def _route(self, system: int, message: FlightMessage, now_s: float) -> None:
         """Hand what a system says to its vehicle, or count why nobody takes it."""
-        name = self._names.get(system) or self._join(system, message)
+        name = self._names.get(system) or self._add_vehicle(system, message)
         if name and isinstance(message, DoubleHeard):
             self._mixed.setdefault(name, max(0.0, now_s - MIXED_S))
         if name:
-            self._heard(name, message, now_s)
+            self._handle_message(name, message, now_s)
             for setting in self._early.pop(system, {}).values():
-                self._heard(name, setting, now_s)
+                self._handle_message(name, setting, now_s)
         elif system in self._others:
             self._file.skipped.not_followed += 1
         elif isinstance(message, VehicleSetting | ListedItem):
-            self._keep(system, message)
+            self._keep_setting(system, message)
         else:
             self._file.skipped.before_heartbeat += 1
 
-    def _keep(self, system: int, setting: VehicleSetting | ListedItem) -> None:
+    def _keep_setting(self, system: int, setting: VehicleSetting | ListedItem) -> None:
         """Keep what a log says of a vehicle's parameters, and of its mission, before it says what it is."""
         kept = self._early.setdefault(system, {})
         name = setting.item.seq if isinstance(setting, ListedItem) else setting.name
@@ -195,7 +203,7 @@ class _Player:
         else:
             self._file.skipped.before_heartbeat += 1
 
-    def _pass(self, now_s: float) -> None:
+    def _advance_to(self, now_s: float) -> None:
         """Tick up to a moment; a pause of the recorder itself is one tick, as it is when the program stands still."""
         gap_s = now_s - self._now_s
         if gap_s > LONGEST_GAP_S or (gap_s > SLEPT_S and (self._file.stations or self._on_board)):
@@ -212,25 +220,25 @@ class _Player:
             usec = self._file.heard.get(system)
             if usec is not None and self._first is not None:
                 heard_s = (usec - self._first + self._shift) / 1e6
-                self._state = passive.passive_heard(self._state, name, min(at_s, heard_s), self._beats.pop(name, None))
-        self._state, found = passive.passive_step(self._scene, self._state, _TICK, at_s)
+                self._state = passive.record_contact(self._state, name, min(at_s, heard_s), self._beats.pop(name, None))
+        self._state, found = passive.step_watch(self._scene, self._state, _TICK, at_s)
         self._findings += found
         calm = True
         for name, vehicle in self._state.fleet.vehicles.items():
             if vehicle.armed and vehicle.stage is not Stage.LOST:
                 self._flown[name] = self._flown.get(name, 0.0) + at_s - self._ticked_s
             calm = calm and _is_calm(vehicle, at_s)
-            self._books[name].look(vehicle, facts_of(self._scene, vehicle), at_s)
-            self._flights[name].look(vehicle)
+            self._books[name].update(vehicle, pack_facts_of(self._scene, vehicle), at_s)
+            self._flights[name].update(vehicle)
             trace = self._traces[name]
             if not trace.samples or at_s - trace.samples[-1].at_s >= trace.every_s:
-                trace.add(sampled(self._scene, vehicle, at_s))
+                trace.add(sample_vehicle(self._scene, vehicle, at_s))
         self._ticked_s = at_s
         return CALM_TICK_S if calm else TICK_S
 
-    def _heard(self, name: str, message: FlightMessage, now_s: float) -> None:
+    def _handle_message(self, name: str, message: FlightMessage, now_s: float) -> None:
         before = self._state.fleet.vehicles[name]
-        if self._says_nothing_new(before, message, now_s):
+        if self._is_repetition(before, message, now_s):
             return
         if isinstance(message, Battery):
             volts = before.power.volts.voltage_v
@@ -242,18 +250,18 @@ class _Player:
             self._framed = True
             frame = LocalFrame(message.lat_deg, message.lon_deg, message.alt_msl_m)
             self._scene = replace(self._scene, frame=frame)
-        self._state, found = passive.passive_step(self._scene, self._state, Heard(name, message), now_s)
+        self._state, found = passive.step_watch(self._scene, self._state, Heard(name, message), now_s)
         self._findings += found
-        if isinstance(message, (Battery, SystemStatus)) and _drains(self._state.fleet.vehicles[name]):
+        if isinstance(message, (Battery, SystemStatus)) and _is_draining(self._state.fleet.vehicles[name]):
             self._next_s = min(self._next_s, now_s + TICK_S)
         elif isinstance(message, Heartbeat):
             if message != before.telemetry.heartbeat:
                 self._next_s = now_s
             if message.armed and not before.armed:
-                self._flights[name].armed(now_s)
-                self._takes_off(self._state.fleet.vehicles[name])
+                self._flights[name].begin_flight(now_s)
+                self._record_take_off_place(self._state.fleet.vehicles[name])
 
-    def _says_nothing_new(self, known: VehicleState, message: FlightMessage, now_s: float) -> bool:
+    def _is_repetition(self, known: VehicleState, message: FlightMessage, now_s: float) -> bool:
         """Return whether a vehicle repeats itself: what is watched are changes, and that it speaks at all."""
         match message:
             case Heartbeat():
@@ -266,13 +274,13 @@ class _Player:
                 same = known.assignment.board is None or number in {None, known.assignment.carried.id}
                 return same and known.telemetry.item == (seq, total)
             case Battery():
-                return self._battery_repeats(known.name, message, now_s)
+                return self._is_battery_repetition(known.name, message, now_s)
             case SystemStatus():
-                return self._status_repeats(known.name, message, now_s)
+                return self._is_status_repetition(known.name, message, now_s)
             case _:
                 return False
 
-    def _battery_repeats(self, name: str, message: Battery, now_s: float) -> bool:
+    def _is_battery_repetition(self, name: str, message: Battery, now_s: float) -> bool:
         taken = self._batteries.get((name, message.battery))
         if taken is not None and now_s - taken[0] < REPEATS_S:
             known = taken[1]
@@ -287,7 +295,7 @@ class _Player:
         self._batteries[name, message.battery] = (now_s, message)
         return False
 
-    def _status_repeats(self, name: str, message: SystemStatus, now_s: float) -> bool:
+    def _is_status_repetition(self, name: str, message: SystemStatus, now_s: float) -> bool:
         at_s, known = self._statuses.get(name, (-REPEATS_S, message))
         same = (message.remaining_pct, message.unhealthy, message.prearm_ok) == (
             known.remaining_pct, known.unhealthy, known.prearm_ok,
@@ -298,72 +306,74 @@ class _Player:
         self._statuses[name] = (now_s, message)
         return False
 
-    def _takes_off(self, vehicle: VehicleState) -> None:
+    def _record_take_off_place(self, vehicle: VehicleState) -> None:
         """Note where a vehicle starts: it is the place to come home to."""
         if vehicle.motion.fix is not None:
             setup = replace(self._scene.vehicles[vehicle.name], pad_m=vehicle.motion.fix.place_m)
             self._scene = replace(self._scene, vehicles={**self._scene.vehicles, vehicle.name: setup})
 
-    def _join(self, system: int, message: FlightMessage) -> str:
+    def _add_vehicle(self, system: int, message: FlightMessage) -> str:
         """Return the name of a vehicle that is heard for the first time; nothing if it cannot be followed."""
         if not isinstance(message, Heartbeat):
             return ""
         dialect = dialect_of(message.autopilot)
         if dialect is None or message.vehicle_type not in COPTERS:
             self._others[system] = (
-                f"system {system} is not followed: {vehicle_words(message.vehicle_type)} with "
-                f"{autopilot_words(message.autopilot)} (MAV_TYPE {message.vehicle_type}, "
+                f"system {system} is not followed: {describe_vehicle_type(message.vehicle_type)} with "
+                f"{describe_autopilot(message.autopilot)} (MAV_TYPE {message.vehicle_type}, "
                 f"MAV_AUTOPILOT {message.autopilot}); "
                 f"known are copters with {' or '.join(one.title for one in AUTOPILOTS)}"
             )
             return ""
         self._others.pop(system, None)  # what it said before it knew its frame
-        setup = _setup(self._rules, system, dialect, on_board=self._on_board)
+        setup = _build_setup(self._rules, system, dialect, on_board=self._on_board)
         self._scene = replace(self._scene, vehicles={**self._scene.vehicles, setup.name: setup})
-        self._state = passive.with_vehicle(self._state, setup.name)
+        self._state = passive.add_watched_vehicle(self._state, setup.name)
         self._names[system] = setup.name
-        self._traces[setup.name] = Trace()
+        self._traces[setup.name] = SampleTrace()
         self._books[setup.name] = PackBook()
         self._flights[setup.name] = FlightBook()
         return setup.name
 
-    def result(self, path: Path) -> LogReplay:
+    def build_result(self, path: Path) -> LogReplay:
         """Return what was found, once the log has ended."""
         if self._first is not None:
             # What it said last is judged, too.
             self._next_s = min(self._next_s, self._now_s)
-            self._pass(self._now_s)
-        found = [*self._findings, *passive.closed(self._state, self._now_s)]
+            self._advance_to(self._now_s)
+        found = [*self._findings, *passive.close_degradations(self._state, self._now_s)]
         if self._on_board:
-            found = [one for one in found if isinstance(one, Moded) or one.kind is not FaultKind.LINK]
+            found = [one for one in found if isinstance(one, ObservedModeChange) or one.kind is not FaultKind.LINK]
         found = [one for one in found if _began_s(one) < self._mixed.get(one.vehicle, math.inf)]
-        vehicles = tuple(self._vehicle(system, name, found) for system, name in sorted(self._names.items()))
+        vehicles = tuple(self._build_vehicle(system, name, found) for system, name in sorted(self._names.items()))
         notes = [*self._others.values(), *self._file.notes]
         notes += [
-            f"{stranger_words(DoubleHeard(self._scene.vehicles[name].sysid, ()))}; not judged from {since_s:.1f} s on"
+            f"{describe_foreign_system(DoubleHeard(self._scene.vehicles[name].sysid, ()))}; not judged from "
+            f"{since_s:.1f} s on"
             for name, since_s in self._mixed.items()
         ]
         if self._rules.site is None and any(one.flown_s and one.name not in self._mixed for one in vehicles):
             notes.append(NOBODY_KNOWS)
         notes += [f"{one.name} is never armed in it" for one in vehicles if not one.flown_s]
-        notes += [note for name, book in self._flights.items() if (note := book.note(name))]
+        notes += [note for name, book in self._flights.items() if (note := book.describe_missionless(name))]
         if not vehicles:
             notes.insert(0, "no vehicle in it that can be followed")
         return LogReplay(path, vehicles, self._file.skipped, self._first or 0, self._now_s, tuple(notes))
 
-    def _vehicle(self, system: int, name: str, found: Sequence[Finding]) -> VehicleReplay:
+    def _build_vehicle(self, system: int, name: str, found: Sequence[Finding]) -> VehicleReplay:
         mine = [one for one in found if one.vehicle == name]
         declarations = [
-            Declaration(one.kind, one.reason, self._usec(one.at_s), one.evidence)
+            Declaration(one.kind, one.reason, self._to_log_usec(one.at_s), one.evidence)
             for one in mine
-            if isinstance(one, Declared)
+            if isinstance(one, DeclaredFault)
         ]
         degraded = [
-            Impaired(
-                one.kind, one.reason, self._usec(one.from_s), self._usec(one.to_s or self._now_s), one.evidence
+            ImpairedPeriod(
+                one.kind, one.reason, self._to_log_usec(one.from_s), self._to_log_usec(one.to_s or self._now_s),
+                one.evidence
             )
             for one in mine
-            if isinstance(one, Degraded)
+            if isinstance(one, Degradation)
         ]  # fmt: skip
         return VehicleReplay(
             sysid=system,
@@ -373,19 +383,21 @@ class _Player:
             degraded=tuple(sorted(degraded, key=lambda one: one.from_usec)),
             flown_s=self._flown.get(name, 0.0),
             samples=tuple(self._traces[name].samples),
-            packs=self._books[name].closed(),
+            packs=self._books[name].close_flights(),
             modes=tuple(
-                ModeSeen(self._usec(one.at_s), one.mode, one.by, one.why) for one in mine if isinstance(one, Moded)
+                ModeTransition(self._to_log_usec(one.at_s), one.mode, one.by, one.why)
+                for one in mine
+                if isinstance(one, ObservedModeChange)
             ),
         )
 
-    def _usec(self, at_s: float) -> int:
+    def _to_log_usec(self, at_s: float) -> int:
         """Return a moment on the log's clock, as if that had never jumped back."""
         return (self._first or 0) + round(at_s * 1e6)
 
 
 def _began_s(found: Finding) -> float:
-    return found.from_s if isinstance(found, Degraded) else found.at_s
+    return found.from_s if isinstance(found, Degradation) else found.at_s
 
 
 def _is_calm(vehicle: VehicleState, at_s: float) -> bool:
@@ -393,16 +405,16 @@ def _is_calm(vehicle: VehicleState, at_s: float) -> bool:
     if vehicle.stage in {Stage.LOST, Stage.GROUND, Stage.LANDED}:
         return True
     silent = vehicle.link.heard_s is not None and at_s - vehicle.link.heard_s > CALM_S
-    return not (silent or vehicle.watches or _drains(vehicle))
+    return not (silent or vehicle.watches or _is_draining(vehicle))
 
 
-def _drains(vehicle: VehicleState) -> bool:
+def _is_draining(vehicle: VehicleState) -> bool:
     """Return whether more is used than usual."""
     known = vehicle.power.battery
     return max(known.drift.excess_pct, known.charge.drift.excess_pct) > RESTLESS_PCT
 
 
-def _empty_scene(rules: ReplayRules) -> Scene:
+def _build_empty_scene(rules: ReplayRules) -> Scene:
     site = rules.site
     drone = PRESETS["mavic3"] if site is None else assembly.drone_of(site)
     return Scene(
@@ -410,14 +422,14 @@ def _empty_scene(rules: ReplayRules) -> Scene:
         vehicles={},
         limits=rules.limits,
         drone=drone,
-        draws_pct_s=draws_pct_s(drone),
+        draws_pct_s=power_draw_table_pct_s(drone),
         wind_m_s=(0.0, 0.0) if site is None else site.inspection.wind_m_s,
         corridor_m=math.inf,
         inspection_speed_m_s=math.inf,
     )
 
 
-def _setup(rules: ReplayRules, system: int, dialect: Dialect, *, on_board: bool) -> VehicleSetup:
+def _build_setup(rules: ReplayRules, system: int, dialect: Dialect, *, on_board: bool) -> VehicleSetup:
     """Return what is known of a vehicle without its plan."""
     site = rules.site
     table = None if site is None else next((one for one in site.vehicle if one.sysid == system), None)
@@ -436,10 +448,10 @@ def _setup(rules: ReplayRules, system: int, dialect: Dialect, *, on_board: bool)
     )
 
 
-def sampled(scene: Scene, vehicle: VehicleState, at_s: float) -> ReplaySample:
+def sample_vehicle(scene: Scene, vehicle: VehicleState, at_s: float) -> ReplaySample:
     """Return what a picture shows of a vehicle at one moment."""
     estimate = vehicle.power.battery.estimate
-    ahead = projection.at_landing(scene, vehicle, scene.vehicles[vehicle.name])
+    ahead = projection.project_landing(scene, vehicle, scene.vehicles[vehicle.name])
     return ReplaySample(
         at_s=at_s,
         remaining_pct=vehicle.power.battery.remaining_pct,

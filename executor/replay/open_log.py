@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from executor.adapters.extras import Extra, need
+from executor.adapters.extras import Extra, require_extra
 from executor.core.recording import RecordedFile
 from executor.errors import LogError
 
@@ -40,7 +40,7 @@ def open_log(path: Path) -> OpenedLog:
             head = file.read(HEAD)
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    kind = _kind(head, path.suffix.lower())
+    kind = _detect_format(head, path.suffix.lower())
     if kind == ".tlog":
         from executor.adapters.mavlink.tlog_reader import TelemetryFile
 
@@ -50,7 +50,7 @@ def open_log(path: Path) -> OpenedLog:
 
         return OpenedLog(DataFlashFile(path, text=kind == ".log"), on_board=True)
     if kind == ".ulg":
-        need(Extra.LOGS, f"{path}: a ULog")
+        require_extra(Extra.LOGS, f"{path}: a ULog")
         from executor.adapters.logs.ulog import UlogFile
 
         return OpenedLog(UlogFile(path), on_board=True)
@@ -66,10 +66,10 @@ def is_log_by_content(path: Path) -> bool:
     if path.suffix.lower() != ".log" or not path.is_file():
         return False
     with path.open("rb") as file:
-        return _kind(file.read(HEAD), "") not in {"", ".raw"}
+        return _detect_format(file.read(HEAD), "") not in {"", ".raw"}
 
 
-def _kind(head: bytes, suffix: str) -> str:
+def _detect_format(head: bytes, suffix: str) -> str:
     if head.startswith(ULOG_MAGIC):
         return ".ulg"
     if head.startswith(DATAFLASH_MAGIC):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from executor.core.battery import resting
-from executor.core.battery.pack import Rest
+from executor.core.battery.pack import RestReading
 from executor.core.battery.resting import Chemistry, PackFacts
 from executor.core.vehicle import VehicleState
 
@@ -51,32 +51,32 @@ class PackBook:
 
     flights: list[PackFlight] = field(default_factory=list)
     _number: int = 0
-    _rest: Rest | None = None
+    _rest: RestReading | None = None
     _began_s: float | None = None
     _counted: tuple[float | None, float] = (None, 0.0)
     """The counter and the percentage at the take-off."""
     _latest: PackFlight | None = None
 
-    def look(self, vehicle: VehicleState, facts: PackFacts, at_s: float) -> None:
+    def update(self, vehicle: VehicleState, facts: PackFacts, at_s: float) -> None:
         """Look at a vehicle: a flight begins when it has taken off, and ends when it disarms."""
         flies = vehicle.armed and vehicle.sortie.took_off
         if flies and self._began_s is None:
-            self._begin(vehicle, at_s)
+            self._begin_flight(vehicle, at_s)
         elif flies:
-            flight = self._flight(vehicle, facts, at_s)
+            flight = self._build_flight(vehicle, facts, at_s)
             if flight is not None:
                 self._latest = flight
         elif self._began_s is not None:
-            self.closed()
+            self.close_flights()
 
-    def closed(self) -> tuple[PackFlight, ...]:
+    def close_flights(self) -> tuple[PackFlight, ...]:
         """End the flight under way, if there is one, and return all of them."""
         if self._latest is not None:
             self.flights.append(self._latest)
         self._began_s = self._latest = None
         return tuple(self.flights)
 
-    def _begin(self, vehicle: VehicleState, at_s: float) -> None:
+    def _begin_flight(self, vehicle: VehicleState, at_s: float) -> None:
         pct = vehicle.power.battery.remaining_pct
         if pct is None:
             return
@@ -85,7 +85,7 @@ class PackBook:
         self._began_s, self._rest = at_s, vehicle.power.pack.rest
         self._counted = (vehicle.power.battery.charge.consumed_ah, pct)
 
-    def _flight(self, vehicle: VehicleState, facts: PackFacts, at_s: float) -> PackFlight | None:
+    def _build_flight(self, vehicle: VehicleState, facts: PackFacts, at_s: float) -> PackFlight | None:
         power, pct = vehicle.power, vehicle.power.battery.remaining_pct
         if pct is None or power.volts.voltage_v is None or self._began_s is None:
             return None
@@ -100,7 +100,7 @@ class PackBook:
             ended_cell_v=cell_v,
             began_pct=self._counted[1] if self._rest is None else self._rest.claimed_pct,
             ended_pct=pct,
-            sag_cell_v=None if sag is None else self._most_sag_v(sag.ohm * sag.current_a / cells),
+            sag_cell_v=None if sag is None else self._highest_sag_v(sag.ohm * sag.current_a / cells),
             ohm=None if sag is None else max(0.0, sag.ohm),
             ohm_sd=None if sag is None else sag.ohm_sd,
             counted_ah=self._used_ah(vehicle, facts, pct),
@@ -109,7 +109,7 @@ class PackBook:
         )
         return flight if sag is None else replace(flight, capacity_ah=self._capacity_ah(flight, facts.chemistry))
 
-    def _most_sag_v(self, now_v: float) -> float:
+    def _highest_sag_v(self, now_v: float) -> float:
         return max(0.0, now_v, 0.0 if self._latest is None else self._latest.sag_cell_v or 0.0)
 
     def _capacity_ah(self, flight: PackFlight, chemistry: Chemistry | None) -> tuple[float, float] | None:
@@ -136,7 +136,7 @@ def capacity_ah(flight: PackFlight, chemistry: Chemistry | None) -> tuple[float,
         return None
     found = []
     for one in (chemistry,) if chemistry is not None else Chemistry:
-        used_pct = resting.held_pct(flight.began_cell_v, one) - resting.held_pct(flight.ended_cell_v, one)
+        used_pct = resting.rest_charge_pct(flight.began_cell_v, one) - resting.rest_charge_pct(flight.ended_cell_v, one)
         if used_pct < LEAST_USED_PCT:
             return None
         found.append(100.0 * flight.counted_ah / used_pct)

@@ -30,20 +30,21 @@ def write_replay_page(replay: LogReplay, truth: RecordedTruth | None, picture: P
         *(f"<p>{escape(note)}</p>" for note in replay.notes),
         f"<img alt='timeline' src='data:image/png;base64,{b64encode(picture.read_bytes()).decode()}'>",
         "<h2>Declared</h2>",
-        _table(
+        _render_table(
             ("vehicle", "kind", "reason", "at (s)", "t_usec", "evidence"),
             [
-                (vehicle.name, one.kind.value, one.reason, _s(replay, one.t_usec), one.t_usec, one.evidence)
+                (vehicle.name, one.kind.value, one.reason, _format_s(replay, one.t_usec), one.t_usec, one.evidence)
                 for vehicle in replay.vehicles
                 for one in vehicle.declarations
             ],
         ),
         "<h2>Not well</h2>",
-        _table(
+        _render_table(
             ("vehicle", "kind", "reason", "from (s)", "to (s)", "evidence"),
             [
                 (
-                    vehicle.name, one.kind.value, one.reason, _s(replay, one.from_usec), _s(replay, one.to_usec),
+                    vehicle.name, one.kind.value, one.reason, _format_s(replay, one.from_usec),
+                    _format_s(replay, one.to_usec),
                     one.evidence,
                 )
                 for vehicle in replay.vehicles
@@ -52,18 +53,18 @@ def write_replay_page(replay: LogReplay, truth: RecordedTruth | None, picture: P
         ),
     ]  # fmt: skip
     if truth is not None:
-        rows = [(_s(replay, one.t_usec), one.what) for one in truth.events]
-        parts += ["<h2>What really happened</h2>", _table(("at (s)", "what"), rows)]
+        rows = [(_format_s(replay, one.t_usec), one.what) for one in truth.events]
+        parts += ["<h2>What really happened</h2>", _render_table(("at (s)", "what"), rows)]
     skipped = [(name.replace("_", " "), count) for name, count in replay.skipped.counts().items() if count]
-    parts += ["<h2>Skipped</h2>", _table(("what", "how often"), skipped), "</html>"]
+    parts += ["<h2>Skipped</h2>", _render_table(("what", "how often"), skipped), "</html>"]
     write_whole(path, "\n".join(parts).encode())
 
 
-def _s(replay: LogReplay, usec: int) -> str:
+def _format_s(replay: LogReplay, usec: int) -> str:
     return f"{(usec - replay.began_usec) / 1e6:.1f}"
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+def _render_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     lines = ["<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows]
     if not lines:
         return "<p>Nothing.</p>"

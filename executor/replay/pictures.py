@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from executor.analysis.pictures import save
+from executor.analysis.pictures import save_figure
 from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, WIDTH_IN, style_of
 from executor.core.vehicle import FaultKind
 from executor.replay.result import LogReplay, RecordedTruth, VehicleReplay
@@ -32,27 +32,27 @@ def draw_replay(replay: LogReplay, truth: RecordedTruth | None, path: Path) -> N
     axes = figure.subplots(len(ROWS) * count, 1, sharex=True, squeeze=False)[:, 0]
     for number, vehicle in enumerate(replay.vehicles):
         rows = list(axes[number * len(ROWS) : (number + 1) * len(ROWS)])
-        _vehicle(replay, vehicle, rows, style_of(number).colour)
+        _draw_vehicle(replay, vehicle, rows, style_of(number).colour)
         for axis in rows:
-            _moments(replay, vehicle, truth, axis, named=axis is rows[0])
+            _draw_moments(replay, vehicle, truth, axis, named=axis is rows[0])
     for axis in axes:
         axis.margins(x=0.01)
         axis.grid(visible=True, color=FAINT, alpha=0.25)
         axis.spines[["top", "right"]].set_visible(False)
     axes[-1].set_xlabel("seconds since the log began", color=INK)
-    figure.suptitle(_title(replay), color=INK, fontsize=11)
+    figure.suptitle(_compose_title(replay), color=INK, fontsize=11)
     figure.tight_layout()
-    save(figure, path)
+    save_figure(figure, path)
 
 
-def _title(replay: LogReplay) -> str:
+def _compose_title(replay: LogReplay) -> str:
     declared = [
         f"{vehicle.name}: {one.kind.value}, {one.reason}" for vehicle in replay.vehicles for one in vehicle.declarations
     ]
     return f"{replay.path.name}: " + ("; ".join(declared) if declared else "nothing to declare")
 
 
-def _vehicle(replay: LogReplay, vehicle: VehicleReplay, rows: list[Axes], colour: str) -> None:
+def _draw_vehicle(replay: LogReplay, vehicle: VehicleReplay, rows: list[Axes], colour: str) -> None:
     def series(name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
         return np.array([getattr(one, name) for one in vehicle.samples], dtype=np.float64)
 
@@ -83,7 +83,7 @@ def _vehicle(replay: LogReplay, vehicle: VehicleReplay, rows: list[Axes], colour
         row.axvspan(since, until, color=KIND_COLOURS[one.kind], alpha=0.12, linewidth=0)
 
 
-def _moments(
+def _draw_moments(
     replay: LogReplay, vehicle: VehicleReplay, truth: RecordedTruth | None, axis: Axes, *, named: bool
 ) -> None:
     known = () if truth is None else truth.events

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from executor.core.messages import Actor
-from executor.core.recording import Skipped
+from executor.core.recording import SkippedRecords
 from executor.core.vehicle import FaultKind
 from executor.replay.packs import PackFlight
 
@@ -32,7 +32,7 @@ class ReplaySample:
 
 
 @dataclass(slots=True)
-class Trace:
+class SampleTrace:
     """Samples of one vehicle; when they become many, every second one is dropped, so that memory stays constant."""
 
     samples: list[ReplaySample] = field(default_factory=list)
@@ -59,7 +59,7 @@ class Declaration:
 
 
 @dataclass(frozen=True, slots=True)
-class Impaired:
+class ImpairedPeriod:
     """A time in which something was not well, in the log's own time."""
 
     kind: FaultKind
@@ -70,7 +70,7 @@ class Impaired:
 
 
 @dataclass(frozen=True, slots=True)
-class ModeSeen:
+class ModeTransition:
     """An armed vehicle's mode became another, in the log's own time."""
 
     t_usec: int
@@ -88,11 +88,11 @@ class VehicleReplay:
     name: str
     autopilot: str
     declarations: tuple[Declaration, ...]
-    degraded: tuple[Impaired, ...]
+    degraded: tuple[ImpairedPeriod, ...]
     flown_s: float
     """Armed."""
     samples: tuple[ReplaySample, ...]
-    modes: tuple[ModeSeen, ...] = ()
+    modes: tuple[ModeTransition, ...] = ()
     packs: tuple[PackFlight, ...] = ()
     """What each flight says of its pack."""
 
@@ -103,14 +103,14 @@ class LogReplay:
 
     path: Path
     vehicles: tuple[VehicleReplay, ...]
-    skipped: Skipped
+    skipped: SkippedRecords
     began_usec: int
     lasted_s: float
     notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Happened:
+class TrueEvent:
     """One thing that really happened, by the truth that lies beside a log."""
 
     t_usec: int
@@ -128,11 +128,11 @@ class RecordedTruth:
     """When it became visible in the data, on the log's own clock."""
     until_usec: int | None
     """When it was over; None if it lasts."""
-    events: tuple[Happened, ...]
+    events: tuple[TrueEvent, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class ThresholdPoint:
     """One value of one threshold, over all flights."""
 
     threshold: str

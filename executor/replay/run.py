@@ -20,18 +20,18 @@ from executor.core.commands import Command, Say
 from executor.core.context import Context
 from executor.core.events import Tick
 from executor.core.faults import passive
-from executor.core.faults.passive import Degraded
-from executor.core.faults.watching import View
-from executor.core.recording import Skipped
+from executor.core.faults.passive import Degradation
+from executor.core.faults.watching import WatchView
+from executor.core.recording import SkippedRecords
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage
-from executor.flight.run_start import beginning
-from executor.replay.logs import sampled
-from executor.replay.result import Declaration, Impaired, LogReplay, Trace, VehicleReplay
+from executor.flight.run_start import read_run_start
+from executor.replay.logs import sample_vehicle
+from executor.replay.result import Declaration, ImpairedPeriod, LogReplay, SampleTrace, VehicleReplay
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class DecisionComparison:
     """What the flight decided beside what the replay did."""
 
     logged: int
@@ -43,7 +43,7 @@ class Comparison:
     """The first line or reason that has other words now; empty if there is none. It decides nothing."""
 
     @property
-    def same(self) -> bool:
+    def is_same(self) -> bool:
         """Whether every command is the same, in the same order, at the same time."""
         return not self.first_difference
 
@@ -53,14 +53,14 @@ class RunReplay:
     """A run directory, replayed."""
 
     log: LogReplay
-    comparison: Comparison
+    comparison: DecisionComparison
     state: FleetState
 
 
 Decided = tuple[float, object]
 
 
-def rerun(run: Path) -> RunReplay:
+def replay_run(run: Path) -> RunReplay:
     """Replay a run directory.
 
     Raises:
@@ -68,7 +68,7 @@ def rerun(run: Path) -> RunReplay:
         SiteError: site.toml cannot be used.
         MissionsError: the first plan cannot be used.
     """
-    begun = beginning(run)
+    begun = read_run_start(run)
     context, state = begun.context, begun.state
     events = RunDirectory(run).events
     head = read_head(events)
@@ -79,23 +79,23 @@ def rerun(run: Path) -> RunReplay:
         # A mistake of ours in one decision changed nothing in flight; it changes nothing here.
         with suppress(Exception):
             state, commands = fleet.step(context, state, event, at_s)
-            decided += [(at_s, _plain(command)) for command in commands]
+            decided += [(at_s, _to_plain(command)) for command in commands]
         if isinstance(event, Tick):
-            watch.look(state, at_s)
-    comparison = compared(list(read_decisions(events)), decided)
-    vehicles = watch.vehicles(state, head.began_unix_s, at_s)
-    notes = () if comparison.same else (f"not what the flight decided: {comparison.first_difference}",)
-    if comparison.same and comparison.reworded:
+            watch.update(state, at_s)
+    comparison = compare_decisions(list(read_decisions(events)), decided)
+    vehicles = watch.build_vehicle_replays(state, head.began_unix_s, at_s)
+    notes = () if comparison.is_same else (f"not what the flight decided: {comparison.first_difference}",)
+    if comparison.is_same and comparison.reworded:
         notes = (f"recorded by a version with other words: {comparison.reworded}",)
-    log = LogReplay(run, vehicles, Skipped(), round(head.began_unix_s * 1e6), at_s, notes)
+    log = LogReplay(run, vehicles, SkippedRecords(), round(head.began_unix_s * 1e6), at_s, notes)
     return RunReplay(log, comparison, state)
 
 
-def _plain(command: Command) -> object:
+def _to_plain(command: Command) -> object:
     return command.text if isinstance(command, Say) else to_plain(command)
 
 
-def compared(logged: Sequence[Decided], replayed: Sequence[Decided]) -> Comparison:
+def compare_decisions(logged: Sequence[Decided], replayed: Sequence[Decided]) -> DecisionComparison:
     """Compare what was logged with what was decided again, in the form that the log has: through JSON and back."""
     made: list[Any] = json.loads(json.dumps(replayed))
     commands = any(not isinstance(what, str) for _, what in logged)
@@ -105,24 +105,26 @@ def compared(logged: Sequence[Decided], replayed: Sequence[Decided]) -> Comparis
     for number, (before, after) in enumerate(zip(logged, made, strict=False)):
         if [before[0], before[1]] == after:
             continue
-        what = f"decision {number} at {before[0]:.2f} s was {_words(before[1])}, is {_words(after[1])}"
-        if before[0] != after[0] or _wordless(before[1]) != _wordless(after[1]):
+        what = (
+            f"decision {number} at {before[0]:.2f} s was {_format_decision(before[1])}, is {_format_decision(after[1])}"
+        )
+        if before[0] != after[0] or _strip_wording(before[1]) != _strip_wording(after[1]):
             first = what
             break
         reworded = reworded or what
     if not first and len(logged) != len(made):
         first = f"the flight made {len(logged)} decisions, the replay {len(made)}"
-    return Comparison(len(logged), len(made), first, reworded)
+    return DecisionComparison(len(logged), len(made), first, reworded)
 
 
-def _wordless(decided: object) -> object:
+def _strip_wording(decided: object) -> object:
     """Return a decision without its sentences, which another version of the program may word otherwise."""
     if not isinstance(decided, dict):
         return ""
     return {key: value for key, value in decided.items() if key not in {"trigger", "reason"}}
 
 
-def _words(decided: object) -> str:
+def _format_decision(decided: object) -> str:
     return repr(decided) if isinstance(decided, str) else json.dumps(decided)[:120]
 
 
@@ -131,13 +133,13 @@ class _Watch:
 
     def __init__(self, context: Context) -> None:
         self._context = context
-        self._open: dict[tuple[str, str], Degraded] = {}
-        self._over: list[Degraded] = []
-        self._traces = {name: Trace() for name in context.vehicles}
+        self._open: dict[tuple[str, str], Degradation] = {}
+        self._over: list[Degradation] = []
+        self._traces = {name: SampleTrace() for name in context.vehicles}
         self._flown = dict.fromkeys(context.vehicles, 0.0)
         self._looked_s: float | None = None
 
-    def look(self, state: FleetState, now_s: float) -> None:
+    def update(self, state: FleetState, now_s: float) -> None:
         """Look at everybody."""
         elapsed_s = 0.0 if self._looked_s is None else now_s - self._looked_s
         self._looked_s = now_s
@@ -146,13 +148,15 @@ class _Watch:
             if vehicle.armed and vehicle.stage is not Stage.LOST:
                 self._flown[name] += elapsed_s
             if vehicle.stage is not Stage.LOST:
-                found = passive.warned(View(self._context, setup, vehicle, False, now_s), self._open)
-                self._over += [one for one in found if isinstance(one, Degraded)]
+                found = passive.update_degradations(WatchView(self._context, setup, vehicle, False, now_s), self._open)
+                self._over += [one for one in found if isinstance(one, Degradation)]
             trace = self._traces[name]
             if not trace.samples or now_s - trace.samples[-1].at_s >= trace.every_s:
-                trace.add(sampled(self._context, vehicle, now_s))
+                trace.add(sample_vehicle(self._context, vehicle, now_s))
 
-    def vehicles(self, state: FleetState, began_unix_s: float, ended_s: float) -> tuple[VehicleReplay, ...]:
+    def build_vehicle_replays(
+        self, state: FleetState, began_unix_s: float, ended_s: float
+    ) -> tuple[VehicleReplay, ...]:
         """Return every vehicle as the replay of a log has it."""
 
         def usec(at_s: float) -> int:
@@ -168,7 +172,7 @@ class _Watch:
             )
             mine = [one for one in (*self._over, *self._open.values()) if one.vehicle == name]
             degraded = tuple(
-                Impaired(one.kind, one.reason, usec(one.from_s), usec(one.to_s or ended_s), one.evidence)
+                ImpairedPeriod(one.kind, one.reason, usec(one.from_s), usec(one.to_s or ended_s), one.evidence)
                 for one in sorted(mine, key=lambda one: one.from_s)
             )
             setup = self._context.vehicles[name]

@@ -8,10 +8,10 @@ from typing import TypeVar
 
 from executor.core.messages import Message, Outgoing
 from executor.core.ports import Clock, Link
-from executor.protocols.machine import Machine, TimedOut
+from executor.protocols.machine import DialogueMachine, TimedOut
 from executor.runtime.awake import LEAST_WAIT_S, by_awake_time, underlying
 
-M = TypeVar("M", bound=Machine)
+M = TypeVar("M", bound=DialogueMachine)
 
 INBOX = 256
 """Messages that may wait for a dialogue; telemetry beyond it is dropped, the protocols ask again for the rest."""
@@ -24,7 +24,7 @@ MOST_SPEEDUP = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class _Paced:
+class _DialogueClock:
     """A dialogue's own time: the flight's, but never faster than `MOST_SPEEDUP`."""
 
     clock: Clock
@@ -42,7 +42,7 @@ class _Patience:
     """How long a vehicle has not answered: what it is asked again, and when it may be given up."""
 
     able: Clock
-    paced: _Paced
+    paced: _DialogueClock
     since_s: float = 0.0
     able_since_s: float = 0.0
     granted_s: float | None = None
@@ -72,7 +72,7 @@ class _Patience:
 
 
 @by_awake_time
-async def converse(machine: M, link: Link, clock: Clock) -> M:
+async def run_dialogue(machine: M, link: Link, clock: Clock) -> M:
     """Run a dialogue to its one outcome.
 
     When the task is cancelled the vehicle is told so where the protocol allows it.
@@ -83,7 +83,7 @@ async def converse(machine: M, link: Link, clock: Clock) -> M:
         if not inbox.full():
             inbox.put_nowait(message)
 
-    paced = _Paced(underlying(clock))
+    paced = _DialogueClock(underlying(clock))
     patience = _Patience(clock, paced)
     stop_listening = link.listen(take)
     try:

@@ -7,15 +7,15 @@ from executor.core.events import Examined
 from executor.core.messages import Heartbeat
 from executor.core.ports import Clock, Link
 from executor.core.preflight import fences
-from executor.core.preflight.checks import Facts, Severity
+from executor.core.preflight.checks import Severity, VehicleFacts
 from executor.core.preflight.failsafes import not_read
-from executor.core.preflight.parameters import Proposal, propose
+from executor.core.preflight.parameters import ParameterProposal, propose_return_changes
 from executor.errors import PreflightFailed
 from executor.runtime import preflight, procedures
 from executor.runtime.parameters import read_present, set_changes
 
 
-async def vehicle_examined(
+async def examine_vehicle(
     context: Context, name: str, link: Link, clock: Clock, within_s: float, *, sets: bool = False
 ) -> Examined:
     """Wait until a vehicle is ready, and read what it says of its battery and its parameters.
@@ -36,14 +36,14 @@ async def vehicle_examined(
         return Examined(name, ready=False, reason=f"no HEARTBEAT for {within_s:g} s")
     left_s = within_s - (clock.now_s() - began_s)
     try:
-        facts = await preflight.interview(name, link, clock, dialect, left_s, lambda _: None)
-        proposal = await _proposal(context, name, link, clock)
-        if sets and (lacks := proposal.of(name)):
+        facts = await preflight.interview_vehicle(name, link, clock, dialect, left_s, lambda _: None)
+        proposal = await _build_proposal(context, name, link, clock)
+        if sets and (lacks := proposal.changes_of(name)):
             await set_changes(link, clock, lacks)
-            proposal = await _proposal(context, name, link, clock)
+            proposal = await _build_proposal(context, name, link, clock)
     except PreflightFailed as error:
         return Examined(name, ready=False, reason=str(error).removeprefix(f"{name}: "))
-    if reason := _another(context, facts) or _unknown(facts, proposal):
+    if reason := _find_mismatch(context, facts) or _unknown(facts, proposal):
         return Examined(name, ready=False, reason=reason)
     return Examined(
         name,
@@ -53,26 +53,26 @@ async def vehicle_examined(
         voltage_v=facts.voltage_v,
         cells=facts.cells,
         parameters=tuple(sorted(facts.parameters.items())),
-        changed=tuple(change.words for change in proposal.of(name)),
+        changed=tuple(change.words for change in proposal.changes_of(name)),
         sets=sets,
     )
 
 
-async def _proposal(context: Context, name: str, link: Link, clock: Clock) -> Proposal:
+async def _build_proposal(context: Context, name: str, link: Link, clock: Clock) -> ParameterProposal:
     """Return what would have to be set on it: nothing, where it is as the flight has set it."""
-    beside = fences.parameter_names(context, name)
+    beside = fences.list_fence_parameters(context, name)
     present = await read_present(link, clock, context.vehicles[name].dialect, beside)
-    return fences.with_fences(context, propose(context, {name: present}))
+    return fences.add_fence_changes(context, propose_return_changes(context, {name: present}))
 
 
-def _unknown(facts: Facts, proposal: Proposal) -> str:
+def _unknown(facts: VehicleFacts, proposal: ParameterProposal) -> str:
     """Return what cannot be known of its parameters; empty if everything is."""
     if facts.unread:
         return not_read(facts.unread)
     return next((check.text for check in proposal.checks if check.severity is Severity.STOP), "")
 
 
-def _another(context: Context, facts: Facts) -> str:
+def _find_mismatch(context: Context, facts: VehicleFacts) -> str:
     """Return why it is not the vehicle that it was, or not at rest; empty if it is."""
     dialect = context.vehicles[facts.name].dialect
     if facts.heartbeat.autopilot != dialect.number:

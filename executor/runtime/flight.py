@@ -12,14 +12,14 @@ from executor import supervised
 from executor.core import commands, events, fencing, fleet
 from executor.core.commands import Command
 from executor.core.context import Context
-from executor.core.custody.causes import in_other_hands
+from executor.core.custody.causes import is_under_foreign_control
 from executor.core.endings import Ending
 from executor.core.events import Event
 from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.ports import Clock, EventSink, Link, Solver
 from executor.core.replan import new_missions
-from executor.core.resume.resuming import found_on
+from executor.core.resume.resuming import compare_onboard_mission
 from executor.core.roster import turnaround
 from executor.core.state import FleetState
 from executor.protocols import orders
@@ -102,14 +102,14 @@ class Flight:
             if text not in self._mistakes:
                 self._mistakes.add(text)
                 line = commands.Say(commands.Level.FAULT, text)
-                supervised.safely("what tells the crew", self._observer.said, line, now_s)
+                supervised.call_safely("what tells the crew", self._observer.said, line, now_s)
                 supervised.report_mistake(f"deciding at {type(event).__name__}", error, said=True)
 
     def now_s(self) -> float:
         """Return the time on the flight's clock."""
         return self._clock.now_s()
 
-    def ask(self, intent: Intent) -> IntentRecord:
+    def submit_intent(self, intent: Intent) -> IntentRecord:
         """Take an operator's intent, once; returns what became of it so far.
 
         Raises:
@@ -127,10 +127,10 @@ class Flight:
         if self.state.crew.briefing.answered:
             self._answer.set()
         # An observer, and one command, must not keep the others from being carried out.
-        supervised.safely("what shows the flight", self._observer.applied, event, self.state, now_s)
+        supervised.call_safely("what shows the flight", self._observer.applied, event, self.state, now_s)
         for command in decided:
-            supervised.safely("what keeps the decisions", self._observer.decided, command, now_s)
-            supervised.safely(f"carrying out {type(command).__name__}", self._carry_out, command, now_s)
+            supervised.call_safely("what keeps the decisions", self._observer.decided, command, now_s)
+            supervised.call_safely(f"carrying out {type(command).__name__}", self._carry_out, command, now_s)
 
     async def run(self, reopened: events.Reopened | None = None, patience_real_s: float = 0.0) -> None:
         """Fly until nothing is left to supervise; the missions are on board already.
@@ -147,20 +147,22 @@ class Flight:
                 self._tasks = tasks
                 if reopened is not None:
                     self.apply(reopened)
-                with self.listening():
+                with self.listen_to_vehicles():
                     if reopened is not None:
-                        self.apply(await self._reunion(patience_real_s))
-                    tick = tasks.create_task(supervised.keep_going("the tick", self._tick, at_once=True), name="tick")
+                        self.apply(await self._reconnect(patience_real_s))
+                    tick = tasks.create_task(
+                        supervised.keep_going("the tick", self._run_ticks, at_once=True), name="tick"
+                    )
                     if reopened is None:
                         self.apply(events.LaunchOrdered())
-                    await self._ended_for_all()
+                    await self._wait_for_end()
                     tick.cancel()
                     for job in (*self._jobs.values(), *self._solving):
                         job.cancel()
         finally:
             self._tasks = None
 
-    async def _ended_for_all(self) -> None:
+    async def _wait_for_end(self) -> None:
         """Wait for the end: who was lost may be heard, in the air, before this is reached.
 
         A flight whose ground station was killed as it ended is over when it is taken up.
@@ -170,12 +172,12 @@ class Flight:
             await self._over.wait()
 
     @contextmanager
-    def listening(self) -> Iterator[None]:
+    def listen_to_vehicles(self) -> Iterator[None]:
         """Take what the vehicles say; before a flight too, so that who looks sees them."""
         if self._stops:
             yield  # it listens already
             return
-        self._stops = [link.listen(self._listener(name)) for name, link in self._links.items()]
+        self._stops = [link.listen(self._make_listener(name)) for name, link in self._links.items()]
         try:
             yield
         finally:
@@ -183,17 +185,19 @@ class Flight:
                 stop()
             self._stops = []
 
-    async def answered(self, action: Action) -> bool:
+    async def wait_for_yes(self, action: Action) -> bool:
         """Wait until what is asked before the flight is answered with yes, from wherever; returns true."""
         while self.state.crew.briefing.answered != action.value:
             self._answer.clear()
             await self._answer.wait()
         return True
 
-    async def _reunion(self, patience_real_s: float) -> events.Resumed:
-        return await reunion.asked(self.context, lambda: self.state, self._links, self._clock, patience_real_s)
+    async def _reconnect(self, patience_real_s: float) -> events.Resumed:
+        return await reunion.reconnect_vehicles(
+            self.context, lambda: self.state, self._links, self._clock, patience_real_s
+        )
 
-    def leave(self, *, at_once: bool = False) -> tuple[str, ...]:
+    def stop_supervising(self, *, at_once: bool = False) -> tuple[str, ...]:
         """Stop supervising; the vehicles keep their missions, and nobody is given another one.
 
         An upload that would leave a part of a new mission on board is brought to its end first, and looked after
@@ -205,12 +209,12 @@ class Flight:
         self._leaves = True
         for task in self._solving:
             task.cancel()
-        waits_for = () if at_once else self._mixed()
+        waits_for = () if at_once else self._find_partial_uploads()
         if not waits_for:
             self._over.set()
         return waits_for
 
-    def _mixed(self) -> tuple[str, ...]:
+    def _find_partial_uploads(self) -> tuple[str, ...]:
         """Return who is being given a mission on an autopilot that takes it item by item into the one on board."""
         return tuple(
             name
@@ -218,18 +222,18 @@ class Flight:
             if not self._jobs[name].done() and not self.context.vehicles[name].dialect.upload_is_atomic
         )
 
-    def _job_ended(self, _: asyncio.Task[None]) -> None:
-        if self._leaves and not self._mixed():
+    def _on_job_end(self, _: asyncio.Task[None]) -> None:
+        if self._leaves and not self._find_partial_uploads():
             self._over.set()
 
-    def _listener(self, name: str) -> Callable[[Message], None]:
+    def _make_listener(self, name: str) -> Callable[[Message], None]:
         def heard(message: Message) -> None:
             if isinstance(message, FlightMessage):
                 self.apply(events.Heard(name, message))
 
         return heard
 
-    async def _tick(self) -> None:
+    async def _run_ticks(self) -> None:
         period_s = max(TICK_S / self._clock.speedup, LEAST_TICK_REAL_S)
         with awake(self._clock) as able:
             late = Lateness(able, self._clock)
@@ -250,25 +254,25 @@ class Flight:
                 # How far it came is not known then: a part of it may be on board.
                 failed = partial(events.UploadEnded, vehicle, revision, False, True)
                 # A fence is broken off when a person takes the vehicle, and nothing of it is on board then.
-                self._job(vehicle, partial(self._upload, command), failed, whole=command.fence is None)
+                self._start_job(vehicle, partial(self._upload, command), failed, whole=command.fence is None)
             case commands.Start(vehicle):
-                self._job(vehicle, partial(self._start, vehicle), partial(events.StartEnded, vehicle, False))
+                self._start_job(vehicle, partial(self._start, vehicle), partial(events.StartEnded, vehicle, False))
             case commands.SendHome(vehicle):
-                self._job(vehicle, partial(self._send_home, vehicle), partial(events.ReturnEnded, vehicle, False))
+                self._start_job(vehicle, partial(self._send_home, vehicle), partial(events.ReturnEnded, vehicle, False))
             case commands.Hold() | commands.Resume() | commands.LandNow() | commands.Disarm():
                 failed = partial(events.OrderEnded, command.vehicle, ORDERS[type(command)], False)
-                self._job(command.vehicle, partial(self._order, command), failed)
+                self._start_job(command.vehicle, partial(self._run_order, command), failed)
             case commands.HandsOff(vehicle):
-                self._hands_off(vehicle)
+                self._stop_commanding(vehicle)
             case commands.AskStreams(vehicle) | commands.ReadMission(vehicle):
-                asks = self._ask_streams if isinstance(command, commands.AskStreams) else self._read
-                self._aside(vehicle, asks(vehicle))
+                asks = self._ask_streams if isinstance(command, commands.AskStreams) else self._read_parameters
+                self._start_side_job(vehicle, asks(vehicle))
             case commands.Examine(vehicle, sets):
                 failed = partial(events.Examined, vehicle, False)
-                self._job(vehicle, partial(self._examine, vehicle, sets=sets), failed)
+                self._start_job(vehicle, partial(self._examine, vehicle, sets=sets), failed)
             case commands.AskPicture(vehicle, component, sequence):
                 # Its answer is heard like any other picture, and asked for again where none comes.
-                self._links[vehicle].send(orders.picture(component, sequence))
+                self._links[vehicle].send(orders.request_picture(component, sequence))
             case commands.ChangeSpeed(vehicle, speed_m_s):
                 self._links[vehicle].send(orders.change_speed(speed_m_s))
             case commands.Solve(given=visits) if visits:
@@ -278,7 +282,7 @@ class Flight:
             case commands.Solve():
                 nothing = partial(events.SolveEnded, command.revision, None, (), 0.0)
                 solve = partial(self._solver.solve, command, self.context.pricing)
-                task = self._spawn(self._ended("the solver", solve, nothing), "solver")
+                task = self._spawn(self._run_job("the solver", solve, nothing), "solver")
                 if task is not None:
                     self._solving.add(task)
                     task.add_done_callback(self._solving.discard)
@@ -295,7 +299,7 @@ class Flight:
             return None
         return self._tasks.create_task(work, name=name)
 
-    def _job(self, vehicle: str, work: Work, failed: Failed, *, whole: bool = False) -> None:
+    def _start_job(self, vehicle: str, work: Work, failed: Failed, *, whole: bool = False) -> None:
         """Give a vehicle something to do; what it was given before is cancelled: one dialogue runs at a time.
 
         Args:
@@ -308,15 +312,17 @@ class Flight:
         before = self._jobs.get(vehicle)
         if before is not None:
             before.cancel()
-        task = self._spawn(self._ended(f"an order to {vehicle}", partial(self._settled, work), failed), vehicle)
+        task = self._spawn(
+            self._run_job(f"an order to {vehicle}", partial(self._run_once_recorded, work), failed), vehicle
+        )
         if task is not None:
             self._jobs[vehicle] = task
             self._whole.discard(vehicle)
             if whole:
                 self._whole.add(vehicle)
-            task.add_done_callback(self._job_ended)
+            task.add_done_callback(self._on_job_end)
 
-    def _aside(self, vehicle: str, work: Coroutine[None, None, None]) -> None:
+    def _start_side_job(self, vehicle: str, work: Coroutine[None, None, None]) -> None:
         """Ask a vehicle something, unless it is being told something: that can wait, and is asked again."""
         job = self._jobs.get(vehicle)
         if job is not None and not job.done():
@@ -327,7 +333,7 @@ class Flight:
             self._jobs[vehicle] = task
             self._whole.discard(vehicle)
 
-    async def _ended(self, what: str, work: Work, failed: Failed) -> None:
+    async def _run_job(self, what: str, work: Work, failed: Failed) -> None:
         """Apply what something comes to; a mistake of ours in it ends it like a refusal, and nobody else's work."""
         try:
             event = await work()
@@ -336,13 +342,13 @@ class Flight:
             event = failed(f"internal error: {type(error).__name__}: {error}")
         self.apply(event)
 
-    def _hands_off(self, vehicle: str) -> None:
+    def _stop_commanding(self, vehicle: str) -> None:
         """Say nothing more to a vehicle that a person has."""
         job = self._jobs.get(vehicle)
         if job is not None and vehicle not in self._whole:
             job.cancel()
 
-    async def _settled(self, work: Work) -> Event:
+    async def _run_once_recorded(self, work: Work) -> Event:
         """Tell a vehicle something once the decision is on record and outlives a power loss."""
         await self._sink.settle()
         return await work()
@@ -361,81 +367,85 @@ class Flight:
             mission = flag_current(mission, None)
         link, name = self._links[command.vehicle], command.vehicle
         ended = partial(events.UploadEnded, name, command.revision)
-        if over_m := fencing.over_its_top_m(self.context, name, command.path):
+        if over_m := fencing.height_over_fence_m(self.context, name, command.path):
             return ended(False, False, f"it leads {over_m:.0f} m above its fence", Ending.ABOVE_FENCE)
         fenced = command.fence is not None
         if command.fence is not None:
-            items = fencing.fence_list(self.context, command.fence)
-            fence = await procedures.put_fence(link, self._clock, dialect, items, partial(self._may_be_fenced, name))
+            items = fencing.encode_fence(self.context, command.fence)
+            fence = await procedures.upload_and_verify_fence(
+                link, self._clock, dialect, items, partial(self._may_change_fence, name)
+            )
             if not fence.accepted:
                 return ended(False, False, f"its fence: {fence.reason}", fence.code)
-            if not self._may_be_fenced(name, mixed=False):
+            if not self._may_change_fence(name, mixed=False):
                 return ended(False, False, "it has left its mission", Ending.LEFT_MISSION, fenced)
             self._whole.add(name)
-        wanted, tell = partial(self._may_be_given, name), partial(self._tell, name)
-        done = await procedures.put_on_board(link, self._clock, dialect, mission.items, wanted, tell)
+        wanted, tell = partial(self._may_receive_mission, name), partial(self._report, name)
+        done = await procedures.upload_and_verify(link, self._clock, dialect, mission.items, wanted, tell)
         return ended(done.accepted, done.mixed, done.reason, done.code, fenced)
 
-    def _tell(self, vehicle: str, text: str) -> None:
+    def _report(self, vehicle: str, text: str) -> None:
         self._told(f"{vehicle}: {text}")
 
     def _told(self, text: str) -> None:
         line = commands.Say(commands.Level.WARNING, text)
-        supervised.safely("what tells the crew", self._observer.told, line, self._clock.now_s())
+        supervised.call_safely("what tells the crew", self._observer.told, line, self._clock.now_s())
 
-    def _may_be_given(self, vehicle: str, mixed: bool) -> bool:
-        return new_missions.may_be_given(self.context, self.state.vehicles[vehicle], mixed=mixed)
+    def _may_receive_mission(self, vehicle: str, mixed: bool) -> bool:
+        return new_missions.may_retry_upload(self.context, self.state.vehicles[vehicle], mixed=mixed)
 
-    def _may_be_fenced(self, vehicle: str, mixed: bool) -> bool:
+    def _may_change_fence(self, vehicle: str, mixed: bool) -> bool:
         """Return whether a fence may be changed: never while a person has the vehicle, or may have."""
-        return not in_other_hands(self.state.vehicles[vehicle]) and self._may_be_given(vehicle, mixed)
+        return not is_under_foreign_control(self.state.vehicles[vehicle]) and self._may_receive_mission(vehicle, mixed)
 
     async def _start(self, vehicle: str) -> Event:
-        done = await procedures.start(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
+        done = await procedures.arm_and_start(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
         return events.StartEnded(vehicle, done.accepted, done.reason, done.armed, done.code)
 
     async def _examine(self, vehicle: str, *, sets: bool) -> Event:
         link, before_s = self._links[vehicle], turnaround.READY_S
-        return await examination.vehicle_examined(self.context, vehicle, link, self._clock, before_s, sets=sets)
+        return await examination.examine_vehicle(self.context, vehicle, link, self._clock, before_s, sets=sets)
 
     async def _send_home(self, vehicle: str) -> Event:
-        done = await procedures.send_home(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
+        done = await procedures.order_rtl(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
         return events.ReturnEnded(vehicle, done.accepted, done.reason, done.lost, done.refused, done.code)
 
-    async def _order(self, command: commands.Hold | commands.Resume | commands.LandNow | commands.Disarm) -> Event:
+    async def _run_order(self, command: commands.Hold | commands.Resume | commands.LandNow | commands.Disarm) -> Event:
         link, dialect = self._links[command.vehicle], self.context.vehicles[command.vehicle].dialect
         match command:
             case commands.Hold():
-                done = await procedures.hold(link, self._clock, dialect)
+                done = await procedures.order_hold(link, self._clock, dialect)
             case commands.Resume(_, speed_m_s):
-                done = await procedures.resume(link, self._clock, dialect, speed_m_s)
+                done = await procedures.resume_mission(link, self._clock, dialect, speed_m_s)
             case commands.LandNow():
-                done = await procedures.land(link, self._clock, dialect)
+                done = await procedures.order_landing(link, self._clock, dialect)
             case commands.Disarm(_, force):
-                done = await procedures.disarm(link, self._clock, force=force)
+                done = await procedures.order_disarm(link, self._clock, force=force)
         action = ORDERS[type(command)]
         return events.OrderEnded(
             command.vehicle, action, done.accepted, done.reason, done.lost, done.refused, done.code
         )
 
-    async def _read(self, vehicle: str) -> None:
+    async def _read_parameters(self, vehicle: str) -> None:
         unread = events.MissionRead(events.Found(vehicle, heard=True, seq=None, items=None, matches=()))
-        await self._ended(f"a question to {vehicle}", partial(self._found, vehicle), lambda _: unread)
+        await self._run_job(f"a question to {vehicle}", partial(self._read_back_mission, vehicle), lambda _: unread)
 
-    async def _found(self, vehicle: str) -> Event:
+    async def _read_back_mission(self, vehicle: str) -> Event:
         items = await procedures.read_mission(self._links[vehicle], self._clock)
-        return events.MissionRead(found_on(self.context, self.state, vehicle, items, None))
+        return events.MissionRead(compare_onboard_mission(self.context, self.state, vehicle, items, None))
 
     async def _ask_streams(self, vehicle: str) -> None:
         try:
-            await streams.asked_again(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
+            await streams.request_streams_again(
+                self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect
+            )
         except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
             supervised.report_mistake(f"an order to {vehicle}", error)
 
 
-async def keep_heartbeat(links: Mapping[str, Link], clock: Clock) -> None:
+async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
     """Send our heartbeat to every vehicle for ever: their ground-station failsafes wait for it, on their own time."""
     while True:
         for name, link in links.items():
-            supervised.safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
+            supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
         await asyncio.sleep(HEARTBEAT_S / clock.speedup)

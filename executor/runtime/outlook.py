@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from executor.core.events import LossJudged
-from executor.core.ports import Judge
+from executor.core.ports import LossJudge
 from executor.core.replan import what_if
 from executor.runtime.flight import Flight
 
@@ -15,26 +15,26 @@ SHARE = 8.0
 """Times as long as a round took the next one is waited for: the computer is there for the flight."""
 
 
-async def keep_judging(flight: Flight, judge: Judge) -> None:
+async def keep_judging(flight: Flight, judge: LossJudge) -> None:
     """Judge every vehicle's loss, whenever a plan has come or a visit has ended, for ever."""
     loop = asyncio.get_running_loop()
     judged: tuple[object, ...] | None = None
     while True:
         began_s = loop.time()
-        moment = what_if.moment(flight.state)
-        if moment != judged and await _round(flight, judge):
+        moment = what_if.build_judgement_key(flight.state)
+        if moment != judged and await _judge_all(flight, judge):
             judged = moment
         await asyncio.sleep(max(REST_S, SHARE * (loop.time() - began_s)))
 
 
-async def _round(flight: Flight, judge: Judge) -> bool:
+async def _judge_all(flight: Flight, judge: LossJudge) -> bool:
     """Judge everybody once; returns whether that came to its end."""
-    names = what_if.worth_judging(flight.state)
+    names = what_if.select_vehicles_to_judge(flight.state)
     for name in names:
         revision = flight.state.replanning.revision
-        if name not in what_if.worth_judging(flight.state):
+        if name not in what_if.select_vehicles_to_judge(flight.state):
             return False
-        problem = what_if.if_lost(flight.context, flight.state, name, flight.now_s())
+        problem = what_if.build_loss_problem(flight.context, flight.state, name, flight.now_s())
         uncovered = problem if isinstance(problem, tuple) else await judge.judge(problem, flight.context.pricing)
         if uncovered is None or revision != flight.state.replanning.revision:
             return False

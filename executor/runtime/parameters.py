@@ -11,19 +11,19 @@ from executor.core.messages import Heartbeat, Message, ParamValue, SendParamRequ
 from executor.core.ports import Clock, Link
 from executor.core.preflight.parameters import (
     Answers,
-    Change,
     ChangeStage,
-    FoundParameters,
-    Kept,
+    KeptParameter,
+    ParameterChange,
     Present,
-    first_names,
-    found,
-    newer_names,
-    number,
+    ValueOrigin,
+    classify_value,
+    format_number,
+    list_newer_return_parameters,
+    list_return_parameters,
 )
 from executor.protocols.params import ParameterReading
 from executor.runtime import procedures
-from executor.runtime.dialogue import converse
+from executor.runtime.dialogue import run_dialogue
 from missions import Dialect, dialect_for
 
 HEARD_S = 5.0
@@ -40,7 +40,10 @@ SETTLE_S = 1.0
 async def read_present(link: Link, clock: Clock, dialect: Dialect, beside: Iterable[str] = ()) -> Answers:
     """Return what a vehicle has of the parameters that its RTL goes by, and of some others."""
     return await read_parameters(
-        link, clock, (*first_names(dialect), *beside), lambda present: newer_names(dialect, present)
+        link,
+        clock,
+        (*list_return_parameters(dialect), *beside),
+        lambda present: list_newer_return_parameters(dialect, present),
     )
 
 
@@ -68,7 +71,7 @@ async def _read(link: Link, clock: Clock, names: Iterable[str]) -> Answers:
     present: dict[str, ParamValue] = {}
     began_s, unread = clock.now_s(), tuple(names)
     while unread:
-        reading = await converse(ParameterReading.of(unread), link, clock)
+        reading = await run_dialogue(ParameterReading.of(unread), link, clock)
         present |= {value.name: value for value in reading.values}
         unread = tuple(name for name in unread if name in reading.unread)
         if clock.now_s() - began_s >= procedures.PATIENCE_REAL_S * clock.speedup or reading.refused:
@@ -76,7 +79,7 @@ async def _read(link: Link, clock: Clock, names: Iterable[str]) -> Answers:
     return Answers(present, frozenset(unread))
 
 
-async def set_changes(link: Link, clock: Clock, changes: Iterable[Change]) -> dict[str, str]:
+async def set_changes(link: Link, clock: Clock, changes: Iterable[ParameterChange]) -> dict[str, str]:
     """Set what a flight needs; returns by name why it is not as wanted, empty where the new value was read back."""
     ends = {}
     for change in changes:
@@ -86,34 +89,34 @@ async def set_changes(link: Link, clock: Clock, changes: Iterable[Change]) -> di
 
 
 @dataclass(frozen=True, slots=True)
-class GivenBack:
+class RestoreResult:
     """What became of one vehicle's parameters."""
 
-    kept: tuple[Kept, ...]
+    kept: tuple[KeptParameter, ...]
     """Each as it is on record now."""
     problems: tuple[str, ...] = ()
     """Why something stays; empty if all was given back."""
 
 
 @dataclass(slots=True)
-class _Watch:
+class _HeartbeatWatch:
     """The last heartbeat."""
 
     came: asyncio.Event
     heartbeat: Heartbeat | None = None
 
-    def take(self, message: Message) -> None:
+    def update(self, message: Message) -> None:
         if isinstance(message, Heartbeat):
             self.heartbeat = message
             self.came.set()
 
     @property
-    def rests(self) -> bool:
+    def is_at_rest(self) -> bool:
         return self.heartbeat is not None and not self.heartbeat.armed
 
 
 @dataclass(frozen=True, slots=True)
-class Resting:
+class RestingVehicle:
     """A vehicle that was waited for until it answers and is not armed."""
 
     problem: str
@@ -123,7 +126,9 @@ class Resting:
 
 
 @asynccontextmanager
-async def resting(link: Link, clock: Clock, autopilot: str, heard_s: float = HEARD_S) -> AsyncIterator[Resting]:
+async def wait_for_rest(
+    link: Link, clock: Clock, autopilot: str, heard_s: float = HEARD_S
+) -> AsyncIterator[RestingVehicle]:
     """Wait for a vehicle at rest, to give something back to it; it is listened to until the block ends.
 
     Args:
@@ -132,16 +137,20 @@ async def resting(link: Link, clock: Clock, autopilot: str, heard_s: float = HEA
         autopilot: Which it has to be, by its name in site files.
         heard_s: How long it is waited for, in its time.
     """
-    watch = _Watch(asyncio.Event())
-    stop_listening = link.listen(watch.take)
+    watch = _HeartbeatWatch(asyncio.Event())
+    stop_listening = link.listen(watch.update)
     try:
-        calls = first_names(dialect_for(autopilot))[0]
-        yield Resting(await _not_ready(link, clock, calls, autopilot, watch, heard_s), lambda: watch.rests)
+        calls = list_return_parameters(dialect_for(autopilot))[0]
+        yield RestingVehicle(
+            await _wait_for_rest(link, clock, calls, autopilot, watch, heard_s), lambda: watch.is_at_rest
+        )
     finally:
         stop_listening()
 
 
-async def give_back_to(link: Link, clock: Clock, kept: Sequence[Kept], heard_s: float = HEARD_S) -> GivenBack:
+async def restore_vehicle_parameters(
+    link: Link, clock: Clock, kept: Sequence[KeptParameter], heard_s: float = HEARD_S
+) -> RestoreResult:
     """Give one vehicle its parameters back, if it answers and is not armed; what somebody else set since stays.
 
     It hears no heartbeat from here: one that begins and ends would set off its ground-station failsafe.
@@ -152,18 +161,20 @@ async def give_back_to(link: Link, clock: Clock, kept: Sequence[Kept], heard_s: 
         kept: What is on record of it, and open.
         heard_s: How long it is waited for, in its time.
     """
-    watch = _Watch(asyncio.Event())
-    stop_listening = link.listen(watch.take)
+    watch = _HeartbeatWatch(asyncio.Event())
+    stop_listening = link.listen(watch.update)
     try:
-        problem = await _not_ready(link, clock, kept[0].name, kept[0].autopilot, watch, heard_s)
+        problem = await _wait_for_rest(link, clock, kept[0].name, kept[0].autopilot, watch, heard_s)
         if problem:
-            return GivenBack(tuple(kept), (problem,))
-        return await _in_rounds(link, clock, kept, watch)
+            return RestoreResult(tuple(kept), (problem,))
+        return await _restore_in_rounds(link, clock, kept, watch)
     finally:
         stop_listening()
 
 
-async def _not_ready(link: Link, clock: Clock, calls: str, autopilot: str, watch: _Watch, heard_s: float) -> str:
+async def _wait_for_rest(
+    link: Link, clock: Clock, calls: str, autopilot: str, watch: _HeartbeatWatch, heard_s: float
+) -> str:
     """Wait for a vehicle at rest; returns what is in the way, empty if nothing is.
 
     Once it is heard and armed it is waited for no longer than for a heartbeat that was under way. It is called
@@ -171,7 +182,7 @@ async def _not_ready(link: Link, clock: Clock, calls: str, autopilot: str, watch
     which autopilot it is: they write integers in two ways.
     """
     began_s, least_s = clock.now_s(), procedures.PATIENCE_REAL_S * clock.speedup
-    while not watch.rests:
+    while not watch.is_at_rest:
         patience_s = max(heard_s if watch.heartbeat is None else ARMED_S, least_s)
         if clock.now_s() >= began_s + patience_s:
             break
@@ -191,10 +202,12 @@ async def _not_ready(link: Link, clock: Clock, calls: str, autopilot: str, watch
     return ""
 
 
-async def _in_rounds(link: Link, clock: Clock, kept: Sequence[Kept], watch: _Watch) -> GivenBack:
+async def _restore_in_rounds(
+    link: Link, clock: Clock, kept: Sequence[KeptParameter], watch: _HeartbeatWatch
+) -> RestoreResult:
     """Look and set until everything is as it was in a round after the one that set it."""
     waiting = {one.name: one for one in kept}
-    ended: dict[str, Kept] = {}
+    ended: dict[str, KeptParameter] = {}
     problems: list[str] = []
     said: Present = {}
     for turn in range(ROUNDS):
@@ -203,23 +216,23 @@ async def _in_rounds(link: Link, clock: Clock, kept: Sequence[Kept], watch: _Wat
         said = (await read_parameters(link, clock, waiting)).present
         for name, value in said.items():
             one = waiting[name]
-            what = found(one, value.value)
-            if what is FoundParameters.OTHER:
+            what = classify_value(one, value.value)
+            if what is ValueOrigin.OTHER:
                 ended[name] = replace(waiting.pop(name), stage=ChangeStage.LEFT)
-                problems.append(f"{name} is {number(value.value)}, which somebody set since: left as it is")
-            elif what is FoundParameters.OLD and turn:
+                problems.append(f"{name} is {format_number(value.value)}, which somebody set since: left as it is")
+            elif what is ValueOrigin.OLD and turn:
                 ended[name] = replace(waiting.pop(name), stage=ChangeStage.RESTORED)
-            elif what is FoundParameters.OURS:
-                if not watch.rests:
-                    return _ended(kept, ended, [*problems, "was armed meanwhile"])
+            elif what is ValueOrigin.OURS:
+                if not watch.is_at_rest:
+                    return _build_result(kept, ended, [*problems, "was armed meanwhile"])
                 await procedures.set_parameter(link, clock, name, one.old, value.kind)
         if not (waiting and said):
             break
     for name in waiting:
-        stays = f"stays {number(said[name].value)}" if name in said else "does not answer"
+        stays = f"stays {format_number(said[name].value)}" if name in said else "does not answer"
         problems.append(f"{name} {stays}")
-    return _ended(kept, ended, problems)
+    return _build_result(kept, ended, problems)
 
 
-def _ended(kept: Sequence[Kept], ended: dict[str, Kept], problems: list[str]) -> GivenBack:
-    return GivenBack(tuple(ended.get(one.name, one) for one in kept), tuple(problems))
+def _build_result(kept: Sequence[KeptParameter], ended: dict[str, KeptParameter], problems: list[str]) -> RestoreResult:
+    return RestoreResult(tuple(ended.get(one.name, one) for one in kept), tuple(problems))

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from executor.core.doubles import PlaceTold, Twins, with_place
-from executor.core.hearing.firmware import banner_version
-from executor.core.hearing.strangers import Stranger, noted
+from executor.core.hearing.firmware import parse_banner_version
+from executor.core.hearing.strangers import ForeignSystem, add_foreign_system
 from executor.core.messages import (
     Battery,
     DoubleHeard,
@@ -23,15 +23,15 @@ from executor.core.messages import (
 )
 from executor.core.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import failsafes, prearm
-from executor.core.preflight.checks import Facts
-from executor.core.preflight.fences import Lists
+from executor.core.preflight.checks import VehicleFacts
+from executor.core.preflight.fences import OnboardLists
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
 from executor.runtime import procedures, streams
 from executor.runtime.parameters import read_parameters
 from missions import Dialect, EncodedMission, MissionItem, MissionKind
-from missions.fences import numbered
+from missions.fences import number_items
 
 STEADY_S = 3.0
 ASK_WHY_S = 10.0
@@ -44,7 +44,7 @@ MOST_REASONS = 20
 
 
 @dataclass(slots=True)
-class _Heard:
+class _VehicleAnswers:
     """The latest of everything that a vehicle said before the flight."""
 
     clock: Clock
@@ -57,11 +57,11 @@ class _Heard:
     version: Version | None = None
     reasons_s: dict[str, float] = field(default_factory=dict)
     """Why it cannot be armed, by its own report, and when it said so last."""
-    strangers: frozenset[Stranger] = frozenset()
+    strangers: frozenset[ForeignSystem] = frozenset()
     twins: Twins = field(default_factory=Twins)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
 
-    def take(self, message: Message) -> None:
+    def update(self, message: Message) -> None:
         match message:
             case Heartbeat():
                 self.heartbeat = message
@@ -70,7 +70,7 @@ class _Heard:
                 told = PlaceTold(self.clock.now_s(), message.boot_s, message.lat_deg, message.lon_deg)
                 self.twins = with_place(self.twins, told)
                 if self.twins.are_two:
-                    self.strangers = noted(self.strangers, DoubleHeard(0, ()))
+                    self.strangers = add_foreign_system(self.strangers, DoubleHeard(0, ()))
             case Battery(remaining_pct=remaining):
                 self.remaining_pct = self.remaining_pct if remaining is None else remaining
                 self.battery = message
@@ -81,23 +81,23 @@ class _Heard:
             case Version():
                 self.version = message
             case StationHeard() | DoubleHeard():
-                self.strangers = noted(self.strangers, message)
+                self.strangers = add_foreign_system(self.strangers, message)
             case StatusText(_, text):
-                self._read(text)
+                self._note_prearm_text(text)
         self.changed.set()
 
-    def _read(self, text: str) -> None:
-        reason = prearm.reason_in(text)
+    def _note_prearm_text(self, text: str) -> None:
+        reason = prearm.parse_prearm_reason(text)
         if reason is not None:
             self.reasons_s.pop(reason, None)
             self.reasons_s[reason] = self.clock.now_s()
             if len(self.reasons_s) > MOST_REASONS:
                 del self.reasons_s[next(iter(self.reasons_s))]
         if self.version is None:
-            self.version = banner_version(text)
+            self.version = parse_banner_version(text)
 
     @property
-    def remaining(self) -> float | None:
+    def best_remaining_pct(self) -> float | None:
         """What is left in the battery, by the better of the two messages."""
         if self.remaining_pct is not None:
             return self.remaining_pct
@@ -111,22 +111,24 @@ class _Heard:
         return None if self.status is None else self.status.voltage_v
 
     @property
-    def unarmable(self) -> bool:
+    def is_unarmable(self) -> bool:
         """Whether its own checks fail."""
         return self.status is not None and self.status.prearm_ok is False
 
-    def missing(self) -> str:
+    def find_missing(self) -> str:
         """Return what is still not known, in words; empty when the vehicle is ready."""
         if self.position is None or (self.position.lat_deg == 0.0 and self.position.lon_deg == 0.0):
             return "no position"
-        if self.remaining is None:
+        if self.best_remaining_pct is None:
             return "no battery state"
-        if self.unarmable:
-            return prearm.complaint(self.reasons_s, self.status, self.clock.now_s())
+        if self.is_unarmable:
+            return prearm.describe_prearm_failure(self.reasons_s, self.status, self.clock.now_s())
         return ""
 
 
-async def answer(name: str, connection: str, sysid: int, link: OpenLink, timeout_real_s: float, clock: Clock) -> None:
+async def wait_for_vehicle(
+    name: str, connection: str, sysid: int, link: OpenLink, timeout_real_s: float, clock: Clock
+) -> None:
     """Wait for the first heartbeat.
 
     Raises:
@@ -138,11 +140,11 @@ async def answer(name: str, connection: str, sysid: int, link: OpenLink, timeout
     if not seen:
         raise ConnectionFailed(
             f"{name}: no heartbeat of system {sysid} on {connection} within {timeout_real_s:g} s; "
-            f"{_who_else(link.counts) or 'is it running, and does it send there?'}"
+            f"{_describe_other_senders(link.counts) or 'is it running, and does it send there?'}"
         )
 
 
-def _who_else(counts: LinkCounts) -> str:
+def _describe_other_senders(counts: LinkCounts) -> str:
     """Return what came instead of the one that was waited for; empty if nothing did."""
     if counts.refused:
         refused = ", ".join(f"{count} {reason}" for reason, count in sorted(counts.refused.items()))
@@ -152,7 +154,7 @@ def _who_else(counts: LinkCounts) -> str:
     return f"there {', '.join(others)}" if others else ""
 
 
-async def interview(
+async def interview_vehicle(
     name: str,
     link: Link,
     clock: Clock,
@@ -160,7 +162,7 @@ async def interview(
     ready_timeout_s: float,
     waits: Callable[[str], None],
     more: Sequence[str] = (),
-) -> Facts:
+) -> VehicleFacts:
     """Ask one vehicle for its streams, and wait until it is ready to fly.
 
     Args:
@@ -175,33 +177,36 @@ async def interview(
     Raises:
         PreflightFailed: it did not become ready in time.
     """
-    heard = _Heard(clock)
-    stop_listening = link.listen(heard.take)
+    heard = _VehicleAnswers(clock)
+    stop_listening = link.listen(heard.update)
     try:
-        await streams.asked_for(link, clock, dialect)
-        await procedures.order(
+        await streams.request_streams(link, clock, dialect)
+        await procedures.send_order(
             link, clock, CommandDialogue(orders.request_message(orders.AUTOPILOT_VERSION), "version")
         )
         try:
             async with asyncio.timeout(ready_timeout_s / clock.speedup):
-                await _steadily_ready(heard, link, clock, waits)
+                await _wait_until_ready(heard, link, clock, waits)
         except TimeoutError:
-            raise PreflightFailed(f"{name}: not ready after {ready_timeout_s:g} s: {heard.missing()}") from None
+            raise PreflightFailed(f"{name}: not ready after {ready_timeout_s:g} s: {heard.find_missing()}") from None
         if heard.version is None:
-            await _banner(heard, link, clock)
+            await _request_banner(heard, link, clock)
         answers = await read_parameters(
-            link, clock, (*failsafes.names(dialect), *more), lambda present: failsafes.older_names(dialect, present)
+            link,
+            clock,
+            (*failsafes.list_preflight_parameters(dialect), *more),
+            lambda present: failsafes.list_older_parameters(dialect, present),
         )
     finally:
         stop_listening()
-    if heard.heartbeat is None or heard.position is None or heard.remaining is None:
+    if heard.heartbeat is None or heard.position is None or heard.best_remaining_pct is None:
         raise PreflightFailed(f"{name}: link lost while its parameters were read")
     stations = [one for one in heard.strangers if isinstance(one, StationHeard)]
-    return Facts(
+    return VehicleFacts(
         name,
         heard.heartbeat,
         heard.position,
-        heard.remaining,
+        heard.best_remaining_pct,
         heard.version,
         {name: one.value for name, one in answers.present.items()},
         tuple(sorted(stations, key=lambda station: (station.system, station.component))),
@@ -213,19 +218,19 @@ async def interview(
     )
 
 
-async def _steadily_ready(heard: _Heard, link: Link, clock: Clock, waits: Callable[[str], None]) -> None:
+async def _wait_until_ready(heard: _VehicleAnswers, link: Link, clock: Clock, waits: Callable[[str], None]) -> None:
     """Wait until nothing was missing for a while: ArduPilot's pre-arm checks pass for a second and fail again."""
     since_s: float | None = None
     asked_s, told, told_s = float("-inf"), "", float("-inf")
     while True:
-        missing = heard.missing()
+        missing = heard.find_missing()
         if missing or heard.heartbeat is None:
             since_s = None
         elif since_s is None:
             since_s = clock.now_s()
         elif clock.now_s() - since_s >= STEADY_S:
             return
-        if heard.unarmable and clock.now_s() - asked_s >= ASK_WHY_S:
+        if heard.is_unarmable and clock.now_s() - asked_s >= ASK_WHY_S:
             asked_s = clock.now_s()
             link.send(orders.run_prearm_checks())
         if missing and missing != told and clock.now_s() - told_s >= TELL_S:
@@ -235,9 +240,9 @@ async def _steadily_ready(heard: _Heard, link: Link, clock: Clock, waits: Callab
         await heard.changed.wait()
 
 
-async def _banner(heard: _Heard, link: Link, clock: Clock) -> None:
+async def _request_banner(heard: _VehicleAnswers, link: Link, clock: Clock) -> None:
     """Ask for the start-up texts, which name the version of a firmware that has no message for it."""
-    await procedures.order(link, clock, CommandDialogue(orders.send_banner(), "banner"))
+    await procedures.send_order(link, clock, CommandDialogue(orders.send_banner(), "banner"))
     until_s = clock.now_s() + BANNER_TIMEOUT_S
     while heard.version is None and clock.now_s() < until_s:
         heard.changed.clear()
@@ -275,44 +280,44 @@ async def load_mission(
     def told(text: str) -> None:
         tell(f"{name}: {text}")
 
-    done = await procedures.put_on_board(link, clock, dialect, mission.items, tell=told)
+    done = await procedures.upload_and_verify(link, clock, dialect, mission.items, tell=told)
     if done.broken_off:
         told(f"the upload was broken off ({done.reason}); uploading again")
-        done = await procedures.put_on_board(link, clock, dialect, mission.items, tell=told)
+        done = await procedures.upload_and_verify(link, clock, dialect, mission.items, tell=told)
     if not done.accepted:
         raise VehicleRefused(f"{name}: the mission is not on board: {done.reason}")
 
 
-async def read_lists(link: Link, clock: Clock) -> Lists:
+async def read_lists(link: Link, clock: Clock) -> OnboardLists:
     """Read what a vehicle carries beside its mission."""
-    return Lists(
+    return OnboardLists(
         await procedures.read_list(link, clock, MissionKind.FENCE),
         await procedures.read_list(link, clock, MissionKind.RALLY),
     )
 
 
-async def put_back(
+async def restore_list(
     link: Link, clock: Clock, dialect: Dialect, kind: MissionKind, items: tuple[MissionItem, ...]
 ) -> str:
     """Give a vehicle the fence, or the rally points, that it had; returns why it does not have them."""
     if kind is MissionKind.FENCE:
-        done = await procedures.put_fence(link, clock, dialect, numbered(items))
+        done = await procedures.upload_and_verify_fence(link, clock, dialect, number_items(items))
     else:
-        done = await procedures.put_on_board(link, clock, dialect, numbered(items), kind=kind)
+        done = await procedures.upload_and_verify(link, clock, dialect, number_items(items), kind=kind)
     return "" if done.accepted else done.reason
 
 
-async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: Lists) -> None:
+async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: OnboardLists) -> None:
     """Put a fence and rally points on board; None of either leaves what is there.
 
     Raises:
         VehicleRefused: what is on board is not what was sent.
     """
     if wanted.fence is not None:
-        done = await procedures.put_fence(link, clock, dialect, wanted.fence)
+        done = await procedures.upload_and_verify_fence(link, clock, dialect, wanted.fence)
         if not done.accepted:
             raise VehicleRefused(f"{name}: the fence is not on board: {done.reason}")
     if wanted.rally is not None:
-        done = await procedures.put_on_board(link, clock, dialect, wanted.rally, kind=MissionKind.RALLY)
+        done = await procedures.upload_and_verify(link, clock, dialect, wanted.rally, kind=MissionKind.RALLY)
         if not done.accepted:
             raise VehicleRefused(f"{name}: the rally points are not on board: {done.reason}")

@@ -15,15 +15,15 @@ from executor.core.ports import Clock, Link
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
 from executor.protocols.download import FIRST_TRIP, DownloadDialogue
-from executor.protocols.machine import Accepted, Machine, Outcome, Rejected, TimedOut
-from executor.protocols.params import Parameter
+from executor.protocols.machine import Accepted, DialogueMachine, Outcome, Rejected, TimedOut
+from executor.protocols.params import ParameterDialogue
 from executor.protocols.upload import UploadDialogue
 from executor.runtime.awake import LEAST_WAIT_S, by_awake_time, times_slower, underlying
-from executor.runtime.dialogue import converse
-from missions import Dialect, MissionItem, MissionKind, StartStep, differences
-from missions.fences import place_differences
+from executor.runtime.dialogue import run_dialogue
+from missions import Dialect, MissionItem, MissionKind, StartStep, find_mission_differences
+from missions.fences import find_list_differences
 
-M = TypeVar("M", bound=Machine)
+M = TypeVar("M", bound=DialogueMachine)
 
 UPLOAD_TRIES = 3
 UPLOAD_PATIENCE_S = 60.0
@@ -57,7 +57,7 @@ STANDS_STILL_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
+class ProcedureResult:
     """How a procedure ended."""
 
     accepted: bool
@@ -99,7 +99,7 @@ def code_of(outcome: Outcome | None) -> Ending | None:
 
 
 @by_awake_time
-async def put_on_board(
+async def upload_and_verify(
     link: Link,
     clock: Clock,
     dialect: Dialect,
@@ -107,7 +107,7 @@ async def put_on_board(
     wanted: Callable[[bool], bool] = lambda _: True,
     tell: Callable[[str], None] = lambda _: None,
     kind: MissionKind = MissionKind.MISSION,
-) -> Done:
+) -> ProcedureResult:
     """Upload a mission, a fence or rally points, and read it back until both are the same, but not for ever.
 
     Args:
@@ -127,23 +127,25 @@ async def put_on_board(
         real_s = UPLOAD_PATIENCE_REAL_S * (1.0 if mixed else 0.5) if stalled else 0.0
         patience_s = max(UPLOAD_PATIENCE_S if mixed else 0.0, real_s * clock.speedup)
         tries = UPLOAD_TRIES * times_slower(clock, real_began_s, began_s)
-        if attempt >= tries and not _outwaits(busy) and clock.now_s() - began_s > patience_s:
+        if attempt >= tries and not _may_retry_busy(busy) and clock.now_s() - began_s > patience_s:
             break
         if attempt:
-            await asyncio.sleep((_freed_s(dialect) if busy > 1 else AGAIN_WAIT_S) / clock.speedup)
+            await asyncio.sleep((_transfer_release_s(dialect) if busy > 1 else AGAIN_WAIT_S) / clock.speedup)
         if attempt and not wanted(mixed):
-            return Done(accepted=False, reason="it has left its mission", mixed=mixed, code=Ending.LEFT_MISSION)
+            return ProcedureResult(
+                accepted=False, reason="it has left its mission", mixed=mixed, code=Ending.LEFT_MISSION
+            )
         upload = await upload_once(link, clock, dialect, items, kind)
-        if upload.begun:
+        if upload.is_begun:
             # Both autopilots take fences and rally points as a whole.
             mixed = kind is MissionKind.MISSION and not dialect.upload_is_atomic
         # A plain refusal does not become another answer by waiting.
-        stalled |= upload.begun or not isinstance(upload.outcome, Rejected)
-        broken_off = _broken_off(upload, broken=broken_off)
+        stalled |= upload.is_begun or not isinstance(upload.outcome, Rejected)
+        broken_off = _is_broken_off(upload, broken=broken_off)
         if not isinstance(upload.outcome, Accepted):
             reason, code = reason_of(upload.outcome), code_of(upload.outcome)
-            busy = _told_busy(upload, code, busy, dialect, tell)
-            if (items and not upload.begun) or upload.furthest < len(items) - 1:
+            busy = _count_busy(upload, code, busy, dialect, tell)
+            if (items and not upload.is_begun) or upload.furthest < len(items) - 1:
                 continue
             # Every item was asked for: perhaps only the acknowledgement got lost. What is on board decides.
         download = await _read_back(link, clock, kind, upload)
@@ -152,55 +154,55 @@ async def put_on_board(
             broken_off |= isinstance(download.outcome, TimedOut)
             continue
         different = (
-            differences(items, download.items, dialect)
+            find_mission_differences(items, download.items, dialect)
             if kind is MissionKind.MISSION
-            else place_differences(items, download.items)
+            else find_list_differences(items, download.items)
         )
         if not different:
-            return Done(accepted=True)
+            return ProcedureResult(accepted=True)
         reason, code = f"read-back differs: {different[0]}", Ending.READ_BACK_DIFFERS
-    return Done(accepted=False, reason=reason, mixed=mixed, code=code, broken_off=broken_off)
+    return ProcedureResult(accepted=False, reason=reason, mixed=mixed, code=code, broken_off=broken_off)
 
 
 async def _read_back(link: Link, clock: Clock, kind: MissionKind, upload: UploadDialogue) -> DownloadDialogue:
     """Read what is on board; after a good acknowledgement it is there, and only the reading is begun again."""
     trip = replace(FIRST_TRIP, waits_s=max(FIRST_TRIP.waits_s, upload.round_trip.waits_s))
     for _ in range(READ_BACK_TRIES if isinstance(upload.outcome, Accepted) else 1):
-        download = await converse(DownloadDialogue(kind, round_trip=trip), link, clock)
+        download = await run_dialogue(DownloadDialogue(kind, round_trip=trip), link, clock)
         if isinstance(download.outcome, Accepted):
             break
     return download
 
 
-def _broken_off(upload: UploadDialogue, *, broken: bool) -> bool:
+def _is_broken_off(upload: UploadDialogue, *, broken: bool) -> bool:
     """Return whether an upload has come to no end since one began: who does not answer any more has ended nothing."""
-    if upload.begun:
+    if upload.is_begun:
         return isinstance(upload.outcome, TimedOut | Rejected)
     unheard = isinstance(upload.outcome, TimedOut) or code_of(upload.outcome) in BUSY
     return broken and unheard
 
 
-def _outwaits(busy: int) -> bool:
+def _may_retry_busy(busy: int) -> bool:
     return 0 < busy < BUSY_TRIES
 
 
-def _told_busy(
+def _count_busy(
     upload: UploadDialogue, code: Ending | None, busy: int, dialect: Dialect, tell: Callable[[str], None]
 ) -> int:
     """Return how often in a row the vehicle was busy; the first time is told."""
-    if upload.begun or code not in BUSY:
+    if upload.is_begun or code not in BUSY:
         return 0
     if busy == 0:
-        tell(f"busy with another mission transfer; uploading again for up to {busy_s(dialect):g} s")
+        tell(f"busy with another mission transfer; uploading again for up to {busy_patience_s(dialect):g} s")
     return busy + 1
 
 
-def busy_s(dialect: Dialect) -> float:
+def busy_patience_s(dialect: Dialect) -> float:
     """Return how long a vehicle may be busy with another transfer before its mission is given up."""
-    return AGAIN_WAIT_S + (BUSY_TRIES - 2) * _freed_s(dialect)
+    return AGAIN_WAIT_S + (BUSY_TRIES - 2) * _transfer_release_s(dialect)
 
 
-def _freed_s(dialect: Dialect) -> float:
+def _transfer_release_s(dialect: Dialect) -> float:
     return dialect.transfer_freed_s + FREED_MARGIN_S
 
 
@@ -211,17 +213,17 @@ async def read_mission(link: Link, clock: Clock) -> tuple[MissionItem, ...] | No
 
 async def read_list(link: Link, clock: Clock, kind: MissionKind) -> tuple[MissionItem, ...] | None:
     """Read one of a vehicle's lists; None if it does not let it be read."""
-    download = await converse(DownloadDialogue(kind), link, clock)
+    download = await run_dialogue(DownloadDialogue(kind), link, clock)
     return download.items if isinstance(download.outcome, Accepted) else None
 
 
-async def put_fence(
+async def upload_and_verify_fence(
     link: Link,
     clock: Clock,
     dialect: Dialect,
     items: tuple[MissionItem, ...],
     wanted: Callable[[bool], bool] = lambda _: True,
-) -> Done:
+) -> ProcedureResult:
     """Upload a fence and read it back; a vehicle that drops it says so in a text alone, and a moment later.
 
     Args:
@@ -238,16 +240,16 @@ async def put_fence(
             dropped.append(message.text)
 
     if not wanted(False):
-        return Done(accepted=False, reason="it has left its mission", code=Ending.LEFT_MISSION)
+        return ProcedureResult(accepted=False, reason="it has left its mission", code=Ending.LEFT_MISSION)
     stop_listening = link.listen(note)
     try:
-        done = await put_on_board(link, clock, dialect, items, wanted, kind=MissionKind.FENCE)
+        done = await upload_and_verify(link, clock, dialect, items, wanted, kind=MissionKind.FENCE)
         if done.accepted and items and dialect.geofence.checked_on_load:
             await asyncio.sleep(DROPPED_S / clock.speedup)
     finally:
         stop_listening()
     if done.accepted and dropped:
-        return Done(accepted=False, reason=f"dropped: {dropped[-1]}", code=Ending.FENCE_DROPPED)
+        return ProcedureResult(accepted=False, reason=f"dropped: {dropped[-1]}", code=Ending.FENCE_DROPPED)
     return done
 
 
@@ -260,13 +262,13 @@ async def upload_once(
 ) -> UploadDialogue:
     """Upload a mission, a fence or rally points once."""
     silence_s = dialect.upload_silence_s + SILENCE_MARGIN_S
-    return await converse(UploadDialogue(items, silence_s, dialect.upload_warnings, kind), link, clock)
+    return await run_dialogue(UploadDialogue(items, silence_s, dialect.upload_warnings, kind), link, clock)
 
 
-async def order(link: Link, clock: Clock, command: CommandDialogue) -> Done:
+async def send_order(link: Link, clock: Clock, command: CommandDialogue) -> ProcedureResult:
     """Give one command."""
-    ended = await _patiently(command, link, clock)
-    return Done(
+    ended = await _run_patiently(command, link, clock)
+    return ProcedureResult(
         isinstance(ended.outcome, Accepted),
         reason_of(ended.outcome),
         lost=isinstance(ended.outcome, TimedOut),
@@ -275,59 +277,61 @@ async def order(link: Link, clock: Clock, command: CommandDialogue) -> Done:
     )
 
 
-class _Watch:
+class _HostPauseWatch:
     """Notices that this computer stood still: a laptop that was closed goes on where it was."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock, self._looked_s, self._still = clock, clock.now_s(), False
 
-    def stood_still(self) -> bool:
+    def has_paused(self) -> bool:
         """Return whether it did since the watch began."""
         now_s = self._clock.now_s()
         self._still |= now_s - self._looked_s > STANDS_STILL_S * max(1.0, self._clock.speedup)
         self._looked_s = now_s
         return self._still
 
-    async def look(self) -> None:
+    async def watch_clock(self) -> None:
         """Look every second, until it is cancelled."""
         while True:
             await asyncio.sleep(1.0)
-            self.stood_still()
+            self.has_paused()
 
 
-async def start(link: Link, clock: Clock, dialect: Dialect) -> Done:
+async def arm_and_start(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
     """Arm and start the mission on board, in the way that the autopilot wants it.
 
     The crew's word is for now: if this computer stands still meanwhile, nothing more is ordered.
     """
     said: list[str] = []
     armed = False
-    watch = _Watch(clock)
+    watch = _HostPauseWatch(clock)
 
     def note(message: Message) -> None:
         if isinstance(message, StatusText) and message.severity <= 4:
             said.append(message.text)
 
-    stop_listening, looking = link.listen(note), asyncio.ensure_future(watch.look())
+    stop_listening, looking = link.listen(note), asyncio.ensure_future(watch.watch_clock())
     try:
         for step in dialect.start:
-            if watch.stood_still():
-                return Done(accepted=False, reason=SLEPT, armed=armed, code=Ending.STOOD_STILL)
+            if watch.has_paused():
+                return ProcedureResult(accepted=False, reason=SLEPT, armed=armed, code=Ending.STOOD_STILL)
             done = await _start_step(link, clock, dialect, step, watch)
             armed = armed or done.armed
             if not done.accepted:
                 why = f"{done.reason}; it says: {said[-1]}" if said else done.reason
-                return Done(accepted=False, reason=why, armed=armed, code=done.code)
+                return ProcedureResult(accepted=False, reason=why, armed=armed, code=done.code)
     finally:
         looking.cancel()
         stop_listening()
-    return Done(accepted=True)
+    return ProcedureResult(accepted=True)
 
 
 SLEPT = "this ground station stood still meanwhile"
 
 
-async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartStep, watch: _Watch) -> Done:
+async def _start_step(
+    link: Link, clock: Clock, dialect: Dialect, step: StartStep, watch: _HostPauseWatch
+) -> ProcedureResult:
     match step:
         case StartStep.GUIDED:
             return await switch_mode(
@@ -337,15 +341,17 @@ async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartSte
             done = await _arm(link, clock, watch)
             if not done.accepted:
                 return done
-            seen = await _confirmed(link, clock, lambda heard: heard.armed, "does not report that it is armed")
+            seen = await _wait_for_confirmation(
+                link, clock, lambda heard: heard.armed, "does not report that it is armed"
+            )
             return replace(seen, armed=True)
         case StartStep.MISSION_START:
-            done = await order(link, clock, CommandDialogue(orders.start_mission(), "start the mission"))
+            done = await send_order(link, clock, CommandDialogue(orders.start_mission(), "start the mission"))
             if not done.accepted:
                 return done
             mode = dialect.modes.mission.custom_mode
             # One that waited too long for this order has disarmed by itself, and takes off no more.
-            return await _confirmed(
+            return await _wait_for_confirmation(
                 link, clock, lambda heard: heard.armed and heard.custom_mode == mode, "is not armed in mission mode"
             )
         case StartStep.MISSION_MODE:
@@ -354,7 +360,7 @@ async def _start_step(link: Link, clock: Clock, dialect: Dialect, step: StartSte
 
 
 @by_awake_time
-async def _arm(link: Link, clock: Clock, watch: _Watch) -> Done:
+async def _arm(link: Link, clock: Clock, watch: _HostPauseWatch) -> ProcedureResult:
     """Arm, with patience: a check that fails may pass a few seconds later, while the estimator settles.
 
     Who changes its mode meanwhile wants something else of it.
@@ -366,44 +372,44 @@ async def _arm(link: Link, clock: Clock, watch: _Watch) -> Done:
     )
     try:
         while len(modes) < 2:
-            done = await order(link, clock, CommandDialogue(orders.arm(), "arm"))
+            done = await send_order(link, clock, CommandDialogue(orders.arm(), "arm"))
             if len(modes) < 2 and (done.accepted or clock.now_s() >= until_s):
                 return done
             await asyncio.sleep(ARM_AGAIN_S / clock.speedup)
-            if watch.stood_still():
-                return Done(accepted=False, reason=SLEPT, code=Ending.STOOD_STILL)
-        return Done(
+            if watch.has_paused():
+                return ProcedureResult(accepted=False, reason=SLEPT, code=Ending.STOOD_STILL)
+        return ProcedureResult(
             accepted=False, reason="somebody else changed its mode", armed=done.accepted, code=Ending.MODE_CHANGED
         )
     finally:
         stop_listening()
 
 
-async def send_home(link: Link, clock: Clock, dialect: Dialect) -> Done:
+async def order_rtl(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
     """Order a return, and see that the vehicle is in that mode."""
     accepted = {dialect.modes.return_home.custom_mode, dialect.modes.land.custom_mode}
     return await switch_mode(link, clock, orders.set_mode(dialect.modes.return_home), accepted)
 
 
-async def hold(link: Link, clock: Clock, dialect: Dialect) -> Done:
+async def order_hold(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
     """Order a stop in place, and see that the vehicle is in that mode."""
     return await switch_mode(link, clock, orders.set_mode(dialect.modes.hold), {dialect.modes.hold.custom_mode})
 
 
-async def land(link: Link, clock: Clock, dialect: Dialect) -> Done:
+async def order_landing(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
     """Order a landing where it is, and see that the vehicle is in that mode."""
     return await switch_mode(link, clock, orders.set_mode(dialect.modes.land), {dialect.modes.land.custom_mode})
 
 
-async def disarm(link: Link, clock: Clock, *, force: bool) -> Done:
+async def order_disarm(link: Link, clock: Clock, *, force: bool) -> ProcedureResult:
     """Order the motors to stop, and see that the vehicle says so."""
-    done = await order(link, clock, CommandDialogue(orders.disarm(force=force), "disarm"))
+    done = await send_order(link, clock, CommandDialogue(orders.disarm(force=force), "disarm"))
     if not done.accepted:
         return done
-    return await _confirmed(link, clock, lambda heard: not heard.armed, "still reports that it is armed")
+    return await _wait_for_confirmation(link, clock, lambda heard: not heard.armed, "still reports that it is armed")
 
 
-async def resume(link: Link, clock: Clock, dialect: Dialect, speed_m_s: float) -> Done:
+async def resume_mission(link: Link, clock: Clock, dialect: Dialect, speed_m_s: float) -> ProcedureResult:
     """Let a vehicle that holds go on to the waypoint that it was flying to, at the speed of that leg.
 
     Both autopilots keep the index and forget the speed when the mode changes (measured), and gather more within a
@@ -414,31 +420,41 @@ async def resume(link: Link, clock: Clock, dialect: Dialect, speed_m_s: float) -
     mode_order, speed_order = orders.set_mode(dialect.modes.mission), orders.change_speed(speed_m_s)
     link.send(mode_order)
     link.send(speed_order)
-    done = await order(link, clock, CommandDialogue(mode_order, "change of mode"))
+    done = await send_order(link, clock, CommandDialogue(mode_order, "change of mode"))
     if not done.accepted:
         return done
     speed = CommandDialogue(speed_order, "speed of the leg")
-    await order(link, clock, speed)
+    await send_order(link, clock, speed)
     mode = dialect.modes.mission.custom_mode
-    done = await _confirmed(link, clock, lambda heard: heard.custom_mode == mode, "is not in mission mode")
+    done = await _wait_for_confirmation(link, clock, lambda heard: heard.custom_mode == mode, "is not in mission mode")
     if not done.accepted:
         return done
-    told = await order(link, clock, speed)
-    return Done(accepted=True, reason="" if told.accepted else f"{told.reason}; it may fly too fast to inspect")
+    told = await send_order(link, clock, speed)
+    return ProcedureResult(
+        accepted=True, reason="" if told.accepted else f"{told.reason}; it may fly too fast to inspect"
+    )
 
 
-async def switch_mode(link: Link, clock: Clock, command: SendCommand, accepted: set[int]) -> Done:
+async def switch_mode(link: Link, clock: Clock, command: SendCommand, accepted: set[int]) -> ProcedureResult:
     """Order a mode, and see in the heartbeat that it is flown: an acknowledgement only means 'will try'."""
-    done = await order(link, clock, CommandDialogue(command, "change of mode"))
+    done = await send_order(link, clock, CommandDialogue(command, "change of mode"))
     if not done.accepted:
         return done
-    return await _confirmed(link, clock, lambda heard: heard.custom_mode in accepted, "does not report the new mode")
+    return await _wait_for_confirmation(
+        link, clock, lambda heard: heard.custom_mode in accepted, "does not report the new mode"
+    )
 
 
-async def _confirmed(link: Link, clock: Clock, wanted: Callable[[Heartbeat], bool], otherwise: str) -> Done:
+async def _wait_for_confirmation(
+    link: Link, clock: Clock, wanted: Callable[[Heartbeat], bool], otherwise: str
+) -> ProcedureResult:
     patience_s = max(MODE_TIMEOUT_S, PATIENCE_REAL_S * clock.speedup)
     seen = await wait_for(link, clock, lambda message: isinstance(message, Heartbeat) and wanted(message), patience_s)
-    return Done(accepted=True) if seen else Done(accepted=False, reason=otherwise, code=Ending.NOT_CONFIRMED)
+    return (
+        ProcedureResult(accepted=True)
+        if seen
+        else ProcedureResult(accepted=False, reason=otherwise, code=Ending.NOT_CONFIRMED)
+    )
 
 
 @by_awake_time
@@ -456,23 +472,23 @@ async def wait_for(link: Link, clock: Clock, wanted: Callable[[Message], bool], 
     return came.is_set()
 
 
-async def read_parameter(link: Link, clock: Clock, name: str) -> Parameter:
+async def read_parameter(link: Link, clock: Clock, name: str) -> ParameterDialogue:
     """Ask for a parameter."""
-    return await _patiently(Parameter(name), link, clock)
+    return await _run_patiently(ParameterDialogue(name), link, clock)
 
 
-async def set_parameter(link: Link, clock: Clock, name: str, value: float, kind: int) -> Done:
+async def set_parameter(link: Link, clock: Clock, name: str, value: float, kind: int) -> ProcedureResult:
     """Set a parameter and see the new value."""
-    ended = await _patiently(Parameter(name, SendParamSet(name, value, kind)), link, clock)
-    return Done(isinstance(ended.outcome, Accepted), reason_of(ended.outcome), code=code_of(ended.outcome))
+    ended = await _run_patiently(ParameterDialogue(name, SendParamSet(name, value, kind)), link, clock)
+    return ProcedureResult(isinstance(ended.outcome, Accepted), reason_of(ended.outcome), code=code_of(ended.outcome))
 
 
 @by_awake_time
-async def _patiently(question: M, link: Link, clock: Clock) -> M:
+async def _run_patiently(question: M, link: Link, clock: Clock) -> M:
     """Ask, and ask again while a busy computer may be why nobody answers."""
     began_s = clock.now_s()
     while True:
-        ended = await converse(question, link, clock)
+        ended = await run_dialogue(question, link, clock)
         waited_s = clock.now_s() - began_s
         if not isinstance(ended.outcome, TimedOut) or waited_s >= PATIENCE_REAL_S * clock.speedup:
             return ended

@@ -11,7 +11,7 @@ from executor.core.context import Context
 from executor.core.events import Found, Resumed
 from executor.core.messages import Heartbeat, Message, MissionCurrent
 from executor.core.ports import Clock, Link
-from executor.core.resume.resuming import found_on
+from executor.core.resume.resuming import compare_onboard_mission
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
 from executor.errors import ConnectionFailed
@@ -38,7 +38,7 @@ class _Answer:
     seq: int | None = None
     items: tuple[MissionItem, ...] | None = None
 
-    def take(self, message: Message) -> None:
+    def update(self, message: Message) -> None:
         match message:
             case Heartbeat():
                 self.heard.set()
@@ -46,7 +46,7 @@ class _Answer:
                 self.seq = seq
 
 
-async def asked(
+async def reconnect_vehicles(
     context: Context, state: Callable[[], FleetState], links: Mapping[str, Link], clock: Clock, patience_real_s: float
 ) -> Resumed:
     """Ask every vehicle what it carries.
@@ -62,19 +62,19 @@ async def asked(
         ConnectionFailed: nobody answers.
     """
     answers = {name: _Answer() for name in links}
-    stops = [link.listen(answers[name].take) for name, link in links.items()]
+    stops = [link.listen(answers[name].update) for name, link in links.items()]
     try:
-        await _first(answers, patience_real_s)
-        expected = [name for name, vehicle in state().vehicles.items() if _expected(state(), vehicle)]
-        await _all(answers, expected)
+        await _wait_for_first_answer(answers, patience_real_s)
+        expected = [name for name, vehicle in state().vehicles.items() if _must_wait_for(state(), vehicle)]
+        await _wait_for_expected(answers, expected)
         async with asyncio.TaskGroup() as tasks:
             for name, answer in answers.items():
                 if answer.heard.is_set():
                     patience_s = _patience_real_s(state(), state().vehicles[name])
-                    asks = _asked_one(links[name], clock, context.vehicles[name].dialect, answer, patience_s)
+                    asks = _query_vehicle(links[name], clock, context.vehicles[name].dialect, answer, patience_s)
                     tasks.create_task(asks, name=name)
         found = [
-            found_on(context, state(), name, answer.items, answer.seq)
+            compare_onboard_mission(context, state(), name, answer.items, answer.seq)
             if answer.heard.is_set()
             else Found(name, heard=False, seq=None, items=None, matches=())
             for name, answer in answers.items()
@@ -85,12 +85,12 @@ async def asked(
     return Resumed(tuple(found))
 
 
-def _expected(state: FleetState, vehicle: VehicleState) -> bool:
+def _must_wait_for(state: FleetState, vehicle: VehicleState) -> bool:
     """Return whether a vehicle matters so much that the others wait for it."""
-    return _pending(state, vehicle) or vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
+    return _is_pending(state, vehicle) or vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
 
 
-def _pending(state: FleetState, vehicle: VehicleState) -> bool:
+def _is_pending(state: FleetState, vehicle: VehicleState) -> bool:
     return state.replanning.replan is not None and vehicle.name in state.replanning.replan.pending
 
 
@@ -99,14 +99,14 @@ def _patience_real_s(state: FleetState, vehicle: VehicleState) -> float | None:
 
     Over a bad link reading takes long, and nobody watches the others meanwhile.
     """
-    if _pending(state, vehicle):
+    if _is_pending(state, vehicle):
         return None
     if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.assignment.board is None:
         return 0.0
     return READ_REAL_S + READ_WAYPOINT_REAL_S * len(vehicle.assignment.board.path.waypoints)
 
 
-async def _first(answers: Mapping[str, _Answer], patience_real_s: float) -> None:
+async def _wait_for_first_answer(answers: Mapping[str, _Answer], patience_real_s: float) -> None:
     waits = [asyncio.ensure_future(answer.heard.wait()) for answer in answers.values()]
     try:
         done, _ = await asyncio.wait(waits, timeout=patience_real_s, return_when=asyncio.FIRST_COMPLETED)
@@ -120,14 +120,14 @@ async def _first(answers: Mapping[str, _Answer], patience_real_s: float) -> None
         )
 
 
-async def _all(answers: Mapping[str, _Answer], expected: list[str]) -> None:
+async def _wait_for_expected(answers: Mapping[str, _Answer], expected: list[str]) -> None:
     with suppress(TimeoutError):
         async with asyncio.timeout(ONE_REAL_S):
             for name in expected:
                 await answers[name].heard.wait()
 
 
-async def _asked_one(link: Link, clock: Clock, dialect: Dialect, answer: _Answer, patience_s: float | None) -> None:
+async def _query_vehicle(link: Link, clock: Clock, dialect: Dialect, answer: _Answer, patience_s: float | None) -> None:
     if patience_s != 0.0:
         with suppress(TimeoutError):
             async with asyncio.timeout(patience_s):
@@ -137,4 +137,4 @@ async def _asked_one(link: Link, clock: Clock, dialect: Dialect, answer: _Answer
                         break
     with suppress(TimeoutError):
         async with asyncio.timeout(STREAMS_REAL_S):
-            await streams.asked_for(link, clock, dialect)
+            await streams.request_streams(link, clock, dialect)

@@ -29,16 +29,18 @@ def streams_hz(dialect: Dialect) -> dict[int, float]:
     return STREAMS_HZ | dict(dialect.own_streams_hz)
 
 
-async def asked_for(link: Link, clock: Clock, dialect: Dialect) -> None:
+async def request_streams(link: Link, clock: Clock, dialect: Dialect) -> None:
     """Ask a vehicle for everything that we follow."""
-    await _asked(link, clock, streams_hz(dialect))
+    await _request_streams_at(link, clock, streams_hz(dialect))
 
 
-async def asked_again(link: Link, clock: Clock, dialect: Dialect) -> None:
+async def request_streams_again(link: Link, clock: Clock, dialect: Dialect) -> None:
     """Ask a vehicle of which something does not come any more; HEARTBEAT comes unasked, until it does not."""
-    await _asked(link, clock, {orders.HEARTBEAT: HEARTBEAT_HZ} | streams_hz(dialect))
+    await _request_streams_at(link, clock, {orders.HEARTBEAT: HEARTBEAT_HZ} | streams_hz(dialect))
 
 
-async def _asked(link: Link, clock: Clock, rates_hz: Mapping[int, float]) -> None:
+async def _request_streams_at(link: Link, clock: Clock, rates_hz: Mapping[int, float]) -> None:
     for message, rate_hz in rates_hz.items():
-        await procedures.order(link, clock, CommandDialogue(orders.message_interval(message, rate_hz), "stream"))
+        await procedures.send_order(
+            link, clock, CommandDialogue(orders.set_message_interval(message, rate_hz), "stream")
+        )

@@ -13,7 +13,7 @@ from simulator.common_time import LOOK_REAL_S
 
 T = TypeVar("T")
 P = ParamSpec("P")
-Ready = list[tuple[selectors.SelectorKey, int]]
+ReadyFiles = list[tuple[selectors.SelectorKey, int]]
 
 AT_ONCE = 8
 """Files that are ready and taken in one round of the loop: some 5 ms, each with a few messages. Fifty vehicles that
@@ -24,7 +24,7 @@ THREADS_END_S = 5.0
 """Real seconds that the threads beside a flight may take to end: a disk or a name server may never answer."""
 
 
-class Threads(ThreadPoolExecutor):
+class BoundedThreadPool(ThreadPoolExecutor):
     """The threads beside an event loop, whose end is not waited for longer than `THREADS_END_S`."""
 
     def __init__(self) -> None:
@@ -42,14 +42,14 @@ class Threads(ThreadPoolExecutor):
         """Take no more, and wait a while for what was begun."""
         super().shutdown(wait=False, cancel_futures=cancel_futures)
         if wait:
-            _waited(tuple(self._begun))
+            _wait_for_futures(tuple(self._begun))
 
 
-def _waited(begun: tuple[Future[Any], ...]) -> None:
+def _wait_for_futures(begun: tuple[Future[Any], ...]) -> None:
     wait(begun, THREADS_END_S)
 
 
-class InTurns(selectors.DefaultSelector):
+class FairSelector(selectors.DefaultSelector):
     """Hands on at most `AT_ONCE` files in a round, those first that have waited longest.
 
     asyncio goes through everything that was ready before it looks at its deadlines again. What is left here is still
@@ -62,7 +62,7 @@ class InTurns(selectors.DefaultSelector):
         self._served: dict[int, int] = {}
         """In which round a file had its last turn."""
 
-    def select(self, timeout: float | None = None) -> Ready:
+    def select(self, timeout: float | None = None) -> ReadyFiles:
         """Return what is ready, `AT_ONCE` files at most."""
         ready = super().select(timeout)
         self._rounds += 1
@@ -77,7 +77,7 @@ class Pacemaker(Protocol):
     """A time that somebody else makes, and that goes on when everything before it was dealt with."""
 
     @property
-    def together(self) -> bool:
+    def is_synchronised(self) -> bool:
         """Whether somebody makes it; without, it is the computer's."""
         ...
 
@@ -85,48 +85,48 @@ class Pacemaker(Protocol):
         """Return seconds that never go back."""
         ...
 
-    def rested(self) -> bool:
+    def note_idle(self) -> bool:
         """Take note that nothing is left to be dealt with; returns whether time has gone on."""
         ...
 
-    def restless(self) -> None:
+    def note_busy(self) -> None:
         """Take note that something is."""
         ...
 
-    def waited(self) -> None:
+    def note_silence(self) -> None:
         """Take note that nothing came for `LOOK_REAL_S`."""
         ...
 
 
-class _AtItsPace(InTurns):
+class _PacedSelector(FairSelector):
     """Waits for what somebody else's time brings, not for the computer's."""
 
     def __init__(self) -> None:
         super().__init__()
         self.pace: Pacemaker | None = None
 
-    def select(self, timeout: float | None = None) -> Ready:
+    def select(self, timeout: float | None = None) -> ReadyFiles:
         """Return what is ready; nothing, if it is only later than it was."""
         pace = self.pace
-        if pace is None or not pace.together:
+        if pace is None or not pace.is_synchronised:
             return super().select(timeout)
         ready = super().select(0)
         if ready or (timeout is not None and timeout <= 0):
-            pace.restless()
+            pace.note_busy()
             return ready
-        if pace.rested():
+        if pace.note_idle():
             return []
         ready = super().select(LOOK_REAL_S)
         if not ready:
-            pace.waited()
+            pace.note_silence()
         return ready
 
 
-class Loop(asyncio.SelectorEventLoop):
+class FairEventLoop(asyncio.SelectorEventLoop):
     """An event loop that takes turns, and whose deadlines may go by somebody else's time."""
 
     def __init__(self) -> None:
-        self._selects = _AtItsPace()
+        self._selects = _PacedSelector()
         self._shift_s = 0.0
         super().__init__(self._selects)
 
@@ -136,7 +136,7 @@ class Loop(asyncio.SelectorEventLoop):
         return super().time() if pace is None else pace.steady_s() + self._shift_s
 
     @contextmanager
-    def at_the_pace_of(self, pace: Pacemaker) -> Iterator[None]:
+    def follow_pacemaker(self, pace: Pacemaker) -> Iterator[None]:
         """Go by this time inside the block."""
         self._shift_s = super().time() - pace.steady_s()
         self._selects.pace = pace
@@ -146,13 +146,15 @@ class Loop(asyncio.SelectorEventLoop):
             self._selects.pace = None
 
 
-def at_the_computers_pace() -> asyncio.AbstractEventLoop:
+def make_fair_event_loop() -> asyncio.AbstractEventLoop:
     """Return an event loop that takes turns, for who measures what it is late."""
-    return asyncio.SelectorEventLoop(InTurns())
+    return asyncio.SelectorEventLoop(FairSelector())
 
 
-def run(work: Coroutine[None, None, T], loop: Callable[[], asyncio.AbstractEventLoop] = Loop) -> T:
+def run_on_fair_loop(
+    work: Coroutine[None, None, T], loop: Callable[[], asyncio.AbstractEventLoop] = FairEventLoop
+) -> T:
     """Do what `asyncio.run` does, on a loop that takes turns and whose end is bounded."""
     with asyncio.Runner(loop_factory=loop) as runner:
-        runner.get_loop().set_default_executor(Threads())
+        runner.get_loop().set_default_executor(BoundedThreadPool())
         return runner.run(work)

@@ -10,10 +10,21 @@ from pathlib import Path
 
 import numpy as np
 
-from executor.images.exif import DETAILS, EXPOSURE, GPS, MAKE, MODEL, OFFSET, ORIGINAL, SERIAL, SUBSECOND, gps_tags
+from executor.images.exif import (
+    DETAILS,
+    EXPOSURE,
+    GPS,
+    MAKE,
+    MODEL,
+    OFFSET,
+    ORIGINAL,
+    SERIAL,
+    SUBSECOND,
+    build_gps_tags,
+)
 from missions import Network
 from missions.geo import FloatArray
-from simulator.camera import Shot, file_name
+from simulator.camera import CapturedImage, format_picture_name
 
 SIZE_PX = (160, 120)
 VIEW_DEG = 70.0
@@ -23,7 +34,7 @@ EXPOSURE_S = 0.001
 
 
 @dataclass(slots=True)
-class Cards:
+class SimulatedCards:
     """The cards of a simulated fleet."""
 
     folder: Path
@@ -37,7 +48,7 @@ class Cards:
     zoned: bool = False
     """Whether they say their time zone."""
 
-    def write(self, vehicle: str, shot: Shot) -> Path:
+    def write(self, vehicle: str, shot: CapturedImage) -> Path:
         """Write one picture.
 
         Raises:
@@ -51,7 +62,7 @@ class Cards:
         draw = ImageDraw.Draw(image)
         horizon_px = SIZE_PX[1] / 2 - _focal_px() * math.tan(math.radians(max(-80.0, min(80.0, -shot.pitch_deg))))
         draw.rectangle((0, max(0.0, horizon_px), *SIZE_PX), fill=GROUND)
-        for ends in self._wires(shot):
+        for ends in self._project_spans(shot):
             draw.line([tuple(end) for end in ends.tolist()], fill=WIRE, width=2)
         draw.text((4, 4), f"{vehicle} {shot.number}", fill=WIRE)
         exif = image.getexif()
@@ -64,12 +75,12 @@ class Cards:
         }  # fmt: skip
         exif.get_ifd(DETAILS).update(details | ({OFFSET: "+00:00"} if self.zoned else {}))
         if self.places:
-            exif.get_ifd(GPS).update(gps_tags(shot.lat_deg, shot.lon_deg, shot.alt_msl_m))
-        path = folder / file_name(shot.number)
+            exif.get_ifd(GPS).update(build_gps_tags(shot.lat_deg, shot.lon_deg, shot.alt_msl_m))
+        path = folder / format_picture_name(shot.number)
         image.save(path, "JPEG", quality=60, exif=exif)
         return path
 
-    def _wires(self, shot: Shot) -> list[FloatArray]:
+    def _project_spans(self, shot: CapturedImage) -> list[FloatArray]:
         """Return the spans that are in sight, (2, 2) float64 each, in pixels."""
         network, frame = self.network, self.network.frame
         here_m = np.array([*frame.to_local_m(shot.lat_deg, shot.lon_deg), shot.alt_msl_m])
@@ -80,7 +91,7 @@ class Cards:
         seen = []
         for segment in network.segments:
             ends = np.column_stack((network.positions_m[[segment.a, segment.b]], tops_m[[segment.a, segment.b]]))
-            pixels = _projected(ends - here_m, shot.pitch_deg, shot.yaw_deg)
+            pixels = _project_leg(ends - here_m, shot.pitch_deg, shot.yaw_deg)
             if pixels is not None:
                 seen.append(pixels)
         return seen
@@ -90,7 +101,7 @@ def _focal_px() -> float:
     return SIZE_PX[0] / 2 / math.tan(math.radians(VIEW_DEG) / 2)
 
 
-def _projected(offsets_m: FloatArray, pitch_deg: float, yaw_deg: float) -> FloatArray | None:
+def _project_leg(offsets_m: FloatArray, pitch_deg: float, yaw_deg: float) -> FloatArray | None:
     """Return (2, 2) pixels of a leg before the camera, cut off at it; None where all of it is behind."""
     pitch, yaw = math.radians(pitch_deg), math.radians(yaw_deg)
     ahead = np.array([math.cos(pitch) * math.sin(yaw), math.cos(pitch) * math.cos(yaw), math.sin(pitch)])

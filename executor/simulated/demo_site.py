@@ -12,7 +12,7 @@ from pathlib import Path
 
 from executor.adapters.run_directory import RunDirectory
 from executor.simulated.fleet import fleet_of
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from missions import default_network_path, read_network
 
 USUAL_VEHICLES = 4
@@ -30,7 +30,7 @@ ENDS_S = 10.0
 """Real seconds that the simulated fleet may take to end."""
 
 
-def demo_site(
+def build_demo_site(
     *, network: Path | None, radius_m: float, vehicles: int, speedup: float, autopilot: str, flat: bool = False,
     ports: Sequence[int] = (),
 ) -> dict[str, object]:  # fmt: skip
@@ -39,11 +39,11 @@ def demo_site(
     Its vehicles answer on the ports given, or else on free ones.
     """
     table: dict[str, object] = {"file": "default" if network is None else str(network.resolve()), "radius_m": radius_m}
-    budget = {"budget_pct": USUAL_BUDGET_PCT} if is_usual(network, radius_m, vehicles) else {}
+    budget = {"budget_pct": USUAL_BUDGET_PCT} if is_default_demo(network, radius_m, vehicles) else {}
     site: dict[str, object] = {
         "network": table,
         "flight": {"speedup": speedup, "fly_again": "auto"},  # nobody stands at these pads
-        "vehicle": [table | budget for table in vehicle_tables(ports or free_ports(vehicles), autopilot)],
+        "vehicle": [table | budget for table in build_vehicle_tables(ports or find_free_ports(vehicles), autopilot)],
     }
     inspection: dict[str, object] = {"heights": "flat"} if flat else {}
     if network is not None or vehicles > USUAL_VEHICLES:
@@ -58,7 +58,7 @@ def demo_site(
     return site
 
 
-def vehicle_tables(ports: Sequence[int], autopilot: str) -> list[dict[str, object]]:
+def build_vehicle_tables(ports: Sequence[int], autopilot: str) -> list[dict[str, object]]:
     """Return the vehicles of a site file, which answer on these ports of this computer."""
     return [
         {"name": f"uav{number}", "connection": f"udpin://127.0.0.1:{port}", "sysid": number, "autopilot": autopilot}
@@ -66,7 +66,7 @@ def vehicle_tables(ports: Sequence[int], autopilot: str) -> list[dict[str, objec
     ]
 
 
-def is_usual(network: Path | None, radius_m: float, vehicles: int) -> bool:
+def is_default_demo(network: Path | None, radius_m: float, vehicles: int) -> bool:
     """Return whether this is the demo that is flown where nothing else is asked for."""
     return (network, radius_m, vehicles) == (None, USUAL_RADIUS_M, USUAL_VEHICLES)
 
@@ -84,7 +84,7 @@ UNASKED = range(20_000, 32_000)
 """Below the ports that Linux (32768 on), macOS and Windows (49152 on) choose by themselves."""
 
 
-def free_ports(count: int) -> list[int]:
+def find_free_ports(count: int) -> list[int]:
     """Return UDP ports of this computer that nobody uses, and that no socket is given unasked.
 
     The simulated vehicles call from ports that the system chooses: of forty one may be the next one's otherwise.
@@ -101,7 +101,7 @@ def free_ports(count: int) -> list[int]:
     return found
 
 
-def check_faults(ground: Ground, faults: Sequence[str]) -> None:
+def check_faults(ground: SiteModel, faults: Sequence[str]) -> None:
     """Check the faults before anything is started.
 
     Raises:
@@ -111,7 +111,7 @@ def check_faults(ground: Ground, faults: Sequence[str]) -> None:
 
 
 @contextmanager
-def simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator[None]:
+def run_simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator[None]:
     """Run `faultline simulate` beside the flight; Ctrl-C in the terminal does not reach it."""
     command = [sys.executable, "-m", "executor", "simulate", str(RunDirectory(run).site), "--seed", str(seed)]
     command += ["--truth", str(RunDirectory(run).truths), "--failsafe"]

@@ -10,9 +10,9 @@ from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from executor.simulated.cards import Cards
+from executor.simulated.cards import SimulatedCards
 from executor.site import assembly, dayflight
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from missions import dialect_for
 from simulator.config import AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle
 from simulator.faults import parse_fault
@@ -27,7 +27,7 @@ TICKS_PER_S = 100_000
 
 
 def fleet_of(
-    ground: Ground,
+    ground: SiteModel,
     *,
     speedup: float,
     faults: Sequence[str],
@@ -41,7 +41,7 @@ def fleet_of(
     Raises:
         SimulatorError: a fault, or a connection, that cannot be simulated.
     """
-    setup, elsewhere = assembly.setup_of(ground), dayflight.morning_pads(ground)
+    setup, elsewhere = assembly.build_flight_setup(ground), dayflight.find_morning_pads(ground)
     vehicles = []
     for number, table in enumerate(ground.site.vehicle):
         rule = dialect_for(table.autopilot).ground_station_failsafe
@@ -77,7 +77,7 @@ def fleet_of(
 
 
 @dataclass(frozen=True, slots=True)
-class Outputs:
+class SimulationOutputs:
     """What a simulation writes besides what it prints."""
 
     truth: Path | None = None
@@ -87,18 +87,18 @@ class Outputs:
 
 
 def run_simulation(
-    ground: Ground,
+    ground: SiteModel,
     *,
     speedup: float,
     faults: Sequence[str],
     seed: int,
     wind: float,
-    outputs: Outputs,
+    outputs: SimulationOutputs,
     failsafe: bool,
     key: bytes | None = None,
 ) -> None:
     """Fly the simulated fleet until it is told to stop (SIGINT or SIGTERM)."""
-    written = None if outputs.cards is None else Cards(outputs.cards, ground.network, time.time())
+    written = None if outputs.cards is None else SimulatedCards(outputs.cards, ground.network, time.time())
     signing = None
     if key is not None:
         began_ticks = round((time.time() - SIGNING_EPOCH_UNIX_S) * TICKS_PER_S)
@@ -121,10 +121,10 @@ def run_simulation(
                     if written is not None:
                         written.write(vehicle.name, shot)
 
-        asyncio.run(_until_told(fleet, happened, lived))
+        asyncio.run(_run_until_signal(fleet, happened, lived))
 
 
-async def _until_told(
+async def _run_until_signal(
     fleet: SimFleet, happened: Callable[[Truth], None], lived: Callable[[Sequence[SimulatedVehicle]], None]
 ) -> None:
     stop = asyncio.Event()

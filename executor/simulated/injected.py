@@ -6,7 +6,7 @@ from pathlib import Path
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.report import Happening
+from executor.analysis.report import InjectedFault
 from simulator.truth import Truth, read_truths
 
 KINDS = {
@@ -28,18 +28,18 @@ KINDS = {
 """What a fault that the simulator injects should be declared as."""
 
 
-def happenings(run: Path, clock: SystemClock) -> list[Happening]:
+def read_injected_faults(run: Path, clock: SystemClock) -> list[InjectedFault]:
     """Return when the ordered faults really happened, in the ground station's time."""
     path = RunDirectory(run).truths
     if not path.exists():
         return []
     dated = ((truth, (truth.unix_s - clock.began_unix_s) * clock.speedup) for truth in read_truths(path))
-    return [one for truth, at_s in dated if (one := happening_of(truth, at_s)) is not None]
+    return [one for truth, at_s in dated if (one := injected_fault_of(truth, at_s)) is not None]
 
 
-def happening_of(truth: Truth, at_s: float) -> Happening | None:
+def injected_fault_of(truth: Truth, at_s: float) -> InjectedFault | None:
     """Return the fault that a truth is about, with its time on the ground station's clock; None if it is none."""
     if not truth.what.startswith("fault "):
         return None
     name = truth.what.partition(":")[2].partition("@")[0].partition("=")[0]
-    return Happening(truth.vehicle, KINDS.get(name, name), at_s)
+    return InjectedFault(truth.vehicle, KINDS.get(name, name), at_s)

@@ -15,8 +15,8 @@ from executor.site.tables.areas import AreaTable, Margin, OverGround, OverSea, W
 from missions import LocalFrame, Network, Pad, parse_where
 from missions.areas import Area, AreaKind, NamedPlace, PlaceKind, Ring
 from missions.errors import AreaError
-from missions.outlines import clipped, crosses_itself, eased, enclosed_m2, without_doubles
-from missions.readers.areas import FIGURES, ReadArea, check_outline, read_areas
+from missions.outlines import clip_outline, enclosed_area_m2, is_self_crossing, remove_double_corners, simplify_outline
+from missions.readers.areas import FIGURES, FileArea, check_outline, read_areas
 
 NEAR_M = 20_000.0
 """No way leads farther than this beyond lines and pads: what is beyond is left out, and outlines are cut there."""
@@ -42,7 +42,7 @@ class SiteAreas:
     """What was left out or simplified, in words."""
 
 
-def areas_of(site: Site, base: Path, network: Network) -> SiteAreas:
+def load_areas(site: Site, base: Path, network: Network) -> SiteAreas:
     """Return the areas of a site that are near to its lines.
 
     Raises:
@@ -58,29 +58,32 @@ def areas_of(site: Site, base: Path, network: Network) -> SiteAreas:
     remarks: list[str] = []
     for index, table in enumerate(site.area):
         found = list(_read(table, index, base))
-        placed = [area for one in found for area in _placed(table, one, network.frame, low, high)]
+        placed = [area for one in found for area in _select_near_area(table, one, network.frame, low, high)]
         if not placed:
             remarks.append(
-                f"areas: none of {_source(table, index)} is within {NEAR_M / 1000:g} km of the lines; are latitude and "
+                f"areas: none of {_name_source(table, index)} is within {NEAR_M / 1000:g} km of the lines; are "
+                f"latitude and "
                 "longitude swapped?"
             )
         near += placed
-    tolerance_m = next((one for one in EASED_M if _corners(near, one) <= MOST_CORNERS), None)
+    tolerance_m = next((one for one in EASED_M if _count_corners(near, one) <= MOST_CORNERS), None)
     if tolerance_m is None:
         raise AreaError(
             f"area: expected at most {MOST_CORNERS} corners within {NEAR_M / 1000:g} km of the lines, found "
-            f"{_corners(near, 0.0)}, and {_corners(near, EASED_M[-1])} when simplified by {EASED_M[-1]:g} m; where, "
+            f"{_count_corners(near, 0.0)}, and {_count_corners(near, EASED_M[-1])} when simplified by "
+            f"{EASED_M[-1]:g} m; where, "
             "layer, or a cut of the file choose which are needed"
         )
     if tolerance_m > 0:
         remarks.append(
-            f"areas: {_corners(near, 0.0)} corners are simplified to {_corners(near, tolerance_m)}; flights keep "
+            f"areas: {_count_corners(near, 0.0)} corners are simplified to {_count_corners(near, tolerance_m)}; "
+            f"flights keep "
             f"{tolerance_m:g} m more from them"
         )
-    return SiteAreas(tuple(_simplified(area, tolerance_m) for area in near), tuple(remarks))
+    return SiteAreas(tuple(_simplify_area(area, tolerance_m) for area in near), tuple(remarks))
 
 
-def places_of(site: Site, frame: LocalFrame) -> tuple[tuple[Pad, ...], tuple[NamedPlace, ...]]:
+def build_places(site: Site, frame: LocalFrame) -> tuple[tuple[Pad, ...], tuple[NamedPlace, ...]]:
     """Return the pads of vehicles whose place is stated, and the alternates."""
     named = {place.name: place for place in site.place}
     pads = []
@@ -97,31 +100,31 @@ def places_of(site: Site, frame: LocalFrame) -> tuple[tuple[Pad, ...], tuple[Nam
     return tuple(pads), alternates
 
 
-def _read(table: AreaTable, index: int, base: Path) -> Iterator[ReadArea]:
+def _read(table: AreaTable, index: int, base: Path) -> Iterator[FileArea]:
     if table.file is not None:
         layers = (table.layer,) if isinstance(table.layer, str) else table.layer
         where = () if table.where is None else parse_where(table.where)
         yield from read_areas(base / table.file, layers=layers, where=where)
         return
-    place = _source(table, index)
+    place = _name_source(table, index)
     ring = table.polygon or table.line or ()
     if table.polygon is not None and ring[0] == ring[-1]:
         ring = ring[:-1]
     check_outline([ring], place, is_line=table.line is not None)
-    yield ReadArea(place, table.name or "", (ring,), table.line is not None, {})
+    yield FileArea(place, table.name or "", (ring,), table.line is not None, {})
 
 
-def _source(table: AreaTable, index: int) -> str:
+def _name_source(table: AreaTable, index: int) -> str:
     return table.file if table.file is not None else f"area[{index}] {table.name!r}"
 
 
-def _placed(
-    table: AreaTable, read: ReadArea, frame: LocalFrame, low: tuple[float, float], high: tuple[float, float]
+def _select_near_area(
+    table: AreaTable, read: FileArea, frame: LocalFrame, low: tuple[float, float], high: tuple[float, float]
 ) -> Iterator[Area]:
     """Yield an area as far as it is near; of a corridor each part of its line that is."""
-    figures = {key: _figure(read, key, getattr(table, key)) for key in FIGURES}
+    figures = {key: _read_figure(read, key, getattr(table, key)) for key in FIGURES}
     limited = figures["max_agl_m"] is not None or figures["max_amsl_m"] is not None
-    rings = _rings(read, frame)
+    rings = _to_rings_m(read, frame)
     name, margin_m = read.name or table.name or read.place.rsplit(": ", 1)[-1], figures["margin_m"] or 0.0
     if read.is_line:
         if figures["width_m"] is None or limited:
@@ -129,10 +132,10 @@ def _placed(
                 f"{read.place}: expected width_m and no height limit for a line, which is a corridor, in the site's "
                 "[[area]] or the feature"
             )
-        for part in _near_parts(rings[0], low, high):
+        for part in _cut_near_parts(rings[0], low, high):
             yield Area(name, AreaKind.CORRIDOR, (part,), margin_m, figures["width_m"])
         return
-    cut = [clipped(ring, low, high) for ring in rings]
+    cut = [clip_outline(ring, low, high) for ring in rings]
     if len(cut[0]) >= 3:
         kept = (cut[0], *(ring for ring in cut[1:] if len(ring) >= 3))
         kind = AreaKind.HEIGHT_LIMIT if limited else AreaKind.NO_FLY
@@ -141,7 +144,7 @@ def _placed(
         )  # fmt: skip
 
 
-def _rings(read: ReadArea, frame: LocalFrame) -> list[Ring]:
+def _to_rings_m(read: FileArea, frame: LocalFrame) -> list[Ring]:
     """Return the outlines, or the line, in local metres."""
     rings = []
     for ring_deg in read.rings_deg:
@@ -149,18 +152,18 @@ def _rings(read: ReadArea, frame: LocalFrame) -> list[Ring]:
         if not np.isfinite(corners).all():
             raise AreaError(f"{read.place}: expected places on this side of the earth")
         ring: Ring = tuple((float(east_m), float(north_m)) for east_m, north_m in corners)
-        ring = without_doubles(ring, closed=not read.is_line)
+        ring = remove_double_corners(ring, closed=not read.is_line)
         if read.is_line and len(ring) < 2:
             raise AreaError(f"{read.place}: expected a line of at least 2 places, got one")
-        if not read.is_line and (len(ring) < 3 or enclosed_m2(ring) < LEAST_M2):
+        if not read.is_line and (len(ring) < 3 or enclosed_area_m2(ring) < LEAST_M2):
             raise AreaError(f"{read.place}: expected an outline that encloses {LEAST_M2:g} m2 or more, got less")
-        if not read.is_line and crosses_itself(ring):
+        if not read.is_line and is_self_crossing(ring):
             raise AreaError(f"{read.place}: expected an outline that does not cross itself, got one that does")
         rings.append(ring)
     return rings
 
 
-def _figure(read: ReadArea, key: str, table_s: float | None) -> float | None:
+def _read_figure(read: FileArea, key: str, table_s: float | None) -> float | None:
     own = read.figures.get(key)
     if own is None:
         return table_s
@@ -172,7 +175,7 @@ def _figure(read: ReadArea, key: str, table_s: float | None) -> float | None:
     return own
 
 
-def _near_parts(line: Ring, low: tuple[float, float], high: tuple[float, float]) -> Iterator[Ring]:
+def _cut_near_parts(line: Ring, low: tuple[float, float], high: tuple[float, float]) -> Iterator[Ring]:
     """Yield the parts of a line that may be near."""
     part: list[tuple[float, float]] = []
     for begin, end in itertools.pairwise(line):
@@ -189,10 +192,10 @@ def _near_parts(line: Ring, low: tuple[float, float], high: tuple[float, float])
         yield tuple(part)
 
 
-def _simplified(area: Area, tolerance_m: float) -> Area:
-    rings = tuple(eased(ring, tolerance_m, closed=not area.is_line) for ring in area.rings_m)
+def _simplify_area(area: Area, tolerance_m: float) -> Area:
+    rings = tuple(simplify_outline(ring, tolerance_m, closed=not area.is_line) for ring in area.rings_m)
     return replace(area, rings_m=rings, eased_m=tolerance_m if rings != area.rings_m else 0.0)
 
 
-def _corners(areas: list[Area], tolerance_m: float) -> int:
-    return sum(len(ring) for area in areas for ring in _simplified(area, tolerance_m).rings_m)
+def _count_corners(areas: list[Area], tolerance_m: float) -> int:
+    return sum(len(ring) for area in areas for ring in _simplify_area(area, tolerance_m).rings_m)

@@ -11,16 +11,16 @@ from types import MappingProxyType
 from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.history import PackHistory
 from executor.core.battery.resting import PackFacts
-from executor.core.context import Context, Fencing, FlyAgain, VehicleSetup, draws_pct_s
-from executor.core.learning import UNKNOWN, Known
+from executor.core.context import Context, FenceRules, RelaunchPolicy, VehicleSetup, power_draw_table_pct_s
+from executor.core.learning import UNKNOWN, KnownVehicle
 from executor.core.limits import Limits
-from executor.core.preflight.failsafes import LinkFailsafe, declared_lost_after_s
-from executor.core.replan.apart import clears_s, stays_in_layer
+from executor.core.preflight.failsafes import LinkFailsafe, effective_link_timeout_s
+from executor.core.replan.apart import find_layer_bound_vehicles, line_clear_time_s
 from executor.errors import SiteError
-from executor.site.areas import areas_of, places_of
+from executor.site.areas import build_places, load_areas
 from executor.site.config import Site
-from executor.site.looks import looks_of, pylon_wishes
-from executor.site.packs import SitePacks, packs_of_site
+from executor.site.looks import build_looks, build_pylon_wishes
+from executor.site.packs import SitePacks, load_site_packs
 from executor.site.tables.aircraft import VehicleTable
 from missions import (
     Dialect,
@@ -28,7 +28,7 @@ from missions import (
     FlightPath,
     FlightSetup,
     Inspection,
-    Mending,
+    MendingLimits,
     Network,
     Pad,
     Performance,
@@ -36,26 +36,26 @@ from missions import (
     Remark,
     Selection,
     Task,
+    build_open_task,
+    build_priced_instance,
+    check_line_heights,
     default_network_path,
     dialect_for,
-    flight_setup,
-    flown_instance,
-    implausible,
-    open_task,
+    import_network,
     parse_where,
-    understand,
+    plan_flight_setup,
     with_heights,
 )
-from missions.asked import first_paths, low_segments
+from missions.asked import build_first_paths, find_low_segments
 from missions.pace import AS_MODELLED
 from missions.pads import column_radius_m
 from missions.planfile import PlanFence, PlanTerrain
-from missions.poles import on_ground, with_structures
-from missions.reach import within_areas
-from missions.readers.elevation import Reading, read_elevation
+from missions.poles import add_ground_heights, add_structure_heights
+from missions.reach import apply_areas
+from missions.readers.elevation import RasterOptions, read_elevation
 from missions.terrain import DETOUR_M, Terrain, reading_box_m
-from missions.viewpoints import besides_s, pylon_looks, with_viewpoints
-from planner import PRESETS, Drone, Plan, Travel, Vehicle, segment_of, steady_wind, top_speed_m_s, travel_for
+from missions.viewpoints import add_viewpoints, build_pylon_tasks, extra_time_s
+from planner import PRESETS, Drone, Plan, Travel, Vehicle, build_steady_wind, segment_of, top_speed_m_s, travel_for
 
 STALL_REAL_S = 2.0
 """A busy computer may keep a process waiting (1.0 s was seen); faster than real time that is a long flight."""
@@ -70,7 +70,7 @@ DEFAULT_NETWORK = "default"
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class SiteModel:
     """What is known before any vehicle answers."""
 
     site: Site
@@ -84,7 +84,7 @@ class Ground:
     """The ground between the lines, where a raster knows it."""
     worth_a_look: tuple[str, ...] = ()
     """What was mended or found of the network's file and its heights, in words."""
-    learned: Mapping[str, Known] = field(default_factory=dict)
+    learned: Mapping[str, KnownVehicle] = field(default_factory=dict)
     """What is known of vehicles from flights before, by their name."""
     packs: SitePacks = field(default_factory=SitePacks)
     """What earlier flights said of packs."""
@@ -95,7 +95,7 @@ class Ground:
         return tuple(vehicle.name for vehicle in self.site.vehicle)
 
 
-def ground_of(site: Site, base: Path, learned: Mapping[str, Known] = MappingProxyType({})) -> Ground:
+def load_site_model(site: Site, base: Path, learned: Mapping[str, KnownVehicle] = MappingProxyType({})) -> SiteModel:
     """Read the network and prepare the models.
 
     Args:
@@ -108,22 +108,26 @@ def ground_of(site: Site, base: Path, learned: Mapping[str, Known] = MappingProx
     """
     file = default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
     depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
-    understood = understand(file, wanted_of(site), depot=depot, radius_m=site.network.radius_m)
-    network = with_structures(understood.network, site.network.pylon_height_m)
+    understood = import_network(file, build_selection(site), depot=depot, radius_m=site.network.radius_m)
+    network = add_structure_heights(understood.network, site.network.pylon_height_m)
     found: tuple[str, ...] = ()
-    terrain = terrain_of(site, base, network)
+    terrain = load_terrain(site, base, network)
     if terrain is not None:
         # A height of 0 that nobody said is what a file without a height of its depot is read with.
         depot_known = network.frame.alt_m != 0.0 or (site.depot is not None and site.depot.alt_m is not None)
-        network, found = on_ground(network, terrain.elevation, depot_known=depot_known)
+        network, found = add_ground_heights(network, terrain.elevation, depot_known=depot_known)
         found = (*terrain.elevation.remarks, *found)
     network = with_heights(network, flat=site.inspection.heights == "flat")
-    worth_a_look = (*remark_lines(understood.found), *found, *implausible(network, tallest_m=site.network.tallest_m))
-    ground = ground_over(site, network, worth_a_look, base, terrain)
-    return replace(ground, learned=dict(learned), packs=packs_of_site(site, base))
+    worth_a_look = (
+        *describe_remarks(understood.found),
+        *found,
+        *check_line_heights(network, tallest_m=site.network.tallest_m),
+    )
+    ground = build_site_model(site, network, worth_a_look, base, terrain)
+    return replace(ground, learned=dict(learned), packs=load_site_packs(site, base))
 
 
-def terrain_of(site: Site, base: Path, network: Network) -> Terrain | None:
+def load_terrain(site: Site, base: Path, network: Network) -> Terrain | None:
     """Read the ground around a network; None where the site names no raster.
 
     Raises:
@@ -134,11 +138,11 @@ def terrain_of(site: Site, base: Path, network: Network) -> Terrain | None:
         return None
     files = (table.files,) if isinstance(table.files, str) else table.files
     box_m = reading_box_m(network, DETOUR_M) if site.area else reading_box_m(network)
-    reading = Reading(network.frame, *box_m, table.vertical, table.uncertainty_m)
+    reading = RasterOptions(network.frame, *box_m, table.vertical, table.uncertainty_m)
     return Terrain(read_elevation([base / file for file in files], reading), table.margin_m, table.line_margin_m)
 
 
-def plan_terrain(ground: Ground) -> PlanTerrain | None:
+def build_plan_terrain(ground: SiteModel) -> PlanTerrain | None:
     """Return what plan files say of the ground that they were made over."""
     terrain = ground.terrain
     if terrain is None:
@@ -155,15 +159,15 @@ def plan_fence(site: Site) -> PlanFence | None:
     return None if table is None or not table.enabled else PlanFence(table.margin_m, table.rally)
 
 
-def wanted_of(site: Site) -> Selection:
+def build_selection(site: Site) -> Selection:
     """Return what a site wants of its network's file."""
     table = site.network
     layers = (table.layer,) if isinstance(table.layer, str) else table.layer
     where = () if table.where is None else parse_where(table.where)
-    return Selection(layers, where, table.crs, Mending(table.snap_m, table.max_span_m), table.encoding)
+    return Selection(layers, where, table.crs, MendingLimits(table.snap_m, table.max_span_m), table.encoding)
 
 
-def remark_lines(found: Iterable[Remark]) -> Iterator[str]:
+def describe_remarks(found: Iterable[Remark]) -> Iterator[str]:
     """Yield a line for each matter that was found of a network's file: the first of it, and how many there are."""
     by_matter: dict[str, list[Remark]] = {}
     for finding in found:
@@ -173,13 +177,13 @@ def remark_lines(found: Iterable[Remark]) -> Iterator[str]:
         yield f"{matter}: {own[0].words}{more}"
 
 
-def ground_over(
+def build_site_model(
     site: Site,
     network: Network,
     worth_a_look: tuple[str, ...] = (),
     base: Path = Path(),
     terrain: Terrain | None = None,
-) -> Ground:
+) -> SiteModel:
     """Return what is known before any vehicle answers, over a network whose heights are known.
 
     Raises:
@@ -190,19 +194,19 @@ def ground_over(
     _check_speeds(site, drone)
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
     inspection = inspection_of(site, network)
-    network, wished = with_viewpoints(network, pylon_wishes(site, network), table.standoff_m)
+    network, wished = add_viewpoints(network, build_pylon_wishes(site, network), table.standoff_m)
     names = tuple(vehicle.name for vehicle in site.vehicle)
-    found, (stated, alternates) = areas_of(site, base, network), places_of(site, network.frame)
-    setup = flight_setup(network, names, inspection, stated=stated, areas=found.areas, terrain=terrain)
-    pylons, higher = pylon_looks(setup, wished)
-    setup = replace(setup, looks=looks_of(site, network, pylons))
+    found, (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
+    setup = plan_flight_setup(network, names, inspection, stated=stated, areas=found.areas, terrain=terrain)
+    pylons, higher = build_pylon_tasks(setup, wished)
+    setup = replace(setup, looks=build_looks(site, network, pylons))
     if found.areas or alternates:
-        setup = within_areas(setup, found.areas, alternates)
-    remarks = (*worth_a_look, *found.remarks, *_told_once(higher))
-    return Ground(site, network, inspection, drone, travel, setup, terrain, remarks)
+        setup = apply_areas(setup, found.areas, alternates)
+    remarks = (*worth_a_look, *found.remarks, *_summarise_higher_viewpoints(higher))
+    return SiteModel(site, network, inspection, drone, travel, setup, terrain, remarks)
 
 
-def _told_once(higher: Sequence[str]) -> Iterator[str]:
+def _summarise_higher_viewpoints(higher: Sequence[str]) -> Iterator[str]:
     """Yield one line for all viewpoints that are flown higher than asked."""
     if higher:
         yield f"{higher[0]}; so are {len(higher) - 1} more" if len(higher) > 1 else higher[0]
@@ -248,27 +252,27 @@ def pack_of(site: Site) -> PackFacts:
     return PackFacts(cells=site.energy.cells, chemistry=site.energy.chemistry)
 
 
-def budget_of(known: PackHistory | None, drone: Drone, vehicle: VehicleTable) -> float:
+def budget_pct_of(known: PackHistory | None, drone: Drone, vehicle: VehicleTable) -> float:
     """Return what a route of a vehicle may use: what the site asks for, or what its pack has."""
     if known is None:
         return vehicle.budget_pct
     return known.budget_pct(vehicle.budget_pct, vehicle.reserve_pct, drone.capacity_ah)
 
 
-def empty_of(known: PackHistory | None, drone: Drone, vehicle: VehicleTable) -> float:
+def empty_pct_of(known: PackHistory | None, drone: Drone, vehicle: VehicleTable) -> float:
     """Return what a vehicle's autopilot reports when its pack is empty."""
     counts = not dialect_for(vehicle.autopilot).rounds_twice  # PX4 without a capacity reads it off the voltage
-    return 0.0 if known is None else known.never_there_pct(drone.capacity_ah, counts=counts)
+    return 0.0 if known is None else known.empty_reading_pct(drone.capacity_ah, counts=counts)
 
 
 def _with_pack(setup: VehicleSetup, known: PackHistory | None, drone: Drone, table: VehicleTable) -> VehicleSetup:
     """Return a vehicle's setup with a pack of which this is known."""
     if known is None:
         return setup
-    empty_pct = empty_of(known, drone, table)
+    empty_pct = empty_pct_of(known, drone, table)
     return replace(
         setup,
-        budget_pct=budget_of(known, drone, table),
+        budget_pct=budget_pct_of(known, drone, table),
         reserve_pct=table.reserve_pct + empty_pct,
         pack=replace(setup.pack, share=1.0 - empty_pct / 100.0, ohm=known.ohm),
         history=known,
@@ -276,7 +280,7 @@ def _with_pack(setup: VehicleSetup, known: PackHistory | None, drone: Drone, tab
     )
 
 
-def task_of(ground: Ground, segments: Iterable[int] | None = None, without: Collection[str] = ()) -> Task:
+def build_first_task(ground: SiteModel, segments: Iterable[int] | None = None, without: Collection[str] = ()) -> Task:
     """Return the problem of a first plan, from the depot, with the budgets of the site file.
 
     Args:
@@ -289,8 +293,8 @@ def task_of(ground: Ground, segments: Iterable[int] | None = None, without: Coll
     """
     vehicles = [
         Vehicle(
-            vehicle.name, (0.0, 0.0), budget_of(ground.packs.fitted.get(vehicle.name), ground.drone, vehicle),
-            consumption_of(ground, vehicle.name),
+            vehicle.name, (0.0, 0.0), budget_pct_of(ground.packs.fitted.get(vehicle.name), ground.drone, vehicle),
+            consumption_factor_of(ground, vehicle.name),
         )
         for vehicle in ground.site.vehicle
         if vehicle.name not in without
@@ -302,16 +306,16 @@ def task_of(ground: Ground, segments: Iterable[int] | None = None, without: Coll
         raise SiteError(
             f"area: expected a segment that can be reached, found none of {len(never)}: {name} {never[0].why}"
         )
-    task = open_task(pricing_of(ground), wanted - {one.segment for one in never}, vehicles)
+    task = build_open_task(build_pricing(ground), wanted - {one.segment for one in never}, vehicles)
     return replace(task, unreachable=never)
 
 
-def consumption_of(ground: Ground, name: str) -> float:
+def consumption_factor_of(ground: SiteModel, name: str) -> float:
     """Return what a vehicle uses relative to the energy model, as far as it is known."""
     return ground.learned[name].consumption.factor if name in ground.learned else 1.0
 
 
-def setup_of(ground: Ground, pads: Sequence[Pad] | None = None) -> FlightSetup:
+def build_flight_setup(ground: SiteModel, pads: Sequence[Pad] | None = None) -> FlightSetup:
     """Return heights and pads; pads are chosen around the depot unless the vehicles' places are known.
 
     Raises:
@@ -320,8 +324,8 @@ def setup_of(ground: Ground, pads: Sequence[Pad] | None = None) -> FlightSetup:
     return ground.setup if pads is None else replace(ground.setup, pads=tuple(pads))
 
 
-def pricing_of(
-    ground: Ground, setup: FlightSetup | None = None, performances: Mapping[str, Performance] = MappingProxyType({})
+def build_pricing(
+    ground: SiteModel, setup: FlightSetup | None = None, performances: Mapping[str, Performance] = MappingProxyType({})
 ) -> Pricing:
     """Return what flights take.
 
@@ -331,7 +335,7 @@ def pricing_of(
         performances: How vehicles fly by their own parameters, by their name, where they were asked.
     """
     table, setup = ground.site.inspection, setup or ground.setup
-    power = steady_wind(ground.drone, max(table.transit_speed_m_s, table.speed_m_s), table.wind_m_s)
+    power = build_steady_wind(ground.drone, max(table.transit_speed_m_s, table.speed_m_s), table.wind_m_s)
     models = {}
     for vehicle in ground.site.vehicle:
         known, usual = ground.learned.get(vehicle.name), dialect_for(vehicle.autopilot).performance
@@ -345,18 +349,21 @@ def pricing_of(
     pads_m = tuple((pad.east_m, pad.north_m) for pad in setup.pads)
     slowest = max((model.performance for model in models.values()), key=lambda one: one.hold_s + one.settle_s)
     pylons = setup.looks.pylons.items()
-    longer = {segment: besides_s(look, slowest, table.speed_m_s) for segment, look in pylons}
+    longer = {segment: extra_time_s(look, slowest, table.speed_m_s) for segment, look in pylons}
     from_layer = {
-        segment: besides_s(look, slowest, table.speed_m_s, in_layer=True) for segment, look in pylons if look.deepest_m
+        segment: extra_time_s(look, slowest, table.speed_m_s, in_layer=True)
+        for segment, look in pylons
+        if look.deepest_m
     }
-    barred = {name: looks for name in ground.names if (looks := setup.looks.barred(name))}
+    barred = {name: looks for name in ground.names if (looks := setup.looks.find_barred_segments(name))}
     return Pricing(
         setup.tracks_up_m,
         bases,
         models,
         pads_m,
         column_radius_m(setup.layers.layer_m),
-        answer_s(ground.site) + max((clears_s(setup, models[name], name) for name in setup.steps_m), default=0.0),
+        loss_reaction_s(ground.site)
+        + max((line_clear_time_s(setup, models[name], name) for name in setup.steps_m), default=0.0),
         kept_out=setup.kept_out,
         relief=setup.layers.relief,
         barred=barred,
@@ -367,7 +374,7 @@ def pricing_of(
     )
 
 
-def answer_s(site: Site) -> float:
+def loss_reaction_s(site: Site) -> float:
     """Return how long after a loss everybody flies on as planned: the slowest way to find a loss is a silent link."""
     return max(link_timeout_s(site, dialect_for(vehicle.autopilot)) for vehicle in site.vehicle) + horizon_s(site)
 
@@ -384,11 +391,11 @@ def stall_s(speedup: float) -> float:
 
 
 def link_timeout_s(site: Site, dialect: Dialect, own: LinkFailsafe | None = None) -> float:
-    """Return the silence after which a vehicle of a site is lost: see `declared_lost_after_s`."""
-    return declared_lost_after_s(dialect, site.faults.link_timeout_s, stall_s(site.flight.speedup), own)
+    """Return the silence after which a vehicle of a site is lost: see `effective_link_timeout_s`."""
+    return effective_link_timeout_s(dialect, site.faults.link_timeout_s, stall_s(site.flight.speedup), own)
 
 
-def limits_of(site: Site) -> Limits:
+def build_limits(site: Site) -> Limits:
     """Return the thresholds of the watchpoints."""
     table = site.faults
     return Limits(
@@ -399,13 +406,13 @@ def limits_of(site: Site) -> Limits:
     )
 
 
-def routes_of(ground: Ground, task: Task, plan: Plan) -> Mapping[str, tuple[int, ...]]:
+def name_routes(ground: SiteModel, task: Task, plan: Plan) -> Mapping[str, tuple[int, ...]]:
     """Return each vehicle's visits of the network by its name."""
     routes = task.plan_to_network(plan).routes
     return {ground.names[route.vehicle]: route.visits for route in routes}
 
 
-def paths_of(
+def build_paths(
     setup: FlightSetup,
     routes: Mapping[str, tuple[int, ...]],
     vehicles: Mapping[str, VehicleSetup] = MappingProxyType({}),
@@ -417,35 +424,35 @@ def paths_of(
         routes: Visits of the network, by the vehicle's name.
         vehicles: As they answered. Who did not say that it returns in silence inspects in its own layer.
     """
-    return first_paths(setup, routes, stays_in_layer(vehicles))
+    return build_first_paths(setup, routes, find_layer_bound_vehicles(vehicles))
 
 
-def asked_task(ground: Ground, task: Task, plan: Plan) -> Task:
+def adjust_task_to_layers(ground: SiteModel, task: Task, plan: Plan) -> Task:
     """Return the task as its plan is flown: with the segments that vehicles inspect in their layers after all.
 
     A plan is made as if everybody came down to every line, which takes the longest.
     """
     if task.pricing is None or not ground.inspection.same_distance:
         return task
-    routes, numbers = routes_of(ground, task, plan), {one: number for number, one in enumerate(task.segment_ids)}
+    routes, numbers = name_routes(ground, task, plan), {one: number for number, one in enumerate(task.segment_ids)}
     layered = dict(task.pricing.layered)
-    for name, path in paths_of(ground.setup, routes).items():
-        high = {segment_of(visit) for visit in routes[name]} - low_segments(path, routes[name])
+    for name, path in build_paths(ground.setup, routes).items():
+        high = {segment_of(visit) for visit in routes[name]} - find_low_segments(path, routes[name])
         layered[name] = layered.get(name, frozenset()) | {numbers[segment] for segment in high}
     pricing = replace(task.pricing, layered=layered)
-    return replace(task, instance=flown_instance(pricing, task.instance.vehicles), pricing=pricing)
+    return replace(task, instance=build_priced_instance(pricing, task.instance.vehicles), pricing=pricing)
 
 
-def fencing_of(site: Site) -> Fencing | None:
+def fencing_of(site: Site) -> FenceRules | None:
     """Return what a site says of fences; None if it says nothing."""
     table = site.fence
     if table is None:
         return None
-    return Fencing(table.enabled, table.margin_m, table.height_margin_m, table.action, table.rally)
+    return FenceRules(table.enabled, table.margin_m, table.height_margin_m, table.action, table.rally)
 
 
-def context_of(
-    ground: Ground,
+def build_context(
+    ground: SiteModel,
     setup: FlightSetup,
     task: Task,
     own: Mapping[str, LinkFailsafe] = MappingProxyType({}),
@@ -487,16 +494,16 @@ def context_of(
         frame=setup.frame,
         setup=setup,
         vehicles=vehicles,
-        limits=limits_of(site),
+        limits=build_limits(site),
         drone=ground.drone,
-        draws_pct_s=draws_pct_s(ground.drone),
+        draws_pct_s=power_draw_table_pct_s(ground.drone),
         wind_m_s=site.inspection.wind_m_s,
-        pricing=pricing_of(ground, setup, performances),
+        pricing=build_pricing(ground, setup, performances),
         wanted=frozenset(task.segment_ids),
         unreachable=task.unreachable,
         corridor_m=site.inspection.corridor_m,
         inspection_speed_m_s=site.inspection.speed_m_s,
-        fly_again=FlyAgain(site.flight.fly_again),
+        fly_again=RelaunchPolicy(site.flight.fly_again),
         pilot_grace_s=site.flight.pilot_grace_s,
         pilot_returns=site.flight.pilot_return == "auto",
         infers=site.flight.inferred == "count",

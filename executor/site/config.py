@@ -29,7 +29,7 @@ from executor.site.tables.learned import LearnedTable
 from executor.site.tables.links import LinkTable, MqttTable, SigningTable, WebTable
 from executor.site.tables.map import MapTable
 from executor.site.tables.terrain import TerrainTable
-from missions import NESTED, first_reason
+from missions import NESTED, format_first_error
 
 PAGE = "docs/reference/site-file.md"
 """Where every key stands."""
@@ -62,13 +62,13 @@ class Site(SiteTable):
 
     @model_validator(mode="before")
     @classmethod
-    def _has_vehicles(cls, content: dict[str, Any]) -> dict[str, Any]:
+    def _require_vehicles(cls, content: dict[str, Any]) -> dict[str, Any]:
         if not content.get("vehicle"):
             raise ValueError("vehicle: expected at least one [[vehicle]] table")
         return content
 
     @model_validator(mode="after")
-    def _over_ground(self) -> Site:
+    def _check_terrain(self) -> Site:
         if self.terrain is not None and self.inspection.heights == "flat":
             raise ValueError(
                 "inspection.heights: expected 'known' beside [terrain], which knows the ground, got 'flat'"
@@ -76,7 +76,7 @@ class Site(SiteTable):
         return self
 
     @model_validator(mode="after")
-    def _distinct(self) -> Site:
+    def _check_distinct(self) -> Site:
         for key in ("name", "sysid"):
             seen: dict[object, str] = {}
             for index, vehicle in enumerate(self.vehicle):
@@ -90,7 +90,7 @@ class Site(SiteTable):
         return self
 
     @model_validator(mode="after")
-    def _placed(self) -> Site:
+    def _check_places(self) -> Site:
         kinds: dict[str, str] = {}
         for index, place in enumerate(self.place):
             if place.name in kinds:
@@ -116,7 +116,7 @@ class Site(SiteTable):
         return self
 
     @model_validator(mode="after")
-    def _sees(self) -> Site:
+    def _check_cameras(self) -> Site:
         vehicles, cameras = {vehicle.name for vehicle in self.vehicle}, [camera.name for camera in self.camera]
         for index, camera in enumerate(self.camera):
             if camera.name in cameras[:index]:
@@ -132,7 +132,7 @@ class Site(SiteTable):
         return self
 
     @model_validator(mode="after")
-    def _based(self) -> Site:
+    def _check_bases(self) -> Site:
         vehicles, bases = {one.name for one in self.vehicle}, [one.name for one in self.base]
         stands: dict[str, str] = {}
         for index, base in enumerate(self.base):
@@ -152,7 +152,7 @@ class Site(SiteTable):
         return self
 
     @model_validator(mode="after")
-    def _day_of_known(self) -> Site:
+    def _check_day(self) -> Site:
         vehicles, bases = {one.name for one in self.vehicle}, {one.name for one in self.base}
         for index, road in enumerate(self.day.road if self.day is not None else ()):
             for name in road.between:
@@ -165,7 +165,7 @@ class Site(SiteTable):
         return self
 
     @model_validator(mode="after")
-    def _signs(self) -> Site:
+    def _check_signing(self) -> Site:
         for index, vehicle in enumerate(self.vehicle):
             if self.signing is not None and vehicle.backend == "mavsdk":
                 raise ValueError(
@@ -174,7 +174,7 @@ class Site(SiteTable):
         return self
 
     @model_validator(mode="after")
-    def _reports(self) -> Site:
+    def _check_radios(self) -> Site:
         names = {vehicle.sysid: vehicle.name for vehicle in self.vehicle}
         for index, radio in enumerate(self.link.radios or ()):
             if radio.component == AUTOPILOT and radio.system in names:
@@ -185,10 +185,10 @@ class Site(SiteTable):
         return self
 
     @model_validator(mode="after")
-    def _reachable(self) -> Site:
+    def _check_connections(self) -> Site:
         first: dict[str, VehicleTable] = {}
         for index, vehicle in enumerate(self.vehicle):
-            other = first.setdefault(vehicle.link.place, vehicle)
+            other = first.setdefault(vehicle.link.exclusive_resource, vehicle)
             if other.link != vehicle.link:
                 raise ValueError(
                     f"vehicle[{index}].connection: expected a port of its own, or '{other.link}' as vehicle "
@@ -207,7 +207,7 @@ def _check_named(key: str, name: str, known: Set[str]) -> None:
         raise ValueError(f"{key}: expected one of {', '.join(sorted(known)) or 'no name at all'}, got '{name}'")
 
 
-def signing_key(site: Site, base: Path) -> bytes | None:
+def read_signing_key(site: Site, base: Path) -> bytes | None:
     """Return the key that frames are signed with, 32 bytes; None if they are not.
 
     Raises:
@@ -259,7 +259,7 @@ def check_site(content: dict[str, Any], source: str) -> Site:
     try:
         return Site.model_validate(content)
     except ValidationError as error:
-        raise SiteError(f"{source}: {first_reason(error, page=PAGE)}") from error
+        raise SiteError(f"{source}: {format_first_error(error, page=PAGE)}") from error
     except RecursionError:
         raise SiteError(f"{source}: content: {NESTED}") from None
 

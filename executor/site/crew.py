@@ -1,6 +1,6 @@
 """Many flights on paper at once: on this computer's processors, or on a Dask cluster; the answer is the same.
 
-The flights come in parts with chance of their own (``planner.flight_chunks``, ``planner.sorties.day_chunks``). Who
+The flights come in parts with chance of their own (``planner.split_flights``, ``planner.sorties.split_samples``). Who
 flies one, and when, changes nothing.
 """
 
@@ -13,9 +13,9 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from executor.adapters.extras import Extra, need
-from executor.adapters.interrupts import end_children, held_back
-from executor.adapters.workers import workers
+from executor.adapters.extras import Extra, require_extra
+from executor.adapters.interrupts import defer_ctrl_c, end_children
+from executor.adapters.workers import start_worker_pool
 from executor.errors import ConnectionFailed, ExecutorError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 CONNECT_S = 5.0
 """A scheduler or a first worker that is not there after so long is away."""
 
-Done = Callable[[int, int], None]
+ProgressCallback = Callable[[int, int], None]
 """Told how many flights of how many are done."""
 
 
@@ -43,7 +43,7 @@ AnswerT = TypeVar("AnswerT")
 AnswerT_co = TypeVar("AnswerT_co", covariant=True)
 
 
-class ChunkCrew(Protocol):
+class CampaignRunner(Protocol):
     """Flies the parts of a campaign."""
 
     def __call__(
@@ -51,7 +51,7 @@ class ChunkCrew(Protocol):
         flown: Callable[[CampaignT, PartT], AnswerT],
         campaign: CampaignT,
         parts: Sequence[PartT],
-        told: Done,
+        told: ProgressCallback,
     ) -> list[AnswerT]:
         """Return the answer to each part, in their order.
 
@@ -80,7 +80,7 @@ class _Answer(Protocol[AnswerT_co]):
 
 
 @contextmanager
-def crew(*, jobs: int | None, dask: str | None) -> Iterator[ChunkCrew]:
+def open_campaign_runner(*, jobs: int | None, dask: str | None) -> Iterator[CampaignRunner]:
     """Give what flies campaigns; a cluster is connected to at once, before anything is computed.
 
     Args:
@@ -92,9 +92,9 @@ def crew(*, jobs: int | None, dask: str | None) -> Iterator[ChunkCrew]:
         ConnectionFailed: the cluster is away.
     """
     if dask is None:
-        yield _Here(jobs or os.cpu_count() or 1)
+        yield _LocalRunner(jobs or os.cpu_count() or 1)
         return
-    need(Extra.DASK, "--dask")
+    require_extra(Extra.DASK, "--dask")
     import distributed
 
     try:
@@ -106,22 +106,26 @@ def crew(*, jobs: int | None, dask: str | None) -> Iterator[ChunkCrew]:
             client.wait_for_workers(1, timeout=CONNECT_S)
         except TimeoutError as error:
             raise ConnectionFailed(f"--dask: {dask} has no workers, expected one or more") from error
-        yield _Cluster(client)
+        yield _DaskRunner(client)
 
 
-class _Here:
+class _LocalRunner:
     """Flies on this computer."""
 
     def __init__(self, processes: int) -> None:
         self._processes = processes
 
     def __call__(
-        self, flown: Callable[[CampaignT, PartT], AnswerT], campaign: CampaignT, parts: Sequence[PartT], told: Done
+        self,
+        flown: Callable[[CampaignT, PartT], AnswerT],
+        campaign: CampaignT,
+        parts: Sequence[PartT],
+        told: ProgressCallback,
     ) -> list[AnswerT]:
         """Fly in so many processes, or in this one."""
         processes = min(self._processes, len(parts))
         if processes > 1:
-            return _in_processes(processes, flown, campaign, parts, told)
+            return _run_in_processes(processes, flown, campaign, parts, told)
         answers, done = [], 0
         for part in parts:
             answers.append(flown(campaign, part))
@@ -130,18 +134,18 @@ class _Here:
         return answers
 
 
-def _in_processes(
+def _run_in_processes(
     processes: int,
     flown: Callable[[CampaignT, PartT], AnswerT],
     campaign: CampaignT,
     parts: Sequence[PartT],
-    told: Done,
+    told: ProgressCallback,
 ) -> list[AnswerT]:
-    with workers(processes) as pool:
+    with start_worker_pool(processes) as pool:
         try:
-            with held_back():
+            with defer_ctrl_c():
                 futures = [pool.submit(flown, campaign, part) for part in parts]
-            return _gathered(futures, as_completed(futures), parts, told)
+            return _gather_answers(futures, as_completed(futures), parts, told)
         except KeyboardInterrupt:
             end_children()
             raise
@@ -153,14 +157,18 @@ def _in_processes(
             pool.shutdown(cancel_futures=True)
 
 
-class _Cluster:
+class _DaskRunner:
     """Flies on a Dask cluster."""
 
     def __init__(self, client: distributed.Client) -> None:
         self._client = client
 
     def __call__(
-        self, flown: Callable[[CampaignT, PartT], AnswerT], campaign: CampaignT, parts: Sequence[PartT], told: Done
+        self,
+        flown: Callable[[CampaignT, PartT], AnswerT],
+        campaign: CampaignT,
+        parts: Sequence[PartT],
+        told: ProgressCallback,
     ) -> list[AnswerT]:
         """Fly on its workers."""
         import distributed
@@ -170,13 +178,16 @@ class _Cluster:
             # What is the same for all goes to each worker once, not with each part.
             shared = client.scatter(campaign, broadcast=True)
             futures = client.map(flown, [shared] * len(parts), list(parts), pure=False)
-            return _gathered(futures, distributed.as_completed(futures, loop=client.loop), parts, told)
+            return _gather_answers(futures, distributed.as_completed(futures, loop=client.loop), parts, told)
         except (ImportError, OSError, distributed.KilledWorker, distributed.CancelledError) as error:
             raise ExecutorError(f"--dask: a worker failed: {type(error).__name__}: {error}") from error
 
 
-def _gathered(
-    futures: Sequence[_Answer[AnswerT]], finished: Iterable[_Answer[AnswerT]], parts: Sequence[Part], told: Done
+def _gather_answers(
+    futures: Sequence[_Answer[AnswerT]],
+    finished: Iterable[_Answer[AnswerT]],
+    parts: Sequence[Part],
+    told: ProgressCallback,
 ) -> list[AnswerT]:
     size = {future: part.flights for future, part in zip(futures, parts, strict=True)}
     done = 0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from missions import DayPlanFile
-from planner.sorties import Lives, Spares
+from planner.sorties import SparesEstimate, SurvivalEstimate
 
 DAY_S = 86_400.0
 NAMED = 50
@@ -16,7 +16,7 @@ NAMED = 50
 FULL = 1e-9
 
 
-def when(seconds: float) -> str:
+def format_day_time(seconds: float) -> str:
     """Return a time of the days.
 
     >>> when(86_400 + 30_630.0)
@@ -39,15 +39,15 @@ class BaseNeeds:
     """A pilot, and one for each vehicle that is turned round at the same time."""
 
 
-def needs(content: DayPlanFile) -> tuple[BaseNeeds, ...]:
+def compute_base_needs(content: DayPlanFile) -> tuple[BaseNeeds, ...]:
     """Return what each base needs."""
     return tuple(
-        BaseNeeds(place.name, content.swaps(number), packs, _people(content, number))
-        for number, (place, packs) in enumerate(zip(content.places, content.packs, strict=True))
+        BaseNeeds(place.name, content.count_swaps(number), packs, _count_people(content, number))
+        for number, (place, packs) in enumerate(zip(content.places, content.count_packs, strict=True))
     )
 
 
-def _people(content: DayPlanFile, base: int) -> int:
+def _count_people(content: DayPlanFile, base: int) -> int:
     turned = []
     for row, own in enumerate(content.plan.sorties):
         for number, one in enumerate(own):
@@ -58,10 +58,10 @@ def _people(content: DayPlanFile, base: int) -> int:
     for _, begins in sorted(turned):
         at_once += 1 if begins else -1
         most = max(most, at_once)
-    return 1 + most if turned or content.swaps(base) else 0
+    return 1 + most if turned or content.count_swaps(base) else 0
 
 
-def day_lines(content: DayPlanFile) -> Iterator[str]:
+def describe_day_sorties(content: DayPlanFile) -> Iterator[str]:
     """Yield a line for each sortie, by day and take-off."""
     rows = [
         (one.start_s, own.name, one, lasts_s, pct)
@@ -76,19 +76,20 @@ def day_lines(content: DayPlanFile) -> Iterator[str]:
         mine = [row for row in rows if begin <= row[0] < end]
         if not mine:
             continue
-        yield f"day {day}: {len(mine)} sorties, the last one lands at {when(max(row[0] + row[3] for row in mine))[-5:]}"
+        last = format_day_time(max(row[0] + row[3] for row in mine))[-5:]
+        yield f"day {day}: {len(mine)} sorties, the last one lands at {last}"
         for start_s, name, one, lasts_s, pct in mine:
             base, lands = content.places[one.base].name, content.places[one.lands].name
             onto = "" if one.lands == one.base else f", lands at {lands}"
             yield (
-                f"  {when(start_s)[-5:]}  {name:<8} {base:<8} {lasts_s / 60:6.1f} min {pct:6.1f} %  "
+                f"  {format_day_time(start_s)[-5:]}  {name:<8} {base:<8} {lasts_s / 60:6.1f} min {pct:6.1f} %  "
                 f"{len(one.visits):4d} segments{onto}"
             )
 
 
-def need_lines(content: DayPlanFile) -> Iterator[str]:
+def describe_base_needs(content: DayPlanFile) -> Iterator[str]:
     """Yield what each base needs, and when everything is done."""
-    for base, own in zip(content.bases, needs(content), strict=True):
+    for base, own in zip(content.bases, compute_base_needs(content), strict=True):
         there = "" if base.packs is None else f" of {base.packs}"
         yield f"base {own.name}: {own.sorties} sorties and swaps, {own.packs}{there} packs, {own.people} people"
     found = content.evaluation
@@ -96,29 +97,30 @@ def need_lines(content: DayPlanFile) -> Iterator[str]:
         yield "nobody flies"
         return
     yield (
-        f"finished on {when(found.finish_s)}: {found.count} sorties, {found.flight_s / 3600:.1f} h in the air, by "
+        f"finished on {format_day_time(found.finish_s)}: {found.count} sorties, {found.flight_s / 3600:.1f} h in the "
+        f"air, by "
         f"{sum(1 for own in content.plan.sorties if own)} vehicles"
     )
 
 
-def left_lines(content: DayPlanFile) -> Iterator[str]:
+def describe_uncovered(content: DayPlanFile) -> Iterator[str]:
     """Yield what is left over, and why."""
     if not content.plan.uncovered:
         return
-    instance = content.instance()
+    instance = content.build_instance()
     pct = (instance.out_pct[:, :, :, np.newaxis].min(axis=1) + instance.home_pct).min(axis=2)
     budgets = np.array([own.budget_pct for own in content.vehicles])[:, np.newaxis]
     within = (pct <= budgets + FULL).reshape(len(budgets), -1, 2).any(axis=(0, 2))
     for why, wanted in (("out of reach of every base on one pack", False), ("within reach, but no time is left", True)):
-        names = [content.segments[one].called for one in content.plan.uncovered if within[one] == wanted]
+        names = [content.segments[one].display_name for one in content.plan.uncovered if within[one] == wanted]
         if names:
             more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
             yield f"left over, {why}: {len(names)}: {', '.join(names[:NAMED])}{more}"
 
 
-def window_lines(content: DayPlanFile) -> Iterator[str]:
+def describe_loss_windows(content: DayPlanFile) -> Iterator[str]:
     """Yield until when each vehicle must not be lost for good."""
-    end = when(content.days[-1][1])
+    end = format_day_time(content.days[-1][1])
     for one in content.windows:
         name = content.vehicles[one.vehicle].name
         if not content.plan.sorties[one.vehicle]:
@@ -127,12 +129,13 @@ def window_lines(content: DayPlanFile) -> Iterator[str]:
             yield f"{name} may be lost at any time: the others finish by {end}"
         else:
             yield (
-                f"{name} may be lost from {when(one.from_s)} on; for its sortie {one.breaks + 1}, and those before it, "
+                f"{name} may be lost from {format_day_time(one.from_s)} on; for its sortie {one.breaks + 1}, and "
+                f"those before it, "
                 f"no re-plan was found that finishes by {end}"
             )
 
 
-def rule_packs(content: DayPlanFile, base: int) -> int | None:
+def compute_rule_packs(content: DayPlanFile, base: int) -> int | None:
     """Return the packs of arXiv 2604.15890 for a base: m (ceil(R) + 1) for m vehicles that fly from it.
 
     R is the time a pack needs to fly again over the time that it flies. None where packs are charged overnight alone.
@@ -148,7 +151,7 @@ def rule_packs(content: DayPlanFile, base: int) -> int | None:
     return flying * (int(np.ceil(recharge_s / float(np.mean(lasts_s)))) + 1)
 
 
-def spare_lines(content: DayPlanFile, found: list[Spares], shares: list[float]) -> Iterator[str]:
+def describe_spares(content: DayPlanFile, found: list[SparesEstimate], shares: list[float]) -> Iterator[str]:
     """Yield the chance for each number of vehicles, and how many are enough."""
     fleet = sum(1 for own in content.plan.sorties if own)
     for one in found:
@@ -158,17 +161,18 @@ def spare_lines(content: DayPlanFile, found: list[Spares], shares: list[float]) 
             f"(95 %: {100 * chance.low:.1f} to {100 * chance.high:.1f} %), {lives.losses:.2f} losses each"
         )
     for share in shares:
-        enough = enough_for(found, share)
+        enough = find_enough_spares(found, share)
         if enough is None:
             yield f"{100 * share:g} %: not with {fleet + len(found[-1].spares)} vehicles"
             continue
         packs = ", ".join(
-            f"{count} at {place.name}" for count, place in zip(enough.packs_for(share), content.places, strict=True)
+            f"{count} at {place.name}"
+            for count, place in zip(enough.packs_for_share(share), content.places, strict=True)
         )
         spares = next(len(one.spares) for one in found if one.lives is enough)
         yield f"{100 * share:g} %: {fleet + spares} vehicles, {spares} of them spare; packs: {packs}"
 
 
-def enough_for(found: list[Spares], share: float) -> Lives | None:
+def find_enough_spares(found: list[SparesEstimate], share: float) -> SurvivalEstimate | None:
     """Return what the fewest spares came to with which such a share was finished."""
     return next((one.lives for one in found if one.lives.finished.estimate >= share), None)

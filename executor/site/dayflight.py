@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from executor.core.context import DayRules
-from executor.core.parts import SortieAhead
-from executor.core.words import count_of
+from executor.core.parts import PlannedSortie
+from executor.core.words import format_count
 from executor.site import assembly
-from executor.site.assembly import Ground
-from executor.site.planning import SAME_PLACE_M, same_segments, site_plan
-from executor.site.sorties import base_place, site_day
+from executor.site.assembly import SiteModel
+from executor.site.planning import SAME_PLACE_M, build_site_plan_file, check_same_segments
+from executor.site.sorties import base_place, build_day_problem
 from missions import DayPlanFile, LocalFrame, Pad, PlanFile, PlanFileError, check_day_plan, place_pads
 from planner import Cost, Plan, Route, is_reversed, segment_of, visit_of
 from planner.sorties import Sortie
@@ -29,44 +29,45 @@ _SPEEDS = {"inspection_speed_m_s": "speed_m_s", "transit_speed_m_s": "transit_sp
 """Of a vehicle's flight model, as sites call them."""
 
 
-def first_sorties(content: DayPlanFile, ground: Ground) -> PlanFile:
+def build_first_sorties_plan(content: DayPlanFile, ground: SiteModel) -> PlanFile:
     """Return the plan of a day's first flights; everything else is left for later ones.
 
     Raises:
         PlanFileError: the day plan is another site's, or cannot be flown: one line that says where.
         SiteError: the site's bases cannot be used.
     """
-    _check(content, ground)
+    _check_day_plan(content, ground)
     ids = [segment.id for segment in content.segments]
-    task = assembly.task_of(ground, ids)
+    task = assembly.build_first_task(ground, ids)
     if task.unreachable:
         never = task.unreachable[0]
         name = ground.network.segment_name(never.segment)
         raise PlanFileError(f"{content.source}: {name}: expected a segment that can be reached, but it {never.why}")
-    routes = {name: own[0].visits if own else () for name, own in _of_the_day(content).items()}
+    routes = {name: own[0].visits if own else () for name, own in _select_first_day(content).items()}
     plan = Plan(
         tuple(
-            Route(number, task.from_network(_in_network(ids, routes[name]))) for number, name in enumerate(ground.names)
+            Route(number, task.from_network(_to_network_visits(ids, routes[name])))
+            for number, name in enumerate(ground.names)
         ),
         (),
     )
     flown = {segment_of(visit) for route in plan.routes for visit in route.visits}
     plan = replace(plan, uncovered=tuple(one for one in range(len(ids)) if one not in flown))
-    return site_plan(ground, task, plan, Cost.MINMAX, content.solved)
+    return build_site_plan_file(ground, task, plan, Cost.MINMAX, content.solved)
 
 
-def ahead_of(content: DayPlanFile) -> Mapping[str, tuple[SortieAhead, ...]]:
+def sorties_ahead_of(content: DayPlanFile) -> Mapping[str, tuple[PlannedSortie, ...]]:
     """Return every vehicle's sorties of the first day, with the network's visits."""
-    ids, begins_s = [segment.id for segment in content.segments], _first_s(content)
+    ids, begins_s = [segment.id for segment in content.segments], _first_take_off_s(content)
     return {
-        name: tuple(SortieAhead(_in_network(ids, one.visits), one.start_s - begins_s) for one in own)
-        for name, own in _of_the_day(content).items()
+        name: tuple(PlannedSortie(_to_network_visits(ids, one.visits), one.start_s - begins_s) for one in own)
+        for name, own in _select_first_day(content).items()
     }
 
 
-def day_rules(content: DayPlanFile) -> DayRules:
+def build_day_rules(content: DayPlanFile) -> DayRules:
     """Return what a day plan says beside its sorties; its clock begins with the first planned take-off."""
-    begins_s, until_s = _first_s(content), content.days[0][1]
+    begins_s, until_s = _first_take_off_s(content), content.days[0][1]
     return DayRules(
         stagger_s=content.stagger_s,
         bases={own.name: content.places[own.base].name for own in content.vehicles},
@@ -82,13 +83,13 @@ def day_rules(content: DayPlanFile) -> DayRules:
     )
 
 
-def bases_m(content: DayPlanFile, frame: LocalFrame) -> Mapping[str, tuple[float, float]]:
+def base_places_m(content: DayPlanFile, frame: LocalFrame) -> Mapping[str, tuple[float, float]]:
     """Return where each vehicle's base is, local east and north."""
     places = content.places
     return {own.name: frame.to_local_m(places[own.base].lat_deg, places[own.base].lon_deg) for own in content.vehicles}
 
 
-def morning_pads(ground: Ground) -> Mapping[str, Pad]:
+def find_morning_pads(ground: SiteModel) -> Mapping[str, Pad]:
     """Return where vehicles stand in the morning whose base is not the depot, and whose pad is not named.
 
     Around each base they stand as they would around the depot; areas are not looked at.
@@ -110,32 +111,32 @@ def morning_pads(ground: Ground) -> Mapping[str, Pad]:
     return found
 
 
-def later_segments(content: DayPlanFile) -> frozenset[int]:
+def find_later_segments(content: DayPlanFile) -> frozenset[int]:
     """Return the network's segments that are planned for a vehicle's second sortie of the day, or a later one."""
     return frozenset(
-        segment_of(visit) for own in ahead_of(content).values() for sortie in own[1:] for visit in sortie.visits
+        segment_of(visit) for own in sorties_ahead_of(content).values() for sortie in own[1:] for visit in sortie.visits
     )
 
 
-def sortie_lines(content: DayPlanFile) -> list[str]:
+def describe_later_sorties(content: DayPlanFile) -> list[str]:
     """Return the day in words, for the crew to confirm."""
     lines = []
-    for name, own in _of_the_day(content).items():
-        later = count_of(len(own) - 1, "later sortie")
+    for name, own in _select_first_day(content).items():
+        later = format_count(len(own) - 1, "later sortie")
         if len(own) > 1:
             lines.append(f"{name}: {later}, each by the crew's word when its pack is changed")
     return lines
 
 
-def _check(content: DayPlanFile, ground: Ground) -> None:
+def _check_day_plan(content: DayPlanFile, ground: SiteModel) -> None:
     source, names = content.source, [own.name for own in content.vehicles]
     if sorted(names) != sorted(ground.names):
         raise PlanFileError(f"{source}: vehicles: expected {', '.join(ground.names)} as in the site, got {names}")
     for line in check_day_plan(content):
         raise PlanFileError(f"{source}: {line}; `faultline check` says more")
-    same_segments(content, ground, source)
+    check_same_segments(content, ground, source)
     _check_vehicles(content, ground)
-    for name, sorties in _of_the_day(content).items():
+    for name, sorties in _select_first_day(content).items():
         home = content.vehicles[names.index(name)].base
         for number, one in enumerate(sorties, 1):
             if (one.base, one.lands) != (home, home):
@@ -146,9 +147,9 @@ def _check(content: DayPlanFile, ground: Ground) -> None:
                 )
 
 
-def _check_vehicles(content: DayPlanFile, ground: Ground) -> None:
+def _check_vehicles(content: DayPlanFile, ground: SiteModel) -> None:
     """Refuse a day of vehicles that now stand elsewhere, may use something else, or do not fly as it has them."""
-    source, now = content.source, site_day(ground)
+    source, now = content.source, build_day_problem(ground)
     budgets = {own.name: own.budget_pct for own in now.vehicles}
     at_m, was_m = _pads_m(now), _pads_m(content)
     for own in content.vehicles:
@@ -172,7 +173,7 @@ def _pads_m(content: DayPlanFile) -> dict[str, tuple[float, ...]]:
     return {own.name: content.pads[row][own.base].place_m[:2] for row, own in enumerate(content.vehicles)}
 
 
-def _of_the_day(content: DayPlanFile) -> dict[str, tuple[Sortie, ...]]:
+def _select_first_day(content: DayPlanFile) -> dict[str, tuple[Sortie, ...]]:
     """Return each vehicle's sorties of the first day."""
     until_s = content.days[0][1]
     return {
@@ -181,10 +182,10 @@ def _of_the_day(content: DayPlanFile) -> dict[str, tuple[Sortie, ...]]:
     }
 
 
-def _first_s(content: DayPlanFile) -> float:
-    starts = [one.start_s for own in _of_the_day(content).values() for one in own]
+def _first_take_off_s(content: DayPlanFile) -> float:
+    starts = [one.start_s for own in _select_first_day(content).values() for one in own]
     return min(starts, default=content.days[0][0])
 
 
-def _in_network(ids: list[int], visits: tuple[int, ...]) -> tuple[int, ...]:
+def _to_network_visits(ids: list[int], visits: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(visit_of(ids[segment_of(visit)], is_reversed(visit)) for visit in visits)

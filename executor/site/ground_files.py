@@ -16,8 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from executor.errors import LogError
 from executor.site.ground_view import GroundView
 from executor.site.hillshade import Contour, Hillshade
-from missions import LocalFrame, first_reason
-from missions.background import Background, Pixels, grid_of
+from missions import LocalFrame, format_first_error
+from missions.background import Background, Pixels, choose_grid_size
 from missions.files import write_whole
 
 DOCUMENT, PHOTO, RELIEF = "ground.json", "ground-photo.webp", "ground-relief.png"
@@ -86,26 +86,26 @@ class GroundDocument(_Part):
     degrees: DegreesPart
 
 
-def ground_files(view: GroundView, frame: LocalFrame) -> dict[str, bytes]:
+def encode_ground(view: GroundView, frame: LocalFrame) -> dict[str, bytes]:
     """Return the files of a ground by their names."""
     files: dict[str, bytes] = {}
     if view.background is not None:
-        files[PHOTO] = _photo(view.background.pixels)
+        files[PHOTO] = _compress_photo(view.background.pixels)
     if view.relief is not None:
-        files[RELIEF] = _encoded(view.relief.shade, "PNG", optimize=True)
+        files[RELIEF] = _encode_image(view.relief.shade, "PNG", optimize=True)
     document = GroundDocument(
         low_m=view.low_m,
         high_m=view.high_m,
         attribution=view.attribution,
         photo=None if view.background is None else PHOTO,
-        relief=None if view.relief is None else _relief_part(view.relief),
-        degrees=_degrees(view, frame),
+        relief=None if view.relief is None else _build_relief_part(view.relief),
+        degrees=_build_degrees_part(view, frame),
     )
     text = json.dumps(document.model_dump(mode="json"), separators=(",", ":"), allow_nan=False)
     return {DOCUMENT: text.encode(), **files}
 
 
-def keep_ground(run: Path, view: GroundView, frame: LocalFrame) -> None:
+def write_ground(run: Path, view: GroundView, frame: LocalFrame) -> None:
     """Write a ground into a run directory, if there is anything to be seen of it.
 
     Raises:
@@ -113,12 +113,12 @@ def keep_ground(run: Path, view: GroundView, frame: LocalFrame) -> None:
     """
     if view.background is None and view.relief is None:
         return
-    files = ground_files(view, frame)
+    files = encode_ground(view, frame)
     for name in (*(name for name in files if name != DOCUMENT), DOCUMENT):
         write_whole(run / name, files[name])
 
 
-def kept_files(run: Path) -> dict[str, bytes]:
+def read_ground_files(run: Path) -> dict[str, bytes]:
     """Return the files of the ground that a run directory keeps; empty if it keeps none.
 
     Raises:
@@ -126,7 +126,7 @@ def kept_files(run: Path) -> dict[str, bytes]:
     """
     if not (run / DOCUMENT).exists():
         return {}
-    document = _document(run)
+    document = _read_document(run)
     names = [name for name in (document.photo, None if document.relief is None else document.relief.file) if name]
     try:
         return {name: (run / name).read_bytes() for name in (DOCUMENT, *names)}
@@ -140,16 +140,16 @@ def read_ground(run: Path) -> GroundView | None:
     Raises:
         LogError: one of its files cannot be used.
     """
-    files = kept_files(run)
+    files = read_ground_files(run)
     if not files:
         return None
-    document = _document(run)
+    document = _read_document(run)
     background = relief = None
     if document.photo is not None:
-        pixels = _decoded(run / document.photo, files[document.photo], "RGBA")
+        pixels = _decode_image(run / document.photo, files[document.photo], "RGBA")
         background = Background(pixels, document.low_m, document.high_m, document.attribution)
     if document.relief is not None:
-        shade = _decoded(run / document.relief.file, files[document.relief.file], "LA")
+        shade = _decode_image(run / document.relief.file, files[document.relief.file], "LA")
         part = document.relief.heights
         metres = [np.nan if one is None else float(one) for one in part.metres]
         if len(metres) != part.rows * part.columns:
@@ -160,21 +160,21 @@ def read_ground(run: Path) -> GroundView | None:
     return GroundView(document.low_m, document.high_m, background, relief, document.attribution)
 
 
-def _document(run: Path) -> GroundDocument:
+def _read_document(run: Path) -> GroundDocument:
     path = run / DOCUMENT
     try:
         document = GroundDocument.model_validate_json(path.read_bytes())
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
     except ValidationError as error:
-        raise LogError(f"{path}: {first_reason(error)}") from error
+        raise LogError(f"{path}: {format_first_error(error)}") from error
     if document.photo not in {None, PHOTO} or (document.relief is not None and document.relief.file != RELIEF):
         raise LogError(f"{path}: photo, relief.file: expected {PHOTO} and {RELIEF}, beside it")
     return document
 
 
-def _relief_part(relief: Hillshade) -> HillshadePart:
-    rows, columns = grid_of(relief.low_m, relief.high_m, min(MOST_HEIGHTS, relief.heights_m.size), 0.0)
+def _build_relief_part(relief: Hillshade) -> HillshadePart:
+    rows, columns = choose_grid_size(relief.low_m, relief.high_m, min(MOST_HEIGHTS, relief.heights_m.size), 0.0)
     i = np.minimum(
         ((np.arange(rows) + 0.5) / rows * relief.heights_m.shape[0]).astype(int), relief.heights_m.shape[0] - 1
     )
@@ -192,7 +192,7 @@ def _relief_part(relief: Hillshade) -> HillshadePart:
     )
 
 
-def _degrees(view: GroundView, frame: LocalFrame) -> DegreesPart:
+def _build_degrees_part(view: GroundView, frame: LocalFrame) -> DegreesPart:
     easts = np.linspace(view.low_m[0], view.high_m[0], LATTICE)
     norths = np.linspace(view.high_m[1], view.low_m[1], LATTICE)
     at = frame.many_to_wgs84_deg(np.stack(np.meshgrid(easts, norths), axis=-1).reshape(-1, 2))
@@ -200,18 +200,18 @@ def _degrees(view: GroundView, frame: LocalFrame) -> DegreesPart:
     return DegreesPart(rows=LATTICE, columns=LATTICE, lat_deg=lat_deg, lon_deg=lon_deg)
 
 
-def _photo(pixels: Pixels) -> bytes:
+def _compress_photo(pixels: Pixels) -> bytes:
     """Return a picture's file, small enough for a radio link: first less exact, then with fewer pixels."""
     found = b""
     while True:
         for quality in QUALITIES:
-            found = _encoded(pixels, "WEBP", quality=quality, method=2)
+            found = _encode_image(pixels, "WEBP", quality=quality, method=2)
             if len(found) <= PHOTO_BYTES:
                 return found
         pixels = pixels[::2, ::2]
 
 
-def _encoded(pixels: Pixels, kind: str, **options: object) -> bytes:
+def _encode_image(pixels: Pixels, kind: str, **options: object) -> bytes:
     from PIL import Image
 
     file = io.BytesIO()
@@ -219,7 +219,7 @@ def _encoded(pixels: Pixels, kind: str, **options: object) -> bytes:
     return file.getvalue()
 
 
-def _decoded(path: Path, content: bytes, mode: str) -> Pixels:
+def _decode_image(path: Path, content: bytes, mode: str) -> Pixels:
     from PIL import Image
 
     try:

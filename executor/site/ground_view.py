@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from executor.adapters.extras import Extra, need, what_to_install
-from executor.site.assembly import Ground
-from executor.site.hillshade import Heights, Hillshade, hillshade_of
+from executor.adapters.extras import Extra, describe_missing_extra, require_extra
+from executor.site.assembly import SiteModel
+from executor.site.hillshade import Heights, Hillshade, compute_hillshade
 from executor.site.tables.map import MapTable
 from missions import LocalFrame
 from missions.background import Background, Corner
 from missions.geo import FloatArray
 from missions.readers.background import read_background
-from missions.readers.picture import AreaWanted
+from missions.readers.picture import PictureArea
 
 BESIDE_M = 300.0
 BESIDE = 0.25
@@ -35,7 +35,7 @@ class GroundView:
     attribution: str = ""
 
 
-def ground_view(
+def build_ground_view(
     table: MapTable | None, base: Path, frame: LocalFrame, places_m: FloatArray, heights: Heights | None = None
 ) -> GroundView:
     """Return the ground around places, as a site wants it.
@@ -52,20 +52,20 @@ def ground_view(
         ExtraMissing: nothing is installed to read it with.
     """
     table = table or MapTable()
-    low_m, high_m = area_of(places_m)
+    low_m, high_m = shown_area_of(places_m)
     view = GroundView(low_m, high_m)
     if table.background is not None:
-        need(Extra.MAPS, "[map] background")
-        wanted = AreaWanted(frame, low_m, high_m, MOST_PIXELS)
+        require_extra(Extra.MAPS, "[map] background")
+        wanted = PictureArea(frame, low_m, high_m, MOST_PIXELS)
         background = read_background(base / table.background, wanted)
         by = background.attribution if table.attribution is None else table.attribution
         view = replace(view, background=background, attribution=by)
-    if heights is not None and not what_to_install(Extra.MAPS, "relief"):
-        view = replace(view, relief=hillshade_of(heights, low_m, high_m, table.contour_m))
+    if heights is not None and not describe_missing_extra(Extra.MAPS, "relief"):
+        view = replace(view, relief=compute_hillshade(heights, low_m, high_m, table.contour_m))
     return view
 
 
-def view_for(ground: Ground, base: Path) -> GroundView:
+def view_for(ground: SiteModel, base: Path) -> GroundView:
     """Return the ground around a site's line and pads.
 
     Raises:
@@ -75,10 +75,10 @@ def view_for(ground: Ground, base: Path) -> GroundView:
     pads_m = np.array([(pad.east_m, pad.north_m) for pad in ground.setup.pads])
     places_m = np.concatenate((ground.network.positions_m, pads_m))
     heights = None if ground.terrain is None else ground.terrain.elevation
-    return ground_view(ground.site.map, base, ground.network.frame, places_m, heights)
+    return build_ground_view(ground.site.map, base, ground.network.frame, places_m, heights)
 
 
-def area_of(places_m: FloatArray) -> tuple[Corner, Corner]:
+def shown_area_of(places_m: FloatArray) -> tuple[Corner, Corner]:
     """Return the corners of the area that is shown around (n, 2) places and the depot."""
     shown = np.concatenate((places_m, np.zeros((1, 2))))
     low, high = shown.min(axis=0), shown.max(axis=0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from executor.core.preflight import areas, heights
 from executor.errors import SiteError
 from executor.site import assembly
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from missions import PlanFile, SafetyError, check_ceiling
 from missions.areacheck import check_areas
 
@@ -23,21 +23,27 @@ class PlannedHeights:
     """None where no pads could be chosen."""
 
 
-def planned_heights(ground: Ground, plan: PlanFile) -> PlannedHeights:
+def compute_planned_heights(ground: SiteModel, plan: PlanFile) -> PlannedHeights:
     """Return by which heights a plan of a site would be flown.
 
     Raises:
         SiteError: its flights come too near to the ground or to a line, or into an area.
     """
     try:
-        setup = assembly.setup_of(ground)
+        setup = assembly.build_flight_setup(ground)
     except SafetyError as error:
         return PlannedHeights(f"not checked: {error}", ground.worth_a_look, None)
-    routes = assembly.routes_of(ground, plan.task(), plan.plan)
-    paths = list(assembly.paths_of(setup, routes).values())
+    routes = assembly.name_routes(ground, plan.build_task(), plan.plan)
+    paths = list(assembly.build_paths(setup, routes).values())
     for text in check_areas(setup, paths):
         raise SiteError(f"area: {text}")
-    for text in heights.too_low(setup, paths):
+    for text in heights.find_low_places(setup, paths):
         raise SiteError(f"{ground.network.source}: heights: {text}")
-    warnings = (*ground.worth_a_look, *check_ceiling(setup, paths), *areas.return_lines(setup, paths, routes))
-    return PlannedHeights(heights.height_words(setup, paths), warnings, heights.heights_document(setup, paths))
+    warnings = (
+        *ground.worth_a_look,
+        *check_ceiling(setup, paths),
+        *areas.describe_returns_through_areas(setup, paths, routes),
+    )
+    return PlannedHeights(
+        heights.describe_heights(setup, paths), warnings, heights.build_heights_document(setup, paths)
+    )

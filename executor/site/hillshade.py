@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from missions.background import Corner, grid_of
+from missions.background import Corner, choose_grid_size
 from missions.geo import FloatArray
 
 MOST_CELLS = 1_000_000
@@ -67,10 +67,15 @@ class Hillshade:
     contours: tuple[Contour, ...]
 
 
-def hillshade_of(known: Heights, low_m: Corner, high_m: Corner, contour_m: float | None = None) -> Hillshade | None:
+def compute_hillshade(
+    known: Heights, low_m: Corner, high_m: Corner, contour_m: float | None = None
+) -> Hillshade | None:
     """Return the ground of an area; None where no height of it is known."""
-    rows, columns = grid_of(low_m, high_m, MOST_CELLS, max(known.cell_m, LEAST_CELL_M))
-    easts_m, norths_m = _middles(low_m[0], high_m[0], columns), _middles(low_m[1], high_m[1], rows)[::-1]
+    rows, columns = choose_grid_size(low_m, high_m, MOST_CELLS, max(known.cell_m, LEAST_CELL_M))
+    easts_m, norths_m = (
+        _compute_cell_middles(low_m[0], high_m[0], columns),
+        _compute_cell_middles(low_m[1], high_m[1], rows)[::-1],
+    )
     heights_m = known.grid_m(easts_m, norths_m).astype(np.float32)
     if not np.isfinite(heights_m).any():
         return None
@@ -78,8 +83,8 @@ def hillshade_of(known: Heights, low_m: Corner, high_m: Corner, contour_m: float
     low, high = float(np.nanmin(heights_m)), float(np.nanmax(heights_m))
     interval_m = max(interval_for(high - low) if contour_m is None else contour_m, (high - low) / MOST_LINES)
     few = max(1, math.ceil(math.sqrt(heights_m.size / MOST_LINE_CELLS)))
-    contours = _contours(easts_m[::few], norths_m[::few], heights_m[::few, ::few], interval_m)
-    return Hillshade(heights_m, shaded(heights_m, step_m), low_m, high_m, interval_m, contours)
+    contours = _trace_contours(easts_m[::few], norths_m[::few], heights_m[::few, ::few], interval_m)
+    return Hillshade(heights_m, shade_heights(heights_m, step_m), low_m, high_m, interval_m, contours)
 
 
 def interval_for(relief_m: float) -> float:
@@ -91,7 +96,7 @@ def interval_for(relief_m: float) -> float:
     return next((step for step in STEPS_M if relief_m / step <= LINES), STEPS_M[-1])
 
 
-def shaded(heights_m: npt.NDArray[np.float32], step_m: tuple[float, float]) -> npt.NDArray[np.uint8]:
+def shade_heights(heights_m: npt.NDArray[np.float32], step_m: tuple[float, float]) -> npt.NDArray[np.uint8]:
     """Return (rows, columns, 2): how light every cell of a grid is, its northernmost row first, and how opaque.
 
     Args:
@@ -113,7 +118,7 @@ def shaded(heights_m: npt.NDArray[np.float32], step_m: tuple[float, float]) -> n
     return made
 
 
-def _contours(
+def _trace_contours(
     easts_m: FloatArray, norths_m: FloatArray, heights_m: npt.NDArray[np.float32], interval_m: float
 ) -> tuple[Contour, ...]:
     from contourpy import LineType, contour_generator
@@ -132,6 +137,6 @@ def _contours(
     return tuple(found)
 
 
-def _middles(low: float, high: float, count: int) -> FloatArray:
+def _compute_cell_middles(low: float, high: float, count: int) -> FloatArray:
     step = (high - low) / count
     return np.asarray(low + step * (np.arange(count) + 0.5), dtype=np.float64)

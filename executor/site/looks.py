@@ -11,15 +11,15 @@ from executor.errors import SiteError
 from executor.site.config import Site
 from executor.site.tables.cameras import CameraTable, LookTable
 from missions import SafetyError
-from missions.cameras import NO_LOOKS, Camera, Looks, PylonLook, SpanLook, Trigger
+from missions.cameras import NO_LOOKS, Camera, CameraTasks, PylonCameraTask, SpanCameraTask, Trigger
 from missions.network import Network
-from missions.viewpoints import PylonWish
+from missions.viewpoints import ViewpointRequest
 
 SHORTEST_M = 0.5
 """Pictures nearer to each other than this are a mistake in the figures."""
 
 
-def pylon_wishes(site: Site, network: Network) -> list[PylonWish]:
+def build_pylon_wishes(site: Site, network: Network) -> list[ViewpointRequest]:
     """Return from where pylons are to be seen.
 
     Raises:
@@ -33,7 +33,7 @@ def pylon_wishes(site: Site, network: Network) -> list[PylonWish]:
         sides = [table.bearings_deg] + ([tuple(-one for one in table.bearings_deg[::-1])] if table.both_sides else [])
         bearings_deg = tuple(one for side in sides for one in side)
         known = [
-            PylonWish(
+            ViewpointRequest(
                 pylon=number,
                 camera=table.camera,
                 bearings_deg=bearings_deg,
@@ -67,7 +67,9 @@ def _check_heights(site: Site, index: int, table: LookTable) -> None:
         )
 
 
-def looks_of(site: Site, network: Network, pylons: Mapping[int, PylonLook] = MappingProxyType({})) -> Looks:
+def build_looks(
+    site: Site, network: Network, pylons: Mapping[int, PylonCameraTask] = MappingProxyType({})
+) -> CameraTasks:
     """Return what is to be seen, and who has the cameras for it.
 
     Args:
@@ -80,40 +82,40 @@ def looks_of(site: Site, network: Network, pylons: Mapping[int, PylonLook] = Map
     """
     if not site.look:
         return NO_LOOKS
-    cameras = {table.name: _camera(table) for table in site.camera}
+    cameras = {table.name: _build_camera(table) for table in site.camera}
     names = [vehicle.name for vehicle in site.vehicle]
     carriers = {
         name: frozenset(table.name for table in site.camera if not table.vehicles or name in table.vehicles)
         for name in names
     }
-    spans: dict[int, list[SpanLook]] = {}
+    spans: dict[int, list[SpanCameraTask]] = {}
     for index, table in enumerate(site.look):
         if table.of == "pylons":
             continue
-        look = _look(site, index, table, cameras[table.camera])
-        wanted = [segment for segment in _wanted(network, table) if segment not in pylons]
+        look = _build_look(site, index, table, cameras[table.camera])
+        wanted = [segment for segment in _select_segments(network, table) if segment not in pylons]
         if not wanted:
             raise SiteError(f"look[{index}].segments: expected names of spans, nothing is called {table.segments[0]!r}")
         for segment in wanted:
             spans.setdefault(segment, []).append(look)
-    looks = Looks(cameras, carriers, {segment: tuple(own) for segment, own in sorted(spans.items())}, pylons)
-    _check(looks, names, network)
+    looks = CameraTasks(cameras, carriers, {segment: tuple(own) for segment, own in sorted(spans.items())}, pylons)
+    _check_looks(looks, names, network)
     return looks
 
 
-def _camera(table: CameraTable) -> Camera:
+def _build_camera(table: CameraTable) -> Camera:
     return Camera(
         table.name, table.id, table.focal_mm, table.sensor_mm, table.image_px, table.least_interval_s, table.gimbal
     )
 
 
-def _wanted(network: Network, table: LookTable) -> Iterator[int]:
+def _select_segments(network: Network, table: LookTable) -> Iterator[int]:
     for segment in network.segments:
         if any(fnmatchcase(network.segment_name(segment.id), pattern) for pattern in table.segments):
             yield segment.id
 
 
-def _look(site: Site, index: int, table: LookTable, camera: Camera) -> SpanLook:
+def _build_look(site: Site, index: int, table: LookTable, camera: Camera) -> SpanCameraTask:
     inspection = site.inspection
     layers_m = inspection.layer_m * (len(site.vehicle) - 1)
     nearest_m, farthest_m = (
@@ -128,7 +130,7 @@ def _look(site: Site, index: int, table: LookTable, camera: Camera) -> SpanLook:
                     f"the line in a pixel from the highest layer, {farthest_m:.0f} m away, got {table.sample_mm:g}"
                 )
         if table.take == "video":
-            return SpanLook(camera.name, Trigger.VIDEO, 0.0, table.pitch_deg, table.aim_deg)
+            return SpanCameraTask(camera.name, Trigger.VIDEO, 0.0, table.pitch_deg, table.aim_deg)
         every_m = table.every_m
         if every_m is None:
             every_m = camera.footprint_m(nearest_m)[1] * (1.0 - (table.overlap_pct or 0.0) / 100.0)
@@ -143,15 +145,15 @@ def _look(site: Site, index: int, table: LookTable, camera: Camera) -> SpanLook:
             f"inspection.speed_m_s: expected at most {fastest_m_s:.1f}, at which camera '{camera.name}' takes a "
             f"picture every {every_m:g} m (look[{index}]), got {inspection.speed_m_s:g}"
         )
-    return SpanLook(camera.name, Trigger(table.trigger), every_m, table.pitch_deg, table.aim_deg)
+    return SpanCameraTask(camera.name, Trigger(table.trigger), every_m, table.pitch_deg, table.aim_deg)
 
 
-def _check(looks: Looks, names: list[str], network: Network) -> None:
-    barred = [looks.barred(name) for name in names]
+def _check_looks(looks: CameraTasks, names: list[str], network: Network) -> None:
+    barred = [looks.find_barred_segments(name) for name in names]
     for segment in (*looks.spans, *looks.pylons):
         name, own = network.segment_name(segment), looks.spans.get(segment, ())
         if all(segment in one for one in barred):
-            wanted = " and ".join(f"'{camera}'" for camera in sorted(looks.wanted(segment)))
+            wanted = " and ".join(f"'{camera}'" for camera in sorted(looks.cameras_for(segment)))
             raise SiteError(f"look: {name}: expected a vehicle that carries camera {wanted}, none does")
         spaces = {look.every_m for look in own if look.trigger is Trigger.DISTANCE}
         if len(spaces) > 1:

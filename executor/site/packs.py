@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from executor.adapters.document import Document, Number, Whole
-from executor.core.battery.history import PackFlown, PackHistory, history_of
+from executor.core.battery.history import PackFlightRecord, PackHistory, build_pack_history
 from executor.site.config import Site
 
 FORMAT: Literal["faultline-packs/1"] = "faultline-packs/1"
@@ -76,7 +76,7 @@ class SitePacks:
     """All of which a flight is known, and those that vehicles begin with, by their labels."""
 
 
-def packs_of_site(site: Site, base: Path) -> SitePacks:
+def load_site_packs(site: Site, base: Path) -> SitePacks:
     """Return what is known of the packs that vehicles fly with.
 
     Raises:
@@ -87,14 +87,14 @@ def packs_of_site(site: Site, base: Path) -> SitePacks:
     flights = read_packs(base / site.energy.packs).flights
     begins = {one.name: one.pack for one in site.vehicle if one.pack is not None}
     labels = {one.label for one in flights if one.label} | set(begins.values())
-    known = {label: _history(label, flights) for label in sorted(labels)}
+    known = {label: _build_history(label, flights) for label in sorted(labels)}
     return SitePacks({name: known[label] for name, label in begins.items()}, known)
 
 
-def _history(label: str, flights: tuple[PackEntry, ...]) -> PackHistory:
+def _build_history(label: str, flights: tuple[PackEntry, ...]) -> PackHistory:
     # Logs without a date come first: nobody knows how old they are.
     mine = sorted(
         (one for one in flights if one.label == label),
         key=lambda one: one.began_usec if one.began_usec >= UNIX_USEC else 0,
     )
-    return history_of(label, [PackFlown(one.most_ah, one.ohm, one.set_ah) for one in mine])
+    return build_pack_history(label, [PackFlightRecord(one.most_ah, one.ohm, one.set_ah) for one in mine])

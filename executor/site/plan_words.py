@@ -10,7 +10,7 @@ import numpy as np
 from executor.core.check_codes import CheckCode
 from executor.core.preflight import distances
 from executor.core.preflight.checks import Check, Severity
-from executor.core.words import count_of, first_of, not_reachable
+from executor.core.words import describe_unreachable, format_count, join_first_names
 from missions import PlanFile
 from planner import segment_of
 
@@ -35,12 +35,12 @@ class LeftOver:
     why: str
 
 
-def left_over_words(plan: PlanFile, later: Collection[int] = ()) -> tuple[LeftOver, ...]:
+def find_left_over(plan: PlanFile, later: Collection[int] = ()) -> tuple[LeftOver, ...]:
     """Return what a plan does not inspect, and why; without those that later sorties have."""
     left = [number for number in plan.plan.uncovered if plan.segments[number].id not in later]
     if not left:
         return ()
-    instance = plan.instance()
+    instance = plan.build_instance()
     budgets = np.array([vehicle.budget_pct for vehicle in plan.vehicles])
     # (k, n): what each vehicle needs for the way to a segment, along it and home, and nothing else.
     alone_pct = (instance.start_pct + instance.home_pct).reshape(len(budgets), -1, 2).min(axis=2)
@@ -50,11 +50,11 @@ def left_over_words(plan: PlanFile, later: Collection[int] = ()) -> tuple[LeftOv
         needed, budget = float(alone_pct[nearest[number], number]), float(budgets[nearest[number]])
         why = OUT_OF_REACH if needed > budget else USED_UP
         segment = plan.segments[number]
-        found.append(LeftOver(segment.id, segment.called, needed, budget, why))
+        found.append(LeftOver(segment.id, segment.display_name, needed, budget, why))
     return tuple(found)
 
 
-def route_words(plan: PlanFile) -> Iterator[str]:
+def describe_routes(plan: PlanFile) -> Iterator[str]:
     """Yield what each vehicle does."""
     for route in plan.plan.routes:
         vehicle = plan.vehicles[route.vehicle]
@@ -69,7 +69,7 @@ def route_words(plan: PlanFile) -> Iterator[str]:
         )
 
 
-def summary(plan: PlanFile) -> str:
+def summarise_plan(plan: PlanFile) -> str:
     """Return a plan in one line: what it inspects, how long it takes, by what it was chosen."""
     flown = sum(len(route.visits) for route in plan.plan.routes)
     if not flown:
@@ -80,7 +80,7 @@ def summary(plan: PlanFile) -> str:
     return f"{flown} of {asked} segments, longest route {longest_s / 60:.1f} min ({who}), chosen by {plan.cost_name}"
 
 
-def window_words(plan: PlanFile) -> list[str]:
+def describe_window(plan: PlanFile) -> list[str]:
     """Return in a line from when on the fleet can absorb any one loss, and the worst case before; none known."""
     window = plan.window
     if window is None:
@@ -97,10 +97,10 @@ def window_words(plan: PlanFile) -> list[str]:
 def but_left_over(plan: PlanFile) -> str:
     """Return in words what is left over in any case; empty where the plan inspects everything."""
     left = len(plan.plan.uncovered)
-    return f", with no more left over than the plan's {count_of(left, 'segment')}" if left else ""
+    return f", with no more left over than the plan's {format_count(left, 'segment')}" if left else ""
 
 
-def distance_words(plan: PlanFile) -> list[str]:
+def describe_distances(plan: PlanFile) -> list[str]:
     """Return in a line at which distance segments are inspected; none where everybody inspects in its layer."""
     if plan.inspection is None or not plan.inspection.same_distance:
         return []
@@ -108,13 +108,13 @@ def distance_words(plan: PlanFile) -> list[str]:
     for route in plan.plan.routes:
         name = plan.vehicles[route.vehicle].name
         for visit in route.visits:
-            at_m = plan.inspected_at_m(name, segment_of(visit))
+            at_m = plan.inspection_height_m(name, segment_of(visit))
             if at_m is not None:
-                rows.append((plan.segments[segment_of(visit)].called, name, at_m))
-    return [distances.distances_in_words(plan.inspection.height_m, rows)] if rows else []
+                rows.append((plan.segments[segment_of(visit)].display_name, name, at_m))
+    return [distances.describe_inspection_distances(plan.inspection.height_m, rows)] if rows else []
 
 
-def left_words(plan: PlanFile, most: int = NAMED, later: Collection[int] = ()) -> list[str]:
+def describe_left_over(plan: PlanFile, most: int = NAMED, later: Collection[int] = ()) -> list[str]:
     """Return what is left over, a line for each reason, each with the names of `most` segments at most.
 
     Args:
@@ -123,15 +123,15 @@ def left_words(plan: PlanFile, most: int = NAMED, later: Collection[int] = ()) -
         later: Ids of the segments that later sorties of a day have.
     """
     reasons: dict[str, list[str]] = {}
-    for one in left_over_words(plan, later):
+    for one in find_left_over(plan, later):
         figure = f" ({one.alone_pct:.2f} % of {one.budget_pct:g} %)" if one.why == OUT_OF_REACH else ""
         reasons.setdefault(one.why, []).append(one.name + figure)
     never = zip(plan.unreachable_names, (one.why for one in plan.unreachable), strict=True)
-    lines = [f"left over, {why}: {first_of(names, most)}" for why, names in reasons.items()]
-    return [*lines, *not_reachable(never, most)]
+    lines = [f"left over, {why}: {join_first_names(names, most)}" for why, names in reasons.items()]
+    return [*lines, *describe_unreachable(never, most)]
 
 
-def plan_checks(plan: PlanFile, segments: int, later: Collection[int] = ()) -> list[Check]:
+def build_plan_checks(plan: PlanFile, segments: int, later: Collection[int] = ()) -> list[Check]:
     """Return a plan as lines of the checklist, so that it is looked at before the question.
 
     Args:
@@ -139,14 +139,14 @@ def plan_checks(plan: PlanFile, segments: int, later: Collection[int] = ()) -> l
         segments: Of the whole site.
         later: Ids of the segments that later sorties of a day have.
     """
-    lines = (*route_words(plan), summary(plan), *window_words(plan))
+    lines = (*describe_routes(plan), summarise_plan(plan), *describe_window(plan))
     found = [Check(Severity.OK, "plan", line, CheckCode.PLAN) for line in lines]
     found += [
         Check(Severity.WARNING, "plan", line, CheckCode.LEFT_OVER)
-        for line in left_words(plan, NAMED_IN_CHECKLIST, later)
+        for line in describe_left_over(plan, NAMED_IN_CHECKLIST, later)
     ]
     if later:
-        text = f"{count_of(len(later), 'segment')} of {len(plan.segments)} in later sorties of the day"
+        text = f"{format_count(len(later), 'segment')} of {len(plan.segments)} in later sorties of the day"
         found.append(Check(Severity.OK, "plan", text, CheckCode.PLAN))
     about = len(plan.segments) + len(plan.unreachable)
     if about < segments:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from executor.site.crew import ChunkCrew, Done
-from planner import Campaign, Chunk, Risk, flight_chunks, fly_chunk, risks_of
+from executor.site.crew import CampaignRunner, ProgressCallback
+from planner import FlightChunk, RiskCampaign, RiskEstimate, estimate_risks, simulate_chunk, split_flights
 
 SWEEP = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Times the given mean time between failures: where a sweep looks."""
@@ -15,19 +15,21 @@ SWEEP_FLIGHTS = 2_000
 SWEEP_CHUNK = 500
 
 
-def risks(fly: ChunkCrew, content: Campaign, parts: Sequence[Chunk], told: Done) -> tuple[Risk, ...]:
+def compute_campaign_risks(
+    fly: CampaignRunner, content: RiskCampaign, parts: Sequence[FlightChunk], told: ProgressCallback
+) -> tuple[RiskEstimate, ...]:
     """Return the answers for each of the campaign's ``mtbf_h``.
 
     Raises:
         ExecutorError: a process or a worker was lost.
     """
-    return risks_of(content, fly(fly_chunk, content, parts, told))
+    return estimate_risks(content, fly(simulate_chunk, content, parts, told))
 
 
-def sweep_mtbf(content: Campaign, seed: int, *, flights: int) -> tuple[Campaign, tuple[Chunk, ...]]:
+def sweep_mtbf(content: RiskCampaign, seed: int, *, flights: int) -> tuple[RiskCampaign, tuple[FlightChunk, ...]]:
     """Return a campaign over a range of times between failures around the given one, and its chunks.
 
     It shares the table of first losses, so what it costs are its flights.
     """
     hours = tuple(factor * content.mtbf_h[0] for factor in SWEEP)
-    return replace(content, mtbf_h=hours), flight_chunks(min(flights, SWEEP_FLIGHTS), seed, per_chunk=SWEEP_CHUNK)
+    return replace(content, mtbf_h=hours), split_flights(min(flights, SWEEP_FLIGHTS), seed, per_chunk=SWEEP_CHUNK)

@@ -11,24 +11,24 @@ import numpy as np
 import numpy.typing as npt
 
 from executor.errors import SiteError
-from executor.site.assembly import Ground, budget_of, consumption_of, pricing_of
+from executor.site.assembly import SiteModel, budget_pct_of, build_pricing, consumption_factor_of
 from executor.site.config import Site
-from executor.site.tables.day import BaseTable, DayTable, clock_s
-from missions import Base, BasePlace, DayPlanFile, Solved, plan_segment
+from executor.site.tables.day import BaseTable, DayTable, parse_clock_s
+from missions import Base, BasePlace, DayPlanFile, SolverRecord, build_plan_segment
 from missions.dayplan import Window
 from missions.geo import FloatArray
 from missions.setup import LOWEST_FLIGHT_M
-from planner import Progress, StopRule, steady_wind, top_speed_m_s
+from planner import Progress, StopRule, build_steady_wind, top_speed_m_s
 from planner.sorties import (
     Objective,
     SortieBase,
     SortieEvaluation,
     SortiePlan,
     SortieVehicle,
-    parted_windows,
     solve_sorties,
+    subtract_quiet_times,
 )
-from planner.streets import streets
+from planner.streets import build_road_graph
 
 DAY_S = 86_400.0
 DEPOT = "depot"
@@ -46,7 +46,7 @@ _NOT_BY_DAY: tuple[tuple[str, Callable[[Site], bool], str], ...] = (
 
 
 @dataclass(frozen=True, slots=True)
-class DayWanted:
+class DayPlanRequest:
     """What a day's plan is to be."""
 
     objective: Objective
@@ -57,7 +57,7 @@ class DayWanted:
     """Vehicles for which nothing is planned."""
 
 
-def spares_of(ground: Ground) -> frozenset[str]:
+def spares_of(ground: SiteModel) -> frozenset[str]:
     """Return the vehicles of a site that stand by."""
     return (
         frozenset() if ground.site.day is None else frozenset(one.name for one in ground.site.day.vehicle if one.spare)
@@ -75,12 +75,12 @@ def check_day_site(site: Site) -> None:
             raise SiteError(f"{table}: expected none in the site of a day plan: {why}; plan single flights instead")
 
 
-def base_tables(ground: Ground) -> tuple[BaseTable, ...]:
+def base_tables(ground: SiteModel) -> tuple[BaseTable, ...]:
     """Return the bases of a site; the depot where it names none."""
-    return ground.site.base or (_depot(ground),)
+    return ground.site.base or (_build_depot(ground),)
 
 
-def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFile:
+def build_day_problem(ground: SiteModel, segments: Sequence[int] | None = None) -> DayPlanFile:
     """Return the days of a site without a plan: nobody flies, every segment is uncovered.
 
     Args:
@@ -95,22 +95,24 @@ def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFi
     tables = base_tables(ground)
     places = tuple(base_place(ground, base) for base in tables)
     at_m = [ground.network.frame.to_local_m(place.lat_deg, place.lon_deg) for place in places]
-    days = tuple((DAY_S * day + clock_s(table.begin), DAY_S * day + clock_s(table.end)) for day in range(table.days))
+    days = tuple(
+        (DAY_S * day + parse_clock_s(table.begin), DAY_S * day + parse_clock_s(table.end)) for day in range(table.days)
+    )
     names = [place.name for place in places]
     wanted = tuple(range(len(ground.network.segments)) if segments is None else sorted(segments))
-    pricing = pricing_of(ground).part(wanted, ground.names)
+    pricing = build_pricing(ground).select_segments(wanted, ground.names)
     pads = tuple(
         tuple(
             ground.setup.base_of(one.name) if one.pad is not None and one.name in base.vehicles
-            else _pad(ground, one.name, place, at)
+            else _build_pad(ground, one.name, place, at)
             for base, place, at in zip(tables, places, at_m, strict=True)
         )
         for one in site.vehicle
     )  # fmt: skip
     vehicles = tuple(_vehicles(ground, table, tables, days))
     models = dict(pricing.models)
-    fastest_m_s = max(site.inspection.speed_m_s, site.inspection.transit_speed_m_s, *_speeds(site, ground))
-    power = steady_wind(ground.drone, fastest_m_s, site.inspection.wind_m_s)
+    fastest_m_s = max(site.inspection.speed_m_s, site.inspection.transit_speed_m_s, *_collect_speeds_m_s(site, ground))
+    power = build_steady_wind(ground.drone, fastest_m_s, site.inspection.wind_m_s)
     for other in table.vehicle:
         model = models[other.name]
         models[other.name] = replace(
@@ -122,7 +124,7 @@ def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFi
     nothing = SortiePlan(((),) * len(vehicles), tuple(range(len(wanted))))
     return DayPlanFile(
         frame=ground.network.frame,
-        segments=tuple(plan_segment(ground.network, number) for number in wanted),
+        segments=tuple(build_plan_segment(ground.network, number) for number in wanted),
         pricing=replace(
             pricing, models=models, pads_m=(), column_m=0.0,
             bases={own.name: pads[row][own.base] for row, own in enumerate(vehicles)},
@@ -132,39 +134,40 @@ def site_day(ground: Ground, segments: Sequence[int] | None = None) -> DayPlanFi
         vehicles=vehicles,
         pads=pads,
         days=days,
-        transfer_s=_transfers(table, names, at_m),
+        transfer_s=_compute_transfers_s(table, names, at_m),
         stagger_s=table.stagger_s,
-        able=_able(ground, table)[:, list(wanted)],
+        able=_find_able_vehicles(ground, table)[:, list(wanted)],
         plan=nothing,
         evaluation=SortieEvaluation(0.0, 0.0, 0, ((),) * len(vehicles), ((),) * len(vehicles), ()),
         objective=Objective.FINISH,
-        solved=Solved("search", 0, 0.0),
+        solved=SolverRecord("search", 0, 0.0),
     )  # fmt: skip
 
 
 def _vehicles(
-    ground: Ground, table: DayTable, tables: Sequence[BaseTable], days: Sequence[Window]
+    ground: SiteModel, table: DayTable, tables: Sequence[BaseTable], days: Sequence[Window]
 ) -> Iterator[SortieVehicle]:
     """Yield who flies: from which base, on what budget and when."""
     for one in ground.site.vehicle:
         home = next(number for number, base in enumerate(tables) if one.name in base.vehicles)
         lands = tuple(range(len(tables))) if table.lands == "any" else (home,)
         quiet = [
-            (DAY_S * day + clock_s(own.begin), DAY_S * day + clock_s(own.end))
+            (DAY_S * day + parse_clock_s(own.begin), DAY_S * day + parse_clock_s(own.end))
             for own in table.quiet if not own.vehicles or one.name in own.vehicles for day in range(table.days)
         ]  # fmt: skip
-        budget_pct = budget_of(ground.packs.fitted.get(one.name), ground.drone, one)
+        budget_pct = budget_pct_of(ground.packs.fitted.get(one.name), ground.drone, one)
         yield SortieVehicle(
-            one.name, home, budget_pct, parted_windows(days, quiet), lands, 0, consumption_of(ground, one.name),
+            one.name, home, budget_pct, subtract_quiet_times(days, quiet), lands, 0,
+            consumption_factor_of(ground, one.name),
             days[0][0],
         )  # fmt: skip
 
 
-def planned_day(
-    content: DayPlanFile, wanted: DayWanted, on_progress: Callable[[Progress], None] | None = None
+def solve_day(
+    content: DayPlanFile, wanted: DayPlanRequest, on_progress: Callable[[Progress], None] | None = None
 ) -> DayPlanFile:
     """Return days with a plan."""
-    instance = content.instance()
+    instance = content.build_instance()
     flies = np.array([[own.name not in wanted.spares] for own in instance.vehicles])
     found = solve_sorties(
         replace(instance, able=instance.able & flies),
@@ -172,16 +175,16 @@ def planned_day(
     )  # fmt: skip
     return replace(
         content, plan=found.plan, evaluation=found.evaluation, objective=wanted.objective,
-        solved=Solved("search", wanted.seed, found.seconds),
+        solved=SolverRecord("search", wanted.seed, found.seconds),
     )  # fmt: skip
 
 
-def _depot(ground: Ground) -> BaseTable:
+def _build_depot(ground: SiteModel) -> BaseTable:
     frame = ground.network.frame
     return BaseTable(name=DEPOT, lat_deg=frame.lat_deg, lon_deg=frame.lon_deg, alt_m=frame.alt_m, vehicles=ground.names)
 
 
-def base_place(ground: Ground, base: BaseTable) -> BasePlace:
+def base_place(ground: SiteModel, base: BaseTable) -> BasePlace:
     """Return where a base is, its height taken from the nearest pylon where nobody says it."""
     alt_m = base.alt_m
     if alt_m is None:
@@ -194,7 +197,7 @@ def base_place(ground: Ground, base: BaseTable) -> BasePlace:
     return BasePlace(base.name, base.lat_deg, base.lon_deg, alt_m)
 
 
-def _pad(ground: Ground, vehicle: str, place: BasePlace, at_m: tuple[float, float]) -> Base:
+def _build_pad(ground: SiteModel, vehicle: str, place: BasePlace, at_m: tuple[float, float]) -> Base:
     layers = ground.setup.layers
     up_m = layers.surface.height_m(*at_m)
     climb_m = up_m + layers.offset_m(vehicle) - ground.network.frame.up_m(place.alt_m)
@@ -206,7 +209,7 @@ def _pad(ground: Ground, vehicle: str, place: BasePlace, at_m: tuple[float, floa
     return Base((*at_m, up_m), climb_m)
 
 
-def _speeds(site: Site, ground: Ground) -> list[float]:
+def _collect_speeds_m_s(site: Site, ground: SiteModel) -> list[float]:
     most_m_s = top_speed_m_s(ground.drone) - math.hypot(*site.inspection.wind_m_s)
     speeds = []
     for index, other in enumerate(site.day.vehicle if site.day is not None else ()):
@@ -222,7 +225,7 @@ def _speeds(site: Site, ground: Ground) -> list[float]:
     return speeds or [0.0]
 
 
-def _transfers(table: DayTable, names: list[str], at_m: list[tuple[float, float]]) -> FloatArray:
+def _compute_transfers_s(table: DayTable, names: list[str], at_m: list[tuple[float, float]]) -> FloatArray:
     """Return seconds from base to base: roads that are named, straight distances for the others, the shortest way."""
     number = {name: place for place, name in enumerate(names)}
     roads: dict[tuple[int, int], float] = {}
@@ -233,10 +236,10 @@ def _transfers(table: DayTable, names: list[str], at_m: list[tuple[float, float]
         one, other = sorted(number[name] for name in road.between)
         roads[one, other] = 60.0 * road.minutes
     edges = [(one, other, seconds) for (one, other), seconds in roads.items() if one != other]
-    return streets(len(names), edges).times_s
+    return build_road_graph(len(names), edges).times_s
 
 
-def _able(ground: Ground, table: DayTable) -> npt.NDArray[np.bool_]:
+def _find_able_vehicles(ground: SiteModel, table: DayTable) -> npt.NDArray[np.bool_]:
     names = [ground.network.segment_name(number) for number in range(len(ground.network.segments))]
     able = np.ones((len(ground.names), len(names)), dtype=np.bool_)
     for index, other in enumerate(table.vehicle):

@@ -17,7 +17,7 @@ FIRST_PORT = 14551
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class SiteTemplate:
     """What a site file is to begin with."""
 
     file: str
@@ -33,55 +33,57 @@ class Wish:
     """What else is said of the network's file, by its keys; None for what is not."""
 
 
-def starter(wish: Wish) -> str:
+def render_site_template(wish: SiteTemplate) -> str:
     """Return the text of a site file."""
-    return "\n".join(_lines(wish)) + "\n"
+    return "\n".join(_render_lines(wish)) + "\n"
 
 
-def _lines(wish: Wish) -> Iterator[str]:
+def _render_lines(wish: SiteTemplate) -> Iterator[str]:
     if wish.depot is None:
         yield "# [depot] with lat_deg, lon_deg and alt_m is where the vehicles stand; this network's file has it"
     else:
-        yield _noted("[depot]", "where the vehicles stand; alt_m is the ground's, above mean sea level")
-        yield from (_row(key, value) for key, value in wish.depot.model_dump(exclude_none=True).items())
-    radius = "# radius_m = 1500" if wish.radius_m is None else _row("radius_m", wish.radius_m)
+        yield _append_comment("[depot]", "where the vehicles stand; alt_m is the ground's, above mean sea level")
+        yield from (_render_row(key, value) for key, value in wish.depot.model_dump(exclude_none=True).items())
+    radius = "# radius_m = 1500" if wish.radius_m is None else _render_row("radius_m", wish.radius_m)
     yield from (
         "",
         "[network]",
-        _row("file", wish.file, "what 'faultline network' reads; 'default' is faultline's own"),
+        _render_row("file", wish.file, "what 'faultline network' reads; 'default' is faultline's own"),
         *(tomli_w.dumps({key: value}).strip() for key, value in wish.choice.items() if value),
-        _noted(radius, "only segments whose two pylons are nearer to the depot than this"),
+        _append_comment(radius, "only segments whose two pylons are nearer to the depot than this"),
         "",
-        *_inspection(has_heights=wish.has_heights),
+        *_render_inspection(has_heights=wish.has_heights),
         "",
         "[energy]",
-        _row("drone", EnergyTable().drone, f"{', '.join(PRESETS)};"),
-        _noted("", "mass_kg, capacity_ah and the other figures can be set, too"),
+        _render_row("drone", EnergyTable().drone, f"{', '.join(PRESETS)};"),
+        _append_comment("", "mass_kg, capacity_ah and the other figures can be set, too"),
     )
     yield ""
-    yield _noted("# [[area]]", "what flights keep out of: GeoJSON or KML, or a polygon")
+    yield _append_comment("# [[area]]", "what flights keep out of: GeoJSON or KML, or a polygon")
     yield '# file = "areas.geojson"'
     for number in range(1, wish.vehicles + 1):
         yield ""
-        yield from _vehicle(number, wish.autopilot, commented=number == 1)
+        yield from _render_vehicle(number, wish.autopilot, commented=number == 1)
 
 
-def _inspection(*, has_heights: bool) -> Iterator[str]:
+def _render_inspection(*, has_heights: bool) -> Iterator[str]:
     table = InspectionTable()
     yield "[inspection]"
-    yield _row("height_m", table.height_m, "over the pylon tops where they are known, else over the depot's ground")
+    yield _render_row(
+        "height_m", table.height_m, "over the pylon tops where they are known, else over the depot's ground"
+    )
     if not has_heights:
-        yield _noted('# heights = "flat"', "say so if it is: this network does not know all of its heights")
-    yield _row("standoff_m", table.standoff_m, "beside the line")
-    yield _row("speed_m_s", table.speed_m_s, "along the line")
-    yield _row("transit_speed_m_s", table.transit_speed_m_s, "on the way")
-    yield _row(
+        yield _append_comment('# heights = "flat"', "say so if it is: this network does not know all of its heights")
+    yield _render_row("standoff_m", table.standoff_m, "beside the line")
+    yield _render_row("speed_m_s", table.speed_m_s, "along the line")
+    yield _render_row("transit_speed_m_s", table.transit_speed_m_s, "on the way")
+    yield _render_row(
         "wind_m_s", list(table.wind_m_s), "where the air moves to, east and north: one way is dearer than the other"
     )
-    yield _row("layer_m", table.layer_m, "any two vehicles keep this distance")
+    yield _render_row("layer_m", table.layer_m, "any two vehicles keep this distance")
 
 
-def _vehicle(number: int, autopilot: str, *, commented: bool) -> Iterator[str]:
+def _render_vehicle(number: int, autopilot: str, *, commented: bool) -> Iterator[str]:
     table = VehicleTable(
         name=f"uav{number}", connection=f"udpin://0.0.0.0:{FIRST_PORT + number - 1}", sysid=number, autopilot=autopilot
     )  # fmt: skip
@@ -95,10 +97,10 @@ def _vehicle(number: int, autopilot: str, *, commented: bool) -> Iterator[str]:
     yield "[[vehicle]]"
     for key in ("name", "connection", "sysid", "autopilot", "backend", "budget_pct", "reserve_pct"):
         if commented or key != "backend":
-            yield _row(key, getattr(table, key), comments.get(key, "") if commented else "")
+            yield _render_row(key, getattr(table, key), comments.get(key, "") if commented else "")
 
 
-def _row(key: str, value: object, comment: str = "") -> str:
+def _render_row(key: str, value: object, comment: str = "") -> str:
     if isinstance(value, float) and value.is_integer():
         value = int(value)
     if isinstance(value, list):
@@ -106,8 +108,8 @@ def _row(key: str, value: object, comment: str = "") -> str:
         text = f"{key} = {value}"
     else:
         text = tomli_w.dumps({key: value}).strip()
-    return _noted(text, comment) if comment else text
+    return _append_comment(text, comment) if comment else text
 
 
-def _noted(text: str, comment: str) -> str:
+def _append_comment(text: str, comment: str) -> str:
     return f"{text:{COMMENT_AT - 1}} # {comment}"

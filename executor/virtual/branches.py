@@ -18,8 +18,8 @@ from multiprocessing.connection import Connection
 from typing import Generic, TypeVar
 
 from executor.errors import FlightNotFlown
-from executor.site.assembly import Ground
-from executor.virtual.flight import Onlookers, VirtualFlight, fly_virtual
+from executor.site.assembly import SiteModel
+from executor.virtual.flight import FlightObservers, VirtualFlight, fly_virtual
 from missions import PlanFile
 from simulator.faults import parse_fault
 from simulator.vehicle import SimulatedVehicle
@@ -41,7 +41,7 @@ class Branch:
 
 
 def fly_branches(
-    ground: Ground, plan: PlanFile, branches: Sequence[Branch], judged: Callable[[VirtualFlight, int], R], *,
+    ground: SiteModel, plan: PlanFile, branches: Sequence[Branch], judged: Callable[[VirtualFlight, int], R], *,
     jobs: int = 1, seed: int = 0,
 ) -> list[R]:  # fmt: skip
     """Fly a plan once for each fault and return what is found of each flight, in the order of the faults.
@@ -66,13 +66,13 @@ def fly_branches(
         ]
     trunk: _Trunk[R] = _Trunk(branches, jobs)
     try:
-        flight = fly_virtual(ground, plan, seed=seed, onlookers=Onlookers(lived=trunk.look))
-        found = [judged(flight, number) for number in trunk.mine()]
+        flight = fly_virtual(ground, plan, seed=seed, onlookers=FlightObservers(lived=trunk.fork_near_faults))
+        found = [judged(flight, number) for number in trunk.list_own_flights()]
     except BaseException:
         trunk.end(None)
         raise
     trunk.end(found)
-    return trunk.gathered(found)
+    return trunk.gather_results(found)
 
 
 class _Trunk(Generic[R]):
@@ -93,7 +93,7 @@ class _Trunk(Generic[R]):
         A fault whose time never came, as its vehicle had landed, changes nothing: such flights are the parent's too.
         """
 
-    def look(self, vehicles: Mapping[str, SimulatedVehicle]) -> None:
+    def fork_near_faults(self, vehicles: Mapping[str, SimulatedVehicle]) -> None:
         """Branch off where a fault is near."""
         for number in tuple(self._waiting):
             branch = self._branches[number]
@@ -101,11 +101,11 @@ class _Trunk(Generic[R]):
             if self.own >= 0 or mission_s is None or mission_s < branch.at_s - AHEAD_S:
                 continue
             self._waiting.remove(number)
-            if not self._waiting or self._forked(number):
+            if not self._waiting or self._fork(number):
                 self.own = number
-                vehicles[branch.vehicle].order(parse_fault(branch.spec))
+                vehicles[branch.vehicle].schedule_injection(parse_fault(branch.spec))
 
-    def _forked(self, number: int) -> bool:
+    def _fork(self, number: int) -> bool:
         """Return whether this is the child that is to fly on with a fault."""
         while len(self._children) >= self._jobs:
             self._gather(next(iter(self._children)))
@@ -132,7 +132,7 @@ class _Trunk(Generic[R]):
                 spec = self._branches[number].spec
                 raise FlightNotFlown(f"a flight in virtual time: {spec}: its process ended without one") from error
 
-    def mine(self) -> list[int]:
+    def list_own_flights(self) -> list[int]:
         """Return which flights this one was."""
         return ([self.own] if self.own >= 0 else []) + (self._waiting if self._answer is None else [])
 
@@ -144,9 +144,9 @@ class _Trunk(Generic[R]):
                     pipe.send(found[0])
             os._exit(0)
 
-    def gathered(self, own: list[R]) -> list[R]:
+    def gather_results(self, own: list[R]) -> list[R]:
         """Return what is known of all flights once the last one has ended."""
         for number in list(self._children):
             self._gather(number)
-        self._found.update(zip(self.mine(), own, strict=True))
+        self._found.update(zip(self.list_own_flights(), own, strict=True))
         return [self._found[number] for number in range(len(self._branches))]

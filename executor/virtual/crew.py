@@ -46,13 +46,13 @@ class PadCrew:
     def swap(self, flight: Flight, name: str, pack: PackId, *, confirmed: bool = True) -> IntentRecord:
         """Say that a vehicle's pack is changed."""
         intent = Intent(f"swap-{next(self._numbered)}", Action.SWAP, name, "page", confirmed, pack)
-        record = flight.ask(intent)
+        record = flight.submit_intent(intent)
         self.asked.append(record)
         return record
 
     def _attend(self, flight: Flight, name: str, now_s: float) -> None:
         vehicle = flight.state.vehicles[name]
-        waits = turnaround.serves(vehicle) and vehicle.turn.asked_s is None and bool(vehicle.turn.sorties)
+        waits = turnaround.is_in_service(vehicle) and vehicle.turn.asked_s is None and bool(vehicle.turn.sorties)
         waits = waits and not vehicle.orders.base_closed
         since_s = self._rests_s.setdefault(name, now_s) if waits else self._rests_s.pop(name, now_s)
         if name in self._changed:
@@ -64,10 +64,12 @@ class PadCrew:
             found = self._packs(name)
             if found is not None:
                 pack, held_pct = found
-                self._vehicles[name].befall(parse_fault(f"{name}:pack={held_pct:g}@0s"))
+                self._vehicles[name].apply_injection(parse_fault(f"{name}:pack={held_pct:g}@0s"))
                 self._changed[name] = now_s, pack
 
     def _has_more(self, flight: Flight, name: str, now_s: float) -> bool:
         """Return whether the crew reads of a vehicle that it waits for a pack, or nobody planned a day."""
         context, state = flight.context, flight.state
-        return context.day is None or bool(turnaround.ahead_words(context, state, state.vehicles[name], now_s))
+        return context.day is None or bool(
+            turnaround.describe_awaited_sortie(context, state, state.vehicles[name], now_s)
+        )

@@ -17,33 +17,33 @@ from pathlib import Path
 
 from executor.adapters.clock import SystemClock
 from executor.analysis.documents import FlightReport
-from executor.analysis.report import Said, report_of
+from executor.analysis.report import PreflightRecord, build_report
 from executor.core import fleet
 from executor.core.commands import Level, Say
 from executor.core.context import Context
 from executor.core.events import Event, Reopened
-from executor.core.fencing import first_fences
-from executor.core.parts import OnBoard
+from executor.core.fencing import build_first_fences
+from executor.core.parts import OnboardMission
 from executor.core.ports import EventSink, OpenLink
 from executor.core.preflight.checks import Check, Severity
 from executor.core.state import FleetState
 from executor.errors import FlightNotFlown
-from executor.flight.checkpoints import rewritten
-from executor.flight.fencing import fences_wanted
-from executor.flight.flight_order import Order
+from executor.flight.checkpoints import round_trip_state
+from executor.flight.fencing import build_wanted_lists
+from executor.flight.flight_order import FlightRequest
 from executor.flight.parameter_changes import read_changes
-from executor.flight.preparing import examined, interviews, load_all
-from executor.runtime.flight import Flight, Observer, keep_heartbeat
+from executor.flight.preparing import build_context_and_checklist, interview_vehicles, upload_first_missions
+from executor.runtime.flight import Flight, Observer, send_heartbeats
 from executor.runtime.parameters import set_changes
 from executor.runtime.preflight import load_lists
 from executor.simulated.fleet import fleet_of
-from executor.simulated.injected import happening_of
+from executor.simulated.injected import injected_fault_of
 from executor.site import assembly, dayflight
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.virtual.crew import Packs, PadCrew
 from executor.virtual.loop import run_virtual
-from executor.virtual.radio import MemoryRadio, live
-from executor.virtual.solver import SolverHere
+from executor.virtual.radio import MemoryRadio, run_radios
+from executor.virtual.solver import InProcessSolver
 from missions import DayPlanFile, PlanFile, dialect_for
 from missions.fences import Fence
 from simulator.config import SimVehicle
@@ -65,7 +65,7 @@ STANDS_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Craft:
+class VehicleOutcome:
     """One vehicle in the end, by the simulator."""
 
     charge_pct: float
@@ -84,11 +84,11 @@ class VirtualFlight:
     context: Context
     state: FleetState
     """At the end."""
-    boards: Mapping[str, OnBoard | None]
+    boards: Mapping[str, OnboardMission | None]
     """The first missions."""
     truths: tuple[Truth, ...]
     """What really happened; times are seconds of the flight's clock."""
-    crafts: Mapping[str, Craft]
+    crafts: Mapping[str, VehicleOutcome]
     said: tuple[tuple[float, Say], ...]
     """The lines for the crew, by the flight's clock."""
     launched_s: float
@@ -102,7 +102,7 @@ class VirtualFlight:
 
 
 @dataclass(frozen=True, slots=True)
-class Sorties:
+class DayScenario:
     """A day of several sorties, as its plan, its crew and its troubles have it."""
 
     day: DayPlanFile
@@ -114,10 +114,10 @@ class Sorties:
     """When the ground station dies, at a moment in which nothing is being planned."""
 
 
-Applied = Callable[[Context, Event, FleetState, float], None]
+EventCallback = Callable[[Context, Event, FleetState, float], None]
 
 
-class Nowhere:
+class NullEventSink:
     """`ports.EventSink` that keeps nothing."""
 
     def write(self, event: Event, now_s: float) -> None:
@@ -128,26 +128,26 @@ class Nowhere:
 
 
 @dataclass(frozen=True, slots=True)
-class Onlookers:
+class FlightObservers:
     """Who looks on at a flight and changes nothing."""
 
-    sink: EventSink = field(default_factory=Nowhere)
+    sink: EventSink = field(default_factory=NullEventSink)
     """Where events are written."""
-    applied: Applied = lambda *_: None
+    applied: EventCallback = lambda *_: None
     """Called after every event with what does not change, the state and the flight's time."""
     lived: Callable[[Mapping[str, SimulatedVehicle]], None] = lambda _: None
     """Called with the vehicles after every step of their lives."""
 
 
 def fly_virtual(
-    ground: Ground,
+    ground: SiteModel,
     plan: PlanFile,
     *,
     faults: Sequence[str] = (),
     seed: int = 0,
     craft: Callable[[SimVehicle], SimVehicle] = lambda vehicle: vehicle,
-    onlookers: Onlookers | None = None,
-    sorties: Sorties | None = None,
+    onlookers: FlightObservers | None = None,
+    sorties: DayScenario | None = None,
     limit_s: float = LIMIT_S,
 ) -> VirtualFlight:
     """Fly a plan over a site from the first heartbeat to the end of the supervision.
@@ -173,18 +173,18 @@ def fly_virtual(
     flight = ground.site.flight.model_copy(update={"speedup": 1.0})
     ground = replace(ground, site=ground.site.model_copy(update={"flight": flight}))
     began_s = time.perf_counter()
-    sky = partial(_Sky, ground, plan, faults, seed, craft, onlookers or Onlookers(), sorties)
+    sky = partial(_VirtualRun, ground, plan, faults, seed, craft, onlookers or FlightObservers(), sorties)
     flown = run_virtual(lambda: sky().fly(limit_s))
     return replace(flown, took_s=time.perf_counter() - began_s)
 
 
-class Quiet:
+class SilentConsole:
     """A console that nobody looks at."""
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
         """Show nothing."""
 
-    def checks(self, found: Sequence[Check]) -> None:
+    def show_checks(self, found: Sequence[Check]) -> None:
         """Show nothing."""
 
     def confirm(self, question: str) -> bool:  # noqa: ARG002 - as a console is asked
@@ -198,23 +198,23 @@ class Quiet:
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
         """Show nothing."""
 
-    def done(self) -> None:
+    def stop_drawing(self) -> None:
         """There is nothing to end."""
 
 
-class _Sky:
+class _VirtualRun:
     """A flight on its way."""
 
     def __init__(
-        self, ground: Ground, plan: PlanFile, faults: Sequence[str], seed: int,
-        craft: Callable[[SimVehicle], SimVehicle], onlookers: Onlookers, sorties: Sorties | None,
+        self, ground: SiteModel, plan: PlanFile, faults: Sequence[str], seed: int,
+        craft: Callable[[SimVehicle], SimVehicle], onlookers: FlightObservers, sorties: DayScenario | None,
     ) -> None:  # fmt: skip
         day = None if sorties is None else sorties.day
-        self._order = Order(ground.site, Path(), ground, plan, Path(), lambda _: (), day=day)
+        self._order = FlightRequest(ground.site, Path(), ground, plan, Path(), lambda _: (), day=day)
         self._onlookers, self._sorties = onlookers, sorties
-        self._solver = SolverHere(plan.solved.seed, takes_s=ground.site.flight.solve_s)
+        self._solver = InProcessSolver(plan.solved.seed, takes_s=ground.site.flight.solve_s)
         simulated = fleet_of(ground, speedup=1.0, faults=faults, seed=seed, wind=1.0, failsafe=True)
-        setup = assembly.setup_of(ground)
+        setup = assembly.build_flight_setup(ground)
         self._radios = {}
         for config in simulated.vehicles:
             rule = dialect_for(config.autopilot.value).return_parameters
@@ -230,7 +230,7 @@ class _Sky:
         self._truths: list[Truth] = []
         self._said: list[tuple[float, Say]] = []
 
-    async def _fence(
+    async def _upload_fences(
         self, context: Context, links: Mapping[str, OpenLink], clock: SystemClock, first: Mapping[str, Fence]
     ) -> None:
         """Put the fences on board, with the parameters that they need; a day's are looked at after every boot."""
@@ -238,8 +238,8 @@ class _Sky:
             return
         changes = await read_changes(context, links, clock)
         for name in links:
-            await set_changes(links[name], clock, changes.of(name))
-        for name, lists in fences_wanted(context, first).items():
+            await set_changes(links[name], clock, changes.changes_of(name))
+        for name, lists in build_wanted_lists(context, first).items():
             await load_lists(name, links[name], clock, context.vehicles[name].dialect, lists)
 
     async def fly(self, limit_s: float) -> VirtualFlight:
@@ -248,26 +248,26 @@ class _Sky:
         clock = SystemClock(1.0, 0.0, 0.0, loop.time, (0.0, 0.0))
         links = {name: radio.link for name, radio in self._radios.items()}
         for radio in self._radios.values():
-            radio.spare()
-        beats = asyncio.create_task(keep_heartbeat(links, clock))
-        tasks = [asyncio.create_task(live(self._radios.values(), self._look, every_s=STEP_S)), beats]
-        console = Quiet()
+            radio.stop_unread_streams()
+        beats = asyncio.create_task(send_heartbeats(links, clock))
+        tasks = [asyncio.create_task(run_radios(self._radios.values(), self._update, every_s=STEP_S)), beats]
+        console = SilentConsole()
         try:
-            facts = await interviews(self._order, links, clock, console)
-            context, boards, found = examined(self._order, facts)
+            facts = await interview_vehicles(self._order, links, clock, console)
+            context, boards, found = build_context_and_checklist(self._order, facts)
             stops = [check for check in found if check.severity is Severity.STOP]
             if stops:
                 raise FlightNotFlown(f"a flight in virtual time: {stops[0].subject}: {stops[0].text}")
-            first = first_fences(context, boards)
-            await self._fence(context, links, clock, first)
-            await load_all(context, links, clock, boards, console)
+            first = build_first_fences(context, boards)
+            await self._upload_fences(context, links, clock, first)
+            await upload_first_missions(context, links, clock, boards, console)
             launched_s = self._launched_s = clock.now_s()
             observer = Observer(
                 lambda line, at_s: self._said.append((at_s, line)),
                 lambda event, state, now_s: self._onlookers.applied(context, event, state, now_s),
             )
-            ahead = {} if self._order.day is None else dayflight.ahead_of(self._order.day)
-            state = fleet.initial(boards, fences=first, ahead=ahead)
+            ahead = {} if self._order.day is None else dayflight.sorties_ahead_of(self._order.day)
+            state = fleet.build_initial_state(boards, fences=first, ahead=ahead)
             wired = partial(
                 Flight, context, links=links, clock=clock, sink=self._onlookers.sink, solver=self._solver,
                 observer=observer,
@@ -275,16 +275,16 @@ class _Sky:
             flight = self._flight = wired(state)
             ended, reopened = False, None
             for away_s in () if self._sorties is None else sorted(self._sorties.away_s):
-                ended = await self._until_away(flight, launched_s + away_s, reopened)
+                ended = await self._run_until_absence(flight, launched_s + away_s, reopened)
                 if ended:
                     break
                 self._flight, reopened = None, Reopened(0.0, AWAY_S, ())
                 beats.cancel()
                 await asyncio.sleep(AWAY_S)
-                beats = asyncio.create_task(keep_heartbeat(links, clock))
+                beats = asyncio.create_task(send_heartbeats(links, clock))
                 tasks.append(beats)
-                flight = self._flight = wired(rewritten(flight.state))
-            ended = ended or await _to_the_end(flight, launched_s + limit_s, reopened)
+                flight = self._flight = wired(round_trip_state(flight.state))
+            ended = ended or await _run_to_end(flight, launched_s + limit_s, reopened)
             ended_s = clock.now_s()
             await asyncio.sleep(STANDS_S)
         finally:
@@ -293,32 +293,32 @@ class _Sky:
             for result in await asyncio.gather(*tasks, return_exceptions=True):
                 if isinstance(result, Exception):
                     raise result
-        happened = [one for truth in self._truths if (one := happening_of(truth, truth.t_s)) is not None]
+        happened = [one for truth in self._truths if (one := injected_fault_of(truth, truth.t_s)) is not None]
         frames = {name: link.counts for name, link in links.items()}
-        report = report_of(context, flight.state, ended_s, happened, frames, Said(facts, found))
-        crafts = {name: _craft(radio.vehicle) for name, radio in self._radios.items()}
+        report = build_report(context, flight.state, ended_s, happened, frames, PreflightRecord(facts, found))
+        crafts = {name: _build_outcome(radio.vehicle) for name, radio in self._radios.items()}
         return VirtualFlight(
             report, context, flight.state, boards, tuple(self._truths), crafts, tuple(self._said), launched_s,
             ended_s - launched_s, ended, 0.0,
         )  # fmt: skip
 
-    def _look(self, now_s: float) -> None:
+    def _update(self, now_s: float) -> None:
         for radio in self._radios.values():
             self._truths += radio.vehicle.drain_truths(lambda at_s: at_s)
         self._onlookers.lived(self._vehicles)
         if self._flight is not None and self._crew is not None and self._launched_s:
             self._crew.attend(self._flight, now_s)
         if self._losses and self._launched_s and now_s - self._launched_s >= self._losses[0][0]:
-            self._lose(self._losses[0][1])
+            self._crash_vehicle(self._losses[0][1])
 
-    def _lose(self, name: str) -> None:
+    def _crash_vehicle(self, name: str) -> None:
         """Have a vehicle fall, once it is well in the air."""
         frame = self._vehicles[name].autopilot.frame
         if frame.crashed_s is None and frame.body.up_m > FALLS_FROM_M:
             del self._losses[0]
-            self._vehicles[name].befall(parse_fault(f"{name}:crash@0s"))
+            self._vehicles[name].apply_injection(parse_fault(f"{name}:crash@0s"))
 
-    async def _until_away(self, flight: Flight, at_s: float, reopened: Reopened | None) -> bool:
+    async def _run_until_absence(self, flight: Flight, at_s: float, reopened: Reopened | None) -> bool:
         """Supervise until the ground station dies; returns whether everything was over before."""
         flying = asyncio.create_task(flight.run(reopened, PATIENCE_S))
         try:
@@ -331,13 +331,13 @@ class _Sky:
             await asyncio.gather(flying, return_exceptions=True)
 
 
-async def _to_the_end(flight: Flight, until_s: float, reopened: Reopened | None = None) -> bool:
+async def _run_to_end(flight: Flight, until_s: float, reopened: Reopened | None = None) -> bool:
     flying = asyncio.create_task(flight.run(reopened, PATIENCE_S))
     try:
         async with asyncio.timeout_at(until_s):
             await asyncio.shield(flying)
     except TimeoutError:
-        flight.leave()
+        flight.stop_supervising()
         with suppress(asyncio.CancelledError):
             await flying
         return False
@@ -346,9 +346,9 @@ async def _to_the_end(flight: Flight, until_s: float, reopened: Reopened | None 
     return True
 
 
-def _craft(vehicle: SimulatedVehicle) -> Craft:
+def _build_outcome(vehicle: SimulatedVehicle) -> VehicleOutcome:
     frame = vehicle.autopilot.frame
     body = frame.body
     away_m = (body.east_m**2 + body.north_m**2) ** 0.5
     broken = frame.wrecked or frame.crashed_s is not None
-    return Craft(frame.battery.charge_pct, frame.armed, broken, away_m, body.up_m)
+    return VehicleOutcome(frame.battery.charge_pct, frame.armed, broken, away_m, body.up_m)

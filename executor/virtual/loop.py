@@ -20,18 +20,18 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     def __init__(self) -> None:
         """Begin at 0 s."""
         self._now_s = 0.0
-        super().__init__(_Jumping(self.pass_by))
+        super().__init__(_JumpingSelector(self.advance))
 
     def time(self) -> float:
         """Seconds since the loop began."""
         return self._now_s
 
-    def pass_by(self, seconds: float) -> None:
+    def advance(self, seconds: float) -> None:
         """Let time pass; a task that calls this keeps all others waiting meanwhile."""
         self._now_s += seconds
 
 
-class _Jumping(selectors.DefaultSelector):
+class _JumpingSelector(selectors.DefaultSelector):
     """Waits for a file only when nothing is due ever; otherwise it lets the time pass until then."""
 
     def __init__(self, passes: Callable[[float], None]) -> None:

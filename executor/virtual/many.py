@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
-from executor.adapters.workers import workers
+from executor.adapters.workers import start_worker_pool
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -24,12 +24,12 @@ class FlightCase:
     autopilot: str
 
 
-def flight_cases(flights: int, seed: int, autopilots: Sequence[str]) -> list[FlightCase]:
+def make_flight_cases(flights: int, seed: int, autopilots: Sequence[str]) -> list[FlightCase]:
     """Return so many flights, the autopilots by turns."""
     return [FlightCase(number, seed, autopilots[number % len(autopilots)]) for number in range(flights)]
 
 
-def each(
+def map_in_processes(
     work: Callable[[T], R], orders: Sequence[T], *, jobs: int, told: Callable[[int, int], None] = lambda *_: None
 ) -> list[R]:
     """Do the same for every order; the answers have the order of the orders, whatever the number of processes.
@@ -40,26 +40,26 @@ def each(
         jobs: Processes; 1 does everything in this one.
         told: Told how many are done, of how many.
     """
-    one = partial(_undisturbed, work)
+    one = partial(_run_without_collector, work)
     if jobs <= 1 or len(orders) <= 1:
-        return list(_told(map(one, orders), len(orders), told))
-    with workers(min(jobs, len(orders))) as pool:
-        return list(_told(pool.map(one, orders), len(orders), told))
+        return list(_report_progress(map(one, orders), len(orders), told))
+    with start_worker_pool(min(jobs, len(orders))) as pool:
+        return list(_report_progress(pool.map(one, orders), len(orders), told))
 
 
-def _told(answers: Iterator[R], total: int, told: Callable[[int, int], None]) -> Iterator[R]:
+def _report_progress(answers: Iterator[R], total: int, told: Callable[[int, int], None]) -> Iterator[R]:
     for number, answer in enumerate(answers, start=1):
         told(number, total)
         yield answer
 
 
-def _undisturbed(work: Callable[[T], R], order: T) -> R:
-    with _without_collector():
+def _run_without_collector(work: Callable[[T], R], order: T) -> R:
+    with _pause_collector():
         return work(order)
 
 
 @contextmanager
-def _without_collector() -> Iterator[None]:
+def _pause_collector() -> Iterator[None]:
     """Look for cycles after a flight, not in it: a tenth of the time is spared."""
     gc.disable()
     try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterable
 
-from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
 from simulator.autopilot import STEP_S
@@ -21,7 +21,7 @@ class MemoryRadio:
     def __init__(self, vehicle: SimulatedVehicle, sysid: int) -> None:
         """Connect them."""
         self.vehicle = vehicle
-        codec = Codec()
+        codec = MavlinkCodec()
         self.link = VehicleLink(sysid, codec)
         self.link.write = self.write
         self._router = Router([self.link], codec)
@@ -32,7 +32,7 @@ class MemoryRadio:
         self._waiting.append(frame)
         return True
 
-    def pass_on(self, now_s: float) -> None:
+    def exchange_until(self, now_s: float) -> None:
         """Live until now, both ways."""
         waiting, self._waiting = self._waiting, []
         for frame in waiting:
@@ -43,15 +43,15 @@ class MemoryRadio:
 
     def heard(self, datagram: bytes) -> None:
         """Take what has come down."""
-        self._router.take(self._router.codec.decode(datagram), self.write)
+        self._router.route_frames(self._router.codec.decode(datagram), self.write)
 
-    def spare(self) -> None:
+    def stop_unread_streams(self) -> None:
         """Stop the streams that nobody reads."""
         for name in UNREAD:
             self.vehicle.autopilot.streams.set_interval(name, -1.0, 0.0)
 
 
-async def live(radios: Iterable[MemoryRadio], then: Callable[[float], None], *, every_s: float = STEP_S) -> None:
+async def run_radios(radios: Iterable[MemoryRadio], then: Callable[[float], None], *, every_s: float = STEP_S) -> None:
     """Let everybody live by the loop's time, for ever.
 
     Args:
@@ -64,6 +64,6 @@ async def live(radios: Iterable[MemoryRadio], then: Callable[[float], None], *, 
     while True:
         step += 1
         for radio in radios:
-            radio.pass_on(step * every_s)
+            radio.exchange_until(step * every_s)
         then(step * every_s)
         await asyncio.sleep(max(0.0, (step + 1) * every_s - loop.time()))

@@ -7,9 +7,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from executor.simulated.demo_site import SIMULATED_CEILING_M, demo_site
+from executor.simulated.demo_site import SIMULATED_CEILING_M, build_demo_site
 from executor.site import assembly
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.site.config import check_site
 from missions import Network, PlanFile, default_network_path, estimate, read_network
 
@@ -22,7 +22,7 @@ AMPLE_AH = 1e4
 """A battery that no route empties, until the one that is flown with is chosen."""
 
 
-def virtual_ground(
+def build_virtual_site(
     network: Path | None,
     radius_m: float | None,
     vehicles: int,
@@ -32,7 +32,7 @@ def virtual_ground(
     capacity_ah: float | None = None,
     same_distance: bool = False,
     tables: Mapping[str, object] = MappingProxyType({}),
-) -> Ground:
+) -> SiteModel:
     """Return what is known of a simulated fleet over a network before anybody flies.
 
     A network that does not know its heights is taken to be flat, and no permit is needed for any height.
@@ -51,7 +51,7 @@ def virtual_ground(
         MissionsError: the network cannot be used.
         SiteError: a figure is out of range.
     """
-    content: dict[str, Any] = demo_site(
+    content: dict[str, Any] = build_demo_site(
         network=network, radius_m=radius_m or EVERYTHING_M, vehicles=vehicles, speedup=1.0, autopilot=autopilot,
         ports=range(FIRST_PORT, FIRST_PORT + vehicles),
     )  # fmt: skip
@@ -63,7 +63,7 @@ def virtual_ground(
     content |= {"inspection": inspection, **tables}
     if capacity_ah is not None:
         content["energy"] = {"capacity_ah": capacity_ah}
-    return assembly.ground_of(check_site(content, "bench"), Path())
+    return assembly.load_site_model(check_site(content, "bench"), Path())
 
 
 def _has_heights(network: Path | None, depot: Mapping[str, float] | None) -> bool:
@@ -72,36 +72,36 @@ def _has_heights(network: Path | None, depot: Mapping[str, float] | None) -> boo
     return found.has_heights or found.flat
 
 
-def over_network(ground: Ground, network: Network) -> Ground:
+def with_network(ground: SiteModel, network: Network) -> SiteModel:
     """Return the same site over a changed network."""
-    return assembly.ground_over(ground.site, network, terrain=ground.terrain)
+    return assembly.build_site_model(ground.site, network, terrain=ground.terrain)
 
 
-def with_capacity(ground: Ground, capacity_ah: float) -> Ground:
+def with_capacity(ground: SiteModel, capacity_ah: float) -> SiteModel:
     """Return the same site with other batteries."""
     energy = ground.site.energy.model_copy(update={"capacity_ah": capacity_ah})
     site = ground.site.model_copy(update={"energy": energy})
-    return assembly.ground_over(site, ground.network, terrain=ground.terrain)
+    return assembly.build_site_model(site, ground.network, terrain=ground.terrain)
 
 
-def with_budgets(ground: Ground, budget_pct: float) -> Ground:
+def with_budgets(ground: SiteModel, budget_pct: float) -> SiteModel:
     """Return the same site with another budget for every vehicle."""
     vehicles = tuple(table.model_copy(update={"budget_pct": budget_pct}) for table in ground.site.vehicle)
     site = ground.site.model_copy(update={"vehicle": vehicles})
-    return assembly.ground_over(site, ground.network, terrain=ground.terrain)
+    return assembly.build_site_model(site, ground.network, terrain=ground.terrain)
 
 
-def dearest_pct(ground: Ground, plan: PlanFile) -> float:
+def dearest_route_pct(ground: SiteModel, plan: PlanFile) -> float:
     """Return what the dearest route of a plan takes as it is flown, with its climb and its landing."""
-    paths = assembly.paths_of(ground.setup, assembly.routes_of(ground, plan.task(), plan.plan))
-    models = assembly.pricing_of(ground).models
+    paths = assembly.build_paths(ground.setup, assembly.name_routes(ground, plan.build_task(), plan.plan))
+    models = assembly.build_pricing(ground).models
     return max(estimate(path, models[name]).energy_pct for name, path in paths.items())
 
 
-def sized(ground: Ground, plan: PlanFile, uses_pct: float) -> Ground:
+def size_batteries(ground: SiteModel, plan: PlanFile, uses_pct: float) -> SiteModel:
     """Return the same site with batteries of which the dearest route of a plan takes this share."""
     for _ in range(MOST_TRIES):
-        takes_pct = dearest_pct(ground, plan)
+        takes_pct = dearest_route_pct(ground, plan)
         if abs(takes_pct - uses_pct) < SIZED_PCT:
             break
         # A small battery gives less at the same power, so that this is no simple proportion.

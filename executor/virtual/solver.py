@@ -14,7 +14,7 @@ NO_LIMIT_S = 3600.0
 """Of real time: what ends a search is that it finds nothing better."""
 
 
-class SolverHere:
+class InProcessSolver:
     """`ports.Solver`: the same problem always has the same answer, after the same time."""
 
     def __init__(self, seed: int, *, takes_s: float, settled: int = SETTLED) -> None:

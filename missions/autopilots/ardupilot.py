@@ -14,7 +14,7 @@ from missions.autopilots.dialect import (
     Modes,
     ReturnParameters,
     SetCurrent,
-    Shutter,
+    ShutterRule,
     StartStep,
     TerrainRule,
 )
@@ -31,7 +31,7 @@ from missions.items import Frame
 from missions.performance import Performance, Ramp, Tuning
 
 
-def _ardupilot(number: int) -> ModeNumber:
+def _copter_mode(number: int) -> ModeNumber:
     return ModeNumber(number, number)
 
 
@@ -106,7 +106,7 @@ ARDUPILOT = Dialect(
     takeoff_with_position=False,  # AP_Mission.cpp: only the height of a take-off is used
     no_yaw=0.0,  # WP_YAW_BEHAVIOR decides; 0 is what comes back
     keeps_region=True,  # AP_Mission.cpp
-    shutter=Shutter("CAM1_TYPE", frozenset(Trigger), "at all", "the CAM1_TYPE of its camera"),  # AP_Camera.cpp
+    shutter=ShutterRule("CAM1_TYPE", frozenset(Trigger), "at all", "the CAM1_TYPE of its camera"),  # AP_Camera.cpp
     gimbal_rate=0.0,  # NaN does not survive: rates are kept in a byte each
     stop_radius_m=0.0,  # AP_Mission.cpp stores only the hold of a copter's waypoint; WPNAV_RADIUS decides
     pass_radius_m=0.0,
@@ -135,11 +135,11 @@ ARDUPILOT = Dialect(
     # Measured: only HEARTBEAT, TIMESYNC and STATUSTEXT come unasked.
     start=(StartStep.GUIDED, StartStep.ARM, StartStep.MISSION_START),  # measured; arming in AUTO is refused
     modes=Modes(  # guide 1.9, mode.h
-        mission=_ardupilot(3),
-        hold=_ardupilot(17),  # BRAKE: LOITER sinks at 2.5 m/s without a remote control (measured)
-        guided=_ardupilot(4),
-        return_home=_ardupilot(6),
-        land=_ardupilot(9),
+        mission=_copter_mode(3),
+        hold=_copter_mode(17),  # BRAKE: LOITER sinks at 2.5 m/s without a remote control (measured)
+        guided=_copter_mode(4),
+        return_home=_copter_mode(6),
+        land=_copter_mode(9),
         other_ways_home=frozenset({21, 27}),  # SMART_RTL, and AUTO_RTL, which is reported in a landing sequence
         manual=frozenset({0, 1, 2, 5, 7, 11, 13, 14, 15, 16, 18, 22, 23, 24, 28}),
         blind=frozenset({2}),  # FS_EKF_ACTION 2

@@ -101,7 +101,7 @@ class TerrainRule:
 
 
 @dataclass(frozen=True, slots=True)
-class Shutter:
+class ShutterRule:
     """A parameter without which an autopilot takes no pictures."""
 
     parameter: str
@@ -135,7 +135,7 @@ class Dialect:
     """param4 for 'keep facing along the way'."""
     keeps_region: bool
     """Whether a region of interest in a mission comes back as it was sent."""
-    shutter: Shutter
+    shutter: ShutterRule
     gimbal_rate: float
     """param3 and param4 of DO_GIMBAL_MANAGER_PITCHYAW for 'an angle, at no rate'."""
     stop_radius_m: float

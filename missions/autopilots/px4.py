@@ -15,7 +15,7 @@ from missions.autopilots.dialect import (
     Modes,
     ReturnParameters,
     SetCurrent,
-    Shutter,
+    ShutterRule,
     StartStep,
     TerrainRule,
 )
@@ -32,7 +32,7 @@ from missions.items import Frame
 from missions.performance import Performance, Ramp, Tuning
 
 
-def _px4(main: int, sub: int) -> ModeNumber:
+def _px4_mode(main: int, sub: int) -> ModeNumber:
     # custom_mode = sub << 24 | main << 16, while DO_SET_MODE takes the two apart (guide 1.9; px4_custom_mode.h).
     return ModeNumber(sub << 24 | main << 16, main, sub)
 
@@ -114,7 +114,7 @@ PX4 = Dialect(
     takeoff_with_position=True,  # recorded flights; NaN would be flown from wherever it stands
     no_yaw=math.nan,  # recorded flights; 0 would be 'face north'
     keeps_region=False,  # mavlink_mission.cpp: it takes DO_SET_ROI_LOCATION and cannot give it back
-    shutter=Shutter(  # navigator_main.cpp: single pictures of MAVLink cameras too are its driver's (camera_trigger)
+    shutter=ShutterRule(  # navigator_main.cpp: single pictures of MAVLink cameras too are its driver's (camera_trigger)
         "TRIG_MODE",
         frozenset({Trigger.DISTANCE, Trigger.ONCE}),
         "by distance and no single ones",
@@ -150,11 +150,11 @@ PX4 = Dialect(
     # Measured: position, battery and status come by themselves.
     start=(StartStep.ARM, StartStep.MISSION_MODE),  # measured: MISSION_START right after an ACK is denied
     modes=Modes(  # guide 1.9: main 4 (AUTO); sub 3 LOITER, 4 MISSION, 5 RTL, 6 LAND
-        mission=_px4(4, 4),
-        hold=_px4(4, 3),
-        guided=_px4(4, 3),  # it needs no other mode before arming; AUTO.LOITER is its 'wait for orders'
-        return_home=_px4(4, 5),
-        land=_px4(4, 6),
+        mission=_px4_mode(4, 4),
+        hold=_px4_mode(4, 3),
+        guided=_px4_mode(4, 3),  # it needs no other mode before arming; AUTO.LOITER is its 'wait for orders'
+        return_home=_px4_mode(4, 5),
+        land=_px4_mode(4, 6),
         other_ways_home=frozenset({9 << 24 | 4 << 16}),
         manual=frozenset({1 << 16, 2 << 16, 3 << 16, 5 << 16, 6 << 16, 7 << 16, 8 << 24 | 4 << 16}),
         blind=frozenset({2 << 16, 7 << 16}),  # failsafe.cpp: fallbacks without a position, without a height

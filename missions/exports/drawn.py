@@ -19,11 +19,11 @@ COLOURS = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#c
 """Of vehicles, in the order of their layers: Okabe and Ito's, which stand off imagery; also for the colour-blind."""
 
 
-def _nothing() -> Mapping[str, Fact]:
+def _no_facts() -> Mapping[str, Fact]:
     return NO_FACTS
 
 
-class DrawnKind(Enum):
+class MapFeatureKind(Enum):
     """What something is; the word that the formats carry."""
 
     SEGMENT = "segment"
@@ -43,7 +43,7 @@ class Reference(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class MapLinePiece:
     """Positions without a gap between them."""
 
     positions: tuple[Position, ...]
@@ -52,41 +52,41 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class DrawnWay:
+class MapLine:
     """A line on the earth."""
 
-    kind: DrawnKind
+    kind: MapFeatureKind
     name: str
-    pieces: tuple[Piece, ...]
+    pieces: tuple[MapLinePiece, ...]
     reference: Reference
     vehicle: str | None = None
-    facts: Mapping[str, Fact] = field(default_factory=_nothing)
+    facts: Mapping[str, Fact] = field(default_factory=_no_facts)
     """What else is known of it, by keys that are the same in every format."""
 
 
 @dataclass(frozen=True, slots=True)
-class DrawnPlace:
+class MapPoint:
     """A place on the earth."""
 
-    kind: DrawnKind
+    kind: MapFeatureKind
     name: str
     position: Position
     reference: Reference
     vehicle: str | None = None
     time: str | None = None
     """ISO 8601 in UTC."""
-    facts: Mapping[str, Fact] = field(default_factory=_nothing)
+    facts: Mapping[str, Fact] = field(default_factory=_no_facts)
 
 
 @dataclass(frozen=True, slots=True)
-class Drawn:
+class MapFeatures:
     """Everything that one file shows."""
 
     title: str
     vehicles: tuple[str, ...]
     """In the order of their colours."""
-    ways: Sequence[DrawnWay]
-    spots: Sequence[DrawnPlace]
+    ways: Sequence[MapLine]
+    spots: Sequence[MapPoint]
 
     def __post_init__(self) -> None:
         """Check that all formats can hold what is drawn.
@@ -94,7 +94,7 @@ class Drawn:
         Raises:
             MissionFileError: a place or a figure is not finite.
         """
-        things: list[DrawnWay | DrawnPlace] = [*self.ways, *self.spots]
+        things: list[MapLine | MapPoint] = [*self.ways, *self.spots]
         for one in things:
             for figure in _figures(one):
                 if isinstance(figure, float) and not math.isfinite(figure):
@@ -105,16 +105,16 @@ class Drawn:
         return COLOURS[self.vehicles.index(vehicle) % len(COLOURS)]
 
 
-def _figures(one: DrawnWay | DrawnPlace) -> Iterator[Fact]:
+def _figures(one: MapLine | MapPoint) -> Iterator[Fact]:
     """Yield all that is written of something as a number."""
     yield from one.facts.values()
-    pieces = [(one.position,)] if isinstance(one, DrawnPlace) else [piece.positions for piece in one.pieces]
+    pieces = [(one.position,)] if isinstance(one, MapPoint) else [piece.positions for piece in one.pieces]
     for positions in pieces:
         for position in positions:
             yield from position
 
 
-def drawn_facts(one: DrawnWay | DrawnPlace) -> dict[str, Fact]:
+def collect_facts(one: MapLine | MapPoint) -> dict[str, Fact]:
     """Return all that is known of something beside its name and its place, without what is not known."""
     facts = {"kind": one.kind.value, "vehicle": one.vehicle, **one.facts, "heights": one.reference.value}
     return {key: value for key, value in facts.items() if value is not None}

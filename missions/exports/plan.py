@@ -7,8 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from missions.asked import first_paths
-from missions.exports.drawn import NO_FACTS, Drawn, DrawnKind, DrawnPlace, DrawnWay, Fact, Piece, Position, Reference
+from missions.asked import build_first_paths
+from missions.exports.drawn import (
+    NO_FACTS,
+    Fact,
+    MapFeatureKind,
+    MapFeatures,
+    MapLine,
+    MapLinePiece,
+    MapPoint,
+    Position,
+    Reference,
+)
 from missions.network import Pylon
 from missions.pads import Pad
 from missions.planfile import PlanFile
@@ -16,7 +26,7 @@ from missions.setup import FlightSetup
 from missions.waypoints import FlightPath, Phase
 
 
-def drawn_plan(content: PlanFile, setup: FlightSetup, title: str) -> Drawn:
+def build_plan_features(content: PlanFile, setup: FlightSetup, title: str) -> MapFeatures:
     """Return a plan.
 
     Args:
@@ -25,8 +35,8 @@ def drawn_plan(content: PlanFile, setup: FlightSetup, title: str) -> Drawn:
         title: What the drawing is called.
     """
     names = tuple(vehicle.name for vehicle in content.vehicles)
-    ways = list(drawn_line(setup, {}))
-    paths = first_paths(setup, {names[route.vehicle]: route.visits for route in content.plan.routes})
+    ways = list(build_segment_lines(setup, {}))
+    paths = build_first_paths(setup, {names[route.vehicle]: route.visits for route in content.plan.routes})
     for route, duration_s, energy_pct in zip(
         content.plan.routes, content.durations_s, content.energies_pct, strict=True
     ):
@@ -38,18 +48,18 @@ def drawn_plan(content: PlanFile, setup: FlightSetup, title: str) -> Drawn:
                 "duration_s": round(duration_s, 1),
                 "energy_pct": round(energy_pct, 2),
             }
-            ways.append(drawn_route(setup, path, f"{name} planned", facts))
-    return Drawn(title, names, ways, tuple(drawn_pads(setup)))
+            ways.append(build_route_line(setup, path, f"{name} planned", facts))
+    return MapFeatures(title, names, ways, tuple(build_pad_points(setup)))
 
 
-def drawn_route(
+def build_route_line(
     setup: FlightSetup,
     path: FlightPath,
     name: str,
     facts: Mapping[str, Fact] = NO_FACTS,
     *,
     reference: Reference | None = None,
-) -> DrawnWay:
+) -> MapLine:
     """Return a vehicle's path, from its pad on where it begins there.
 
     Args:
@@ -64,10 +74,10 @@ def drawn_route(
     positions: list[Position] = [(point.lat_deg, point.lon_deg, point.alt_rel_m + base_m) for point in path.waypoints]
     if path.waypoints[0].phase is Phase.TAKEOFF:
         positions.insert(0, _pad_position(setup, pad, reference))
-    return DrawnWay(DrawnKind.PLANNED, name, (Piece(tuple(positions)),), reference, path.vehicle, facts)
+    return MapLine(MapFeatureKind.PLANNED, name, (MapLinePiece(tuple(positions)),), reference, path.vehicle, facts)
 
 
-def drawn_line(setup: FlightSetup, facts: Mapping[int, Mapping[str, Fact]]) -> Iterator[DrawnWay]:
+def build_segment_lines(setup: FlightSetup, facts: Mapping[int, Mapping[str, Fact]]) -> Iterator[MapLine]:
     """Yield every segment by the name of its asset, along the tops of its pylons where they are known.
 
     Args:
@@ -86,19 +96,19 @@ def drawn_line(setup: FlightSetup, facts: Mapping[int, Mapping[str, Fact]]) -> I
         )
         name = network.segment_name(segment.id)
         told = {"asset": name, "pylon_a": ends[0].id, "pylon_b": ends[1].id, **facts.get(segment.id, {})}
-        yield DrawnWay(DrawnKind.SEGMENT, name, (Piece(positions),), reference, None, told)
+        yield MapLine(MapFeatureKind.SEGMENT, name, (MapLinePiece(positions),), reference, None, told)
 
 
-def drawn_pads(setup: FlightSetup, reference: Reference | None = None) -> Iterator[DrawnPlace]:
+def build_pad_points(setup: FlightSetup, reference: Reference | None = None) -> Iterator[MapPoint]:
     """Yield the depot and every vehicle's pad."""
     reference = reference or reference_of(setup)
     lat_deg, lon_deg, alt_m = setup.network.depot
     # A depot over flat ground may have no height above the sea that anybody gave.
     over = reference_of(setup)
-    yield DrawnPlace(DrawnKind.DEPOT, "depot", (lat_deg, lon_deg, alt_m if over is Reference.SEA else 0.0), over)
+    yield MapPoint(MapFeatureKind.DEPOT, "depot", (lat_deg, lon_deg, alt_m if over is Reference.SEA else 0.0), over)
     for pad in setup.pads:
-        yield DrawnPlace(
-            DrawnKind.PAD, f"{pad.vehicle} pad", _pad_position(setup, pad, reference), reference, pad.vehicle
+        yield MapPoint(
+            MapFeatureKind.PAD, f"{pad.vehicle} pad", _pad_position(setup, pad, reference), reference, pad.vehicle
         )
 
 

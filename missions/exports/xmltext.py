@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from missions.exports.drawn import Drawn, DrawnPlace, DrawnWay, Position
+from missions.exports.drawn import MapFeatures, MapLine, MapPoint, Position
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -15,18 +15,18 @@ _UNFIT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Letters that XML 1.0 has no place for."""
 
 
-def add(parent: etree._Element, tag: str, text: object = None, **attributes: str) -> etree._Element:
+def add_element(parent: etree._Element, tag: str, text: object = None, **attributes: str) -> etree._Element:
     """Return a new last child, of the parent's namespace unless the tag names another."""
     from lxml import etree
 
     space = parent.tag.partition("}")[0] + "}" if "}" not in tag else ""
-    child = etree.SubElement(parent, f"{space}{tag}", {key: xml_fit(value) for key, value in attributes.items()})
+    child = etree.SubElement(parent, f"{space}{tag}", {key: to_xml_text(value) for key, value in attributes.items()})
     if text is not None:
-        child.text = xml_fit(str(text))
+        child.text = to_xml_text(str(text))
     return child
 
 
-def xml_fit(text: str) -> str:
+def to_xml_text(text: str) -> str:
     r"""Return a text as XML can hold it.
 
     >>> xml_fit("P41\x00-P42")
@@ -35,7 +35,7 @@ def xml_fit(text: str) -> str:
     return _UNFIT.sub(" ", text)
 
 
-def document(root: etree._Element) -> str:
+def format_document(root: etree._Element) -> str:
     """Return the text of a whole file."""
     from lxml import etree
 
@@ -44,24 +44,24 @@ def document(root: etree._Element) -> str:
     return text.decode()
 
 
-def xml_root(tag: str, spaces: Mapping[str | None, str], **attributes: str) -> etree._Element:
+def build_xml_root(tag: str, spaces: Mapping[str | None, str], **attributes: str) -> etree._Element:
     """Return the first element of a file, in the namespace that has no prefix."""
     from lxml import etree
 
     return etree.Element(f"{{{spaces[None]}}}{tag}", attributes, nsmap=dict(spaces))
 
 
-def degrees(value: float) -> str:
+def format_degrees(value: float) -> str:
     """Return degrees to a centimetre."""
     return f"{value:.7f}"
 
 
-def up_m_words(position: Position) -> str:
+def format_height(position: Position) -> str:
     """Return the height of a position to a centimetre; 0 where it is not known."""
     return f"{position[2] or 0.0:.2f}"
 
 
-def of_vehicle(drawn: Drawn, vehicle: str | None) -> Iterator[DrawnWay | DrawnPlace]:
+def select_vehicle_features(drawn: MapFeatures, vehicle: str | None) -> Iterator[MapLine | MapPoint]:
     """Yield what belongs to a vehicle, or to none."""
     yield from (way for way in drawn.ways if way.vehicle == vehicle)
     yield from (spot for spot in drawn.spots if spot.vehicle == vehicle)

@@ -8,40 +8,40 @@ from dataclasses import replace
 from pathlib import Path
 
 from missions.errors import NetworkError
-from missions.files import NESTED, decoded, printable
+from missions.files import NESTED, decode_text, to_printable
 from missions.geo import LocalFrame, distance_m
 from missions.network import CUT, MAX_DISTANCE_M, Network, part_within
 from missions.readers import geojson, geopackage, gpx, kml, osm, shapes, table
-from missions.readers.build import SNAP_M, Built, Mending, build
-from missions.readers.choice import Choice, Term, parse_where
-from missions.readers.drawing import Drawing, Matter, Near, Remark, why_nothing
+from missions.readers.build import SNAP_M, MendingLimits, UnplacedNetwork, build_unplaced_network
+from missions.readers.choice import Comparison, ReadOptions, parse_where
+from missions.readers.drawing import NearFilter, RawNetwork, Remark, RemarkTopic, explain_empty_file
 from missions.readers.graph import parse_graph
-from missions.readers.opened import Archive, begin_of, limited_content
-from missions.readers.text import text_of_table
-from missions.readers.understood import Selection, Understood
-from missions.readers.written import network_document
+from missions.readers.opened import Archive, read_first_bytes, read_limited
+from missions.readers.text import decode_table
+from missions.readers.understood import NetworkImport, Selection
+from missions.readers.written import build_network_document
 from missions.readers.xmltree import root_of, tag_of
 
 __all__ = [
     "SNAP_M",
-    "Matter",
-    "Mending",
+    "Comparison",
+    "MendingLimits",
+    "NetworkImport",
     "Remark",
+    "RemarkTopic",
     "Selection",
-    "Term",
-    "Understood",
+    "build_network_document",
     "default_network_path",
-    "network_document",
+    "import_network",
     "parse_where",
     "read_network",
-    "station_points",
-    "understand",
+    "read_station_points",
 ]
 
 BESIDE_SHP = (".shx", ".dbf", ".prj", ".cpg", ".sbn", ".sbx", ".qpj")
 OTHERS = (".shp", ".kml", ".kmz", ".geojson", ".geojsonl", ".gpkg", ".gpx", ".osm", ".csv", ".xlsx", ".xls", ".zip")
 """What of an archive may hold lines as well."""
-FIRST = (Matter.WHOLE, Matter.FILTER)
+FIRST = (RemarkTopic.WHOLE, RemarkTopic.FILTER)
 """Said before all else."""
 SAME_DEPOT_M = 100.0
 """A site's depot without a height takes that of the file's when it is this near."""
@@ -79,17 +79,17 @@ def read_network(
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
-    return understand(path, Selection(crs=crs), depot=depot, radius_m=radius_m).network
+    return import_network(path, Selection(crs=crs), depot=depot, radius_m=radius_m).network
 
 
-def understand(
+def import_network(
     path: Path | str,
     wanted: Selection | None = None,
     *,
     depot: tuple[float, float, float | None] | None = None,
     radius_m: float | None = None,
     anywhere: bool = False,
-) -> Understood:
+) -> NetworkImport:
     """Read a network file, and say what was understood of it.
 
     Args:
@@ -104,44 +104,48 @@ def understand(
     """
     path, wanted = Path(path), wanted or Selection()
     frame = _frame_of(path, depot)
-    choice = Choice(wanted.layers, wanted.where, wanted.crs, wanted.encoding, _near(frame, radius_m))
+    choice = ReadOptions(wanted.layers, wanted.where, wanted.crs, wanted.encoding, _build_near_filter(frame, radius_m))
     try:
-        drawing = _drawn(path, choice)
+        drawing = _read_raw_network(path, choice)
     except RecursionError:
         raise NetworkError(f"{path}: content: {NESTED}") from None
     if isinstance(drawing, str):
-        understood = _graph(drawing, str(path), choice, frame, anywhere=anywhere)
-        return understood if radius_m is None else replace(understood, network=understood.network.within(radius_m))
+        understood = _import_graph(drawing, str(path), choice, frame, anywhere=anywhere)
+        return (
+            understood if radius_m is None else replace(understood, network=understood.network.crop_to_radius(radius_m))
+        )
     choice.check_where(str(path))
-    drawing.found += choice.said
-    return _placed(drawing, wanted.mending, depot, radius_m, anywhere=anywhere)
+    drawing.found += choice.remarks
+    return _place_network(drawing, wanted.mending, depot, radius_m, anywhere=anywhere)
 
 
-def _near(frame: LocalFrame | None, radius_m: float | None) -> Near | None:
+def _build_near_filter(frame: LocalFrame | None, radius_m: float | None) -> NearFilter | None:
     """Return what of a file may be within a radius: all that may be in a network, so that names stay as they are."""
-    return None if frame is None or radius_m is None or radius_m > MAX_DISTANCE_M else Near(frame, MAX_DISTANCE_M)
+    return None if frame is None or radius_m is None or radius_m > MAX_DISTANCE_M else NearFilter(frame, MAX_DISTANCE_M)
 
 
-def _graph(text: str, source: str, choice: Choice, frame: LocalFrame | None, *, anywhere: bool) -> Understood:
+def _import_graph(
+    text: str, source: str, choice: ReadOptions, frame: LocalFrame | None, *, anywhere: bool
+) -> NetworkImport:
     """Return what a graph file shows, which holds offsets from a depot only."""
-    choice.no_layers(source, f"a {GRAPH}")
+    choice.refuse_layers(source, f"a {GRAPH}")
     if choice.where:
         raise NetworkError(f"{source}: where: expected none for a {GRAPH}, whose lines have no attributes")
     if frame is None and (not anywhere or choice.crs is not None):
         raise NetworkError(f"{source}: depot: expected lat_deg, lon_deg and alt_m, for a graph file holds offsets only")
     network = parse_graph(text, source=source, frame=frame or LocalFrame(0.0, 0.0), crs=choice.crs)
     words = "offsets without a depot: shown about 0, 0, which is in the sea; a depot places them"
-    found = () if frame is not None else (Remark(Matter.FILE, GRAPH, words),)
-    return Understood(network, GRAPH, choice.crs or "metres about the depot", frame is not None, {}, found)
+    found = () if frame is not None else (Remark(RemarkTopic.FILE, GRAPH, words),)
+    return NetworkImport(network, GRAPH, choice.crs or "metres about the depot", frame is not None, {}, found)
 
 
-def station_points(path: Path | str) -> dict[str, tuple[float, float, float | None]]:
+def read_station_points(path: Path | str) -> dict[str, tuple[float, float, float | None]]:
     """Return the points of a file by their names: where vehicles may stand, with the ground's height where it is known.
 
     Raises:
         NetworkError: it cannot be read.
     """
-    drawing = _drawn(Path(path), Choice())
+    drawing = _read_raw_network(Path(path), ReadOptions())
     if isinstance(drawing, str):
         raise NetworkError(f"{path}: content: expected a file with points, got a {GRAPH}")
     depot = drawing.depot
@@ -152,10 +156,10 @@ def station_points(path: Path | str) -> dict[str, tuple[float, float, float | No
     }
 
 
-def _drawn(path: Path, choice: Choice) -> Drawing | str:
+def _read_raw_network(path: Path, choice: ReadOptions) -> RawNetwork | str:
     """Return what a file shows; of a graph file its text, which its depot gives a place to."""
     source = str(path)
-    drawing = _drawn_by_content(path, source, choice)
+    drawing = _read_by_content(path, source, choice)
     if choice.encoding is not None and (isinstance(drawing, str) or drawing.format not in {table.CSV, shapes.FORMAT}):
         kind = GRAPH if isinstance(drawing, str) else drawing.format
         raise NetworkError(
@@ -164,115 +168,115 @@ def _drawn(path: Path, choice: Choice) -> Drawing | str:
     return drawing
 
 
-def _drawn_by_content(path: Path, source: str, choice: Choice) -> Drawing | str:
+def _read_by_content(path: Path, source: str, choice: ReadOptions) -> RawNetwork | str:
     if path.suffix.lower() in BESIDE_SHP:
         raise NetworkError(f"{source}: file: expected the .shp, of which this is a part")
-    if begin_of(path) == geopackage.MAGIC:
-        return geopackage.draw_geopackage(path, source, choice)
-    content = limited_content(path)
+    if read_first_bytes(path) == geopackage.MAGIC:
+        return geopackage.read_geopackage(path, source, choice)
+    content = read_limited(path)
     if content.startswith(shapes.MAGIC):
-        return shapes.draw_shapefile(path, source, choice)
+        return shapes.read_shapefile(path, source, choice)
     if content.startswith(b"PK"):
-        return _drawn_archive(content, source, choice)
+        return _read_archive(content, source, choice)
     if path.suffix.lower() in XML or content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
-        return _drawn_xml(content, source, choice)
-    text, remark = text_of_table(content, source, choice.encoding)
+        return _read_xml(content, source, choice)
+    text, remark = decode_table(content, source, choice.encoding)
     if text.lstrip().startswith("{"):
-        return _drawn_json((decoded(content, source, NetworkError) if remark else text).lstrip(), source, choice)
+        return _read_json((decode_text(content, source, NetworkError) if remark else text).lstrip(), source, choice)
     if "pylons_position" in text:
-        return decoded(content, source, NetworkError)
-    if table.looks_like_table(text) or path.suffix.lower() == ".csv":
-        return table.draw_csv(text, source, choice, remark=remark)
+        return decode_text(content, source, NetworkError)
+    if table.is_pole_table(text) or path.suffix.lower() == ".csv":
+        return table.parse_csv(text, source, choice, remark=remark)
     raise NetworkError(
         f"{source}: content: expected GeoJSON, or a graph file with pylons_position, or one of {FORMATS}; found none"
     )
 
 
-def _drawn_archive(content: bytes, source: str, choice: Choice) -> Drawing:
+def _read_archive(content: bytes, source: str, choice: ReadOptions) -> RawNetwork:
     archive = Archive(content, source)
     if "xl/workbook.xml" in archive.names:
-        return table.draw_xlsx(archive, content, source, choice)
-    if archive.ending_in(".shp"):
-        drawing, read = shapes.draw_zipped_shapes(archive, source, choice), ".shp"
-    elif archive.ending_in(".kml"):
-        drawing, read = kml.draw_kmz(archive, source, choice), ".kml"
+        return table.parse_xlsx(archive, content, source, choice)
+    if archive.list_by_suffix(".shp"):
+        drawing, read = shapes.read_zipped_shapes(archive, source, choice), ".shp"
+    elif archive.list_by_suffix(".kml"):
+        drawing, read = kml.parse_kmz(archive, source, choice), ".kml"
     else:
-        others = ", ".join(map(repr, _others(archive, "")))
+        others = ", ".join(map(repr, _list_other_files(archive, "")))
         raise NetworkError(
             f"{source}: content: expected a KMZ, shapefiles or a workbook in the archive, found none"
             + (f" but {others}: unpack it" if others else "")
         )
-    others = ", ".join(map(repr, _others(archive, read)))
+    others = ", ".join(map(repr, _list_other_files(archive, read)))
     if others:
-        drawing.found.append(Remark(Matter.WHOLE, source, f"also in the archive, and not read: {others}"))
+        drawing.found.append(Remark(RemarkTopic.WHOLE, source, f"also in the archive, and not read: {others}"))
     return drawing
 
 
-def _others(archive: Archive, read: str) -> Iterator[str]:
+def _list_other_files(archive: Archive, read: str) -> Iterator[str]:
     """Yield what else of an archive may hold lines, by its name."""
     return (
-        printable(name)
+        to_printable(name)
         for name in archive.names
         if name.lower().endswith(OTHERS) and not name.lower().endswith(read or "/")
     )
 
 
-def _drawn_xml(content: bytes, source: str, choice: Choice) -> Drawing:
+def _read_xml(content: bytes, source: str, choice: ReadOptions) -> RawNetwork:
     root = root_of(content, source)
     if tag_of(root) in {"kml", *kml.ROOTS}:
-        return kml.draw_kml([root], source, choice)
-    reader = {"gpx": gpx.draw_gpx, "osm": osm.draw_osm_xml}.get(tag_of(root))
+        return kml.parse_kml([root], source, choice)
+    reader = {"gpx": gpx.parse_gpx, "osm": osm.parse_osm_xml}.get(tag_of(root))
     if reader is None:
-        says = printable(" ".join(str(text) for text in root.itertext()))[:200]
+        says = to_printable(" ".join(str(text) for text in root.itertext()))[:200]
         is_error = any(word in tag_of(root).lower() for word in ("exception", "error"))
         words = f": a server's error: {says}" if is_error else ""
         raise NetworkError(f"{source}: content: expected XML that is kml, gpx or osm, got {tag_of(root)!r}{words}")
     return reader(root, source, choice)
 
 
-def _drawn_json(text: str, source: str, choice: Choice) -> Drawing:
+def _read_json(text: str, source: str, choice: ReadOptions) -> RawNetwork:
     document = geojson.parse_features(text, source)
     if "elements" in document and "features" not in document:
-        return osm.draw_overpass(document, source, choice)
-    return geojson.draw_geojson(document, source, choice)
+        return osm.parse_overpass(document, source, choice)
+    return geojson.parse_geojson(document, source, choice)
 
 
-def _placed(
-    drawing: Drawing,
-    mending: Mending,
+def _place_network(
+    drawing: RawNetwork,
+    mending: MendingLimits,
     given: tuple[float, float, float | None] | None,
     radius_m: float | None,
     *,
     anywhere: bool,
-) -> Understood:
+) -> NetworkImport:
     """Return a network about its depot: the caller's, or the file's, or where neither is, if it may, its middle."""
     source = drawing.source
     frame, alt_known = _frame_of(Path(source), given), given is not None and given[2] is not None
     if frame is None or not alt_known:
-        frame, alt_known = _own_depot(drawing, frame)
+        frame, alt_known = _find_depot(drawing, frame)
     if frame is None and radius_m is not None:
         raise NetworkError(f"{source}: radius_m: expected a depot beside it, the network's file has none")
-    drawing.near = _near(frame, radius_m)
+    drawing.near = _build_near_filter(frame, radius_m)
     drawing.keep_near()
     if drawing.far is not None and not (drawing.lines or drawing.spans):
-        raise _nothing_near(drawing, frame, radius_m)
-    built = build(drawing, mending)
+        raise _build_nothing_near_error(drawing, frame, radius_m)
+    built = build_unplaced_network(drawing, mending)
     if not built.segments:
         poles = f": {len(drawing.poles)} points and no line" if drawing.poles else ""
         raise NetworkError(
-            f"{source}: segments: expected at least one, found none{poles}{why_nothing(drawing.remarks)}"
+            f"{source}: segments: expected at least one, found none{poles}{explain_empty_file(drawing.remarks)}"
         )
     if frame is not None and radius_m is not None:
-        built = _cut(built, frame, radius_m)
+        built = _crop_to_radius(built, frame, radius_m)
         if not built.segments:
-            raise _nothing_near(drawing, frame, radius_m)
+            raise _build_nothing_near_error(drawing, frame, radius_m)
     has_depot, knows_ground = frame is not None, any(pylon.elevation_m is not None for pylon in built.pylons)
     if frame is None:
         if not anywhere:
             raise NetworkError(
                 f"{source}: depot: expected a Point with property role 'depot', or a depot in the site file"
             )
-        frame = _middle(source, built)
+        frame = _find_middle(source, built)
     elif not alt_known and knows_ground and not anywhere:
         raise NetworkError(
             f"{source}: depot: expected its height above sea level, because the pylons have elevation_m: alt_m "
@@ -280,10 +284,10 @@ def _placed(
         )
     network = Network(built.pylons, built.segments, frame, source, drawing.flat)
     found = sorted(built.found, key=lambda one: one.matter not in FIRST)
-    return Understood(network, drawing.format, drawing.crs, has_depot, built.lines, tuple(found))
+    return NetworkImport(network, drawing.format, drawing.crs, has_depot, built.lines, tuple(found))
 
 
-def _nothing_near(drawing: Drawing, frame: LocalFrame | None, radius_m: float | None) -> NetworkError:
+def _build_nothing_near_error(drawing: RawNetwork, frame: LocalFrame | None, radius_m: float | None) -> NetworkError:
     hint = ""
     if frame is not None and drawing.far is not None and abs(drawing.far[1]) <= 90.0:
         swapped = distance_m(frame.lat_deg, frame.lon_deg, drawing.far[1], drawing.far[0]) <= MAX_DISTANCE_M
@@ -291,16 +295,18 @@ def _nothing_near(drawing: Drawing, frame: LocalFrame | None, radius_m: float | 
     return NetworkError(f"{drawing.source}: radius_m: no segment lies within {radius_m:g} m of the depot{hint}")
 
 
-def _cut(built: Built, frame: LocalFrame, radius_m: float) -> Built:
+def _crop_to_radius(built: UnplacedNetwork, frame: LocalFrame, radius_m: float) -> UnplacedNetwork:
     """Return what lies within a radius, and what was found of it; a network of a country would be refused as such."""
     pylons, segments = part_within(built.pylons, built.segments, frame, radius_m)
     lines = {segment.label: built.lines.get(segment.label, "") for segment in segments}
     known = {pylon.id for pylon in built.pylons} | set(built.lines) | set(built.lines.values())
     gone = known - {pylon.id for pylon in pylons} - set(lines) - set(lines.values())
-    return Built(pylons, segments, lines, tuple(one for one in built.found if (one.about or one.asset) not in gone))
+    return UnplacedNetwork(
+        pylons, segments, lines, tuple(one for one in built.found if (one.about or one.asset) not in gone)
+    )
 
 
-def _own_depot(drawing: Drawing, known: LocalFrame | None) -> tuple[LocalFrame | None, bool]:
+def _find_depot(drawing: RawNetwork, known: LocalFrame | None) -> tuple[LocalFrame | None, bool]:
     """Return the file's depot, or one that is known with the height of the file's if that is near.
 
     With it comes whether its height is known.
@@ -319,7 +325,7 @@ def _own_depot(drawing: Drawing, known: LocalFrame | None) -> tuple[LocalFrame |
         raise NetworkError(f"{drawing.source}: {depot.place}: depot: {error}") from error
 
 
-def _middle(source: str, built: Built) -> LocalFrame:
+def _find_middle(source: str, built: UnplacedNetwork) -> LocalFrame:
     """Return the middle of the poles, for who only looks at them."""
     first = built.pylons[0]
     about = LocalFrame(first.lat_deg, first.lon_deg)

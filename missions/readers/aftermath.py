@@ -9,9 +9,9 @@ from statistics import median
 import numpy as np
 
 from missions.geo import FloatArray
-from missions.readers.drawing import Matter, Remark
+from missions.readers.drawing import Remark, RemarkTopic
 from missions.readers.nodes import Nodes
-from missions.readers.planar import crossings, nearest_span
+from missions.readers.planar import find_crossings, find_nearest_span
 
 NEARLY_M = 10.0
 """Ends that are nearer than this to another line, and do not meet it, are worth a look."""
@@ -23,7 +23,7 @@ MOST_LOOKED_AT = 2000
 """Of one kind, for the time it takes; there is something wrong with all of the others, too."""
 
 
-def look_over(
+def find_oddities(
     nodes: Nodes,
     pairs: Sequence[tuple[int, int]],
     labels: Sequence[str],
@@ -38,37 +38,39 @@ def look_over(
     places_m = np.array([node.at_m for node in nodes.nodes], dtype=np.float64)
     ends = np.array(pairs, dtype=np.intp)
     ends_m = places_m[ends]
-    yield from _lengths(ends_m, labels, lines, longest_m)
-    yield from _crossings(nodes, ends_m, ends, labels)
-    yield from _nearly(nodes, places_m, ends_m, ends, labels)
-    yield from _unused(nodes, places_m, ends_m, labels, unused)
+    yield from _check_lengths(ends_m, labels, lines, longest_m)
+    yield from _check_crossings(nodes, ends_m, ends, labels)
+    yield from _check_near_misses(nodes, places_m, ends_m, ends, labels)
+    yield from _check_unused(nodes, places_m, ends_m, labels, unused)
 
 
-def _lengths(ends_m: FloatArray, labels: Sequence[str], lines: Sequence[str], longest_m: float) -> Iterator[Remark]:
+def _check_lengths(
+    ends_m: FloatArray, labels: Sequence[str], lines: Sequence[str], longest_m: float
+) -> Iterator[Remark]:
     lengths_m = np.hypot(*(ends_m[:, 1] - ends_m[:, 0]).T).tolist()
     by_line: dict[str, list[float]] = {}
     for length_m, label, line in zip(lengths_m, labels, lines, strict=True):
         by_line.setdefault(line, []).append(length_m)
         if length_m > longest_m:
             text = f"{length_m:.0f} m long: is a pole missing? max_span_m divides where a file has no poles"
-            yield Remark(Matter.LONG, label, text)
+            yield Remark(RemarkTopic.LONG, label, text)
     for line, own_m in by_line.items():
         if len(own_m) > 2 and median(own_m) < SHORT_M:
             yield Remark(
-                Matter.SHORT, line, f"half of its spans are shorter than {median(own_m):.1f} m: are these poles?"
+                RemarkTopic.SHORT, line, f"half of its spans are shorter than {median(own_m):.1f} m: are these poles?"
             )
 
 
-def _crossings(nodes: Nodes, ends_m: FloatArray, ends: np.ndarray, labels: Sequence[str]) -> Iterator[Remark]:
-    for count, (one, other, at_m) in enumerate(crossings(ends_m, ends)):
+def _check_crossings(nodes: Nodes, ends_m: FloatArray, ends: np.ndarray, labels: Sequence[str]) -> Iterator[Remark]:
+    for count, (one, other, at_m) in enumerate(find_crossings(ends_m, ends)):
         if count == MOST_LOOKED_AT:
             return
         lat_deg, lon_deg = nodes.frame.to_wgs84_deg(*at_m)
         text = f"crosses {labels[other]} at {lat_deg:.6f}, {lon_deg:.6f} without a pole: two lines that do not meet"
-        yield Remark(Matter.CROSSING, labels[one], text)
+        yield Remark(RemarkTopic.CROSSING, labels[one], text)
 
 
-def _nearly(
+def _check_near_misses(
     nodes: Nodes, places_m: FloatArray, ends_m: FloatArray, ends: np.ndarray, labels: Sequence[str]
 ) -> Iterator[Remark]:
     degrees = np.bincount(ends.ravel(), minlength=len(places_m))
@@ -83,7 +85,7 @@ def _nearly(
         mine = {number for end in ends[own].tolist() for number in beside[end]}
         if len(mine) == len(ends):
             continue
-        span, away_m = nearest_span(places_m[node], ends_m, sorted(mine))
+        span, away_m = find_nearest_span(places_m[node], ends_m, sorted(mine))
         if away_m > NEARLY_M:
             continue
         meets = next((end for end in ends[span].tolist() if math.dist(places_m[end], places_m[node]) <= NEARLY_M), None)
@@ -93,18 +95,18 @@ def _nearly(
             to = f"{nodes.nodes[meets].name!r} of {labels[span]}" if meets is not None else labels[span]
             gap_m = away_m if meets is None else math.dist(places_m[meets], places_m[node])
             text = f"{nodes.nodes[node].name!r} ends {gap_m:.1f} m from {to} and does not meet it; snap_m = "
-            yield Remark(Matter.NEARLY, labels[own], f"{text}{math.ceil(gap_m * 10 + 1e-6) / 10:g} joins them")
+            yield Remark(RemarkTopic.NEARLY, labels[own], f"{text}{math.ceil(gap_m * 10 + 1e-6) / 10:g} joins them")
 
 
-def _unused(
+def _check_unused(
     nodes: Nodes, places_m: FloatArray, ends_m: FloatArray, labels: Sequence[str], unused: Sequence[int]
 ) -> Iterator[Remark]:
     for count, index in enumerate(unused):
         text = "on no line: left out"
         if count < MOST_LOOKED_AT:
-            span, away_m = nearest_span(places_m[index], ends_m)
+            span, away_m = find_nearest_span(places_m[index], ends_m)
             if away_m <= ASIDE_M:
                 text += (
                     f"; {labels[span]} is {away_m:.1f} m away, snap_m = {math.ceil(away_m * 10 + 1e-6) / 10:g} takes it"
                 )
-        yield Remark(Matter.UNUSED, nodes.nodes[index].name, text)
+        yield Remark(RemarkTopic.UNUSED, nodes.nodes[index].name, text)

@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from missions.errors import AreaError, NetworkError
-from missions.files import NESTED, decoded
+from missions.files import NESTED, decode_text
 from missions.readers import geojson, kml
-from missions.readers.attributes import metres, name_of
-from missions.readers.choice import Choice, Term
+from missions.readers.attributes import name_of, read_metres
+from missions.readers.choice import Comparison, ReadOptions
 from missions.readers.drawing import MOST_VERTICES, Vertex
-from missions.readers.opened import Archive, begin_of, limited_content
-from missions.readers.xmltree import children, line_of, root_of, tag_of, text_of
+from missions.readers.opened import Archive, read_first_bytes, read_limited
+from missions.readers.xmltree import iterate_children, line_of, root_of, tag_of, text_of
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -33,7 +33,7 @@ LatLon = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class ReadArea:
+class FileArea:
     """An area as its file has it."""
 
     place: str
@@ -47,7 +47,7 @@ class ReadArea:
     """Of `FIGURES`, as far as the feature has them."""
 
 
-def read_areas(path: Path, *, layers: Sequence[str] = (), where: Sequence[Term] = ()) -> tuple[ReadArea, ...]:
+def read_areas(path: Path, *, layers: Sequence[str] = (), where: Sequence[Comparison] = ()) -> tuple[FileArea, ...]:
     """Return the areas of a file, of several parts each part for itself.
 
     Args:
@@ -58,7 +58,7 @@ def read_areas(path: Path, *, layers: Sequence[str] = (), where: Sequence[Term] 
     Raises:
         AreaError: one line that names the file, the feature and what was expected.
     """
-    choice = Choice(tuple(layers), tuple(where))
+    choice = ReadOptions(tuple(layers), tuple(where))
     try:
         found = tuple(_read(path, choice))
         choice.check_where(str(path))
@@ -94,101 +94,110 @@ def check_outline(rings_deg: Iterable[Sequence[LatLon]], place: str, *, is_line:
             raise AreaError(f"{place}: expected {what}, got {len(set(ring))}")
 
 
-def _read(path: Path, choice: Choice) -> Iterator[ReadArea]:
+def _read(path: Path, choice: ReadOptions) -> Iterator[FileArea]:
     source = str(path)
-    begin_of(path)  # says why a file cannot be read
-    content = limited_content(path)
+    read_first_bytes(path)  # says why a file cannot be read
+    content = read_limited(path)
     if content.startswith(b"PK"):
         archive = Archive(content, source)
-        if not archive.ending_in(".kml"):
+        if not archive.list_by_suffix(".kml"):
             raise AreaError(f"{source}: content: expected {FORMATS}, found an archive without a .kml")
-        roots = [root_of(document, source) for document in kml.kml_of(archive)]
-        yield from _of_kml(roots, source, choice, archive.ending_in(".kml"))
+        roots = [root_of(document, source) for document in kml.extract_kml(archive)]
+        yield from _read_kml(roots, source, choice, archive.list_by_suffix(".kml"))
         return
     if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") or path.suffix.lower() in {".kml", ".kmz"}:
-        yield from _of_kml([root_of(content, source)], source, choice)
+        yield from _read_kml([root_of(content, source)], source, choice)
         return
-    text = decoded(content, source, AreaError).lstrip()
+    text = decode_text(content, source, AreaError).lstrip()
     if not text.startswith("{"):
         raise AreaError(f"{source}: content: expected {FORMATS}, found none")
-    yield from _of_geojson(geojson.parse_features(text, source), source, choice)
+    yield from _read_geojson(geojson.parse_features(text, source), source, choice)
 
 
-def _of_geojson(document: Mapping[str, object], source: str, choice: Choice) -> Iterator[ReadArea]:
-    choice.no_layers(source, geojson.FORMAT)
+def _read_geojson(document: Mapping[str, object], source: str, choice: ReadOptions) -> Iterator[FileArea]:
+    choice.refuse_layers(source, geojson.FORMAT)
     geojson.check_whole(document, source)
     system = geojson.system_of(document, source)
     for feature in geojson.features_of(document, source):
-        if not choice.takes(feature.properties):
+        if not choice.is_wanted(feature.properties):
             continue
         name = name_of(feature.properties, NAMES) or name_of({"id": feature.id})
         place = f"{source}: {feature.place}" + (f" {name!r}" if name else "")
-        figures = _figures(feature.properties, place)
+        figures = _read_figures(feature.properties, place)
         at = f"{place}: coordinates"
         match feature.kind:
             case "Polygon" | "MultiPolygon":
-                polygons = [feature.coordinates] if feature.kind == "Polygon" else _list(feature.coordinates, at)
+                polygons = [feature.coordinates] if feature.kind == "Polygon" else _expect_list(feature.coordinates, at)
                 for polygon in polygons:
-                    rings = tuple(_closed(geojson.positions_of(ring, at, system), place) for ring in _list(polygon, at))
-                    yield _area(place, name, rings, figures)
+                    rings = tuple(
+                        _check_closed_ring(geojson.positions_of(ring, at, system), place)
+                        for ring in _expect_list(polygon, at)
+                    )
+                    yield _build_area(place, name, rings, figures)
             case "LineString" | "MultiLineString":
-                lines = [feature.coordinates] if feature.kind == "LineString" else _list(feature.coordinates, at)
+                lines = [feature.coordinates] if feature.kind == "LineString" else _expect_list(feature.coordinates, at)
                 for line in lines:
-                    yield _area(place, name, (_places(geojson.positions_of(line, at, system)),), figures, is_line=True)
+                    yield _build_area(
+                        place, name, (_drop_heights(geojson.positions_of(line, at, system)),), figures, is_line=True
+                    )
             case other:
                 raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {other or 'none'}")
 
 
-def _of_kml(
-    roots: Sequence[etree._Element], source: str, choice: Choice, inside: Sequence[str] = ()
-) -> Iterator[ReadArea]:
+def _read_kml(
+    roots: Sequence[etree._Element], source: str, choice: ReadOptions, inside: Sequence[str] = ()
+) -> Iterator[FileArea]:
     for root in roots:
         if tag_of(root) not in {"kml", *kml.ROOTS}:
             raise AreaError(f"{source}: content: expected {FORMATS}, got XML with {tag_of(root)!r}")
     for link in kml.links_of(roots, inside):
         raise AreaError(f"{source}: NetworkLink {text_of(link, 'name')!r}: expected the areas themselves, got a link")
     marks = list(kml.placemarks_of(roots, ""))
-    wanted = choice.chosen_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
+    wanted = choice.select_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
     for mark, folder in marks:
         name = text_of(mark, "name")
         attributes = {**kml.attributes_of(mark), "folder": folder, **({"name": name} if name else {})}
-        if folder in wanted and choice.takes(attributes):
+        if folder in wanted and choice.is_wanted(attributes):
             place = f"{source}: Placemark {name!r}" if name else f"{source}: Placemark in {line_of(mark)}"
-            yield from _of_mark(mark, name, place, _figures(attributes, place))
+            yield from _read_placemark(mark, name, place, _read_figures(attributes, place))
 
 
-def _of_mark(mark: etree._Element, name: str, place: str, figures: Mapping[str, float]) -> Iterator[ReadArea]:
+def _read_placemark(mark: etree._Element, name: str, place: str, figures: Mapping[str, float]) -> Iterator[FileArea]:
     empty = True
     for geometry in kml.geometries_of(mark):
         empty = False
         match tag_of(geometry):
             case "Polygon":
-                sides = [side for key in ("outerBoundaryIs", "innerBoundaryIs") for side in children(geometry, key)]
-                rings = [ring for side in sides for ring in children(side, "LinearRing")]
-                if next(children(geometry, "outerBoundaryIs"), None) is None or not rings:
+                sides = [
+                    side for key in ("outerBoundaryIs", "innerBoundaryIs") for side in iterate_children(geometry, key)
+                ]
+                rings = [ring for side in sides for ring in iterate_children(side, "LinearRing")]
+                if next(iterate_children(geometry, "outerBoundaryIs"), None) is None or not rings:
                     raise AreaError(f"{place}: outerBoundaryIs: expected a LinearRing, found none")
-                yield _area(place, name, tuple(_closed(_of_ring(ring, place), place) for ring in rings), figures)
+                yield _build_area(
+                    place, name, tuple(_check_closed_ring(_read_ring(ring, place), place) for ring in rings), figures
+                )
             case "LinearRing":
-                yield _area(place, name, (_closed(_of_ring(geometry, place), place),), figures)
+                yield _build_area(place, name, (_check_closed_ring(_read_ring(geometry, place), place),), figures)
             case "LineString":
-                yield _area(place, name, (_places(_of_ring(geometry, place)),), figures, is_line=True)
+                yield _build_area(place, name, (_drop_heights(_read_ring(geometry, place)),), figures, is_line=True)
             case other:
                 raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {other}")
     if empty:
         raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got none")
 
 
-def _area(
+def _build_area(
     place: str, name: str, rings: tuple[tuple[LatLon, ...], ...], figures: Mapping[str, float], *, is_line: bool = False
-) -> ReadArea:
+) -> FileArea:
     if not rings:
         raise AreaError(f"{place}: coordinates: expected an outline, got none")
     check_outline(rings, place, is_line=is_line)
-    return ReadArea(place, name, rings, is_line, figures)
+    return FileArea(place, name, rings, is_line, figures)
 
 
-def _closed(positions: Sequence[Vertex], place: str) -> tuple[LatLon, ...]:
-    places = _places(positions)
+def _check_closed_ring(positions: Sequence[Vertex], place: str) -> tuple[LatLon, ...]:
+    places = _drop_heights(positions)
     if len(places) < 4 or places[0] != places[-1]:
         raise AreaError(
             f"{place}: expected an outline of at least 3 corners that ends where it begins, got {len(places)} positions"
@@ -196,20 +205,20 @@ def _closed(positions: Sequence[Vertex], place: str) -> tuple[LatLon, ...]:
     return places[:-1]
 
 
-def _places(positions: Iterable[Vertex]) -> tuple[LatLon, ...]:
+def _drop_heights(positions: Iterable[Vertex]) -> tuple[LatLon, ...]:
     return tuple((lat_deg, lon_deg) for lat_deg, lon_deg, _ in positions)
 
 
-def _of_ring(geometry: etree._Element, place: str) -> list[Vertex]:
+def _read_ring(geometry: etree._Element, place: str) -> list[Vertex]:
     return kml.vertices_of(geometry, place, Counter())
 
 
-def _figures(attributes: Mapping[str, object], place: str) -> dict[str, float]:
-    found = {key: metres(attributes, (key,), place) for key in FIGURES}
+def _read_figures(attributes: Mapping[str, object], place: str) -> dict[str, float]:
+    found = {key: read_metres(attributes, (key,), place) for key in FIGURES}
     return {key: value for key, value in found.items() if value is not None}
 
 
-def _list(value: object, place: str) -> list[object]:
+def _expect_list(value: object, place: str) -> list[object]:
     if not isinstance(value, list) or not value:
         raise AreaError(f"{place}: expected a list of outlines, got {str(value)[:60]}")
     return value

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 from missions.errors import NetworkError
-from missions.files import is_figure, printable
+from missions.files import is_figure, to_printable
 from missions.readers.drawing import Attributes
 from missions.readers.values import METRES, NO_FIGURE, NO_HEIGHT_M, is_blank, metres_of
 
@@ -44,43 +44,43 @@ _HSTORE = re.compile(r'"((?:[^"\\]|\\.)*)"\s*=>\s*"((?:[^"\\]|\\.)*)"')
 _MAP_ID = re.compile(r"(n|node|w|way|r|relation)/?(-?\d+)")
 
 
-class Plain(dict[str, object]):
+class PlainAttributes(dict[str, object]):
     """Attributes by their plain names, without those that say nothing."""
 
 
 @lru_cache(maxsize=4096)
-def plain_name(key: str) -> str:
+def normalise_key(key: str) -> str:
     """Return an attribute's name in small letters, with one kind of divider."""
     low = key.strip().lower()
     found = _DIVIDER.sub("_", low)
     return found if low.endswith("_") else found.strip("_")
 
 
-def by_plain_name(attributes: Attributes) -> Plain:
+def normalise_attributes(attributes: Attributes) -> PlainAttributes:
     """Return attributes by their plain names, without those that say nothing."""
-    if isinstance(attributes, Plain):
+    if isinstance(attributes, PlainAttributes):
         return attributes
-    return Plain((plain_name(key), value) for key, value in attributes.items() if not is_blank(value))
+    return PlainAttributes((normalise_key(key), value) for key, value in attributes.items() if not is_blank(value))
 
 
-def flattened(attributes: Attributes) -> Attributes:
+def flatten_attributes(attributes: Attributes) -> Attributes:
     """Return attributes with those that are nested in one of them beside it; its own win."""
     inner: dict[str, object] = {}
     prefixed: dict[str, object] = {}
     for key, value in attributes.items():
-        low = plain_name(key)
+        low = normalise_key(key)
         if low in NESTED:
-            inner |= _nested(value)
+            inner |= _parse_nested(value)
         elif low.startswith("tags_"):  # 'tags.power', as tables make it of what is nested
             prefixed[key.strip()[len("tags_") :]] = value
     if not inner and not prefixed:
         return attributes
     own = {key: value for key, value in attributes.items() if not is_blank(value)}
-    known = {plain_name(key) for key in own}
-    return {**{key: value for key, value in {**inner, **prefixed}.items() if plain_name(key) not in known}, **own}
+    known = {normalise_key(key) for key in own}
+    return {**{key: value for key, value in {**inner, **prefixed}.items() if normalise_key(key) not in known}, **own}
 
 
-def _nested(value: object) -> Mapping[str, object]:
+def _parse_nested(value: object) -> Mapping[str, object]:
     if isinstance(value, Mapping):
         return {str(key): own for key, own in value.items()}
     if not isinstance(value, str):
@@ -91,32 +91,32 @@ def _nested(value: object) -> Mapping[str, object]:
         except (ValueError, RecursionError):
             return {}
         return found if isinstance(found, dict) else {}
-    return {_unescaped(key): _unescaped(own) for key, own in _HSTORE.findall(value)}
+    return {_unescape(key): _unescape(own) for key, own in _HSTORE.findall(value)}
 
 
-def _unescaped(text: str) -> str:
+def _unescape(text: str) -> str:
     return re.sub(r"\\(.)", r"\1", text)
 
 
-def said(attributes: Attributes, keys: Sequence[str]) -> object:
+def find_first_value(attributes: Attributes, keys: Sequence[str]) -> object:
     """Return the value of the first of some attributes that is there and says something."""
-    known = by_plain_name(attributes)
+    known = normalise_attributes(attributes)
     return next((known[key] for key in keys if key in known), None)
 
 
 def name_of(attributes: Attributes, keys: Sequence[str] = NAMES) -> str:
     """Return what people call a feature; empty where nothing says so."""
-    known = by_plain_name(attributes)
+    known = normalise_attributes(attributes)
     for key in keys:
         value = known.get(key)
         if isinstance(value, str | int | float) and not isinstance(value, bool):
             # Spreadsheets and old tables have whole numbers as 12.0.
             text = str(int(value) if isinstance(value, float) and value.is_integer() else value)
-            return printable(unicodedata.normalize("NFC", text))
+            return to_printable(unicodedata.normalize("NFC", text))
     return ""
 
 
-def map_id(attributes: Attributes, own_id: object, kind: str) -> tuple[str, str] | None:
+def osm_id_of(attributes: Attributes, own_id: object, kind: str) -> tuple[str, str] | None:
     """Return whether a feature is a node, a way or a relation of OpenStreetMap, and its number; else None.
 
     Args:
@@ -124,7 +124,7 @@ def map_id(attributes: Attributes, own_id: object, kind: str) -> tuple[str, str]
         own_id: What its file says beside them, as GeoJSON does.
         kind: What it is where its number is there alone: a point is a node.
     """
-    known = by_plain_name(attributes)
+    known = normalise_attributes(attributes)
     for value in (known.get("@id"), known.get("full_id"), known.get("id"), own_id):
         match = _MAP_ID.fullmatch(value.strip()) if isinstance(value, str) else None
         if match is not None and (len(match[1]) > 1 or value is not known.get("id")):
@@ -135,7 +135,7 @@ def map_id(attributes: Attributes, own_id: object, kind: str) -> tuple[str, str]
     return (str(of or kind), number) if number.removeprefix("-").isdigit() else None
 
 
-def map_name(attributes: Attributes, place: tuple[str, str]) -> str:
+def osm_name_of(attributes: Attributes, place: tuple[str, str]) -> str:
     """Return what a feature of OpenStreetMap is called: a pole by its ref, a line by its name first."""
     kind, number = place
     if kind == NODE:
@@ -154,19 +154,19 @@ def heights_of(attributes: Attributes, place: str, mark: str | None = None) -> t
     Raises:
         NetworkError: one is no length.
     """
-    return metres(attributes, ELEVATION, place, mark), metres(attributes, HEIGHT, place, mark)
+    return read_metres(attributes, ELEVATION, place, mark), read_metres(attributes, HEIGHT, place, mark)
 
 
-def metres(attributes: Attributes, keys: Sequence[str], place: str, mark: str | None = None) -> float | None:
+def read_metres(attributes: Attributes, keys: Sequence[str], place: str, mark: str | None = None) -> float | None:
     """Return what one of some attributes says in metres; None where it says that it is not known.
 
     Raises:
         NetworkError: it is no length.
     """
-    known = by_plain_name(attributes)
-    value, factor = said(known, keys), 1.0
+    known = normalise_attributes(attributes)
+    value, factor = find_first_value(known, keys), 1.0
     if value is None and keys[0].endswith("_m"):
-        value, factor = said(known, (f"{keys[0].removesuffix('_m')}_ft",)), METRES["ft"]
+        value, factor = find_first_value(known, (f"{keys[0].removesuffix('_m')}_ft",)), METRES["ft"]
     if value is None or (isinstance(value, str) and value.strip().lower() in NO_FIGURE):
         return None
     found = metres_of(value, mark)
@@ -177,12 +177,12 @@ def metres(attributes: Attributes, keys: Sequence[str], place: str, mark: str | 
     return found * factor
 
 
-def loose_metres(attributes: Attributes, key: str, *, of_map: bool) -> tuple[float | None, str]:
+def read_loose_metres(attributes: Attributes, key: str, *, of_map: bool) -> tuple[float | None, str]:
     """Return what 'height' says of `height_m`, and the like, and which attribute it was.
 
     A figure alone is one of nobody knows what, unless OpenStreetMap has it.
     """
-    known = by_plain_name(attributes)
+    known = normalise_attributes(attributes)
     for other in LOOSE[key]:
         value = known.get(other)
         text = value if isinstance(value, str) else ""

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from pyproj.exceptions import ProjError
 
-from missions.background import Background, Pixels, grid_of
+from missions.background import Background, Pixels, choose_grid_size
 from missions.errors import BackgroundError
 from missions.geo import FloatArray
 from missions.readers import imagery, mbtiles
 from missions.readers.geopackage import MAGIC
-from missions.readers.picture import AreaWanted, Read, from_degrees
+from missions.readers.picture import PictureArea, PictureWindow, project_degrees
 
 LATTICE_PIXELS = 32
 """Between places that are transformed: over 10 km of a map grid what lies between is off by centimetres."""
@@ -23,7 +23,7 @@ STRIP_ROWS = 256
 TIFF = (b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+")
 
 
-def read_background(path: Path, wanted: AreaWanted) -> Background:
+def read_background(path: Path, wanted: PictureArea) -> Background:
     """Return what a file shows of an area.
 
     Raises:
@@ -39,14 +39,14 @@ def read_background(path: Path, wanted: AreaWanted) -> Background:
         read = mbtiles.read_mbtiles(path, wanted)
     else:
         raise BackgroundError(f"{path}: content: expected a GeoTIFF or MBTiles, it begins like neither")
-    return _laid(path, read, wanted)
+    return _warp_to_plane(path, read, wanted)
 
 
-def _laid(path: Path, read: Read, wanted: AreaWanted) -> Background:
+def _warp_to_plane(path: Path, read: PictureWindow, wanted: PictureArea) -> Background:
     """Return pixels laid into the local plane, strip by strip."""
-    rows, columns = grid_of(wanted.low_m, wanted.high_m, wanted.most_pixels, read.step_m)
+    rows, columns = choose_grid_size(wanted.low_m, wanted.high_m, wanted.most_pixels, read.step_m)
     try:
-        lattice = _lattice(read, wanted, rows, columns)
+        lattice = _build_lattice(read, wanted, rows, columns)
     except ProjError as error:
         raise BackgroundError(f"{path}: crs: expected one that has places around the line: {error}") from error
     if not np.isfinite(lattice).all():
@@ -54,25 +54,25 @@ def _laid(path: Path, read: Read, wanted: AreaWanted) -> Background:
     made = np.zeros((rows, columns, 4), dtype=np.uint8)
     for first in range(0, rows, STRIP_ROWS):
         last = min(rows, first + STRIP_ROWS)
-        made[first:last] = _sampled(read.pixels, _between(lattice, rows, columns, first, last))
+        made[first:last] = _sample_colours(read.pixels, _interpolate_lattice(lattice, rows, columns, first, last))
     if not made[..., 3].any():
         raise BackgroundError(f"{path}: area: expected a picture of the line's surroundings, it shows none of them")
     return Background(made, wanted.low_m, wanted.high_m, read.attribution)
 
 
-def _lattice(read: Read, wanted: AreaWanted, rows: int, columns: int) -> FloatArray:
+def _build_lattice(read: PictureWindow, wanted: PictureArea, rows: int, columns: int) -> FloatArray:
     """Return (n, m, 2) row and column in the file's pixels, at corners of the local plane a few pixels apart."""
     counts = [max(2, size // LATTICE_PIXELS + 2) for size in (rows, columns)]
     norths = np.linspace(wanted.high_m[1], wanted.low_m[1], counts[0])
     easts = np.linspace(wanted.low_m[0], wanted.high_m[0], counts[1])
     places_deg = wanted.frame.many_to_wgs84_deg(np.stack(np.meshgrid(easts, norths), axis=-1).reshape(-1, 2))
-    x, y = from_degrees(read.crs, places_deg)
+    x, y = project_degrees(read.crs, places_deg)
     a, b, c, d, e, f = read.to_pixels
     at = np.column_stack((d * x + e * y + f, a * x + b * y + c))
     return np.asarray(at.reshape(*counts, 2), dtype=np.float64)
 
 
-def _between(lattice: FloatArray, rows: int, columns: int, first: int, last: int) -> FloatArray:
+def _interpolate_lattice(lattice: FloatArray, rows: int, columns: int, first: int, last: int) -> FloatArray:
     """Return (last - first, columns, 2) rows and columns of the file at middles of pixels of the local plane."""
     down = (np.arange(first, last) + 0.5) / rows * (lattice.shape[0] - 1)
     right = (np.arange(columns) + 0.5) / columns * (lattice.shape[1] - 1)
@@ -85,7 +85,7 @@ def _between(lattice: FloatArray, rows: int, columns: int, first: int, last: int
     return np.asarray(lines[:, j] * (1 - share_right) + lines[:, j + 1] * share_right, dtype=np.float64)
 
 
-def _sampled(pixels: Pixels, at: FloatArray) -> Pixels:
+def _sample_colours(pixels: Pixels, at: FloatArray) -> Pixels:
     """Return colours between the middles of the nearest four pixels; nothing where the file has none."""
     height, width = pixels.shape[:2]
     inside = (at[..., 0] >= 0) & (at[..., 0] <= height) & (at[..., 1] >= 0) & (at[..., 1] <= width)

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from missions.errors import NetworkError
-from missions.readers.attributes import plain_name
-from missions.readers.drawing import Attributes, Drawing, Matter, Near, Remark
+from missions.readers.attributes import normalise_key
+from missions.readers.drawing import Attributes, NearFilter, RawNetwork, Remark, RemarkTopic
 from missions.readers.values import figure_of, is_blank, measure_of
 
 OPERATORS: Mapping[str, Callable[[float, float], bool]] = {
@@ -32,36 +32,36 @@ _AND = re.compile(r"and\b\s*", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
-class Term:
+class Comparison:
     """One comparison."""
 
     attribute: str
     op: str
     value: str
 
-    def holds(self, value: object) -> bool:
+    def is_met_by(self, value: object) -> bool:
         """Return whether it holds of a value; of a list such as OpenStreetMap's ``110000;22000``, of any part.
 
         As numbers where both are; by order only numbers are compared. What is not there fulfils nothing.
         """
         compare = any if self.op != "!=" else all
-        parts = parts_of(value, by_order=self.is_by_order)
-        return bool(parts) and compare(self._holds(part) for part in parts)
+        parts = parts_of(value, by_order=self.is_numeric_only)
+        return bool(parts) and compare(self._is_met_by_part(part) for part in parts)
 
     @property
-    def is_by_order(self) -> bool:
+    def is_numeric_only(self) -> bool:
         """Whether numbers alone can be compared so."""
         return self.op not in {"=", "!="}
 
     def can_compare(self, value: object) -> bool:
         """Return whether a value that is there can be compared; by order it cannot where no part of it is a number."""
         parts = parts_of(value, by_order=True)
-        return not self.is_by_order or not any(parts) or any(figure_with_unit(part) for part in parts)
+        return not self.is_numeric_only or not any(parts) or any(parse_figure_with_unit(part) for part in parts)
 
-    def _holds(self, part: str) -> bool:
-        mine, theirs = figure_with_unit(self.value), figure_with_unit(part)
+    def _is_met_by_part(self, part: str) -> bool:
+        mine, theirs = parse_figure_with_unit(self.value), parse_figure_with_unit(part)
         if mine is None or theirs is None:
-            return not self.is_by_order and (part == self.value) is (self.op == "=")
+            return not self.is_numeric_only and (part == self.value) is (self.op == "=")
         (asked, unit), (found, other) = mine, theirs
         if other in KILOVOLTS and (unit in {"v", "в"} or (not unit and asked > MOST_KV)):
             found *= 1000.0
@@ -75,18 +75,18 @@ def parts_of(value: object, *, by_order: bool) -> list[str]:
     if not isinstance(value, str):
         return [] if value is None else [str(value)]
     parts = [part.strip() for part in value.split(";")]
-    return [one for part in parts for one in _divided(part)] if by_order else parts
+    return [one for part in parts for one in _split_figures(part)] if by_order else parts
 
 
-def _divided(part: str) -> list[str]:
-    found = [figure_with_unit(one) for one in part.split("/")]
+def _split_figures(part: str) -> list[str]:
+    found = [parse_figure_with_unit(one) for one in part.split("/")]
     figures = [one for one in found if one is not None]
     if len(figures) < max(2, len(found)):
         return [part]
     return [f"{figure!r} {unit or figures[-1][1]}".strip() for figure, unit in figures]
 
 
-def figure_with_unit(text: str) -> tuple[float, str] | None:
+def parse_figure_with_unit(text: str) -> tuple[float, str] | None:
     """Return a number and the unit behind it, in small letters and empty where there is none; None if it is no number.
 
     >>> figure_with_unit("132 kV"), figure_with_unit("132 000"), figure_with_unit("12A")
@@ -100,7 +100,7 @@ def figure_with_unit(text: str) -> tuple[float, str] | None:
     return found if is_whole else None
 
 
-def parse_where(text: str) -> tuple[Term, ...]:
+def parse_where(text: str) -> tuple[Comparison, ...]:
     """Return the comparisons of a filter such as ``voltage >= 110000 and operator = 'CEPS'``.
 
     Raises:
@@ -110,8 +110,8 @@ def parse_where(text: str) -> tuple[Term, ...]:
     while match := _TERM.match(text, at):
         op = "=" if match["op"] == "==" else match["op"]
         value = next(found for found in (match["text"], match["text2"], match["bare"]) if found is not None)
-        terms.append(Term(match["quoted"] or match["name"], op, value))
-        if terms[-1].is_by_order and figure_with_unit(value) is None:
+        terms.append(Comparison(match["quoted"] or match["name"], op, value))
+        if terms[-1].is_numeric_only and parse_figure_with_unit(value) is None:
             raise ValueError(f"expected a number behind {op}, which compares by order")
         at = match.end()
         if at == len(text):
@@ -124,17 +124,17 @@ def parse_where(text: str) -> tuple[Term, ...]:
 
 
 @dataclass(slots=True)
-class Choice:
+class ReadOptions:
     """What a caller wants of a file, and what was seen while it was looked for."""
 
     layers: tuple[str, ...] = ()
     """By their names; all that fit if empty."""
-    where: tuple[Term, ...] = ()
+    where: tuple[Comparison, ...] = ()
     crs: str | None = None
     """Of files that do not say theirs."""
     encoding: str | None = None
     """Of tables in text and of shapefiles' names; None to try."""
-    near: Near | None = None
+    near: NearFilter | None = None
     """What is wanted of a country's file; None: all of it."""
     seen: set[str] = field(default_factory=set)
     passed: int = 0
@@ -146,42 +146,42 @@ class Choice:
     with_unit: Counter[tuple[str, str]] = field(default_factory=Counter)
     """Figures with a unit behind, by the attribute and one of them."""
 
-    def drawing(self, source: str, kind: str, crs: str = "WGS 84", *, flat: bool = False) -> Drawing:
+    def create_raw_network(self, source: str, kind: str, crs: str = "WGS 84", *, flat: bool = False) -> RawNetwork:
         """Return what a file of some format is drawn into."""
-        return Drawing(source, kind, crs, flat=flat, near=self.near)
+        return RawNetwork(source, kind, crs, flat=flat, near=self.near)
 
-    def takes(self, attributes: Attributes) -> bool:
+    def is_wanted(self, attributes: Attributes) -> bool:
         """Return whether a feature is wanted."""
         self.looked += 1
         lowered = {key.lower(): value for key, value in attributes.items()}
         if self.where:
             self.seen.update(attributes)
         values = [lowered.get(term.attribute.lower()) for term in self.where]
-        wrong = [(term, value) for term, value in zip(self.where, values, strict=True) if not term.holds(value)]
+        wrong = [(term, value) for term, value in zip(self.where, values, strict=True) if not term.is_met_by(value)]
         if all(is_blank(value) or not term.can_compare(value) for term, value in wrong):
             # Nothing speaks against it but what cannot be read.
-            self.nameless.update({term.attribute for term, value in wrong if is_blank(value) and term.is_by_order})
+            self.nameless.update({term.attribute for term, value in wrong if is_blank(value) and term.is_numeric_only})
             self.uncompared.update((term.attribute, str(value)) for term, value in wrong if not is_blank(value))
         for term, value in zip(self.where, values, strict=True):
-            parts = parts_of(value, by_order=True) if figure_with_unit(term.value) else []
-            if any(found[1] for found in map(figure_with_unit, parts) if found):
+            parts = parts_of(value, by_order=True) if parse_figure_with_unit(term.value) else []
+            if any(found[1] for found in map(parse_figure_with_unit, parts) if found):
                 self.with_unit[term.attribute, str(value)] += 1
         if wrong:
             return False
         self.passed += 1
         return True
 
-    def asks_for(self, attribute: str) -> bool:
+    def has_comparison_of(self, attribute: str) -> bool:
         """Return whether a comparison is of an attribute, given by its plain name."""
-        return any(plain_name(term.attribute) == attribute for term in self.where)
+        return any(normalise_key(term.attribute) == attribute for term in self.where)
 
     @property
-    def said(self) -> tuple[Remark, ...]:
+    def remarks(self) -> tuple[Remark, ...]:
         """What people must know of a filter: what it could not compare, and how figures with a unit were."""
         found = [(name, f"{count} without a value: left out") for name, count in self.nameless.items()]
-        found += [(name, words) for name, words in _by_name(self.uncompared, "are no numbers: left out")]
-        found += [(name, words) for name, words in _by_name(self.with_unit, "are read as figures with a unit")]
-        return tuple(Remark(Matter.FILTER, name, words) for name, words in found)
+        found += [(name, words) for name, words in _describe_by_name(self.uncompared, "are no numbers: left out")]
+        found += [(name, words) for name, words in _describe_by_name(self.with_unit, "are read as figures with a unit")]
+        return tuple(Remark(RemarkTopic.FILTER, name, words) for name, words in found)
 
     def check_where(self, source: str) -> None:
         """Refuse a filter that nothing of the file answers to.
@@ -195,17 +195,17 @@ class Choice:
         for term in self.where:
             if term.attribute.lower() not in known:
                 raise NetworkError(
-                    f"{source}: where: expected an attribute of the lines, {quoted_names(sorted(self.seen))}, "
+                    f"{source}: where: expected an attribute of the lines, {quote_names(sorted(self.seen))}, "
                     f"got {term.attribute!r}"
                 )
         if not self.passed:
             words = " and ".join(f"{term.attribute} {term.op} {term.value}" for term in self.where)
-            why = "".join(f"; {one.words}" for one in self.said)
+            why = "".join(f"; {one.words}" for one in self.remarks)
             raise NetworkError(
                 f"{source}: where: expected lines of which {words} holds, found none of {self.looked}{why}"
             )
 
-    def chosen_layers(self, source: str, known: Sequence[str], kind: str = "layer") -> tuple[str, ...]:
+    def select_layers(self, source: str, known: Sequence[str], kind: str = "layer") -> tuple[str, ...]:
         """Return the layers that are asked for, of those that there are; all if none is asked for.
 
         Raises:
@@ -214,11 +214,11 @@ class Choice:
         for layer in self.layers:
             if layer not in known:
                 raise NetworkError(
-                    f"{source}: layer: expected a {kind} of the file, {quoted_names(known)}, got {layer!r}"
+                    f"{source}: layer: expected a {kind} of the file, {quote_names(known)}, got {layer!r}"
                 )
         return self.layers or tuple(known)
 
-    def no_layers(self, source: str, what: str) -> None:
+    def refuse_layers(self, source: str, what: str) -> None:
         """Refuse layers for a format without them.
 
         Raises:
@@ -229,7 +229,7 @@ class Choice:
                 f"{source}: layer: expected none for {what}, which has no layers; got {self.layers[0]!r}"
             )
 
-    def no_crs(self, source: str, what: str) -> None:
+    def refuse_crs(self, source: str, what: str) -> None:
         """Refuse another grid for a format that is WGS 84 always.
 
         Raises:
@@ -239,14 +239,14 @@ class Choice:
             raise NetworkError(f"{source}: crs: expected none for {what}, which is always WGS 84; got {self.crs!r}")
 
 
-def _by_name(counts: Mapping[tuple[str, str], int], words: str) -> Iterable[tuple[str, str]]:
+def _describe_by_name(counts: Mapping[tuple[str, str], int], words: str) -> Iterable[tuple[str, str]]:
     """Yield a line for each attribute: how many values, and one of them."""
     for name in dict.fromkeys(name for name, _ in counts):
         own = [(value, count) for (one, value), count in counts.items() if one == name]
         yield name, f"{sum(count for _, count in own)} such as {own[0][0][:40]!r} {words}"
 
 
-def quoted_names(names: Iterable[str]) -> str:
+def quote_names(names: Iterable[str]) -> str:
     """Return names for a message: the first few in quotes."""
     every = list(names)
     return ", ".join(repr(name) for name in every[:NAMED]) + (", ..." if len(every) > NAMED else "") or "which has none"

@@ -7,8 +7,8 @@ import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 
-from missions.files import printable
-from missions.readers.text import encoding_error, likely_page
+from missions.files import to_printable
+from missions.readers.text import build_encoding_error, guess_code_page
 
 AT = 29
 """Where a .dbf says its code page."""
@@ -42,16 +42,16 @@ def code_page_of(dbf: bytes, cpg: bytes | None, encoding: str | None, source: st
     Raises:
         NetworkError: what its people say is unknown, or the names are in another.
     """
-    texts = [text for text in _texts(dbf) if not text.isascii()]
+    texts = [text for text in _iterate_texts(dbf) if not text.isascii()]
     if encoding is not None:
         _check_encoding(texts, encoding, source)
         return encoding, ""
-    by_cpg, by_dbf = _of_cpg(cpg), PAGES.get(dbf[AT] if len(dbf) > AT else 0)
+    by_cpg, by_dbf = _parse_cpg(cpg), PAGES.get(dbf[AT] if len(dbf) > AT else 0)
     told = [page for page in (by_cpg, by_dbf) if page is not None]
-    fitting = next((page for page in (*told, USUAL) if all(_fits(text, page) for text in texts)), None)
+    fitting = next((page for page in (*told, USUAL) if all(_is_text_of(text, page) for text in texts)), None)
     if fitting == (told or [USUAL])[0]:
         return fitting, ""
-    fitting, names = (fitting, "") if fitting is not None else likely_page(b"\n".join(texts))
+    fitting, names = (fitting, "") if fitting is not None else guess_code_page(b"\n".join(texts))
     wrong = f"names are not in {told[0]}, as it says" if told else "names are in no code page that it says"
     return fitting, f"{wrong}: read as {fitting}{names}; encoding says another"
 
@@ -62,14 +62,14 @@ def _check_encoding(texts: Sequence[bytes], encoding: str, source: str) -> None:
         for text in texts:
             _check_letters(text, encoding)
     except (LookupError, ValueError) as reason:
-        raise encoding_error(source, encoding, reason) from reason
+        raise build_encoding_error(source, encoding, reason) from reason
 
 
-def _of_cpg(cpg: bytes | None) -> str | None:
+def _parse_cpg(cpg: bytes | None) -> str | None:
     """Return Python's name of what a .cpg says: UTF-8, 1250, 'ANSI 1250', 88592, LDID/200; None if that is unknown."""
     if cpg is None:
         return None
-    said = printable(cpg.decode("ascii", "replace").lstrip("\ufeff")).strip("\ufffd ").lower()
+    said = to_printable(cpg.decode("ascii", "replace").lstrip("\ufeff")).strip("\ufffd ").lower()
     if (ldid := re.fullmatch(r"ldid/(\d+)", said)) is not None:
         return PAGES.get(int(ldid[1]))
     number = re.fullmatch(r"(?:ansi|oem|windows|cp|ibm)?[ _-]*(\d{3,5})", said)
@@ -83,7 +83,7 @@ def _of_cpg(cpg: bytes | None) -> str | None:
         return None
 
 
-def _fits(text: bytes, page: str) -> bool:
+def _is_text_of(text: bytes, page: str) -> bool:
     """Return whether bytes are letters of an encoding; a field that is full may end within one."""
     try:
         _check_letters(text, page)
@@ -96,7 +96,7 @@ def _check_letters(text: bytes, page: str) -> None:
     codecs.getincrementaldecoder(page)("strict").decode(text, False)
 
 
-def _texts(dbf: bytes) -> Iterator[bytes]:
+def _iterate_texts(dbf: bytes) -> Iterator[bytes]:
     """Yield the names of a table's columns and the texts in it; of one that is damaged as far as that goes."""
     try:
         count, head, length = struct.unpack_from("<IHH", dbf, 4)

@@ -10,13 +10,13 @@ import pyproj
 from pyproj.exceptions import CRSError, ProjError
 
 from missions.errors import NetworkError
-from missions.files import printable
+from missions.files import to_printable
 
 WGS84 = "EPSG:4326"
 
 
 @dataclass(frozen=True, slots=True)
-class ToWgs84:
+class Wgs84Transform:
     """From one reference system; longitude or easting comes first, whatever the system's own order."""
 
     words: str
@@ -50,12 +50,12 @@ class ToWgs84:
         return found
 
 
-def wgs84(place: str) -> ToWgs84:
+def build_identity_transform(place: str) -> Wgs84Transform:
     """Return the system of files that have no other: there is nothing to do."""
-    return ToWgs84("WGS 84", place, None)
+    return Wgs84Transform("WGS 84", place, None)
 
 
-def to_wgs84(said: object, place: str) -> ToWgs84:
+def build_wgs84_transform(said: object, place: str) -> Wgs84Transform:
     """Return the way from a reference system to WGS 84.
 
     Args:
@@ -68,7 +68,7 @@ def to_wgs84(said: object, place: str) -> ToWgs84:
     try:
         system = pyproj.CRS.from_user_input(said)
     except CRSError as error:
-        text = printable(str(said))
+        text = to_printable(str(said))
         text = text if len(text) <= 60 else f"{text[:60]}..."
         raise NetworkError(
             f"{place}: crs: expected a coordinate reference system such as 'EPSG:32633', got {text!r}"
@@ -78,8 +78,8 @@ def to_wgs84(said: object, place: str) -> ToWgs84:
     if not (system.is_projected or system.is_geographic):
         raise NetworkError(f"{place}: crs: expected a map grid or degrees, got {system.name!r}")
     code = system.to_authority(min_confidence=70)
-    name = printable(system.name)
+    name = to_printable(system.name)
     words = name if code is None else f"{name} ({':'.join(code)})"
     if code is not None and ":".join(code) in {WGS84, "OGC:CRS84"}:
-        return wgs84(place)
-    return ToWgs84(words, place, pyproj.Transformer.from_crs(system, WGS84, always_xy=True))
+        return build_identity_transform(place)
+    return Wgs84Transform(words, place, pyproj.Transformer.from_crs(system, WGS84, always_xy=True))

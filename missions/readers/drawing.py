@@ -28,7 +28,7 @@ DEGREE_M = 110_500.0
 """Of latitude; nowhere less."""
 
 
-class Matter(StrEnum):
+class RemarkTopic(StrEnum):
     """What a finding is about."""
 
     WHOLE = "is it whole"
@@ -56,7 +56,7 @@ class Matter(StrEnum):
 class Remark:
     """One thing of a file that was mended, or left for people to look at."""
 
-    matter: Matter
+    matter: RemarkTopic
     asset: str
     """The line's, span's or pole's name."""
     text: str
@@ -70,12 +70,12 @@ class Remark:
         return f"{self.asset}: {self.text}"
 
 
-def why_nothing(found: Iterable[Remark]) -> str:
+def explain_empty_file(found: Iterable[Remark]) -> str:
     """Return why nothing remains of a file, to be put behind a message: what was left out, and how often."""
     counts = Counter(
-        f"left out: {one.text}" if one.matter is Matter.LEFT_OUT else one.text
+        f"left out: {one.text}" if one.matter is RemarkTopic.LEFT_OUT else one.text
         for one in found
-        if one.matter in {Matter.WHOLE, Matter.FILTER, Matter.LEFT_OUT}
+        if one.matter in {RemarkTopic.WHOLE, RemarkTopic.FILTER, RemarkTopic.LEFT_OUT}
     )
     words = [text if count == 1 else f"{count} times {text}" for text, count in counts.most_common(REASONS)]
     return "".join(f"; {one}" for one in words)
@@ -131,13 +131,13 @@ class Depot:
 
 
 @dataclass(frozen=True, slots=True)
-class Near:
+class NearFilter:
     """What lies about a depot, roughly: all else of a country's file need not be kept."""
 
     frame: LocalFrame
     within_m: float
 
-    def reaches(self, places: Iterable[tuple[float, float]]) -> bool:
+    def may_reach(self, places: Iterable[tuple[float, float]]) -> bool:
         """Return whether the box around some places, by latitude and longitude, may reach so near."""
         lats, lons = [], []
         for lat_deg, lon_deg in places:
@@ -155,7 +155,7 @@ class Near:
 
 
 @dataclass(slots=True)
-class Drawing:
+class RawNetwork:
     """All that was read of a file."""
 
     source: str
@@ -175,18 +175,18 @@ class Drawing:
     """Points that are no poles: a vehicle may stand at a substation."""
     left: dict[str, list[str]] = field(default_factory=dict)
     """What is no line and no pole, by what it is: the names of each."""
-    near: Near | None = None
+    near: NearFilter | None = None
     """Lines that reach nowhere near are not kept; None keeps all."""
     far: tuple[float, float] | None = None
     """A place of a line that was not kept."""
 
-    def draw(self, line: Line) -> None:
+    def add_line(self, line: Line) -> None:
         """Add a line, if it is near enough.
 
         Raises:
             NetworkError: there are too many vertices by now.
         """
-        if self.near is not None and not self.near.reaches(_places_of(line)):
+        if self.near is not None and not self.near.may_reach(_places_of(line)):
             self.far = self.far or next(_places_of(line))
             return
         self.vertices += sum(map(len, line.parts))
@@ -202,7 +202,7 @@ class Drawing:
         self.left.setdefault(what, []).append(asset)
 
     @property
-    def left_words(self) -> str:
+    def left_out_text(self) -> str:
         """What was left out: how many of each kind, and the first of them; empty if nothing was."""
         return ", ".join(
             f"{len(names)} {_PLURAL.sub('s', what, count=1) if len(names) > 1 else what} "
@@ -213,7 +213,7 @@ class Drawing:
     @property
     def remarks(self) -> list[Remark]:
         """What was found, and in one line what was left out."""
-        left = [Remark(Matter.LEFT_OUT, self.format, self.left_words)] if self.left else []
+        left = [Remark(RemarkTopic.LEFT_OUT, self.format, self.left_out_text)] if self.left else []
         return [*self.found, *left]
 
     def keep_near(self) -> None:
@@ -223,11 +223,11 @@ class Drawing:
             return
         lines, self.lines = self.lines, []
         for line in lines:
-            self.draw(line)
+            self.add_line(line)
         kept: list[Pole] = []
         gone: list[Pole] = []
         for pole in self.poles:
-            (kept if near.reaches([(pole.lat_deg, pole.lon_deg)]) else gone).append(pole)
+            (kept if near.may_reach([(pole.lat_deg, pole.lon_deg)]) else gone).append(pole)
         if gone:
             self.far = self.far or (gone[0].lat_deg, gone[0].lon_deg)
         self.poles, known = kept, {pole.name for pole in kept}

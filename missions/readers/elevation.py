@@ -17,11 +17,11 @@ import numpy as np
 import pyproj
 from pyproj.exceptions import CRSError, ProjError
 
-from missions.elevation import Elevation, Heights, Tile, tiles_in_order
+from missions.elevation import Elevation, Heights, Tile, sort_tiles
 from missions.errors import ElevationError
-from missions.files import printable
+from missions.files import to_printable
 from missions.geo import FloatArray, LocalFrame
-from missions.readers.geoids import above_sea_m
+from missions.readers.geoids import convert_to_sea_level
 from missions.readers.kept_elevation import KEPT_SUFFIX, read_kept_ground
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ UNITS_M = {"": 1.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters
 
 
 @dataclass(frozen=True, slots=True)
-class Product:
+class RasterProduct:
     """A raster that everybody has, known by its name."""
 
     words: str
@@ -68,15 +68,15 @@ class Product:
 
 PRODUCTS = (
     # Copernicus DEM product handbook: absolute vertical accuracy < 4 m, 90 % linear error, of both resolutions.
-    Product("Copernicus GLO-30", re.compile(r"Copernicus_DSM_(COG_)?10_", re.IGNORECASE), EGM2008, 4.0),
-    Product("Copernicus GLO-90", re.compile(r"Copernicus_DSM_(COG_)?30_", re.IGNORECASE), EGM2008, 4.0),
+    RasterProduct("Copernicus GLO-30", re.compile(r"Copernicus_DSM_(COG_)?10_", re.IGNORECASE), EGM2008, 4.0),
+    RasterProduct("Copernicus GLO-90", re.compile(r"Copernicus_DSM_(COG_)?30_", re.IGNORECASE), EGM2008, 4.0),
     # The mission's specification: 16 m absolute; what was measured is better, by continent 6 to 9 m.
-    Product("SRTM", re.compile(r"^[NS]\d{2}[EW]\d{3}.*\.hgt$|^srtm_", re.IGNORECASE), EGM96, 16.0),
+    RasterProduct("SRTM", re.compile(r"^[NS]\d{2}[EW]\d{3}.*\.hgt$|^srtm_", re.IGNORECASE), EGM96, 16.0),
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class RasterOptions:
     """How rasters are to be read."""
 
     frame: LocalFrame
@@ -91,7 +91,7 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True)
-class _Read:
+class _RasterPart:
     tile: Tile | None
     """None where the file knows nothing of the area."""
     vertical: str
@@ -99,7 +99,7 @@ class _Read:
     remarks: tuple[str, ...] = ()
 
 
-def read_elevation(paths: Sequence[Path], reading: Reading) -> Elevation:
+def read_elevation(paths: Sequence[Path], reading: RasterOptions) -> Elevation:
     """Read what rasters know of an area.
 
     Args:
@@ -109,7 +109,7 @@ def read_elevation(paths: Sequence[Path], reading: Reading) -> Elevation:
     Raises:
         ElevationError: one line that names the file, the place in it and what was expected.
     """
-    files = _files(paths)
+    files = _list_files(paths)
     if len(files) == 1 and files[0].suffix == KEPT_SUFFIX:
         return read_kept_ground(files[0], reading.frame)
     found = [_read(path, reading) for path in files]
@@ -124,7 +124,7 @@ def read_elevation(paths: Sequence[Path], reading: Reading) -> Elevation:
         )
     return Elevation(
         frame=LocalFrame(reading.frame.lat_deg, reading.frame.lon_deg),
-        tiles=tiles_in_order([one.tile for one in inside if one.tile is not None]),
+        tiles=sort_tiles([one.tile for one in inside if one.tile is not None]),
         source=names,
         vertical=", ".join(dict.fromkeys(one.vertical for one in inside)),
         uncertainty_m=max(one.uncertainty_m for one in inside),
@@ -132,7 +132,7 @@ def read_elevation(paths: Sequence[Path], reading: Reading) -> Elevation:
     )
 
 
-def _files(paths: Sequence[Path]) -> list[Path]:
+def _list_files(paths: Sequence[Path]) -> list[Path]:
     files: list[Path] = []
     for path in paths:
         if not path.exists():
@@ -155,7 +155,7 @@ def _files(paths: Sequence[Path]) -> list[Path]:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def _open_raster(path: Path) -> Iterator[Any]:
     try:
         import rasterio
         from rasterio.io import DatasetReader
@@ -169,25 +169,29 @@ def _opened(path: Path) -> Iterator[Any]:
         with rasterio.Env(**options), DatasetReader(str(path), driver=list(DRIVERS)) as dataset:
             yield dataset
     except RasterioIOError as error:
-        raise ElevationError(f"{path}: content: expected a whole raster of heights: {_said(error, path)}") from error
+        raise ElevationError(
+            f"{path}: content: expected a whole raster of heights: {_describe_error(error, path)}"
+        ) from error
     except (RasterioError, CRSError, ProjError, ValueError) as error:
-        raise ElevationError(f"{path}: content: expected a raster of heights: {_said(error, path)}") from error
+        raise ElevationError(
+            f"{path}: content: expected a raster of heights: {_describe_error(error, path)}"
+        ) from error
 
 
-def _said(error: Exception, path: Path) -> str:
+def _describe_error(error: Exception, path: Path) -> str:
     cause = error.__cause__ or error
-    text = printable(str(cause)).replace(str(path), path.name)
+    text = to_printable(str(cause)).replace(str(path), path.name)
     return text if len(text) <= 160 else f"{text[:160]}..."
 
 
-def _read(path: Path, reading: Reading) -> _Read:
+def _read(path: Path, reading: RasterOptions) -> _RasterPart:
     if path.suffix == KEPT_SUFFIX:
         raise ElevationError(f"{path}: file: expected no other raster beside what a run has kept")
-    with _opened(path) as dataset:
+    with _open_raster(path) as dataset:
         _check_kind(path, dataset)
         product = next((one for one in PRODUCTS if one.name.search(path.name)), None)
-        level, vertical_crs = _systems(path, dataset)
-        vertical, more_m = _vertical(path, vertical_crs, product, reading)
+        level, vertical_crs = _read_systems(path, dataset)
+        vertical, more_m = _determine_vertical(path, vertical_crs, product, reading)
         known_m = reading.uncertainty_m
         if known_m is None and product is None:
             raise ElevationError(
@@ -195,17 +199,17 @@ def _read(path: Path, reading: Reading) -> _Read:
             )
         uncertainty_m = more_m + (product.uncertainty_m if known_m is None and product is not None else known_m or 0.0)
         unit_m = _unit_m(path, dataset, vertical_crs)
-        tile = _tile(path, dataset, level, reading, unit_m)
+        tile = _build_tile(path, dataset, level, reading, unit_m)
         words = VERTICALS.get(vertical, vertical)
         if tile is not None and vertical == ELLIPSOID:
-            tile, off_m = above_sea_m(path, tile, reading.frame)
+            tile, off_m = convert_to_sea_level(path, tile, reading.frame)
             uncertainty_m += off_m
         remarks = []
         if more_m:
             remarks.append(
                 f"{words} and the vehicles' sea level (EGM96) are taken for one: {more_m:g} m more uncertain"
             )
-        return _Read(tile, words, uncertainty_m, tuple(remarks))
+        return _RasterPart(tile, words, uncertainty_m, tuple(remarks))
 
 
 def _check_kind(path: Path, dataset: rasterio.DatasetReader) -> None:
@@ -225,20 +229,22 @@ def _check_kind(path: Path, dataset: rasterio.DatasetReader) -> None:
         raise ElevationError(f"{path}: transform: expected where its cells lie, found none")
 
 
-def _systems(path: Path, dataset: rasterio.DatasetReader) -> tuple[pyproj.CRS, pyproj.CRS | None]:
+def _read_systems(path: Path, dataset: rasterio.DatasetReader) -> tuple[pyproj.CRS, pyproj.CRS | None]:
     """Return the reference systems of places and of heights; the latter where the file says one."""
     system = pyproj.CRS.from_user_input(dataset.crs.to_wkt())
     parts = system.sub_crs_list if system.is_compound else [system]
     level = parts[0]
     base = level.source_crs if level.is_bound else level
     if base is None or not (base.is_projected or base.is_geographic):
-        raise ElevationError(f"{path}: crs: expected a map grid or degrees, got {printable(system.name)!r}")
+        raise ElevationError(f"{path}: crs: expected a map grid or degrees, got {to_printable(system.name)!r}")
     if len(parts) > 1:
         return level, parts[1]
     return level, (level if len(level.axis_info) == 3 else None)
 
 
-def _vertical(path: Path, said: pyproj.CRS | None, product: Product | None, reading: Reading) -> tuple[str, float]:
+def _determine_vertical(
+    path: Path, said: pyproj.CRS | None, product: RasterProduct | None, reading: RasterOptions
+) -> tuple[str, float]:
     """Return what heights are counted from, and what that adds to their uncertainty."""
     if reading.vertical != "file":
         vertical = reading.vertical
@@ -251,7 +257,7 @@ def _vertical(path: Path, said: pyproj.CRS | None, product: Product | None, read
             if "ellips" in said.name.lower():
                 vertical = ELLIPSOID
             else:
-                return printable(said.name), BETWEEN_GEOIDS_M
+                return to_printable(said.name), BETWEEN_GEOIDS_M
     elif product is not None:
         vertical = product.vertical
     else:
@@ -265,14 +271,14 @@ def _vertical(path: Path, said: pyproj.CRS | None, product: Product | None, read
 def _unit_m(path: Path, dataset: rasterio.DatasetReader, vertical: pyproj.CRS | None) -> float:
     said = (dataset.units[0] or "").strip().lower()
     if said not in UNITS_M:
-        raise ElevationError(f"{path}: band 1: expected heights in metres or feet, got {printable(said)!r}")
+        raise ElevationError(f"{path}: band 1: expected heights in metres or feet, got {to_printable(said)!r}")
     if said == "" and vertical is not None:
         return float(vertical.axis_info[-1].unit_conversion_factor)
     return UNITS_M[said]
 
 
-def _tile(
-    path: Path, dataset: rasterio.DatasetReader, level: pyproj.CRS, reading: Reading, unit_m: float
+def _build_tile(
+    path: Path, dataset: rasterio.DatasetReader, level: pyproj.CRS, reading: RasterOptions, unit_m: float
 ) -> Tile | None:
     """Return what a raster knows of an area; None if it is elsewhere."""
     low_m, high_m = np.array(reading.low_m), np.array(reading.high_m)
@@ -282,20 +288,20 @@ def _tile(
     nodes = np.stack(
         np.meshgrid(*(low_m[axis] + step_m * np.arange(counts[axis]) for axis in (0, 1)), indexing="ij"), axis=-1
     )
-    at = _cells_at(dataset, level, reading.frame, nodes.reshape(-1, 2)).reshape(nodes.shape)
-    window = _window(dataset, at)
+    at = _locate_cells(dataset, level, reading.frame, nodes.reshape(-1, 2)).reshape(nodes.shape)
+    window = _find_window(dataset, at)
     if window is None:
         return None
     cell_m = _cell_m(at, step_m)
     if not math.isfinite(cell_m) or cell_m <= 0:
         raise ElevationError(f"{path}: crs: expected cells that have places around the network, found none")
     few = max(1, math.ceil(math.sqrt(window.width * window.height / MOST_CELLS)), round(LEAST_CELL_M / cell_m))
-    mean_m, most_m = _heights(path, dataset, window, few, unit_m)
+    mean_m, most_m = _read_heights(path, dataset, window, few, unit_m)
     lattice = (at - np.array([window.row_off, window.col_off]) + 0.5) / few - 0.5
     return Tile(mean_m, most_m, (float(low_m[0]), float(low_m[1])), step_m, lattice, cell_m * few)
 
 
-def _cells_at(
+def _locate_cells(
     dataset: rasterio.DatasetReader, level: pyproj.CRS, frame: LocalFrame, places_m: FloatArray
 ) -> FloatArray:
     """Return (m, 2) rows and columns of places in a raster; whole numbers are the middles of cells."""
@@ -313,7 +319,7 @@ def _cells_at(
     return np.column_stack((rows, columns)).astype(np.float64)
 
 
-def _window(dataset: rasterio.DatasetReader, at: FloatArray) -> Window | None:
+def _find_window(dataset: rasterio.DatasetReader, at: FloatArray) -> Window | None:
     from rasterio.windows import Window
 
     inner = at[1:-1, 1:-1].reshape(-1, 2) if min(at.shape[:2]) > 2 else at.reshape(-1, 2)
@@ -340,7 +346,7 @@ def _cell_m(at: FloatArray, step_m: float) -> float:
     return float(np.hypot(*metres).min())
 
 
-def _heights(
+def _read_heights(
     path: Path, dataset: rasterio.DatasetReader, window: Window, few: int, unit_m: float
 ) -> tuple[Heights, Heights]:
     """Return the means and the highest of each few cells by as many; the same array where nothing is combined.

@@ -20,19 +20,19 @@ from missions.readers.attributes import (
     NODE,
     POLES,
     WAY,
-    Plain,
-    by_plain_name,
-    flattened,
+    PlainAttributes,
+    flatten_attributes,
     heights_of,
-    loose_metres,
-    map_id,
-    map_name,
     name_of,
+    normalise_attributes,
+    osm_id_of,
+    osm_name_of,
+    read_loose_metres,
 )
-from missions.readers.choice import Choice, quoted_names
-from missions.readers.crs import ToWgs84
-from missions.readers.drawing import Attributes, Depot, Drawing, Line, Pole
-from missions.readers.meaning import Meaning, has_all_tags, line_meaning, point_meaning
+from missions.readers.choice import ReadOptions, quote_names
+from missions.readers.crs import Wgs84Transform
+from missions.readers.drawing import Attributes, Depot, Line, Pole, RawNetwork
+from missions.readers.meaning import PowerFeature, classify_line, classify_point, has_all_tags
 from missions.readers.values import NO_HEIGHT_M
 
 Position = tuple[float, float, float | None]
@@ -41,7 +41,7 @@ POLE_NAMES = ("name", "ref", "id")
 EMPTY, OTHER = "empty feature", "feature of another geometry"
 
 
-class Kind(StrEnum):
+class GeometryKind(StrEnum):
     """What a layer or a feature is made of."""
 
     POINT = "point"
@@ -50,11 +50,11 @@ class Kind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Layer:
+class SourceLayer:
     """One layer of a file, before it is read."""
 
     name: str
-    kind: Kind
+    kind: GeometryKind
     count: int
 
     @property
@@ -68,7 +68,7 @@ class Feature:
     """One feature: points, or a line of several parts."""
 
     place: str
-    kind: Kind
+    kind: GeometryKind
     parts: Sequence[Sequence[Position]]
     attributes: Attributes
     id: object = None
@@ -79,19 +79,19 @@ class Feature:
     """What it is where it is neither."""
 
 
-def wanted_layers(layers: Sequence[Layer], source: str, choice: Choice) -> list[Layer]:
+def select_wanted_layers(layers: Sequence[SourceLayer], source: str, choice: ReadOptions) -> list[SourceLayer]:
     """Return the layers to read: those asked for, or else those of points and lines if they are one of each at most.
 
     Raises:
         NetworkError: one is not there, or it is not clear which are meant.
     """
-    useful = [layer for layer in layers if layer.kind is not Kind.OTHER]
+    useful = [layer for layer in layers if layer.kind is not GeometryKind.OTHER]
     if not useful:
-        others = f" but {quoted_names(layer.name for layer in layers)}" if layers else ""
+        others = f" but {quote_names(layer.name for layer in layers)}" if layers else ""
         raise NetworkError(f"{source}: layers: expected one of lines, found none of lines or points{others}")
-    names = choice.chosen_layers(source, [layer.name for layer in useful])
+    names = choice.select_layers(source, [layer.name for layer in useful])
     wanted = [layer for layer in useful if layer.name in names]
-    for kind in (Kind.POINT, Kind.LINE):
+    for kind in (GeometryKind.POINT, GeometryKind.LINE):
         if not choice.layers and sum(layer.kind is kind for layer in wanted) > 1:
             words = ", ".join(layer.words for layer in useful[:12])
             raise NetworkError(f"{source}: layer: expected it to say which of these are meant: {words}")
@@ -99,10 +99,10 @@ def wanted_layers(layers: Sequence[Layer], source: str, choice: Choice) -> list[
 
 
 def add_features(
-    drawing: Drawing,
+    drawing: RawNetwork,
     features: Iterable[Feature],
-    system: ToWgs84,
-    choice: Choice,
+    system: Wgs84Transform,
+    choice: ReadOptions,
     pole_names: Sequence[str] = POLE_NAMES,
 ) -> None:
     """Add features to what is drawn.
@@ -118,48 +118,54 @@ def add_features(
         NetworkError: one line that names the file, the feature and what was expected.
     """
     for feature in features:
-        if feature.kind is Kind.POINT:
+        if feature.kind is GeometryKind.POINT:
             add_points(drawing, feature, system, pole_names)
-        elif feature.kind is Kind.OTHER:
-            drawing.leave_out(feature.other, _name(feature, by_plain_name(feature.attributes)) or feature.place)
-        elif takes_line(drawing, feature, choice):
+        elif feature.kind is GeometryKind.OTHER:
+            drawing.leave_out(
+                feature.other, _find_name(feature, normalise_attributes(feature.attributes)) or feature.place
+            )
+        elif is_wanted_line(drawing, feature, choice):
             add_line(drawing, feature, system)
 
 
-def takes_line(drawing: Drawing, feature: Feature, choice: Choice) -> bool:
+def is_wanted_line(drawing: RawNetwork, feature: Feature, choice: ReadOptions) -> bool:
     """Return whether a line is one that is flown and wanted; what is not flown is noted.
 
     What is in use no more is wanted where a filter asks for the attribute that says so.
     """
-    attributes = flattened(feature.attributes)
-    known = by_plain_name(attributes)
-    meaning, key = line_meaning(known, of_map=_is_of_map(feature, known))
-    if meaning is not Meaning.SPAN and not (meaning is Meaning.DISUSED and choice.asks_for(key)):
-        drawing.leave_out(meaning.value, _name(feature, known) or feature.place)
+    attributes = flatten_attributes(feature.attributes)
+    known = normalise_attributes(attributes)
+    meaning, key = classify_line(known, of_map=_is_osm_feature(feature, known))
+    if meaning is not PowerFeature.SPAN and not (meaning is PowerFeature.DISUSED and choice.has_comparison_of(key)):
+        drawing.leave_out(meaning.value, _find_name(feature, known) or feature.place)
         return False
-    return choice.takes(attributes)
+    return choice.is_wanted(attributes)
 
 
-def add_points(drawing: Drawing, feature: Feature, system: ToWgs84, pole_names: Sequence[str] = POLE_NAMES) -> None:
+def add_points(
+    drawing: RawNetwork, feature: Feature, system: Wgs84Transform, pole_names: Sequence[str] = POLE_NAMES
+) -> None:
     """Add the poles of a feature, or the depot; what is no pole is noted.
 
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
     """
-    place, known = f"{drawing.source}: {feature.place}", by_plain_name(flattened(feature.attributes))
-    name, is_depot = _name(feature, known, pole_names), str(known.get("role", "")).strip().lower() == "depot"
-    of_map = _is_of_map(feature, known)
-    meaning, _ = point_meaning(known, of_map=of_map)
+    place, known = f"{drawing.source}: {feature.place}", normalise_attributes(flatten_attributes(feature.attributes))
+    name, is_depot = _find_name(feature, known, pole_names), str(known.get("role", "")).strip().lower() == "depot"
+    of_map = _is_osm_feature(feature, known)
+    meaning, _ = classify_point(known, of_map=of_map)
     # Programs write a point without a place as one of no numbers.
     positions = [at for at in itertools.chain.from_iterable(feature.parts) if not (isnan(at[0]) and isnan(at[1]))]
-    is_pole = meaning is Meaning.POLE and not is_depot
+    is_pole = meaning is PowerFeature.POLE and not is_depot
     if not is_depot and not (is_pole and positions):
         drawing.leave_out(meaning.value if positions else EMPTY, name or feature.place)
     _check_positions(positions, place)
     at = system.lat_lon_deg([x for x, _, _ in positions], [y for _, y, _ in positions], place)
     heights = heights_of(known, place) if is_pole or is_depot else (None, None)
     for (lat_deg, lon_deg), (_, _, third_m) in zip(at, positions, strict=True):
-        pole = Pole(feature.place, name, lat_deg, lon_deg, *heights, third_of(third_m), name_of(known, LINES))
+        pole = Pole(
+            feature.place, name, lat_deg, lon_deg, *heights, read_third_coordinate(third_m), name_of(known, LINES)
+        )
         if is_depot:
             drawing.depot = drawing.depot or Depot(feature.place, lat_deg, lon_deg, heights[0])
         elif is_pole:
@@ -168,34 +174,34 @@ def add_points(drawing: Drawing, feature: Feature, system: ToWgs84, pole_names: 
             drawing.others.append(pole)
 
 
-def _add_pole(drawing: Drawing, pole: Pole, known: Plain, *, of_map: bool) -> None:
+def _add_pole(drawing: RawNetwork, pole: Pole, known: PlainAttributes, *, of_map: bool) -> None:
     """Add a pole; heights that an attribute only hints at count if all poles of the file have them."""
-    hints = {key: loose_metres(known, key, of_map=of_map) for key in LOOSE if getattr(pole, key) is None}
+    hints = {key: read_loose_metres(known, key, of_map=of_map) for key in LOOSE if getattr(pole, key) is None}
     found = {key: value_m for key, (value_m, _) in hints.items() if value_m is not None}
     elevation_m, height_m = found.get("elevation_m", pole.elevation_m), found.get("height_m", pole.height_m)
     hinted = {key: hints[key][1] for key in found}
     drawing.poles.append(replace(pole, elevation_m=elevation_m, height_m=height_m, hinted=hinted) if found else pole)
 
 
-def _is_of_map(feature: Feature, known: Plain) -> bool:
-    return _map_id(feature, known) is not None and has_all_tags(feature.attributes)
+def _is_osm_feature(feature: Feature, known: PlainAttributes) -> bool:
+    return _find_osm_id(feature, known) is not None and has_all_tags(feature.attributes)
 
 
-def _map_id(feature: Feature, known: Plain) -> tuple[str, str] | None:
-    return map_id(known, feature.id, NODE if feature.kind is Kind.POINT else WAY)
+def _find_osm_id(feature: Feature, known: PlainAttributes) -> tuple[str, str] | None:
+    return osm_id_of(known, feature.id, NODE if feature.kind is GeometryKind.POINT else WAY)
 
 
-def _name(feature: Feature, known: Plain, names: Sequence[str] = POLE_NAMES) -> str:
+def _find_name(feature: Feature, known: PlainAttributes, names: Sequence[str] = POLE_NAMES) -> str:
     if feature.name:
         return feature.name
-    place = _map_id(feature, known)
+    place = _find_osm_id(feature, known)
     if place is not None:
-        return map_name(known, place)
-    further = POLES if feature.kind is Kind.POINT else NAMES
+        return osm_name_of(known, place)
+    further = POLES if feature.kind is GeometryKind.POINT else NAMES
     return name_of(known, names) or name_of(known, further) or name_of({"id": feature.id})
 
 
-def third_of(value: object) -> float | None:
+def read_third_coordinate(value: object) -> float | None:
     """Return a third coordinate; None where it is none that a place can have, or nothing at all."""
     return float(value) if is_figure(value) and value and value > NO_HEIGHT_M else None
 
@@ -206,21 +212,26 @@ def _check_positions(positions: Iterable[Position], place: str) -> None:
             raise NetworkError(f"{place}: position: expected finite coordinates, got {x}, {y}")
 
 
-def add_line(drawing: Drawing, feature: Feature, system: ToWgs84) -> None:
+def add_line(drawing: RawNetwork, feature: Feature, system: Wgs84Transform) -> None:
     """Add a line.
 
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
     """
-    place, name = f"{drawing.source}: {feature.place}", _name(feature, by_plain_name(flattened(feature.attributes)))
+    place, name = (
+        f"{drawing.source}: {feature.place}",
+        _find_name(feature, normalise_attributes(flatten_attributes(feature.attributes))),
+    )
     parts = []
     for part in feature.parts:
         if len(part) < 2:
             raise NetworkError(f"{place}: expected a line of at least two positions, found {len(part)}")
         _check_positions(part, place)
         at = system.lat_lon_deg([x for x, _, _ in part], [y for _, y, _ in part], place)
-        parts.append(tuple((*one, third_of(third_m)) for one, (_, _, third_m) in zip(at, part, strict=True)))
+        parts.append(
+            tuple((*one, read_third_coordinate(third_m)) for one, (_, _, third_m) in zip(at, part, strict=True))
+        )
     if not parts:
         drawing.leave_out(EMPTY, name or feature.place)
         return
-    drawing.draw(Line(feature.place, name, tuple(parts)))
+    drawing.add_line(Line(feature.place, name, tuple(parts)))

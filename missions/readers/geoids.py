@@ -18,7 +18,7 @@ GRIDS = ("us_nga_egm96_15.tif", "egm96_15.gtx", "us_nga_egm08_25.tif", "egm08_25
 """The geoids that heights are converted by; the first that is there."""
 
 
-def above_sea_m(path: Path, tile: Tile, frame: LocalFrame) -> tuple[Tile, float]:
+def convert_to_sea_level(path: Path, tile: Tile, frame: LocalFrame) -> tuple[Tile, float]:
     """Return a tile whose heights were counted from the ellipsoid, and by how much it may be off for it.
 
     The geoid is even over kilometres: between the lattice's nodes it is a curved plane, whose largest error is told.
@@ -38,12 +38,12 @@ def above_sea_m(path: Path, tile: Tile, frame: LocalFrame) -> tuple[Tile, float]
     r, c = np.arange(rows)[:, np.newaxis], np.arange(columns)[np.newaxis]
     over_m = terms[0] + terms[1] * r + terms[2] * c + terms[3] * r**2 + terms[4] * c**2 + terms[5] * r * c
     same = tile.highest_m is tile.heights_m
-    heights_m = _lowered(tile.heights_m, over_m)
-    highest_m = heights_m if same else _lowered(tile.highest_m, over_m)
+    heights_m = _subtract_geoid(tile.heights_m, over_m)
+    highest_m = heights_m if same else _subtract_geoid(tile.highest_m, over_m)
     return replace(tile, heights_m=heights_m, highest_m=highest_m), off_m
 
 
-def _lowered(heights_m: Heights, over_m: FloatArray) -> Heights:
+def _subtract_geoid(heights_m: Heights, over_m: FloatArray) -> Heights:
     return np.asarray(np.ceil((heights_m - over_m) * 10.0) / 10.0, dtype=np.float32)
 
 

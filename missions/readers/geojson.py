@@ -22,19 +22,32 @@ from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from missions.errors import NetworkError
-from missions.files import is_figure, parse_json, printable
+from missions.files import is_figure, parse_json, to_printable
 from missions.readers.attributes import LINES, name_of
-from missions.readers.choice import Choice
-from missions.readers.crs import ToWgs84, to_wgs84, wgs84
-from missions.readers.drawing import Drawing, Span, Vertex
-from missions.readers.features import EMPTY, Feature, Kind, Position, add_features, takes_line, third_of
+from missions.readers.choice import ReadOptions
+from missions.readers.crs import Wgs84Transform, build_identity_transform, build_wgs84_transform
+from missions.readers.drawing import RawNetwork, Span, Vertex
+from missions.readers.features import (
+    EMPTY,
+    Feature,
+    GeometryKind,
+    Position,
+    add_features,
+    is_wanted_line,
+    read_third_coordinate,
+)
 from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of, is_blank
 
 FORMAT = "GeoJSON"
 FLAT = "flat_ground"
 OWN_NAMES = ("id", "ref", "name")
 LINE_NAMES = ("name", "ref", "id")
-KINDS = {"Point": Kind.POINT, "MultiPoint": Kind.POINT, "LineString": Kind.LINE, "MultiLineString": Kind.LINE}
+KINDS = {
+    "Point": GeometryKind.POINT,
+    "MultiPoint": GeometryKind.POINT,
+    "LineString": GeometryKind.LINE,
+    "MultiLineString": GeometryKind.LINE,
+}
 LEFT_OUT = ("Polygon", "MultiPolygon", "GeometryCollection")
 
 
@@ -49,7 +62,7 @@ class GeoFeature:
     id: object
 
 
-def draw_geojson(document: Mapping[str, object], source: str, choice: Choice) -> Drawing:
+def parse_geojson(document: Mapping[str, object], source: str, choice: ReadOptions) -> RawNetwork:
     """Return what a FeatureCollection shows.
 
     Args:
@@ -60,16 +73,16 @@ def draw_geojson(document: Mapping[str, object], source: str, choice: Choice) ->
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
-    choice.no_layers(source, FORMAT)
-    choice.no_crs(source, FORMAT)
+    choice.refuse_layers(source, FORMAT)
+    choice.refuse_crs(source, FORMAT)
     check_whole(document, source)
     system = system_of(document, source)
-    drawing = choice.drawing(source, FORMAT, system.words, flat=document.get(FLAT) is True)
+    drawing = choice.create_raw_network(source, FORMAT, system.words, flat=document.get(FLAT) is True)
     every = list(features_of(document, source))
-    meant = frozenset(end for one in every if _is_span(one) for end in _ends(one))
-    spans = (one for one in every if _is_span(one) and takes_line(drawing, _feature(one, meant), choice))
-    drawing.spans += map(_span, spans)
-    rest = (_drawn(one, source, meant) for one in every if not _is_span(one))
+    meant = frozenset(end for one in every if _is_span(one) for end in _read_ends(one))
+    spans = (one for one in every if _is_span(one) and is_wanted_line(drawing, _build_feature(one, meant), choice))
+    drawing.spans += map(_build_span, spans)
+    rest = (_read_feature(one, source, meant) for one in every if not _is_span(one))
     add_features(drawing, rest, system, choice, OWN_NAMES)
     _check_names(drawing, meant)
     return drawing
@@ -132,7 +145,7 @@ def check_whole(document: Mapping[str, object], source: str) -> None:
             )
 
 
-def system_of(document: Mapping[str, object], source: str) -> ToWgs84:
+def system_of(document: Mapping[str, object], source: str) -> Wgs84Transform:
     """Return the system that files before RFC 7946, and QGIS when asked, name.
 
     Raises:
@@ -140,12 +153,12 @@ def system_of(document: Mapping[str, object], source: str) -> ToWgs84:
     """
     crs = document.get("crs")
     if crs is None:
-        return wgs84(source)
+        return build_identity_transform(source)
     properties = crs.get("properties") if isinstance(crs, dict) else None
     name = properties.get("name") if isinstance(properties, dict) else None
     if not isinstance(name, str):
         raise NetworkError(f"{source}: crs: expected a name such as 'urn:ogc:def:crs:EPSG::5514', got {crs!r}")
-    return to_wgs84(name, source)
+    return build_wgs84_transform(name, source)
 
 
 def features_of(document: Mapping[str, object], source: str) -> Iterator[GeoFeature]:
@@ -158,7 +171,9 @@ def features_of(document: Mapping[str, object], source: str) -> Iterator[GeoFeat
         document = {"type": "FeatureCollection", "features": [document]}
     error = document.get("error")
     if isinstance(error, dict):
-        raise NetworkError(f"{source}: content: expected features, got a server's error: {printable(str(error))[:200]}")
+        raise NetworkError(
+            f"{source}: content: expected features, got a server's error: {to_printable(str(error))[:200]}"
+        )
     features = document.get("features")
     if document.get("type") != "FeatureCollection" or not isinstance(features, list):
         raise NetworkError(f"{source}: type: expected a FeatureCollection with a list of features")
@@ -175,7 +190,7 @@ def features_of(document: Mapping[str, object], source: str) -> Iterator[GeoFeat
         yield GeoFeature(place, kind, geometry.get("coordinates"), properties, feature.get("id"))
 
 
-def _check_names(drawing: Drawing, meant: Container[str]) -> None:
+def _check_names(drawing: RawNetwork, meant: Container[str]) -> None:
     """Refuse a name of several pylons that a segment means one by."""
     seen: set[str] = set()
     for pole in drawing.poles:
@@ -187,65 +202,67 @@ def _check_names(drawing: Drawing, meant: Container[str]) -> None:
         seen.add(pole.name)
 
 
-def _ends(feature: GeoFeature) -> tuple[str, str]:
+def _read_ends(feature: GeoFeature) -> tuple[str, str]:
     return name_of(feature.properties, ("a",)), name_of(feature.properties, ("b",))
 
 
 def _is_span(feature: GeoFeature) -> bool:
-    return feature.kind != "Point" and all(_ends(feature))
+    return feature.kind != "Point" and all(_read_ends(feature))
 
 
-def _span(feature: GeoFeature) -> Span:
+def _build_span(feature: GeoFeature) -> Span:
     name = name_of(feature.properties, LINE_NAMES) or name_of({"id": feature.id})
-    return Span(f"{feature.place}.properties", name, *_ends(feature), name_of(feature.properties, LINES))
+    return Span(f"{feature.place}.properties", name, *_read_ends(feature), name_of(feature.properties, LINES))
 
 
-def _feature(feature: GeoFeature, meant: Container[str], parts: Sequence[Sequence[Position]] = ()) -> Feature:
+def _build_feature(feature: GeoFeature, meant: Container[str], parts: Sequence[Sequence[Position]] = ()) -> Feature:
     """Return a feature for the drawing; a pole that a segment means by its id is called by that."""
     own = name_of(feature.properties, ("id",)) or name_of({"id": feature.id})
-    kind = Kind.OTHER if feature.kind is None else KINDS.get(feature.kind, Kind.OTHER)
-    name = own if kind is Kind.POINT and own in meant else ""
+    kind = GeometryKind.OTHER if feature.kind is None else KINDS.get(feature.kind, GeometryKind.OTHER)
+    name = own if kind is GeometryKind.POINT and own in meant else ""
     other = feature.kind or EMPTY
     return Feature(feature.place, kind, parts, feature.properties, feature.id, name, other)
 
 
-def _drawn(feature: GeoFeature, source: str, meant: Container[str]) -> Feature:
+def _read_feature(feature: GeoFeature, source: str, meant: Container[str]) -> Feature:
     place = f"{source}: {feature.place}.geometry.coordinates"
     at = feature.coordinates
     is_empty = not at or (feature.kind == "Point" and isinstance(at, list) and all(map(is_blank, at[:2])))
     if feature.kind not in KINDS or is_empty:
-        return _feature(feature, meant)
+        return _build_feature(feature, meant)
     if feature.kind == "Point":
-        return _feature(feature, meant, [[_position(at, place)]])
+        return _build_feature(feature, meant, [[_read_position(at, place)]])
     if not isinstance(at, list):
         raise NetworkError(f"{place}: expected a list of lines, got {at!r}")
     if feature.kind == "MultiPoint":
-        return _feature(feature, meant, [[_position(one, f"{place}[{number}]") for number, one in enumerate(at)]])
+        return _build_feature(
+            feature, meant, [[_read_position(one, f"{place}[{number}]") for number, one in enumerate(at)]]
+        )
     parts = at if feature.kind == "MultiLineString" else [at]
-    return _feature(feature, meant, [_positions(part, place) for part in parts])
+    return _build_feature(feature, meant, [_read_positions(part, place) for part in parts])
 
 
-def positions_of(positions: object, place: str, system: ToWgs84) -> tuple[Vertex, ...]:
+def positions_of(positions: object, place: str, system: Wgs84Transform) -> tuple[Vertex, ...]:
     """Return the places of a line or an outline.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
-    read = _positions(positions, place)
+    read = _read_positions(positions, place)
     places = system.lat_lon_deg([x for x, _, _ in read], [y for _, y, _ in read], place)
     return tuple((*at, third_m) for at, (_, _, third_m) in zip(places, read, strict=True))
 
 
-def _positions(positions: object, place: str) -> list[Position]:
+def _read_positions(positions: object, place: str) -> list[Position]:
     if not isinstance(positions, list) or len(positions) < 2:
         raise NetworkError(f"{place}: expected a line of at least two positions")
-    return [_position(position, f"{place}[{number}]") for number, position in enumerate(positions)]
+    return [_read_position(position, f"{place}[{number}]") for number, position in enumerate(positions)]
 
 
-def _position(coordinates: object, place: str) -> Position:
+def _read_position(coordinates: object, place: str) -> Position:
     """Return a position; what comes after longitude and latitude is none that anybody flies by (RFC 7946, 3.1.1)."""
     own = coordinates if isinstance(coordinates, list) else []
     x, y = (degrees_of(own[i], letters) if i < len(own) else None for i, letters in enumerate((EAST_WEST, NORTH_SOUTH)))
     if not is_figure(x) or not is_figure(y):
         raise NetworkError(f"{place}: expected finite numbers [longitude, latitude], got {coordinates!r}")
-    return x, y, third_of(own[2]) if len(own) > 2 else None
+    return x, y, read_third_coordinate(own[2]) if len(own) > 2 else None

@@ -16,11 +16,20 @@ from tempfile import TemporaryDirectory
 from urllib.parse import quote
 
 from missions.errors import NetworkError
-from missions.files import printable
-from missions.readers.choice import Choice
-from missions.readers.crs import ToWgs84, to_wgs84
-from missions.readers.drawing import Drawing, Matter, Remark
-from missions.readers.features import EMPTY, OTHER, Feature, Kind, Layer, Position, add_features, wanted_layers
+from missions.files import to_printable
+from missions.readers.choice import ReadOptions
+from missions.readers.crs import Wgs84Transform, build_wgs84_transform
+from missions.readers.drawing import RawNetwork, Remark, RemarkTopic
+from missions.readers.features import (
+    EMPTY,
+    OTHER,
+    Feature,
+    GeometryKind,
+    Position,
+    SourceLayer,
+    add_features,
+    select_wanted_layers,
+)
 
 FORMAT = "GeoPackage"
 MAGIC = b"SQLite format 3\x00"
@@ -34,8 +43,9 @@ POINT, LINE, POLYGON, MULTI_POINT, MULTI_LINE, COLLECTION = 1, 2, 3, 4, 5, 7
 MOST_WORK = 20_000_000
 """Thousands of steps of SQLite's machine before a query is given up: a view may be anything."""
 KINDS = {
-    "POINT": Kind.POINT, "MULTIPOINT": Kind.POINT, "LINESTRING": Kind.LINE, "MULTILINESTRING": Kind.LINE,
-    "GEOMETRY": Kind.LINE, "GEOMETRYCOLLECTION": Kind.LINE,
+    "POINT": GeometryKind.POINT, "MULTIPOINT": GeometryKind.POINT, "LINESTRING": GeometryKind.LINE,
+    "MULTILINESTRING": GeometryKind.LINE,
+    "GEOMETRY": GeometryKind.LINE, "GEOMETRYCOLLECTION": GeometryKind.LINE,
 }  # fmt: skip
 
 
@@ -43,25 +53,25 @@ class _Damaged(Exception):
     """A geometry that is none."""
 
 
-def draw_geopackage(path: Path, source: str, choice: Choice) -> Drawing:
+def read_geopackage(path: Path, source: str, choice: ReadOptions) -> RawNetwork:
     """Return what a GeoPackage shows.
 
     Raises:
         NetworkError: one line that names the file, the layer and feature and what was expected.
     """
     try:
-        with opened(path) as database:
-            drawing = _drawn(database, source, choice)
+        with open_sqlite(path) as database:
+            drawing = _read_layers(database, source, choice)
     except (sqlite3.Error, sqlite3.Warning, UnicodeDecodeError, OSError) as reason:
-        raise NetworkError(f"{source}: content: expected a GeoPackage: {printable(str(reason))}") from reason
+        raise NetworkError(f"{source}: content: expected a GeoPackage: {to_printable(str(reason))}") from reason
     if _is_left_open(path):
         text = "a program has it open, or it was copied without its -wal: what was saved last may be missing"
-        drawing.found.append(Remark(Matter.WHOLE, source, text))
+        drawing.found.append(Remark(RemarkTopic.WHOLE, source, text))
     return drawing
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[sqlite3.Connection]:
+def open_sqlite(path: Path) -> Iterator[sqlite3.Connection]:
     """Open an SQLite file of a stranger, to be read: nothing is written, and no query lasts for ever.
 
     What a program that has it open has saved lies in a journal beside it: both are read, from a copy.
@@ -76,7 +86,7 @@ def opened(path: Path) -> Iterator[sqlite3.Connection]:
         file, how = path, "ro&immutable=1"
         if any(one.is_file() and one.stat().st_size for one in journals):
             folder = stack.enter_context(TemporaryDirectory(prefix="faultline-"))
-            file, how = _copied(path, journals, Path(folder)), "rw"
+            file, how = _copy_database(path, journals, Path(folder)), "rw"
         database = stack.enter_context(closing(sqlite3.connect(f"file:{quote(str(file))}?mode={how}", uri=True)))
         database.execute("PRAGMA trusted_schema = OFF")
         database.execute("PRAGMA cell_size_check = ON")
@@ -85,20 +95,20 @@ def opened(path: Path) -> Iterator[sqlite3.Connection]:
         yield database
 
 
-def _copied(path: Path, journals: Sequence[Path], folder: Path) -> Path:
+def _copy_database(path: Path, journals: Sequence[Path], folder: Path) -> Path:
     """Return a copy of a database with its journals, as of one moment."""
     for _ in range(COPIES):
-        before = _state(path, journals)
+        before = _read_file_state(path, journals)
         for one in (path, *journals):
             (folder / one.name).unlink(missing_ok=True)
             if one.is_file():
                 copyfile(one, folder / one.name)
-        if _state(path, journals) == before:
+        if _read_file_state(path, journals) == before:
             return folder / path.name
     raise sqlite3.OperationalError("a program writes into it all the time: close it there, or save a copy")
 
 
-def _state(path: Path, journals: Sequence[Path]) -> list[tuple[int, int] | None]:
+def _read_file_state(path: Path, journals: Sequence[Path]) -> list[tuple[int, int] | None]:
     each = [one.stat() if one.is_file() else None for one in (path, *journals)]
     return [None if one is None else (one.st_size, one.st_mtime_ns) for one in each]
 
@@ -110,7 +120,7 @@ def _is_left_open(path: Path) -> bool:
     return modes == WAL and not path.resolve().with_name(path.resolve().name + JOURNALS[0]).exists()
 
 
-def _drawn(database: sqlite3.Connection, source: str, choice: Choice) -> Drawing:
+def _read_layers(database: sqlite3.Connection, source: str, choice: ReadOptions) -> RawNetwork:
     rows = database.execute(
         "SELECT c.table_name, g.column_name, g.geometry_type_name, g.srs_id FROM gpkg_contents c "
         "JOIN gpkg_geometry_columns g ON g.table_name = c.table_name WHERE c.data_type = 'features' ORDER BY c.rowid"
@@ -118,27 +128,29 @@ def _drawn(database: sqlite3.Connection, source: str, choice: Choice) -> Drawing
     columns = {str(table): (str(column), srs) for table, column, _, srs in rows}
     layers = []
     for table, _, kind, _ in rows:
-        ((count,),) = database.execute(_select("count(*)", table))
-        layers.append(Layer(str(table), KINDS.get(str(kind).upper(), Kind.OTHER), count))
-    drawing, systems = choice.drawing(source, FORMAT), []
-    for layer in wanted_layers(layers, source, choice):
+        ((count,),) = database.execute(_build_query("count(*)", table))
+        layers.append(SourceLayer(str(table), KINDS.get(str(kind).upper(), GeometryKind.OTHER), count))
+    drawing, systems = choice.create_raw_network(source, FORMAT), []
+    for layer in select_wanted_layers(layers, source, choice):
         if layer.count > MOST_FEATURES:
             raise NetworkError(f"{source}: layer {layer.name!r}: expected at most {MOST_FEATURES} features")
         column, srs = columns[layer.name]
-        system = _system(database, srs, source, layer.name, choice)
+        system = _read_system(database, srs, source, layer.name, choice)
         systems.append(system.words)
-        add_features(drawing, _features(database, layer.name, column, source), system, choice)
+        add_features(drawing, _iterate_features(database, layer.name, column, source), system, choice)
     drawing.crs = ", ".join(dict.fromkeys(systems))
     return drawing
 
 
-def _select(what: str, table: object) -> str:
+def _build_query(what: str, table: object) -> str:
     """Return a query of a whole table, whose name is the file's."""
     name = str(table).replace('"', '""')
     return " ".join(("SELECT", what, "FROM", f'"{name}"'))
 
 
-def _system(database: sqlite3.Connection, srs: object, source: str, layer: str, choice: Choice) -> ToWgs84:
+def _read_system(
+    database: sqlite3.Connection, srs: object, source: str, layer: str, choice: ReadOptions
+) -> Wgs84Transform:
     place = f"{source}: layer {layer!r}"
     row = database.execute(
         "SELECT organization, organization_coordsys_id, definition FROM gpkg_spatial_ref_sys WHERE srs_id = ?", (srs,)
@@ -146,17 +158,17 @@ def _system(database: sqlite3.Connection, srs: object, source: str, layer: str, 
     if row is None or srs in {0, -1}:
         if choice.crs is None:
             raise NetworkError(f"{place}: crs: expected a reference system, none is in the file; crs says it")
-        return to_wgs84(choice.crs, place)
+        return build_wgs84_transform(choice.crs, place)
     organization, code, definition = row
     known = str(organization).upper() in {"EPSG", "ESRI", "IGNF", "OGC"}
-    system = to_wgs84(f"{organization}:{code}" if known else str(definition), place)
-    if choice.crs is not None and to_wgs84(choice.crs, place).words != system.words:
+    system = build_wgs84_transform(f"{organization}:{code}" if known else str(definition), place)
+    if choice.crs is not None and build_wgs84_transform(choice.crs, place).words != system.words:
         raise NetworkError(f"{place}: crs: expected none, the file says {system.words}; got {choice.crs!r}")
     return system
 
 
-def _features(database: sqlite3.Connection, table: str, column: str, source: str) -> Iterator[Feature]:
-    cursor = database.execute(_select("*", table))
+def _iterate_features(database: sqlite3.Connection, table: str, column: str, source: str) -> Iterator[Feature]:
+    cursor = database.execute(_build_query("*", table))
     names = [str(entry[0]) for entry in cursor.description]
     if column not in names:
         raise NetworkError(f"{source}: layer {table!r}: expected its column {column!r}, found none")
@@ -167,13 +179,13 @@ def _features(database: sqlite3.Connection, table: str, column: str, source: str
         place = f"layer {table!r} feature {number if key is None else attributes.pop(key)}"
         blob = row[at]
         try:
-            kind, parts = (Kind.OTHER, ()) if blob is None else geometry_of(blob)
+            kind, parts = (GeometryKind.OTHER, ()) if blob is None else parse_geometry(blob)
         except (_Damaged, struct.error, TypeError) as reason:
             raise NetworkError(f"{source}: {place}: geometry: expected a GeoPackage's: {reason}") from reason
         yield Feature(place, kind, parts, attributes, other=EMPTY if blob is None else OTHER)
 
 
-def geometry_of(blob: bytes) -> tuple[Kind, Sequence[Sequence[Position]]]:
+def parse_geometry(blob: bytes) -> tuple[GeometryKind, Sequence[Sequence[Position]]]:
     """Return what a geometry of a GeoPackage is, and its positions by part.
 
     Raises:
@@ -185,34 +197,34 @@ def geometry_of(blob: bytes) -> tuple[Kind, Sequence[Sequence[Position]]]:
     if envelope is None:
         raise _Damaged("an unknown envelope")
     if blob[3] >> 4 & 1:  # empty
-        return Kind.LINE, ()
+        return GeometryKind.LINE, ()
     geometries: list[tuple[int, list[Position]]] = []
-    _read(blob, 8 + envelope, geometries, 0)
+    _parse_wkb(blob, 8 + envelope, geometries, 0)
     kinds = {code for code, _ in geometries}
     if kinds <= {POINT}:
-        return Kind.POINT, [part for _, part in geometries]
+        return GeometryKind.POINT, [part for _, part in geometries]
     if kinds <= {LINE}:
-        return Kind.LINE, [part for _, part in geometries]
-    return Kind.OTHER, ()
+        return GeometryKind.LINE, [part for _, part in geometries]
+    return GeometryKind.OTHER, ()
 
 
-def _read(blob: bytes, at: int, into: list[tuple[int, list[Position]]], depth: int) -> int:
+def _parse_wkb(blob: bytes, at: int, into: list[tuple[int, list[Position]]], depth: int) -> int:
     """Read well-known binary at a place; return where it ends."""
     order = {0: ">", 1: "<"}.get(blob[at] if at < len(blob) else -1)
     if order is None or depth > 4:
         raise _Damaged("no well-known binary")
     code = int(struct.unpack_from(f"{order}I", blob, at + 1)[0])
-    width = 2 + _more(code)
+    width = 2 + _count_extra_coordinates(code)
     kind, at = (code & 0x0FFFFFFF) % 1000, at + 5
     if kind == POINT:
-        into.append((POINT, [_position(struct.unpack_from(f"{order}{width}d", blob, at), code)]))
+        into.append((POINT, [_to_position(struct.unpack_from(f"{order}{width}d", blob, at), code)]))
         return at + 8 * width
     if kind == LINE:
         count = int(struct.unpack_from(f"{order}I", blob, at)[0])
         if count * 8 * width > len(blob) - at:
             raise _Damaged(f"{count} positions do not fit in {len(blob)} bytes")
         figures = struct.unpack_from(f"{order}{count * width}d", blob, at + 4)
-        into.append((LINE, [_position(figures[i : i + width], code) for i in range(0, len(figures), width)]))
+        into.append((LINE, [_to_position(figures[i : i + width], code) for i in range(0, len(figures), width)]))
         return at + 4 + 8 * width * count
     if kind in {MULTI_POINT, MULTI_LINE, COLLECTION}:
         (count,) = struct.unpack_from(f"{order}I", blob, at)
@@ -220,18 +232,18 @@ def _read(blob: bytes, at: int, into: list[tuple[int, list[Position]]], depth: i
         if count > len(blob) - at:
             raise _Damaged(f"{count} parts do not fit in {len(blob)} bytes")
         for _ in range(count):
-            at = _read(blob, at, into, depth + 1)
+            at = _parse_wkb(blob, at, into, depth + 1)
         return at
     into.append((kind, []))
     return len(blob)
 
 
-def _more(code: int) -> int:
+def _count_extra_coordinates(code: int) -> int:
     """Return how many coordinates come beside the first two, as ISO or as PostGIS says it."""
     thousands = (code & 0x0FFFFFFF) // 1000
     return max({1: 1, 2: 1, 3: 2}.get(thousands, 0), bool(code & 0x80000000) + bool(code & 0x40000000))
 
 
-def _position(figures: Sequence[float], code: int) -> Position:
+def _to_position(figures: Sequence[float], code: int) -> Position:
     has_z = (code & 0x0FFFFFFF) // 1000 in {1, 3} or bool(code & 0x80000000)
     return figures[0], figures[1], figures[2] if has_z else None

@@ -7,13 +7,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
-from missions.files import is_figure, printable
-from missions.readers.choice import Choice
-from missions.readers.crs import wgs84
-from missions.readers.drawing import Drawing, Matter, Remark
-from missions.readers.features import Feature, Kind, Position, add_line, add_points, takes_line
+from missions.files import is_figure, to_printable
+from missions.readers.choice import ReadOptions
+from missions.readers.crs import build_identity_transform
+from missions.readers.drawing import RawNetwork, Remark, RemarkTopic
+from missions.readers.features import Feature, GeometryKind, Position, add_line, add_points, is_wanted_line
 from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of, figure_of
-from missions.readers.xmltree import children, line_of, tag_of, text_of
+from missions.readers.xmltree import iterate_children, line_of, tag_of, text_of
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 FORMAT = "GPX"
 
 
-def draw_gpx(root: etree._Element, source: str, choice: Choice) -> Drawing:
+def parse_gpx(root: etree._Element, source: str, choice: ReadOptions) -> RawNetwork:
     """Return what a GPX document shows.
 
     Points of a route that have a name are poles, too.
@@ -29,55 +29,55 @@ def draw_gpx(root: etree._Element, source: str, choice: Choice) -> Drawing:
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
-    choice.no_layers(source, FORMAT)
-    choice.no_crs(source, FORMAT)
-    drawing = choice.drawing(source, FORMAT)
-    for point in children(root, "wpt"):
+    choice.refuse_layers(source, FORMAT)
+    choice.refuse_crs(source, FORMAT)
+    drawing = choice.create_raw_network(source, FORMAT)
+    for point in iterate_children(root, "wpt"):
         _add_pole(drawing, point, "")
-    for line in children(root, "rte", "trk"):
+    for line in iterate_children(root, "rte", "trk"):
         name, tag = text_of(line, "name"), tag_of(line)
         place = f"{tag} {name!r} ({line_of(line)})" if name else f"{tag} in {line_of(line)}"
-        feature = Feature(place, Kind.LINE, (), {**_attributes(line), "kind": tag})
-        if not takes_line(drawing, feature, choice):
+        feature = Feature(place, GeometryKind.LINE, (), {**_read_attributes(line), "kind": tag})
+        if not is_wanted_line(drawing, feature, choice):
             continue
         if tag == "rte":
-            points = list(children(line, "rtept"))
+            points = list(iterate_children(line, "rtept"))
             parts: Sequence[Sequence[etree._Element]] = [points]
             for point in points:
                 if text_of(point, "name"):
                     _add_pole(drawing, point, name)
         else:
-            parts = [list(children(segment, "trkpt")) for segment in children(line, "trkseg")]
+            parts = [list(iterate_children(segment, "trkpt")) for segment in iterate_children(line, "trkseg")]
         # Receivers write a segment of no point, or of one, whenever they lose their fix.
         short, parts = sum(len(part) < 2 for part in parts), [part for part in parts if len(part) > 1]
         if short or not parts:
             text = f"{short} parts of fewer than two points: left out" if short else "a line without points: left out"
-            drawing.found.append(Remark(Matter.LEFT_OUT, name or place, text))
+            drawing.found.append(Remark(RemarkTopic.LEFT_OUT, name or place, text))
         if parts:
-            places = [[_position(point, source) for point in part] for part in parts]
-            add_line(drawing, replace(feature, parts=places), wgs84(source))
+            places = [[_read_position(point, source) for point in part] for part in parts]
+            add_line(drawing, replace(feature, parts=places), build_identity_transform(source))
     if drawing.found and not drawing.lines and drawing.far is None:
         raise NetworkError(f"{source}: {drawing.found[0].asset}: expected a line of at least two points")
     return drawing
 
 
-def _add_pole(drawing: Drawing, point: etree._Element, line: str) -> None:
+def _add_pole(drawing: RawNetwork, point: etree._Element, line: str) -> None:
     place = f"{tag_of(point)} in {line_of(point)}"
-    attributes = {**_attributes(point), **({"line": line} if line else {})}
-    feature = Feature(place, Kind.POINT, [[_position(point, drawing.source)]], attributes)
-    add_points(drawing, feature, wgs84(drawing.source))
+    attributes = {**_read_attributes(point), **({"line": line} if line else {})}
+    feature = Feature(place, GeometryKind.POINT, [[_read_position(point, drawing.source)]], attributes)
+    add_points(drawing, feature, build_identity_transform(drawing.source))
 
 
-def _attributes(element: etree._Element) -> dict[str, object]:
+def _read_attributes(element: etree._Element) -> dict[str, object]:
     """Return what is said of a point or a line, in its own words and in those of the program that wrote it."""
     own = {key: text_of(element, key) for key in ("name", "type", "desc")}
     extensions = (
-        leaf for more in children(element, "extensions") for leaf in more.iterdescendants("*") if not len(leaf)
+        leaf for more in iterate_children(element, "extensions") for leaf in more.iterdescendants("*") if not len(leaf)
     )
-    return {**{tag_of(leaf): printable(leaf.text or "") for leaf in extensions}, **own}
+    return {**{tag_of(leaf): to_printable(leaf.text or "") for leaf in extensions}, **own}
 
 
-def _position(point: etree._Element, source: str) -> Position:
+def _read_position(point: etree._Element, source: str) -> Position:
     lat_deg, lon_deg = degrees_of(point.get("lat"), NORTH_SOUTH), degrees_of(point.get("lon"), EAST_WEST)
     if not is_figure(lat_deg) or not is_figure(lon_deg):
         got = f"{point.get('lat')!r} and {point.get('lon')!r}"

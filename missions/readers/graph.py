@@ -33,8 +33,8 @@ def parse_graph(text: str, *, source: str, frame: LocalFrame, crs: str | None = 
     for key in (POSITIONS, NEIGHBOURS):
         if key not in settings:
             raise NetworkError(f"{source}: {key}: expected a string in quotes, found none")
-    offsets_m = _positions_m(settings[POSITIONS], source)
-    segments = _segments(settings[NEIGHBOURS], len(offsets_m), source)
+    offsets_m = _parse_positions_m(settings[POSITIONS], source)
+    segments = _parse_segments(settings[NEIGHBOURS], len(offsets_m), source)
     try:
         if crs is None:
             lat_lon_deg = frame.many_to_wgs84_deg(offsets_m[:, :2])
@@ -52,15 +52,15 @@ def parse_graph(text: str, *, source: str, frame: LocalFrame, crs: str | None = 
     return Network(pylons, segments, frame, source, flat=not knows_ground)
 
 
-def _rows(value: str) -> list[list[str]]:
+def _split_rows(value: str) -> list[list[str]]:
     rows = value.split(";")
     # The text behind the last semicolon is no row.
     return [row.split() for row in (rows[:-1] if not rows[-1].strip() else rows)]
 
 
-def _positions_m(value: str, source: str) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+def _parse_positions_m(value: str, source: str) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     positions: list[tuple[float, float, float]] = []
-    for number, row in enumerate(_rows(value), start=1):
+    for number, row in enumerate(_split_rows(value), start=1):
         place = f"{source}: {POSITIONS}, row {number}"
         try:
             east, north, up = (float(word) for word in row)
@@ -74,8 +74,8 @@ def _positions_m(value: str, source: str) -> np.ndarray[tuple[int, int], np.dtyp
     return np.array(positions, dtype=np.float64)
 
 
-def _segments(value: str, pylons: int, source: str) -> tuple[Segment, ...]:
-    rows = _rows(value)
+def _parse_segments(value: str, pylons: int, source: str) -> tuple[Segment, ...]:
+    rows = _split_rows(value)
     if len(rows) != pylons:
         raise NetworkError(f"{source}: {NEIGHBOURS}: expected {pylons} rows, one a pylon, found {len(rows)}")
     pairs: set[tuple[int, int]] = set()

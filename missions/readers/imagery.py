@@ -15,8 +15,8 @@ from pyproj.exceptions import CRSError, ProjError
 
 from missions.background import Pixels
 from missions.errors import BackgroundError
-from missions.files import printable
-from missions.readers.picture import AreaWanted, Read, from_degrees, plain
+from missions.files import to_printable
+from missions.readers.picture import PictureArea, PictureWindow, project_degrees, strip_markup
 
 if TYPE_CHECKING:
     import rasterio
@@ -34,18 +34,18 @@ DARK_PCT, BRIGHT_PCT = 1.0, 99.0
 """Of pictures of more than 8 bits: what becomes black and white."""
 
 
-def read_imagery(path: Path, wanted: AreaWanted) -> Read:
+def read_imagery(path: Path, wanted: PictureArea) -> PictureWindow:
     """Return the pixels of an area.
 
     Raises:
         BackgroundError: one line that names the file, the band and what was expected.
     """
-    with _opened(path) as dataset:
-        crs = _system(path, dataset)
-        window = _window(path, dataset, crs, wanted)
-        few = _few(path, dataset, window, wanted)
+    with _open_picture(path) as dataset:
+        crs = _read_system(path, dataset)
+        window = _find_window(path, dataset, crs, wanted)
+        few = _decimation(path, dataset, window, wanted)
         shape = (max(1, round(window.height / few)), max(1, round(window.width / few)))
-        pixels = _pixels(dataset, window, shape)
+        pixels = _read_pixels(dataset, window, shape)
         back = ~dataset.transform
         across, down = shape[1] / window.width, shape[0] / window.height
         to_pixels = (
@@ -53,12 +53,12 @@ def read_imagery(path: Path, wanted: AreaWanted) -> Read:
             back.d * down, back.e * down, (back.f - window.row_off) * down,
         )  # fmt: skip
         tags = dataset.tags()
-        attribution = next((plain(str(tags[tag])) for tag in TAGS if tags.get(tag)), "")
-        return Read(pixels, crs, to_pixels, few * _step_m(path, dataset, crs, wanted), attribution)
+        attribution = next((strip_markup(str(tags[tag])) for tag in TAGS if tags.get(tag)), "")
+        return PictureWindow(pixels, crs, to_pixels, few * _step_m(path, dataset, crs, wanted), attribution)
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def _open_picture(path: Path) -> Iterator[Any]:
     try:
         import rasterio
         from rasterio.errors import NotGeoreferencedWarning, RasterioError
@@ -73,11 +73,11 @@ def _opened(path: Path) -> Iterator[Any]:
             with DatasetReader(str(path.absolute()), driver=["GTiff"]) as dataset:
                 yield dataset
     except (RasterioError, CRSError, ProjError, ValueError) as error:
-        text = printable(str(error.__cause__ or error)).replace(str(path.absolute()), path.name)[:160]
+        text = to_printable(str(error.__cause__ or error)).replace(str(path.absolute()), path.name)[:160]
         raise BackgroundError(f"{path}: content: expected a whole GeoTIFF: {text}") from error
 
 
-def _system(path: Path, dataset: rasterio.DatasetReader) -> pyproj.CRS:
+def _read_system(path: Path, dataset: rasterio.DatasetReader) -> pyproj.CRS:
     if dataset.crs is None:
         raise BackgroundError(f"{path}: crs: expected a coordinate reference system in the file, found none")
     transform = dataset.transform
@@ -94,10 +94,10 @@ def _system(path: Path, dataset: rasterio.DatasetReader) -> pyproj.CRS:
     return crs
 
 
-def _window(path: Path, dataset: rasterio.DatasetReader, crs: pyproj.CRS, wanted: AreaWanted) -> Window:
+def _find_window(path: Path, dataset: rasterio.DatasetReader, crs: pyproj.CRS, wanted: PictureArea) -> Window:
     from rasterio.windows import Window
 
-    x, y = from_degrees(crs, wanted.places_deg())
+    x, y = project_degrees(crs, wanted.sample_places_deg())
     back = ~dataset.transform
     columns, rows = back.a * x + back.b * y + back.c, back.d * x + back.e * y + back.f
     known = np.isfinite(columns) & np.isfinite(rows)
@@ -109,11 +109,11 @@ def _window(path: Path, dataset: rasterio.DatasetReader, crs: pyproj.CRS, wanted
     raise BackgroundError(f"{path}: area: expected a picture of the line's surroundings, it lies elsewhere")
 
 
-def _step_m(path: Path, dataset: rasterio.DatasetReader, crs: pyproj.CRS, wanted: AreaWanted) -> float:
+def _step_m(path: Path, dataset: rasterio.DatasetReader, crs: pyproj.CRS, wanted: PictureArea) -> float:
     """Return about how large a pixel of the file is over the ground, in the middle of the area."""
     middle_m = np.mean([wanted.low_m, wanted.high_m], axis=0)
     along_m = middle_m + np.array([[0.0, 0.0], [0.0, ALONG_M]])
-    x, y = from_degrees(crs, wanted.frame.many_to_wgs84_deg(along_m))
+    x, y = project_degrees(crs, wanted.frame.many_to_wgs84_deg(along_m))
     back = ~dataset.transform
     pixels = math.hypot(
         back.a * (x[1] - x[0]) + back.b * (y[1] - y[0]), back.d * (x[1] - x[0]) + back.e * (y[1] - y[0])
@@ -123,7 +123,7 @@ def _step_m(path: Path, dataset: rasterio.DatasetReader, crs: pyproj.CRS, wanted
     return ALONG_M / pixels
 
 
-def _few(path: Path, dataset: rasterio.DatasetReader, window: Window, wanted: AreaWanted) -> float:
+def _decimation(path: Path, dataset: rasterio.DatasetReader, window: Window, wanted: PictureArea) -> float:
     """Return how many pixels of the file become one, on a side."""
     few = max(1.0, math.sqrt(window.width * window.height / wanted.most_pixels) / FINER)
     overviews = max([1, *dataset.overviews(1)])
@@ -135,7 +135,7 @@ def _few(path: Path, dataset: rasterio.DatasetReader, window: Window, wanted: Ar
     return few
 
 
-def _pixels(dataset: rasterio.DatasetReader, window: Window, shape: tuple[int, int]) -> Pixels:
+def _read_pixels(dataset: rasterio.DatasetReader, window: Window, shape: tuple[int, int]) -> Pixels:
     """Return (rows, columns, 4) pixels of a window."""
     from rasterio.enums import ColorInterp, Resampling
 
@@ -150,13 +150,13 @@ def _pixels(dataset: rasterio.DatasetReader, window: Window, shape: tuple[int, i
     else:
         shown = read[[0, 0, 0]] if dataset.count < 3 else read[:3]
         made = np.empty((*shape, 4), dtype=np.uint8)
-        made[..., :3] = np.moveaxis(_in_8_bits(shown, known > 0), 0, -1)
+        made[..., :3] = np.moveaxis(_to_8_bits(shown, known > 0), 0, -1)
         made[..., 3] = 255
     made[..., 3] = np.minimum(made[..., 3], known)
     return np.asarray(made, dtype=np.uint8)
 
 
-def _in_8_bits(read: np.ndarray[Any, np.dtype[Any]], known: np.ndarray[Any, np.dtype[np.bool_]]) -> Pixels:
+def _to_8_bits(read: np.ndarray[Any, np.dtype[Any]], known: np.ndarray[Any, np.dtype[np.bool_]]) -> Pixels:
     if read.dtype == np.uint8 or not known.any():
         return read.astype(np.uint8)
     dark, bright = np.percentile(read[:, known], [DARK_PCT, BRIGHT_PCT])

@@ -75,7 +75,7 @@ def read_kept_ground(path: Path, frame: LocalFrame) -> Elevation:
             about = json.loads(str(parts["about"]))
             if about["format"] != FORMAT:
                 raise ValueError(f"format: expected {FORMAT!r}")
-            tiles = tuple(_tile(parts, number, row) for number, row in enumerate(about["tiles"]))
+            tiles = tuple(_load_tile(parts, number, row) for number, row in enumerate(about["tiles"]))
             found = Elevation(
                 frame=LocalFrame(float(about["lat_deg"]), float(about["lon_deg"])),
                 tiles=tiles,
@@ -95,7 +95,7 @@ def read_kept_ground(path: Path, frame: LocalFrame) -> Elevation:
     return found
 
 
-def _tile(parts: np.lib.npyio.NpzFile, number: int, row: dict[str, object]) -> Tile:
+def _load_tile(parts: np.lib.npyio.NpzFile, number: int, row: dict[str, object]) -> Tile:
     heights_m, lattice = parts[f"heights_{number}"].astype(np.float32), parts[f"lattice_{number}"].astype(np.float64)
     highest_m = heights_m if row["same"] else parts[f"highest_{number}"].astype(np.float32)
     if heights_m.ndim != 2 or heights_m.shape != highest_m.shape or not heights_m.size:

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
 from missions.errors import NetworkError
-from missions.files import is_figure, printable
-from missions.readers.choice import Choice, quoted_names
-from missions.readers.crs import wgs84
-from missions.readers.drawing import Drawing, Matter, Remark, Vertex
-from missions.readers.features import EMPTY, Feature, Kind, Position, add_line, add_points, takes_line
+from missions.files import is_figure, to_printable
+from missions.readers.choice import ReadOptions, quote_names
+from missions.readers.crs import build_identity_transform
+from missions.readers.drawing import RawNetwork, Remark, RemarkTopic, Vertex
+from missions.readers.features import EMPTY, Feature, GeometryKind, Position, add_line, add_points, is_wanted_line
 from missions.readers.opened import Archive
 from missions.readers.values import figure_of
-from missions.readers.xmltree import children, line_of, root_of, tag_of, text_of
+from missions.readers.xmltree import iterate_children, line_of, root_of, tag_of, text_of
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -40,13 +40,13 @@ MODES = {
 """What is said of each altitudeMode."""
 
 
-def kml_of(archive: Archive) -> tuple[bytes, ...]:
+def extract_kml(archive: Archive) -> tuple[bytes, ...]:
     """Return the documents of a KMZ: doc.kml, which programs show, and then all others.
 
     Raises:
         NetworkError: it cannot be read.
     """
-    names = archive.ending_in(".kml")
+    names = archive.list_by_suffix(".kml")
     every = sorted(names, key=lambda name: (name.lower() != "doc.kml", name.count("/"), names.index(name)))
     return tuple(archive.read(name) for name in every)
 
@@ -60,21 +60,23 @@ def links_of(roots: Iterable[etree._Element], inside: Collection[str] = ()) -> I
                 yield link
 
 
-def draw_kmz(archive: Archive, source: str, choice: Choice) -> Drawing:
+def parse_kmz(archive: Archive, source: str, choice: ReadOptions) -> RawNetwork:
     """Return what all documents of an archive show.
 
     Raises:
-        NetworkError: as `draw_kml`.
+        NetworkError: as `parse_kml`.
     """
-    names, documents = archive.ending_in(".kml"), kml_of(archive)
-    drawing = draw_kml([root_of(content, source) for content in documents], source, choice, inside=names)
+    names, documents = archive.list_by_suffix(".kml"), extract_kml(archive)
+    drawing = parse_kml([root_of(content, source) for content in documents], source, choice, inside=names)
     if len(names) > 1:
-        text = f"{len(names)} KML files in the archive, all of them are read: {quoted_names(names)}"
-        drawing.found.insert(0, Remark(Matter.WHOLE, source, text))
+        text = f"{len(names)} KML files in the archive, all of them are read: {quote_names(names)}"
+        drawing.found.insert(0, Remark(RemarkTopic.WHOLE, source, text))
     return drawing
 
 
-def draw_kml(roots: Sequence[etree._Element], source: str, choice: Choice, *, inside: Collection[str] = ()) -> Drawing:
+def parse_kml(
+    roots: Sequence[etree._Element], source: str, choice: ReadOptions, *, inside: Collection[str] = ()
+) -> RawNetwork:
     """Return what KML documents show.
 
     Args:
@@ -86,22 +88,24 @@ def draw_kml(roots: Sequence[etree._Element], source: str, choice: Choice, *, in
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
-    choice.no_crs(source, FORMAT)
-    drawing, modes = choice.drawing(source, FORMAT), Counter[str]()
+    choice.refuse_crs(source, FORMAT)
+    drawing, modes = choice.create_raw_network(source, FORMAT), Counter[str]()
     marks = list(placemarks_of(roots, ""))
-    wanted = choice.chosen_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
+    wanted = choice.select_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
     for mark, folder in marks:
         if folder in wanted:
-            _add(drawing, mark, folder, choice, modes)
+            _add_placemark(drawing, mark, folder, choice, modes)
     for link in links_of(roots, inside):
         text = "a link to another file: not followed"
-        drawing.found.append(Remark(Matter.WHOLE, text_of(link, "name") or line_of(link), text))
+        drawing.found.append(Remark(RemarkTopic.WHOLE, text_of(link, "name") or line_of(link), text))
     for root in roots:
         for overlay in root.iter(*(f"{{*}}{tag}" for tag in OVERLAYS)):
             drawing.leave_out(tag_of(overlay), text_of(overlay, "name") or line_of(overlay))
     for mode, count in modes.items():
         what = "position has an altitude" if count == 1 else "positions have an altitude"
-        drawing.found.append(Remark(Matter.HEIGHTS, FORMAT, f"{count} {what} {MODES.get(mode, f'{mode}: not used')}"))
+        drawing.found.append(
+            Remark(RemarkTopic.HEIGHTS, FORMAT, f"{count} {what} {MODES.get(mode, f'{mode}: not used')}")
+        )
     return drawing
 
 
@@ -115,7 +119,9 @@ def placemarks_of(elements: Iterable[etree._Element], folder: str) -> Iterator[t
             yield from placemarks_of(child, text_of(child, "name") if tag == "Folder" else folder)
 
 
-def _add(drawing: Drawing, mark: etree._Element, folder: str, choice: Choice, modes: Counter[str]) -> None:
+def _add_placemark(
+    drawing: RawNetwork, mark: etree._Element, folder: str, choice: ReadOptions, modes: Counter[str]
+) -> None:
     name = text_of(mark, "name")
     place = f"Placemark {name!r} ({line_of(mark)})" if name else f"Placemark in {line_of(mark)}"
     attributes = {**attributes_of(mark), "folder": folder}
@@ -132,24 +138,24 @@ def _add(drawing: Drawing, mark: etree._Element, folder: str, choice: Choice, mo
             drawing.leave_out(tag, name or place)
     if next(geometries_of(mark), None) is None:
         drawing.leave_out(EMPTY, name or place)
-    system = wgs84(drawing.source)
+    system = build_identity_transform(drawing.source)
     if points:
-        add_points(drawing, Feature(place, Kind.POINT, _positions(points), attributes), system)
+        add_points(drawing, Feature(place, GeometryKind.POINT, _to_positions(points), attributes), system)
     for part in parts:
         if len(part) < 2:
             raise NetworkError(f"{drawing.source}: {place}: coordinates: expected a line of at least two positions")
-    line = Feature(place, Kind.LINE, _positions(parts), attributes)
-    if parts and takes_line(drawing, line, choice):
+    line = Feature(place, GeometryKind.LINE, _to_positions(parts), attributes)
+    if parts and is_wanted_line(drawing, line, choice):
         add_line(drawing, line, system)
 
 
-def _positions(parts: Iterable[Iterable[Vertex]]) -> list[list[Position]]:
+def _to_positions(parts: Iterable[Iterable[Vertex]]) -> list[list[Position]]:
     return [[(lon_deg, lat_deg, third_m) for lat_deg, lon_deg, third_m in part] for part in parts]
 
 
 def geometries_of(element: etree._Element) -> Iterator[etree._Element]:
     """Yield the geometries of a Placemark, one by one."""
-    for child in children(element, *GEOMETRIES):
+    for child in iterate_children(element, *GEOMETRIES):
         if tag_of(child) == "MultiGeometry":
             yield from geometries_of(child)
         else:
@@ -159,10 +165,10 @@ def geometries_of(element: etree._Element) -> Iterator[etree._Element]:
 def attributes_of(mark: etree._Element) -> dict[str, object]:
     """Return what a Placemark's ExtendedData says."""
     found: dict[str, object] = {}
-    for data in children(mark, "ExtendedData"):
+    for data in iterate_children(mark, "ExtendedData"):
         for element in data.iter("{*}Data", "{*}SimpleData"):
-            text = text_of(element, "value") if tag_of(element) == "Data" else printable(element.text or "")
-            found[printable(element.get("name") or "")] = text
+            text = text_of(element, "value") if tag_of(element) == "Data" else to_printable(element.text or "")
+            found[to_printable(element.get("name") or "")] = text
     return found
 
 
@@ -173,7 +179,7 @@ def vertices_of(geometry: etree._Element, place: str, modes: Counter[str]) -> li
         NetworkError: there is none, or one is no place.
     """
     mode = text_of(geometry, "altitudeMode") or CLAMPED
-    coordinates = next(children(geometry, "coordinates"), None)
+    coordinates = next(iterate_children(geometry, "coordinates"), None)
     words = ((coordinates.text or "") if coordinates is not None else "").split()
     if not words:
         raise NetworkError(f"{place}: coordinates: expected longitude,latitude[,altitude], found none")

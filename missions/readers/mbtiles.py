@@ -14,9 +14,9 @@ import pyproj
 
 from missions.background import Pixels
 from missions.errors import BackgroundError
-from missions.files import printable
-from missions.readers.geopackage import opened
-from missions.readers.picture import AreaWanted, Read, from_degrees, plain
+from missions.files import to_printable
+from missions.readers.geopackage import open_sqlite
+from missions.readers.picture import PictureArea, PictureWindow, project_degrees, strip_markup
 
 HALF_M = math.pi * 6378137.0
 """Half of the world's width in the metres of web maps."""
@@ -33,7 +33,7 @@ ALL = -1
 
 
 @dataclass(frozen=True, slots=True)
-class _Range:
+class _TileRange:
     """Tiles of one zoom, counted from north and west."""
 
     zoom: int
@@ -54,63 +54,65 @@ class _Range:
         return (self.right - self.left + 1) * (self.bottom - self.top + 1)
 
 
-def read_mbtiles(path: Path, wanted: AreaWanted) -> Read:
+def read_mbtiles(path: Path, wanted: PictureArea) -> PictureWindow:
     """Return the tiles of an area, of the zoom that fits what is shown.
 
     Raises:
         BackgroundError: one line that names the file, the tile and what was expected.
     """
     try:
-        with opened(path) as database:
+        with open_sqlite(path) as database:
             return _read(path, database, wanted)
     except (sqlite3.Error, sqlite3.Warning, UnicodeDecodeError, OSError) as error:
-        raise BackgroundError(f"{path}: content: expected MBTiles: {printable(str(error))}") from error
+        raise BackgroundError(f"{path}: content: expected MBTiles: {to_printable(str(error))}") from error
 
 
-def _read(path: Path, database: sqlite3.Connection, wanted: AreaWanted) -> Read:
+def _read(path: Path, database: sqlite3.Connection, wanted: PictureArea) -> PictureWindow:
     facts = {str(name): str(value) for name, value in database.execute("SELECT name, value FROM metadata")}
     kind = facts.get("format", "").lower()
     if kind not in PICTURES:
-        raise BackgroundError(f"{path}: metadata.format: expected pictures (png, jpg or webp), got {printable(kind)!r}")
-    tiles, side = _fitting(path, database, wanted)
+        raise BackgroundError(
+            f"{path}: metadata.format: expected pictures (png, jpg or webp), got {to_printable(kind)!r}"
+        )
+    tiles, side = _select_zoom(path, database, wanted)
     shape = ((tiles.bottom - tiles.top + 1) * side, (tiles.right - tiles.left + 1) * side, 4)
     mosaic: Pixels = np.zeros(shape, dtype=np.uint8)
     for column, row, data in database.execute(TILES, (*tiles.bounds, ALL)):
         right, down = column - tiles.left, 2**tiles.zoom - 1 - row - tiles.top
-        tile = _decoded(path, f"tile {tiles.zoom}/{column}/{row}", data, side)
+        tile = _decode_tile(path, f"tile {tiles.zoom}/{column}/{row}", data, side)
         mosaic[down * side : (down + 1) * side, right * side : (right + 1) * side] = tile
     tile_m = 2.0 * HALF_M / 2**tiles.zoom
     scale = side / tile_m
     to_pixels = (scale, 0.0, scale * HALF_M - tiles.left * side, 0.0, -scale, scale * HALF_M - tiles.top * side)
     step_m = tile_m / side * math.cos(math.radians(wanted.frame.lat_deg))
-    return Read(mosaic, pyproj.CRS("EPSG:3857"), to_pixels, step_m, _attribution(facts))
+    return PictureWindow(mosaic, pyproj.CRS("EPSG:3857"), to_pixels, step_m, _read_attribution(facts))
 
 
-def _fitting(path: Path, database: sqlite3.Connection, wanted: AreaWanted) -> tuple[_Range, int]:
+def _select_zoom(path: Path, database: sqlite3.Connection, wanted: PictureArea) -> tuple[_TileRange, int]:
     """Return the tiles of the finest zoom that is not much finer than what is shown, and how wide a tile is."""
     ((lowest, highest),) = database.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles")
     if not (isinstance(lowest, int) and isinstance(highest, int) and 0 <= lowest <= highest <= MOST_ZOOM):
         raise BackgroundError(f"{path}: tiles: expected zoom levels from 0 to {MOST_ZOOM}, got {lowest} to {highest}")
     for zoom in range(highest, lowest - 1, -1):
-        tiles = _range(wanted, zoom)
+        tiles = _build_tile_range(wanted, zoom)
         if SIDES[0] ** 2 * tiles.count > MORE * wanted.most_pixels and zoom > lowest:
             continue
         for column, row, data in database.execute(TILES, (*tiles.bounds, 1)):
-            side = len(_decoded(path, f"tile {zoom}/{column}/{row}", data, 0))
+            side = len(_decode_tile(path, f"tile {zoom}/{column}/{row}", data, 0))
             if side**2 * tiles.count <= MORE * max(wanted.most_pixels, 16 * side**2):
                 return tiles, side
     raise BackgroundError(f"{path}: tiles: expected some of the line's surroundings, found none")
 
 
-def _range(wanted: AreaWanted, zoom: int) -> _Range:
-    x, y = from_degrees(pyproj.CRS("EPSG:3857"), wanted.places_deg())
+def _build_tile_range(wanted: PictureArea, zoom: int) -> _TileRange:
+    x, y = project_degrees(pyproj.CRS("EPSG:3857"), wanted.sample_places_deg())
     most = 2**zoom - 1
     columns = np.clip(np.floor((x + HALF_M) / (2 * HALF_M) * 2**zoom), 0, most)
     rows = np.clip(np.floor((HALF_M - y) / (2 * HALF_M) * 2**zoom), 0, most)
-    return _Range(zoom, int(columns.min()), int(rows.min()), int(columns.max()), int(rows.max()))
+    return _TileRange(zoom, int(columns.min()), int(rows.min()), int(columns.max()), int(rows.max()))
 
 
-def _decoded(path: Path, place: str, data: object, side: int) -> Pixels:
+def _decode_tile(path: Path, place: str, data: object, side: int) -> Pixels:
     """Return a tile's pixels: of the first tile's size, whatever its own is; square, in any case."""
     from PIL import Image
 
@@ -126,14 +128,16 @@ def _decoded(path: Path, place: str, data: object, side: int) -> Pixels:
                 pixels = pixels.resize((side, side))
             return np.asarray(pixels, dtype=np.uint8)
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise BackgroundError(f"{path}: {place}: expected a picture (PNG, JPEG or WebP): {_why(error)}") from error
+        raise BackgroundError(
+            f"{path}: {place}: expected a picture (PNG, JPEG or WebP): {_describe_error(error)}"
+        ) from error
 
 
-def _why(error: Exception) -> str:
-    text = printable(str(error))
+def _describe_error(error: Exception) -> str:
+    text = to_printable(str(error))
     return "it is none" if "cannot identify" in text else text[:160]
 
 
-def _attribution(facts: Mapping[str, str]) -> str:
+def _read_attribution(facts: Mapping[str, str]) -> str:
     """Return whom the tiles are by, without the markup that web maps put there."""
-    return plain(facts.get("attribution", "") or facts.get("description", ""))
+    return strip_markup(facts.get("attribution", "") or facts.get("description", ""))

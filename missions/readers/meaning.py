@@ -10,12 +10,12 @@ import re
 import unicodedata
 from enum import StrEnum
 
-from missions.readers.attributes import NESTED, Plain
+from missions.readers.attributes import NESTED, PlainAttributes
 from missions.readers.drawing import Attributes
 from missions.readers.values import is_blank
 
 
-class Meaning(StrEnum):
+class PowerFeature(StrEnum):
     """What a feature is; the value is what people call it."""
 
     SPAN = "span"
@@ -46,10 +46,10 @@ NO_POLES = (*POWER_LINES, *CABLES, "marker", "bay", "busbar", "outlet", "circuit
 INDOORS = ("bay", "busbar")
 
 LIFE = {
-    "proposed": Meaning.UNBUILT, "planned": Meaning.UNBUILT, "construction": Meaning.UNBUILT,
-    "disused": Meaning.DISUSED, "abandoned": Meaning.DISUSED, "removed": Meaning.REMOVED,
-    "demolished": Meaning.REMOVED, "dismantled": Meaning.REMOVED, "razed": Meaning.REMOVED,
-    "destroyed": Meaning.REMOVED,
+    "proposed": PowerFeature.UNBUILT, "planned": PowerFeature.UNBUILT, "construction": PowerFeature.UNBUILT,
+    "disused": PowerFeature.DISUSED, "abandoned": PowerFeature.DISUSED, "removed": PowerFeature.REMOVED,
+    "demolished": PowerFeature.REMOVED, "dismantled": PowerFeature.REMOVED, "razed": PowerFeature.REMOVED,
+    "destroyed": PowerFeature.REMOVED,
 }  # fmt: skip
 """What OpenStreetMap says of what is not in use: disused=yes, disused:power=line, power=disused."""
 KINDS = frozenset((*POWER_LINES, *CABLES, *INDOORS, *NO_LINES, "power"))
@@ -58,7 +58,7 @@ TEN = 10
 FLAGS = {key: meaning for word, meaning in LIFE.items() for key in (word, word[:TEN])}
 OF_POWER = {
     key: meaning
-    for word, meaning in {**LIFE, "was": Meaning.REMOVED, "historic": Meaning.REMOVED}.items()
+    for word, meaning in {**LIFE, "was": PowerFeature.REMOVED, "historic": PowerFeature.REMOVED}.items()
     for key in (f"{word}_power", f"{word}_power"[:TEN])
 }
 LIFE_KEYS = FLAGS.keys() | OF_POWER.keys()
@@ -67,10 +67,10 @@ STATUS_KEYS = frozenset((
     "operation_status", "service_status", "construction_status", "stage",
 ))  # fmt: skip
 STATUS = LIFE | {
-    "future": Meaning.UNBUILT, "under construction": Meaning.UNBUILT, "under const": Meaning.UNBUILT,
-    "in construction": Meaning.UNBUILT, "not built": Meaning.UNBUILT, "projected": Meaning.UNBUILT,
-    "not in service": Meaning.DISUSED, "out of service": Meaning.DISUSED, "inactive": Meaning.DISUSED,
-    "decommissioned": Meaning.DISUSED, "retired": Meaning.DISUSED, "deleted": Meaning.REMOVED,
+    "future": PowerFeature.UNBUILT, "under construction": PowerFeature.UNBUILT, "under const": PowerFeature.UNBUILT,
+    "in construction": PowerFeature.UNBUILT, "not built": PowerFeature.UNBUILT, "projected": PowerFeature.UNBUILT,
+    "not in service": PowerFeature.DISUSED, "out of service": PowerFeature.DISUSED, "inactive": PowerFeature.DISUSED,
+    "decommissioned": PowerFeature.DISUSED, "retired": PowerFeature.DISUSED, "deleted": PowerFeature.REMOVED,
 }  # fmt: skip
 TYPE_KEYS = frozenset((
     "type", "line_type", "linetype", "subtype", "sub_type", "class", "category", "kind", "feature_type",
@@ -88,11 +88,12 @@ OVER = frozenset(("overhead", "overground", "aerial", "oh", "ohl", "ohc", "freil
 YES, NO = frozenset(("yes", "true", "1", "t", "y")), frozenset(("no", "false", "0", "f", "n"))
 BURIED_KEYS, AIR_KEYS = ("underground", "is_underground"), ("overhead", "is_overhead")
 OF_POLES = {
-    Meaning.UNBUILT: Meaning.UNBUILT_POLE, Meaning.DISUSED: Meaning.DISUSED_POLE, Meaning.REMOVED: Meaning.REMOVED_POLE
+    PowerFeature.UNBUILT: PowerFeature.UNBUILT_POLE, PowerFeature.DISUSED: PowerFeature.DISUSED_POLE,
+    PowerFeature.REMOVED: PowerFeature.REMOVED_POLE
 }  # fmt: skip
 
 
-def line_meaning(known: Plain, *, of_map: bool) -> tuple[Meaning, str]:
+def classify_line(known: PlainAttributes, *, of_map: bool) -> tuple[PowerFeature, str]:
     """Return what a line is, and which attribute says so.
 
     Args:
@@ -100,24 +101,24 @@ def line_meaning(known: Plain, *, of_map: bool) -> tuple[Meaning, str]:
         of_map: Whether all tags of OpenStreetMap are there: what is no power line by them is none.
     """
     if _is_deleted(known):
-        return Meaning.DELETED, ""
-    power = _words(known, "power")
-    life = _life(known, power)
+        return PowerFeature.DELETED, ""
+    power = _split_values(known, "power")
+    life = _find_lifecycle(known, power)
     if life is not None:
         return life
     if power & {*POWER_LINES}:
-        if _words(known, "line") & {*INDOORS}:
-            return Meaning.INDOORS, "line"
-        return (Meaning.UNDERGROUND, "location") if _is_underground(known) else (Meaning.SPAN, "power")
-    kinds = power or {word for key in known.keys() & TYPE_KEYS for word in _words(known, key)}
+        if _split_values(known, "line") & {*INDOORS}:
+            return PowerFeature.INDOORS, "line"
+        return (PowerFeature.UNDERGROUND, "location") if _is_underground(known) else (PowerFeature.SPAN, "power")
+    kinds = power or {word for key in known.keys() & TYPE_KEYS for word in _split_values(known, key)}
     if kinds & {*CABLES}:
-        return Meaning.CABLE, "power"
+        return PowerFeature.CABLE, "power"
     if _is_underground(known):
-        return Meaning.UNDERGROUND, "location"
-    return (_other(power), "power") if of_map or power & {*NO_LINES, *INDOORS} else (Meaning.SPAN, "")
+        return PowerFeature.UNDERGROUND, "location"
+    return (_classify_other(power), "power") if of_map or power & {*NO_LINES, *INDOORS} else (PowerFeature.SPAN, "")
 
 
-def point_meaning(known: Plain, *, of_map: bool) -> tuple[Meaning, str]:
+def classify_point(known: PlainAttributes, *, of_map: bool) -> tuple[PowerFeature, str]:
     """Return what a point is, and which attribute says so; what nothing is said of is a pole.
 
     Args:
@@ -125,35 +126,35 @@ def point_meaning(known: Plain, *, of_map: bool) -> tuple[Meaning, str]:
         of_map: Whether all tags of OpenStreetMap are there: what is no pole by them is none.
     """
     if _is_deleted(known):
-        return Meaning.DELETED, ""
-    power = _words(known, "power")
-    found = _life(known, power)
+        return PowerFeature.DELETED, ""
+    power = _split_values(known, "power")
+    found = _find_lifecycle(known, power)
     # What is out of use stands there all the same.
-    if found is not None and not (found[0] is Meaning.DISUSED and power and power <= {*NO_LINES}):
+    if found is not None and not (found[0] is PowerFeature.DISUSED and power and power <= {*NO_LINES}):
         return OF_POLES[found[0]], found[1]
     if power & SUPPORTS:
-        return Meaning.POLE, "power"
+        return PowerFeature.POLE, "power"
     # A type may be a pole's own: 'line' is one that the wires pass straight, 'cable' one where they go down.
-    types = set() if power else {word for key in known.keys() & TYPE_KEYS for word in _words(known, key)}
+    types = set() if power else {word for key in known.keys() & TYPE_KEYS for word in _split_values(known, key)}
     if power & {*NO_POLES} or (power | types) & {*GENERATORS, *SUBSTATIONS}:
-        return _other(power | types), "power"
-    return (Meaning.OTHER, "power") if of_map and not power else (Meaning.POLE, "power")
+        return _classify_other(power | types), "power"
+    return (PowerFeature.OTHER, "power") if of_map and not power else (PowerFeature.POLE, "power")
 
 
-def row_meaning(known: Plain) -> tuple[Meaning, Meaning, str]:
+def classify_row(known: PlainAttributes) -> tuple[PowerFeature, PowerFeature, str]:
     """Return what a row of a table is as a pole, what the line at it is, and which attribute says that.
 
     Its attributes may be those of its line.
     """
-    line, key = line_meaning(known, of_map=False)
-    of_line = _words(known, "power") & {*POWER_LINES, *CABLES, *INDOORS}
-    own = Plain((name, value) for name, value in known.items() if name != "power" or not of_line)
-    return point_meaning(own, of_map=False)[0], line, key
+    line, key = classify_line(known, of_map=False)
+    of_line = _split_values(known, "power") & {*POWER_LINES, *CABLES, *INDOORS}
+    own = PlainAttributes((name, value) for name, value in known.items() if name != "power" or not of_line)
+    return classify_point(own, of_map=False)[0], line, key
 
 
-def speaks_of_power(known: Plain) -> bool:
+def has_power_tag(known: PlainAttributes) -> bool:
     """Return whether an element of a map has to do with power at all."""
-    return "power" in known or _life(known, set()) is not None
+    return "power" in known or _find_lifecycle(known, set()) is not None
 
 
 def has_all_tags(attributes: Attributes) -> bool:
@@ -161,58 +162,62 @@ def has_all_tags(attributes: Attributes) -> bool:
     return any(key.strip().lower() in {"power", "@id", *NESTED} for key in attributes)
 
 
-def _other(kinds: set[str]) -> Meaning:
+def _classify_other(kinds: set[str]) -> PowerFeature:
     if kinds & {*GENERATORS}:
-        return Meaning.GENERATOR
+        return PowerFeature.GENERATOR
     if kinds & {*CABLES}:
-        return Meaning.CABLE
+        return PowerFeature.CABLE
     if kinds & {*INDOORS}:
-        return Meaning.INDOORS
-    return Meaning.SUBSTATION if kinds & {*SUBSTATIONS} else Meaning.OTHER
+        return PowerFeature.INDOORS
+    return PowerFeature.SUBSTATION if kinds & {*SUBSTATIONS} else PowerFeature.OTHER
 
 
-def _is_deleted(known: Plain) -> bool:
-    visible, action = (_text(known.get(key, known.get(f"@{key}"))) for key in ("visible", "action"))
+def _is_deleted(known: PlainAttributes) -> bool:
+    visible, action = (_normalise_text(known.get(key, known.get(f"@{key}"))) for key in ("visible", "action"))
     return visible in NO or action == "delete"
 
 
-def _life(known: Plain, power: set[str]) -> tuple[Meaning, str] | None:
+def _find_lifecycle(known: PlainAttributes, power: set[str]) -> tuple[PowerFeature, str] | None:
     """Return whether something is not in use yet, or not any more, and which attribute says so."""
     for word in sorted(re.split("[:_]", value)[0] for value in power):  # of 'abandoned:line' too
         if word in LIFE:
             return LIFE[word], "power"
     for key in sorted(known.keys() & LIFE_KEYS):
-        value = _words(known, key)
+        value = _split_values(known, key)
         if key in OF_POWER and not power and value & (KINDS | YES):
             return OF_POWER[key], key
         if key in FLAGS and value & (YES | {*POWER_LINES, *CABLES, "power", "tower", "pole", "portal"}):
             return FLAGS[key], key
     for key in sorted(known.keys() & STATUS_KEYS):
-        for part in re.split(r"[;,/]", _text(known.get(key))):
+        for part in re.split(r"[;,/]", _normalise_text(known.get(key))):
             if (found := STATUS.get(part.strip().replace("_", " ").replace("-", " "))) is not None:
                 return found, key
     return None
 
 
-def _is_underground(known: Plain) -> bool:
-    if any(_text(known.get(key)) in YES for key in BURIED_KEYS) or any(_text(known.get(key)) in NO for key in AIR_KEYS):
+def _is_underground(known: PlainAttributes) -> bool:
+    if any(_normalise_text(known.get(key)) in YES for key in BURIED_KEYS) or any(
+        _normalise_text(known.get(key)) in NO for key in AIR_KEYS
+    ):
         return True
-    if _text(known.get("tunnel")) not in {"", *NO}:
+    if _normalise_text(known.get("tunnel")) not in {"", *NO}:
         return True
-    words = {word for key in known.keys() & LAID_KEYS for word in re.findall(r"[a-z]+", _text(known[key]))}
-    indoor = _text(known.get("location")) in {"indoor", "indoors"}
+    words = {word for key in known.keys() & LAID_KEYS for word in re.findall(r"[a-z]+", _normalise_text(known[key]))}
+    indoor = _normalise_text(known.get("location")) in {"indoor", "indoors"}
     return (indoor or bool(words & UNDER)) and not words & OVER
 
 
-def _words(known: Plain, key: str) -> set[str]:
+def _split_values(known: PlainAttributes, key: str) -> set[str]:
     """Return the values of a list such as 'line;cable', in small letters with underscores."""
     if key not in known:
         return set()
-    parts = (part.strip().replace(" ", "_").replace("-", "_") for part in re.split("[;,]", _text(known.get(key))))
+    parts = (
+        part.strip().replace(" ", "_").replace("-", "_") for part in re.split("[;,]", _normalise_text(known.get(key)))
+    )
     return {part for part in parts if part}
 
 
-def _text(value: object) -> str:
+def _normalise_text(value: object) -> str:
     """Return a value in small letters without accents."""
     if is_blank(value):
         return ""

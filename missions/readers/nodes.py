@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from missions.geo import LocalFrame
-from missions.readers.drawing import Matter, Pole, Remark, Vertex
+from missions.readers.drawing import Pole, Remark, RemarkTopic, Vertex
 
 SAME_POLE_M = 0.5
 """Two poles of a file that are nearer than this are one."""
@@ -41,9 +41,9 @@ class Nodes:
     found: list[Remark] = field(default_factory=list)
     _cells: dict[tuple[int, int], list[int]] = field(default_factory=dict)
 
-    def nearest(self, at_m: tuple[float, float], within_m: float) -> tuple[int | None, float]:
+    def find_nearest(self, at_m: tuple[float, float], within_m: float) -> tuple[int | None, float]:
         """Return the nearest node, at most as far as what is joined, and how far it is."""
-        row, column = self._cell(at_m)
+        row, column = self._cell_of(at_m)
         least_m, found = math.inf, None
         for cell in ((row + i, column + j) for i in (-1, 0, 1) for j in (-1, 0, 1)):
             for index in self._cells.get(cell, ()):
@@ -59,11 +59,11 @@ class Nodes:
             at_m = self.frame.to_local_m(pole.lat_deg, pole.lon_deg)
             index, away_m = (None, 0.0)
             if pole.name not in named:
-                index, away_m = self.nearest(at_m, min(self.snap_m, SAME_POLE_M))
+                index, away_m = self.find_nearest(at_m, min(self.snap_m, SAME_POLE_M))
             if index is not None and self.nodes[index].name not in named:
                 self._join(self.nodes[index], pole, away_m)
                 continue
-            name = self._own_name(pole) if pole.name else ""
+            name = self._choose_name(pole) if pole.name else ""
             if not name:
                 unnamed.append(len(self.nodes))
             heights = pole.elevation_m, pole.height_m, pole.third_m
@@ -71,10 +71,10 @@ class Nodes:
         for index in unnamed:
             self._name(index)
 
-    def at(self, vertex: Vertex, at_m: tuple[float, float]) -> tuple[int, float]:
+    def find_or_add(self, vertex: Vertex, at_m: tuple[float, float]) -> tuple[int, float]:
         """Return the node of a line's vertex, a new one if none is near, and how far it was."""
         lat_deg, lon_deg, third_m = vertex
-        index, away_m = self.nearest(at_m, self.snap_m)
+        index, away_m = self.find_nearest(at_m, self.snap_m)
         if index is None:
             self._add(Node("", lat_deg, lon_deg, at_m, third_m=third_m, drawn=False))
             return len(self.nodes) - 1, 0.0
@@ -82,13 +82,13 @@ class Nodes:
             self.nodes[index].third_m = third_m
         return index, away_m
 
-    def between(self, at_m: tuple[float, float]) -> int:
+    def add_between(self, at_m: tuple[float, float]) -> int:
         """Add a place of which the file knows nothing."""
         lat_deg, lon_deg = self.frame.to_wgs84_deg(*at_m)
         self._add(Node("", lat_deg, lon_deg, at_m, drawn=False))
         return len(self.nodes) - 1
 
-    def forget_hinted(self, used: Iterable[int], asset: str) -> None:
+    def discard_hinted_heights(self, used: Iterable[int], asset: str) -> None:
         """Forget heights that count only if all poles on lines have them, where some have not."""
         poles = [self.nodes[index] for index in used if self.nodes[index].drawn]
         for key in ("elevation_m", "height_m"):
@@ -96,11 +96,11 @@ class Nodes:
             known = sum(getattr(node, key) is not None for node in poles)
             if hinted and known < len(poles):
                 text = f"{hinted[0].hinted[key]} is known of {known} of {len(poles)} poles: not used"
-                self.found.append(Remark(Matter.HEIGHTS, asset, text))
+                self.found.append(Remark(RemarkTopic.HEIGHTS, asset, text))
             for node in hinted if known < len(poles) else ():
                 setattr(node, key, None)
 
-    def name_made(self, indices: Iterable[int]) -> None:
+    def name_unnamed(self, indices: Iterable[int]) -> None:
         """Name what has no name yet."""
         for index in indices:
             if not self.nodes[index].name:
@@ -109,7 +109,7 @@ class Nodes:
     def _add(self, node: Node) -> None:
         if node.name:
             self.by_name[node.name] = len(self.nodes)
-        self._cells.setdefault(self._cell(node.at_m), []).append(len(self.nodes))
+        self._cells.setdefault(self._cell_of(node.at_m), []).append(len(self.nodes))
         self.nodes.append(node)
 
     def _name(self, index: int) -> None:
@@ -129,13 +129,13 @@ class Nodes:
             return  # a table has a pole of two lines in the rows of both
         if pole.name != node.name:
             text = f"{away_m:.2f} m from {node.name or 'a pole without a name'!r}: taken for the same pole"
-            self.found.append(Remark(Matter.SAME_PLACE, pole.name or pole.place, text))
+            self.found.append(Remark(RemarkTopic.SAME_PLACE, pole.name or pole.place, text))
             if pole.name and pole.name not in self.by_name:
                 self.by_name[pole.name] = self.by_name.get(node.name, len(self.nodes))
         else:
-            self.found.append(Remark(Matter.SAME_PLACE, pole.name or pole.place, "drawn twice: taken once"))
+            self.found.append(Remark(RemarkTopic.SAME_PLACE, pole.name or pole.place, "drawn twice: taken once"))
 
-    def _own_name(self, pole: Pole) -> str:
+    def _choose_name(self, pole: Pole) -> str:
         if pole.name not in self.by_name:
             return pole.name
         name, number = f"{pole.line} {pole.name}" if pole.line else f"{pole.name} (2)", 2
@@ -143,9 +143,9 @@ class Nodes:
             number += 1
             name = f"{pole.name} ({number})"
         text = f"another pole has this name: it is called {name!r} here"
-        self.found.append(Remark(Matter.SAME_NAME, pole.name, text))
+        self.found.append(Remark(RemarkTopic.SAME_NAME, pole.name, text))
         return name
 
-    def _cell(self, at_m: tuple[float, float]) -> tuple[int, int]:
+    def _cell_of(self, at_m: tuple[float, float]) -> tuple[int, int]:
         wide_m = max(self.snap_m, SAME_POLE_M)
         return math.floor(at_m[0] / wide_m), math.floor(at_m[1] / wide_m)

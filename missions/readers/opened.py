@@ -9,7 +9,7 @@ import zlib
 from pathlib import Path
 
 from missions.errors import NetworkError
-from missions.files import printable
+from missions.files import to_printable
 
 MOST_BYTES = 256_000_000
 """Of a file, and of all that an archive unpacks to."""
@@ -48,7 +48,7 @@ FOREIGN = {
 """What begins otherwise than anything that is read, and what people do about it."""
 
 
-def begin_of(path: Path) -> bytes:
+def read_first_bytes(path: Path) -> bytes:
     """Return the first 16 bytes of a file.
 
     Raises:
@@ -67,7 +67,7 @@ def begin_of(path: Path) -> bytes:
     return begin
 
 
-def limited_content(path: Path) -> bytes:
+def read_limited(path: Path) -> bytes:
     """Return the content of a file that can be read.
 
     Raises:
@@ -92,19 +92,21 @@ class Archive:
             self._zip = zipfile.ZipFile(io.BytesIO(content))
             members = [member for member in self._zip.infolist() if not member.is_dir()]
         except (zipfile.BadZipFile, ValueError, NotImplementedError, OSError) as reason:
-            raise NetworkError(f"{source}: content: expected a whole zip archive: {printable(str(reason))}") from reason
+            raise NetworkError(
+                f"{source}: content: expected a whole zip archive: {to_printable(str(reason))}"
+            ) from reason
         if len(members) > MOST_MEMBERS:
             raise NetworkError(f"{source}: content: expected at most {MOST_MEMBERS} files in it, found {len(members)}")
         if sum(member.file_size for member in members) > MOST_BYTES:
             raise NetworkError(f"{source}: content: expected it to unpack to at most {MOST_BYTES // 1_000_000} MB")
         for member in members:
             if member.file_size > max(RATIO_FROM_BYTES, MOST_RATIO * member.compress_size):
-                place = f"{source}: {printable(member.filename)}"
+                place = f"{source}: {to_printable(member.filename)}"
                 raise NetworkError(f"{place}: expected a file that unpacks to at most {MOST_RATIO} times its size")
         # What macOS puts beside every file is none of ours.
         self.names = tuple(member.filename for member in members if not member.filename.startswith("__MACOSX/"))
 
-    def ending_in(self, suffix: str) -> tuple[str, ...]:
+    def list_by_suffix(self, suffix: str) -> tuple[str, ...]:
         """Return the files whose names end so, without regard to case."""
         return tuple(name for name in self.names if name.lower().endswith(suffix))
 
@@ -119,5 +121,6 @@ class Archive:
                 return file.read(self._zip.getinfo(name).file_size)
         except UNREADABLE as reason:
             raise NetworkError(
-                f"{self.source}: {printable(name)}: expected a whole file without a password: {printable(str(reason))}"
+                f"{self.source}: {to_printable(name)}: expected a whole file without a password: "
+                f"{to_printable(str(reason))}"
             ) from reason

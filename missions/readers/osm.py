@@ -12,13 +12,13 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
-from missions.files import is_figure, printable
-from missions.readers.attributes import NODE, WAY, by_plain_name
-from missions.readers.choice import Choice
-from missions.readers.crs import wgs84
-from missions.readers.drawing import Drawing, Matter, Remark, why_nothing
-from missions.readers.features import Feature, Kind, Position, add_line, add_points, takes_line
-from missions.readers.meaning import POWER_LINES, speaks_of_power
+from missions.files import is_figure, to_printable
+from missions.readers.attributes import NODE, WAY, normalise_attributes
+from missions.readers.choice import ReadOptions
+from missions.readers.crs import build_identity_transform
+from missions.readers.drawing import RawNetwork, Remark, RemarkTopic, explain_empty_file
+from missions.readers.features import Feature, GeometryKind, Position, add_line, add_points, is_wanted_line
+from missions.readers.meaning import POWER_LINES, has_power_tag
 from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class _Content:
     """What the server says of its answer."""
 
 
-def draw_osm_xml(root: etree._Element, source: str, choice: Choice) -> Drawing:
+def parse_osm_xml(root: etree._Element, source: str, choice: ReadOptions) -> RawNetwork:
     """Return what an OpenStreetMap file shows.
 
     Raises:
@@ -54,20 +54,20 @@ def draw_osm_xml(root: etree._Element, source: str, choice: Choice) -> Drawing:
     content = _Content()
     for element in root:
         if element.tag == "remark":
-            content.remarks.append(printable(element.text or ""))
+            content.remarks.append(to_printable(element.text or ""))
         elif element.get("action") == "delete" or element.get("visible") == "false":
             content.deleted += element.tag in {NODE, WAY}  # of an editor that has not uploaded yet, or of a history
         elif element.tag == "node":
             name = f"node {element.get('id')} (line {element.sourceline})"
-            node = _node(element.get("lat"), element.get("lon"), _tags(element), f"{source}: {name}")
+            node = _build_node(element.get("lat"), element.get("lon"), _read_tags(element), f"{source}: {name}")
             content.nodes[str(element.get("id"))] = node
         elif element.tag == "way":
             references = tuple(str(reference.get("ref")) for reference in element.iterchildren("nd"))
-            content.ways[str(element.get("id"))] = (references, _tags(element))
-    return _drawn(content, source, XML, choice)
+            content.ways[str(element.get("id"))] = (references, _read_tags(element))
+    return _build_raw_network(content, source, XML, choice)
 
 
-def draw_overpass(document: Mapping[str, object], source: str, choice: Choice) -> Drawing:
+def parse_overpass(document: Mapping[str, object], source: str, choice: ReadOptions) -> RawNetwork:
     """Return what an answer of Overpass shows: of ``out body`` with the nodes, or of ``out geom``.
 
     Raises:
@@ -75,25 +75,25 @@ def draw_overpass(document: Mapping[str, object], source: str, choice: Choice) -
     """
     elements, content = document.get("elements"), _Content()
     if document.get("remark"):
-        content.remarks.append(printable(str(document["remark"])))
+        content.remarks.append(to_printable(str(document["remark"])))
     if not isinstance(elements, list):
         raise NetworkError(f"{source}: elements: expected a list of nodes and ways")
     for index, element in enumerate(elements):
         place = f"{source}: elements[{index}]"
         if not isinstance(element, dict) or not isinstance(element.get("tags", {}), dict):
             raise NetworkError(f"{place}: expected an object with type, id and tags")
-        tags = {str(key): printable(str(value)) for key, value in element.get("tags", {}).items()}
+        tags = {str(key): to_printable(str(value)) for key, value in element.get("tags", {}).items()}
         number_ = str(element.get("id"))
         if element.get("visible") is False or element.get("action") == "delete":
             content.deleted += element.get("type") in {NODE, WAY}
         elif element.get("type") == "node":
-            content.nodes[number_] = _node(element.get("lat"), element.get("lon"), tags, place)
+            content.nodes[number_] = _build_node(element.get("lat"), element.get("lon"), tags, place)
         elif element.get("type") == "way":
-            content.ways[number_] = (_references(element, number_, content, place), tags)
-    return _drawn(content, source, JSON, choice)
+            content.ways[number_] = (_read_references(element, number_, content, place), tags)
+    return _build_raw_network(content, source, JSON, choice)
 
 
-def _references(way: Mapping[str, object], number_: str, content: _Content, place: str) -> tuple[str, ...]:
+def _read_references(way: Mapping[str, object], number_: str, content: _Content, place: str) -> tuple[str, ...]:
     """Return the nodes of a way; those that only its geometry has are added."""
     geometry, references = way.get("geometry"), way.get("nodes")
     if geometry is not None and not isinstance(geometry, list):
@@ -107,56 +107,60 @@ def _references(way: Mapping[str, object], number_: str, content: _Content, plac
         if reference not in content.nodes and at is not None:
             if not isinstance(at, dict):
                 raise NetworkError(f"{place}.geometry[{index}]: expected lat and lon, got {at!r}")
-            content.nodes[reference] = _node(at.get("lat"), at.get("lon"), {}, f"{place}.geometry[{index}]")
+            content.nodes[reference] = _build_node(at.get("lat"), at.get("lon"), {}, f"{place}.geometry[{index}]")
     return found
 
 
-def _node(lat: object, lon: object, tags: Mapping[str, str], place: str) -> _Node:
+def _build_node(lat: object, lon: object, tags: Mapping[str, str], place: str) -> _Node:
     lat_deg, lon_deg = degrees_of(lat, NORTH_SOUTH), degrees_of(lon, EAST_WEST)
     if not is_figure(lat_deg) or not is_figure(lon_deg):
         raise NetworkError(f"{place}: expected lat and lon in degrees, got {lat!r} and {lon!r}")
     return _Node(lat_deg, lon_deg, tags)
 
 
-def _tags(element: etree._Element) -> dict[str, str]:
-    return {str(tag.get("k")): printable(str(tag.get("v"))) for tag in element.iterchildren("tag")}
+def _read_tags(element: etree._Element) -> dict[str, str]:
+    return {str(tag.get("k")): to_printable(str(tag.get("v"))) for tag in element.iterchildren("tag")}
 
 
-def _drawn(content: _Content, source: str, what: str, choice: Choice) -> Drawing:
-    choice.no_layers(source, what)
-    choice.no_crs(source, what)
-    drawing = choice.drawing(source, what)
-    drawing.found += _of_server(content.remarks, source)
+def _build_raw_network(content: _Content, source: str, what: str, choice: ReadOptions) -> RawNetwork:
+    choice.refuse_layers(source, what)
+    choice.refuse_crs(source, what)
+    drawing = choice.create_raw_network(source, what)
+    drawing.found += _check_server_remarks(content.remarks, source)
     used = dict[str, None]()
     for way, (references, tags) in content.ways.items():
-        if not speaks_of_power(by_plain_name(tags)):
+        if not has_power_tag(normalise_attributes(tags)):
             continue
-        feature = Feature(f"way {way}", Kind.LINE, (), {**tags, "id": way}, f"way/{way}")
-        if not takes_line(drawing, feature, choice):
+        feature = Feature(f"way {way}", GeometryKind.LINE, (), {**tags, "id": way}, f"way/{way}")
+        if not is_wanted_line(drawing, feature, choice):
             continue
-        parts = _parts(references, content, tags.get("name") or tags.get("ref") or f"way {way}", drawing.found)
+        parts = _split_into_runs(
+            references, content, tags.get("name") or tags.get("ref") or f"way {way}", drawing.found
+        )
         if not parts:
             raise NetworkError(
                 f"{source}: way {way}: expected at least two of its nodes in the file, found {len(references)} by "
                 "number alone; ask Overpass for '(._;>;); out body;' or 'out geom'"
             )
-        places = [[_position(content, node) for node in part] for part in parts]
-        add_line(drawing, replace(feature, parts=places), wgs84(source))
+        places = [[_position_of(content, node) for node in part] for part in parts]
+        add_line(drawing, replace(feature, parts=places), build_identity_transform(source))
         used |= dict.fromkeys(reference for part in parts for reference in part)
     for node in used:
-        if speaks_of_power(by_plain_name(content.nodes[node].tags)):
+        if has_power_tag(normalise_attributes(content.nodes[node].tags)):
             place = f"node {node}"
-            own = Feature(place, Kind.POINT, [[_position(content, node)]], content.nodes[node].tags, f"node/{node}")
-            add_points(drawing, own, wgs84(source))
+            own = Feature(
+                place, GeometryKind.POINT, [[_position_of(content, node)]], content.nodes[node].tags, f"node/{node}"
+            )
+            add_points(drawing, own, build_identity_transform(source))
     if content.deleted:
-        drawing.found.append(Remark(Matter.LEFT_OUT, what, f"{content.deleted} nodes and ways that are deleted"))
+        drawing.found.append(Remark(RemarkTopic.LEFT_OUT, what, f"{content.deleted} nodes and ways that are deleted"))
     if not drawing.lines and not choice.looked:
-        power, why = " or ".join(POWER_LINES), why_nothing(drawing.remarks)
+        power, why = " or ".join(POWER_LINES), explain_empty_file(drawing.remarks)
         raise NetworkError(f"{source}: ways: expected some with power = {power}, found none{why}")
     return drawing
 
 
-def _of_server(remarks: Iterable[str], source: str) -> Iterator[Remark]:
+def _check_server_remarks(remarks: Iterable[str], source: str) -> Iterator[Remark]:
     """Yield what a server says of its answer.
 
     Raises:
@@ -168,14 +172,16 @@ def _of_server(remarks: Iterable[str], source: str) -> Iterator[Remark]:
                 f"{source}: remark: expected a whole answer, the server gave up: {remark}; ask again with a longer "
                 "[timeout:...] or for a smaller area"
             )
-        yield Remark(Matter.WHOLE, source, f"the server remarks: {remark}")
+        yield Remark(RemarkTopic.WHOLE, source, f"the server remarks: {remark}")
 
 
-def _position(content: _Content, node: str) -> Position:
+def _position_of(content: _Content, node: str) -> Position:
     return content.nodes[node].lon_deg, content.nodes[node].lat_deg, None
 
 
-def _parts(references: Iterable[str], content: _Content, name: str, found: list[Remark]) -> list[tuple[str, ...]]:
+def _split_into_runs(
+    references: Iterable[str], content: _Content, name: str, found: list[Remark]
+) -> list[tuple[str, ...]]:
     """Return the runs of nodes that the file has: a cut of a map leaves some out."""
     runs: list[list[str]] = [[]]
     missing = 0
@@ -187,5 +193,5 @@ def _parts(references: Iterable[str], content: _Content, name: str, found: list[
             runs.append([])
     whole = [tuple(run) for run in runs if len(run) > 1]
     if missing and whole:
-        found.append(Remark(Matter.LEFT_OUT, name, f"{missing} nodes are not in the file: interrupted there"))
+        found.append(Remark(RemarkTopic.LEFT_OUT, name, f"{missing} nodes are not in the file: interrupted there"))
     return whole

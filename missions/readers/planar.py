@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from missions.geo import FloatArray
-from missions.geometry import nearest_on, place_distances_m
+from missions.geometry import find_nearest_on_legs, place_distances_m
 
 IndexArray = npt.NDArray[np.intp]
 
@@ -22,16 +22,18 @@ class PlaceIndex:
         self._order = np.argsort(places_m[:, self._axis], kind="stable")
         self._sorted_m = places_m[self._order]
 
-    def beside(self, a_m: FloatArray, b_m: FloatArray, within_m: float) -> tuple[IndexArray, FloatArray, FloatArray]:
+    def find_beside(
+        self, a_m: FloatArray, b_m: FloatArray, within_m: float
+    ) -> tuple[IndexArray, FloatArray, FloatArray]:
         """Return the places near a span: their numbers, how far along it (0 to 1), and how far from it."""
         low, high = sorted((float(a_m[self._axis]), float(b_m[self._axis])))
         first, last = np.searchsorted(self._sorted_m[:, self._axis], (low - within_m, high + within_m))
-        distances_m, shares = nearest_on(self._sorted_m[first:last], a_m[np.newaxis], (b_m - a_m)[np.newaxis])
+        distances_m, shares = find_nearest_on_legs(self._sorted_m[first:last], a_m[np.newaxis], (b_m - a_m)[np.newaxis])
         near = np.flatnonzero(distances_m[:, 0] <= within_m)
         return self._order[first:last][near], shares[near, 0], distances_m[near, 0]
 
 
-def crossings(ends_m: FloatArray, nodes: IndexArray) -> Iterator[tuple[int, int, tuple[float, float]]]:
+def find_crossings(ends_m: FloatArray, nodes: IndexArray) -> Iterator[tuple[int, int, tuple[float, float]]]:
     """Yield pairs of (n, 2, 2) spans that cross between their ends, and where; nodes (n, 2) tell who shares an end."""
     if not len(ends_m):
         return
@@ -47,10 +49,10 @@ def crossings(ends_m: FloatArray, nodes: IndexArray) -> Iterator[tuple[int, int,
         if rest.size:
             rest = rest[~np.isin(nodes[rest], nodes[index]).any(axis=1)]
         if rest.size:
-            yield from _met(ends_m, index, rest, order)
+            yield from _find_crossings_of(ends_m, index, rest, order)
 
 
-def _met(
+def _find_crossings_of(
     ends_m: FloatArray, index: int, rest: IndexArray, order: IndexArray
 ) -> Iterator[tuple[int, int, tuple[float, float]]]:
     a_m, way_m = ends_m[index, 0], ends_m[index, 1] - ends_m[index, 0]
@@ -66,7 +68,7 @@ def _met(
         yield pair[0], pair[1], (east_m, north_m)
 
 
-def nearest_span(place_m: FloatArray, ends_m: FloatArray, but: Sequence[int] = ()) -> tuple[int, float]:
+def find_nearest_span(place_m: FloatArray, ends_m: FloatArray, but: Sequence[int] = ()) -> tuple[int, float]:
     """Return the nearest of (n, 2, 2) spans to a place and how far away it is; ``but`` are not looked at."""
     distances_m = place_distances_m(ends_m, place_m[np.newaxis])[0]
     distances_m[list(but)] = np.inf

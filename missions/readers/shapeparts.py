@@ -16,7 +16,7 @@ class PartError(Exception):
     """One of the files is cut off, or of another state than the others."""
 
 
-def whole_shapes(shp: bytes, shx: bytes | None, dbf: bytes) -> bytes:
+def rebuild_shp(shp: bytes, shx: bytes | None, dbf: bytes) -> bytes:
     """Return a .shp with the shapes that count, one behind the other, as many as the .dbf has rows not deleted.
 
     Raises:
@@ -26,8 +26,8 @@ def whole_shapes(shp: bytes, shx: bytes | None, dbf: bytes) -> bytes:
     (length,) = struct.unpack_from(">i", shp, 24)
     if 2 * length > len(shp):
         raise PartError(f"the .shp ends after {len(shp)} of {2 * length} bytes")
-    shapes = _all_shapes(shp) if shx is None else _indexed(shp, shx)
-    rows = _rows_kept(dbf)
+    shapes = _read_all_shapes(shp) if shx is None else _read_indexed_shapes(shp, shx)
+    rows = _find_kept_rows(dbf)
     if len(rows) != len(shapes):
         raise PartError(
             f"the .dbf has {len(rows)} rows and the .{'shp' if shx is None else 'shx'} {len(shapes)} shapes"
@@ -37,7 +37,7 @@ def whole_shapes(shp: bytes, shx: bytes | None, dbf: bytes) -> bytes:
     return shp[:24] + struct.pack(">i", (HEADER + len(body)) // 2) + shp[28:HEADER] + body
 
 
-def _all_shapes(shp: bytes) -> list[bytes]:
+def _read_all_shapes(shp: bytes) -> list[bytes]:
     """Return the shapes of a file without its index."""
     found: list[bytes] = []
     numbers, at = set[int](), HEADER
@@ -53,7 +53,7 @@ def _all_shapes(shp: bytes) -> list[bytes]:
     return found
 
 
-def _indexed(shp: bytes, shx: bytes) -> list[bytes]:
+def _read_indexed_shapes(shp: bytes, shx: bytes) -> list[bytes]:
     (length,) = struct.unpack_from(">i", shx, 24)
     if 2 * length > len(shx):
         raise PartError(f"the .shx ends after {len(shx)} of {2 * length} bytes")
@@ -73,7 +73,7 @@ def _indexed(shp: bytes, shx: bytes) -> list[bytes]:
     return found
 
 
-def _rows_kept(dbf: bytes) -> list[bool]:
+def _find_kept_rows(dbf: bytes) -> list[bool]:
     """Return of every row whether it is there, or only marked as deleted."""
     count, header, wide = struct.unpack_from("<LHH", dbf, 4)
     if wide < 1 or header + count * wide > len(dbf):

@@ -13,14 +13,22 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
-from missions.files import printable
-from missions.readers.choice import Choice
+from missions.files import to_printable
+from missions.readers.choice import ReadOptions
 from missions.readers.codepages import code_page_of
-from missions.readers.crs import ToWgs84, to_wgs84
-from missions.readers.drawing import Drawing, Matter, Remark
-from missions.readers.features import EMPTY, OTHER, Feature, Kind, Layer, add_features, wanted_layers
-from missions.readers.opened import NEEDS, Archive, limited_content
-from missions.readers.shapeparts import PartError, whole_shapes
+from missions.readers.crs import Wgs84Transform, build_wgs84_transform
+from missions.readers.drawing import RawNetwork, Remark, RemarkTopic
+from missions.readers.features import (
+    EMPTY,
+    OTHER,
+    Feature,
+    GeometryKind,
+    SourceLayer,
+    add_features,
+    select_wanted_layers,
+)
+from missions.readers.opened import NEEDS, Archive, read_limited
+from missions.readers.shapeparts import PartError, rebuild_shp
 
 if TYPE_CHECKING:
     import shapefile
@@ -28,7 +36,7 @@ if TYPE_CHECKING:
 FORMAT = "Shapefile"
 MAGIC = b"\x00\x00\x27\x0a"
 PARTS = ("shp", "shx", "dbf", "prj", "cpg")
-KINDS = {1: Kind.POINT, 8: Kind.POINT, 3: Kind.LINE}
+KINDS = {1: GeometryKind.POINT, 8: GeometryKind.POINT, 3: GeometryKind.LINE}
 """Shape types without their dimensions; 11 and 21 are 1 with z and with a measure, and so on."""
 
 
@@ -40,7 +48,7 @@ class _Shapes:
     files: Mapping[str, bytes]
 
 
-def draw_shapefile(path: Path, source: str, choice: Choice) -> Drawing:
+def read_shapefile(path: Path, source: str, choice: ReadOptions) -> RawNetwork:
     """Return what the shapefile beside whose .shp the others lie shows.
 
     Raises:
@@ -51,12 +59,12 @@ def draw_shapefile(path: Path, source: str, choice: Choice) -> Drawing:
         beside = next((one for one in (path.with_suffix(f".{part}"), path.with_suffix(f".{part.upper()}"))
                        if one.exists()), None)  # fmt: skip
         if beside is not None:
-            files[part] = limited_content(beside)
-    files["shp"] = limited_content(path)
-    return _drawn([_Shapes(path.stem, files)], source, choice)
+            files[part] = read_limited(beside)
+    files["shp"] = read_limited(path)
+    return _read_layers([_Shapes(path.stem, files)], source, choice)
 
 
-def draw_zipped_shapes(archive: Archive, source: str, choice: Choice) -> Drawing:
+def read_zipped_shapes(archive: Archive, source: str, choice: ReadOptions) -> RawNetwork:
     """Return what the shapefiles of an archive show.
 
     Raises:
@@ -64,89 +72,94 @@ def draw_zipped_shapes(archive: Archive, source: str, choice: Choice) -> Drawing
     """
     by_name = {name.lower(): name for name in archive.names}
     every = []
-    for shp in archive.ending_in(".shp"):
+    for shp in archive.list_by_suffix(".shp"):
         stem = shp[: -len(".shp")]
         files = {
             part: archive.read(by_name[f"{stem}.{part}".lower()])
             for part in PARTS
             if f"{stem}.{part}".lower() in by_name
         }
-        every.append(_Shapes(printable(PurePosixPath(stem).name), files))
-    return _drawn(every, source, choice)
+        every.append(_Shapes(to_printable(PurePosixPath(stem).name), files))
+    return _read_layers(every, source, choice)
 
 
-def _drawn(every: list[_Shapes], source: str, choice: Choice) -> Drawing:
+def _read_layers(every: list[_Shapes], source: str, choice: ReadOptions) -> RawNetwork:
     if find_spec("shapefile") is None:
         raise NetworkError(f"{source}: a shapefile {NEEDS}")
-    drawing, systems = choice.drawing(source, FORMAT), []
+    drawing, systems = choice.create_raw_network(source, FORMAT), []
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
-        readers = {shapes.name: _opened(shapes, drawing, choice) for shapes in every}
-        layers = [Layer(name, _kind(reader.shapeType), len(reader)) for name, reader in readers.items()]
-        for layer in wanted_layers(layers, source, choice):
+        readers = {shapes.name: _open_reader(shapes, drawing, choice) for shapes in every}
+        layers = [SourceLayer(name, _kind_of(reader.shapeType), len(reader)) for name, reader in readers.items()]
+        for layer in select_wanted_layers(layers, source, choice):
             files = next(shapes.files for shapes in every if shapes.name == layer.name)
-            system = _system(files, f"{source}: {layer.name}", choice)
+            system = _read_system(files, f"{source}: {layer.name}", choice)
             systems.append(system.words)
-            add_features(drawing, _features(readers[layer.name], layer.name, source), system, choice)
+            add_features(drawing, _iterate_features(readers[layer.name], layer.name, source), system, choice)
     drawing.crs = ", ".join(dict.fromkeys(systems))
-    said = dict.fromkeys(printable(str(one.message)) for one in warned)
-    drawing.found += [Remark(Matter.FILE, FORMAT, words) for words in said]
+    said = dict.fromkeys(to_printable(str(one.message)) for one in warned)
+    drawing.found += [Remark(RemarkTopic.FILE, FORMAT, words) for words in said]
     return drawing
 
 
-def _opened(shapes: _Shapes, drawing: Drawing, choice: Choice) -> shapefile.Reader:
+def _open_reader(shapes: _Shapes, drawing: RawNetwork, choice: ReadOptions) -> shapefile.Reader:
     import shapefile
 
     source = drawing.source
     if "dbf" not in shapes.files:
         raise NetworkError(f"{source}: {shapes.name}.dbf: expected the names and attributes beside the .shp")
     try:
-        shp = whole_shapes(shapes.files["shp"], shapes.files.get("shx"), shapes.files["dbf"])
+        shp = rebuild_shp(shapes.files["shp"], shapes.files.get("shx"), shapes.files["dbf"])
     except (PartError, struct.error) as reason:
         raise NetworkError(f"{source}: {shapes.name}: expected a whole shapefile: {reason}") from reason
     encoding, words = code_page_of(shapes.files["dbf"], shapes.files.get("cpg"), choice.encoding, source)
     if words:
-        drawing.found.append(Remark(Matter.FILE, f"{shapes.name}.dbf", words))
+        drawing.found.append(Remark(RemarkTopic.FILE, f"{shapes.name}.dbf", words))
     try:
         return shapefile.Reader(
             shp=io.BytesIO(shp), dbf=io.BytesIO(shapes.files["dbf"]), encoding=encoding, encodingErrors="replace",
         )  # fmt: skip
     except (shapefile.ShapefileException, struct.error, ValueError, LookupError, OSError, TypeError) as reason:
-        raise NetworkError(f"{source}: {shapes.name}: expected a shapefile: {printable(str(reason))}") from reason
+        raise NetworkError(f"{source}: {shapes.name}: expected a shapefile: {to_printable(str(reason))}") from reason
 
 
-def _kind(shape_type: int) -> Kind:
-    return KINDS.get(shape_type % 10, Kind.OTHER)
+def _kind_of(shape_type: int) -> GeometryKind:
+    return KINDS.get(shape_type % 10, GeometryKind.OTHER)
 
 
-def _system(files: Mapping[str, bytes], place: str, choice: Choice) -> ToWgs84:
+def _read_system(files: Mapping[str, bytes], place: str, choice: ReadOptions) -> Wgs84Transform:
     text = files.get("prj", b"").decode("utf-8-sig", "replace").strip()
     if not text:
         if choice.crs is None:
             raise NetworkError(f"{place}.prj: expected the reference system, the file is missing; crs says it")
-        return to_wgs84(choice.crs, place)
-    if choice.crs is not None and to_wgs84(choice.crs, place).words != to_wgs84(text, f"{place}.prj").words:
-        said = to_wgs84(text, f"{place}.prj").words
+        return build_wgs84_transform(choice.crs, place)
+    if (
+        choice.crs is not None
+        and build_wgs84_transform(choice.crs, place).words != build_wgs84_transform(text, f"{place}.prj").words
+    ):
+        said = build_wgs84_transform(text, f"{place}.prj").words
         raise NetworkError(f"{place}.prj: crs: expected none, the file says {said}; got {choice.crs!r}")
-    return to_wgs84(text, f"{place}.prj")
+    return build_wgs84_transform(text, f"{place}.prj")
 
 
-def _features(reader: shapefile.Reader, layer: str, source: str) -> Iterator[Feature]:
+def _iterate_features(reader: shapefile.Reader, layer: str, source: str) -> Iterator[Feature]:
     import shapefile
 
     number = 0
     try:
         for number, found in enumerate(reader.iterShapeRecords(), start=1):
             shape, place = found.shape, f"layer {layer!r} feature {number}"
-            kind = _kind(shape.shapeType)
-            if shape.shapeType == shapefile.NULL or kind is Kind.OTHER:
+            kind = _kind_of(shape.shapeType)
+            if shape.shapeType == shapefile.NULL or kind is GeometryKind.OTHER:
                 other = EMPTY if shape.shapeType == shapefile.NULL else OTHER
-                yield Feature(place, Kind.OTHER, (), found.record.as_dict(), other=other)
+                yield Feature(place, GeometryKind.OTHER, (), found.record.as_dict(), other=other)
                 continue
             heights = getattr(shape, "z", None) or [None] * len(shape.points)
             positions = [(float(point[0]), float(point[1]), third_m) for point, third_m in
                          zip(shape.points, heights, strict=False)]  # fmt: skip
-            starts = [*getattr(shape, "parts", [0]), len(positions)] if kind is Kind.LINE else [0, len(positions)]
+            starts = (
+                [*getattr(shape, "parts", [0]), len(positions)] if kind is GeometryKind.LINE else [0, len(positions)]
+            )
             parts = [positions[a:b] for a, b in itertools.pairwise(starts)]
             yield Feature(place, kind, parts, found.record.as_dict())
     except (
@@ -159,4 +172,6 @@ def _features(reader: shapefile.Reader, layer: str, source: str) -> Iterator[Fea
         AssertionError,
     ) as reason:
         place = f"{source}: layer {layer!r} feature {number + 1}"
-        raise NetworkError(f"{place}: expected a whole shape and its attributes: {printable(str(reason))}") from reason
+        raise NetworkError(
+            f"{place}: expected a whole shape and its attributes: {to_printable(str(reason))}"
+        ) from reason

@@ -18,31 +18,31 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
-from missions.files import is_figure, printable
+from missions.files import is_figure, to_printable
 from missions.readers.attributes import (
     ELEVATION,
     HEIGHT,
     LINES,
     POLES,
-    by_plain_name,
-    flattened,
+    find_first_value,
+    flatten_attributes,
     heights_of,
     name_of,
-    said,
+    normalise_attributes,
 )
-from missions.readers.choice import Choice, quoted_names
-from missions.readers.crs import ToWgs84, to_wgs84, wgs84
-from missions.readers.drawing import Drawing, Line, Matter, Pole, Remark
-from missions.readers.meaning import Meaning, row_meaning
+from missions.readers.choice import ReadOptions, quote_names
+from missions.readers.crs import Wgs84Transform, build_identity_transform, build_wgs84_transform
+from missions.readers.drawing import Line, Pole, RawNetwork, Remark, RemarkTopic
+from missions.readers.meaning import PowerFeature, classify_row
 from missions.readers.opened import NEEDS, UNREADABLE, Archive
 from missions.readers.values import (
     EAST_WEST,
     NORTH_SOUTH,
     PoleRank,
+    build_rank_keys,
     decimal_mark_of,
     degrees_of,
     grid_figure_of,
-    rank_keys,
     rank_of,
 )
 
@@ -61,7 +61,7 @@ MOST_ABOVE = 30
 _SAID = re.compile(r"\ufeff?\"?sep=(.)\"?\s*", re.IGNORECASE)
 """What Excel puts into the first line of a file for itself."""
 _HIDDEN = re.compile(rb'<row\b[^>]*\bhidden="(?:1|true)"')
-LEFT = {Meaning.UNBUILT_POLE, Meaning.REMOVED_POLE, Meaning.DELETED}
+LEFT = {PowerFeature.UNBUILT_POLE, PowerFeature.REMOVED_POLE, PowerFeature.DELETED}
 """Poles over which the wires of their neighbours go."""
 
 
@@ -81,12 +81,12 @@ class _Member:
     is_buried: bool = False
 
 
-def looks_like_table(text: str) -> bool:
+def is_pole_table(text: str) -> bool:
     """Return whether one of the first lines of a text has the columns of a table of poles."""
-    return _begin(text)[1]
+    return _detect_delimiter(text)[1]
 
 
-def draw_csv(text: str, source: str, choice: Choice, *, remark: str = "") -> Drawing:
+def parse_csv(text: str, source: str, choice: ReadOptions, *, remark: str = "") -> RawNetwork:
     """Return what a table in a text file shows; a comma, semicolon, tab or bar divides it.
 
     Args:
@@ -98,8 +98,8 @@ def draw_csv(text: str, source: str, choice: Choice, *, remark: str = "") -> Dra
     Raises:
         NetworkError: one line that names the file, the row and what was expected.
     """
-    choice.no_layers(source, CSV)
-    (delimiter, _), found = _begin(text), [Remark(Matter.FILE, CSV, remark)] if remark else []
+    choice.refuse_layers(source, CSV)
+    (delimiter, _), found = _detect_delimiter(text), [Remark(RemarkTopic.FILE, CSV, remark)] if remark else []
     try:
         reader = csv.reader(io.StringIO(text.lstrip("\ufeff"), newline=None), delimiter=delimiter, strict=True)
         rows = [(f"line {reader.line_num}", row) for row in reader]
@@ -107,10 +107,10 @@ def draw_csv(text: str, source: str, choice: Choice, *, remark: str = "") -> Dra
         words = "a quote that is not closed" if "end of data" in str(reason) else str(reason)
         raise NetworkError(f"{source}: line {reader.line_num}: expected a table: {words}") from reason
     rows = rows[1:] if _SAID.fullmatch(text.partition("\n")[0]) else rows
-    table = _table(rows, source, CSV, found)
+    table = _find_table(rows, source, CSV, found)
     if rows and not text.endswith(("\n", "\r")):
         _check_end(table, source, found)
-    return _drawn(_rows(table, source), source, CSV, choice, found)
+    return _build_raw_network(_iterate_rows(table, source), source, CSV, choice, found)
 
 
 def _check_end(table: Sequence[tuple[str, Sequence[object]]], source: str, found: list[Remark]) -> None:
@@ -124,64 +124,66 @@ def _check_end(table: Sequence[tuple[str, Sequence[object]]], source: str, found
     lengths = [len(str(row[-1]).strip()) for row in others if len(row) == len(last)]
     if len(table) > 1 and lengths and len(str(last[-1]).strip()) < min(lengths):
         text = f"{place}, the last, ends with {str(last[-1])!r} and without an end of line: was the file cut off there?"
-        found.append(Remark(Matter.WHOLE, source, text))
+        found.append(Remark(RemarkTopic.WHOLE, source, text))
 
 
-def draw_xlsx(archive: Archive, content: bytes, source: str, choice: Choice) -> Drawing:
+def parse_xlsx(archive: Archive, content: bytes, source: str, choice: ReadOptions) -> RawNetwork:
     """Return what a sheet of a workbook shows: the one that is asked for, or else the only one.
 
     Raises:
-        NetworkError: as `draw_csv`; or nothing is installed to read it with.
+        NetworkError: as `parse_csv`; or nothing is installed to read it with.
     """
     try:
         import openpyxl
         from openpyxl.utils.exceptions import InvalidFileException
     except ImportError:
         raise NetworkError(f"{source}: a workbook {NEEDS}") from None
-    for name in archive.ending_in(".xml"):
+    for name in archive.list_by_suffix(".xml"):
         if b"<!DOCTYPE" in archive.read(name)[:4096]:
             raise NetworkError(f"{source}: {name}: expected XML without a document type (DOCTYPE)")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and extensions that are not read
             book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
-        sheet = _sheet(book, source, choice)
-        hidden = _hidden_rows(archive, sheet)
-        rows = _cells(sheet)
+        sheet = _select_sheet(book, source, choice)
+        hidden = _count_hidden_rows(archive, sheet)
+        rows = _read_cells(sheet)
     except (
         *UNREADABLE, InvalidFileException, SyntaxError, KeyError, TypeError, AttributeError, IndexError,
     ) as reason:  # fmt: skip
-        raise NetworkError(f"{source}: content: expected a workbook: {printable(str(reason))}") from reason
+        raise NetworkError(f"{source}: content: expected a workbook: {to_printable(str(reason))}") from reason
     found: list[Remark] = []
     if hidden:
         text = f"{hidden} rows are hidden, as by a filter: they are read all the same"
-        found.append(Remark(Matter.WHOLE, source, text))
-    return _drawn(_rows(_table(rows, source, XLSX, found), source), source, XLSX, choice, found)
+        found.append(Remark(RemarkTopic.WHOLE, source, text))
+    return _build_raw_network(
+        _iterate_rows(_find_table(rows, source, XLSX, found), source), source, XLSX, choice, found
+    )
 
 
-def _sheet(book: openpyxl.Workbook, source: str, choice: Choice) -> ReadOnlyWorksheet:
+def _select_sheet(book: openpyxl.Workbook, source: str, choice: ReadOptions) -> ReadOnlyWorksheet:
     titles = [sheet.title for sheet in book.worksheets]
-    wanted = choice.chosen_layers(source, titles, "sheet")
+    wanted = choice.select_layers(source, titles, "sheet")
     if not choice.layers and len(wanted) > 1:
         wanted = tuple(sheet.title for sheet in book.worksheets if sheet.sheet_state == "visible")
     if len(wanted) != 1:
-        raise NetworkError(f"{source}: layer: expected one sheet of {quoted_names(titles)}, found {len(wanted)}")
+        raise NetworkError(f"{source}: layer: expected one sheet of {quote_names(titles)}, found {len(wanted)}")
     return book[wanted[0]]
 
 
-def _cells(sheet: ReadOnlyWorksheet) -> list[tuple[str, Sequence[object]]]:
+def _read_cells(sheet: ReadOnlyWorksheet) -> list[tuple[str, Sequence[object]]]:
     sheet.reset_dimensions()  # what a sheet says of its own size may be anything
     rows = zip(range(1, MOST_ROWS + 3), sheet.iter_rows(values_only=True), strict=False)
     return [(f"sheet {sheet.title!r} row {number}", row) for number, row in rows]
 
 
-def _hidden_rows(archive: Archive, sheet: ReadOnlyWorksheet) -> int:
+def _count_hidden_rows(archive: Archive, sheet: ReadOnlyWorksheet) -> int:
     """Return how many rows people do not see in a sheet, which is read row by row and does not say so itself."""
     path = str(getattr(sheet, "_worksheet_path", "")).lstrip("/")
     return len(_HIDDEN.findall(archive.read(path))) if path in archive.names else 0
 
 
-def _begin(text: str) -> tuple[str, bool]:
+def _detect_delimiter(text: str) -> tuple[str, bool]:
     """Return what divides the cells of a text, and whether one of its first lines has the columns of a table."""
     lines = re.split("\r\n|\r|\n", text.lstrip("\ufeff"), maxsplit=MOST_ABOVE + 1)[: MOST_ABOVE + 1]
     own = _SAID.fullmatch(lines[0])
@@ -193,11 +195,11 @@ def _begin(text: str) -> tuple[str, bool]:
 
 
 def _has_columns(row: Sequence[object]) -> bool:
-    names = {printable(cell).lower() for cell in row if isinstance(cell, str)}
+    names = {to_printable(cell).lower() for cell in row if isinstance(cell, str)}
     return bool(names & {*LAT, *EAST}) and bool(names & {*LON, *NORTH})
 
 
-def _table(
+def _find_table(
     rows: Sequence[tuple[str, Sequence[object]]], source: str, what: str, found: list[Remark]
 ) -> list[tuple[str, Sequence[object]]]:
     """Return the rows from the names of the columns on, without empty ones; a title above is said.
@@ -212,14 +214,14 @@ def _table(
         raise NetworkError(f"{source}: content: expected a row of column names, found none")
     begin = next((at for at, (_, row) in enumerate(filled[: MOST_ABOVE + 1]) if _has_columns(row)), 0)
     if begin:
-        first = printable(str(next(cell for cell in filled[0][1] if cell not in {None, ""})))[:60]
+        first = to_printable(str(next(cell for cell in filled[0][1] if cell not in {None, ""})))[:60]
         count = "a row" if begin == 1 else f"{begin} rows"
-        found.append(Remark(Matter.FILE, what, f"{count} above the names of the columns, {first!r}: not read"))
+        found.append(Remark(RemarkTopic.FILE, what, f"{count} above the names of the columns, {first!r}: not read"))
     return filled[begin:]
 
 
-def _rows(table: Sequence[tuple[str, Sequence[object]]], source: str) -> Iterator[_Row]:
-    header = [printable(str(cell)) if cell is not None else "" for cell in table[0][1]]
+def _iterate_rows(table: Sequence[tuple[str, Sequence[object]]], source: str) -> Iterator[_Row]:
+    header = [to_printable(str(cell)) if cell is not None else "" for cell in table[0][1]]
     for place, row in table[1:]:
         if len(row) > len(header) and any(cell not in {None, ""} for cell in row[len(header) :]):
             raise NetworkError(f"{source}: {place}: expected {len(header)} cells as in the first row, got {len(row)}")
@@ -228,23 +230,25 @@ def _rows(table: Sequence[tuple[str, Sequence[object]]], source: str) -> Iterato
         yield _Row(place, cells)
 
 
-def _drawn(rows: Iterator[_Row], source: str, what: str, choice: Choice, found: list[Remark]) -> Drawing:
+def _build_raw_network(
+    rows: Iterator[_Row], source: str, what: str, choice: ReadOptions, found: list[Remark]
+) -> RawNetwork:
     every = list(rows)
     if not every:
         raise NetworkError(f"{source}: content: expected rows of poles below the column names, found none")
     columns = [name for row in every[:1] for name in row.cells]
-    system, horizontal = _system(columns, source, choice)
+    system, horizontal = _find_system(columns, source, choice)
     if not {name.lower() for name in columns} & set(ORDER):
         raise NetworkError(
-            f"{source}: columns: expected one that says which pole follows which, {quoted_names(ORDER)}, "
-            f"got {quoted_names(columns)}"
+            f"{source}: columns: expected one that says which pole follows which, {quote_names(ORDER)}, "
+            f"got {quote_names(columns)}"
         )
-    drawing = choice.drawing(source, what, system.words)
+    drawing = choice.create_raw_network(source, what, system.words)
     drawing.found += found
     members: dict[str, list[_Member]] = {}
     mark = _mark_of(every, horizontal)
-    for row, line, cells in _with_lines(every, drawing):
-        member = _member(row, cells, drawing, horizontal, mark, choice)
+    for row, line, cells in _pair_rows_with_lines(every, drawing):
+        member = _build_member(row, cells, drawing, horizontal, mark, choice)
         if member is not None:
             members.setdefault(line, []).append(member)
     for line, own in members.items():
@@ -252,7 +256,9 @@ def _drawn(rows: Iterator[_Row], source: str, what: str, choice: Choice, found: 
     return drawing
 
 
-def _with_lines(rows: Sequence[_Row], drawing: Drawing) -> Iterator[tuple[_Row, str, Mapping[str, object]]]:
+def _pair_rows_with_lines(
+    rows: Sequence[_Row], drawing: RawNetwork
+) -> Iterator[tuple[_Row, str, Mapping[str, object]]]:
     """Yield every row with its line: where a table names one once for a group of rows, that of the row above.
 
     With it comes what a filter goes by: what the group's first row says of the line is true of the others.
@@ -273,61 +279,64 @@ def _with_lines(rows: Sequence[_Row], drawing: Drawing) -> Iterator[tuple[_Row, 
         yield row, line, first.cells | {key: cell for key, cell in row.cells.items() if cell not in {None, ""}}
     if went_on:
         text = f"{went_on} rows without the name of their line: taken for that of the line above them"
-        drawing.found.append(Remark(Matter.FILE, drawing.format, text))
+        drawing.found.append(Remark(RemarkTopic.FILE, drawing.format, text))
 
 
 def _mark_of(rows: Sequence[_Row], horizontal: Sequence[Sequence[str]]) -> str | None:
     """Return the decimal mark that coordinates and heights of a table show; degrees need none."""
     keys = (*horizontal, ELEVATION, HEIGHT)
-    cells = (said(row.cells, own) for row in rows for own in keys)
+    cells = (find_first_value(row.cells, own) for row in rows for own in keys)
     return decimal_mark_of(cell for cell in cells if isinstance(cell, str))
 
 
-def _member(
+def _build_member(
     row: _Row,
     of_line: Mapping[str, object],
-    drawing: Drawing,
+    drawing: RawNetwork,
     horizontal: Sequence[Sequence[str]],
     mark: str | None,
-    choice: Choice,
+    choice: ReadOptions,
 ) -> _Member | None:
     """Return a pole of a line; None for one that is left out: not built, not there any more, or not wanted.
 
     What is said of the line may stand in the first row of its group.
     """
-    known, attributes = by_plain_name(flattened(row.cells)), flattened(of_line)
+    known, attributes = normalise_attributes(flatten_attributes(row.cells)), flatten_attributes(of_line)
     name = name_of(known, POLES) or row.place
-    point, (_, line, key) = row_meaning(known)[0], row_meaning(by_plain_name(attributes))
-    if point in LEFT or (line is Meaning.DISUSED and not choice.asks_for(key)):
-        drawing.leave_out((point if point in LEFT else Meaning.DISUSED_POLE).value, name)
+    point, (_, line, key) = classify_row(known)[0], classify_row(normalise_attributes(attributes))
+    if point in LEFT or (line is PowerFeature.DISUSED and not choice.has_comparison_of(key)):
+        drawing.leave_out((point if point in LEFT else PowerFeature.DISUSED_POLE).value, name)
         return None
-    if not choice.takes(attributes):
+    if not choice.is_wanted(attributes):
         return None
-    is_pole, is_buried = point in {Meaning.POLE, Meaning.DISUSED_POLE}, line in {Meaning.UNDERGROUND, Meaning.CABLE}
+    is_pole, is_buried = (
+        point in {PowerFeature.POLE, PowerFeature.DISUSED_POLE},
+        line in {PowerFeature.UNDERGROUND, PowerFeature.CABLE},
+    )
     if not is_pole or is_buried:
         drawing.leave_out("pole of an underground line" if is_buried else point.value, name)
-    x, y = (_coordinate(row, keys, drawing.source, mark) for keys in horizontal)
-    return _Member(_rank(row, drawing.source), row, x, y, is_pole, is_buried)
+    x, y = (_read_coordinate(row, keys, drawing.source, mark) for keys in horizontal)
+    return _Member(_read_rank(row, drawing.source), row, x, y, is_pole, is_buried)
 
 
-def _system(
-    columns: Sequence[str], source: str, choice: Choice
-) -> tuple[ToWgs84, tuple[tuple[str, ...], tuple[str, ...]]]:
+def _find_system(
+    columns: Sequence[str], source: str, choice: ReadOptions
+) -> tuple[Wgs84Transform, tuple[tuple[str, ...], tuple[str, ...]]]:
     known = {name.lower() for name in columns}
     if known & set(LAT) and known & set(LON):
-        choice.no_crs(source, "columns lat and lon")
-        return wgs84(source), (LON, LAT)
+        choice.refuse_crs(source, "columns lat and lon")
+        return build_identity_transform(source), (LON, LAT)
     if not (known & set(EAST) and known & set(NORTH)):
         raise NetworkError(
-            f"{source}: columns: expected lat and lon, or easting and northing, got {quoted_names(columns)}"
+            f"{source}: columns: expected lat and lon, or easting and northing, got {quote_names(columns)}"
         )
     if choice.crs is None:
         raise NetworkError(f"{source}: crs: expected one such as 'EPSG:5514' for easting and northing, none is given")
-    return to_wgs84(choice.crs, source), (EAST, NORTH)
+    return build_wgs84_transform(choice.crs, source), (EAST, NORTH)
 
 
-def _coordinate(row: _Row, keys: Sequence[str], source: str, mark: str | None) -> float:
-    value = said(row.cells, keys)
+def _read_coordinate(row: _Row, keys: Sequence[str], source: str, mark: str | None) -> float:
+    value = find_first_value(row.cells, keys)
     if keys in {LAT, LON}:
         figure = degrees_of(value, NORTH_SOUTH if keys == LAT else EAST_WEST)
     else:
@@ -337,16 +346,18 @@ def _coordinate(row: _Row, keys: Sequence[str], source: str, mark: str | None) -
     return figure
 
 
-def _rank(row: _Row, source: str) -> PoleRank:
-    value = said(row.cells, ORDER)
+def _read_rank(row: _Row, source: str) -> PoleRank:
+    value = find_first_value(row.cells, ORDER)
     rank = rank_of(value)
     if rank is None:
         raise NetworkError(f"{source}: {row.place}: {ORDER[0]}: expected a number, or one with letters, got {value!r}")
     return rank
 
 
-def _add_line(drawing: Drawing, line: str, members: list[_Member], system: ToWgs84, mark: str | None) -> None:
-    keyed = sorted(zip(rank_keys([member.order for member in members]), members, strict=True), key=lambda pair: pair[0])
+def _add_line(drawing: RawNetwork, line: str, members: list[_Member], system: Wgs84Transform, mark: str | None) -> None:
+    keyed = sorted(
+        zip(build_rank_keys([member.order for member in members]), members, strict=True), key=lambda pair: pair[0]
+    )
     for (key, one), (next_key, other) in itertools.pairwise(keyed):
         if key == next_key:
             raise NetworkError(
@@ -373,4 +384,4 @@ def _add_line(drawing: Drawing, line: str, members: list[_Member], system: ToWgs
     parts = [tuple((*at, None) for at, _ in run) for is_buried, run in runs if not is_buried]
     parts = [part for part in parts if len(part) > 1]
     if parts:
-        drawing.draw(Line(members[0].row.place, line, tuple(parts)))
+        drawing.add_line(Line(members[0].row.place, line, tuple(parts)))

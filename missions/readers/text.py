@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from missions.errors import NetworkError
-from missions.files import printable
+from missions.files import to_printable
 
 MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 PAGES: Mapping[str, Sequence[str]] = {
@@ -38,7 +38,7 @@ SIGN, NEVER = 0.02, 1e-4
 """How likely a usual sign is among letters, and what a language does not have."""
 
 
-def text_of_table(content: bytes, source: str, encoding: str | None) -> tuple[str, str]:
+def decode_table(content: bytes, source: str, encoding: str | None) -> tuple[str, str]:
     """Return the text that bytes are, and what is to be said of it; empty where the bytes are UTF-8 or say it.
 
     Args:
@@ -51,52 +51,52 @@ def text_of_table(content: bytes, source: str, encoding: str | None) -> tuple[st
     """
     marked = next((mark for begin, mark in MARKS if content.startswith(begin)), None)
     if marked is not None or encoding is not None:
-        return _decoded_as(content, source, marked or str(encoding)), ""
+        return _decode_as(content, source, marked or str(encoding)), ""
     if content[:2].count(b"\x00") == 1:
         mark = "utf-16-le" if content[1] == 0 else "utf-16-be"
-        return _decoded_as(content, source, mark), f"no encoding is said: read as {mark}"
+        return _decode_as(content, source, mark), f"no encoding is said: read as {mark}"
     try:
         return content.decode("utf-8"), ""
     except UnicodeDecodeError as reason:
         if _CONTROL.search(content):
             raise NetworkError(f"{source}: encoding: expected text, found other bytes at {reason.start}") from reason
-    page, names = likely_page(content)
+    page, names = guess_code_page(content)
     return content.decode(page, "replace"), f"no encoding is said: read as {page}{names}; encoding says another"
 
 
-def _decoded_as(content: bytes, source: str, encoding: str) -> str:
+def _decode_as(content: bytes, source: str, encoding: str) -> str:
     try:
         return content.decode(encoding)
     except (LookupError, ValueError) as reason:
-        raise encoding_error(source, encoding, reason) from reason
+        raise build_encoding_error(source, encoding, reason) from reason
 
 
-def encoding_error(source: str, encoding: str, reason: Exception) -> NetworkError:
+def build_encoding_error(source: str, encoding: str, reason: Exception) -> NetworkError:
     """Return what is said of an encoding that is unknown, or is not that of the bytes."""
     return NetworkError(
         f"{source}: encoding: expected the table's own, such as 'cp1250' or 'utf-16', got {encoding!r}: "
-        f"{printable(str(reason))}"
+        f"{to_printable(str(reason))}"
     )
 
 
-def likely_page(content: bytes) -> tuple[str, str]:
+def guess_code_page(content: bytes) -> tuple[str, str]:
     """Return the code page one of whose languages has a text's letters most likely, and words with such names."""
-    page = max(PAGES, key=lambda one: _likely(content.decode(one, "replace"), one))
+    page = max(PAGES, key=lambda one: _log_likelihood(content.decode(one, "replace"), one))
     text = content.decode(page, "replace")
     names = list(dict.fromkeys(word for word in _WORD.findall(text) if not word.isascii()))[:NAMED]
     return page, f", with names such as {', '.join(map(repr, names))}" if names else ""
 
 
-def _likely(text: str, page: str) -> float:
+def _log_likelihood(text: str, page: str) -> float:
     """Return how likely a text is in the language of a page that fits best, as a logarithm."""
     signs = sum(math.log(SIGN if letter in SIGNS else NEVER) for letter in text if _is_sign(letter))
     words = [word.replace("İ", "i").lower() for word in _WORD.findall(text) if not word.isascii()]
     odd = [word for word in words if page in APART and any(map(str.isascii, word))]
     letters = Counter(letter for word in words for letter in word if not letter.isascii())
-    return signs + len(odd) * math.log(NEVER) + max(_likely_in(letters, own) for own in PAGES[page])
+    return signs + len(odd) * math.log(NEVER) + max(_log_likelihood_in(letters, own) for own in PAGES[page])
 
 
-def _likely_in(letters: Counter[str], own: str) -> float:
+def _log_likelihood_in(letters: Counter[str], own: str) -> float:
     """Return the logarithm of the likelihood of letters in a language: the second as likely by half as the first."""
     of_all = sum(1.0 / rank for rank in range(1, len(own) + 1))
     shares = {letter: 1.0 / rank / of_all for rank, letter in enumerate(own, start=1)}

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from missions.network import Network
-from missions.readers.build import Mending
-from missions.readers.choice import Term
+from missions.readers.build import MendingLimits
+from missions.readers.choice import Comparison
 from missions.readers.drawing import Remark
 
 
@@ -16,16 +16,16 @@ class Selection:
     """What of a file is wanted, and how far it may be mended."""
 
     layers: tuple[str, ...] = ()
-    where: tuple[Term, ...] = ()
+    where: tuple[Comparison, ...] = ()
     crs: str | None = None
     """Of a file that does not say its own; of a graph file the map grid of its metres."""
-    mending: Mending = field(default_factory=Mending)
+    mending: MendingLimits = field(default_factory=MendingLimits)
     encoding: str | None = None
     """Of a table in text that is not UTF-8; None to try."""
 
 
 @dataclass(frozen=True, slots=True)
-class Understood:
+class NetworkImport:
     """A network, and how it came out of its file."""
 
     network: Network

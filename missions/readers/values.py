@@ -53,7 +53,7 @@ def is_blank(value: object) -> bool:
     return value is None or (isinstance(value, float) and math.isnan(value))
 
 
-def _plain(text: str) -> str:
+def _normalise_text(text: str) -> str:
     """Return a text with one kind of spaces, dashes and quotation marks."""
     return " ".join(text.translate(_LETTERS).split())
 
@@ -67,11 +67,11 @@ def figure_of(text: str, mark: str | None = None) -> float | None:
         text: Such as '543 355,1' or '1,345.5'.
         mark: The file's decimal mark, where it is known: without it nobody knows how much '1,345' is.
     """
-    match = _FIGURE.fullmatch(_plain(text))
+    match = _FIGURE.fullmatch(_normalise_text(text))
     if match is None:
         return None
     sign, digits, exponent = match[1], match[2], match[3] or ""
-    decimal = _decimal_mark(digits, mark)
+    decimal = _find_decimal_mark(digits, mark)
     if decimal is None:
         return None
     whole, _, rest = digits.partition(decimal) if decimal else (digits, "", "")
@@ -83,7 +83,7 @@ def figure_of(text: str, mark: str | None = None) -> float | None:
     return float(f"{sign}{''.join(filter(str.isdigit, whole)) or '0'}.{rest or '0'}{exponent}")
 
 
-def _decimal_mark(digits: str, mark: str | None) -> str | None:
+def _find_decimal_mark(digits: str, mark: str | None) -> str | None:
     """Return what is before a figure's decimals: empty if it has none, None if that may be one or not."""
     marks = [letter for letter in digits if letter in ".,"]
     if len(set(marks)) == 2:
@@ -103,7 +103,7 @@ def decimal_mark_of(texts: Iterable[str]) -> str | None:
     """Return the decimal mark that figures of one file show, where all that show one show the same."""
     shown: set[str] = set()
     for text in texts:
-        match = _FIGURE.fullmatch(_plain(text))
+        match = _FIGURE.fullmatch(_normalise_text(text))
         marks = [letter for letter in match[2] if letter in ".,"] if match else []
         if match is None or not marks:
             continue
@@ -132,22 +132,22 @@ def degrees_of(value: object, letters: str) -> float | None:
     """
     if not isinstance(value, str):
         return number_of(value)
-    text = _plain(value).upper()
+    text = _normalise_text(value).upper()
     figure = figure_of(text, "," if "," in text else ".")
     if figure is not None:
         return figure
     side = next((letter for letter in letters if text.endswith(letter) or text.startswith(letter)), "")
     text = (text.removesuffix(side) if text.endswith(side) else text.removeprefix(side)).strip() if side else text
     negative, text = text.startswith("-"), text.lstrip("+-").strip().replace(",", ".")
-    degrees = _packed(text) if side else None
+    degrees = _parse_packed(text) if side else None
     if degrees is None:
-        degrees = _sexagesimal(text)
+        degrees = _parse_sexagesimal(text)
     if degrees is None or (negative and side):
         return None
     return -degrees if negative or side in {"S", "W"} else degrees
 
 
-def _sexagesimal(text: str) -> float | None:
+def _parse_sexagesimal(text: str) -> float | None:
     match = _PARTS.fullmatch(text)
     if match is None:
         return None
@@ -159,7 +159,7 @@ def _sexagesimal(text: str) -> float | None:
     return sum(figure / unit for figure, unit in zip(figures, (1.0, 60.0, 3600.0), strict=False))
 
 
-def _packed(text: str) -> float | None:
+def _parse_packed(text: str) -> float | None:
     """Return degrees of figures without a mark between them, as aeronautical data has them: 493557.4."""
     match = _PACKED.fullmatch(text)
     if match is None:
@@ -172,7 +172,7 @@ def _packed(text: str) -> float | None:
 def measure_of(text: str, mark: str | None = None) -> tuple[float, str] | None:
     """Return a figure and its unit in small letters: '132 kV' is 132 and 'kv'; None where it is none."""
     alone = figure_of(text, mark)
-    match = None if alone is not None else _MEASURE.fullmatch(_plain(text))
+    match = None if alone is not None else _MEASURE.fullmatch(_normalise_text(text))
     figure = figure_of(match[1], mark) if match else alone
     return None if figure is None else (figure, (match[2] or "").rstrip(".").lower() if match else "")
 
@@ -181,7 +181,7 @@ def metres_of(value: object, mark: str | None = None) -> float | None:
     """Return a length in metres, which is its unit where it says none; None where it is none."""
     if not isinstance(value, str):
         return number_of(value)
-    feet = _FEET.fullmatch(_plain(value))
+    feet = _FEET.fullmatch(_normalise_text(value))
     if feet is not None:
         return float(feet[1]) * METRES["ft"] + float(feet[2]) * INCH_M
     # Who writes feet divides thousands by a comma.
@@ -215,7 +215,7 @@ def rank_of(value: object) -> PoleRank | None:
     figure = number_of(value) if not (isinstance(value, str) and "e" in value.lower()) else None
     if figure is not None:
         return PoleRank(f"{figure:g}", "", figure, ()) if math.isfinite(figure) else None
-    match = _NUMBERED.fullmatch(_plain(value)) if isinstance(value, str) else None
+    match = _NUMBERED.fullmatch(_normalise_text(value)) if isinstance(value, str) else None
     if match is None:
         return None
     pieces = _PIECE.findall(match[3].lower())
@@ -226,7 +226,7 @@ def rank_of(value: object) -> PoleRank | None:
 RankKey = tuple[str, float, tuple[tuple[int, float, str], ...]]
 
 
-def rank_keys(ranks: Sequence[PoleRank]) -> list[RankKey]:
+def build_rank_keys(ranks: Sequence[PoleRank]) -> list[RankKey]:
     """Return by what the poles of one line are sorted.
 
     Letters before the number divide a line into parts, B1 after A9; where some poles have none, a letter marks a pole

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
-from missions.files import printable
+from missions.files import to_printable
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -33,11 +33,11 @@ def root_of(content: bytes, source: str) -> etree._Element:
         raise NetworkError(f"{source}: content: expected XML of at most {MOST_BYTES // 1_000_000} MB")
     _refuse_page(content, source)
     try:
-        root = _parsed(content)
+        root = _parse_root(content)
     except (etree.XMLSyntaxError, ValueError) as reason:
         line = getattr(reason, "lineno", None)
         place = f"{source}: line {line}" if line else f"{source}: content"
-        words = printable(getattr(reason, "msg", None) or str(reason)) or "it is empty"
+        words = to_printable(getattr(reason, "msg", None) or str(reason)) or "it is empty"
         if "EntityRef: " in words:
             words = "a bare &, which XML writes as &amp;"
         elif "ntit" in words:  # of an entity that is unknown, or of too many
@@ -53,11 +53,11 @@ def root_of(content: bytes, source: str) -> etree._Element:
 def _refuse_page(content: bytes, source: str) -> None:
     if _PAGE.match(content[:4096]):
         title = _TITLE.search(content[:4096])
-        words = "" if title is None else f": {printable(title[1].decode('utf-8', 'replace'))[:100]!r}"
+        words = "" if title is None else f": {to_printable(title[1].decode('utf-8', 'replace'))[:100]!r}"
         raise NetworkError(f"{source}: content: expected a map's data, got a page of HTML such as a server's{words}")
 
 
-def _parsed(content: bytes) -> etree._Element:
+def _parse_root(content: bytes) -> etree._Element:
     """Return the root; prefixes that are not declared are read over."""
     from lxml import etree
 
@@ -84,15 +84,15 @@ def tag_of(element: etree._Element) -> str:
     return tag.rpartition("}")[2] if isinstance(tag, str) else ""
 
 
-def children(element: etree._Element, *tags: str) -> Iterator[etree._Element]:
+def iterate_children(element: etree._Element, *tags: str) -> Iterator[etree._Element]:
     """Yield the children of some names, in any namespace."""
     return (child for child in element if tag_of(child) in tags)
 
 
 def text_of(element: etree._Element, tag: str) -> str:
     """Return the text of the first child of a name; empty if there is none."""
-    child = next(children(element, tag), None)
-    return printable(child.text or "") if child is not None else ""
+    child = next(iterate_children(element, tag), None)
+    return to_printable(child.text or "") if child is not None else ""
 
 
 def line_of(element: etree._Element) -> str:

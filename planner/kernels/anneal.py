@@ -16,21 +16,21 @@ from planner.kernels.arrays import (
     WEIGHTS,
     FloatArray,
     IntArray,
-    Memory,
     Problem,
     RandomState,
+    SearchWorkspace,
     State,
     Weights,
 )
-from planner.kernels.chance import below, uniform
+from planner.kernels.chance import draw_integer, draw_uniform
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.insertion import insert_cheapest, peak_of, raised, sort_by_key
+from planner.kernels.insertion import insert_cheapest, max_load, raise_to_power, sort_by_key
 from planner.kernels.ruin import remove_strings
-from planner.kernels.tours import copy_all, copy_route, excess, measure, orient
+from planner.kernels.tours import copy_all, copy_route, measure, orient_visits, total_excess
 
 
 @kernel(nb.types.UniTuple(nb.float64, 2)(PROBLEM, STATE))
-def left_out_value(problem: Problem, state: State) -> tuple[float, float]:
+def uncovered_value(problem: Problem, state: State) -> tuple[float, float]:
     """Return the value and the prizes of the segments that no route visits."""
     value = 0.0
     prizes = 0.0
@@ -42,7 +42,7 @@ def left_out_value(problem: Problem, state: State) -> tuple[float, float]:
 
 
 @kernel(nb.float64(PROBLEM, WEIGHTS, STATE))
-def objective(problem: Problem, weights: Weights, state: State) -> float:
+def compute_objective(problem: Problem, weights: Weights, state: State) -> float:
     """Return the objective of the routes, without what is left out."""
     total = 0.0
     powers = 0.0
@@ -51,13 +51,13 @@ def objective(problem: Problem, weights: Weights, state: State) -> float:
         load = state.loads[route]
         total += load
         if weights.norm > 0.0:
-            powers += raised(load / weights.scale, weights.power)
+            powers += raise_to_power(load / weights.scale, weights.power)
         empty += int(state.lengths[route] == 0)
     value = weights.total * total + weights.empty * empty
     if weights.excess > 0.0:
-        value += weights.excess * excess(problem, state)
+        value += weights.excess * total_excess(problem, state)
     if weights.peak > 0.0:
-        value += weights.peak * peak_of(state.loads)
+        value += weights.peak * max_load(state.loads)
     if weights.norm > 0.0:
         value += weights.norm * weights.scale * powers ** (1.0 / weights.power)
     return value
@@ -66,30 +66,30 @@ def objective(problem: Problem, weights: Weights, state: State) -> float:
 @inner(nb.int64(STATE, INTS, RANDOM, nb.boolean))
 def choose_seed(state: State, waiting: IntArray, rng: RandomState, balance: bool) -> int:
     """Return the segment around which to ruin: often one that is left out, or one of the longest route."""
-    if len(waiting) > 0 and uniform(rng) < 0.5:
-        return int(waiting[below(rng, len(waiting))])
-    if balance and uniform(rng) < 0.5:
+    if len(waiting) > 0 and draw_uniform(rng) < 0.5:
+        return int(waiting[draw_integer(rng, len(waiting))])
+    if balance and draw_uniform(rng) < 0.5:
         route = 0
         for other in range(1, len(state.loads)):
             if state.loads[other] > state.loads[route]:
                 route = other
         if state.lengths[route] > 0:
-            return int(state.visits[route, below(rng, state.lengths[route])] >> 1)
-    return below(rng, len(state.route_of))
+            return int(state.visits[route, draw_integer(rng, state.lengths[route])] >> 1)
+    return draw_integer(rng, len(state.route_of))
 
 
 @inner(nb.void(PROBLEM, INTS, FLOATS, RANDOM))
-def order_pending(problem: Problem, pending: IntArray, keys: FloatArray, rng: RandomState) -> None:
+def sort_pending(problem: Problem, pending: IntArray, keys: FloatArray, rng: RandomState) -> None:
     """Sort ``pending`` for insertion: 4 in 11 at random, 4 valuable first, 2 far first, 1 near first.
 
     The shares are those of Christiaens and Vanden Berghe (2020); the value stands for their demand. ``keys`` is work
     space, at least as long.
     """
-    kind = below(rng, 11)
+    kind = draw_integer(rng, 11)
     for place in range(len(pending)):
         segment = pending[place]
         if kind < 4:
-            keys[place] = uniform(rng)
+            keys[place] = draw_uniform(rng)
         elif kind < 8:
             keys[place] = -problem.prize[segment]
         elif kind < 10:
@@ -110,7 +110,7 @@ def gather_waiting(state: State, waiting: IntArray, out: int, most: int, rng: Ra
             waiting[count] = segment
             count += 1
     for place in range(min(count, most)):
-        other = place + below(rng, count - place)
+        other = place + draw_integer(rng, count - place)
         waiting[place], waiting[other] = waiting[other], waiting[place]
     return min(count, most)
 
@@ -124,8 +124,8 @@ def keep_best(problem: Problem, truth: Weights, trial: State, best: State, key: 
     same_value = abs(value - key[0]) <= 1e-9 * (1.0 + key[0])
     if not same_value and value > key[0]:
         return False
-    cost = objective(problem, truth, trial)
-    if (same_value and cost >= key[1] - 1e-9 * (1.0 + abs(key[1]))) or excess(problem, trial) > 0.0:
+    cost = compute_objective(problem, truth, trial)
+    if (same_value and cost >= key[1] - 1e-9 * (1.0 + abs(key[1]))) or total_excess(problem, trial) > 0.0:
         return False
     key[0] = value
     key[1] = cost
@@ -134,7 +134,7 @@ def keep_best(problem: Problem, truth: Weights, trial: State, best: State, key: 
 
 
 @inner(nb.void(STATE, STATE, INTS, INTS))
-def take_over(source: State, target: State, touched: IntArray, moved: IntArray) -> None:
+def copy_changes(source: State, target: State, touched: IntArray, moved: IntArray) -> None:
     """Copy the ``touched`` routes and the routes of the segments ``moved``; the rest is equal already."""
     for route in range(len(touched)):
         if touched[route] == 1:
@@ -147,7 +147,7 @@ def take_over(source: State, target: State, touched: IntArray, moved: IntArray) 
 def anneal(
     problem: Problem, weights: Weights, truth: Weights, current: State, trial: State, best: State,
     key: FloatArray, temperature: FloatArray, cooling: float, iterations: int, rng: RandomState,
-    memory: Memory,
+    memory: SearchWorkspace,
 ) -> int:  # fmt: skip
     """Run ``iterations`` of ruin and recreate; two calls of half as many do exactly the same.
 
@@ -181,7 +181,7 @@ def anneal(
     out = 0
     for segment in range(segments):
         out += int(current.route_of[segment] < 0)
-    here = objective(problem, weights, current) + weights.prize * left_out_value(problem, current)[1]
+    here = compute_objective(problem, weights, current) + weights.prize * uncovered_value(problem, current)[1]
     improved = 0
     for iteration in range(1, iterations + 1):
         waits = gather_waiting(trial, waiting, out, waiting_tried, rng)
@@ -191,7 +191,7 @@ def anneal(
         for place in range(waits):
             pending[taken] = waiting[place]
             taken += 1
-        order_pending(problem, pending[:taken], keys, rng)
+        sort_pending(problem, pending[:taken], keys, rng)
         for place in range(taken):
             route = insert_cheapest(problem, weights, trial, pending[place], blink, touched, memory, rng)
             if route >= 0:
@@ -200,19 +200,19 @@ def anneal(
         for route in range(routes):
             if touched[route] == 1:
                 measure(problem, trial, route)
-                orient(problem, trial, route, memory.came_from)
+                orient_visits(problem, trial, route, memory.came_from)
         value = 0.0
-        there = objective(problem, weights, trial)
+        there = compute_objective(problem, weights, trial)
         if still_out > 0:
-            value, prizes = left_out_value(problem, trial)
+            value, prizes = uncovered_value(problem, trial)
             there += weights.prize * prizes
         if keep_best(problem, truth, trial, best, key, value):
             improved = iteration
-        accepted = there < here - temperature[0] * math.log(1.0 - uniform(rng))
+        accepted = there < here - temperature[0] * math.log(1.0 - draw_uniform(rng))
         if accepted:
-            take_over(trial, current, touched, pending[:taken])
+            copy_changes(trial, current, touched, pending[:taken])
         else:
-            take_over(current, trial, touched, pending[:taken])
+            copy_changes(current, trial, touched, pending[:taken])
         for route in range(routes):
             memory.versions[route] += touched[route] * int(accepted)
             touched[route] = 0

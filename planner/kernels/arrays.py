@@ -85,7 +85,7 @@ class State(NamedTuple):
     """(n,): the route that visits the segment, -1 if none does."""
 
 
-class Memory(NamedTuple):
+class SearchWorkspace(NamedTuple):
     """Work space of an annealing: lists, and the cheapest places found with the versions of the routes in question."""
 
     waiting: IntArray
@@ -118,4 +118,4 @@ CUBE = nb.types.Array(nb.float64, 3, "C")
 PROBLEM = nb.types.NamedTuple((INTS, CUBE, CUBE, TABLE, TABLE) + (FLOATS,) * 6 + (INT_TABLE, INTS), Problem)
 WEIGHTS = nb.types.NamedUniTuple(nb.float64, 9, Weights)
 STATE = nb.types.NamedTuple((INT_TABLE, TABLE, INTS, FLOATS, INTS), State)
-MEMORY = nb.types.NamedTuple((INTS, INTS, FLOATS, INTS, INT_TABLE, INTS, INT_TABLE, TABLE, INT_TABLE), Memory)
+MEMORY = nb.types.NamedTuple((INTS, INTS, FLOATS, INTS, INT_TABLE, INTS, INT_TABLE, TABLE, INT_TABLE), SearchWorkspace)

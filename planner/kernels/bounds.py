@@ -16,7 +16,7 @@ def grow_tree(
     """Return the cost of the least spanning tree (Prim); count the end points and the vehicles that it uses.
 
     Args:
-        links: as for ``tree_bound``.
+        links: as for ``compute_tree_bound``.
         potential: (2m,), added to the cost of what joins an end point.
         distance: (m,), the least cost of entering a segment from the root; changed.
         inner: (m,), at which end point; changed.
@@ -58,7 +58,7 @@ def grow_tree(
 
 
 @nb.njit(nb.float64(TABLE, TABLE, TABLE, FLOATS, INTS, nb.float64, nb.int64), cache=True, nogil=True)
-def tree_bound(
+def compute_tree_bound(
     links: FloatArray, starts: FloatArray, homes: FloatArray, idle: FloatArray, once: IntArray, enough: float,
     iterations: int,
 ) -> float:  # fmt: skip

@@ -19,11 +19,11 @@ import numba
 
 
 def use_cache() -> None:
-    """Have numba keep the kernels that are declared from now on in ``cache_directory``."""
-    numba.config.CACHE_DIR = str(cache_directory(numba.__version__))  # type: ignore[attr-defined] # set at run time
+    """Have numba keep the kernels that are declared from now on in ``make_cache_directory``."""
+    numba.config.CACHE_DIR = str(make_cache_directory(numba.__version__))  # type: ignore[attr-defined] # set at run time
 
 
-def sources_digest(version: str) -> str:
+def compute_sources_digest(version: str) -> str:
     """Return a short digest of the kernels' sources and numba's ``version``."""
     digest = hashlib.sha256(version.encode())
     for source in sorted(Path(__file__).parent.glob("*.py")):
@@ -32,14 +32,14 @@ def sources_digest(version: str) -> str:
     return digest.hexdigest()[:16]
 
 
-def cache_directory(version: str) -> Path:
+def make_cache_directory(version: str) -> Path:
     """Return a directory for compiled kernels, made and writable.
 
     It lies in NUMBA_CACHE_DIR if that is set, else in the user's cache directory. Where neither can be written it is
     a private one that goes when the process ends: a predictable name in a shared directory would let others plant
     code.
     """
-    chosen = _user_cache() / f"kernels-{sources_digest(version)}"
+    chosen = _find_user_cache() / f"kernels-{compute_sources_digest(version)}"
     try:
         chosen.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryFile(dir=chosen):
@@ -50,7 +50,7 @@ def cache_directory(version: str) -> Path:
         return private
 
 
-def _user_cache() -> Path:
+def _find_user_cache() -> Path:
     given = os.environ.get("NUMBA_CACHE_DIR")
     if given:
         return Path(given)

@@ -13,7 +13,7 @@ from planner.kernels.compiled import kernel
 
 
 @kernel(nb.float64(RANDOM), inline=True)
-def uniform(rng: RandomState) -> float:
+def draw_uniform(rng: RandomState) -> float:
     """Return a number in [0, 1); ``rng`` is (1,) uint64 and not zero."""
     x = rng[0]
     x ^= x << np.uint64(13)
@@ -24,6 +24,6 @@ def uniform(rng: RandomState) -> float:
 
 
 @kernel(nb.int64(RANDOM, nb.int64), inline=True)
-def below(rng: RandomState, limit: int) -> int:
+def draw_integer(rng: RandomState, limit: int) -> int:
     """Return an integer in [0, limit)."""
-    return int(uniform(rng) * limit)
+    return int(draw_uniform(rng) * limit)

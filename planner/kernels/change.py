@@ -6,11 +6,11 @@ import numba as nb
 import numpy as np
 
 from planner.kernels.arrays import INTS, PROBLEM, RANDOM, STATE, IntArray, Problem, RandomState, State
-from planner.kernels.chance import below, uniform
+from planner.kernels.chance import draw_integer, draw_uniform
 from planner.kernels.compiled import inner
-from planner.kernels.insertion import cheapest_place
+from planner.kernels.insertion import find_cheapest_place
 from planner.kernels.loss import CLOCK, LossClock
-from planner.kernels.repair import DESK, Desk
+from planner.kernels.repair import DESK, RepairWorkspace
 from planner.kernels.ruin import position_of, remove_strings
 from planner.kernels.tours import insert
 
@@ -19,7 +19,7 @@ TRIES = 6
 
 
 @inner(nb.void(STATE, nb.int64, nb.int64, nb.int64))
-def turn_back(base: State, route: int, begin: int, end: int) -> None:
+def reverse_visits(base: State, route: int, begin: int, end: int) -> None:
     """Fly visits [begin, end) of a route the other way round; ``measure`` follows."""
     visits = base.visits[route]
     while begin < end:
@@ -66,7 +66,7 @@ def insert_within_budget(problem: Problem, base: State, segment: int, blink: flo
     best_position = 0
     best_visit = 0
     for route in range(len(base.lengths)):
-        added, position, visit = cheapest_place(problem, base, route, segment, blink, rng)
+        added, position, visit = find_cheapest_place(problem, base, route, segment, blink, rng)
         if added < best and base.loads[route] + added <= problem.budget[route]:
             best = added
             best_route = route
@@ -78,29 +78,29 @@ def insert_within_budget(problem: Problem, base: State, segment: int, blink: flo
 
 
 @inner(nb.int64(STATE, CLOCK, nb.float64, nb.float64, RANDOM))
-def segment_to_change(base: State, clock: LossClock, until_s: float, early: float, rng: RandomState) -> int:
+def choose_segment(base: State, clock: LossClock, until_s: float, early: float, rng: RandomState) -> int:
     """Return a segment at random, ``early`` of all times one whose visit begins before a time."""
-    segment = below(rng, len(base.route_of))
-    if uniform(rng) >= early:
+    segment = draw_integer(rng, len(base.route_of))
+    if draw_uniform(rng) >= early:
         return segment
     for _ in range(TRIES):
         route = base.route_of[segment]
         position = position_of(base, route, segment)
         if position == 0 or clock.ends_s[route, position - 1] <= until_s:
             break
-        segment = below(rng, len(base.route_of))
+        segment = draw_integer(rng, len(base.route_of))
     return segment
 
 
 @inner(nb.boolean(PROBLEM, STATE, DESK, nb.int64, RANDOM))
-def reinsert(problem: Problem, base: State, desk: Desk, segment: int, rng: RandomState) -> bool:
+def reinsert_neighbours(problem: Problem, base: State, desk: RepairWorkspace, segment: int, rng: RandomState) -> bool:
     """Take a few visits about one out and put them back within the budgets; return whether all found a place."""
     pending, touched = desk.pending, desk.touched
     removed = remove_strings(problem, base, pending, touched, segment, 3.0, 4.0, rng)
     for place in range(removed - 1, 0, -1):
-        other = below(rng, place + 1)
+        other = draw_integer(rng, place + 1)
         pending[place], pending[other] = pending[other], pending[place]
-    blink = 0.02 if uniform(rng) < 0.5 else 0.3
+    blink = 0.02 if draw_uniform(rng) < 0.5 else 0.3
     for place in range(removed):
         route = insert_within_budget(problem, base, pending[place], blink, rng)
         if route < 0:
@@ -110,45 +110,51 @@ def reinsert(problem: Problem, base: State, desk: Desk, segment: int, rng: Rando
 
 
 @inner(nb.boolean(PROBLEM, STATE, CLOCK, nb.float64, nb.float64, DESK, RANDOM))
-def change(
-    problem: Problem, base: State, clock: LossClock, until_s: float, early: float, desk: Desk, rng: RandomState
+def change_plan(
+    problem: Problem,
+    base: State,
+    clock: LossClock,
+    until_s: float,
+    early: float,
+    desk: RepairWorkspace,
+    rng: RandomState,
 ) -> bool:
     """Change a plan at random, a little; return whether it is one still. Routes that are touched need ``measure``."""
     touched = desk.touched
-    kind = uniform(rng)
-    segment = segment_to_change(base, clock, until_s, early, rng)
+    kind = draw_uniform(rng)
+    segment = choose_segment(base, clock, until_s, early, rng)
     if kind < 0.4:
-        return bool(reinsert(problem, base, desk, segment, rng))
+        return bool(reinsert_neighbours(problem, base, desk, segment, rng))
     one = base.route_of[segment]
     begin = position_of(base, one, segment)
     length = base.lengths[one]
     touched[one] = 1
     if kind < 0.5:
-        turn_back(base, one, 0, length)
+        reverse_visits(base, one, 0, length)
         return True
     if kind < 0.65:
-        turn_back(base, one, begin, begin + 1 + below(rng, length - begin))
+        reverse_visits(base, one, begin, begin + 1 + draw_integer(rng, length - begin))
         return True
-    near = problem.near[segment, below(rng, min(12, problem.near.shape[1]))]
+    near = problem.near[segment, draw_integer(rng, min(12, problem.near.shape[1]))]
     other = base.route_of[near]
-    place = position_of(base, other, near) + below(rng, 2)
+    place = position_of(base, other, near) + draw_integer(rng, 2)
     if kind < 0.9:
-        count = 1 + below(rng, min(4, length - begin))
+        count = 1 + draw_integer(rng, min(4, length - begin))
         if other == one:
             if begin <= place <= begin + count:
                 return False
             if place > begin:
                 place -= count
-        if uniform(rng) < 0.5:
-            turn_back(base, one, begin, begin + count)
+        if draw_uniform(rng) < 0.5:
+            reverse_visits(base, one, begin, begin + count)
         shift_string(base, one, begin, count, other, place, desk.spare)
         touched[other] = 1
         return True
     if other == one:
         return False
     touched[other] = 1
-    if uniform(rng) < 0.5:
-        turn_back(base, other, 0, base.lengths[other])
+    if draw_uniform(rng) < 0.5:
+        reverse_visits(base, other, 0, base.lengths[other])
         place = base.lengths[other] - place
     exchange_tails(base, one, begin, other, place, desk.spare)
     return True

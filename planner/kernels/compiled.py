@@ -33,7 +33,7 @@ def kernel(signature: object, *, counted: bool = False, inline: bool = False) ->
         inline: as ``inner`` has it.
     """
     options: dict[str, Any] = {} if counted else {"_nrt": False}
-    return _compiler(signature, forceinline=inline, **options)
+    return _build_compiler(signature, forceinline=inline, **options)
 
 
 def inner(signature: object, *, inline: bool = False) -> Compiler:
@@ -43,10 +43,10 @@ def inner(signature: object, *, inline: bool = False) -> Compiler:
         signature: the one that it is compiled for.
         inline: whether it is put into each of its callers, as short or hot ones are.
     """
-    return _compiler(signature, forceinline=inline, _nrt=False, no_cpython_wrapper=True)
+    return _build_compiler(signature, forceinline=inline, _nrt=False, no_cpython_wrapper=True)
 
 
-def _compiler(signature: object, **options: Any) -> Compiler:
+def _build_compiler(signature: object, **options: Any) -> Compiler:
     compile_for: Any = nb.njit
     compiler: Compiler = compile_for(signature, cache=True, nogil=True, no_cfunc_wrapper=True, **options)
     return compiler

@@ -22,7 +22,7 @@ from planner.kernels.arrays import (
     State,
     Weights,
 )
-from planner.kernels.chance import below, uniform
+from planner.kernels.chance import draw_integer, draw_uniform
 from planner.kernels.tours import copy_route, insert, measure
 
 
@@ -52,13 +52,13 @@ _PAIR = nb.types.UniTuple(nb.int64, 2)
 
 
 @nb.njit(nb.float64(PROBLEM, WEIGHTS, nb.int64, nb.float64), cache=True)
-def soft(problem: Problem, weights: Weights, route: int, load: float) -> float:
+def penalised_cost(problem: Problem, weights: Weights, route: int, load: float) -> float:
     """Return what a route of this load costs: the load, and what is beyond the budget at its weight."""
     return float(load + weights.excess * max(0.0, load - problem.budget[route]))
 
 
 @nb.njit(nb.float64(PROBLEM, WEIGHTS, STATE), cache=True)
-def plan_cost(problem: Problem, weights: Weights, state: State) -> float:
+def compute_plan_cost(problem: Problem, weights: Weights, state: State) -> float:
     """Return the cost function of the plan; unlike the search's objective it lets routes go beyond their budgets."""
     total = 0.0
     over = 0.0
@@ -74,7 +74,7 @@ def plan_cost(problem: Problem, weights: Weights, state: State) -> float:
 
 
 @nb.njit(nb.float64(PROBLEM, STATE, nb.int64, nb.int64, nb.int64), cache=True)
-def added_by(problem: Problem, state: State, route: int, position: int, visit: int) -> float:
+def added_energy(problem: Problem, state: State, route: int, position: int, visit: int) -> float:
     """Return the energy that a visit adds to a route when it is inserted."""
     length = state.lengths[route]
     visits = state.visits[route]
@@ -100,20 +100,20 @@ def load_of(problem: Problem, state: State, route: int) -> float:
 
 
 @nb.njit(nb.int64(STATE, RANDOM), cache=True)
-def giving_route(state: State, rng: RandomState) -> int:
+def choose_giving_route(state: State, rng: RandomState) -> int:
     """Return a random route of two visits or more; where there is none, one with a visit."""
     least = 1
     for route in range(len(state.lengths)):
         if state.lengths[route] >= 2:
             least = 2
-    route = below(rng, len(state.lengths))
+    route = draw_integer(rng, len(state.lengths))
     while state.lengths[route] < least:
-        route = below(rng, len(state.lengths))
+        route = draw_integer(rng, len(state.lengths))
     return route
 
 
 @nb.njit(nb.int64(PROBLEM, STATE, nb.int64, nb.int64), cache=True)
-def take_out(problem: Problem, state: State, route: int, position: int) -> int:
+def remove_visit(problem: Problem, state: State, route: int, position: int) -> int:
     """Remove a visit from a route and return it."""
     visits = state.visits[route]
     visit = visits[position]
@@ -131,20 +131,20 @@ def shift_at_random(problem: Problem, state: State, rng: RandomState) -> tuple[i
     Returns:
         The routes that were changed, as the other neighbourhoods do.
     """
-    one = giving_route(state, rng)
-    position = below(rng, state.lengths[one])
-    visit = take_out(problem, state, one, position)
+    one = choose_giving_route(state, rng)
+    position = draw_integer(rng, state.lengths[one])
+    visit = remove_visit(problem, state, one, position)
     routes = len(state.lengths)
-    if routes == 1 or (state.lengths[one] > 0 and uniform(rng) < 0.5):
+    if routes == 1 or (state.lengths[one] > 0 and draw_uniform(rng) < 0.5):
         other = one
-        place = below(rng, state.lengths[one])
+        place = draw_integer(rng, state.lengths[one])
         place = min(place + int(place >= position), state.lengths[one])
     else:
-        other = below(rng, routes - 1)
+        other = draw_integer(rng, routes - 1)
         other += int(other >= one)
-        place = below(rng, state.lengths[other] + 1)
-    ahead = added_by(problem, state, other, place, visit)
-    turned = added_by(problem, state, other, place, visit ^ 1)
+        place = draw_integer(rng, state.lengths[other] + 1)
+    ahead = added_energy(problem, state, other, place, visit)
+    turned = added_energy(problem, state, other, place, visit ^ 1)
     insert(problem, state, other, place, visit ^ int(turned < ahead))
     return one, other
 
@@ -157,21 +157,21 @@ def shift_best(problem: Problem, weights: Weights, state: State, rng: RandomStat
     visit; if these are one route, it counts twice. The first direction that makes a place the best is taken. So the
     search for a place depends on its order and leans towards short routes, as in the authors' solver.
     """
-    one = giving_route(state, rng)
+    one = choose_giving_route(state, rng)
     best_route = one
-    best_place = below(rng, state.lengths[one])
-    visit = take_out(problem, state, one, best_place)
+    best_place = draw_integer(rng, state.lengths[one])
+    visit = remove_visit(problem, state, one, best_place)
     best_visit = visit
     best = np.inf
     for route in range(len(state.lengths)):
         for place in range(1, state.lengths[route] + 1):
             if route == best_route and place == best_place:
                 continue
-            beside = soft(problem, weights, best_route, state.loads[best_route])
+            beside = penalised_cost(problem, weights, best_route, state.loads[best_route])
             same = route == best_route
             for turned in range(2):
-                load = state.loads[route] + added_by(problem, state, route, place, visit ^ turned)
-                cost = soft(problem, weights, route, load)
+                load = state.loads[route] + added_energy(problem, state, route, place, visit ^ turned)
+                cost = penalised_cost(problem, weights, route, load)
                 cost += cost if same else beside
                 if cost < best:
                     best = cost
@@ -184,7 +184,7 @@ def shift_best(problem: Problem, weights: Weights, state: State, rng: RandomStat
 
 
 @nb.njit(nb.void(STATE, nb.int64, nb.int64, nb.int64, nb.int64), cache=True)
-def exchange(state: State, one: int, position: int, other: int, place: int) -> None:
+def swap_visits(state: State, one: int, position: int, other: int, place: int) -> None:
     """Exchange two visits; legs and loads are the caller's."""
     visits = state.visits
     visits[one, position], visits[other, place] = visits[other, place], visits[one, position]
@@ -197,8 +197,8 @@ def swap_best(problem: Problem, weights: Weights, state: State, rng: RandomState
     A partner is judged by what the two routes cost together, one route twice, while the exchanges tried before it are
     still in place: so it is in the authors' solver, and it makes the choice a rather random one.
     """
-    one = giving_route(state, rng)
-    position = below(rng, state.lengths[one])
+    one = choose_giving_route(state, rng)
+    position = draw_integer(rng, state.lengths[one])
     visits = state.visits
     best = np.inf
     best_route = one
@@ -208,12 +208,12 @@ def swap_best(problem: Problem, weights: Weights, state: State, rng: RandomState
         for place in range(state.lengths[route]):
             if route == one and place == position:
                 continue
-            exchange(state, one, position, route, place)
+            swap_visits(state, one, position, route, place)
             for turns in range(4):
                 visits[one, position] ^= turns & 1
                 visits[route, place] ^= turns >> 1
-                cost = soft(problem, weights, one, load_of(problem, state, one))
-                cost += soft(problem, weights, route, load_of(problem, state, route))
+                cost = penalised_cost(problem, weights, one, load_of(problem, state, one))
+                cost += penalised_cost(problem, weights, route, load_of(problem, state, route))
                 visits[one, position] ^= turns & 1
                 visits[route, place] ^= turns >> 1
                 if cost < best:
@@ -224,8 +224,8 @@ def swap_best(problem: Problem, weights: Weights, state: State, rng: RandomState
     for route in range(len(state.lengths) - 1, -1, -1):
         for place in range(state.lengths[route] - 1, -1, -1):
             if route != one or place != position:
-                exchange(state, one, position, route, place)
-    exchange(state, one, position, best_route, best_place)
+                swap_visits(state, one, position, route, place)
+    swap_visits(state, one, position, best_route, best_place)
     visits[one, position] ^= best_turns & 1
     visits[best_route, best_place] ^= best_turns >> 1
     measure(problem, state, one)
@@ -236,10 +236,10 @@ def swap_best(problem: Problem, weights: Weights, state: State, rng: RandomState
 @nb.njit(_PAIR(PROBLEM, STATE, RANDOM), cache=True)
 def turn_at_random(problem: Problem, state: State, rng: RandomState) -> tuple[int, int]:
     """Turn a random visit around."""
-    one = below(rng, len(state.lengths))
+    one = draw_integer(rng, len(state.lengths))
     while state.lengths[one] == 0:
-        one = below(rng, len(state.lengths))
-    state.visits[one, below(rng, state.lengths[one])] ^= 1
+        one = draw_integer(rng, len(state.lengths))
+    state.visits[one, draw_integer(rng, state.lengths[one])] ^= 1
     measure(problem, state, one)
     return one, one
 
@@ -263,19 +263,19 @@ def construct(problem: Problem, weights: Weights, state: State, rng: RandomState
             for route in range(routes):
                 for place in range(state.lengths[route] + 1):
                     for visit in range(2 * segment, 2 * segment + 2):
-                        load = state.loads[route] + added_by(problem, state, route, place, visit)
-                        costs[count] = soft(problem, weights, route, load)
+                        load = state.loads[route] + added_energy(problem, state, route, place, visit)
+                        costs[count] = penalised_cost(problem, weights, route, load)
                         choices[count, 0] = route
                         choices[count, 1] = place
                         choices[count, 2] = visit
                         count += 1
-        rank = below(rng, count // 4 + 1)
+        rank = draw_integer(rng, count // 4 + 1)
         chosen = np.argpartition(costs[:count], rank)[rank]
         insert(problem, state, choices[chosen, 0], choices[chosen, 1], choices[chosen, 2])
 
 
 @nb.njit(nb.boolean(WALK), cache=True)
-def trial_is_tabu(walk: GraspWalk) -> bool:
+def is_trial_tabu(walk: GraspWalk) -> bool:
     """Return whether ``trial`` is in the tabu list."""
     for entry in range(min(walk.counts[0], len(walk.tabu_visits))):
         same = True
@@ -311,9 +311,9 @@ def forbid_current(walk: GraspWalk) -> None:
 
 
 @nb.njit(nb.int64(INTS, RANDOM), cache=True)
-def draw(scores: IntArray, rng: RandomState) -> int:
+def draw_neighbourhood(scores: IntArray, rng: RandomState) -> int:
     """Return a neighbourhood, each with the probability of its share in all scores."""
-    number = below(rng, scores.sum())
+    number = draw_integer(rng, scores.sum())
     kind = 0
     while number >= scores[kind]:
         number -= scores[kind]
@@ -322,7 +322,7 @@ def draw(scores: IntArray, rng: RandomState) -> int:
 
 
 @nb.njit(_PAIR(PROBLEM, WEIGHTS, WALK, nb.int64, RANDOM), cache=True)
-def best_of_neighbours(
+def improve_by_neighbours(
     problem: Problem, weights: Weights, walk: GraspWalk, draws: int, rng: RandomState
 ) -> tuple[int, int]:
     """Move ``current`` to the first neighbour drawn that is not tabu, then to each that is better than the last.
@@ -334,7 +334,7 @@ def best_of_neighbours(
     winner = -1
     kind = -1
     for _ in range(draws):
-        kind = draw(walk.scores, rng)
+        kind = draw_neighbourhood(walk.scores, rng)
         if kind == 0:
             one, other = shift_at_random(problem, walk.trial, rng)
         elif kind == 1:
@@ -343,8 +343,8 @@ def best_of_neighbours(
             one, other = swap_best(problem, weights, walk.trial, rng)
         else:
             one, other = turn_at_random(problem, walk.trial, rng)
-        cost = plan_cost(problem, weights, walk.trial)
-        if cost < lowest and not trial_is_tabu(walk):
+        cost = compute_plan_cost(problem, weights, walk.trial)
+        if cost < lowest and not is_trial_tabu(walk):
             lowest = cost
             winner = kind
             source, target = walk.trial, walk.current
@@ -378,11 +378,11 @@ def improve(problem: Problem, weights: Weights, walk: GraspWalk, rounds: int, pa
             walk.scores[:] = first_score
         walk.counts[1] += 1
         walk.counts[2] += 1
-        winner, last = best_of_neighbours(problem, weights, walk, len(walk.current.route_of), rng)
+        winner, last = improve_by_neighbours(problem, weights, walk, len(walk.current.route_of), rng)
         if winner >= 0:
             forbid_current(walk)
             walk.scores[winner] += score_of_round
-            cost = plan_cost(problem, weights, walk.current)
+            cost = compute_plan_cost(problem, weights, walk.current)
             if cost < walk.cost[0]:
                 walk.cost[0] = cost
                 walk.scores[last] += score_of_best

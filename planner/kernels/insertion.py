@@ -17,13 +17,13 @@ from planner.kernels.arrays import (
     WEIGHTS,
     FloatArray,
     IntArray,
-    Memory,
     Problem,
     RandomState,
+    SearchWorkspace,
     State,
     Weights,
 )
-from planner.kernels.chance import uniform
+from planner.kernels.chance import draw_uniform
 from planner.kernels.compiled import inner, kernel
 from planner.kernels.tours import insert
 
@@ -33,15 +33,15 @@ _PLACE = nb.types.Tuple((nb.float64, nb.int64, nb.int64))
 
 
 @inner(nb.int64(nb.float64, RANDOM), inline=True)
-def overlooked(blink: float, rng: RandomState) -> int:
+def draw_blink_gap(blink: float, rng: RandomState) -> int:
     """Return how many places are seen before the next one that is overlooked: one draw instead of one a place."""
     if blink <= 0.0:
         return NEVER
-    return int(math.log(1.0 - uniform(rng)) / math.log(1.0 - blink))
+    return int(math.log(1.0 - draw_uniform(rng)) / math.log(1.0 - blink))
 
 
 @kernel(_PLACE(PROBLEM, STATE, nb.int64, nb.int64, nb.float64, RANDOM), inline=True)
-def cheapest_place(
+def find_cheapest_place(
     problem: Problem, state: State, route: int, segment: int, blink: float, rng: RandomState
 ) -> tuple[float, int, int]:
     """Return (added energy, position, visit) of the cheapest place for a segment in a route.
@@ -56,7 +56,7 @@ def cheapest_place(
     best = np.inf
     best_position = 0
     best_visit = 0
-    hidden = overlooked(blink, rng)
+    hidden = draw_blink_gap(blink, rng)
     ahead = problem.start[route, forward]
     astern = problem.start[route, backward]
     for position in range(length + 1):
@@ -72,7 +72,7 @@ def cheapest_place(
             ahead = consumption * problem.move_into[profile, forward, after]
             astern = consumption * problem.move_into[profile, backward, after]
         if position == hidden:
-            hidden += 1 + overlooked(blink, rng)
+            hidden += 1 + draw_blink_gap(blink, rng)
             continue
         if added < best:
             best = added
@@ -86,7 +86,7 @@ def cheapest_place(
 
 
 @inner(nb.float64(FLOATS), inline=True)
-def peak_of(loads: FloatArray) -> float:
+def max_load(loads: FloatArray) -> float:
     """Return the largest load."""
     peak = float(loads[0])
     for route in range(1, len(loads)):
@@ -95,7 +95,7 @@ def peak_of(loads: FloatArray) -> float:
 
 
 @inner(nb.float64(nb.float64, nb.float64), inline=True)
-def raised(base: float, power: float) -> float:
+def raise_to_power(base: float, power: float) -> float:
     """Return ``base`` to a whole power of at least 1, by squaring: some times faster than the general power."""
     result = 1.0
     exponent = int(power)
@@ -108,14 +108,16 @@ def raised(base: float, power: float) -> float:
 
 
 @inner(nb.boolean(PROBLEM, STATE, nb.int64), inline=True)
-def needless(problem: Problem, state: State, route: int) -> bool:
+def is_redundant_route(problem: Problem, state: State, route: int) -> bool:
     """Return whether a route is empty as its vehicle's twin's is: whatever is put here can be put there."""
     twin = problem.twin[route]
     return bool(twin >= 0 and state.lengths[route] == 0 and state.lengths[twin] == 0)
 
 
 @inner(nb.float64(PROBLEM, WEIGHTS, STATE, nb.int64, nb.float64, nb.float64), inline=True)
-def increase(problem: Problem, weights: Weights, state: State, route: int, added: float, peak: float) -> float:
+def objective_increase(
+    problem: Problem, weights: Weights, state: State, route: int, added: float, peak: float
+) -> float:
     """Return what the objective gains when a route's load grows by ``added``; ``peak`` is the largest load now."""
     load = state.loads[route]
     gain = weights.total * added
@@ -126,7 +128,9 @@ def increase(problem: Problem, weights: Weights, state: State, route: int, added
         gain += weights.peak * max(0.0, load + added - peak)
     if weights.norm > 0.0:
         # The sum of powers instead of its root: the same order among routes, and no need of the other loads.
-        powers = raised((load + added) / weights.scale, weights.power) - raised(load / weights.scale, weights.power)
+        powers = raise_to_power((load + added) / weights.scale, weights.power) - raise_to_power(
+            load / weights.scale, weights.power
+        )
         gain += weights.norm * weights.scale / weights.power * powers
     if state.lengths[route] == 0:
         gain -= weights.empty
@@ -135,7 +139,8 @@ def increase(problem: Problem, weights: Weights, state: State, route: int, added
 
 @inner(nb.int64(PROBLEM, WEIGHTS, STATE, nb.int64, nb.float64, INTS, MEMORY, RANDOM), inline=True)
 def insert_cheapest(
-    problem: Problem, weights: Weights, state: State, segment: int, blink: float, touched: IntArray, memory: Memory,
+    problem: Problem, weights: Weights, state: State, segment: int, blink: float, touched: IntArray,
+    memory: SearchWorkspace,
     rng: RandomState,
 ) -> int:  # fmt: skip
     """Insert a segment where the objective gains least, budgets and slack permitting; return the route, or -1.
@@ -143,30 +148,30 @@ def insert_cheapest(
     Routes that are not ``touched`` are as they were when the memory's versions were counted; the cheapest place in
     one of them is looked up if it was looked for before, and overlooked with probability ``blink`` as a whole.
     """
-    peak = peak_of(state.loads) if weights.peak > 0.0 else 0.0
+    peak = max_load(state.loads) if weights.peak > 0.0 else 0.0
     best = np.inf
     best_route = -1
     best_position = 0
     best_visit = 0
     for route in range(len(state.lengths)):
-        if needless(problem, state, route):
+        if is_redundant_route(problem, state, route):
             continue
         known = touched[route] == 0
-        if known and uniform(rng) < blink:
+        if known and draw_uniform(rng) < blink:
             continue
         if known and memory.version[segment, route] == memory.versions[route]:
             added = memory.added[segment, route]
             position = memory.place[segment, route] >> 1
             visit = 2 * segment + (memory.place[segment, route] & 1)
         else:
-            added, position, visit = cheapest_place(problem, state, route, segment, 0.0 if known else blink, rng)
+            added, position, visit = find_cheapest_place(problem, state, route, segment, 0.0 if known else blink, rng)
             if known:
                 memory.version[segment, route] = memory.versions[route]
                 memory.added[segment, route] = added
                 memory.place[segment, route] = 2 * position + (visit & 1)
         if state.loads[route] + added > problem.budget[route] * (1.0 + weights.slack):
             continue
-        gain = increase(problem, weights, state, route, added, peak)
+        gain = objective_increase(problem, weights, state, route, added, peak)
         if gain < best:
             best = gain
             best_route = route
@@ -199,10 +204,10 @@ def insert_by_regret(problem: Problem, weights: Weights, state: State, segments:
     added = np.empty((len(segments), routes))
     for place in range(len(segments)):
         for route in range(routes):
-            added[place, route] = cheapest_place(problem, state, route, segments[place], 0.0, rng)[0]
+            added[place, route] = find_cheapest_place(problem, state, route, segments[place], 0.0, rng)[0]
     waiting = np.ones(len(segments), dtype=np.bool_)
     while True:
-        peak = peak_of(state.loads)
+        peak = max_load(state.loads)
         chosen = -1
         chosen_route = -1
         largest = -np.inf
@@ -213,9 +218,11 @@ def insert_by_regret(problem: Problem, weights: Weights, state: State, segments:
             second = np.inf
             best_route = -1
             for route in range(routes):
-                if state.loads[route] + added[place, route] > problem.budget[route] or needless(problem, state, route):
+                if state.loads[route] + added[place, route] > problem.budget[route] or is_redundant_route(
+                    problem, state, route
+                ):
                     continue
-                gain = increase(problem, weights, state, route, added[place, route], peak)
+                gain = objective_increase(problem, weights, state, route, added[place, route], peak)
                 if gain < best:
                     second = best
                     best = gain
@@ -232,9 +239,11 @@ def insert_by_regret(problem: Problem, weights: Weights, state: State, segments:
                 chosen_route = best_route
         if chosen < 0:
             return
-        place_found = cheapest_place(problem, state, chosen_route, segments[chosen], 0.0, rng)
+        place_found = find_cheapest_place(problem, state, chosen_route, segments[chosen], 0.0, rng)
         insert(problem, state, chosen_route, place_found[1], place_found[2])
         waiting[chosen] = False
         for place in range(len(segments)):
             if waiting[place]:
-                added[place, chosen_route] = cheapest_place(problem, state, chosen_route, segments[place], 0.0, rng)[0]
+                added[place, chosen_route] = find_cheapest_place(
+                    problem, state, chosen_route, segments[place], 0.0, rng
+                )[0]

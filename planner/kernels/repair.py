@@ -25,12 +25,12 @@ from planner.kernels.arrays import (
     State,
     Weights,
 )
-from planner.kernels.chance import below, uniform
+from planner.kernels.chance import draw_integer, draw_uniform
 from planner.kernels.compiled import inner
-from planner.kernels.insertion import cheapest_place, insert_by_regret, sort_by_key
+from planner.kernels.insertion import find_cheapest_place, insert_by_regret, sort_by_key
 from planner.kernels.loss import LOSS, Loss
 from planner.kernels.ruin import remove_strings
-from planner.kernels.tours import copy_all, copy_owners, copy_route, excess, insert, measure, orient
+from planner.kernels.tours import copy_all, copy_owners, copy_route, insert, measure, orient_visits, total_excess
 
 EXCESS_WEIGHT = 1.5
 """What a percent beyond a budget costs a repair besides itself."""
@@ -44,7 +44,7 @@ LONG = 200
 """Iterations from which on a repair is long."""
 
 
-class Desk(NamedTuple):
+class RepairWorkspace(NamedTuple):
     """Work space of a repair."""
 
     opened: IntArray
@@ -66,11 +66,11 @@ class Desk(NamedTuple):
     other: State
 
 
-DESK = nb.types.NamedTuple((INTS, INTS, INTS, FLOATS, INTS, INT_TABLE, INTS, STATE, STATE, STATE), Desk)
+DESK = nb.types.NamedTuple((INTS, INTS, INTS, FLOATS, INTS, INT_TABLE, INTS, STATE, STATE, STATE), RepairWorkspace)
 
 
 @inner(nb.int64(PROBLEM, STATE, nb.int64, nb.float64, RANDOM))
-def insert_anyway(problem: Problem, state: State, segment: int, blink: float, rng: RandomState) -> int:
+def insert_over_budget(problem: Problem, state: State, segment: int, blink: float, rng: RandomState) -> int:
     """Insert a segment where energy and what it lacks grow least, whatever the budgets; return the route.
 
     Where nobody flies it is -1 and nothing is inserted.
@@ -83,9 +83,9 @@ def insert_anyway(problem: Problem, state: State, segment: int, blink: float, rn
         budget = problem.budget[route]
         if budget < 0.0:
             continue
-        added, position, visit = cheapest_place(problem, state, route, segment, blink, rng)
+        added, position, visit = find_cheapest_place(problem, state, route, segment, blink, rng)
         if added == np.inf:  # all places were overlooked
-            added, position, visit = cheapest_place(problem, state, route, segment, 0.0, rng)
+            added, position, visit = find_cheapest_place(problem, state, route, segment, 0.0, rng)
         load = state.loads[route]
         gain = added
         if load + added > budget:
@@ -102,7 +102,7 @@ def insert_anyway(problem: Problem, state: State, segment: int, blink: float, rn
 
 @inner(nb.void(LOSS, STATE, STATE, nb.boolean, STATE, DESK, RANDOM))
 def begin_repair(
-    loss: Loss, base: State, earlier: State, follow: bool, state: State, desk: Desk, rng: RandomState
+    loss: Loss, base: State, earlier: State, follow: bool, state: State, desk: RepairWorkspace, rng: RandomState
 ) -> None:
     """Set ``state`` to a first repair: survivors keep their tails, what is open is inserted by regret.
 
@@ -144,32 +144,32 @@ def begin_repair(
     insert_by_regret(problem, weights, state, missing[:count], rng)
     for place in range(count):
         if state.route_of[missing[place]] < 0:
-            insert_anyway(problem, state, missing[place], 0.0, rng)
+            insert_over_budget(problem, state, missing[place], 0.0, rng)
 
 
 @inner(nb.int64(PROBLEM, STATE, INTS, nb.int64, RANDOM))
-def ruin_about(problem: Problem, state: State, opened: IntArray, count: int, rng: RandomState) -> int:
+def choose_ruin_seed(problem: Problem, state: State, opened: IntArray, count: int, rng: RandomState) -> int:
     """Return the open segment around which to ruin: often one of a route that lacks energy."""
-    if uniform(rng) < 0.5:
+    if draw_uniform(rng) < 0.5:
         worst = -1
         most = 0.0
         for route in range(len(state.lengths)):
-            over = (state.loads[route] - problem.budget[route]) * (0.5 + uniform(rng))
+            over = (state.loads[route] - problem.budget[route]) * (0.5 + draw_uniform(rng))
             if state.lengths[route] > 0 and over > most:
                 most = over
                 worst = route
         if worst >= 0:
-            return int(state.visits[worst, below(rng, state.lengths[worst])] >> 1)
-    return int(opened[below(rng, count)])
+            return int(state.visits[worst, draw_integer(rng, state.lengths[worst])] >> 1)
+    return int(opened[draw_integer(rng, count)])
 
 
 @inner(nb.void(PROBLEM, INTS, nb.int64, FLOATS, RANDOM))
 def shuffle_pending(problem: Problem, pending: IntArray, count: int, keys: FloatArray, rng: RandomState) -> None:
     """Order ``count`` segments to be inserted: at random, the far ones first, or the near ones first."""
-    kind = below(rng, 4)
+    kind = draw_integer(rng, 4)
     for place in range(count):
         if kind < 2:
-            keys[place] = uniform(rng)
+            keys[place] = draw_uniform(rng)
         elif kind == 2:
             keys[place] = -problem.effort[pending[place]]
         else:
@@ -178,7 +178,7 @@ def shuffle_pending(problem: Problem, pending: IntArray, count: int, keys: Float
 
 
 @inner(nb.float64(STATE))
-def routes_energy(state: State) -> float:
+def total_energy(state: State) -> float:
     """Return what all routes use."""
     total = 0.0
     for route in range(len(state.loads)):
@@ -187,7 +187,7 @@ def routes_energy(state: State) -> float:
 
 
 @inner(nb.boolean(PROBLEM))
-def nobody_flies(problem: Problem) -> bool:
+def is_fleet_empty(problem: Problem) -> bool:
     """Return whether no vehicle is left to take a visit."""
     most = -1.0
     for route in range(len(problem.budget)):
@@ -196,7 +196,7 @@ def nobody_flies(problem: Problem) -> bool:
 
 
 @inner(nb.float64(LOSS, STATE, DESK, nb.int64, RANDOM))
-def repair(loss: Loss, best: State, desk: Desk, iterations: int, rng: RandomState) -> float:
+def repair(loss: Loss, best: State, desk: RepairWorkspace, iterations: int, rng: RandomState) -> float:
     """Ruin and recreate until no route lacks energy, ``iterations`` at most; return what the best one lacks.
 
     Args:
@@ -210,7 +210,7 @@ def repair(loss: Loss, best: State, desk: Desk, iterations: int, rng: RandomStat
     pending, touched = desk.pending, desk.touched
     routes = len(current.lengths)
     copy_all(current, best)
-    least = excess(problem, current)
+    least = total_excess(problem, current)
     # Routes of one segment alone are the scale of what a repair gains or loses.
     alone = 0.0
     count = 0
@@ -219,27 +219,27 @@ def repair(loss: Loss, best: State, desk: Desk, iterations: int, rng: RandomStat
             desk.opened[count] = segment
             alone += problem.effort[segment]
             count += 1
-    if count > 0 and nobody_flies(problem):
+    if count > 0 and is_fleet_empty(problem):
         return np.inf  # nothing could be inserted
     if least <= 0.0 or iterations <= 0 or count == 0:
         return least
     copy_all(current, trial)
-    here = EXCESS_WEIGHT * least + routes_energy(current)
+    here = EXCESS_WEIGHT * least + total_energy(current)
     hot = HOT if iterations >= LONG else WARM
     temperature = hot * alone / count
     cooling = (COLD / hot) ** (1.0 / iterations)
     for _ in range(iterations):
-        seed = ruin_about(problem, trial, desk.opened, count, rng)
+        seed = choose_ruin_seed(problem, trial, desk.opened, count, rng)
         removed = remove_strings(problem, trial, pending, touched, seed, 6.0, 8.0, rng)
         shuffle_pending(problem, pending, removed, desk.keys, rng)
         for place in range(removed):
-            touched[insert_anyway(problem, trial, pending[place], 0.02, rng)] = 1
+            touched[insert_over_budget(problem, trial, pending[place], 0.02, rng)] = 1
         for route in range(routes):
             if touched[route] == 1:
                 measure(problem, trial, route)
-                orient(problem, trial, route, desk.came_from)
-        lacks = excess(problem, trial)
-        there = EXCESS_WEIGHT * lacks + routes_energy(trial)
+                orient_visits(problem, trial, route, desk.came_from)
+        lacks = total_excess(problem, trial)
+        there = EXCESS_WEIGHT * lacks + total_energy(trial)
         if lacks < least:
             least = lacks
             copy_all(trial, best)
@@ -247,7 +247,7 @@ def repair(loss: Loss, best: State, desk: Desk, iterations: int, rng: RandomStat
                 for route in range(routes):
                     touched[route] = 0
                 return 0.0
-        accepted = there < here - temperature * math.log(1.0 - uniform(rng))
+        accepted = there < here - temperature * math.log(1.0 - draw_uniform(rng))
         for route in range(routes):
             if touched[route] == 1:
                 touched[route] = 0

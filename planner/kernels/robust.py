@@ -27,13 +27,13 @@ from planner.kernels.arrays import (
     RandomState,
     State,
 )
-from planner.kernels.chance import below, uniform
-from planner.kernels.change import change
+from planner.kernels.chance import draw_integer, draw_uniform
+from planner.kernels.change import change_plan
 from planner.kernels.compiled import inner, kernel
 from planner.kernels.loss import CLOCK, LOSS, SAME_TIME_S, TIMING, Loss, LossClock, LossTiming, begin_loss, set_clock
-from planner.kernels.repair import DESK, Desk, begin_repair, repair, routes_energy
-from planner.kernels.tours import copy_all, copy_owners, copy_route, measure, orient
-from planner.kernels.window import REPAIRS, Repairs, repair_of, scan
+from planner.kernels.repair import DESK, RepairWorkspace, begin_repair, repair, total_energy
+from planner.kernels.tours import copy_all, copy_owners, copy_route, measure, orient_visits
+from planner.kernels.window import REPAIRS, Repairs, repair_of, scan_losses
 
 UNKNOWN = 200
 """How much more effort a repair takes that follows none."""
@@ -119,14 +119,14 @@ def events_of(timing: LossTiming, base: State, clock: LossClock) -> FloatArray:
     nb.types.UniTuple(nb.float64, 2)(PROBLEM, TIMING, STATE, CLOCK, nb.boolean, LOSS, REPAIRS, DESK, nb.int64, RANDOM),
     counted=True,
 )
-def earliest(
+def find_window_begin(
     problem: Problem, timing: LossTiming, base: State, clock: LossClock, fly_again: bool, loss: Loss, repairs: Repairs,
-    desk: Desk, effort: int, rng: RandomState,
+    desk: RepairWorkspace, effort: int, rng: RandomState,
 ) -> tuple[float, float]:  # fmt: skip
     """Return where a plan's window begins and the begin of the interval that breaks it, -1 if none does."""
     events_s = events_of(timing, base, clock)
     repairs.known[:] = 0
-    interval = scan(
+    interval = scan_losses(
         problem, timing, base, clock, events_s, len(events_s) - 2, 0, fly_again, loss, repairs, desk, effort, rng
     )[0]
     if interval < 0:
@@ -135,7 +135,7 @@ def earliest(
 
 
 @inner(nb.void(FLOATS, INTS))
-def order_lacks(lacks: FloatArray, order: IntArray) -> None:
+def sort_lacks(lacks: FloatArray, order: IntArray) -> None:
     """Set ``order`` to the numbers of the repairs, those that lack most first."""
     for place in range(len(order)):
         hole = place
@@ -146,7 +146,7 @@ def order_lacks(lacks: FloatArray, order: IntArray) -> None:
 
 
 @inner(nb.void(LOSS, WALK, nb.int64, nb.int64))
-def describe(loss: Loss, there: RobustWalk, slot: int, lost: int) -> None:
+def describe_loss(loss: Loss, there: RobustWalk, slot: int, lost: int) -> None:
     """Note what a loss leaves: two repairs of which the same is noted are repairs of the same."""
     for segment in range(len(loss.is_open)):
         there.opened[slot, segment] = loss.is_open[segment]
@@ -174,8 +174,8 @@ def is_alike(here: RobustWalk, there: RobustWalk, slot: int) -> bool:
 
 
 @kernel(nb.float64(PROBLEM, TIMING, WALK, WALK, LOSS, DESK, FLOATS, LIMITS, nb.float64, RANDOM))
-def assess(
-    problem: Problem, timing: LossTiming, here: RobustWalk, there: RobustWalk, loss: Loss, desk: Desk,
+def assess_repairs(
+    problem: Problem, timing: LossTiming, here: RobustWalk, there: RobustWalk, loss: Loss, desk: RepairWorkspace,
     probes_s: FloatArray, limits: WalkLimits, most: float, rng: RandomState,
 ) -> float:  # fmt: skip
     """Set the repairs of ``there`` after those of ``here`` and return what all of them lack.
@@ -184,7 +184,7 @@ def assess(
     """
     total = 0.0
     fleet = len(there.base.lengths)
-    order_lacks(here.lacks, there.order)
+    sort_lacks(here.lacks, there.order)
     for place in range(len(there.order)):
         slot = there.order[place]
         at_s = probes_s[slot // fleet]
@@ -195,8 +195,8 @@ def assess(
             continue
         begin_loss(problem, timing, there.base, there.clock, lost, at_s, limits.fly_again, loss)
         known = here.repairs.known[slot] == 1
-        describe(loss, there, slot, lost)
-        if known and is_alike(here, there, slot) and (here.lacks[slot] <= 0.0 or uniform(rng) >= limits.polish):
+        describe_loss(loss, there, slot, lost)
+        if known and is_alike(here, there, slot) and (here.lacks[slot] <= 0.0 or draw_uniform(rng) >= limits.polish):
             there.lacks[slot] = here.lacks[slot]
             there.repairs.known[slot] = SAME
         else:
@@ -211,7 +211,7 @@ def assess(
 
 
 @inner(nb.boolean(PROBLEM, TIMING, STATE, CLOCK, INTS, LIMITS, nb.float64))
-def allowed(
+def check_limits(
     problem: Problem,
     timing: LossTiming,
     base: State,
@@ -230,7 +230,7 @@ def allowed(
             good = good and not limits.all_vehicles
         elif base.loads[route] > problem.budget[route] or clock.durations_s[route] > limits.longest_s:
             good = False
-    return good and routes_energy(base) <= most
+    return good and total_energy(base) <= most
 
 
 @inner(nb.void(STATE, CLOCK, STATE, CLOCK, nb.int64))
@@ -275,8 +275,9 @@ def take_repairs(there: RobustWalk, here: RobustWalk) -> None:
         PROBLEM, TIMING, WALK, WALK, LOSS, DESK, DESK, FLOATS, LIMITS, FLOATS, nb.float64, nb.int64, RANDOM,
     )
 )  # fmt: skip
-def walk(
-    problem: Problem, timing: LossTiming, here: RobustWalk, there: RobustWalk, loss: Loss, desk: Desk, own: Desk,
+def anneal_plan(
+    problem: Problem, timing: LossTiming, here: RobustWalk, there: RobustWalk, loss: Loss, desk: RepairWorkspace,
+    own: RepairWorkspace,
     probes_s: FloatArray, limits: WalkLimits, temperature: FloatArray, cooling: float, iterations: int,
     rng: RandomState,
 ) -> int:  # fmt: skip
@@ -303,21 +304,21 @@ def walk(
     for iteration in range(iterations):
         if lacks <= 0.0:
             return iteration
-        until_s = probes_s[below(rng, len(probes_s))]
-        whole = change(problem, there.base, there.clock, max(until_s, probes_s[0]), limits.early, own, rng)
-        directed = uniform(rng) < 0.5
+        until_s = probes_s[draw_integer(rng, len(probes_s))]
+        whole = change_plan(problem, there.base, there.clock, max(until_s, probes_s[0]), limits.early, own, rng)
+        directed = draw_uniform(rng) < 0.5
         if whole:
             for route in range(fleet):
                 if touched[route] == 1:
                     measure(problem, there.base, route)
                     if directed:
-                        orient(problem, there.base, route, own.came_from)
-        most = lacks - temperature[0] * math.log(1.0 - uniform(rng))
+                        orient_visits(problem, there.base, route, own.came_from)
+        most = lacks - temperature[0] * math.log(1.0 - draw_uniform(rng))
         accepted = False
-        if whole and allowed(
-            problem, timing, there.base, there.clock, touched, limits, routes_energy(here.base) + limits.rise
+        if whole and check_limits(
+            problem, timing, there.base, there.clock, touched, limits, total_energy(here.base) + limits.rise
         ):
-            found = assess(problem, timing, here, there, loss, desk, probes_s, limits, most, rng)
+            found = assess_repairs(problem, timing, here, there, loss, desk, probes_s, limits, most, rng)
             if found <= most:
                 accepted = True
                 lacks = found

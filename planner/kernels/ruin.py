@@ -9,13 +9,13 @@ from __future__ import annotations
 import numba as nb
 
 from planner.kernels.arrays import INTS, PROBLEM, RANDOM, STATE, IntArray, Problem, RandomState, State
-from planner.kernels.chance import below, uniform
+from planner.kernels.chance import draw_integer, draw_uniform
 from planner.kernels.compiled import inner
 from planner.kernels.tours import measure
 
 
 @inner(nb.int64(STATE, nb.int64, nb.int64, nb.int64, nb.int64, nb.int64, INTS, nb.int64))
-def cut(
+def cut_visits(
     state: State, route: int, begin: int, end: int, spare_begin: int, spare_end: int, removed: IntArray, count: int
 ) -> int:
     """Remove visits [begin, end) of a route but not [spare_begin, spare_end); return the new count of ``removed``.
@@ -75,7 +75,7 @@ def remove_strings(
     if visited == 0:
         return 0
     limit = min(longest, visited / used)
-    strings = int(1.0 + uniform(rng) * (4.0 * mean_removed / (1.0 + limit) - 1.0))
+    strings = int(1.0 + draw_uniform(rng) * (4.0 * mean_removed / (1.0 + limit) - 1.0))
     count = 0
     for rank in range(problem.near.shape[1]):
         if strings <= 0:
@@ -85,20 +85,20 @@ def remove_strings(
         if route < 0 or touched[route] == 1:
             continue
         length = state.lengths[route]
-        size = int(1.0 + uniform(rng) * min(float(length), limit))
+        size = int(1.0 + draw_uniform(rng) * min(float(length), limit))
         size = min(size, length)
         spared = 0
-        if 1 < size < length and uniform(rng) < 0.5:
+        if 1 < size < length and draw_uniform(rng) < 0.5:
             spared = 1
-            while size + spared < length and uniform(rng) < 0.01:
+            while size + spared < length and draw_uniform(rng) < 0.01:
                 spared += 1
         span = size + spared
         position = position_of(state, route, segment)
         lowest = max(0, position - span + 1)
         highest = min(position, length - span)
-        begin = lowest + below(rng, highest - lowest + 1)
-        spare_begin = begin + 1 + below(rng, max(1, size - 1))
-        count = cut(state, route, begin, begin + span, spare_begin, spare_begin + spared, removed, count)
+        begin = lowest + draw_integer(rng, highest - lowest + 1)
+        spare_begin = begin + 1 + draw_integer(rng, max(1, size - 1))
+        count = cut_visits(state, route, begin, begin + span, spare_begin, spare_begin + spared, removed, count)
         touched[route] = 1
         measure(problem, state, route)
         strings -= 1

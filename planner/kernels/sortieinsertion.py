@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba as nb
 
 from planner.kernels.arrays import INTS, RANDOM, IntArray, RandomState
-from planner.kernels.chance import below, uniform
+from planner.kernels.chance import draw_integer, draw_uniform
 from planner.kernels.compiled import inner, kernel
 from planner.kernels.sorties import (
     NEVER,
@@ -13,12 +13,12 @@ from planner.kernels.sorties import (
     SORTIE_PROBLEM,
     SORTIE_STATE,
     TOLERANCE,
-    SortieMemory,
     SortieProblem,
     SortieState,
+    SortieWorkspace,
+    choose_bases,
     measure_row,
-    settle,
-    settle_row,
+    set_row_figures,
 )
 
 BLINK = 0.01
@@ -27,7 +27,9 @@ PLACE = nb.types.Tuple((nb.float64, nb.float64, nb.int64, nb.int64, nb.int64))
 
 
 @inner(nb.float64(SORTIE_PROBLEM, SORTIE_STATE, nb.int64, nb.int64, nb.int64, nb.int64))
-def added(problem: SortieProblem, state: SortieState, row: int, position: int, visit: int, figure: int) -> float:
+def insertion_cost(
+    problem: SortieProblem, state: SortieState, row: int, position: int, visit: int, figure: int
+) -> float:
     """Return the seconds (0) or percent (1) that a visit adds to a sortie at a position."""
     vehicle, size = state.owner[row], state.size[row]
     move = problem.move[problem.profile[vehicle]]
@@ -50,13 +52,13 @@ def added(problem: SortieProblem, state: SortieState, row: int, position: int, v
 
 
 @inner(nb.float64(SORTIE_PROBLEM, SORTIE_STATE, nb.int64, nb.float64, nb.float64))
-def worsening(problem: SortieProblem, state: SortieState, vehicle: int, seconds: float, last: float) -> float:
+def weigh_seconds(problem: SortieProblem, state: SortieState, vehicle: int, seconds: float, last: float) -> float:
     """Return what seconds of a vehicle's weigh."""
     return float(problem.finish * max(0.0, state.ends[vehicle] + seconds - last) + (problem.flight + 1e-6) * seconds)
 
 
 @inner(PLACE(SORTIE_PROBLEM, SORTIE_STATE, nb.int64, nb.float64, RANDOM))
-def place_beside(
+def find_place_beside(
     problem: SortieProblem, state: SortieState, segment: int, last: float, rng: RandomState
 ) -> tuple[float, float, int, int, int]:
     """Return the least weight of a place beside a near segment, its seconds, the row, the position, the visit."""
@@ -64,7 +66,7 @@ def place_beside(
     for rank in range(problem.near.shape[1]):
         other = problem.near[segment, rank]
         row = state.where[other]
-        if row < 0 or uniform(rng) < BLINK:
+        if row < 0 or draw_uniform(rng) < BLINK:
             continue
         vehicle = state.owner[row]
         if problem.able[vehicle, segment] == 0 or state.size[row] == state.visits.shape[1]:
@@ -75,9 +77,9 @@ def place_beside(
             position += 1
         for at in range(position, position + 2):
             for visit in range(2 * segment, 2 * segment + 2):
-                more = added(problem, state, row, at, visit, 0)
-                worse = worsening(problem, state, vehicle, more, last)
-                if worse < best and added(problem, state, row, at, visit, 1) <= room:
+                more = insertion_cost(problem, state, row, at, visit, 0)
+                worse = weigh_seconds(problem, state, vehicle, more, last)
+                if worse < best and insertion_cost(problem, state, row, at, visit, 1) <= room:
                     best, seconds, chosen, place, way = worse, more, row, at, visit
     return best, seconds, chosen, place, way
 
@@ -87,7 +89,7 @@ def place_beside(
         SORTIE_PROBLEM, SORTIE_STATE, nb.int64, nb.float64, RANDOM
     )
 )
-def alone(
+def find_own_sortie(
     problem: SortieProblem, state: SortieState, segment: int, last: float, rng: RandomState
 ) -> tuple[float, float, int, int, int, int, int]:
     """Return the least weight of a sortie of its own: seconds, vehicle, number, visit, base, where it lands."""
@@ -98,7 +100,7 @@ def alone(
             continue
         count = state.counts[vehicle]
         for choice in range(2):
-            at = count if choice == 0 else below(rng, count + 1)
+            at = count if choice == 0 else draw_integer(rng, count + 1)
             if choice == 1 and at == count:
                 continue
             here = problem.place[vehicle] if at == 0 else state.land[state.order[vehicle, at - 1]]
@@ -118,7 +120,7 @@ def alone(
                     for visit in range(2 * segment, 2 * segment + 2):
                         seconds = problem.out[vehicle, base, visit, 0] + problem.home[vehicle, visit, land, 0]
                         pct = problem.out[vehicle, base, visit, 1] + problem.home[vehicle, visit, land, 1]
-                        worse = problem.swap + worsening(problem, state, vehicle, more + seconds, last)
+                        worse = problem.swap + weigh_seconds(problem, state, vehicle, more + seconds, last)
                         if worse < best and pct <= problem.budget[vehicle] + TOLERANCE:
                             best, lasts, chosen, number, way = worse, more + seconds, vehicle, at, visit
                             begins, lands = base, land
@@ -126,7 +128,7 @@ def alone(
 
 
 @inner(nb.void(SORTIE_STATE, nb.int64, nb.int64, nb.int64))
-def enter(state: SortieState, vehicle: int, number: int, row: int) -> None:
+def enter_sortie(state: SortieState, vehicle: int, number: int, row: int) -> None:
     """Make a row one of a vehicle's sorties, before the one that is its `number`-th now."""
     for later in range(state.counts[vehicle], number, -1):
         state.order[vehicle, later] = state.order[vehicle, later - 1]
@@ -136,11 +138,11 @@ def enter(state: SortieState, vehicle: int, number: int, row: int) -> None:
 
 @inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.float64, RANDOM))
 def put_segment(
-    problem: SortieProblem, state: SortieState, memory: SortieMemory, segment: int, last: float, rng: RandomState
+    problem: SortieProblem, state: SortieState, memory: SortieWorkspace, segment: int, last: float, rng: RandomState
 ) -> bool:
     """Put a segment where it costs least; return whether there is a place."""
-    worse, seconds, row, position, visit = place_beside(problem, state, segment, last, rng)
-    other, lasts, vehicle, number, way, base, land = alone(problem, state, segment, last, rng)
+    worse, seconds, row, position, visit = find_place_beside(problem, state, segment, last, rng)
+    other, lasts, vehicle, number, way, base, land = find_own_sortie(problem, state, segment, last, rng)
     if row < 0 and vehicle < 0:
         return False
     if worse <= other:
@@ -158,18 +160,23 @@ def put_segment(
         state.size[row] = 1
         state.visits[row, 0] = way
         state.owner[row], state.base[row], state.land[row] = vehicle, base, land
-        enter(state, vehicle, number, row)
+        enter_sortie(state, vehicle, number, row)
     state.where[segment] = row
     measure_row(problem, state, row)
-    settle_row(problem, state, row)
+    set_row_figures(problem, state, row)
     state.ends[vehicle] += seconds
     memory.touched[vehicle] = 1
     return True
 
 
 @kernel(nb.int64(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, INTS, nb.int64, RANDOM))
-def put_all(
-    problem: SortieProblem, state: SortieState, memory: SortieMemory, segments: IntArray, count: int, rng: RandomState
+def put_all_segments(
+    problem: SortieProblem,
+    state: SortieState,
+    memory: SortieWorkspace,
+    segments: IntArray,
+    count: int,
+    rng: RandomState,
 ) -> int:
     """Put segments into sorties one after the other; return how many had no place."""
     left = 0
@@ -183,16 +190,16 @@ def put_all(
 
 
 @kernel(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY))
-def settle_touched(problem: SortieProblem, state: SortieState, memory: SortieMemory) -> bool:
+def choose_bases_of_touched(problem: SortieProblem, state: SortieState, memory: SortieWorkspace) -> bool:
     """Choose bases for all vehicles that were touched; return whether each has a way."""
     for vehicle in range(len(state.counts)):
-        if memory.touched[vehicle] == 1 and not settle(problem, state, memory, vehicle):
+        if memory.touched[vehicle] == 1 and not choose_bases(problem, state, memory, vehicle):
             return False
     return True
 
 
 @kernel(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY))
-def measure_given(problem: SortieProblem, state: SortieState, memory: SortieMemory) -> bool:
+def measure_given_sorties(problem: SortieProblem, state: SortieState, memory: SortieWorkspace) -> bool:
     """Set the figures of given sorties and choose their bases; return whether each vehicle may and can fly its own."""
     for vehicle in range(len(state.counts)):
         for number in range(state.counts[vehicle]):
@@ -201,6 +208,6 @@ def measure_given(problem: SortieProblem, state: SortieState, memory: SortieMemo
                 if problem.able[vehicle, state.visits[row, position] >> 1] == 0:
                     return False
             measure_row(problem, state, row)
-        if not settle(problem, state, memory, vehicle):
+        if not choose_bases(problem, state, memory, vehicle):
             return False
     return True

@@ -109,7 +109,7 @@ class SortieState(NamedTuple):
     """(5,): segments that find no day, the last landing, the flight, the sorties, and the guide of the search."""
 
 
-class SortieMemory(NamedTuple):
+class SortieWorkspace(NamedTuple):
     """Work space."""
 
     touched: IntArray
@@ -148,10 +148,22 @@ SORTIE_STATE = nb.types.NamedTuple(
     (INT_TABLE, INTS, INTS, INTS, INTS, TABLE, TABLE, FLOATS, INT_TABLE, INTS, INTS, TABLE, FLOATS, FLOATS), SortieState
 )
 SORTIE_MEMORY = nb.types.NamedTuple(
-    (INTS, INTS, FLOATS, TABLE, INTS, FLOATS, INTS, INTS, FLOATS, TABLE, INT_TABLE, INT_TABLE), SortieMemory
+    (INTS, INTS, FLOATS, TABLE, INTS, FLOATS, INTS, INTS, FLOATS, TABLE, INT_TABLE, INT_TABLE), SortieWorkspace
 )
-__all__ = ["CUBE", "NEVER", "SORTIE_MEMORY", "SORTIE_PROBLEM", "SORTIE_STATE", "SortieMemory", "SortieProblem",
-           "SortieState", "measure_row", "schedule", "settle", "settle_row"]  # fmt: skip
+__all__ = [
+    "CUBE",
+    "NEVER",
+    "SORTIE_MEMORY",
+    "SORTIE_PROBLEM",
+    "SORTIE_STATE",
+    "SortieProblem",
+    "SortieState",
+    "SortieWorkspace",
+    "choose_bases",
+    "measure_row",
+    "schedule_sorties",
+    "set_row_figures",
+]  # fmt: skip
 
 
 @inner(nb.void(SORTIE_PROBLEM, SORTIE_STATE, nb.int64))
@@ -169,7 +181,7 @@ def measure_row(problem: SortieProblem, state: SortieState, row: int) -> None:
 
 
 @inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, nb.int64))
-def settle_row(problem: SortieProblem, state: SortieState, row: int) -> bool:
+def set_row_figures(problem: SortieProblem, state: SortieState, row: int) -> bool:
     """Set a whole sortie's figures; return whether it is within the budget."""
     vehicle = state.owner[row]
     first, last = state.visits[row, 0], state.visits[row, state.size[row] - 1]
@@ -183,7 +195,7 @@ def settle_row(problem: SortieProblem, state: SortieState, row: int) -> bool:
 
 
 @inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64))
-def settle(problem: SortieProblem, state: SortieState, memory: SortieMemory, vehicle: int) -> bool:
+def choose_bases(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, vehicle: int) -> bool:
     """Choose where a vehicle's sorties begin and land: least time, and least shunned; return whether any way does."""
     count, bases = state.counts[vehicle], len(problem.turnaround)
     budget = problem.budget[vehicle] + TOLERANCE
@@ -228,12 +240,12 @@ def settle(problem: SortieProblem, state: SortieState, memory: SortieMemory, veh
         state.base[row] = memory.begun[number, land]
         state.land[row] = land
         land = memory.came[number, land]
-        settle_row(problem, state, row)
+        set_row_figures(problem, state, row)
     return True
 
 
 @inner(nb.void(SORTIE_PROBLEM, SORTIE_MEMORY, nb.int64))
-def open_day(problem: SortieProblem, memory: SortieMemory, day: int) -> None:
+def open_day(problem: SortieProblem, memory: SortieWorkspace, day: int) -> None:
     """Put a day's packs out."""
     for base in range(len(problem.turnaround)):
         if day == 0:
@@ -247,7 +259,7 @@ def open_day(problem: SortieProblem, memory: SortieMemory, day: int) -> None:
 
 
 @inner(nb.int64(SORTIE_MEMORY, nb.int64))
-def soonest_pack(memory: SortieMemory, base: int) -> int:
+def find_soonest_pack(memory: SortieWorkspace, base: int) -> int:
     """Return the number of the pack that is charged first; -1 if there is none."""
     best, least = -1, NEVER
     for pack in range(memory.pooled[base]):
@@ -257,14 +269,16 @@ def soonest_pack(memory: SortieMemory, base: int) -> int:
 
 
 @inner(nb.float64(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.int64))
-def soonest_start(problem: SortieProblem, state: SortieState, memory: SortieMemory, vehicle: int, day: int) -> float:
+def soonest_start_s(
+    problem: SortieProblem, state: SortieState, memory: SortieWorkspace, vehicle: int, day: int
+) -> float:
     """Return when a vehicle's next sortie can begin on a day; NEVER if it cannot."""
     row = state.order[vehicle, memory.next[vehicle]]
     base = state.base[row]
     begin = max(memory.ready[vehicle] + problem.transfer[memory.at[vehicle], base], problem.days[day, 0])
     begin = max(begin, memory.last[base] + problem.stagger)
     if problem.packs[base] >= 0:
-        pack = soonest_pack(memory, base)
+        pack = find_soonest_pack(memory, base)
         if pack < 0:
             return NEVER
         begin = max(begin, memory.pool[base, pack])
@@ -276,8 +290,8 @@ def soonest_start(problem: SortieProblem, state: SortieState, memory: SortieMemo
 
 
 @inner(nb.void(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.float64, nb.int64))
-def take_off(
-    problem: SortieProblem, state: SortieState, memory: SortieMemory, vehicle: int, begin: float, day: int
+def schedule_next_sortie(
+    problem: SortieProblem, state: SortieState, memory: SortieWorkspace, vehicle: int, begin: float, day: int
 ) -> None:
     """Let a vehicle's next sortie begin."""
     row = state.order[vehicle, memory.next[vehicle]]
@@ -285,7 +299,7 @@ def take_off(
     state.start[row] = begin
     memory.last[base] = begin
     if problem.packs[base] >= 0:
-        pack = soonest_pack(memory, base)
+        pack = find_soonest_pack(memory, base)
         memory.pooled[base] -= 1
         memory.pool[base, pack] = memory.pool[base, memory.pooled[base]]
     end = begin + state.whole[row, 0]
@@ -299,7 +313,7 @@ def take_off(
 
 
 @kernel(nb.void(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY))
-def schedule(problem: SortieProblem, state: SortieState, memory: SortieMemory) -> None:
+def schedule_sorties(problem: SortieProblem, state: SortieState, memory: SortieWorkspace) -> None:
     """Let all sorties begin as soon as they can, the soonest first; set the figures."""
     fleet = len(state.counts)
     sums = state.sums
@@ -322,12 +336,12 @@ def schedule(problem: SortieProblem, state: SortieState, memory: SortieMemory) -
             soonest, chosen = NEVER, -1
             for vehicle in range(fleet):
                 if memory.next[vehicle] < state.counts[vehicle]:
-                    begin = soonest_start(problem, state, memory, vehicle, day)
+                    begin = soonest_start_s(problem, state, memory, vehicle, day)
                     if begin < soonest:
                         soonest, chosen = begin, vehicle
             if chosen < 0:
                 break
-            take_off(problem, state, memory, chosen, soonest, day)
+            schedule_next_sortie(problem, state, memory, chosen, soonest, day)
             waiting -= 1
     late_s = 0.0
     for vehicle in range(fleet):

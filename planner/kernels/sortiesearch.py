@@ -7,18 +7,18 @@ import math
 import numba as nb
 
 from planner.kernels.arrays import FLOATS, RANDOM, FloatArray, RandomState
-from planner.kernels.chance import below, uniform
+from planner.kernels.chance import draw_integer, draw_uniform
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.sortieinsertion import enter, put_all, settle_touched
+from planner.kernels.sortieinsertion import choose_bases_of_touched, enter_sortie, put_all_segments
 from planner.kernels.sorties import (
     SORTIE_MEMORY,
     SORTIE_PROBLEM,
     SORTIE_STATE,
-    SortieMemory,
     SortieProblem,
     SortieState,
+    SortieWorkspace,
     measure_row,
-    schedule,
+    schedule_sorties,
 )
 
 MOST_REMOVED = 12
@@ -59,7 +59,7 @@ def copy_sorties(source: SortieState, target: SortieState) -> None:
 
 @inner(nb.int64(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.int64, nb.int64, nb.int64))
 def cut_sortie(
-    problem: SortieProblem, state: SortieState, memory: SortieMemory, row: int, begin: int, end: int, count: int
+    problem: SortieProblem, state: SortieState, memory: SortieWorkspace, row: int, begin: int, end: int, count: int
 ) -> int:
     """Take positions [begin, end) out of a sortie, which is struck off if nothing is left; return the new count."""
     vehicle, size = state.owner[row], state.size[row]
@@ -94,17 +94,17 @@ def cut_sortie(
 
 
 @inner(nb.int64(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
-def ruin_sorties(problem: SortieProblem, state: SortieState, memory: SortieMemory, rng: RandomState) -> int:
+def ruin_sorties(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> int:
     """Take segments out near a random one: singly, in strings, or a whole sortie; return how many."""
     segments = len(state.where)
-    wanted = 1 + below(rng, min(MOST_REMOVED, segments))
-    kind = uniform(rng)
-    seed = below(rng, segments)
+    wanted = 1 + draw_integer(rng, min(MOST_REMOVED, segments))
+    kind = draw_uniform(rng)
+    seed = draw_integer(rng, segments)
     count = 0
     for rank in range(-1, problem.near.shape[1]):
         if count >= wanted:
             break
-        if rank >= 0 and uniform(rng) < 0.2:
+        if rank >= 0 and draw_uniform(rng) < 0.2:
             continue
         segment = seed if rank < 0 else problem.near[seed, rank]
         row = state.where[segment]
@@ -117,8 +117,8 @@ def ruin_sorties(problem: SortieProblem, state: SortieState, memory: SortieMemor
         if kind < 0.35:
             count = cut_sortie(problem, state, memory, row, position, position + 1, count)
         elif kind < 0.9:
-            string = min(1 + below(rng, 6), size)
-            begin = max(0, min(position - below(rng, string), size - string))
+            string = min(1 + draw_integer(rng, 6), size)
+            begin = max(0, min(position - draw_integer(rng, string), size - string))
             count = cut_sortie(problem, state, memory, row, begin, begin + string, count)
         else:
             count = cut_sortie(problem, state, memory, row, 0, size, count)
@@ -126,12 +126,12 @@ def ruin_sorties(problem: SortieProblem, state: SortieState, memory: SortieMemor
 
 
 @inner(nb.void(SORTIE_PROBLEM, SORTIE_MEMORY, nb.int64, RANDOM))
-def arrange_segments(problem: SortieProblem, memory: SortieMemory, count: int, rng: RandomState) -> None:
+def arrange_segments(problem: SortieProblem, memory: SortieWorkspace, count: int, rng: RandomState) -> None:
     """Put the removed segments into a random order, or those far from the bases first, or the nearest."""
     removed, keys = memory.removed, memory.keys
-    kind = uniform(rng)
+    kind = draw_uniform(rng)
     for number in range(count):
-        keys[number] = uniform(rng)
+        keys[number] = draw_uniform(rng)
         if kind > 0.5:
             far = 1e18
             for base in range(problem.out.shape[1]):
@@ -146,13 +146,13 @@ def arrange_segments(problem: SortieProblem, memory: SortieMemory, count: int, r
 
 
 @inner(nb.void(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
-def turn_part(problem: SortieProblem, state: SortieState, memory: SortieMemory, rng: RandomState) -> None:
+def reverse_part(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> None:
     """Fly a part of a sortie the other way round."""
-    vehicle = below(rng, len(state.counts))
+    vehicle = draw_integer(rng, len(state.counts))
     if state.counts[vehicle] == 0:
         return
-    row = state.order[vehicle, below(rng, state.counts[vehicle])]
-    low, high = below(rng, state.size[row]), below(rng, state.size[row])
+    row = state.order[vehicle, draw_integer(rng, state.counts[vehicle])]
+    low, high = draw_integer(rng, state.size[row]), draw_integer(rng, state.size[row])
     if low > high:
         low, high = high, low
     visits = state.visits[row]
@@ -165,12 +165,12 @@ def turn_part(problem: SortieProblem, state: SortieState, memory: SortieMemory, 
 
 
 @inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
-def hand_sortie_on(problem: SortieProblem, state: SortieState, memory: SortieMemory, rng: RandomState) -> bool:
+def move_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> bool:
     """Give a whole sortie another place in the order of this vehicle or another; return whether it may have it."""
-    giver, taker = below(rng, len(state.counts)), below(rng, len(state.counts))
+    giver, taker = draw_integer(rng, len(state.counts)), draw_integer(rng, len(state.counts))
     if state.counts[giver] == 0:
         return False
-    number = below(rng, state.counts[giver])
+    number = draw_integer(rng, state.counts[giver])
     row = state.order[giver, number]
     for position in range(state.size[row]):
         if problem.able[taker, state.visits[row, position] >> 1] == 0:
@@ -178,7 +178,7 @@ def hand_sortie_on(problem: SortieProblem, state: SortieState, memory: SortieMem
     for later in range(number + 1, state.counts[giver]):
         state.order[giver, later - 1] = state.order[giver, later]
     state.counts[giver] -= 1
-    enter(state, taker, below(rng, state.counts[taker] + 1), row)
+    enter_sortie(state, taker, draw_integer(rng, state.counts[taker] + 1), row)
     state.owner[row] = taker
     measure_row(problem, state, row)
     memory.touched[giver] = 1
@@ -187,20 +187,20 @@ def hand_sortie_on(problem: SortieProblem, state: SortieState, memory: SortieMem
 
 
 @inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
-def split_sortie(problem: SortieProblem, state: SortieState, memory: SortieMemory, rng: RandomState) -> bool:
+def split_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> bool:
     """Make a part at the begin or the end of a sortie one of its own, of any vehicle; return whether that may be.
 
     One segment after the other would never leave: the first one would pay the whole way there.
     """
-    giver, taker = below(rng, len(state.counts)), below(rng, len(state.counts))
+    giver, taker = draw_integer(rng, len(state.counts)), draw_integer(rng, len(state.counts))
     if state.counts[giver] == 0:
         return False
-    row = state.order[giver, below(rng, state.counts[giver])]
+    row = state.order[giver, draw_integer(rng, state.counts[giver])]
     size = state.size[row]
     if size < 2:
         return False
-    at = 1 + below(rng, size - 1)
-    begin, end = (at, size) if uniform(rng) < 0.5 else (0, at)
+    at = 1 + draw_integer(rng, size - 1)
+    begin, end = (at, size) if draw_uniform(rng) < 0.5 else (0, at)
     for position in range(begin, end):
         if problem.able[taker, state.visits[row, position] >> 1] == 0:
             return False
@@ -216,7 +216,7 @@ def split_sortie(problem: SortieProblem, state: SortieState, memory: SortieMemor
     for position in range(end, size):
         state.visits[row, position - (end - begin)] = state.visits[row, position]
     state.size[row] = size - (end - begin)
-    enter(state, taker, below(rng, state.counts[taker] + 1), new)
+    enter_sortie(state, taker, draw_integer(rng, state.counts[taker] + 1), new)
     measure_row(problem, state, row)
     measure_row(problem, state, new)
     memory.touched[giver] = 1
@@ -225,10 +225,10 @@ def split_sortie(problem: SortieProblem, state: SortieState, memory: SortieMemor
 
 
 @inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
-def move_end(problem: SortieProblem, state: SortieState, memory: SortieMemory, rng: RandomState) -> bool:
+def move_end(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> bool:
     """Move the end of a sortie beside a near segment of another, all at once; return whether that may be."""
-    segment = below(rng, len(state.where))
-    near = problem.near[segment, below(rng, problem.near.shape[1])]
+    segment = draw_integer(rng, len(state.where))
+    near = problem.near[segment, draw_integer(rng, problem.near.shape[1])]
     row, other = state.where[segment], state.where[near]
     if row < 0 or other < 0 or row == other:
         return False
@@ -239,15 +239,15 @@ def move_end(problem: SortieProblem, state: SortieState, memory: SortieMemory, r
     to = 0
     while state.visits[other, to] >> 1 != near:
         to += 1
-    to += below(rng, 2)
-    begin, end = (at, state.size[row]) if uniform(rng) < 0.5 else (0, at + 1)
+    to += draw_integer(rng, 2)
+    begin, end = (at, state.size[row]) if draw_uniform(rng) < 0.5 else (0, at + 1)
     length = end - begin
     if length == state.size[row] or state.size[other] + length > state.visits.shape[1]:
         return False
     for position in range(begin, end):
         if problem.able[taker, state.visits[row, position] >> 1] == 0:
             return False
-    turned = uniform(rng) < 0.5
+    turned = draw_uniform(rng) < 0.5
     for position in range(state.size[other] - 1, to - 1, -1):
         state.visits[other, position + length] = state.visits[other, position]
     for number in range(length):
@@ -266,15 +266,15 @@ def move_end(problem: SortieProblem, state: SortieState, memory: SortieMemory, r
 
 
 @inner(nb.void(SORTIE_STATE, SORTIE_MEMORY, nb.float64, RANDOM))
-def shun(state: SortieState, memory: SortieMemory, most: float, rng: RandomState) -> None:
+def toggle_shunned_base(state: SortieState, memory: SortieWorkspace, most: float, rng: RandomState) -> None:
     """Let a vehicle shun a base, or not any more."""
-    vehicle, base = below(rng, len(state.counts)), below(rng, state.bias.shape[1])
-    state.bias[vehicle, base] = 0.0 if uniform(rng) < 0.5 else most * uniform(rng)
+    vehicle, base = draw_integer(rng, len(state.counts)), draw_integer(rng, state.bias.shape[1])
+    state.bias[vehicle, base] = 0.0 if draw_uniform(rng) < 0.5 else most * draw_uniform(rng)
     memory.touched[vehicle] = 1
 
 
 @kernel(nb.boolean(SORTIE_PROBLEM, FLOATS, FLOATS))
-def better_sums(problem: SortieProblem, sums: FloatArray, other: FloatArray) -> bool:
+def has_better_sums(problem: SortieProblem, sums: FloatArray, other: FloatArray) -> bool:
     """Return whether figures are better than others: what finds no day first, then by the objective."""
     for rank in range(4):
         entry = rank
@@ -294,7 +294,7 @@ def better_sums(problem: SortieProblem, sums: FloatArray, other: FloatArray) -> 
 )  # fmt: skip
 def anneal_sorties(
     problem: SortieProblem, current: SortieState, trial: SortieState, best: SortieState, temperature: FloatArray,
-    cooling: float, most: float, iterations: int, rng: RandomState, memory: SortieMemory,
+    cooling: float, most: float, iterations: int, rng: RandomState, memory: SortieWorkspace,
 ) -> int:  # fmt: skip
     """Try ``iterations`` changes of ``current``; keep the best in ``best``.
 
@@ -304,14 +304,14 @@ def anneal_sorties(
     fleet = len(current.counts)
     improved = 0
     for iteration in range(iterations):
-        kind = uniform(rng)
+        kind = draw_uniform(rng)
         complete = True
         if kind < 0.06:
-            turn_part(problem, trial, memory, rng)
+            reverse_part(problem, trial, memory, rng)
         elif kind < 0.16:
-            complete = hand_sortie_on(problem, trial, memory, rng)
+            complete = move_sortie(problem, trial, memory, rng)
         elif kind < 0.2:
-            shun(trial, memory, most, rng)
+            toggle_shunned_base(trial, memory, most, rng)
         elif kind < 0.24:
             complete = split_sortie(problem, trial, memory, rng)
         elif kind < 0.34:
@@ -319,17 +319,17 @@ def anneal_sorties(
         else:
             count = ruin_sorties(problem, trial, memory, rng)
             arrange_segments(problem, memory, count, rng)
-            complete = put_all(problem, trial, memory, memory.removed, count, rng) == 0
-        accepted = complete and settle_touched(problem, trial, memory)
+            complete = put_all_segments(problem, trial, memory, memory.removed, count, rng) == 0
+        accepted = complete and choose_bases_of_touched(problem, trial, memory)
         if accepted:
-            schedule(problem, trial, memory)
-            limit = current.sums[4] - temperature[0] * math.log(max(uniform(rng), 1e-300))
+            schedule_sorties(problem, trial, memory)
+            limit = current.sums[4] - temperature[0] * math.log(max(draw_uniform(rng), 1e-300))
             accepted = trial.sums[4] < limit
         for vehicle in range(fleet):
             memory.touched[vehicle] = 0
         if accepted:
             copy_sorties(trial, current)
-            if better_sums(problem, current.sums, best.sums):
+            if has_better_sums(problem, current.sums, best.sums):
                 improved = iteration + 1
                 copy_sorties(current, best)
         else:

@@ -17,7 +17,7 @@ FlagArray = npt.NDArray[np.bool_]
 
 
 @nb.njit(nb.void(FLOATS, FLOATS, TABLE, nb.float64, TABLE, FLOATS), cache=True)
-def best_routes(
+def find_best_routes(
     start: FloatArray, home: FloatArray, move: FloatArray, most: float, spent: FloatArray, energy: FloatArray
 ) -> None:
     """Find the least energy of a route through exactly the segments of each set.
@@ -63,7 +63,7 @@ def best_routes(
 
 
 @nb.njit(nb.void(FLAGS, FLAGS, FLAGS, INTS), cache=True)
-def join(covered: FlagArray, fits: FlagArray, together: FlagArray, part_of: IntArray) -> None:
+def join_covered_sets(covered: FlagArray, fits: FlagArray, together: FlagArray, part_of: IntArray) -> None:
     """Find the sets that some vehicles and one more cover together: 3^n steps at most.
 
     Args:

@@ -84,7 +84,7 @@ def copy_all(source: State, target: State) -> None:
 
 
 @inner(nb.float64(PROBLEM, STATE))
-def excess(problem: Problem, state: State) -> float:
+def total_excess(problem: Problem, state: State) -> float:
     """Return what routes with a visit spend beyond their budgets."""
     total = 0.0
     for route in range(len(state.lengths)):
@@ -94,7 +94,7 @@ def excess(problem: Problem, state: State) -> float:
 
 
 @kernel(nb.void(PROBLEM, STATE, nb.int64, INT_TABLE))
-def orient(problem: Problem, state: State, route: int, came_from: IntArray) -> None:
+def orient_visits(problem: Problem, state: State, route: int, came_from: IntArray) -> None:
     """Give the visits of a route the directions that are best together, their order kept.
 
     A two-state dynamic program (Vidal 2017, doi 10.1287/opre.2017.1595). ``came_from`` is (n, 2) int64 of work space.

@@ -24,7 +24,7 @@ from planner.kernels.arrays import (
 )
 from planner.kernels.compiled import inner, kernel
 from planner.kernels.loss import CLOCK, LOSS, SAME_TIME_S, TIMING, Loss, LossClock, LossTiming, begin_loss
-from planner.kernels.repair import DESK, Desk, begin_repair, repair
+from planner.kernels.repair import DESK, RepairWorkspace, begin_repair, repair
 from planner.kernels.tours import copy_all
 
 
@@ -62,7 +62,7 @@ def repair_of(repairs: Repairs, lost: int) -> State:
 )
 def try_loss(
     problem: Problem, timing: LossTiming, base: State, clock: LossClock, lost: int, at_s: float, fly_again: bool,
-    loss: Loss, repairs: Repairs, desk: Desk, effort: int, rng: RandomState,
+    loss: Loss, repairs: Repairs, desk: RepairWorkspace, effort: int, rng: RandomState,
 ) -> float:  # fmt: skip
     """Look for a repair of a loss, from the known one and from the survivors' tails; return what the best lacks.
 
@@ -93,9 +93,9 @@ def try_loss(
         PROBLEM, TIMING, STATE, CLOCK, FLOATS, nb.int64, nb.int64, nb.boolean, LOSS, REPAIRS, DESK, nb.int64, RANDOM
     )
 )
-def scan(
+def scan_losses(
     problem: Problem, timing: LossTiming, base: State, clock: LossClock, events_s: FloatArray, interval: int,
-    first: int, fly_again: bool, loss: Loss, repairs: Repairs, desk: Desk, effort: int, rng: RandomState,
+    first: int, fly_again: bool, loss: Loss, repairs: Repairs, desk: RepairWorkspace, effort: int, rng: RandomState,
 ) -> tuple[int, int]:  # fmt: skip
     """Go through the intervals between events from a late to early ones; stop at the first loss without a repair.
 

@@ -9,10 +9,24 @@ as for a single flight, so that one sortie of one vehicle is what ``planner.solv
 cheap; the first plan, or ``warm_up_sorties``, loads the compiled kernels.
 """
 
-from planner.sorties.evaluate import SortieEvaluation, evaluate_sorties, packs_at_once, sortie_pct, sortie_s
+from planner.sorties.evaluate import (
+    SortieEvaluation,
+    count_packs_needed,
+    evaluate_sorties,
+    sortie_duration_s,
+    sortie_energy_pct,
+)
 from planner.sorties.exact import solve_sorties_exact
-from planner.sorties.lives import DayCampaign, Lives, Spares, day_chunks, fly_days, lives_of, with_spares
-from planner.sorties.losses import LossWindow, SortieLoss, sortie_window, sorties_left
+from planner.sorties.lives import (
+    SparesEstimate,
+    SurvivalCampaign,
+    SurvivalEstimate,
+    add_spares,
+    simulate_days,
+    split_samples,
+    summarise_samples,
+)
+from planner.sorties.losses import LossWindow, SortiesAfterLoss, build_sorties_after_loss, find_loss_windows
 from planner.sorties.model import (
     Objective,
     Sortie,
@@ -20,37 +34,37 @@ from planner.sorties.model import (
     SortieInstance,
     SortiePlan,
     SortieVehicle,
-    parted_windows,
+    subtract_quiet_times,
 )
 from planner.sorties.result import SortieResult
 from planner.sorties.solve import solve_sorties, warm_up_sorties
 
 __all__ = [
-    "DayCampaign",
-    "Lives",
     "LossWindow",
     "Objective",
     "Sortie",
     "SortieBase",
     "SortieEvaluation",
     "SortieInstance",
-    "SortieLoss",
     "SortiePlan",
     "SortieResult",
     "SortieVehicle",
-    "Spares",
-    "day_chunks",
+    "SortiesAfterLoss",
+    "SparesEstimate",
+    "SurvivalCampaign",
+    "SurvivalEstimate",
+    "add_spares",
+    "build_sorties_after_loss",
+    "count_packs_needed",
     "evaluate_sorties",
-    "fly_days",
-    "lives_of",
-    "packs_at_once",
-    "parted_windows",
+    "find_loss_windows",
+    "simulate_days",
     "solve_sorties",
     "solve_sorties_exact",
-    "sortie_pct",
-    "sortie_s",
-    "sortie_window",
-    "sorties_left",
+    "sortie_duration_s",
+    "sortie_energy_pct",
+    "split_samples",
+    "subtract_quiet_times",
+    "summarise_samples",
     "warm_up_sorties",
-    "with_spares",
 ]

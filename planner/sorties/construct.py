@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.errors import PlanError
 from planner.kernels.arrays import FloatArray, IntArray
-from planner.kernels.sorties import NEVER, SortieMemory, SortieProblem, SortieState
+from planner.kernels.sorties import NEVER, SortieProblem, SortieState, SortieWorkspace
 from planner.sorties.model import Objective, Sortie, SortieInstance, SortiePlan
 
 NEAR = 30
@@ -35,7 +35,7 @@ class MoveTable:
     """Visits that a sortie has at most."""
 
 
-def move_table(instance: SortieInstance) -> MoveTable:
+def build_move_table(instance: SortieInstance) -> MoveTable:
     """Price all moves."""
     moves, visits = instance.moves, instance.moves.visits
     move = np.empty((moves.profiles, visits, visits, 2))
@@ -49,10 +49,10 @@ def move_table(instance: SortieInstance) -> MoveTable:
     between = move[0, :, :, 0].reshape(segments, 2, segments, 2).min(axis=(1, 3))
     np.fill_diagonal(between, np.inf)
     near = between.argsort(axis=1, kind="stable")[:, : min(NEAR, max(1, segments - 1))]
-    return MoveTable(move, np.ascontiguousarray(near.astype(np.int64)), _longest(instance, move))
+    return MoveTable(move, np.ascontiguousarray(near.astype(np.int64)), _max_visits_per_sortie(instance, move))
 
 
-def _longest(instance: SortieInstance, move: FloatArray) -> int:
+def _max_visits_per_sortie(instance: SortieInstance, move: FloatArray) -> int:
     """Return how many visits fit into a sortie that uses no more than the least of each."""
     segments = instance.segments
     if segments < 2:
@@ -66,7 +66,7 @@ def _longest(instance: SortieInstance, move: FloatArray) -> int:
     return min(segments, 1 + int((np.sort(least).cumsum() <= most + 1e-6).sum()))
 
 
-def sortie_problem(instance: SortieInstance, table: MoveTable, objective: Objective) -> SortieProblem:
+def build_sortie_problem(instance: SortieInstance, table: MoveTable, objective: Objective) -> SortieProblem:
     """Return the kernels' view."""
     fleet, bases, days = len(instance.vehicles), len(instance.bases), instance.days
     out = np.stack((instance.out_s, instance.out_pct), axis=-1)
@@ -100,14 +100,14 @@ def sortie_problem(instance: SortieInstance, table: MoveTable, objective: Object
         profile=np.array([own.profile for own in instance.vehicles], dtype=np.int64),
         consumption=np.array([own.consumption for own in instance.vehicles]),
         budget=np.array([own.budget_pct for own in instance.vehicles]),
-        able=_able(instance, lands),
+        able=_build_ability_table(instance, lands),
         lands=lands,
         transfer=np.where(np.isfinite(instance.transfer_s), np.minimum(instance.transfer_s, NEVER), NEVER),
         turnaround=np.array([base.turnaround_s for base in instance.bases]),
         recharge=np.array([NEVER if base.recharge_s is None else base.recharge_s for base in instance.bases]),
         packs=packs,
         days=np.column_stack(([begin for begin, _ in days], [end for _, end in days], lengths.cumsum() - lengths)),
-        windows=_windows(instance),
+        windows=_build_window_table(instance),
         near=table.near,
         place=np.array([own.base for own in instance.vehicles], dtype=np.int64),
         ready=np.array([own.ready_s for own in instance.vehicles], dtype=np.float64),
@@ -123,7 +123,7 @@ def sortie_problem(instance: SortieInstance, table: MoveTable, objective: Object
     )
 
 
-def _able(instance: SortieInstance, lands: IntArray) -> IntArray:
+def _build_ability_table(instance: SortieInstance, lands: IntArray) -> IntArray:
     """Return whether a vehicle can inspect a segment at all, by a sortie of its own that fits into its hours."""
     able = np.zeros(instance.able.shape, dtype=np.int64)
     for row, own in enumerate(instance.vehicles):
@@ -140,7 +140,7 @@ def _able(instance: SortieInstance, lands: IntArray) -> IntArray:
     return able
 
 
-def _windows(instance: SortieInstance) -> FloatArray:
+def _build_window_table(instance: SortieInstance) -> FloatArray:
     """Return (k, t, w, 2) times by vehicle and day."""
     parted = [
         [[window for window in own.windows if begin <= window[0] < end] for begin, end in instance.days]
@@ -155,7 +155,7 @@ def _windows(instance: SortieInstance) -> FloatArray:
     return table
 
 
-def sortie_state(problem: SortieProblem, table: MoveTable) -> SortieState:
+def build_sortie_state(problem: SortieProblem, table: MoveTable) -> SortieState:
     """Return a state without a sortie."""
     fleet, segments = problem.able.shape
     return SortieState(
@@ -176,11 +176,11 @@ def sortie_state(problem: SortieProblem, table: MoveTable) -> SortieState:
     )
 
 
-def sortie_memory(problem: SortieProblem) -> SortieMemory:
+def build_sortie_workspace(problem: SortieProblem) -> SortieWorkspace:
     """Return work space."""
     fleet, segments = problem.able.shape
     bases = len(problem.packs)
-    return SortieMemory(
+    return SortieWorkspace(
         touched=np.zeros(fleet, dtype=np.int64),
         removed=np.zeros(segments, dtype=np.int64),
         keys=np.zeros(segments),
@@ -196,7 +196,7 @@ def sortie_memory(problem: SortieProblem) -> SortieMemory:
     )
 
 
-def begin_with(state: SortieState, sorties: Sequence[Sequence[Sortie]]) -> None:
+def load_sorties(state: SortieState, sorties: Sequence[Sequence[Sortie]]) -> None:
     """Put sorties into an empty state.
 
     Raises:
@@ -217,7 +217,7 @@ def begin_with(state: SortieState, sorties: Sequence[Sequence[Sortie]]) -> None:
         state.counts[vehicle] = len(own)
 
 
-def sortie_plan(instance: SortieInstance, state: SortieState) -> SortiePlan:
+def build_sortie_plan(instance: SortieInstance, state: SortieState) -> SortiePlan:
     """Return a state as a plan; what finds no day is left uncovered."""
     sorties, flown = [], set()
     for own, count in zip(state.order, state.counts, strict=True):

@@ -31,7 +31,7 @@ class SortieEvaluation:
     """In words; empty if every wanted segment is flown or named as uncovered, by sorties that may be."""
 
 
-def sortie_s(instance: SortieInstance, vehicle: int, sortie: Sortie) -> float:
+def sortie_duration_s(instance: SortieInstance, vehicle: int, sortie: Sortie) -> float:
     """Return how long a sortie takes.
 
     Raises:
@@ -44,11 +44,11 @@ def sortie_s(instance: SortieInstance, vehicle: int, sortie: Sortie) -> float:
     return float(out + between + home)
 
 
-def sortie_pct(instance: SortieInstance, vehicle: int, sortie: Sortie) -> float:
+def sortie_energy_pct(instance: SortieInstance, vehicle: int, sortie: Sortie) -> float:
     """Return what a sortie uses of a full pack.
 
     Raises:
-        PlanError: as ``sortie_s``.
+        PlanError: as ``sortie_duration_s``.
     """
     _check(instance, sortie)
     visits, own = list(sortie.visits), instance.vehicles[vehicle]
@@ -76,20 +76,22 @@ def evaluate_sorties(instance: SortieInstance, plan: SortiePlan) -> SortieEvalua
         raise PlanError(f"plan: expected {len(instance.vehicles)} vehicles, got {len(plan.sorties)}")
     if not all(0 <= segment < instance.segments for segment in plan.uncovered):
         raise PlanError(f"uncovered: expected some of {instance.segments} segments")
-    lasts = tuple(tuple(sortie_s(instance, vehicle, one) for one in own) for vehicle, own in enumerate(plan.sorties))
+    lasts = tuple(
+        tuple(sortie_duration_s(instance, vehicle, one) for one in own) for vehicle, own in enumerate(plan.sorties)
+    )
     energies = tuple(
-        tuple(sortie_pct(instance, vehicle, one) for one in own) for vehicle, own in enumerate(plan.sorties)
+        tuple(sortie_energy_pct(instance, vehicle, one) for one in own) for vehicle, own in enumerate(plan.sorties)
     )
     ends = [one.start_s + long for own, row in zip(plan.sorties, lasts, strict=True)
             for one, long in zip(own, row, strict=True)]  # fmt: skip
     found = [
-        *_coverage(instance, plan), *_vehicles(instance, plan, lasts, energies),
-        *_take_offs(instance, plan), *_packs(instance, plan, lasts),
+        *_check_coverage(instance, plan), *_check_vehicles(instance, plan, lasts, energies),
+        *_check_take_offs(instance, plan), *_check_packs(instance, plan, lasts),
     ]  # fmt: skip
     return SortieEvaluation(max(ends, default=0.0), sum(map(sum, lasts)), len(ends), lasts, energies, tuple(found))
 
 
-def _coverage(instance: SortieInstance, plan: SortiePlan) -> Iterator[str]:
+def _check_coverage(instance: SortieInstance, plan: SortiePlan) -> Iterator[str]:
     flown = Counter(visit >> 1 for own in plan.sorties for one in own for visit in one.visits)
     flown.update(plan.uncovered)
     for segment in range(instance.segments):
@@ -98,7 +100,7 @@ def _coverage(instance: SortieInstance, plan: SortiePlan) -> Iterator[str]:
             yield f"segment {segment} is flown or named as uncovered {flown[segment]} times, expected {expected}"
 
 
-def _vehicles(
+def _check_vehicles(
     instance: SortieInstance,
     plan: SortiePlan,
     lasts: tuple[tuple[float, ...], ...],
@@ -114,7 +116,7 @@ def _vehicles(
                 yield f"{name}: is not allowed at base {instance.bases[base].name}"
             if pct > own.budget_pct + TOLERANCE:
                 yield f"{name}: uses {pct:.3f} %, its budget is {own.budget_pct:.3f} %"
-            if not _within(own, one.start_s, one.start_s + long):
+            if not _is_within_hours(own, one.start_s, one.start_s + long):
                 yield f"{name}: flies outside of its hours"
             for visit in one.visits:
                 if not instance.able[number, visit >> 1]:
@@ -122,11 +124,11 @@ def _vehicles(
             place, ready_s = one.lands, one.start_s + long + instance.bases[one.lands].turnaround_s
 
 
-def _within(own: SortieVehicle, start_s: float, end_s: float) -> bool:
+def _is_within_hours(own: SortieVehicle, start_s: float, end_s: float) -> bool:
     return any(begin - TOLERANCE <= start_s and end_s <= end + TOLERANCE for begin, end in own.windows)
 
 
-def _take_offs(instance: SortieInstance, plan: SortiePlan) -> Iterator[str]:
+def _check_take_offs(instance: SortieInstance, plan: SortiePlan) -> Iterator[str]:
     for number, base in enumerate(instance.bases):
         starts = sorted(one.start_s for own in plan.sorties for one in own if one.base == number)
         for before, after in pairwise((base.taken_off_s, *starts)):
@@ -134,7 +136,7 @@ def _take_offs(instance: SortieInstance, plan: SortiePlan) -> Iterator[str]:
                 yield f"base {base.name}: take-offs at {before:.1f} and {after:.1f} s, {instance.stagger_s:g} s apart"
 
 
-def _packs(instance: SortieInstance, plan: SortiePlan, lasts: tuple[tuple[float, ...], ...]) -> Iterator[str]:
+def _check_packs(instance: SortieInstance, plan: SortiePlan, lasts: tuple[tuple[float, ...], ...]) -> Iterator[str]:
     for day, (opens, closes) in enumerate(instance.days):
         pools = [
             list(base.charged_s) if day == 0 and base.charged_s is not None else [opens] * (base.packs or 0)
@@ -157,7 +159,7 @@ def _packs(instance: SortieInstance, plan: SortiePlan, lasts: tuple[tuple[float,
                 pools[one.lands].append(one.start_s + long + lands.recharge_s)
 
 
-def packs_at_once(instance: SortieInstance, plan: SortiePlan, evaluation: SortieEvaluation) -> tuple[int, ...]:
+def count_packs_needed(instance: SortieInstance, plan: SortiePlan, evaluation: SortieEvaluation) -> tuple[int, ...]:
     """Return the packs that each base needs on its hardest day: as many as never to keep one of these sorties waiting.
 
     A pack counts with the base where it lands, from where it may fly again once it is charged.

@@ -24,7 +24,7 @@ MOST_OPTIONS = 200_000
 
 
 @dataclass(frozen=True, slots=True)
-class _Flight:
+class _UntimedSortie:
     """A sortie without its time."""
 
     seconds: float
@@ -43,7 +43,7 @@ class _Option:
     """Taken from each base that has not always enough."""
     sorties: tuple[Sortie, ...]
 
-    def beats(self, other: _Option) -> bool:
+    def is_dominating(self, other: _Option) -> bool:
         """Return whether nothing speaks for the other, whatever comes after."""
         return (
             self.lands_s <= other.lands_s and self.flight_s <= other.flight_s
@@ -51,11 +51,11 @@ class _Option:
         )  # fmt: skip
 
 
-_Flights = dict[tuple[int, int, int], _Flight]
+_Flights = dict[tuple[int, int, int], _UntimedSortie]
 """The shortest within the budget by base, set of segments as bits, and base where it lands."""
 
 
-_UnderWay = dict[tuple[int, int], list[_Flight]]
+_UnderWay = dict[tuple[int, int], list[_UntimedSortie]]
 """Flights that have not landed, by set of segments and last visit."""
 
 
@@ -75,17 +75,17 @@ def solve_sorties_exact(instance: SortieInstance) -> SortiePlan | None:
         len(instance.days) > 1 for number in limited
     ):  # fmt: skip
         raise InstanceError("bases: expected packs for one day that are not charged by day, and no stagger_s")
-    options = [_options(instance, vehicle, wanted, limited) for vehicle in range(len(instance.vehicles))]
-    return _chosen(instance, options, len(wanted), limited)
+    options = [_list_options(instance, vehicle, wanted, limited) for vehicle in range(len(instance.vehicles))]
+    return _choose_options(instance, options, len(wanted), limited)
 
 
-def _flights(instance: SortieInstance, vehicle: int, wanted: Sequence[int]) -> _Flights:
+def _find_shortest_sorties(instance: SortieInstance, vehicle: int, wanted: Sequence[int]) -> _Flights:
     """Return the shortest sorties."""
     found: _Flights = {}
     for base in instance.vehicles[vehicle].lands:
         under_way: _UnderWay = {
             (1 << number, visit): [
-                _Flight(
+                _UntimedSortie(
                     float(instance.out_s[vehicle, base, visit]), float(instance.out_pct[vehicle, base, visit]), (visit,)
                 )
             ]
@@ -95,13 +95,13 @@ def _flights(instance: SortieInstance, vehicle: int, wanted: Sequence[int]) -> _
         while under_way:
             for (done, last), flights in under_way.items():
                 for one in flights:
-                    _land(instance, vehicle, found, base, done, last, one)
-            under_way = _longer(instance, vehicle, wanted, under_way)
+                    _add_landings(instance, vehicle, found, base, done, last, one)
+            under_way = _extend_sorties(instance, vehicle, wanted, under_way)
     return found
 
 
-def _land(
-    instance: SortieInstance, vehicle: int, found: _Flights, base: int, done: int, last: int, one: _Flight
+def _add_landings(
+    instance: SortieInstance, vehicle: int, found: _Flights, base: int, done: int, last: int, one: _UntimedSortie
 ) -> None:
     own = instance.vehicles[vehicle]
     for land in own.lands:
@@ -109,12 +109,12 @@ def _land(
         pct = one.pct + float(instance.home_pct[vehicle, last, land])
         known = found.get((base, done, land))
         if pct <= own.budget_pct + TOLERANCE and (known is None or seconds < known.seconds):
-            found[base, done, land] = _Flight(seconds, pct, one.visits)
+            found[base, done, land] = _UntimedSortie(seconds, pct, one.visits)
 
 
-def _longer(instance: SortieInstance, vehicle: int, wanted: Sequence[int], under_way: _UnderWay) -> _UnderWay:
+def _extend_sorties(instance: SortieInstance, vehicle: int, wanted: Sequence[int], under_way: _UnderWay) -> _UnderWay:
     """Return flights with one visit more; beside the shortest those that use less are kept."""
-    own, longer = instance.vehicles[vehicle], dict[tuple[int, int], list[_Flight]]()
+    own, longer = instance.vehicles[vehicle], dict[tuple[int, int], list[_UntimedSortie]]()
     for (done, last), flights in under_way.items():
         onward = [
             (number, visit) for number, segment in enumerate(wanted)
@@ -127,21 +127,21 @@ def _longer(instance: SortieInstance, vehicle: int, wanted: Sequence[int], under
                 if one.pct + more_pct <= own.budget_pct + TOLERANCE:
                     _keep(
                         longer.setdefault((done | 1 << number, visit), []),
-                        _Flight(one.seconds + more_s, one.pct + more_pct, (*one.visits, visit)),
+                        _UntimedSortie(one.seconds + more_s, one.pct + more_pct, (*one.visits, visit)),
                     )
     return longer
 
 
-def _keep(kept: list[_Flight], new: _Flight) -> None:
+def _keep(kept: list[_UntimedSortie], new: _UntimedSortie) -> None:
     if not any(one.seconds <= new.seconds and one.pct <= new.pct for one in kept):
         kept[:] = [one for one in kept if not (new.seconds <= one.seconds and new.pct <= one.pct)] + [new]
 
 
-def _options(
+def _list_options(
     instance: SortieInstance, vehicle: int, wanted: Sequence[int], limited: Sequence[int]
 ) -> list[tuple[int, _Option]]:
     """Return what a vehicle may do, by set of segments; the first is nothing at all."""
-    own, flights = instance.vehicles[vehicle], _flights(instance, vehicle, wanted)
+    own, flights = instance.vehicles[vehicle], _find_shortest_sorties(instance, vehicle, wanted)
     by_set: dict[int, list[_Option]] = {0: [_Option(0.0, 0.0, own.base, (0,) * len(limited), ())]}
     for done in range(1, 1 << len(wanted)):
         for (base, part, land), one in flights.items():
@@ -157,8 +157,8 @@ def _options(
                 sorties = (*before.sorties, Sortie(base, one.visits, land, start_s))
                 new = _Option(start_s + one.seconds, before.flight_s + one.seconds, land, packs, sorties)
                 kept = by_set.setdefault(done, [])
-                if not any(other.base == land and other.beats(new) for other in kept):
-                    kept[:] = [other for other in kept if other.base != land or not new.beats(other)] + [new]
+                if not any(other.base == land and other.is_dominating(new) for other in kept):
+                    kept[:] = [other for other in kept if other.base != land or not new.is_dominating(other)] + [new]
     found = [(done, option) for done, kept in by_set.items() for option in kept]
     if len(found) > MOST_OPTIONS:
         raise InstanceError(f"segments: a vehicle has more than {MOST_OPTIONS} options, expected fewer")
@@ -175,7 +175,7 @@ def _start_s(instance: SortieInstance, vehicle: int, before: _Option, base: int,
     return None
 
 
-def _chosen(
+def _choose_options(
     instance: SortieInstance, options: Sequence[Sequence[tuple[int, _Option]]], segments: int, limited: Sequence[int]
 ) -> SortiePlan | None:
     columns = [(vehicle, done, option) for vehicle, own in enumerate(options) for done, option in own]
@@ -192,27 +192,27 @@ def _chosen(
     for place, base in enumerate(limited):
         taken = {number: float(one[2].packs[place]) for number, one in enumerate(columns)}
         rows.append((taken, -np.inf, float(instance.bases[base].packs or 0)))
-    best = _run(len(columns), rows, {last: 1.0})
+    best = _solve_program(len(columns), rows, {last: 1.0})
     if best is None:
         return None
     rows.append(({last: 1.0}, -np.inf, best[last] + TOLERANCE))
     flight = {number: one[2].flight_s for number, one in enumerate(columns)}
-    best = _run(len(columns), rows, flight) or best
+    best = _solve_program(len(columns), rows, flight) or best
     taken_by = {columns[number][0]: columns[number][2] for number in range(len(columns)) if best[number] > 0.5}
     return SortiePlan(tuple(taken_by[vehicle].sorties for vehicle in range(len(options))))
 
 
-def _run(
+def _solve_program(
     columns: int, rows: Sequence[tuple[dict[int, float], float, float]], cost: dict[int, float]
 ) -> list[float] | None:
     """Return what HiGHS chooses: whether each column is taken, and the last landing."""
     import highspy
 
-    solver = highs.posed(
+    solver = highs.build_program(
         [cost.get(number, 0.0) for number in range(columns + 1)],
         [1.0] * columns + [np.inf],
         ([lower for _, lower, _ in rows], [upper for _, _, upper in rows]),
-        highs.by_rows([row for row, _, _ in rows]),
+        highs.build_row_matrix([row for row, _, _ in rows]),
         whole=[True] * columns + [False],
     )
     solver.run()

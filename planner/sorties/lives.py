@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.moves import MoveTables
-from planner.risk import Chance, wilson
-from planner.sorties.evaluate import evaluate_sorties, packs_at_once, sortie_s
-from planner.sorties.losses import ENOUGH, replanned, sorties_left
+from planner.risk import ProbabilityEstimate, estimate_probability
+from planner.sorties.evaluate import count_packs_needed, evaluate_sorties, sortie_duration_s
+from planner.sorties.losses import ENOUGH, build_sorties_after_loss, replan_sorties
 from planner.sorties.model import SortieInstance, SortiePlan
 
 if TYPE_CHECKING:
@@ -26,17 +26,17 @@ HOUR_S = 3600.0
 
 
 @dataclass(frozen=True, slots=True)
-class Lives:
+class SurvivalEstimate:
     """What many times the same days came to."""
 
     samples: int
-    finished: Chance
+    finished: ProbabilityEstimate
     losses: float
     """On average, up to where the days could not be finished any more."""
     packs: tuple[tuple[int, ...], ...]
-    """For each sample in which everything was inspected the packs that each base needed, as ``packs_at_once``."""
+    """For each sample in which everything was inspected the packs that each base needed, as ``count_packs_needed``."""
 
-    def packs_for(self, share: float) -> tuple[int, ...]:
+    def packs_for_share(self, share: float) -> tuple[int, ...]:
         """Return how many packs of each base are enough in such a share of the finished samples."""
         if not self.packs:
             return ()
@@ -44,15 +44,15 @@ class Lives:
 
 
 @dataclass(frozen=True, slots=True)
-class Spares:
+class SparesEstimate:
     """What so many spares came to."""
 
     spares: tuple[int, ...]
     """Whose likeness each of them is."""
-    lives: Lives
+    lives: SurvivalEstimate
 
 
-def with_spares(instance: SortieInstance, spares: Sequence[int]) -> SortieInstance:
+def add_spares(instance: SortieInstance, spares: Sequence[int]) -> SortieInstance:
     """Return the instance with a likeness of each of some vehicles, standing where it stands."""
     rows = [*range(len(instance.vehicles)), *spares]
     fleet = [replace(instance.vehicles[one], name=f"spare{number}") for number, one in enumerate(spares, 1)]
@@ -64,7 +64,7 @@ def with_spares(instance: SortieInstance, spares: Sequence[int]) -> SortieInstan
 
 
 @dataclass(frozen=True, slots=True)
-class DayCampaign:
+class SurvivalCampaign:
     """Days that are to be flown many times."""
 
     instance: SortieInstance
@@ -80,7 +80,7 @@ class DayCampaign:
 
 
 @dataclass(frozen=True, slots=True)
-class DayChunk:
+class SampleChunk:
     """Some of the times that days are flown."""
 
     first: int
@@ -88,7 +88,7 @@ class DayChunk:
 
 
 @dataclass(frozen=True, slots=True)
-class DaysFlown:
+class SampleResult:
     """What one time came to."""
 
     losses: int
@@ -99,17 +99,19 @@ class DaysFlown:
 DAYS_PER_CHUNK = 10
 
 
-def day_chunks(samples: int) -> tuple[DayChunk, ...]:
+def split_samples(samples: int) -> tuple[SampleChunk, ...]:
     """Return so many times in chunks."""
-    return tuple(DayChunk(first, min(DAYS_PER_CHUNK, samples - first)) for first in range(0, samples, DAYS_PER_CHUNK))
+    return tuple(
+        SampleChunk(first, min(DAYS_PER_CHUNK, samples - first)) for first in range(0, samples, DAYS_PER_CHUNK)
+    )
 
 
-def fly_days(campaign: DayCampaign, chunk: DayChunk) -> tuple[DaysFlown, ...]:
+def simulate_days(campaign: SurvivalCampaign, chunk: SampleChunk) -> tuple[SampleResult, ...]:
     """Fly days some times; what they come to is the same wherever that is done."""
     # Only here: it loads the kernels.
-    from planner.sorties.construct import move_table
+    from planner.sorties.construct import build_move_table
 
-    table = move_table(campaign.instance)
+    table = build_move_table(campaign.instance)
     # Each sortie is priced again and again here.
     instance = replace(campaign.instance, moves=MoveTables(table.move[..., 0], table.move[..., 1]))
     missing = len(instance.vehicles) - len(campaign.plan.sorties)
@@ -119,21 +121,23 @@ def fly_days(campaign: DayCampaign, chunk: DayChunk) -> tuple[DaysFlown, ...]:
         chance = np.random.default_rng((campaign.seed, sample))
         # Spares come last, and drawn one by one: the others' fates do not depend on how many there are.
         life_s = [float(chance.exponential(campaign.mtbf_h * HOUR_S)) for _ in instance.vehicles]
-        flown, lost = _once(instance, plan, life_s, campaign.seed, campaign.iterations, table)
-        packs = None if flown.uncovered else packs_at_once(instance, flown, evaluate_sorties(instance, flown))
-        outcomes.append(DaysFlown(lost, packs))
+        flown, lost = _simulate_once(instance, plan, life_s, campaign.seed, campaign.iterations, table)
+        packs = None if flown.uncovered else count_packs_needed(instance, flown, evaluate_sorties(instance, flown))
+        outcomes.append(SampleResult(lost, packs))
     return tuple(outcomes)
 
 
-def lives_of(chunks: Sequence[Sequence[DaysFlown]]) -> Lives:
+def summarise_samples(chunks: Sequence[Sequence[SampleResult]]) -> SurvivalEstimate:
     """Return what all times came to."""
     outcomes = [one for chunk in chunks for one in chunk]
     packs = tuple(one.packs for one in outcomes if one.packs is not None)
     losses = sum(one.losses for one in outcomes)
-    return Lives(len(outcomes), wilson(len(packs), len(outcomes)), losses / len(outcomes), packs)
+    return SurvivalEstimate(
+        len(outcomes), estimate_probability(len(packs), len(outcomes)), losses / len(outcomes), packs
+    )
 
 
-def _once(
+def _simulate_once(
     instance: SortieInstance,
     plan: SortiePlan,
     life_s: Sequence[float],
@@ -147,21 +151,21 @@ def _once(
         failures = [
             (at_s, number)
             for number in range(len(instance.vehicles))
-            if number not in lost and (at_s := _fails_s(instance, plan, number, life_s[number])) is not None
+            if number not in lost and (at_s := _failure_time_s(instance, plan, number, life_s[number])) is not None
         ]
         if not failures:
             break
         at_s, number = min(failures)
         lost[number] = at_s
-        left = sorties_left(instance, plan, lost, at_s)
-        plan = left.known(replanned(left, seed, iterations, table))
+        left = build_sorties_after_loss(instance, plan, lost, at_s)
+        plan = left.known_sorties(replan_sorties(left, seed, iterations, table))
     return plan, len(lost)
 
 
-def _fails_s(instance: SortieInstance, plan: SortiePlan, vehicle: int, life_s: float) -> float | None:
+def _failure_time_s(instance: SortieInstance, plan: SortiePlan, vehicle: int, life_s: float) -> float | None:
     """Return when a vehicle fails that lasts so many seconds in the air; None if it outlasts its sorties."""
     for one in plan.sorties[vehicle]:
-        long = sortie_s(instance, vehicle, one)
+        long = sortie_duration_s(instance, vehicle, one)
         if life_s < long:
             return one.start_s + life_s
         life_s -= long

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.errors import PlanError
-from planner.sorties.evaluate import sortie_s
+from planner.sorties.evaluate import sortie_duration_s
 from planner.sorties.model import Objective, Sortie, SortieBase, SortieInstance, SortiePlan
 from planner.sorties.solve import solve_sorties
 from planner.stop import FirstFeasible, Iterations, Progress, StopVerdict, any_of
@@ -29,7 +29,7 @@ SAME_TIME_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class _Polished:
+class _PolishedStopRule:
     """Stop at the first plan that covers everything, but not at once; or when it is certain that there is none."""
 
     def __call__(self, progress: Progress) -> StopVerdict:
@@ -39,7 +39,7 @@ class _Polished:
 
 
 @dataclass(frozen=True, slots=True)
-class SortieLoss:
+class SortiesAfterLoss:
     """What is left of a plan after losses."""
 
     kept: tuple[tuple[Sortie, ...], ...]
@@ -51,18 +51,20 @@ class SortieLoss:
     broken: tuple[tuple[Sortie, ...], ...]
     """What the lost were flying: nothing of it counts, but its packs are gone."""
 
-    def known(self, plan: SortiePlan) -> SortiePlan:
+    def known_sorties(self, plan: SortiePlan) -> SortiePlan:
         """Return all sorties that have taken off or will: for the next loss."""
         joined = zip(self.kept, self.broken, plan.sorties, strict=True)
         return SortiePlan(tuple(kept + broken + after for kept, broken, after in joined), plan.uncovered)
 
-    def whole(self, plan: SortiePlan) -> SortiePlan:
+    def whole_plan(self, plan: SortiePlan) -> SortiePlan:
         """Return all sorties of the days, those of a plan for the rest included."""
         joined = (before + after for before, after in zip(self.kept, plan.sorties, strict=True))
         return SortiePlan(tuple(joined), plan.uncovered)
 
 
-def sorties_left(instance: SortieInstance, plan: SortiePlan, lost: Mapping[int, float], at_s: float) -> SortieLoss:
+def build_sorties_after_loss(
+    instance: SortieInstance, plan: SortiePlan, lost: Mapping[int, float], at_s: float
+) -> SortiesAfterLoss:
     """Return what is left at a time when some vehicles are lost.
 
     Args:
@@ -76,7 +78,7 @@ def sorties_left(instance: SortieInstance, plan: SortiePlan, lost: Mapping[int, 
     """
     if len(plan.sorties) != len(instance.vehicles) or not all(0 <= one < len(instance.vehicles) for one in lost):
         raise PlanError(f"expected sorties and losses of {len(instance.vehicles)} vehicles")
-    lasts = [[sortie_s(instance, number, one) for one in own] for number, own in enumerate(plan.sorties)]
+    lasts = [[sortie_duration_s(instance, number, one) for one in own] for number, own in enumerate(plan.sorties)]
     kept, tails, broken, vehicles = [], [], [], []
     flown: list[tuple[Sortie, float]] = []
     """All that took off, with how long it took, also what was lost: packs and take-offs are gone with it."""
@@ -107,12 +109,16 @@ def sorties_left(instance: SortieInstance, plan: SortiePlan, lost: Mapping[int, 
     ]
     today = [(one, long) for one, long in flown if one.start_s >= days[0][0] - SAME_TIME_S]
     rest = replace(
-        instance, vehicles=tuple(vehicles), days=days, wanted=wanted, bases=_bases(instance, days[0][0], today, day)
+        instance,
+        vehicles=tuple(vehicles),
+        days=days,
+        wanted=wanted,
+        bases=_build_bases(instance, days[0][0], today, day),
     )
-    return SortieLoss(tuple(kept), rest, tuple(tails), tuple(broken))
+    return SortiesAfterLoss(tuple(kept), rest, tuple(tails), tuple(broken))
 
 
-def _bases(
+def _build_bases(
     instance: SortieInstance, opens_s: float, flown: Sequence[tuple[Sortie, float]], day: int
 ) -> tuple[SortieBase, ...]:
     """Return bases with the packs that they have left today."""
@@ -145,7 +151,7 @@ class LossWindow:
     """The number of its last sortie whose loss no re-plan was found for; None if it may be lost at any time."""
 
 
-def sortie_window(
+def find_loss_windows(
     instance: SortieInstance,
     plan: SortiePlan,
     *,
@@ -161,18 +167,20 @@ def sortie_window(
     only that the search found none.
     """
     # Only here: it loads the kernels.
-    from planner.sorties.construct import move_table
+    from planner.sorties.construct import build_move_table
 
-    table = move_table(instance) if table is None else table
+    table = build_move_table(instance) if table is None else table
     total, done = sum(map(len, plan.sorties)), 0
     found = []
     for vehicle, own in enumerate(plan.sorties):
         from_s, breaks = 0.0, None
         for number in range(len(own) - 1, -1, -1):
-            lands_s = own[number].start_s + sortie_s(instance, vehicle, own[number])
+            lands_s = own[number].start_s + sortie_duration_s(instance, vehicle, own[number])
             done += 1
             told(done, total)
-            if not finishes(sorties_left(instance, plan, {vehicle: lands_s}, lands_s), seed, iterations, table):
+            if not can_finish(
+                build_sorties_after_loss(instance, plan, {vehicle: lands_s}, lands_s), seed, iterations, table
+            ):
                 from_s, breaks = lands_s, number
                 done += number
                 break
@@ -180,16 +188,16 @@ def sortie_window(
     return tuple(found)
 
 
-def finishes(left: SortieLoss, seed: int, iterations: int, table: MoveTable | None) -> bool:
+def can_finish(left: SortiesAfterLoss, seed: int, iterations: int, table: MoveTable | None) -> bool:
     """Return whether a plan for what is left is found that inspects everything."""
-    return not replanned(left, seed, iterations, table).uncovered
+    return not replan_sorties(left, seed, iterations, table).uncovered
 
 
-def replanned(left: SortieLoss, seed: int, iterations: int, table: MoveTable | None) -> SortiePlan:
+def replan_sorties(left: SortiesAfterLoss, seed: int, iterations: int, table: MoveTable | None) -> SortiePlan:
     """Return a plan for what is left: one that inspects everything, else the best after all iterations."""
     if not left.instance.wanted.any():
         return SortiePlan(tuple(() for _ in left.tails))
-    stop = any_of(_Polished(), Iterations(iterations))
+    stop = any_of(_PolishedStopRule(), Iterations(iterations))
     return solve_sorties(
         left.instance, stop=stop, objective=Objective.FLIGHT, seed=seed, initial=left.tails, table=table
     ).plan

@@ -179,7 +179,7 @@ class SortiePlan:
     uncovered: tuple[int, ...] = ()
 
 
-def parted_windows(days: Iterable[Window], quiet: Iterable[Window]) -> tuple[Window, ...]:
+def subtract_quiet_times(days: Iterable[Window], quiet: Iterable[Window]) -> tuple[Window, ...]:
     """Return days without quiet times.
 
     >>> parted_windows([(8.0, 16.0)], [(12.0, 13.0), (15.0, 20.0)])

@@ -11,20 +11,20 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from planner.construct import random_state
+from planner.construct import build_random_state
 from planner.kernels.arrays import RandomState
-from planner.kernels.sortieinsertion import measure_given, put_all, settle_touched
-from planner.kernels.sorties import SortieMemory, SortieProblem, SortieState, schedule
-from planner.kernels.sortiesearch import anneal_sorties, better_sums, copy_sorties
-from planner.rounds import in_rounds, side_by_side
+from planner.kernels.sortieinsertion import choose_bases_of_touched, measure_given_sorties, put_all_segments
+from planner.kernels.sorties import SortieProblem, SortieState, SortieWorkspace, schedule_sorties
+from planner.kernels.sortiesearch import anneal_sorties, copy_sorties, has_better_sums
+from planner.rounds import run_in_threads, run_rounds
 from planner.sorties.construct import (
     MoveTable,
-    begin_with,
-    move_table,
-    sortie_memory,
-    sortie_plan,
-    sortie_problem,
-    sortie_state,
+    build_move_table,
+    build_sortie_plan,
+    build_sortie_problem,
+    build_sortie_state,
+    build_sortie_workspace,
+    load_sorties,
 )
 from planner.sorties.evaluate import evaluate_sorties
 from planner.sorties.model import Objective, Sortie, SortieInstance
@@ -51,9 +51,9 @@ class _Start:
 
     def __init__(self, problem: SortieProblem, table: MoveTable, first: SortieState, rng: RandomState) -> None:
         self._problem = problem
-        self._current, self._trial = (sortie_state(problem, table) for _ in range(2))
-        self.best = sortie_state(problem, table)
-        self._memory = sortie_memory(problem)
+        self._current, self._trial = (build_sortie_state(problem, table) for _ in range(2))
+        self.best = build_sortie_state(problem, table)
+        self._memory = build_sortie_workspace(problem)
         self._temperature = np.zeros(1)
         self._rng = rng
         copy_sorties(first, self.best)
@@ -89,48 +89,48 @@ class SortieSearch:
     ) -> None:
         self._watch = Stopwatch()
         self._instance = instance
-        self._table = move_table(instance) if table is None else table
-        self._problem = sortie_problem(instance, self._table, objective)
+        self._table = build_move_table(instance) if table is None else table
+        self._problem = build_sortie_problem(instance, self._table, objective)
         able = self._problem.able.any(axis=0)
         self._impossible = bool((instance.wanted & ~able).any())
         self._idle = not able.any()
-        first = self._first(initial, seed)
+        first = self._build_first_state(initial, seed)
         self._starts = [
-            _Start(self._problem, self._table, first, random_state(seed + number)) for number in range(starts)
+            _Start(self._problem, self._table, first, build_random_state(seed + number)) for number in range(starts)
         ]
         self._leader = self._starts[0]
         self._iterations = self._improved_at = 0
         self._length = FIRST_CYCLE + PER_SEGMENT * instance.segments
         self._begin()
 
-    def _first(self, initial: Sequence[Sequence[Sortie]], seed: int) -> SortieState:
+    def _build_first_state(self, initial: Sequence[Sequence[Sortie]], seed: int) -> SortieState:
         """Return the given sorties with all open segments put in where they cost least, those far off first."""
-        state, memory = sortie_state(self._problem, self._table), sortie_memory(self._problem)
+        state, memory = build_sortie_state(self._problem, self._table), build_sortie_workspace(self._problem)
         if initial:
-            begin_with(state, initial)
-            if not measure_given(self._problem, state, memory):
-                state = sortie_state(self._problem, self._table)
+            load_sorties(state, initial)
+            if not measure_given_sorties(self._problem, state, memory):
+                state = build_sortie_state(self._problem, self._table)
         nearest_s = self._problem.out[:, :, ::2, 0].min(axis=(0, 1))
         able = self._problem.able.any(axis=0) & (state.where < 0)
         waiting = np.array(sorted(np.flatnonzero(able), key=lambda one: -nearest_s[one]), dtype=np.int64)
-        put_all(self._problem, state, memory, waiting, len(waiting), random_state(seed))
-        self._settle(state, memory)
+        put_all_segments(self._problem, state, memory, waiting, len(waiting), build_random_state(seed))
+        self._schedule_anew(state, memory)
         if state.sums[0] > 0 and not initial:  # the days are too short: what yields most comes first
             for vehicle, count in enumerate(state.counts):
                 own = state.order[vehicle, :count].copy()
                 state.order[vehicle, :count] = own[np.argsort(-state.size[own] / state.whole[own, 0], kind="stable")]
-            self._settle(state, memory)
+            self._schedule_anew(state, memory)
         return state
 
-    def _settle(self, state: SortieState, memory: SortieMemory) -> None:
+    def _schedule_anew(self, state: SortieState, memory: SortieWorkspace) -> None:
         """Divide what every vehicle does into sorties anew, and give them their times."""
         memory.touched[:] = 1
-        settle_touched(self._problem, state, memory)
+        choose_bases_of_touched(self._problem, state, memory)
         memory.touched[:] = 0
-        schedule(self._problem, state, memory)
+        schedule_sorties(self._problem, state, memory)
 
     @property
-    def complete(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether the best plan so far inspects everything in its days."""
         best = self._leader.best
         return not self._impossible and best.sums[0] <= 0 and bool((best.where[self._instance.wanted] >= 0).all())
@@ -139,8 +139,8 @@ class SortieSearch:
         """Improve until ``stop`` says so."""
         reason = "nothing to do"
         if not self._idle:
-            reason = in_rounds(stop, self._progress, self._advance, len(self._starts))
-        plan = sortie_plan(self._instance, self._leader.best)
+            reason = run_rounds(stop, self._build_progress, self._advance, len(self._starts))
+        plan = build_sortie_plan(self._instance, self._leader.best)
         return SortieResult(plan, evaluate_sorties(self._instance, plan), self._iterations, self._watch.seconds, reason)
 
     def _begin(self) -> None:
@@ -151,7 +151,7 @@ class SortieSearch:
         few = 15.0 if self._instance.segments <= FEW else 1.0
         hot, cold = (few * share * max(mean_s, 1.0) for share in (HOT, COLD))
         self._cooling = (cold / hot) ** (1 / self._length)
-        leader = sortie_state(self._problem, self._table)
+        leader = build_sortie_state(self._problem, self._table)
         copy_sorties(best, leader)
         for start in self._starts:
             start.begin(leader, hot)
@@ -161,9 +161,9 @@ class SortieSearch:
         fair = max(1, allowed // len(self._starts))
         share = min(BATCH, fair, self._length - self._done)
         starts = self._starts[: min(len(self._starts), allowed)]
-        found = side_by_side(threads, lambda start: start.run(self._cooling, self._most, share), starts)
+        found = run_in_threads(threads, lambda start: start.run(self._cooling, self._most, share), starts)
         for start in starts:
-            if better_sums(self._problem, start.best.sums, self._leader.best.sums):
+            if has_better_sums(self._problem, start.best.sums, self._leader.best.sums):
                 self._leader = start
         if max(found) > 0:
             self._improved_at = self._iterations + max(found) * len(starts)
@@ -173,7 +173,7 @@ class SortieSearch:
             self._length = int(GROWTH * self._length)
             self._begin()
 
-    def _progress(self) -> Progress:
+    def _build_progress(self) -> Progress:
         best = self._leader.best
         late = best.start >= 1e17
         uncovered = int(self._instance.wanted.sum()) - int(best.size[~late].sum())

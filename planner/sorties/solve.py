@@ -10,7 +10,7 @@ import numpy as np
 from planner.moves import MoveTables
 from planner.sorties.model import Objective, Sortie, SortieBase, SortieInstance, SortieVehicle
 from planner.sorties.result import SortieResult
-from planner.stop import Iterations, Progress, StopRule, reported
+from planner.stop import Iterations, Progress, StopRule, add_progress_report
 
 if TYPE_CHECKING:
     from planner.sorties.construct import MoveTable
@@ -48,7 +48,7 @@ def solve_sorties(
     from planner.sorties.search import SortieSearch
 
     search = SortieSearch(instance, objective=objective, seed=seed, starts=starts, initial=initial, table=table)
-    return search.run(reported(stop, on_progress))
+    return search.run(add_progress_report(stop, on_progress))
 
 
 def warm_up_sorties(starts: int = 1) -> None:

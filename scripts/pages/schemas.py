@@ -56,7 +56,7 @@ def schemas() -> dict[str, str]:
 
 
 def _text(name: str, model: type[BaseModel], words: Words) -> str:
-    sent = issubclass(model, payloads.Payload)
+    sent = issubclass(model, payloads.MqttPayload)
     content: dict[str, Any] = model.model_json_schema(mode="serialization" if sent else "validation")
     for part in (content, *content.get("$defs", {}).values()):
         for key, known in part.get("properties", {}).items():

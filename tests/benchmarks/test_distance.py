@@ -15,7 +15,7 @@ from benchmarks import distance
 from benchmarks.commands import cli
 from benchmarks.distance import FAULTS, DistanceFlight, distance_results, drawn_faults
 from benchmarks.distancepage import distance_document, keep_distance, print_distance
-from executor.virtual.many import FlightCase, flight_cases
+from executor.virtual.many import FlightCase, make_flight_cases
 
 NAMES = ("uav1", "uav2", "uav3")
 GOOD = DistanceFlight(
@@ -35,7 +35,11 @@ def test_a_small_flight_is_inspected_where_it_says_so() -> None:
 
 
 def test_dialects_take_turns_and_faults_follow_the_seed() -> None:
-    assert [case.autopilot for case in flight_cases(3, 1, ["ardupilot", "px4"])] == ["ardupilot", "px4", "ardupilot"]
+    assert [case.autopilot for case in make_flight_cases(3, 1, ["ardupilot", "px4"])] == [
+        "ardupilot",
+        "px4",
+        "ardupilot",
+    ]
     drawn = [drawn_faults(NAMES, FAULTS, np.random.default_rng(seed)) for seed in range(200)]
     assert drawn == [drawn_faults(NAMES, FAULTS, np.random.default_rng(seed)) for seed in range(200)]
     kinds = {distance.kind_of(fault) for faults in drawn for fault in faults}

@@ -13,14 +13,14 @@ from benchmarks.commands import cli
 from benchmarks.fleet import FleetFlight, fleet_report
 from benchmarks.fleetsite import site_of, write_network
 from benchmarks.garbage import STRANGER, datagrams
-from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.site import assembly
 from executor.site.config import check_site
 
 
 def test_the_network_keeps_everybody_busy(tmp_path: Path) -> None:
     write_network(tmp_path / "network.graph", vehicles=3, minutes=10.0, seed=1)
-    ground = assembly.ground_of(check_site(site_of("network.graph", 3, 2.0), "fleet"), tmp_path)
+    ground = assembly.load_site_model(check_site(site_of("network.graph", 3, 2.0), "fleet"), tmp_path)
     inspected_m = float(ground.network.lengths_m.sum())
     assert inspected_m / ground.inspection.speed_m_s >= 3 * 600.0
     assert len({vehicle.connection for vehicle in ground.site.vehicle}) == 3
@@ -55,7 +55,7 @@ def test_growth_is_counted_from_the_first_quarter() -> None:
 def test_garbage_is_noise_damage_and_strangers_in_equal_parts() -> None:
     kinds = datagrams(seed=1)
     assert kinds == datagrams(seed=1)
-    frames = [list(Codec().decode(data)) for data in kinds]
+    frames = [list(MavlinkCodec().decode(data)) for data in kinds]
     assert all(len(found) == 1 and found[0].sysid == STRANGER for found in frames[2::3])
     assert not any(found for found in frames[1::3])
     assert {type(one[0].message).__name__ for one in frames[2::3]} == {

@@ -13,7 +13,7 @@ from benchmarks.parts.setting import Setting
 from benchmarks.peer import pyvrp_installed, solve_pyvrp
 from benchmarks.problems import PAPER_S, line_instance
 from benchmarks.store import Store
-from planner import Cost, Iterations, remaining, solve
+from planner import Cost, Iterations, build_remaining_problem, solve
 
 
 def test_every_part_has_its_work() -> None:
@@ -47,7 +47,7 @@ def test_losses_are_all_vehicles_in_flight_at_each_completion() -> None:
     assert losses[:2] == [(0, 0.0), (1, 0.0)]
     assert len(losses) == len(set(losses))
     for lost, at_s in losses:
-        assert remaining(instance, plan, lost, at_s).open_segments or at_s > 0
+        assert build_remaining_problem(instance, plan, lost, at_s).open_segments or at_s > 0
 
 
 def test_the_page_of_re_plans_says_what_was_missed() -> None:
@@ -83,6 +83,6 @@ def test_pyvrp_solves_the_same_problem_as_we_do() -> None:
     ours = solve(instance, cost=Cost.MINSUM, stop=Iterations(4000))
     theirs = solve_pyvrp(instance, seconds=0.3, seed=1)
     assert theirs.value == pytest.approx(ours.evaluation.value, rel=1e-3)
-    left = remaining(instance, ours.plan, 0, 100.0).instance
+    left = build_remaining_problem(instance, ours.plan, 0, 100.0).instance
     again = solve_pyvrp(left, seconds=0.3, seed=1)
     assert (again.plan is not None) == solve(left, cost=Cost.MINSUM, stop=Iterations(4000)).feasible

@@ -16,7 +16,7 @@ from benchmarks.errors import BenchError
 from benchmarks.prediction import Figures, Flown, FlownRoute, RouteCase, by_phase, cases, phases, prediction_errors
 from benchmarks.predictionpage import keep_prediction, prediction_document, print_prediction
 from executor.analysis.documents import LegRow, RouteRow
-from executor.virtual.site import AMPLE_AH, virtual_ground
+from executor.virtual.site import AMPLE_AH, build_virtual_site
 from simulator.truth import Truth
 from tests.executor.flights import write_run
 from tests.executor.virtual.short_line import write_line
@@ -39,7 +39,7 @@ def test_routes_are_drawn_as_asked() -> None:
 
 
 def test_hills_leave_the_depot_where_it_is_and_rise_as_high_as_asked() -> None:
-    ground = virtual_ground(None, None, 2, "px4")
+    ground = build_virtual_site(None, None, 2, "px4")
     hills = prediction.with_hills(ground.network, 40.0, np.random.default_rng(1))
     assert hills.frame == ground.network.frame
     rises = [
@@ -51,7 +51,7 @@ def test_hills_leave_the_depot_where_it_is_and_rise_as_high_as_asked() -> None:
 
 
 def test_routes_share_nothing_and_have_their_sizes() -> None:
-    ground = virtual_ground(None, None, 3, "px4", capacity_ah=AMPLE_AH)
+    ground = build_virtual_site(None, None, 3, "px4", capacity_ah=AMPLE_AH)
     routes = prediction.random_routes(ground, (5, 12, 40), np.random.default_rng(2))
     assert [len(visits) for visits in routes.values()] == [5, 12, 40]
     segments = [visit >> 1 for visits in routes.values() for visit in visits]

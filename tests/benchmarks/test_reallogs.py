@@ -14,8 +14,8 @@ from benchmarks.reallogs import aircraft_of, clustered_interval, judge_logs, rea
 from benchmarks.reallogspage import print_real, real_document, real_markdown
 from benchmarks.store import keep_result
 from executor.cli import main
-from executor.replay.witness.statements import read_testimony
-from executor.replay.witness.testimony import Hand
+from executor.replay.witness.statements import read_log_evidence
+from executor.replay.witness.testimony import Controller
 from tests.onboard import DataFlashWriter
 from tests.recorded import Writer, flight, heartbeat, position, station, text
 
@@ -140,7 +140,7 @@ def test_an_error_of_the_program_is_counted_and_not_raised(tmp_path: Path, monke
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("a mistake")
 
-    monkeypatch.setattr(reallogs, "replay", broken)
+    monkeypatch.setattr(reallogs, "replay_log", broken)
     logs = folder_of_logs(tmp_path)
     assert reallogs.judge_log(logs / SILENT, logs)["failed"] == "ZeroDivisionError: a mistake"
 
@@ -170,6 +170,6 @@ def test_a_mode_in_an_old_log_is_judged_by_its_reason(tmp_path: Path) -> None:
     writer.say("MODE", "QMBB", "TimeUS,Mode,ModeNum,Rsn", 1_500_000, 3, 3, 2)
     writer.say("MODE", "QMBB", "TimeUS,Mode,ModeNum,Rsn", 9_000_000, 6, 6, 4)
     writer.say("ERR", "QBB", "TimeUS,Subsys,ECode", 9_100_000, 6, 1)
-    told = read_testimony(writer.write(tmp_path / "a.BIN"))[7]
-    assert [(one.mode, one.by) for one in told.modes] == [(3, Hand.STATION), (6, Hand.FAILSAFE)]
+    told = read_log_evidence(writer.write(tmp_path / "a.BIN"))[7]
+    assert [(one.mode, one.by) for one in told.modes] == [(3, Controller.STATION), (6, Controller.FAILSAFE)]
     assert [one.kind for one in told.failings] == ["battery"]

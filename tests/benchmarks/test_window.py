@@ -27,7 +27,7 @@ from benchmarks.windowpage import keep_window, print_window, window_document
 from executor.errors import FlightNotFlown
 from executor.virtual.branches import Branch, fly_branches
 from executor.virtual.flight import VirtualFlight
-from executor.virtual.site import dearest_pct, sized
+from executor.virtual.site import dearest_route_pct, size_batteries
 from tests.executor.virtual.short_line import shared, short_ground, write_line
 
 CRASH = RandomLoss(0, "uav2", "crash", 40.0)
@@ -70,7 +70,7 @@ def test_a_loss_that_the_other_can_bear_is_finished(claim: Claim) -> None:
 
 
 def test_a_loss_that_it_cannot_bear_names_what_is_left(claim: Claim) -> None:
-    small = sized(claim.ground, claim.plan, 75.0)
+    small = size_batteries(claim.ground, claim.plan, 75.0)
     outcome = fly_loss(Claim(small, shared(small), 30.0, claim.longest_s), CRASH)
     assert not outcome.finished
     assert outcome.named
@@ -104,7 +104,7 @@ def test_the_batteries_are_as_tight_as_asked(tmp_path: Path) -> None:
     assert half.ground.drone.capacity_ah > 1.3 * most.ground.drone.capacity_ah
     assert half.earliest_s <= most.earliest_s < most.longest_s
     # A plan that is chosen for its window may have a dearer route.
-    assert dearest_pct(most.ground, most.plan) > 0.8 * 28.0 - 0.1
+    assert dearest_route_pct(most.ground, most.plan) > 0.8 * 28.0 - 0.1
     assert {vehicle.budget_pct for vehicle in most.plan.vehicles} == {28.0}
 
 

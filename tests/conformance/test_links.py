@@ -12,8 +12,8 @@ from executor.protocols.command import CommandDialogue
 from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted
 from executor.runtime import preflight, procedures
-from executor.runtime.dialogue import converse
-from missions import differences
+from executor.runtime.dialogue import run_dialogue
+from missions import find_mission_differences
 from tests.conformance.ways import WAYS, Ground, Way, route, station
 from tests.patience import PATIENCE_S
 from tests.ports import free_port
@@ -41,8 +41,10 @@ async def test_a_vehicle_is_heard_and_interviewed(way: Way) -> None:
     port = free_port()
     async with way.vehicles.start(port, [ONE], []), station(way, port, [ONE]) as ground:
         link = ground.links[ONE]
-        await preflight.answer("uav", f"udpin://127.0.0.1:{port}", ONE, link, PATIENCE_S, ground.clock)
-        facts = await preflight.interview("uav", link, ground.clock, way.vehicles.dialect, 100.0, lambda _: None)
+        await preflight.wait_for_vehicle("uav", f"udpin://127.0.0.1:{port}", ONE, link, PATIENCE_S, ground.clock)
+        facts = await preflight.interview_vehicle(
+            "uav", link, ground.clock, way.vehicles.dialect, 100.0, lambda _: None
+        )
         assert (facts.heartbeat.autopilot, facts.heartbeat.vehicle_type) == (way.vehicles.autopilot, way.vehicles.kind)
         assert (facts.position.lat_deg, facts.position.lon_deg) == pytest.approx((LAT_DEG, LON_DEG), abs=1e-6)
         assert 99 <= facts.remaining_pct <= 100
@@ -60,11 +62,11 @@ async def test_a_mission_reads_back_as_it_was_sent_and_so_does_the_next(way: Way
         assert await heard(ground)
         for legs in (9, 3, 3):
             items = route(dialect, legs)
-            done = await procedures.put_on_board(ground.links[ONE], ground.clock, dialect, items)
+            done = await procedures.upload_and_verify(ground.links[ONE], ground.clock, dialect, items)
             assert done.accepted, done.reason
-            back = await converse(DownloadDialogue(), ground.links[ONE], ground.clock)
+            back = await run_dialogue(DownloadDialogue(), ground.links[ONE], ground.clock)
             assert isinstance(back.outcome, Accepted)
-            assert differences(items, back.items, dialect) == ()
+            assert find_mission_differences(items, back.items, dialect) == ()
 
 
 @every_way
@@ -90,9 +92,9 @@ async def test_a_command_is_acknowledged_and_an_unknown_one_is_not_accepted(way:
     async with way.vehicles.start(port, [ONE], []), station(way, port, [ONE]) as ground:
         assert await heard(ground)
         link, clock = ground.links[ONE], ground.clock
-        interval = orders.message_interval(orders.GLOBAL_POSITION_INT, 5.0)
-        assert (await procedures.order(link, clock, CommandDialogue(interval, "stream"))).accepted
-        refused = await procedures.order(link, clock, CommandDialogue(SendCommand(NO_COMMAND), "nonsense"))
+        interval = orders.set_message_interval(orders.GLOBAL_POSITION_INT, 5.0)
+        assert (await procedures.send_order(link, clock, CommandDialogue(interval, "stream"))).accepted
+        refused = await procedures.send_order(link, clock, CommandDialogue(SendCommand(NO_COMMAND), "nonsense"))
         assert not refused.accepted
         assert refused.reason.startswith("nonsense: ")
 
@@ -103,15 +105,15 @@ async def test_a_mission_is_started_and_flown(way: Way) -> None:
     async with way.vehicles.start(port, [ONE], []), station(way, port, [ONE]) as ground:
         assert await heard(ground)
         link, clock = ground.links[ONE], ground.clock
-        interval = orders.message_interval(orders.GLOBAL_POSITION_INT, 5.0)
-        assert (await procedures.order(link, clock, CommandDialogue(interval, "stream"))).accepted
-        assert (await procedures.put_on_board(link, clock, dialect, route(dialect))).accepted
-        done = await procedures.start(link, clock, dialect)
+        interval = orders.set_message_interval(orders.GLOBAL_POSITION_INT, 5.0)
+        assert (await procedures.send_order(link, clock, CommandDialogue(interval, "stream"))).accepted
+        assert (await procedures.upload_and_verify(link, clock, dialect, route(dialect))).accepted
+        done = await procedures.arm_and_start(link, clock, dialect)
         assert done.accepted, done.reason
         assert await procedures.wait_for(
             link, clock, lambda message: isinstance(message, Position) and message.alt_rel_m > 5.0, 60.0
         )
-        assert (await procedures.send_home(link, clock, dialect)).accepted
+        assert (await procedures.order_rtl(link, clock, dialect)).accepted
 
 
 @every_way
@@ -126,7 +128,7 @@ async def test_a_link_that_is_lost_is_silent_and_comes_back_by_itself(way: Way) 
         assert not await heard(ground, within_real_s=lost_real_s)
         async with way.vehicles.start(port, [ONE], []):
             assert await heard(ground)
-            done = await procedures.put_on_board(
+            done = await procedures.upload_and_verify(
                 ground.links[ONE], ground.clock, way.vehicles.dialect, route(way.vehicles.dialect)
             )
             assert done.accepted, done.reason
@@ -138,14 +140,14 @@ async def test_several_vehicles_on_one_port_get_each_its_own_mission(way: Way) -
     async with way.vehicles.start(port, SEVERAL, []), station(way, port, SEVERAL) as ground:
         missions = {sysid: route(dialect, 4 * number) for number, sysid in enumerate(SEVERAL, start=1)}
 
-        async def one(sysid: int) -> procedures.Done:
+        async def one(sysid: int) -> procedures.ProcedureResult:
             assert await heard(ground, sysid)
-            return await procedures.put_on_board(ground.links[sysid], ground.clock, dialect, missions[sysid])
+            return await procedures.upload_and_verify(ground.links[sysid], ground.clock, dialect, missions[sysid])
 
         done = await asyncio.gather(*(one(sysid) for sysid in SEVERAL))
         assert [one.accepted for one in done] == [True] * len(SEVERAL), done
         for sysid in SEVERAL:
-            back = await converse(DownloadDialogue(), ground.links[sysid], ground.clock)
+            back = await run_dialogue(DownloadDialogue(), ground.links[sysid], ground.clock)
             assert len(back.items) == len(missions[sysid])
         assert [ground.links[sysid].counts.foreign for sysid in SEVERAL] == [0, 0, 0]
 
@@ -157,5 +159,5 @@ async def test_a_mission_gets_on_board_over_a_bad_link(way: Way, faults: list[st
     specs = [f"all:{fault}@0s" for fault in faults]
     async with way.vehicles.start(port, [ONE], specs), station(way, port, [ONE]) as ground:
         assert await heard(ground)
-        done = await procedures.put_on_board(ground.links[ONE], ground.clock, dialect, route(dialect, 4))
+        done = await procedures.upload_and_verify(ground.links[ONE], ground.clock, dialect, route(dialect, 4))
         assert done.accepted, done.reason

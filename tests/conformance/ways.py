@@ -22,12 +22,12 @@ from mavsdk.plugins.telemetry_server import (
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.mavlink import endpoints
-from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavsdk import link as mavsdk_links
-from executor.adapters.mavsdk.library import load
+from executor.adapters.mavsdk.library import load_mavsdk
 from executor.core.connection import parse_connection
-from executor.core.ports import LinkOrder, OpenLink
-from executor.runtime.flight import keep_heartbeat
+from executor.core.ports import LinkRequest, OpenLink
+from executor.runtime.flight import send_heartbeats
 from missions import ARDUPILOT, PX4, Dialect, MissionItem
 from simulator.config import AutopilotKind, SimFleet
 from simulator.faults import parse_fault
@@ -47,7 +47,7 @@ from tests.simulator.harness import (
 SPEEDUP = 3.0
 
 Links = AbstractAsyncContextManager[Mapping[str, OpenLink]]
-OpenLinks = Callable[[Mapping[str, LinkOrder]], Links]
+OpenLinks = Callable[[Mapping[str, LinkRequest]], Links]
 
 
 @dataclass(frozen=True)
@@ -100,8 +100,8 @@ def route(dialect: Dialect, legs: int = 3) -> tuple[MissionItem, ...]:
 async def station(way: Way, port: int, sysids: Sequence[int]) -> AsyncIterator[Ground]:
     """Open links to these systems at one port, and keep up the heartbeat."""
     clock, connection = SystemClock(SPEEDUP), parse_connection(f"udpin://127.0.0.1:{port}")
-    async with way.open_links({str(sysid): LinkOrder(connection, sysid) for sysid in sysids}) as links:
-        beat = asyncio.create_task(keep_heartbeat(links, clock))
+    async with way.open_links({str(sysid): LinkRequest(connection, sysid) for sysid in sysids}) as links:
+        beat = asyncio.create_task(send_heartbeats(links, clock))
         try:
             yield Ground({int(name): link for name, link in links.items()}, clock)
         finally:
@@ -132,7 +132,7 @@ def simulated(
 async def served(port: int, sysids: Sequence[int], faults: Sequence[str]) -> AsyncIterator[None]:
     """Start vehicles that MAVSDK's server plugins play: none of this code wrote any of their words."""
     assert not faults
-    load()
+    load_mavsdk()
     running = [_MavsdkVehicle(port, sysid) for sysid in sysids]
     publishing = [asyncio.create_task(vehicle.publish()) for vehicle in running]
     try:
@@ -180,9 +180,9 @@ PX4S = Vehicles(
 MAVSDKS = Vehicles("mavsdk", PX4, 0, 0, (("NAV_DLL_ACT", 3.0, 6), ("COM_DL_LOSS_T", 12.25, 9)), False, served)
 
 
-def through_mavsdk(orders: Mapping[str, LinkOrder]) -> Links:
+def through_mavsdk(orders: Mapping[str, LinkRequest]) -> Links:
     """Open links as the flight does for vehicles with the backend mavsdk."""
-    return mavsdk_links.open_mavsdk_links(orders, Codec())
+    return mavsdk_links.open_mavsdk_links(orders, MavlinkCodec())
 
 
 WAYS = (

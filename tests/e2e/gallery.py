@@ -25,15 +25,15 @@ from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.messages import Gps, Wind
-from executor.core.parts import OnBoard
-from executor.core.payload.pictures import NotSeen, Unseen
-from executor.core.state import Briefing, CheckLine, FleetState, Question, SaidLine
-from executor.core.vehicle import Stage, VehicleState, aboard
-from executor.core.view import FleetView, LastFixView, LossView, OfferView, TakenView, VehicleView, fleet_view
+from executor.core.parts import OnboardMission
+from executor.core.payload.pictures import AwaitedPictures, MissingPictures
+from executor.core.state import Briefing, CheckLine, FleetState, OperatorLine, Question
+from executor.core.vehicle import Stage, VehicleState, build_onboard_mission
+from executor.core.view import FleetView, LastFixView, LossView, OfferView, TakenView, VehicleView, build_fleet_view
 from executor.site import assembly
-from executor.site.ground_files import ground_files
+from executor.site.ground_files import encode_ground
 from executor.site.ground_view import GroundView
-from missions import Segment, Window, flight_path
+from missions import Segment, Window, build_flight_path
 from tests.executor.builders import ground_for, site_of, with_facts
 from tests.fakes.flight import Story
 from tests.missions.builders import network_of
@@ -74,7 +74,7 @@ class Fleet:
     """A fleet over a line whose spans have names."""
 
     context: Context
-    boards: dict[str, OnBoard | None]
+    boards: dict[str, OnboardMission | None]
 
 
 def fleet(
@@ -84,10 +84,11 @@ def fleet(
     plain = network_of(list(places_m), list(pairs))
     segments = tuple(Segment(one.id, one.a, one.b, f"P{41 + one.a}-P{41 + one.b}") for one in plain.segments)
     ground = ground_for(site_of(tuple(ROUTES), **tables), replace(plain, segments=segments, source="gallery"))
-    setup, task = assembly.setup_of(ground), assembly.task_of(ground)
-    context = assembly.context_of(ground, setup, task)
-    boards: dict[str, OnBoard | None] = {
-        name: aboard(context, name, 0, flight_path(setup, name, visits), visits) for name, visits in ROUTES.items()
+    setup, task = assembly.build_flight_setup(ground), assembly.build_first_task(ground)
+    context = assembly.build_context(ground, setup, task)
+    boards: dict[str, OnboardMission | None] = {
+        name: build_onboard_mission(context, name, 0, build_flight_path(setup, name, visits), visits)
+        for name, visits in ROUTES.items()
     }
     return Fleet(context, boards)
 
@@ -109,7 +110,7 @@ class Scene:
 
     def view(self, state: FleetState, now_s: float) -> FleetView:
         """Describe it: all but the clock stands still."""
-        still = fleet_view(self.context, state, self.now_s)
+        still = build_fleet_view(self.context, state, self.now_s)
         flight_s = None if still.flight_s is None else round(still.flight_s + now_s - self.now_s, 2)
         vehicles = tuple(self.touch.get(one.name, _same)(one) for one in still.vehicles)
         return replace(still, now_s=round(now_s, 2), flight_s=flight_s, vehicles=vehicles, offer=self.offer)
@@ -151,9 +152,9 @@ def before(ready: Fleet, *, asked: str = "take-off", stop: bool = False) -> Scen
     checks = (*CHECKS, STOPPED) if stop else CHECKS
     briefing = Briefing(checks, None if stop else questions[asked])
     lines = (
-        SaidLine(1.0, Level.INFO, "waiting for 3 vehicles"),
-        SaidLine(6.0, Level.INFO, "uav1: ready, quadrotor, ArduPilot 4.6.1, battery 98 %"),
-        SaidLine(8.0, Level.WARNING, "uav2: no battery failsafe"),
+        OperatorLine(1.0, Level.INFO, "waiting for 3 vehicles"),
+        OperatorLine(6.0, Level.INFO, "uav1: ready, quadrotor, ArduPilot 4.6.1, battery 98 %"),
+        OperatorLine(8.0, Level.WARNING, "uav2: no battery failsafe"),
     )
     state = with_facts(_fitted(story.state), briefing=briefing, said=lines)
     words = {
@@ -220,7 +221,7 @@ def taken(ready: Fleet, *, returned: bool = False) -> Scene:
         mode = "AUTO" if returned else "LOITER"
         return replace(vehicle, state="pilot", mode=mode, taken=hands, loss=None, lands_in_s=None)
 
-    line = SaidLine(
+    line = OperatorLine(
         since_s, Level.WARNING, "uav2: its pilot took it (LOITER); nothing is commanded; its segments are kept for 30 s"
     )
     state = with_facts(_fitted(story.state), said=(*story.state.crew.said, line))
@@ -244,7 +245,7 @@ def offered(ready: Fleet) -> Scene:
         return replace(vehicle, offered=True, progress=replace(vehicle.progress, done=3, total=3))
 
     offer = OfferView(("uav1",), (4, 5), "uav1 can take over 2 spans (P45-P46, P43-P47). Is its pad clear of people?")
-    line = SaidLine(story.now_s, Level.WARNING, offer.text)
+    line = OperatorLine(story.now_s, Level.WARNING, offer.text)
     home = story.vehicle("uav1")
     assert home.motion.fix is not None
     assert home.telemetry.heartbeat is not None
@@ -276,7 +277,7 @@ def down(ready: Fleet) -> Scene:
     place = replace(vehicle.motion.fix, alt_rel_m=0.4, velocity_m_s=(0.0, 0.0, 0.0))
     lat_deg, lon_deg = ready.context.frame.to_wgs84_deg(*place.place_m)
     reason = f"down at {lat_deg:.6f}, {lon_deg:.6f}, armed: keep away"
-    line = SaidLine(story.now_s, Level.FAULT, f"uav2: {reason}")
+    line = OperatorLine(story.now_s, Level.FAULT, f"uav2: {reason}")
     state = with_facts(state.put(with_facts(vehicle, fix=place)), said=(*state.crew.said, line))
 
     def fell(vehicle: VehicleView) -> VehicleView:
@@ -328,15 +329,15 @@ def pictures(ready: Fleet) -> Scene:
             6: tuple(("rgb", float(number)) for number in range(4)),
             7: (("rgb", 0.0), ("rgb", 3.0)),
         },
-        "unseen": {1: Unseen("uav1", now_s - 2.0)},
+        "unseen": {1: AwaitedPictures("uav1", now_s - 2.0)},
         "not_seen": (
-            NotSeen("uav3", 7, now_s - 60.0, "rgb has no picture from viewpoint 2, 3"),
-            NotSeen("uav2", 5, now_s - 30.0, "rgb does not show 0 to 100 m of 100 m"),
+            MissingPictures("uav3", 7, now_s - 60.0, "rgb has no picture from viewpoint 2, 3"),
+            MissingPictures("uav2", 5, now_s - 30.0, "rgb does not show 0 to 100 m of 100 m"),
         ),
         "given_up": frozenset({5}),
     }
     text = "uav3: pylon p3 flown, but pictures are missing: rgb has no picture from viewpoint 2, 3"
-    line = SaidLine(now_s, Level.WARNING, text)
+    line = OperatorLine(now_s, Level.WARNING, text)
     state = with_facts(_fitted(story.state), **facts, said=(*story.state.crew.said, line))
     words = {
         "#assets-what": "Assets",
@@ -351,7 +352,7 @@ def pictures(ready: Fleet) -> Scene:
 def many_assets(ready: Fleet) -> Scene:
     """A line of a thousand spans, of which some are missed."""
     story = flown(long_line())
-    missed = tuple(NotSeen("uav1", segment, 1.0, "nothing") for segment in range(100, 1000, 97))
+    missed = tuple(MissingPictures("uav1", segment, 1.0, "nothing") for segment in range(100, 1000, 97))
     seen = dict.fromkeys(range(6, 95), "uav2")
     state = with_facts(_fitted(story.state), inspected=seen, not_seen=missed)
     words = {"#tally": f"{len(seen)} of 1000 seen", "#tally-missed": f"{len(missed)} missed"}
@@ -419,7 +420,7 @@ class Shown:
     @contextmanager
     def serving(self, ground: GroundView | None = None, window: Window | None = None) -> Iterator[str]:
         """Serve it, over a ground if one is given; yields the address."""
-        files = {} if ground is None else ground_files(ground, self.scene.context.frame)
+        files = {} if ground is None else encode_ground(ground, self.scene.context.frame)
         settings = WebSettings("127.0.0.1", 0, None, ground=files, window=window)
         server = WebServer(settings, self.scene.context, self.now, self.submit, self.describe)
         with server:

@@ -21,7 +21,7 @@ import numpy as np
 
 from executor.simulated.fleet import fleet_of
 from executor.site import assembly, planning
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.site.config import read_site
 from missions import Pad, write_plan
 from planner import Cost
@@ -144,10 +144,10 @@ async def flown(folder: Path, seed: int) -> Outcome:
     lost = frozenset({"uav2"}) if chance.random() < 0.6 else frozenset[str]()
     faults = [f"uav2:silent@{chance.uniform(10, 80):.0f}%"] if lost else []
     site, _ = site_file(folder, pylons=PYLONS, vehicles=VEHICLES, speedup=SPEEDUP, autopilot=autopilot)
-    ground = assembly.ground_of(read_site(site), folder)
+    ground = assembly.load_site_model(read_site(site), folder)
     plan = folder / "plan.json"
-    write_plan(plan, planning.first_plan(ground, planning.Wanted(Cost.MINMAX, 0.3, seed, all_vehicles=True)))
-    setup, run = assembly.setup_of(ground), folder / "run"
+    write_plan(plan, planning.plan_site(ground, planning.PlanRequest(Cost.MINMAX, 0.3, seed, all_vehicles=True)))
+    setup, run = assembly.build_flight_setup(ground), folder / "run"
     witness = Witness({name: setup.pad_of(name) for name in ground.names})
     moments: list[str] = []
     async with _in_the_air(ground, faults, seed, witness):
@@ -167,7 +167,7 @@ async def flown(folder: Path, seed: int) -> Outcome:
 
 
 @asynccontextmanager
-async def _in_the_air(ground: Ground, faults: list[str], seed: int, witness: Witness) -> AsyncIterator[None]:
+async def _in_the_air(ground: SiteModel, faults: list[str], seed: int, witness: Witness) -> AsyncIterator[None]:
     fleet = fleet_of(ground, speedup=SPEEDUP, faults=faults, seed=seed, wind=1.0, failsafe=False)
     stop, ready = asyncio.Event(), asyncio.Event()
     flying = asyncio.create_task(

@@ -13,10 +13,10 @@ import pytest
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.learned import document_of, read_learned
+from executor.analysis.learned import build_learned_document, read_learned
 from executor.core.battery.kalman import Prior
-from executor.core.learning import Known, PaceEstimate
-from executor.replay.run import rerun
+from executor.core.learning import KnownVehicle, PaceEstimate
+from executor.replay.run import replay_run
 from planner import PRESETS
 from simulator.truth import read_truths
 from tests.e2e.flights import (
@@ -75,7 +75,7 @@ async def test_a_silent_link(tmp_path: Path) -> None:
         assert list(flown.run.glob(files))
         for path in flown.run.glob(files):
             validator(name).validate(json.loads(path.read_text(encoding="utf-8")))
-    again = rerun(flown.run)
+    again = replay_run(flown.run)
     assert (again.comparison.first_difference, again.comparison.reworded) == ("", "")
     assert again.comparison.logged > 10
     [declared] = [one for vehicle in again.log.vehicles for one in vehicle.declarations]
@@ -232,8 +232,8 @@ async def test_what_one_flight_taught_is_where_the_next_one_begins(tmp_path: Pat
     simulate, fly, _, _ = await started(tmp_path, speedup=20.0)
     before, factor = tmp_path / "before", PaceEstimate(1.1, 0.02**2, 30)
     before.mkdir()
-    known = {"uav1": Known(factor, factor, Prior(1.1, 0.04), 20.0, "ardupilot", PRESETS["mavic3"].name)}
-    document_of(known, "2026-01-02").write(RunDirectory(before).learned)
+    known = {"uav1": KnownVehicle(factor, factor, Prior(1.1, 0.04), 20.0, "ardupilot", PRESETS["mavic3"].name)}
+    build_learned_document(known, "2026-01-02").write(RunDirectory(before).learned)
     words = "uav1: inspections take 110 ± 2 % of the model's time"
     async with called(*simulate):
         async with called("preflight", fly[1], "--learned", str(before)) as check:
@@ -245,7 +245,7 @@ async def test_what_one_flight_taught_is_where_the_next_one_begins(tmp_path: Pat
             assert flight.returncode == 0, err
             assert words in out + err
     run = RunDirectory(tmp_path / "run")
-    assert read_learned(run.learned_before).known["uav1"].consumption == known["uav1"].consumption
+    assert read_learned(run.learned_before).known_by_name["uav1"].consumption == known["uav1"].consumption
     rows = {row.name: row for row in read_learned(run.learned).vehicles}
     assert rows["uav1"].inspect.legs > 30
     assert rows["uav2"].inspect.legs > 0

@@ -65,7 +65,7 @@ async def on_pads(site: Path, autopilot: str, *faults: str, speedup: float = SPE
     """Run the site's vehicles with what the crew has set."""
     fleet = Fleet(autopilot)
     sim = fleet_of(
-        assembly.ground_of(read_site(site), site.parent),
+        assembly.load_site_model(read_site(site), site.parent),
         speedup=speedup,
         faults=faults,
         seed=1,

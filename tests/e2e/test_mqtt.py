@@ -14,7 +14,7 @@ from typing import Any
 import aiomqtt
 import pytest
 
-from executor.replay.run import rerun
+from executor.replay.run import replay_run
 from tests.brokers import KIND, running
 from tests.e2e.flights import called, ended, log_lines, notes, said_in, site_file
 from tests.patience import PATIENCE_S
@@ -100,7 +100,7 @@ def flown_as_ever(run: Path, code: int | None) -> Mapping[str, Any]:
     assert ("uav2", "link") in [(fault["vehicle"], fault["kind"]) for fault in report["faults"]]
     assert all(replan["feasible"] for replan in report["replans"])
     assert not any("internal error" in note["said"] for note in notes(run))
-    again = rerun(run)
+    again = replay_run(run)
     assert (again.comparison.first_difference, again.comparison.reworded) == ("", "")
     return report
 

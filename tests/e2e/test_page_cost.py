@@ -23,7 +23,7 @@ from executor.core.preflight.checks import Check
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage
 from executor.flight import fly
-from executor.flight.flight_order import Order, keep
+from executor.flight.flight_order import FlightRequest, write_run_start
 from executor.site import assembly, planning
 from executor.site.config import read_site
 from planner import Cost
@@ -51,7 +51,7 @@ class Watching:
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
         pass
 
-    def checks(self, found: Sequence[Check]) -> None:
+    def show_checks(self, found: Sequence[Check]) -> None:
         pass
 
     def confirm(self, question: str) -> bool:
@@ -64,7 +64,7 @@ class Watching:
         self.state = state
         self.news.set()
 
-    def done(self) -> None:
+    def stop_drawing(self) -> None:
         pass
 
     def flying(self) -> bool:
@@ -112,16 +112,16 @@ async def flown(tmp_path: Path, *, page: bool, readers: int) -> tuple[Watching, 
         f"{path.read_text(encoding='utf-8')}[web]\nport = {port}\nenabled = {str(page).lower()}\n", encoding="utf-8"
     )
     site = read_site(path)
-    ground = assembly.ground_of(site, tmp_path)
-    plan = planning.first_plan(ground, planning.Wanted(Cost.MINMAX, 2.0, 1, all_vehicles=True))
-    order = Order(site, tmp_path, ground, plan, tmp_path / "run", lambda _: ())
+    ground = assembly.load_site_model(site, tmp_path)
+    plan = planning.plan_site(ground, planning.PlanRequest(Cost.MINMAX, 2.0, 1, all_vehicles=True))
+    order = FlightRequest(site, tmp_path, ground, plan, tmp_path / "run", lambda _: ())
     order.run.mkdir()
-    keep(order)
+    write_run_start(order)
     watching = Watching()
     events, looking = order.run / "events.jsonl", list[Read]()
     async with called("simulate", str(path)) as simulated:
         await said_in(simulated.stdout, "uav20: system 20")
-        flight = asyncio.create_task(fly.fly(order, watching))
+        flight = asyncio.create_task(fly.run_flight(order, watching))
         while not watching.flying():
             watching.news.clear()
             await watching.news.wait()

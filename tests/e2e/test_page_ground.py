@@ -12,8 +12,8 @@ import pytest
 from playwright.async_api import expect
 
 from executor.core.context import DayRules
-from executor.core.view import fleet_view
-from executor.site.ground_files import ground_files
+from executor.core.view import build_fleet_view
+from executor.site.ground_files import encode_ground
 from missions import BreakingLoss, Window
 from tests.e2e.gallery import LAYOUTS, PLACES_M, Shown, browsing, scene_of
 from tests.executor.builders import with_facts
@@ -94,7 +94,7 @@ async def test_without_anything_known_of_the_ground_nothing_is_offered_and_place
 
 async def test_the_window_of_the_plan_is_shown_until_a_re_plan() -> None:
     scene = scene_of("flying")
-    view = fleet_view(scene.context, scene.state, scene.now_s)
+    view = build_fleet_view(scene.context, scene.state, scene.now_s)
     assert view.flight_s is not None
     later = Window(80.0, view.flight_s + 300.0, 900.0, BreakingLoss("uav2", 10.0, 65.0))
     for window, words in ((later, r"^plan: any one from T\+\d+:\d\d on, until then not uav2$"),
@@ -165,7 +165,7 @@ async def test_a_base_of_a_day_is_closed_and_opened_by_a_button() -> None:
 
 async def test_a_browser_keeps_the_pictures_and_fetches_them_once() -> None:
     ground = ground_about(np.array(PLACES_M), hills=HILLS)
-    files = ground_files(ground, FRAME)
+    files = encode_ground(ground, FRAME)
     assert sum(map(len, files.values())) < 3_000_000
     with Shown(scene_of("flying")).serving(ground) as address:
         async with httpx.AsyncClient(base_url=address) as client:

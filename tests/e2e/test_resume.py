@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from executor.adapters.run_directory import RunDirectory
-from executor.replay.run import rerun
+from executor.replay.run import replay_run
 from simulator.truth import read_truths
 from tests.e2e.flights import called, ended, notes, said_in, site_file
 from tests.e2e.judge import wrongly_counted
@@ -70,7 +70,7 @@ async def test_killed_before_the_take_off_and_in_flight_and_copied_to_another_co
     assert any("torn and was dropped" in note["said"] for note in notes(copy))
     assert any((copy / name).exists() for name in FILES)
     assert not any("is not used" in note["said"] for note in notes(copy))
-    assert rerun(copy).comparison.same
+    assert replay_run(copy).comparison.is_same
     assert KEY not in "".join(path.read_text(errors="replace") for path in copy.iterdir() if path.is_file())
     starts = [one.vehicle for one in read_truths(truth) if one.what == "took_off"]
     assert sorted(starts) == sorted(set(starts)) or report["replans"]

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from executor.replay.run import rerun
+from executor.replay.run import replay_run
 from tests.e2e import flights
 from tests.e2e.flights import called, ended, log_lines, said_in, site_file
 from tests.e2e.judge import wrongly_counted
@@ -71,7 +71,7 @@ async def test_a_disk_that_is_full_while_a_vehicle_is_lost(tmp_path: Path) -> No
     told = [line["told"] for line in log_lines(run) if "told" in line]
     assert any("cannot be written" in text for text in told)
     assert any("written again" in text for text in told)
-    assert rerun(run).comparison.same  # every line was kept until there was room
+    assert replay_run(run).comparison.is_same  # every line was kept until there was room
 
 
 async def test_a_disk_that_stays_full(tmp_path: Path) -> None:
@@ -107,4 +107,4 @@ async def test_a_clock_that_is_set_back_an_hour(tmp_path: Path, monkeypatch: pyt
     assert [line["told"] for line in log_lines(run) if "told" in line] == [
         "this computer's clock was set back by 3600 s; the flight's own time goes on"
     ]
-    assert rerun(run).comparison.same
+    assert replay_run(run).comparison.is_same

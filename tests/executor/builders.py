@@ -7,13 +7,13 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
 from executor.core.context import Context
-from executor.core.parts import OnBoard
+from executor.core.parts import OnboardMission
 from executor.core.state import FleetState
-from executor.core.vehicle import VehicleState, aboard
+from executor.core.vehicle import VehicleState, build_onboard_mission
 from executor.site import assembly
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.site.config import Site, check_site
-from missions import Network, flight_path
+from missions import Network, build_flight_path
 from tests.missions.builders import line_east
 
 State = TypeVar("State", VehicleState, FleetState)
@@ -34,9 +34,9 @@ def site_of(names: tuple[str, ...], autopilot: str = "ardupilot", /, **tables: M
     return check_site({"network": {"file": "line"}, "vehicle": vehicles, "flight": flight, **tables}, "test")
 
 
-def ground_for(site: Site, network: Network) -> Ground:
+def ground_for(site: Site, network: Network) -> SiteModel:
     """Return what is known before any vehicle answers."""
-    return assembly.ground_over(site, network)
+    return assembly.build_site_model(site, network)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Fleet:
     """A flight that is ready to begin."""
 
     context: Context
-    boards: dict[str, OnBoard | None]
+    boards: dict[str, OnboardMission | None]
 
 
 def fleet_of(
@@ -52,10 +52,12 @@ def fleet_of(
 ) -> Fleet:
     """Return a fleet over a line due east of the depot, pylons every 100 m; an empty route stays on the ground."""
     ground = ground_for(site_of(tuple(routes), autopilot, **tables), line_east(pylons))
-    setup, task = assembly.setup_of(ground), assembly.task_of(ground)
-    context = assembly.context_of(ground, setup, task)
+    setup, task = assembly.build_flight_setup(ground), assembly.build_first_task(ground)
+    context = assembly.build_context(ground, setup, task)
     boards = {
-        name: aboard(context, name, 0, flight_path(setup, name, visits), visits) if visits else None
+        name: build_onboard_mission(context, name, 0, build_flight_path(setup, name, visits), visits)
+        if visits
+        else None
         for name, visits in routes.items()
     }
     return Fleet(context, boards)

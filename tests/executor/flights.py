@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 
 from executor.adapters.eventlog import EventLog
-from executor.adapters.run_directory import keep_site
+from executor.adapters.run_directory import write_site
 from executor.analysis.documents import FaultRow, FlightReport
 from executor.core.events import Event, Heard, LaunchOrdered, NewRoute, SolveEnded, UploadEnded
 from executor.core.messages import Battery, Position
 from executor.core.vehicle import FaultKind
-from missions import Inspection, PlanFile, Solved, make_plan_file, write_plan
-from planner import Campaign, Cost, Plan, Route, Travel, Vehicle, risk_campaign
+from missions import Inspection, PlanFile, SolverRecord, make_plan_file, write_plan
+from planner import Cost, Plan, RiskCampaign, Route, Travel, Vehicle, build_risk_campaign
 from tests.missions.builders import FRAME, line_east, paper_task
 
 LAUNCH_S = 50.0
@@ -44,14 +44,16 @@ def first_plan_file() -> PlanFile:
     vehicles = [Vehicle(name, (0.0, 0.0), 75.0) for name in NAMES]
     task = paper_task(NETWORK, range(5), vehicles, TRAVEL)
     plan = Plan((Route(0, (6, 8)), Route(1, (0, 2, 4)), Route(2, ())))
-    return make_plan_file(NETWORK, task, TRAVEL, plan, Cost.MINMAX, Solved("search", 1, 0.1), inspection=INSPECTION)
+    return make_plan_file(
+        NETWORK, task, TRAVEL, plan, Cost.MINMAX, SolverRecord("search", 1, 0.1), inspection=INSPECTION
+    )
 
 
-def first_campaign() -> Campaign:
+def first_campaign() -> RiskCampaign:
     """Return the first plan to be flown many times, with losses."""
     content = first_plan_file()
-    return risk_campaign(
-        content.instance(), content.plan, mtbf_h=(0.1,), battery_spread_pct=10.0, max_losses=2, effort=100
+    return build_risk_campaign(
+        content.build_instance(), content.plan, mtbf_h=(0.1,), battery_spread_pct=10.0, max_losses=2, effort=100
     )
 
 
@@ -60,12 +62,14 @@ def second_plan_file() -> PlanFile:
     vehicles = [Vehicle("uav1", (500.0, 0.0), 60.0, airborne=True), Vehicle("uav3", (0.0, 0.0), 70.0)]
     task = paper_task(NETWORK, (1, 2, 4), vehicles, TRAVEL)
     plan = Plan((Route(0, (4, 3)), Route(1, (0,))))
-    return make_plan_file(NETWORK, task, TRAVEL, plan, Cost.MINCOMB, Solved("search", 1, 0.1), inspection=INSPECTION)
+    return make_plan_file(
+        NETWORK, task, TRAVEL, plan, Cost.MINCOMB, SolverRecord("search", 1, 0.1), inspection=INSPECTION
+    )
 
 
 def write_run(run: Path, *, finished: bool = True) -> FlightReport:
     """Write the flight's run directory, and return the content of its report.json."""
-    keep_site(run, _site(), {})
+    write_site(run, _site(), {})
     write_plan(run / "plan-000.json", first_plan_file())
     write_plan(run / "plan-001.json", second_plan_file())
     log = EventLog(run / "events.jsonl", began_unix_s=1.8e9, speedup=2.0)

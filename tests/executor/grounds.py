@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from executor.site.ground_view import GroundView, area_of
-from executor.site.hillshade import hillshade_of
-from missions.background import Background, grid_of
+from executor.site.ground_view import GroundView, shown_area_of
+from executor.site.hillshade import compute_hillshade
+from missions.background import Background, choose_grid_size
 from missions.geo import FloatArray
 
 
@@ -39,7 +39,7 @@ class Hills:
 def farmland(low_m: tuple[float, float], high_m: tuple[float, float], *, seed: int = 3) -> Background:
     """Return fields, woods and a road, from above."""
     rng = np.random.default_rng(seed)
-    rows, columns = grid_of(low_m, high_m, 400_000, 1.0)
+    rows, columns = choose_grid_size(low_m, high_m, 400_000, 1.0)
     east_m, north_m = np.meshgrid(
         np.linspace(low_m[0], high_m[0], columns), np.linspace(high_m[1], low_m[1], rows)
     )  # fmt: skip
@@ -57,8 +57,8 @@ def farmland(low_m: tuple[float, float], high_m: tuple[float, float], *, seed: i
 
 def ground_about(places_m: FloatArray, *, photo: bool = True, hills: Hills | None = None) -> GroundView:
     """Return the ground around places."""
-    low_m, high_m = area_of(places_m)
+    low_m, high_m = shown_area_of(places_m)
     background = farmland(low_m, high_m) if photo else None
     by = "© Land survey 2026" if photo else ""
-    relief = None if hills is None else hillshade_of(hills, low_m, high_m)
+    relief = None if hills is None else compute_hillshade(hills, low_m, high_m)
     return GroundView(low_m, high_m, background, relief, by)

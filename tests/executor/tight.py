@@ -7,10 +7,10 @@ import numpy as np
 from executor.adapters.solver import SolverSetup, solve_for_survivors
 from executor.core.commands import Solve
 from executor.core.events import SolveEnded
-from executor.core.vehicle import aboard
+from executor.core.vehicle import build_onboard_mission
 from executor.site import assembly
-from missions import Network, flight_path
-from planner import Cost, Iterations, Plan, generated_network, solve
+from missions import Network, build_flight_path
+from planner import Cost, Iterations, Plan, generate_network, solve
 from tests.executor.builders import Fleet, ground_for, site_of
 from tests.fakes.flight import Story
 from tests.missions.builders import network_of
@@ -22,7 +22,7 @@ SOLVE_S = 0.3
 
 def branching(segments: int, seed: int) -> Network:
     """Return a network of branching lines about the depot."""
-    ends_m = generated_network(segments, seed)
+    ends_m = generate_network(segments, seed)
     places: dict[tuple[float, float], int] = {}
     pairs = []
     for a, b in np.round(ends_m, 3).tolist():
@@ -38,11 +38,13 @@ def tight_plan(seed: int, *, budget_pct: float = 9.0, **flight: object) -> tuple
         update={"vehicle": [table.model_copy(update={"budget_pct": budget_pct}) for table in site.vehicle]}
     )
     ground = ground_for(site, branching(SEGMENTS, seed))
-    setup, task = assembly.setup_of(ground), assembly.task_of(ground)
+    setup, task = assembly.build_flight_setup(ground), assembly.build_first_task(ground)
     plan = task.plan_to_network(solve(task.instance, cost=Cost.MINMAX, stop=Iterations(20_000), seed=seed).plan)
-    context = assembly.context_of(ground, setup, task)
+    context = assembly.build_context(ground, setup, task)
     boards = {
-        name: aboard(context, name, 0, flight_path(setup, name, route.visits), route.visits) if route.visits else None
+        name: build_onboard_mission(context, name, 0, build_flight_path(setup, name, route.visits), route.visits)
+        if route.visits
+        else None
         for name, route in zip(NAMES, plan.routes, strict=True)
     }
     return Fleet(context, boards), plan, SolverSetup(SOLVE_S, seed)

@@ -52,12 +52,12 @@ from executor.core.events import (
     Tick,
     UploadEnded,
 )  # fmt: skip
-from executor.core.flags import breaches
+from executor.core.flags import find_flag_breaches
 from executor.core.intents import Action, Intent, IntentRecord
 from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
-from executor.core.parts import OnBoard
+from executor.core.parts import OnboardMission
 from executor.core.ports import EventSink
-from executor.core.resume.resuming import found_on
+from executor.core.resume.resuming import compare_onboard_mission
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
 from missions import FlightPath, Phase, encode
@@ -233,7 +233,7 @@ class Story:
     """Drives `fleet.step` through a flight."""
 
     context: Context
-    boards: dict[str, OnBoard | None]
+    boards: dict[str, OnboardMission | None]
     answer: Answer = share_out
     solve_s: float = 0.4
     upload_s: float = 0.6
@@ -259,7 +259,7 @@ class Story:
 
     def __post_init__(self) -> None:
         """Put everybody on the pad."""
-        self.state = fleet.initial(self.boards)
+        self.state = fleet.build_initial_state(self.boards)
         self.crafts = {name: Craft(self.context, name, self.context.vehicles[name].pad_m) for name in self.boards}
         for name, board in self.boards.items():
             if board is not None:
@@ -274,7 +274,7 @@ class Story:
         self.state, decided = fleet.step(self.context, before, event, self.now_s)
         for name, vehicle in self.state.vehicles.items():
             if vehicle is not before.vehicles[name]:
-                assert not list(breaches(before.vehicles[name], vehicle)), event
+                assert not list(find_flag_breaches(before.vehicles[name], vehicle)), event
         for command in decided:
             self.commands.append((self.now_s, command))
             self._carry_out(command)
@@ -450,7 +450,7 @@ class Story:
             return MissionRead(Found(name, heard=True, seq=None, items=None, matches=()))
         if craft.alike is None and craft.path is not None:
             carries = encode(craft.path, self.context.vehicles[name].dialect).items
-            return MissionRead(found_on(self.context, self.state, name, carries, None))
+            return MissionRead(compare_onboard_mission(self.context, self.state, name, carries, None))
         items = len(board.waypoint_of)
         alike = items if craft.alike is None else craft.alike
         match = Match(board.revision, alike, whole=alike == items)

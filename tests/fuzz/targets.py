@@ -18,10 +18,10 @@ from pymavlink.dialects.v20 import common as mav
 from pymavlink.generator.mavcrc import x25crc
 
 from executor.adapters.eventlog import from_plain, to_plain
-from executor.adapters.mavlink.codec import Codec
-from executor.adapters.mavlink.cutter import Cutter
+from executor.adapters.mavlink.codec import MavlinkCodec
+from executor.adapters.mavlink.cutter import FrameParser
 from executor.adapters.mavlink.link import VehicleLink
-from executor.adapters.mqtt.broker import IntakeRules, Topics
+from executor.adapters.mqtt.broker import IntakeRules, MqttTopics
 from executor.adapters.mqtt.intake import RefusedMessage, read_intent
 from executor.adapters.mqtt.outbox import Outbox
 from executor.adapters.mqtt.publisher import Publisher
@@ -30,7 +30,7 @@ from executor.core import fleet
 from executor.core.events import Heard, IntentReceived, Tick
 from executor.core.intents import Intent, IntentRecord
 from executor.core.messages import FlightMessage, Message
-from executor.core.view import fleet_view
+from executor.core.view import build_fleet_view
 from executor.errors import SiteError
 from executor.site.config import Site, read_site
 from tests.executor.builders import Fleet, fleet_of
@@ -77,12 +77,12 @@ def frames(data: bytes) -> Iterator[bytes]:
 
 def packets(data: bytes) -> None:
     """A datagram, and the same as a stream that is cut into pieces."""
-    codec = Codec()
+    codec = MavlinkCodec()
     links: dict[int, VehicleLink] = {}
     for received in codec.decode(data):
         link = links.setdefault(received.sysid, VehicleLink(received.sysid, codec))
-        link.take(received)
-    cutter, pieces = Cutter(), [data[at : at + 61] for at in range(0, len(data), 61)]
+        link.receive(received)
+    cutter, pieces = FrameParser(), [data[at : at + 61] for at in range(0, len(data), 61)]
     for piece in pieces:
         list(codec.read(cutter.feed(piece)))
     cutter.close()
@@ -95,8 +95,8 @@ def _fleet() -> Fleet:
 
 def flight(data: bytes) -> None:
     """Frames with right checksums around hostile content, through the link and into what decides."""
-    ready, codec = _fleet(), Codec()
-    state, now_s = fleet.initial(ready.boards), 1.0
+    ready, codec = _fleet(), MavlinkCodec()
+    state, now_s = fleet.build_initial_state(ready.boards), 1.0
     names = {setup.sysid: name for name, setup in ready.context.vehicles.items()}
     heard: list[tuple[str, Message]] = []
     links = {sysid: VehicleLink(sysid, codec) for sysid in names}
@@ -105,7 +105,7 @@ def flight(data: bytes) -> None:
     for datagram in frames(data):
         for received in codec.decode(datagram):
             if received.sysid in links:
-                links[received.sysid].take(received)
+                links[received.sysid].receive(received)
         for name, message in heard:
             if isinstance(message, FlightMessage):
                 event = Heard(name, message)
@@ -114,8 +114,8 @@ def flight(data: bytes) -> None:
         heard.clear()
         state, _ = fleet.step(ready.context, state, Tick(), now_s)
         now_s += 0.2
-    view = fleet_view(ready.context, state, now_s)
-    Publisher(Topics("t"), Outbox(), "fuzz", lambda: NOW_UNIX_S).view(view)
+    view = build_fleet_view(ready.context, state, now_s)
+    Publisher(MqttTopics("t"), Outbox(), "fuzz", lambda: NOW_UNIX_S).publish_view(view)
 
 
 def _same(event: Heard) -> None:
@@ -166,7 +166,7 @@ class _Page:
         settings = WebSettings("127.0.0.1", 0, token)
         self.app = WebServer(
             settings, self.flight.context, lambda: (self.flight.state, self.flight.now_s), self._submit
-        ).app()
+        ).build_app()
         self.loop = asyncio.new_event_loop()
 
     def _submit(self, intent: Intent) -> Future[IntentRecord]:

@@ -18,7 +18,7 @@ from missions import (
     Segment,
     Task,
     Waypoint,
-    flight_setup,
+    plan_flight_setup,
 )
 from missions.geo import LocalFrame
 from missions.pricing import DEPOT_M
@@ -64,7 +64,7 @@ def tall_line_east(pylons: int = 4) -> Network:
 def default_setup(layer_m: float = 5.0) -> FlightSetup:
     """Return the flight setup of four vehicles over the default network's 700 m."""
     network = read_network(default_network_path(), radius_m=700.0)
-    return flight_setup(network, FLEET, Inspection(layer_m=layer_m))
+    return plan_flight_setup(network, FLEET, Inspection(layer_m=layer_m))
 
 
 def path_through(name: str, places_m: Sequence[tuple[float, float, float]]) -> FlightPath:

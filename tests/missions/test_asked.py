@@ -18,19 +18,26 @@ from missions import (
     FlightSetup,
     Inspection,
     Phase,
+    build_flight_path,
     check_separation,
     continue_path,
     dialect_for,
     estimate,
-    flight_path,
-    flight_setup,
+    plan_flight_setup,
 )
-from missions.asked import Airway, airway, check_asked, first_paths, low_segments, lowered
+from missions.asked import (
+    Airway,
+    build_airway,
+    build_first_paths,
+    check_inspection_airspace,
+    find_low_segments,
+    select_low_segments,
+)
 from missions.flight_model import FlightModel
 from missions.geo import FloatArray
 from missions.geometry import leg_distances_m, wall_distances_m
 from missions.pads import column_radius_m
-from missions.pricing import Pricing, flown_instance
+from missions.pricing import Pricing, build_priced_instance
 from missions.readers import default_network_path, read_network
 from missions.safety import legs_m
 from planner import Cost, Plan, Route, SteadyWind, evaluate, segment_of
@@ -44,7 +51,7 @@ LAYER_M = 5.0
 def hills() -> FlightSetup:
     """Return four vehicles over the default network's 700 m, whose ground rises and falls."""
     network = read_network(default_network_path(), radius_m=700.0)
-    return flight_setup(network, FLEET, Inspection(same_distance=True))
+    return plan_flight_setup(network, FLEET, Inspection(same_distance=True))
 
 
 @cache
@@ -53,7 +60,7 @@ def plain() -> FlightSetup:
     ways = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)]
     places = [(east * 100.0 * far, north * 100.0 * far) for east, north in ways for far in range(1, 8)]
     pairs = [(7 * way + span, 7 * way + span + 1) for way in range(4) for span in range(6)]
-    return flight_setup(network_of(places, pairs), FLEET, Inspection(same_distance=True))
+    return plan_flight_setup(network_of(places, pairs), FLEET, Inspection(same_distance=True))
 
 
 SETUPS = pytest.mark.parametrize("chosen", [hills, plain], ids=["hills", "plain"])
@@ -116,14 +123,14 @@ def places_m(setup: FlightSetup, path: FlightPath, rng: random.Random, count: in
 def test_who_comes_down_meets_nobody_whatever_the_timing(chosen: object, seed: int, near: bool) -> None:
     setup, rng = (hills if chosen is hills else plain)(), random.Random(seed)
     routes = dealt(setup, rng, near=near)
-    paths = first_paths(setup, routes)
+    paths = build_first_paths(setup, routes)
     for name, path in paths.items():
-        low = low_segments(path, routes[name])
+        low = find_low_segments(path, routes[name])
         for segment, leg in inspections_m(setup, path, routes[name]).items():
             higher_m = 0.0 if segment in low else setup.layers.offset_m(name)
             assert np.sort(leg[:, 2]) == pytest.approx(asked_m(setup, segment) + higher_m, abs=0.02)
     assert check_separation(list(paths.values()), LAYER_M) == []
-    assert check_asked(setup, [airway(setup, path) for path in paths.values()]) == []
+    assert check_inspection_airspace(setup, [build_airway(setup, path) for path in paths.values()]) == []
     stands = {name: places_m(setup, path, rng) for name, path in paths.items()}
     for one, other in itertools.combinations(stands.values(), 2):
         apart_m = np.sqrt(((one[:, np.newaxis] - other) ** 2).sum(axis=2))
@@ -133,7 +140,7 @@ def test_who_comes_down_meets_nobody_whatever_the_timing(chosen: object, seed: i
 def test_routes_that_share_nothing_are_all_inspected_as_asked() -> None:
     setup = plain()
     routes = {name: tuple(range(12 * way, 12 * way + 12, 2)) for way, name in enumerate(FLEET)}
-    paths = first_paths(setup, routes)
+    paths = build_first_paths(setup, routes)
     for name, path in paths.items():
         for segment, leg in inspections_m(setup, path, routes[name]).items():
             assert np.sort(leg[:, 2]) == pytest.approx(asked_m(setup, segment), abs=0.02), (name, segment)
@@ -141,47 +148,49 @@ def test_routes_that_share_nothing_are_all_inspected_as_asked() -> None:
 
 def test_without_the_wish_everybody_stays_in_its_layer() -> None:
     network = line_east(5)
-    usual = flight_setup(network, FLEET[:2], Inspection())
+    usual = plan_flight_setup(network, FLEET[:2], Inspection())
     routes = {"uav1": (0, 2), "uav2": (4, 6)}
-    assert first_paths(usual, routes) == {name: flight_path(usual, name, visits) for name, visits in routes.items()}
+    assert build_first_paths(usual, routes) == {
+        name: build_flight_path(usual, name, visits) for name, visits in routes.items()
+    }
     assert usual.steps_m == {}
 
 
 def test_a_shared_pylon_keeps_the_higher_one_in_its_layer_there() -> None:
-    setup = flight_setup(line_east(7), FLEET[:2], Inspection(same_distance=True))
+    setup = plan_flight_setup(line_east(7), FLEET[:2], Inspection(same_distance=True))
     routes = {"uav1": (0, 2, 4), "uav2": (10, 8, 6)}
-    low = {name: low_segments(path, routes[name]) for name, path in first_paths(setup, routes).items()}
+    low = {name: find_low_segments(path, routes[name]) for name, path in build_first_paths(setup, routes).items()}
     # The lowest layer is at the asked height itself; the third span of uav2 ends where the last of uav1 does. What is
     # farther out is above nobody's way.
     assert low == {"uav1": frozenset(), "uav2": frozenset({4, 5})}
 
 
 def test_who_may_not_leave_the_line_in_silence_does_not_come_down_to_it() -> None:
-    setup = flight_setup(line_east(7), FLEET[:2], Inspection(same_distance=True))
+    setup = plan_flight_setup(line_east(7), FLEET[:2], Inspection(same_distance=True))
     routes = {"uav1": (0, 2), "uav2": (10, 8)}
-    paths = first_paths(setup, routes, {"uav2"})
-    assert low_segments(paths["uav2"], routes["uav2"]) == frozenset()
+    paths = build_first_paths(setup, routes, {"uav2"})
+    assert find_low_segments(paths["uav2"], routes["uav2"]) == frozenset()
 
 
 def test_a_way_home_is_not_flown_into_who_is_on_the_line() -> None:
     """Over flat ground returns are straight and in the own layer: the lower one's would cross the other's part."""
-    setup = flight_setup(line_east(9), FLEET[:2], Inspection(same_distance=True))
+    setup = plan_flight_setup(line_east(9), FLEET[:2], Inspection(same_distance=True))
     inner_is_high = {"uav1": (12, 14), "uav2": (4, 6)}
-    low = first_paths(setup, inner_is_high)["uav2"]
-    assert low_segments(low, inner_is_high["uav2"]) == frozenset()
+    low = build_first_paths(setup, inner_is_high)["uav2"]
+    assert find_low_segments(low, inner_is_high["uav2"]) == frozenset()
     inner_is_low = {"uav1": (4, 6), "uav2": (12, 14)}
-    low = first_paths(setup, inner_is_low)["uav2"]
-    assert low_segments(low, inner_is_low["uav2"]) == frozenset({6, 7})
+    low = build_first_paths(setup, inner_is_low)["uav2"]
+    assert find_low_segments(low, inner_is_low["uav2"]) == frozenset({6, 7})
 
 
 def test_what_comes_too_near_to_the_line_is_found() -> None:
-    setup = flight_setup(line_east(9), FLEET[:2], Inspection(same_distance=True))
-    down = airway(setup, flight_path(setup, "uav2", (4, 6), frozenset({2, 3})))
-    over = airway(setup, flight_path(setup, "uav1", (12,)))
-    (line,) = check_asked(setup, [down, over])
+    setup = plan_flight_setup(line_east(9), FLEET[:2], Inspection(same_distance=True))
+    down = build_airway(setup, build_flight_path(setup, "uav2", (4, 6), frozenset({2, 3})))
+    over = build_airway(setup, build_flight_path(setup, "uav1", (12,)))
+    (line,) = check_inspection_airspace(setup, [down, over])
     assert line == "uav1 on its mission comes within 4.50 m of where uav2 goes down to the line, 5 m expected"
-    beside = airway(setup, flight_path(setup, "uav1", (0,)))
-    assert check_asked(setup, [down, beside]) == []
+    beside = build_airway(setup, build_flight_path(setup, "uav1", (0,)))
+    assert check_inspection_airspace(setup, [down, beside]) == []
 
 
 @SETUPS
@@ -189,23 +198,23 @@ def test_what_comes_too_near_to_the_line_is_found() -> None:
 def test_ways_up_and_down_are_priced_as_they_are_flown(chosen: object, autopilot: str) -> None:
     setup = (hills if chosen is hills else plain)()
     routes = dealt(setup, random.Random(4), near=False)
-    paths = first_paths(setup, routes)
-    low = {name: low_segments(path, routes[name]) for name, path in paths.items()}
+    paths = build_first_paths(setup, routes)
+    low = {name: find_low_segments(path, routes[name]) for name, path in paths.items()}
     assert any(low.values())
     layered = {name: frozenset(map(segment_of, routes[name])) - low[name] for name in FLEET}
     model = priced(setup, autopilot, layered)
     plan = Plan(tuple(Route(number, routes[name]) for number, name in enumerate(FLEET)))
     fleet = [depot_vehicle(name, 80.0) for name in FLEET]
-    found = evaluate(flown_instance(model, fleet), plan, Cost.MINMAX)
-    in_layers = evaluate(flown_instance(replace(model, steps_m={}), fleet), plan, Cost.MINMAX)
-    as_asked = evaluate(flown_instance(priced(setup, autopilot, {}), fleet), plan, Cost.MINMAX)
+    found = evaluate(build_priced_instance(model, fleet), plan, Cost.MINMAX)
+    in_layers = evaluate(build_priced_instance(replace(model, steps_m={}), fleet), plan, Cost.MINMAX)
+    as_asked = evaluate(build_priced_instance(priced(setup, autopilot, {}), fleet), plan, Cost.MINMAX)
     for number, name in enumerate(FLEET):
         takes = estimate(paths[name], model.models[name])
         if chosen is plain:
             assert found.durations_s[number] == pytest.approx(takes.duration_s, rel=1e-5)
             assert found.energies_pct[number] == pytest.approx(takes.energy_pct, rel=1e-5)
         # Over hills transits rise and fall, which prices know only where a raster knows the ground: in layers, too.
-        high = estimate(flight_path(setup, name, routes[name]), model.models[name])
+        high = estimate(build_flight_path(setup, name, routes[name]), model.models[name])
         more_s = found.durations_s[number] - in_layers.durations_s[number]
         assert more_s == pytest.approx(takes.duration_s - high.duration_s, abs=1.0)
         # What is planned with, before anybody knows who stays in its layer, is never less.
@@ -215,7 +224,7 @@ def test_ways_up_and_down_are_priced_as_they_are_flown(chosen: object, autopilot
 def test_what_follows_in_flight_goes_on_from_the_line() -> None:
     """A re-plan goes up from where the last kept inspection ended, or on along the line without going up."""
     setup = plain()
-    path = flight_path(setup, "uav3", (0, 2, 4), frozenset({0, 1, 2}))
+    path = build_flight_path(setup, "uav3", (0, 2, 4), frozenset({0, 1, 2}))
     end = next(index for index, point in enumerate(path.waypoints) if point.visit == 0 and point.phase is Phase.INSPECT)
     on = continue_path(setup, path, end + 1, (2,), frozenset({1}))
     assert [point.phase for point in on.waypoints[end + 1 :]] == [
@@ -234,14 +243,14 @@ def test_only_one_stretch_of_what_is_inspected_in_one_go_is_below_the_layer() ->
     # Up a hill: returns are above all layers, so that nobody's way home is in the way.
     places = [(100.0 * (index + 1), 0.0) for index in range(9)]
     rising = network_of(places, list(itertools.pairwise(range(9))), [(450.0 + 2 * index, 20.0) for index in range(9)])
-    setup = flight_setup(rising, FLEET[:2], Inspection(same_distance=True))
+    setup = plan_flight_setup(rising, FLEET[:2], Inspection(same_distance=True))
     route = {"uav2": (0, 2, 4, 6, 8, 10, 12)}
     # uav1 crosses at the fourth pylon.
     legs = np.array([[[400.0, -300.0, 15.0], [400.0, 300.0, 15.0]]])
     crossing = Airway("uav1", legs, np.zeros((1, 2)))
-    assert lowered(setup, route, [crossing])["uav2"] == frozenset({4, 5, 6})
+    assert select_low_segments(setup, route, [crossing])["uav2"] == frozenset({4, 5, 6})
     begins = {"uav2": (float(setup.tracks_m[0, 0, 0]), float(setup.tracks_m[0, 0, 1]))}
-    assert lowered(setup, route, [crossing], begins_m=begins)["uav2"] == frozenset({0, 1})
+    assert select_low_segments(setup, route, [crossing], begins_m=begins)["uav2"] == frozenset({0, 1})
 
 
 COORDINATES = st.one_of(st.integers(-3, 3).map(float), st.floats(-30.0, 30.0, allow_subnormal=False))

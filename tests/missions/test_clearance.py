@@ -14,19 +14,19 @@ from missions import (
     Inspection,
     Pad,
     Phase,
+    build_flight_path,
     check_ceiling,
     check_clearance,
-    check_everywhere,
+    check_network_clearance,
     clearance,
     default_network_path,
-    flight_path,
-    flight_setup,
-    highest_return_m,
-    lowest_over_tops_m,
+    find_height_extremes,
+    find_max_return_height,
     margin_m,
-    over_ground_m,
+    max_return_height_m,
+    min_height_over_tops_m,
+    plan_flight_setup,
     read_network,
-    return_over_ground_m,
 )
 from tests.missions.builders import FLEET, default_setup, line_east, network_of, path_through
 
@@ -36,7 +36,7 @@ EAST = network_of([(100.0, 0.0), (300.0, 0.0)], [(0, 1)], [(450.0, 30.0), (450.0
 
 def setup_of(network: object = EAST, **inspection: float) -> FlightSetup:
     pads = [Pad("uav1", 0.0, 0.0, 450.0)]
-    return flight_setup(network, ["uav1"], Inspection(**inspection), pads=pads)  # type: ignore[arg-type]
+    return plan_flight_setup(network, ["uav1"], Inspection(**inspection), pads=pads)  # type: ignore[arg-type]
 
 
 def through(*places_m: tuple[float, float, float]) -> FlightPath:
@@ -68,13 +68,13 @@ def test_a_leg_in_the_ground_is_named() -> None:
 
 def test_nothing_is_known_of_flat_ground_without_structures() -> None:
     setup = setup_of(line_east(3))
-    path = flight_path(setup, "uav1", [0, 2])
-    assert (check_clearance(setup, [path]), check_everywhere(setup), lowest_over_tops_m(setup, [path])) == (
+    path = build_flight_path(setup, "uav1", [0, 2])
+    assert (check_clearance(setup, [path]), check_network_clearance(setup), min_height_over_tops_m(setup, [path])) == (
         [],
         [],
         None,
     )
-    heights = over_ground_m(setup, [path])
+    heights = find_height_extremes(setup, [path])
     assert heights is not None
     assert [round(one.height_m, 6) for one in heights] == [15.0, 15.0]
 
@@ -85,18 +85,18 @@ def test_a_low_line_under_a_tall_one_is_refused_wherever_it_is_flown() -> None:
         [(0, 1), (2, 3)],
         [(450.0, 12.0), (450.0, 12.0), (450.0, 50.0), (450.0, 50.0)],
     )
-    found = check_everywhere(setup_of(crossing))
+    found = check_network_clearance(setup_of(crossing))
     assert found[0].startswith("the inspection of segment 0 comes 23.0 m below the top of segment 1")
 
 
 def test_the_default_network_is_flown_with_the_margin_by_any_plan() -> None:
     setup = default_setup()
-    paths = [flight_path(setup, name, range(2 * index, 66, 8)) for index, name in enumerate(FLEET)]
-    assert (check_clearance(setup, paths), check_everywhere(setup), check_ceiling(setup, paths)) == ([], [], [])
-    least_m = lowest_over_tops_m(setup, paths)
+    paths = [build_flight_path(setup, name, range(2 * index, 66, 8)) for index, name in enumerate(FLEET)]
+    assert (check_clearance(setup, paths), check_network_clearance(setup), check_ceiling(setup, paths)) == ([], [], [])
+    least_m = min_height_over_tops_m(setup, paths)
     assert least_m is not None
     assert 13.5 < least_m <= 15.0
-    heights = over_ground_m(setup, paths)
+    heights = find_height_extremes(setup, paths)
     assert heights is not None
     assert heights[0].height_m > 40.0
     assert heights[1].height_m < 85.0
@@ -107,8 +107,8 @@ def test_the_default_network_is_flown_with_the_margin_by_any_plan() -> None:
 def test_four_vehicles_come_home_below_the_ceiling_of_the_default_network(
     radius_m: float | None, highest_m: float
 ) -> None:
-    setup = flight_setup(read_network(default_network_path(), radius_m=radius_m), FLEET, Inspection())
-    assert return_over_ground_m(setup).height_m == pytest.approx(highest_m, abs=0.1)
+    setup = plan_flight_setup(read_network(default_network_path(), radius_m=radius_m), FLEET, Inspection())
+    assert find_max_return_height(setup).height_m == pytest.approx(highest_m, abs=0.1)
     assert check_ceiling(setup, []) == []
 
 
@@ -125,31 +125,31 @@ def test_returns_are_above_all_layers_but_the_highest_vehicles_own_and_apart() -
 def test_over_the_ceiling_is_named_with_what_helps() -> None:
     network = read_network(default_network_path(), radius_m=700.0)
     names = [f"uav{number}" for number in range(1, 7)]
-    setup = flight_setup(network, names, Inspection())
+    setup = plan_flight_setup(network, names, Inspection())
     [text] = check_ceiling(setup, [])
     assert text.startswith("the RTL of uav1 is level, 144 m over the ground near V105.5, above 120: fewer vehicles")
     assert text.endswith("less of the network make it lower; a higher inspection.return_ceiling_m needs a permit")
-    lower = flight_setup(network, names, replace(setup.inspection, ceiling_m=80.0))
-    mission, _ = check_ceiling(lower, [flight_path(lower, "uav6", range(0, 66, 2))])
+    lower = plan_flight_setup(network, names, replace(setup.inspection, ceiling_m=80.0))
+    mission, _ = check_ceiling(lower, [build_flight_path(lower, "uav6", range(0, 66, 2))])
     assert mission.startswith("the mission of uav6 goes 97 m over the ground near V10")
-    assert check_ceiling(flight_setup(network, names, Inspection(ceiling_m=150.0)), []) == []
-    assert check_ceiling(flight_setup(network, names, Inspection(return_ceiling_m=150.0)), []) == []
+    assert check_ceiling(plan_flight_setup(network, names, Inspection(ceiling_m=150.0)), []) == []
+    assert check_ceiling(plan_flight_setup(network, names, Inspection(return_ceiling_m=150.0)), []) == []
 
 
 def test_take_off_and_landing_are_no_flight_over_the_ground() -> None:
     setup = setup_of()
-    path = flight_path(setup, "uav1", [0])
+    path = build_flight_path(setup, "uav1", [0])
     assert [point.phase for point in path.waypoints][-1] is Phase.LAND
-    heights = over_ground_m(setup, [path])
+    heights = find_height_extremes(setup, [path])
     assert heights is not None
     assert heights[0].height_m >= 40.0
-    assert over_ground_m(setup, [FlightPath("uav1", ())]) is None
+    assert find_height_extremes(setup, [FlightPath("uav1", ())]) is None
 
 
 def test_a_return_may_be_as_high_as_the_ceiling_allows_over_the_lowest_ground() -> None:
     # The lowest ground within 700 m is 5.2 m below the depot's.
-    assert highest_return_m(default_setup(), "uav1") == pytest.approx(114.8)
-    assert highest_return_m(setup_of(line_east(3), return_ceiling_m=150.0), "uav1") == 150.0
+    assert max_return_height_m(default_setup(), "uav1") == pytest.approx(114.8)
+    assert max_return_height_m(setup_of(line_east(3), return_ceiling_m=150.0), "uav1") == 150.0
 
 
 def test_the_nearest_lines_of_a_long_path_are_those_of_all() -> None:
@@ -161,7 +161,7 @@ def test_the_nearest_lines_of_a_long_path_are_those_of_all() -> None:
         path_m = chance.uniform(-4000.0, 4000.0, 2) + np.linspace(0.0, 1.0, 40)[:, np.newaxis] * chance.normal(
             0, 300, 2
         )
-        close = walls.nearest_to_any(path_m)
-        expected = walls.nearest(path_m)[0].argmin(axis=1)
-        assert (close.segments[close.nearest(path_m)[0].argmin(axis=1)] == expected).all()
+        close = walls.select_nearest(path_m)
+        expected = walls.find_nearest(path_m)[0].argmin(axis=1)
+        assert (close.segments[close.find_nearest(path_m)[0].argmin(axis=1)] == expected).all()
         assert len(close.segments) < 59

@@ -9,7 +9,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from missions import ARDUPILOT, PX4, Command, Dialect, Frame, MissionItem, alike, differences, encode
+from missions import (
+    ARDUPILOT,
+    PX4,
+    Command,
+    Dialect,
+    Frame,
+    MissionItem,
+    count_common_items,
+    encode,
+    find_mission_differences,
+)
 from tests.missions.builders import arrival_seq
 from tests.missions.test_encode import PATH
 
@@ -32,22 +42,24 @@ def as_px4_answers(item: MissionItem) -> MissionItem:
 
 def test_ardupilots_rewriting_is_no_difference() -> None:
     items = encode(PATH, ARDUPILOT).items
-    assert differences(items, [as_ardupilot_answers(item) for item in items], ARDUPILOT) == ()
+    assert find_mission_differences(items, [as_ardupilot_answers(item) for item in items], ARDUPILOT) == ()
 
 
 def test_px4s_rewriting_is_no_difference() -> None:
     items = encode(PATH, PX4).items
-    assert differences(items, [as_px4_answers(item) for item in items], PX4) == ()
+    assert find_mission_differences(items, [as_px4_answers(item) for item in items], PX4) == ()
 
 
 def test_what_ardupilot_rewrites_is_a_difference_on_px4() -> None:
     items = encode(PATH, PX4).items
     read_back = [replace(item, frame=0) if item.command == Command.DO_CHANGE_SPEED else item for item in items]
-    assert differences(items, read_back, PX4) == tuple(
+    assert find_mission_differences(items, read_back, PX4) == tuple(
         f"item {seq} (DO_CHANGE_SPEED): frame sent 2, read back 0" for seq in (1, 4, 7)
     )
     moved_home = (replace(items[0], x=items[0].x + 50), *items[1:])
-    assert differences(items, moved_home, PX4) == ("item 0 (NAV_TAKEOFF): x sent 496000000, read back 496000050",)
+    assert find_mission_differences(items, moved_home, PX4) == (
+        "item 0 (NAV_TAKEOFF): x sent 496000000, read back 496000050",
+    )
 
 
 @pytest.mark.parametrize("dialect", [ARDUPILOT, PX4])
@@ -71,14 +83,14 @@ def test_any_other_change_is_told(dialect: Dialect, key: str, value: float, told
     seq = arrival_seq(mission, 2)
     read_back = list(mission.items)
     read_back[seq] = replace(read_back[seq], **{key: value})  # type: ignore[arg-type]
-    (text,) = differences(mission.items, read_back, dialect)
+    (text,) = find_mission_differences(mission.items, read_back, dialect)
     assert text.startswith(f"item {seq} (NAV_WAYPOINT): ")
     assert re.search(told.replace("HOLD", str(dialect.performance.hold_s)), text)
 
 
 def test_a_list_of_another_length_is_told_as_that() -> None:
     items = encode(PATH, PX4).items
-    assert differences(items, items[:-1], PX4) == ("10 items sent, 9 read back",)
+    assert find_mission_differences(items, items[:-1], PX4) == ("10 items sent, 9 read back",)
 
 
 @pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=["ardupilot", "px4"])
@@ -89,7 +101,7 @@ def test_a_place_may_be_off_by_one_step_of_its_degrees(dialect: Dialect, key: st
     seq = arrival_seq(mission, 2)
     read_back = list(mission.items)
     read_back[seq] = replace(read_back[seq], **{key: getattr(read_back[seq], key) + moved})
-    assert bool(differences(mission.items, read_back, dialect)) == (abs(moved) > 1)
+    assert bool(find_mission_differences(mission.items, read_back, dialect)) == (abs(moved) > 1)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +121,7 @@ def test_a_height_may_be_cut_to_one_step_and_no_more(dialect: Dialect, off_m: fl
     seq = arrival_seq(mission, 2)
     read_back = list(mission.items)
     read_back[seq] = replace(read_back[seq], z=read_back[seq].z + off_m)
-    assert bool(differences(mission.items, read_back, dialect)) == told
+    assert bool(find_mission_differences(mission.items, read_back, dialect)) == told
 
 
 def test_a_number_may_be_off_by_two_steps_of_float32_and_no_more() -> None:
@@ -117,7 +129,7 @@ def test_a_number_may_be_off_by_two_steps_of_float32_and_no_more() -> None:
     for steps, told in ((-3, True), (-2, False), (0, False), (2, False), (3, True)):
         ours = MissionItem(1, Frame.MISSION, Command.DO_CHANGE_SPEED, 1.0, 3.0, -1.0)
         theirs = replace(ours, param2=3.0 + steps * step)
-        assert bool(differences([ours], [theirs], PX4)) == told, steps
+        assert bool(find_mission_differences([ours], [theirs], PX4)) == told, steps
 
 
 def test_a_landings_yaw_is_ardupilots_own_and_px4s_is_ours() -> None:
@@ -125,20 +137,22 @@ def test_a_landings_yaw_is_ardupilots_own_and_px4s_is_ours() -> None:
         items = list(encode(PATH, dialect).items)
         (seq,) = (item.seq for item in items if item.command == Command.NAV_LAND)
         items[seq] = replace(items[seq], param4=77.0)
-        assert len(differences(encode(PATH, dialect).items, items, dialect)) == told
+        assert len(find_mission_differences(encode(PATH, dialect).items, items, dialect)) == told
 
 
 def test_an_unknown_command_is_told_by_its_number() -> None:
     ours = replace(encode(PATH, PX4).items[0], command=4242)
-    assert differences([ours], [replace(ours, param1=ours.param1 + 1.0)], PX4)[0].startswith("item 0 (4242): param1 ")
+    assert find_mission_differences([ours], [replace(ours, param1=ours.param1 + 1.0)], PX4)[0].startswith(
+        "item 0 (4242): param1 "
+    )
 
 
 @pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=["ardupilot", "px4"])
 def test_two_missions_are_alike_up_to_the_first_difference(dialect: Dialect) -> None:
     items = encode(PATH, dialect).items
-    assert alike(items, items, dialect) == len(items)
-    assert alike(items, items[:4], dialect) == alike(items[:4], items, dialect) == 4
-    assert alike(items, [], dialect) == 0
+    assert count_common_items(items, items, dialect) == len(items)
+    assert count_common_items(items, items[:4], dialect) == count_common_items(items[:4], items, dialect) == 4
+    assert count_common_items(items, [], dialect) == 0
     for seq in range(1, len(items)):
         other = [*items[:seq], replace(items[seq], autocontinue=not items[seq].autocontinue), *items[seq + 1 :]]
-        assert alike(items, other, dialect) == seq
+        assert count_common_items(items, other, dialect) == seq

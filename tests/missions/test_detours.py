@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from missions import Inspection, dialect_for, estimate, flight_path, flight_setup
-from missions.detours import Columns
+from missions import Inspection, build_flight_path, dialect_for, estimate, plan_flight_setup
+from missions.detours import DetourObstacles
 from missions.flight_model import FlightModel
 from missions.pads import Pad, column_radius_m, way_around_m
-from missions.pricing import Pricing, flown_instance
+from missions.pricing import Pricing, build_priced_instance
 from missions.setup import FlightSetup
 from planner import Cost, Plan, Route, SteadyWind, evaluate
 from tests.missions.builders import depot_vehicle, line_east
@@ -20,9 +20,9 @@ POWER = SteadyWind(0.0, 0.0, (0.0, 100.0), (0.05, 0.05))
 
 def setup() -> FlightSetup:
     """Return a line to the east with uav2's pad in the middle of it, beside its second segment."""
-    alt_m = flight_setup(line_east(4), NAMES, Inspection()).pads[0].alt_m
+    alt_m = plan_flight_setup(line_east(4), NAMES, Inspection()).pads[0].alt_m
     pads = [Pad("uav1", 0.0, -20.0, alt_m), Pad("uav2", 150.0, -8.0, alt_m)]
-    return flight_setup(line_east(4), NAMES, Inspection(), pads=pads)
+    return plan_flight_setup(line_east(4), NAMES, Inspection(), pads=pads)
 
 
 def pricing(chosen: FlightSetup, autopilot: str, *, around: bool = True) -> Pricing:
@@ -41,28 +41,28 @@ def test_a_route_past_a_pad_is_priced_as_it_is_flown(autopilot: str) -> None:
     priced = pricing(chosen, autopilot)
     fleet = [depot_vehicle(name, 80.0) for name in NAMES]
     plan = Plan((Route(0, (4, 0)), Route(1, (2,))))
-    path = flight_path(chosen, "uav1", plan.routes[0].visits)
+    path = build_flight_path(chosen, "uav1", plan.routes[0].visits)
     flown = estimate(path, priced.models["uav1"])
-    met = evaluate(flown_instance(priced, fleet), plan, Cost.MINMAX)
+    met = evaluate(build_priced_instance(priced, fleet), plan, Cost.MINMAX)
     assert met.durations_s[0] == pytest.approx(flown.duration_s, rel=1e-5)
     assert met.energies_pct[0] == pytest.approx(flown.energy_pct, rel=1e-5)
-    straight = evaluate(flown_instance(pricing(chosen, autopilot, around=False), fleet), plan, Cost.MINMAX)
+    straight = evaluate(build_priced_instance(pricing(chosen, autopilot, around=False), fleet), plan, Cost.MINMAX)
     assert straight.durations_s[0] < met.durations_s[0] - 0.5
     # Its own pad is in nobody's way: uav2 flies straight.
     assert straight.durations_s[1] == pytest.approx(met.durations_s[1])
 
 
 def test_the_lost_ones_pad_stays_in_the_way() -> None:
-    priced = pricing(setup(), "px4").part([0, 2], ["uav1"])
-    assert priced.fliers(["uav1"], around=True)[0].columns.centres_m == ((150.0, -8.0),)
+    priced = pricing(setup(), "px4").select_segments([0, 2], ["uav1"])
+    assert priced.build_vehicle_moves(["uav1"], around=True)[0].columns.centres_m == ((150.0, -8.0),)
 
 
 def test_a_column_at_either_end_is_led_around_by_nobody() -> None:
-    columns = Columns(((50.0, 0.0),), 7.0)
+    columns = DetourObstacles(((50.0, 0.0),), 7.0)
     from_m = np.array([[0.0, 0.0, 10.0], [0.0, 8.0, 10.0], [45.0, 0.0, 10.0], [0.0, 0.0, 10.0]])
     to_m = np.array([[100.0, 0.0, 20.0], [100.0, 8.0, 10.0], [100.0, 0.0, 10.0], [55.0, 0.0, 10.0]])
-    assert columns.met(from_m, to_m).tolist() == [0]
-    ((which, ways_m),) = columns.ways(from_m[:1], to_m[:1])
+    assert columns.find_obstructed(from_m, to_m).tolist() == [0]
+    ((which, ways_m),) = columns.iterate_ways(from_m[:1], to_m[:1])
     assert which.tolist() == [0]
     assert (ways_m[0, 0].tolist(), ways_m[0, -1].tolist()) == ([0.0, 0.0, 10.0], [100.0, 0.0, 20.0])
     # It rises evenly along the way, and keeps clear.
@@ -71,7 +71,7 @@ def test_a_column_at_either_end_is_led_around_by_nobody() -> None:
 
 
 def test_the_way_back_is_the_way_out_and_nobody_changes_it_for_others() -> None:
-    columns = Columns(((0.0, 0.0), (9.0, 1.0)), 8.0)
+    columns = DetourObstacles(((0.0, 0.0), (9.0, 1.0)), 8.0)
     west_m, east_m = np.array([-40.0, 2.0]), np.array([40.0, -3.0])
     out_m, back_m = columns.way_m(west_m, east_m), columns.way_m(east_m, west_m)
     assert len(out_m) > 0

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from missions import Inspection, Network, NetworkError, Pylon, flight_setup, implausible, with_heights
+from missions import Inspection, Network, NetworkError, Pylon, check_line_heights, plan_flight_setup, with_heights
 from tests.missions.builders import FRAME, line_east, network_of
 
 GOOD = [(450.0, 30.0), (455.0, 32.0), (460.0, 28.0), (452.0, 30.0)]
@@ -34,7 +34,7 @@ def third(network: Network, *values_m: float | None) -> Network:
 def test_known_heights_stay_as_they_are() -> None:
     network = with_heights(line(GOOD), flat=False)
     assert network == line(GOOD)
-    assert implausible(network) == []
+    assert check_line_heights(network) == []
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_known_heights_stay_as_they_are() -> None:
 )
 def test_what_lacks_heights_is_named(network: Network, reason: str) -> None:
     with pytest.raises(NetworkError, match=rf"^test network: heights: .*{reason}"):
-        flight_setup(network, ["uav1"], Inspection())
+        plan_flight_setup(network, ["uav1"], Inspection())
 
 
 def test_a_claim_makes_the_depots_ground_everybodys() -> None:
@@ -62,7 +62,7 @@ def test_a_claim_makes_the_depots_ground_everybodys() -> None:
     assert network.flat
     assert [pylon.elevation_m for pylon in network.pylons] == [450.0, 452.0]
     assert with_heights(network, flat=True) == network
-    setup = flight_setup(network, ["uav1"], Inspection())
+    setup = plan_flight_setup(network, ["uav1"], Inspection())
     assert setup.layers.track_heights_m.tolist() == [[45.0, 48.0]]
 
 
@@ -70,11 +70,11 @@ def test_over_flat_ground_without_structures_flights_are_over_the_depots_ground(
     network = with_heights(line([(None, None)] * 3), flat=True)
     assert network.flat
     assert not network.has_heights
-    assert flight_setup(network, ["uav1"], Inspection()).layers.track_heights_m.max() == 15.0
+    assert plan_flight_setup(network, ["uav1"], Inspection()).layers.track_heights_m.max() == 15.0
 
 
 def test_a_network_that_is_flat_by_its_format_needs_no_claim() -> None:
-    assert not flight_setup(line_east(), ["uav1"], Inspection()).network.has_heights
+    assert not plan_flight_setup(line_east(), ["uav1"], Inspection()).network.has_heights
 
 
 @pytest.mark.parametrize(
@@ -92,9 +92,9 @@ def test_a_claim_that_the_file_contradicts_is_refused(network: Network, reason: 
 def test_third_coordinates_contradict_a_claim_when_they_rise() -> None:
     rising = third(line([(None, None)] * 3), 460.0, None, 560.0)
     with pytest.raises(NetworkError, match=r"third coordinates: .* got 460 at pylon 'p0' and 560 at pylon 'p2'$"):
-        implausible(with_heights(rising, flat=True))
+        check_line_heights(with_heights(rising, flat=True))
     level = third(line([(None, None)] * 3), 495.0, 500.0, 490.0)
-    assert implausible(with_heights(level, flat=True)) == [
+    assert check_line_heights(with_heights(level, flat=True)) == [
         "the third coordinates of the network's positions are not used"
     ]
 
@@ -115,26 +115,26 @@ def test_third_coordinates_contradict_a_claim_when_they_rise() -> None:
 )  # fmt: skip
 def test_heights_that_no_line_has_are_refused(network: Network, reason: str) -> None:
     with pytest.raises(NetworkError, match=reason) as caught:
-        implausible(with_heights(network, flat=False))
+        check_line_heights(with_heights(network, flat=False))
     assert "\n" not in str(caught.value)
 
 
 def test_a_line_of_giants_is_flown_when_the_site_says_so() -> None:
     giants = line([(450.0, 101.0), (452.0, 105.0)])
-    assert implausible(giants, tallest_m=110.0) == []
+    assert check_line_heights(giants, tallest_m=110.0) == []
     with pytest.raises(NetworkError, match=r"pylon 'p1': height_m: .* at most 104 m, got 105"):
-        implausible(giants, tallest_m=104.0)
+        check_line_heights(giants, tallest_m=104.0)
 
 
 def test_a_mountain_side_is_no_mistake() -> None:
-    assert implausible(line([(450.0, 30.0), (510.0, 30.0), (600.0, 30.0), (520.0, 30.0)])) == []
+    assert check_line_heights(line([(450.0, 30.0), (510.0, 30.0), (600.0, 30.0), (520.0, 30.0)])) == []
 
 
 def test_a_depot_far_below_its_line_is_worth_a_look() -> None:
-    [text] = implausible(line([(530.0, 30.0), (535.0, 30.0)]))
+    [text] = check_line_heights(line([(530.0, 30.0), (535.0, 30.0)]))
     assert text.startswith("the depot is at 450 m, the ground of pylon 'p0', 100 m away, at 530 m: are both in metres")
 
 
 def test_a_part_of_a_flat_network_is_flat() -> None:
-    assert line_east(4).within(250.0).flat
+    assert line_east(4).crop_to_radius(250.0).flat
     assert Network((Pylon("a", 49.6, 15.6), Pylon("b", 49.601, 15.6)), line_east(2).segments, FRAME).flat is False

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions import FlightSetup, Inspection, dialect_for, flight_setup
+from missions import FlightSetup, Inspection, dialect_for, plan_flight_setup
 from missions.asked import Routes
 from missions.flight_model import FlightModel
-from missions.order import MOST_VISITS, Timetable, rearranged
+from missions.order import MOST_VISITS, RouteTimetable, rearrange_routes
 from planner import SteadyWind, segment_of
 from tests.missions.builders import line_east
 
@@ -24,7 +24,7 @@ AHEAD_S = 20.0
 def setup_of() -> FlightSetup:
     """Return six spans east of two pads."""
     network = line_east(7)
-    return flight_setup(network, NAMES, Inspection(same_distance=True, flat=network.flat))
+    return plan_flight_setup(network, NAMES, Inspection(same_distance=True, flat=network.flat))
 
 
 SETUP = setup_of()
@@ -36,11 +36,11 @@ MODEL = FlightModel(
 def chosen(
     routes: Routes, *, may: bool = True, cost_of: Callable[[Routes], float] = lambda _: 1.0
 ) -> dict[str, tuple[int, ...]]:
-    return rearranged(SETUP, routes, dict.fromkeys(NAMES, MODEL), AHEAD_S, cost_of, lambda _: may)
+    return rearrange_routes(SETUP, routes, dict.fromkeys(NAMES, MODEL), AHEAD_S, cost_of, lambda _: may)
 
 
 def from_layers(routes: Routes) -> int:
-    return len(Timetable(SETUP, dict.fromkeys(NAMES, MODEL), AHEAD_S).from_layers(routes))
+    return len(RouteTimetable(SETUP, dict.fromkeys(NAMES, MODEL), AHEAD_S).find_layer_visits(routes))
 
 
 OUT, BACK = (6, 8, 10), (11, 9, 7)

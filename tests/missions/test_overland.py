@@ -12,11 +12,11 @@ from missions import (
     FlightPath,
     Phase,
     Waypoint,
+    build_flight_path,
     check_clearance,
-    check_everywhere,
+    check_network_clearance,
     check_separation,
     continue_path,
-    flight_path,
 )
 from missions.errors import ElevationError
 from tests.terrain_judge import Case, case_of
@@ -30,7 +30,7 @@ CENTIMETRE_M = 0.03
 
 def first_paths(case: Case) -> list[FlightPath]:
     names = case.setup.layers.vehicles
-    return [flight_path(case.setup, name, route) for name, route in zip(names, case.routes, strict=True) if route]
+    return [build_flight_path(case.setup, name, route) for name, route in zip(names, case.routes, strict=True) if route]
 
 
 def replanned(case: Case, paths: list[FlightPath]) -> list[FlightPath]:
@@ -78,7 +78,7 @@ def test_the_margin_holds_on_200_plans_and_200_replans(tmp_path: Path) -> None:
 
 
 def test_the_check_before_the_flight_covers_every_later_plan(tmp_path: Path) -> None:
-    assert check_everywhere(case_of(3, tmp_path).setup) == []
+    assert check_network_clearance(case_of(3, tmp_path).setup) == []
 
 
 def test_a_leg_that_is_too_low_is_named_with_its_place(tmp_path: Path) -> None:

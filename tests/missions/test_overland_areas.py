@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from shapely.geometry import LineString
 
-from missions import FlightPath, FlightSetup, Inspection, flight_path, flight_setup
+from missions import FlightPath, FlightSetup, Inspection, build_flight_path, plan_flight_setup
 from missions.areacheck import check_areas
 from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
 from missions.geo import FloatArray
-from missions.reach import within_areas
-from missions.readers.elevation import Reading, read_elevation
+from missions.reach import apply_areas
+from missions.readers.elevation import RasterOptions, read_elevation
 from missions.terrain import DETOUR_M, Terrain, reading_box_m
 from tests.missions.test_overland import judged, replanned
 from tests.mountains import write_raster
@@ -59,7 +59,7 @@ def closed_case(seed: int, folder: Path, areas: list[Area] | None = None) -> Clo
     network = lines_over(mountain, rng, lines=3, pylons=6)
     crs, cell = RASTERS[seed % len(RASTERS)]
     path = write_raster(folder / f"hills-{seed}.tif", mountain, crs=crs, cell=cell)
-    reading = Reading(network.frame, *reading_box_m(network, DETOUR_M), "egm96", float(rng.uniform(1, 8)))
+    reading = RasterOptions(network.frame, *reading_box_m(network, DETOUR_M), "egm96", float(rng.uniform(1, 8)))
     terrain = Terrain(read_elevation([path], reading), float(rng.uniform(10, 30)))
     fleet = FLEET[: int(rng.integers(2, 4))]
     inspection = Inspection(height_m=float(rng.uniform(12, 25)), ceiling_m=500.0, return_ceiling_m=1000.0)
@@ -67,9 +67,9 @@ def closed_case(seed: int, folder: Path, areas: list[Area] | None = None) -> Clo
         found = areas
         if found is None:
             found = [between(dice, count, dice.choice([5.0, 20.0, 60.0, 120.0])) for count in range(dice.randint(2, 5))]
-        bare = flight_setup(network, fleet, inspection, terrain=terrain, areas=found)
+        bare = plan_flight_setup(network, fleet, inspection, terrain=terrain, areas=found)
         try:
-            setup = within_areas(bare, found)
+            setup = apply_areas(bare, found)
         except SafetyError:
             assert areas is None, "the depot is enclosed"
             continue
@@ -86,7 +86,11 @@ def closed_case(seed: int, folder: Path, areas: list[Area] | None = None) -> Clo
 
 
 def paths_of(setup: FlightSetup, routes: tuple[tuple[int, ...], ...]) -> list[FlightPath]:
-    return [flight_path(setup, name, route) for name, route in zip(setup.layers.vehicles, routes, strict=True) if route]
+    return [
+        build_flight_path(setup, name, route)
+        for name, route in zip(setup.layers.vehicles, routes, strict=True)
+        if route
+    ]
 
 
 def judged_among_areas(case: Case, paths: list[FlightPath]) -> None:

@@ -11,7 +11,7 @@ from tests.missions.test_estimate import MODEL, OUT_AND_HOME
 
 
 def test_take_offs_and_landings_are_as_the_model_has_them() -> None:
-    assert [Pace(1.2, 1.1).of(phase) for phase in Phase] == [1.0, 1.1, 1.2, 1.1, 1.0]
+    assert [Pace(1.2, 1.1).factor_of(phase) for phase in Phase] == [1.0, 1.1, 1.2, 1.1, 1.0]
 
 
 def test_legs_take_longer_and_use_more_by_what_they_are_for() -> None:
@@ -23,5 +23,5 @@ def test_legs_take_longer_and_use_more_by_what_they_are_for() -> None:
 
 
 def test_two_paces_make_one() -> None:
-    both = Pace(1.2, 1.1).times(Pace(0.5, 2.0))
+    both = Pace(1.2, 1.1).combine(Pace(0.5, 2.0))
     assert (both.inspect, both.transit) == pytest.approx((0.6, 2.2))

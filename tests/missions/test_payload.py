@@ -13,13 +13,13 @@ from missions import (
     Command,
     Dialect,
     Inspection,
+    build_flight_path,
     continue_path,
-    differences,
     encode,
-    flight_path,
-    flight_setup,
+    find_mission_differences,
+    plan_flight_setup,
 )
-from missions.cameras import Camera, Looks, PylonLook, SpanLook, Trigger, Viewpoint
+from missions.cameras import Camera, CameraTasks, PylonCameraTask, SpanCameraTask, Trigger, Viewpoint
 from missions.items import PAYLOAD, MissionItem
 from missions.setup import FlightSetup
 from tests.missions.builders import line_east
@@ -29,39 +29,39 @@ GIMBAL = Camera("rgb", 100, gimbal=True)
 WIRED = Camera("rgb", 1)
 
 
-def setup_with(camera: Camera, *looks: SpanLook, vehicles: tuple[str, ...] = ("uav1", "uav2")) -> FlightSetup:
-    setup = flight_setup(line_east(5), vehicles, Inspection(flat=True))
+def setup_with(camera: Camera, *looks: SpanCameraTask, vehicles: tuple[str, ...] = ("uav1", "uav2")) -> FlightSetup:
+    setup = plan_flight_setup(line_east(5), vehicles, Inspection(flat=True))
     every = dict.fromkeys(range(4), looks)
-    return replace(setup, looks=Looks({camera.name: camera}, {"uav1": frozenset({camera.name})}, every))
+    return replace(setup, looks=CameraTasks({camera.name: camera}, {"uav1": frozenset({camera.name})}, every))
 
 
 def commands(setup: FlightSetup, dialect: Dialect, visits: tuple[int, ...]) -> list[tuple[str, float]]:
-    items = encode(flight_path(setup, "uav1", visits), dialect).items
+    items = encode(build_flight_path(setup, "uav1", visits), dialect).items
     return [(Command(item.command).name, item.param1) for item in items if item.command in PAYLOAD]
 
 
 @BOTH
 def test_a_span_begins_and_ends_what_it_asks_for(dialect: Dialect) -> None:
-    every = SpanLook("rgb", Trigger.DISTANCE, 8.0)
+    every = SpanCameraTask("rgb", Trigger.DISTANCE, 8.0)
     assert commands(setup_with(WIRED, every), dialect, (0,)) == [
         ("DO_SET_CAM_TRIGG_DIST", 8.0), ("DO_SET_CAM_TRIGG_DIST", 0.0),
     ]  # fmt: skip
-    film = SpanLook("rgb", Trigger.VIDEO)
+    film = SpanCameraTask("rgb", Trigger.VIDEO)
     assert [name for name, _ in commands(setup_with(WIRED, film), dialect, (0,))] == [
         "VIDEO_START_CAPTURE", "VIDEO_STOP_CAPTURE",
     ]  # fmt: skip
-    timed = SpanLook("rgb", Trigger.INTERVAL, 9.0)
-    items = encode(flight_path(setup_with(GIMBAL, timed), "uav1", (0,)), dialect).items
+    timed = SpanCameraTask("rgb", Trigger.INTERVAL, 9.0)
+    items = encode(build_flight_path(setup_with(GIMBAL, timed), "uav1", (0,)), dialect).items
     [start] = [item for item in items if item.command == Command.IMAGE_START_CAPTURE]
     assert (start.param1, start.param2, start.param3) == (100.0, 3.0, 0.0)  # 9 m at 3 m/s
 
 
 @BOTH
 def test_a_gimbal_looks_at_the_line_whichever_way_it_is_flown(dialect: Dialect) -> None:
-    setup = setup_with(GIMBAL, SpanLook("rgb", Trigger.DISTANCE, 8.0))
+    setup = setup_with(GIMBAL, SpanCameraTask("rgb", Trigger.DISTANCE, 8.0))
     yaws = []
     for visit in (0, 1):
-        items = encode(flight_path(setup, "uav1", (visit,)), dialect).items
+        items = encode(build_flight_path(setup, "uav1", (visit,)), dialect).items
         [pointing] = [item for item in items if item.command == Command.DO_GIMBAL_MANAGER_PITCHYAW]
         assert pointing.param1 == -72.0  # 15 m above and 5 m beside
         yaws.append(pointing.param2)
@@ -70,27 +70,27 @@ def test_a_gimbal_looks_at_the_line_whichever_way_it_is_flown(dialect: Dialect) 
 
 @BOTH
 def test_a_continued_mission_begins_as_the_one_on_board(dialect: Dialect) -> None:
-    setup = setup_with(GIMBAL, SpanLook("rgb", Trigger.DISTANCE, 8.0))
-    path = flight_path(setup, "uav1", (0, 2, 4))
+    setup = setup_with(GIMBAL, SpanCameraTask("rgb", Trigger.DISTANCE, 8.0))
+    path = build_flight_path(setup, "uav1", (0, 2, 4))
     kept = 1 + max(index for index, point in enumerate(path.waypoints) if point.visit == 0)
     before, after = (encode(one, dialect) for one in (path, continue_path(setup, path, kept, (7,))))
     last = max(seq for seq, waypoint in enumerate(before.waypoint_of) if waypoint is not None and waypoint < kept)
     same = before.items[: last + 2]  # with what ends the kept span
     assert same[-1].command == Command.DO_SET_CAM_TRIGG_DIST
-    assert differences(same, after.items[: last + 2], dialect) == ()
-    assert differences(before.items, before.items, dialect) == ()
+    assert find_mission_differences(same, after.items[: last + 2], dialect) == ()
+    assert find_mission_differences(before.items, before.items, dialect) == ()
 
 
 def test_a_vehicle_without_the_camera_is_barred_from_what_asks_for_it() -> None:
-    looks = setup_with(GIMBAL, SpanLook("rgb", Trigger.DISTANCE, 8.0)).looks
-    assert looks.barred("uav1") == frozenset()
-    assert looks.barred("uav2") == frozenset(range(4))
-    assert looks.barred("uav1", {"rgb"}) == frozenset(range(4))
+    looks = setup_with(GIMBAL, SpanCameraTask("rgb", Trigger.DISTANCE, 8.0)).looks
+    assert looks.find_barred_segments("uav1") == frozenset()
+    assert looks.find_barred_segments("uav2") == frozenset(range(4))
+    assert looks.find_barred_segments("uav1", {"rgb"}) == frozenset(range(4))
 
 
 @BOTH
 def test_without_looks_nothing_is_in_the_mission(dialect: Dialect) -> None:
-    setup = flight_setup(line_east(5), ("uav1",), Inspection(flat=True))
+    setup = plan_flight_setup(line_east(5), ("uav1",), Inspection(flat=True))
     assert commands(setup, dialect, (0, 2)) == []
 
 
@@ -98,9 +98,9 @@ def around(dialect: Dialect, camera: Camera) -> list[tuple[int, float, float]]:
     """Return command, param1 and param4 of the items of a pylon whose top is a region of interest."""
     setup = setup_with(camera)
     points = (Viewpoint((140.0, -8.0), 63), Viewpoint((160.0, -8.0), -51))
-    look = PylonLook(camera.name, points, 2.0, 20.0, (150.0, 0.0, 0.0), roi=True)
+    look = PylonCameraTask(camera.name, points, 2.0, 20.0, (150.0, 0.0, 0.0), roi=True)
     setup = replace(setup, looks=replace(setup.looks, spans={}, pylons={1: look}))
-    items = encode(flight_path(setup, "uav1", (2,)), dialect).items
+    items = encode(build_flight_path(setup, "uav1", (2,)), dialect).items
     whole = [item for item in items if item.command in PAYLOAD or item.param1 == 2.0]
     return [(item.command, item.param1, item.param4) for item in whole]
 
@@ -126,4 +126,4 @@ def test_a_heading_comes_back_from_px4_within_what_is_allowed() -> None:
     to_radians, to_degrees = np.float32(np.pi) / np.float32(180), np.float32(180) / np.float32(np.pi)
     sent = [MissionItem(seq, 6, Command.NAV_WAYPOINT, param4=float(seq)) for seq in range(360)]
     back = [replace(item, param4=float(np.float32(item.param4) * to_radians * to_degrees)) for item in sent]
-    assert differences(sent, back, PX4) == ()
+    assert find_mission_differences(sent, back, PX4) == ()

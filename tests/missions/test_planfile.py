@@ -15,11 +15,11 @@ from missions import (
     Inspection,
     PlanFile,
     PlanFileError,
-    Solved,
+    SolverRecord,
     Window,
+    build_plan_document,
     check_plan,
     make_plan_file,
-    plan_document,
     read_network,
     read_plan,
     write_plan,
@@ -29,7 +29,7 @@ from planner import Cost, Dynamics, Plan, Route, SteadyWind, Travel, Vehicle
 from tests.missions.builders import depot_vehicle, line_east, paper_task, whole_task
 
 TRAVEL = Travel(transit_speed_m_s=10.0, inspection_speed_m_s=2.0, transit_pct_per_s=0.1, inspection_pct_per_s=0.2)
-SOLVED = Solved("search", 7, 1.5)
+SOLVED = SolverRecord("search", 7, 1.5)
 INSPECTION_KEYS = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m")
 
 
@@ -72,7 +72,7 @@ def test_a_file_reads_back_as_it_was_written(tmp_path: Path) -> None:
     assert again == content
     assert again.source == str(path)
     assert check_plan(again, search_window=False) == []
-    assert again.task().segment_ids == (3, 7, 8, 20)
+    assert again.build_task().segment_ids == (3, 7, 8, 20)
     # Written again it is the same file, and nothing else is left beside it.
     write_plan(tmp_path / "again.json", again)
     assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
@@ -88,7 +88,7 @@ def test_a_file_of_an_earlier_version_is_written_byte_for_byte_as_it_was(kept: P
 
 def test_an_unknown_key_is_passed_over(tmp_path: Path) -> None:
     path = tmp_path / "plan.json"
-    path.write_text(json.dumps(plan_document(small()) | {"colour": "red"}))
+    path.write_text(json.dumps(build_plan_document(small()) | {"colour": "red"}))
     assert read_plan(path) == small()
 
 
@@ -111,7 +111,7 @@ def test_a_plan_chosen_by_a_window_has_one(tmp_path: Path) -> None:
     with pytest.raises(PlanFileError, match="cost: expected the re-plan window"):
         make_plan_file(network, task, TRAVEL, Plan((Route(0, (0,)),), (1, 2)), None, SOLVED)
     path = tmp_path / "plan.json"
-    document = plan_document(small()) | {"cost": {"name": "window", "value": 3.0}}
+    document = build_plan_document(small()) | {"cost": {"name": "window", "value": 3.0}}
     path.write_text(json.dumps(document))
     with pytest.raises(PlanFileError, match="window: expected the window that the plan was chosen by"):
         read_plan(path)
@@ -137,7 +137,7 @@ def test_a_file_is_as_the_design_has_it(tmp_path: Path) -> None:
 
 def test_a_plan_files_network_can_be_flown(tmp_path: Path) -> None:
     path, content = full(tmp_path)
-    network = read_plan(path).network()
+    network = read_plan(path).build_network()
     assert network.has_heights
     assert [network.segment_name(number) for number in range(4)] == ["V102.1", "V103.2", "V103.3", "V105B.2"]
     assert np.allclose(network.ends_m, content.ends_m, atol=1e-6)

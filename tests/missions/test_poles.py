@@ -12,8 +12,8 @@ from missions import Network, NetworkError, with_heights
 from missions.elevation import Elevation
 from missions.errors import ElevationError
 from missions.geo import LocalFrame
-from missions.poles import on_ground, with_structures
-from missions.readers.elevation import Reading, read_elevation
+from missions.poles import add_ground_heights, add_structure_heights
+from missions.readers.elevation import RasterOptions, read_elevation
 from missions.terrain import reading_box_m
 from tests.mountains import Mountain, write_raster
 from tests.terrain_judge import lines_over
@@ -29,7 +29,7 @@ def network() -> Network:
 @pytest.fixture(scope="module")
 def ground(network: Network, tmp_path_factory: pytest.TempPathFactory) -> Elevation:
     path = write_raster(tmp_path_factory.mktemp("ground") / "ground.tif", MOUNTAIN)
-    return read_elevation([path], Reading(network.frame, *reading_box_m(network), "egm96", 4.0))
+    return read_elevation([path], RasterOptions(network.frame, *reading_box_m(network), "egm96", 4.0))
 
 
 def without_ground(network: Network) -> Network:
@@ -44,21 +44,21 @@ def moved(network: Network, by_m: float, *which: int) -> Network:
 
 
 def test_ground_that_no_file_knows_is_the_rasters(network: Network, ground: Elevation) -> None:
-    filled, found = on_ground(without_ground(network), ground, depot_known=True)
+    filled, found = add_ground_heights(without_ground(network), ground, depot_known=True)
     assert found == (f"the ground of 24 of 24 pylons is that of {ground.source}",)
     for known, got in zip(network.pylons, filled.pylons, strict=True):
         assert got.elevation_m == pytest.approx(known.elevation_m, abs=2.0)
 
 
 def test_what_the_file_knows_stays(network: Network, ground: Elevation) -> None:
-    same, found = on_ground(network, ground, depot_known=True)
+    same, found = add_ground_heights(network, ground, depot_known=True)
     assert same.pylons == network.pylons
     assert found == ()
 
 
 def test_a_depot_without_a_height_has_the_rasters(network: Network, ground: Elevation) -> None:
     frame = LocalFrame(network.frame.lat_deg, network.frame.lon_deg)
-    placed, found = on_ground(replace(network, frame=frame), ground, depot_known=False)
+    placed, found = add_ground_heights(replace(network, frame=frame), ground, depot_known=False)
     assert placed.frame.alt_m == pytest.approx(network.frame.alt_m, abs=1.0)
     assert found[0].startswith("the depot's height is that of ground.tif, ")
 
@@ -67,8 +67,8 @@ def test_a_structures_height_is_asked_for_and_never_invented(network: Network) -
     bare = replace(network, pylons=tuple(replace(pylon, height_m=None) for pylon in network.pylons))
     with pytest.raises(NetworkError, match="heights: expected height_m of every pylon"):
         with_heights(bare, flat=False)
-    assert {pylon.height_m for pylon in with_structures(bare, 25.0).pylons} == {25.0}
-    assert with_structures(network, 25.0).pylons == network.pylons
+    assert {pylon.height_m for pylon in add_structure_heights(bare, 25.0).pylons} == {25.0}
+    assert add_structure_heights(network, 25.0).pylons == network.pylons
 
 
 def test_all_pylons_over_or_under_the_raster_are_counted_from_something_else(
@@ -77,18 +77,18 @@ def test_all_pylons_over_or_under_the_raster_are_counted_from_something_else(
     with pytest.raises(
         NetworkError, match=r"pylon 'P0': elevation_m: .* more than 4[789] m above it: are they counted"
     ):
-        on_ground(moved(network, 48.0), ground, depot_known=True)
+        add_ground_heights(moved(network, 48.0), ground, depot_known=True)
 
 
 def test_one_gross_pylon_is_refused_by_its_name(network: Network, ground: Elevation) -> None:
     with pytest.raises(
         NetworkError, match=r"pylon 'P7': elevation_m: expected the ground above mean sea level, .* apart"
     ):
-        on_ground(moved(network, 90.0, 7), ground, depot_known=True)
+        add_ground_heights(moved(network, 90.0, 7), ground, depot_known=True)
 
 
 def test_odd_pylons_are_worth_a_look(network: Network, ground: Elevation) -> None:
-    _, found = on_ground(moved(moved(network, 30.0, 7), 25.0, 9), ground, depot_known=True)
+    _, found = add_ground_heights(moved(moved(network, 30.0, 7), 25.0, 9), ground, depot_known=True)
     (line,) = found
     assert line.startswith("pylon 'P7' stands at ")
     assert line.endswith(", and 1 more pylons are as far off")
@@ -97,14 +97,16 @@ def test_odd_pylons_are_worth_a_look(network: Network, ground: Elevation) -> Non
 def test_a_depot_that_contradicts_the_raster(network: Network, ground: Elevation) -> None:
     frame = network.frame
     with pytest.raises(NetworkError, match="depot: alt_m: expected the ground above mean sea level"):
-        on_ground(replace(network, frame=replace(frame, alt_m=frame.alt_m + 120.0)), ground, depot_known=True)
-    _, found = on_ground(replace(network, frame=replace(frame, alt_m=frame.alt_m + 20.0)), ground, depot_known=True)
+        add_ground_heights(replace(network, frame=replace(frame, alt_m=frame.alt_m + 120.0)), ground, depot_known=True)
+    _, found = add_ground_heights(
+        replace(network, frame=replace(frame, alt_m=frame.alt_m + 20.0)), ground, depot_known=True
+    )
     assert found[0].startswith("the depot is said to be at ")
 
 
 def test_a_pylon_on_ground_that_nobody_knows_is_named(network: Network, tmp_path: Path) -> None:
     east, north = network.positions_m[4].tolist()
     path = write_raster(tmp_path / "holed.tif", MOUNTAIN, holes_m=((east, north, 60.0),))
-    holed = read_elevation([path], Reading(network.frame, *reading_box_m(network), "egm96", 4.0))
+    holed = read_elevation([path], RasterOptions(network.frame, *reading_box_m(network), "egm96", 4.0))
     with pytest.raises(ElevationError, match=r"holed\.tif: no-data: .* 0 m from pylon 'P4'"):
-        on_ground(without_ground(network), holed, depot_known=True)
+        add_ground_heights(without_ground(network), holed, depot_known=True)

@@ -16,14 +16,14 @@ from missions import (
     Dialect,
     LocalFrame,
     MissionFileError,
-    differences,
     encode,
+    find_mission_differences,
+    format_qgc_plan,
+    format_qgc_waypoints,
     parse_qgc_plan,
     parse_qgc_waypoints,
-    qgc_plan,
-    qgc_waypoints,
 )
-from missions.fences import fence_around, fence_items, rally_items
+from missions.fences import build_fence, build_fence_items, build_rally_items
 from tests.missions.test_encode import PATH
 
 HOME = (49.6, 15.6, 450.0)
@@ -31,7 +31,7 @@ HOME = (49.6, 15.6, 450.0)
 
 @pytest.mark.parametrize(("dialect", "firmware"), [(ARDUPILOT, 3), (PX4, 12)])
 def test_a_plan_is_as_qgroundcontrol_writes_it(dialect: Dialect, firmware: int) -> None:
-    document = json.loads(qgc_plan(encode(PATH, dialect).items, dialect, HOME))
+    document = json.loads(format_qgc_plan(encode(PATH, dialect).items, dialect, HOME))
     assert (document["fileType"], document["version"], document["mission"]["version"]) == ("Plan", 1, 2)
     assert document["mission"]["firmwareType"] == firmware
     assert document["mission"]["plannedHomePosition"] == [49.6, 15.6, 450.0]
@@ -45,7 +45,7 @@ def test_a_plan_is_as_qgroundcontrol_writes_it(dialect: Dialect, firmware: int) 
 
 
 def test_a_waypoints_file_is_as_mission_planner_writes_it() -> None:
-    lines = qgc_waypoints(encode(PATH, ARDUPILOT).items, ARDUPILOT, HOME).splitlines()
+    lines = format_qgc_waypoints(encode(PATH, ARDUPILOT).items, ARDUPILOT, HOME).splitlines()
     assert lines[0] == "QGC WPL 110"
     assert lines[1].split("\t") == [
         "0",
@@ -68,19 +68,19 @@ def test_a_waypoints_file_is_as_mission_planner_writes_it() -> None:
 @pytest.mark.parametrize("dialect", [ARDUPILOT, PX4])
 def test_both_formats_are_read_again(dialect: Dialect) -> None:
     items = tuple(replace(item, param4=90.0) for item in encode(PATH, dialect).items)
-    plan = parse_qgc_plan(qgc_plan(items, dialect, HOME))
+    plan = parse_qgc_plan(format_qgc_plan(items, dialect, HOME))
     assert plan.home == HOME
     assert len(plan.items) == 10
-    lines = parse_qgc_waypoints(qgc_waypoints(items, dialect, HOME))
-    assert differences(items, lines, dialect) == ()
+    lines = parse_qgc_waypoints(format_qgc_waypoints(items, dialect, HOME))
+    assert find_mission_differences(items, lines, dialect) == ()
 
 
 def test_a_heading_that_is_left_open_has_no_word_in_a_waypoints_file() -> None:
     with pytest.raises(MissionFileError, match=r"^item 0: param4: expected a finite number, got nan$"):
-        qgc_waypoints(encode(PATH, PX4).items, PX4, HOME)
+        format_qgc_waypoints(encode(PATH, PX4).items, PX4, HOME)
 
 
-@pytest.mark.parametrize("write", [qgc_plan, qgc_waypoints])
+@pytest.mark.parametrize("write", [format_qgc_plan, format_qgc_waypoints])
 def test_no_figure_is_written_that_is_not_finite(write: Callable[..., str]) -> None:
     items = encode(PATH, ARDUPILOT).items
     for spoilt in (replace(items[3], z=math.nan), replace(items[3], param2=math.inf), replace(items[3], z=-math.inf)):
@@ -92,9 +92,9 @@ def test_no_figure_is_written_that_is_not_finite(write: Callable[..., str]) -> N
 
 def test_a_fence_and_rally_points_are_as_qgroundcontrol_writes_them() -> None:
     frame = LocalFrame(*HOME)
-    fence = fence_items(fence_around([(0.0, 0.0), (200.0, 0.0)], 20.0, 50.0), frame)
-    document = json.loads(qgc_plan(
-        encode(PATH, PX4).items, PX4, HOME, fence=fence, rally=rally_items([(0.0, 0.0)], frame),
+    fence = build_fence_items(build_fence([(0.0, 0.0), (200.0, 0.0)], 20.0, 50.0), frame)
+    document = json.loads(format_qgc_plan(
+        encode(PATH, PX4).items, PX4, HOME, fence=fence, rally=build_rally_items([(0.0, 0.0)], frame),
     ))  # fmt: skip
     assert document["geoFence"] == {
         "version": 2,
@@ -107,16 +107,16 @@ def test_a_fence_and_rally_points_are_as_qgroundcontrol_writes_them() -> None:
 
 
 def test_the_items_of_a_survey_are_taken_as_generated() -> None:
-    document = json.loads(qgc_plan(encode(PATH, PX4).items, PX4, HOME))
+    document = json.loads(format_qgc_plan(encode(PATH, PX4).items, PX4, HOME))
     simple = document["mission"]["items"]
     survey = {"type": "ComplexItem", "complexItemType": "survey", "TransectStyleComplexItem": {"Items": simple[3:6]}}
     document["mission"]["items"] = [*simple[:3], survey, *simple[6:]]
-    whole = parse_qgc_plan(qgc_plan(encode(PATH, PX4).items, PX4, HOME))
+    whole = parse_qgc_plan(format_qgc_plan(encode(PATH, PX4).items, PX4, HOME))
     assert repr(parse_qgc_plan(json.dumps(document))) == repr(whole)
 
 
 def test_null_is_nan_and_a_missing_place_is_zero() -> None:
-    document = json.loads(qgc_plan(encode(PATH, PX4).items, PX4, HOME))
+    document = json.loads(format_qgc_plan(encode(PATH, PX4).items, PX4, HOME))
     document["mission"]["items"][1]["params"] = [1, 5, None, None, None, None, None]
     item = parse_qgc_plan(json.dumps(document)).items[1]
     assert math.isnan(item.param3)
@@ -152,7 +152,7 @@ def _set(*keys: Any, value: object) -> Callable[[Any], None]:
     ],
 )
 def test_a_broken_plan_is_named(change: Callable[[Any], None], reason: str) -> None:
-    document = json.loads(qgc_plan(encode(PATH, PX4).items, PX4, HOME))
+    document = json.loads(format_qgc_plan(encode(PATH, PX4).items, PX4, HOME))
     change(document)
     with pytest.raises(MissionFileError, match=f"^uav1.plan: {reason}") as caught:
         parse_qgc_plan(json.dumps(document), source="uav1.plan")

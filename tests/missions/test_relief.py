@@ -10,13 +10,13 @@ from statistics import median
 import numpy as np
 import pytest
 
-from missions import FlightModel, Pricing, column_radius_m, dialect_for, estimate, flight_path
-from missions.grids import Grid, hull_m, inside, raised_over, under
-from missions.pricing import flown_instance
-from planner import PRESETS, Cost, Plan, Route, Vehicle, evaluate, segment_of, steady_wind
+from missions import FlightModel, Pricing, build_flight_path, column_radius_m, dialect_for, estimate
+from missions.grids import Grid, hull_m, is_inside_convex, limit_slope_above, limit_slope_below
+from missions.pricing import build_priced_instance
+from planner import PRESETS, Cost, Plan, Route, Vehicle, build_steady_wind, evaluate, segment_of
 from tests.terrain_judge import Case, case_of
 
-POWER = steady_wind(next(iter(PRESETS.values())), 8.0, (0.0, 0.0))
+POWER = build_steady_wind(next(iter(PRESETS.values())), 8.0, (0.0, 0.0))
 
 
 def pricing_of(case: Case, autopilot: str) -> Pricing:
@@ -37,12 +37,12 @@ def pricing_of(case: Case, autopilot: str) -> Pricing:
 
 def flown_over_planned(case: Case, pricing: Pricing) -> list[float]:
     names = case.setup.layers.vehicles
-    instance = flown_instance(pricing, [Vehicle(name, (0.0, 0.0), 90.0) for name in names])
+    instance = build_priced_instance(pricing, [Vehicle(name, (0.0, 0.0), 90.0) for name in names])
     covered = {segment_of(visit) for route in case.routes for visit in route}
     left = tuple(one for one in range(len(case.setup.network.segments)) if one not in covered)
     plan = Plan(tuple(Route(number, route) for number, route in enumerate(case.routes)), left)
     planned = evaluate(instance, plan, Cost.MINMAX).durations_s
-    paths = [flight_path(case.setup, name, route) for name, route in zip(names, case.routes, strict=True)]
+    paths = [build_flight_path(case.setup, name, route) for name, route in zip(names, case.routes, strict=True)]
     return [
         estimate(path, pricing.models[path.vehicle]).duration_s / planned_s
         for path, planned_s in zip(paths, planned, strict=True)
@@ -72,7 +72,7 @@ def hills(seed: int = 3) -> Grid:
 @pytest.mark.parametrize("slope", [0.2, 0.7])
 def test_cones_are_over_or_under_every_height_and_no_steeper(slope: float) -> None:
     grid = hills()
-    high, low = raised_over(grid, slope), under(grid, slope)
+    high, low = limit_slope_above(grid, slope), limit_slope_below(grid, slope)
     assert (high.heights_m >= grid.heights_m).all()
     assert (low.heights_m <= grid.heights_m).all()
     places = grid.places_m.reshape(-1, 2)
@@ -89,6 +89,6 @@ def test_cones_are_over_or_under_every_height_and_no_steeper(slope: float) -> No
 def test_a_hull_holds_all_places_and_nothing_beside() -> None:
     places = np.random.default_rng(1).normal(0, 100, (300, 2))
     hull = hull_m(places)
-    assert inside(hull, places, 1e-9).all()
-    assert not inside(hull, places + np.array([2000.0, 0.0])).any()
+    assert is_inside_convex(hull, places, 1e-9).all()
+    assert not is_inside_convex(hull, places + np.array([2000.0, 0.0])).any()
     assert len(hull) < 40

@@ -17,12 +17,12 @@ from missions import (
     Phase,
     SafetyError,
     Waypoint,
+    build_flight_path,
     check_separation,
     column_radius_m,
     continue_path,
     encode,
-    flight_path,
-    flight_setup,
+    plan_flight_setup,
 )
 from missions.geometry import place_distances_m
 from tests.missions.builders import FLEET, default_setup, line_east, network_of
@@ -40,12 +40,12 @@ def shape(path: FlightPath) -> list[tuple[str, bool, int | None]]:
 def simple_setup() -> FlightSetup:
     """A line due east, flat heights, pads clear of every way."""
     pads = [Pad("uav1", 0.0, -40.0, 450.0), Pad("uav2", 0.0, 60.0, 450.0)]
-    return flight_setup(line_east(), ["uav1", "uav2"], Inspection(height_m=20.0), pads=pads)
+    return plan_flight_setup(line_east(), ["uav1", "uav2"], Inspection(height_m=20.0), pads=pads)
 
 
 def test_a_route_of_adjacent_segments() -> None:
     setup = simple_setup()
-    path = flight_path(setup, "uav1", [0, 2])
+    path = build_flight_path(setup, "uav1", [0, 2])
     assert shape(path) == [
         ("takeoff", False, None),
         ("transit", True, 0),
@@ -64,44 +64,44 @@ def test_a_route_of_adjacent_segments() -> None:
 
 def test_both_directions_fly_the_same_track() -> None:
     setup = simple_setup()
-    there, back = flight_path(setup, "uav1", [2]), flight_path(setup, "uav1", [3])
+    there, back = build_flight_path(setup, "uav1", [2]), build_flight_path(setup, "uav1", [3])
     assert places_m(setup, there)[1:3] == pytest.approx(places_m(setup, back)[[2, 1]], abs=1e-6)
 
 
 def test_segments_that_do_not_meet_have_a_transit_with_a_hold_between_them() -> None:
-    path = flight_path(simple_setup(), "uav1", [0, 4])
+    path = build_flight_path(simple_setup(), "uav1", [0, 4])
     assert shape(path)[2:5] == [("inspect", True, 0), ("transit", True, 1), ("inspect", True, 1)]
 
 
 def test_at_a_corner_the_tracks_do_not_meet() -> None:
     network = network_of([(100.0, 0.0), (200.0, 0.0), (200.0, 150.0)], [(0, 1), (1, 2)])
     pads = [Pad("uav1", 0.0, -40.0, 450.0)]
-    setup = flight_setup(network, ["uav1"], Inspection(), pads=pads)
-    path = flight_path(setup, "uav1", [0, 2])
+    setup = plan_flight_setup(network, ["uav1"], Inspection(), pads=pads)
+    path = build_flight_path(setup, "uav1", [0, 2])
     # From (200, -5) to (205, 0): 7 m, so there is a waypoint.
     assert [point.phase for point in path.waypoints[2:5]] == [Phase.INSPECT, Phase.TRANSIT, Phase.INSPECT]
 
 
 def test_a_vehicle_without_visits_stays_on_the_ground() -> None:
-    assert flight_path(simple_setup(), "uav1", []) == FlightPath("uav1", ())
+    assert build_flight_path(simple_setup(), "uav1", []) == FlightPath("uav1", ())
 
 
 def test_heights_are_relative_to_the_vehicles_own_home() -> None:
     pads = [Pad("uav1", 0.0, -40.0, 450.0), Pad("uav2", 0.0, 60.0, 447.0)]
-    setup = flight_setup(line_east(), ["uav1", "uav2"], Inspection(height_m=20.0), pads=pads)
-    path = flight_path(setup, "uav2", [0])
+    setup = plan_flight_setup(line_east(), ["uav1", "uav2"], Inspection(height_m=20.0), pads=pads)
+    path = build_flight_path(setup, "uav2", [0])
     assert [point.alt_rel_m for point in path.waypoints] == pytest.approx([29, 29, 29, 29, 0])
 
 
 def test_the_second_vehicle_flies_one_layer_higher_everywhere() -> None:
-    path = flight_path(simple_setup(), "uav2", [0, 4])
+    path = build_flight_path(simple_setup(), "uav2", [0, 4])
     assert {round(point.alt_rel_m, 6) for point in path.waypoints[:-1]} == {26.0}
 
 
 def test_ways_go_around_the_columns_over_others_pads() -> None:
     pads = [Pad("uav1", 0.0, -60.0, 450.0), Pad("uav2", 50.0, -33.0, 450.0)]
-    setup = flight_setup(line_east(), ["uav1", "uav2"], Inspection(height_m=20.0), pads=pads)
-    path = flight_path(setup, "uav1", [0])
+    setup = plan_flight_setup(line_east(), ["uav1", "uav2"], Inspection(height_m=20.0), pads=pads)
+    path = build_flight_path(setup, "uav1", [0])
     places = places_m(setup, path)
     legs = np.array(list(itertools.pairwise(places)))
     assert place_distances_m(legs, np.array([[50.0, -33.0]])).min() >= column_radius_m(5.0) - 1e-3
@@ -113,7 +113,7 @@ def test_ways_go_around_the_columns_over_others_pads() -> None:
 
 def test_a_transit_over_terrain_follows_the_surface() -> None:
     setup = default_setup()
-    path = flight_path(setup, "uav1", [2 * 5, 2 * 20 + 1, 2 * 11])
+    path = build_flight_path(setup, "uav1", [2 * 5, 2 * 20 + 1, 2 * 11])
     places = places_m(setup, path)
     layers = setup.layers
     allowed_m = layers.tolerance_m + layers.surface.slope * 4.0 + 1e-3
@@ -128,14 +128,14 @@ def test_a_transit_over_terrain_follows_the_surface() -> None:
 
 def test_an_unknown_visit_or_vehicle_is_refused() -> None:
     with pytest.raises(IndexError, match="visit 6: expected a segment below 3"):
-        flight_path(simple_setup(), "uav1", [6])
+        build_flight_path(simple_setup(), "uav1", [6])
     with pytest.raises(SafetyError, match="vehicle 'uav9'"):
-        flight_path(simple_setup(), "uav9", [0])
+        build_flight_path(simple_setup(), "uav9", [0])
 
 
 def test_a_replanned_path_keeps_its_beginning_and_counts_on() -> None:
     setup = simple_setup()
-    path = flight_path(setup, "uav1", [0, 2])
+    path = build_flight_path(setup, "uav1", [0, 2])
     replanned = continue_path(setup, path, 3, [5])
     assert replanned.waypoints[:3] == path.waypoints[:3]
     assert shape(replanned)[3:] == [
@@ -149,7 +149,7 @@ def test_a_replanned_path_keeps_its_beginning_and_counts_on() -> None:
 
 def test_a_replan_into_the_same_visits_is_the_same_flight() -> None:
     setup = default_setup()
-    path = flight_path(setup, "uav2", [4, 6, 30, 9])
+    path = build_flight_path(setup, "uav2", [4, 6, 30, 9])
     keep = 1 + max(index for index, point in enumerate(path.waypoints) if point.visit == 1)
     again = continue_path(setup, path, keep, [30, 9])
     assert shape(again) == shape(path)
@@ -160,19 +160,19 @@ def test_a_replan_into_the_same_visits_is_the_same_flight() -> None:
 
 def test_a_replan_without_visits_goes_home() -> None:
     setup = simple_setup()
-    replanned = continue_path(setup, flight_path(setup, "uav1", [0, 2, 4]), 3, [])
+    replanned = continue_path(setup, build_flight_path(setup, "uav1", [0, 2, 4]), 3, [])
     assert shape(replanned)[3:] == [("return", False, None), ("land", False, None)]
 
 
 def test_a_replan_on_the_way_to_a_visit_gives_its_number_to_the_new_one() -> None:
     setup = simple_setup()
-    replanned = continue_path(setup, flight_path(setup, "uav1", [0, 4]), 4, [2])
+    replanned = continue_path(setup, build_flight_path(setup, "uav1", [0, 4]), 4, [2])
     assert shape(replanned)[3:6] == [("transit", True, 1), ("transit", True, 1), ("inspect", True, 1)]
 
 
 def test_a_vehicle_on_its_way_home_can_be_sent_out_again() -> None:
     setup = simple_setup()
-    path = flight_path(setup, "uav1", [0])
+    path = build_flight_path(setup, "uav1", [0])
     replanned = continue_path(setup, path, len(path.waypoints) - 1, [2])
     assert [point.phase for point in replanned.waypoints[3:6]] == [Phase.RETURN, Phase.TRANSIT, Phase.INSPECT]
     assert [point.visit for point in replanned.waypoints[4:6]] == [1, 1]
@@ -181,7 +181,7 @@ def test_a_vehicle_on_its_way_home_can_be_sent_out_again() -> None:
 def test_in_the_place_of_a_way_home_stands_a_transit_even_to_where_it_begins() -> None:
     """Who flies home already goes on at the same number: with an inspection there it would not fly to its begin."""
     setup = simple_setup()
-    path = flight_path(setup, "uav1", [0, 2])
+    path = build_flight_path(setup, "uav1", [0, 2])
     keep = [point.phase for point in path.waypoints].index(Phase.RETURN)
     back = continue_path(setup, path, keep, [3])
     assert [point.phase for point in back.waypoints[keep : keep + 2]] == [Phase.TRANSIT, Phase.INSPECT]
@@ -191,7 +191,7 @@ def test_in_the_place_of_a_way_home_stands_a_transit_even_to_where_it_begins() -
 @pytest.mark.parametrize("keep", [0, -1, 6, 7])
 def test_a_landing_or_nothing_cannot_be_kept(keep: int) -> None:
     setup = simple_setup()
-    path = flight_path(setup, "uav1", [0, 2])
+    path = build_flight_path(setup, "uav1", [0, 2])
     with pytest.raises(ValueError, match=f"keep is {keep}: expected 1 to 6 waypoints without the landing"):
         continue_path(setup, path, keep, [4])
 
@@ -199,7 +199,7 @@ def test_a_landing_or_nothing_cannot_be_kept(keep: int) -> None:
 def test_no_segment_is_flown_in_two_pieces_and_all_are_flown() -> None:
     setup = default_setup()
     count = len(setup.network.segments)
-    path = flight_path(setup, "uav3", [2 * segment for segment in range(count)])
+    path = build_flight_path(setup, "uav3", [2 * segment for segment in range(count)])
     inspections = [point for point in path.waypoints if point.phase is Phase.INSPECT]
     assert [point.visit for point in inspections] == list(range(count))
     before: list[Waypoint] = [
@@ -215,5 +215,5 @@ def test_no_segment_is_flown_in_two_pieces_and_all_are_flown() -> None:
 
 def test_a_whole_fleet_keeps_its_distance() -> None:
     setup = default_setup(5.0)
-    paths = [flight_path(setup, name, range(2 * k, 66, 8)) for k, name in enumerate(FLEET)]
+    paths = [build_flight_path(setup, name, range(2 * k, 66, 8)) for k, name in enumerate(FLEET)]
     assert check_separation(paths, 5.0, home_alt_m=setup.home_alt_m) == []

@@ -19,19 +19,19 @@ from missions import (
     Pad,
     SafetyError,
     check_separation,
-    flight_setup,
+    plan_flight_setup,
     plan_layers,
     tracks_m,
 )
 from missions.geo import FloatArray
 from missions.geometry import leg_distances_m
-from missions.safety import FLAT_M, _nearest_legs, legs_m
+from missions.safety import FLAT_M, _find_nearest_legs, legs_m
 from tests.missions.builders import FLEET, FRAME, default_setup, line_east, network_of, path_through
 
 
 def separation_m(path_a: FlightPath, path_b: FlightPath, home_alt_m: tuple[float, float] = (0.0, 0.0)) -> float:
     """Return the least distance in space between two flights; infinite if one of them stays on the ground."""
-    nearest = _nearest_legs(path_a, path_b, home_alt_m)
+    nearest = _find_nearest_legs(path_a, path_b, home_alt_m)
     return math.inf if nearest is None else nearest[0]
 
 
@@ -197,23 +197,23 @@ def test_a_setup_knows_its_pads() -> None:
     setup = default_setup()
     assert setup.pad_of("uav2") == setup.pads[1]
     assert setup.home_alt_m == dict.fromkeys(FLEET, 462.0)
-    assert setup.around("uav1").centres_m == tuple((pad.east_m, pad.north_m) for pad in setup.pads[1:])
+    assert setup.obstacles_for("uav1").centres_m == tuple((pad.east_m, pad.north_m) for pad in setup.pads[1:])
     with pytest.raises(SafetyError, match="vehicle 'uav9': expected one of uav1"):
         setup.pad_of("uav9")
 
 
 def test_pads_may_be_given_where_the_vehicles_really_stand() -> None:
     pads = [Pad("uav1", 0.0, 30.0, 451.0), Pad("uav2", 0.0, -30.0, 449.0)]
-    setup = flight_setup(line_east(), ["uav1", "uav2"], Inspection(), pads=pads)
+    setup = plan_flight_setup(line_east(), ["uav1", "uav2"], Inspection(), pads=pads)
     assert setup.pads == tuple(pads)
     with pytest.raises(SafetyError, match=r"^pads: expected one each for uav2, uav1, in that order$"):
-        flight_setup(line_east(), ["uav2", "uav1"], Inspection(), pads=pads)
+        plan_flight_setup(line_east(), ["uav2", "uav1"], Inspection(), pads=pads)
 
 
 def test_lines_below_the_depot_are_refused() -> None:
     network = network_of([(100.0, 0.0), (300.0, 0.0)], [(0, 1)], [(380.0, 30.0), (380.0, 30.0)])
     with pytest.raises(SafetyError, match=r"^inspection\.height_m: .* pad of uav1, got -25\.0 m: the lines lie below"):
-        flight_setup(network, ["uav1"], Inspection(height_m=15.0))
+        plan_flight_setup(network, ["uav1"], Inspection(height_m=15.0))
 
 
 @pytest.mark.parametrize("key", ["height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m"])

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from missions.surface import CHECK_STEP_M, FOLLOW_M, Surface, fit, flat
+from missions.surface import CHECK_STEP_M, FOLLOW_M, Surface, build_flat_surface, fit_surface
 
 
 def grid_m(reach: float, step: float) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
@@ -17,7 +17,7 @@ def grid_m(reach: float, step: float) -> np.ndarray[tuple[int, int], np.dtype[np
 
 def test_on_a_lone_line_the_surface_is_the_line() -> None:
     tracks = np.array([[[0.0, 0.0], [300.0, 0.0]]])
-    fitted = fit(tracks, np.array([[40.0, 55.0]]), 5.0)
+    fitted = fit_surface(tracks, np.array([[40.0, 55.0]]), 5.0)
     assert fitted.surface.height_m(150.0, 0.0) == pytest.approx(47.5, abs=0.05)
     assert fitted.surface.height_m(0.0, 0.0) == pytest.approx(40.0, abs=0.05)
     assert fitted.error_m < 0.05
@@ -25,7 +25,7 @@ def test_on_a_lone_line_the_surface_is_the_line() -> None:
 
 def test_the_surface_never_leaves_the_lines_heights_and_is_never_steeper_than_its_bound() -> None:
     tracks = np.array([[[0.0, 0.0], [300.0, 0.0]], [[50.0, 80.0], [50.0, 400.0]]])
-    surface = fit(tracks, np.array([[40.0, 55.0], [30.0, 70.0]]), 5.0).surface
+    surface = fit_surface(tracks, np.array([[40.0, 55.0], [30.0, 70.0]]), 5.0).surface
     places = grid_m(600.0, 15.0)
     heights = surface.at_m(places)
     assert heights.min() >= 30.0 - 1e-9
@@ -35,22 +35,22 @@ def test_the_surface_never_leaves_the_lines_heights_and_is_never_steeper_than_it
 
 
 def test_the_spacing_is_the_layer_plus_slope_and_legs_off_the_surface() -> None:
-    fitted = fit(np.array([[[0.0, 0.0], [300.0, 0.0]]]), np.array([[40.0, 40.0]]), 10.0)
+    fitted = fit_surface(np.array([[[0.0, 0.0], [300.0, 0.0]]]), np.array([[40.0, 40.0]]), 10.0)
     slope = fitted.surface.slope
     assert fitted.spacing_m == pytest.approx(10.0 * (1 + slope**2) ** 0.5 + 2 * (FOLLOW_M + slope * CHECK_STEP_M))
 
 
 def test_crossing_lines_of_different_height_cost_spacing() -> None:
     tracks = np.array([[[-200.0, 0.0], [200.0, 0.0]], [[0.0, -200.0], [0.0, 200.0]]])
-    level = fit(tracks, np.array([[40.0, 40.0], [40.0, 40.0]]), 5.0)
-    apart = fit(tracks, np.array([[40.0, 40.0], [60.0, 60.0]]), 5.0)
+    level = fit_surface(tracks, np.array([[40.0, 40.0], [40.0, 40.0]]), 5.0)
+    apart = fit_surface(tracks, np.array([[40.0, 40.0], [60.0, 60.0]]), 5.0)
     # Where they cross, one surface cannot be at both heights: it is 10 m off each at best.
     assert apart.error_m >= 10.0 - 1e-9
     assert apart.spacing_m >= level.spacing_m + 18.0
 
 
 def test_a_flat_surface_is_flat() -> None:
-    assert flat(15.0).at_m(grid_m(500.0, 250.0)).tolist() == [15.0] * 25
+    assert build_flat_surface(15.0).at_m(grid_m(500.0, 250.0)).tolist() == [15.0] * 25
 
 
 def test_legs_that_follow_the_surface_stay_near_it_everywhere() -> None:
@@ -67,9 +67,9 @@ def test_legs_that_follow_the_surface_stay_near_it_everywhere() -> None:
 
 def test_a_leg_over_flat_ground_needs_no_waypoint() -> None:
     start, goal = np.array([0.0, 0.0, 20.0]), np.array([900.0, 0.0, 20.0])
-    assert flat(20.0).follow_m(start, goal, FOLLOW_M).shape == (0, 3)
+    assert build_flat_surface(20.0).follow_m(start, goal, FOLLOW_M).shape == (0, 3)
 
 
 def test_a_very_long_network_is_fitted_with_bounded_work() -> None:
     tracks = np.array([[[1000.0 * n, 0.0], [1000.0 * (n + 1), 0.0]] for n in range(60)])
-    assert len(fit(tracks, np.full((60, 2), 40.0), 5.0).surface.points_m) <= 1500 + 2 * 60
+    assert len(fit_surface(tracks, np.full((60, 2), 40.0), 5.0).surface.points_m) <= 1500 + 2 * 60

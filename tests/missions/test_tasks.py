@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from missions import Base, FlightModel, Performance, Pricing, Ramp, flown_instance, open_task
-from planner import Plan, Route, SteadyWind, Vehicle, remaining
+from missions import Base, FlightModel, Performance, Pricing, Ramp, build_open_task, build_priced_instance
+from planner import Plan, Route, SteadyWind, Vehicle, build_remaining_problem
 from tests.missions.builders import depot_vehicle, line_east
 
 QUICK = Ramp(1e6, 1e9)
@@ -35,7 +35,7 @@ def pricing(pylons: int = 4) -> Pricing:
 
 def test_a_whole_network_starts_and_lands_on_the_pad() -> None:
     vehicles = [depot_vehicle("uav1", 80.0), depot_vehicle("uav2", 70.0, 1.1)]
-    task = open_task(pricing(), range(3), vehicles)
+    task = build_open_task(pricing(), range(3), vehicles)
     assert task.segment_ids == (0, 1, 2)
     # 3 s and 20 m up; 100 m to the first pylon and 100 m along the segment, with a stop at each end.
     out_s = 3.0 + 10.0 + 10.0 + 1.5 + 50.0 + 1.5
@@ -53,7 +53,7 @@ def test_a_whole_network_starts_and_lands_on_the_pad() -> None:
 
 def test_what_is_open_is_planned_from_where_the_survivors_are() -> None:
     airborne = Vehicle("uav1", (300.0, 0.0), 40.0, airborne=True, start_up_m=5.0)
-    task = open_task(pricing(), [2, 0, 2], [airborne, depot_vehicle("uav2", 70.0)])
+    task = build_open_task(pricing(), [2, 0, 2], [airborne, depot_vehicle("uav2", 70.0)])
     assert task.segment_ids == (0, 2)
     # Segment 2 from its a at 300 m: no transit.
     assert task.instance.start_s[0, 2] == pytest.approx(50.0 + 1.5, abs=1e-3)
@@ -65,7 +65,7 @@ def test_what_is_open_is_planned_from_where_the_survivors_are() -> None:
 
 def test_a_steep_way_takes_as_long_as_its_height() -> None:
     high = Vehicle("uav1", (100.0, 0.0), 40.0, airborne=True, start_up_m=315.0)
-    task = open_task(pricing(), [1], [high])
+    task = build_open_task(pricing(), [1], [high])
     # 100 m over the ground take 10 s at 10 m/s; 300 m down at 2 m/s take 150 s.
     assert task.instance.start_s[0, 0] == pytest.approx(150.0 + 1.5 + 50.0 + 1.5, abs=1e-3)
 
@@ -73,7 +73,7 @@ def test_a_steep_way_takes_as_long_as_its_height() -> None:
 def test_turning_on_the_spot_takes_its_time() -> None:
     turning = replace(MODEL, performance=replace(MODEL.performance, turn_s=2.0, turn_power=2.0))
     towards = pricing()
-    task = open_task(
+    task = build_open_task(
         replace(towards, models=dict.fromkeys(towards.models, turning)), range(3), [depot_vehicle("uav1", 80.0)]
     )
     # On along the line; back along it; from the pad, where nobody knows where it faces, to the first pylon and on.
@@ -90,26 +90,26 @@ def test_who_is_free_after_a_visit_is_turned_along_it() -> None:
     towards = replace(pricing(), models=dict.fromkeys(pricing().models, turning))
     vehicles = [depot_vehicle("uav1", 80.0), depot_vehicle("uav2", 70.0, 1.1)]
     plan = Plan((Route(0, (4,)), Route(1, (0, 2))))
-    left = remaining(flown_instance(towards, vehicles), plan, lost=0, at_s=20.0)
+    left = build_remaining_problem(build_priced_instance(towards, vehicles), plan, lost=0, at_s=20.0)
     assert left.instance.vehicles[0].facing_m == pytest.approx((100.0, 0.0), abs=1e-3)
-    again = flown_instance(towards.part(left.open_segments, ["uav2"]), left.instance.vehicles)
+    again = build_priced_instance(towards.select_segments(left.open_segments, ["uav2"]), left.instance.vehicles)
     for key in ("start_s", "start_pct", "home_s", "home_pct", "idle_s", "idle_pct", "depot_s", "depot_pct", "end_m"):
         assert getattr(again, key) == pytest.approx(getattr(left.instance, key), abs=1e-9), key
 
 
 def test_many_segments_are_priced_when_they_are_asked_for() -> None:
     vehicles = [depot_vehicle("uav1", 80.0), depot_vehicle("uav2", 70.0, 1.1)]
-    tables = flown_instance(pricing(6), vehicles)
-    asked = flown_instance(pricing(6), vehicles, tables_up_to=2)
+    tables = build_priced_instance(pricing(6), vehicles)
+    asked = build_priced_instance(pricing(6), vehicles, tables_up_to=2)
     every = np.arange(10)
     assert asked.moves.seconds(0, every[:, np.newaxis], every) == pytest.approx(
         tables.moves.seconds(0, every[:, np.newaxis], every)
     )
-    assert asked.moves.part([3, 8]).pct(0, 0, 1) == pytest.approx(float(tables.moves.pct(0, 3, 8)))
+    assert asked.moves.select_visits([3, 8]).pct(0, 0, 1) == pytest.approx(float(tables.moves.pct(0, 3, 8)))
 
 
 def test_visits_go_both_ways_between_problem_and_network() -> None:
-    task = open_task(pricing(5), [1, 3], [depot_vehicle("uav1", 80.0)])
+    task = build_open_task(pricing(5), [1, 3], [depot_vehicle("uav1", 80.0)])
     assert task.to_network([0, 3]) == (2, 7)
     assert task.from_network([2, 7]) == (0, 3)
     assert task.plan_to_network(Plan((Route(0, (3,)),), (0,))) == Plan((Route(0, (7,)),), (1,))
@@ -118,13 +118,13 @@ def test_visits_go_both_ways_between_problem_and_network() -> None:
 
 
 def test_nothing_open_is_a_problem_without_segments() -> None:
-    assert open_task(pricing(), [], [depot_vehicle("uav1", 80.0)]).instance.segments == 0
+    assert build_open_task(pricing(), [], [depot_vehicle("uav1", 80.0)]).instance.segments == 0
 
 
 @pytest.mark.parametrize("segment", [-1, 3])
 def test_an_unknown_segment_is_refused(segment: int) -> None:
     with pytest.raises(IndexError, match="expected below 3"):
-        open_task(pricing(), [1, segment], [depot_vehicle("uav1", 80.0)])
+        build_open_task(pricing(), [1, segment], [depot_vehicle("uav1", 80.0)])
 
 
 @pytest.mark.parametrize("tables_up_to", [100, 0])
@@ -132,7 +132,7 @@ def test_what_a_visit_takes_besides_its_track_is_in_every_way_to_it(tables_up_to
     """A pylon that is hovered at from its viewpoints: as a first visit, after another, and from the pad again."""
     plain, vehicles = pricing(), [depot_vehicle("uav1", 90.0)]
     longer = replace(plain, besides_s={1: 20.0})
-    before, after = (flown_instance(one, vehicles, tables_up_to=tables_up_to) for one in (plain, longer))
+    before, after = (build_priced_instance(one, vehicles, tables_up_to=tables_up_to) for one in (plain, longer))
     slower = np.array([0.0, 0.0, 20.0, 20.0, 0.0, 0.0])
     assert after.start_s[0] - before.start_s[0] == pytest.approx(slower)
     assert after.depot_s[0] - before.depot_s[0] == pytest.approx(slower)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from missions import first_reason
+from missions import format_first_error
 from missions.validation import Figure, Flag, Id, Text
 
 
@@ -35,7 +35,7 @@ class Table(BaseModel):
 def reason(document: str, *, shown: bool = True) -> str:
     with pytest.raises(ValidationError) as caught:
         Table.model_validate_json(document)
-    return first_reason(caught.value, page="docs/rows.md", shown=shown)
+    return format_first_error(caught.value, page="docs/rows.md", shown=shown)
 
 
 @pytest.mark.parametrize(

@@ -14,17 +14,26 @@ from hypothesis import Phase as Phase_
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions import FlightPath, FlightSetup, Inspection, Phase, check_clearance, dialect_for, estimate, flight_setup
-from missions.asked import airway, check_asked, first_paths, inspected_at_m
-from missions.cameras import Camera, Looks
+from missions import (
+    FlightPath,
+    FlightSetup,
+    Inspection,
+    Phase,
+    check_clearance,
+    dialect_for,
+    estimate,
+    plan_flight_setup,
+)
+from missions.asked import build_airway, build_first_paths, check_inspection_airspace, segment_distances_m
+from missions.cameras import Camera, CameraTasks
 from missions.errors import SafetyError
 from missions.flight_model import FlightModel
 from missions.geo import FloatArray
 from missions.network import Network
 from missions.readers import default_network_path, read_network
-from missions.routes import flight_path
+from missions.routes import build_flight_path
 from missions.safety import legs_m
-from missions.viewpoints import PylonWish, besides_s, pylon_looks, with_viewpoints
+from missions.viewpoints import ViewpointRequest, add_viewpoints, build_pylon_tasks, extra_time_s
 from planner import SteadyWind
 from tests.missions.builders import FLEET, line_east, network_of, tall_line_east
 
@@ -36,24 +45,24 @@ LOWEST_M = 5.0
 BOTH_SIDES = (60.0, 120.0, -120.0, -60.0)
 
 
-def wish(pylon: int, **changes: object) -> PylonWish:
+def wish(pylon: int, **changes: object) -> ViewpointRequest:
     figures: dict[str, object] = {
         "pylon": pylon, "camera": "rgb", "bearings_deg": BOTH_SIDES, "distance_m": 14.0, "hover_s": 2.0,
         "pitch_deg": None, "aim_deg": 20.0,
     }  # fmt: skip
-    return PylonWish(**{**figures, **changes})  # type: ignore[arg-type]
+    return ViewpointRequest(**{**figures, **changes})  # type: ignore[arg-type]
 
 
 def looked_at(
-    network: Network, wishes: Sequence[PylonWish], names: Sequence[str] = FLEET, camera: Camera = RGB
+    network: Network, wishes: Sequence[ViewpointRequest], names: Sequence[str] = FLEET, camera: Camera = RGB
 ) -> tuple[FlightSetup, list[str]]:
     """Return what flights of a fleet that carries a camera are made by, and what is flown higher than asked."""
     asked = Inspection(same_distance=True, flat=network.flat)
-    wider, wished = with_viewpoints(network, wishes, asked.standoff_m)
-    setup = flight_setup(wider, names, asked)
-    looks, higher = pylon_looks(setup, wished)
+    wider, wished = add_viewpoints(network, wishes, asked.standoff_m)
+    setup = plan_flight_setup(wider, names, asked)
+    looks, higher = build_pylon_tasks(setup, wished)
     carriers = {name: frozenset({camera.name}) for name in names}
-    return replace(setup, looks=Looks({camera.name: camera}, carriers, {}, looks)), higher
+    return replace(setup, looks=CameraTasks({camera.name: camera}, carriers, {}, looks)), higher
 
 
 @cache
@@ -98,7 +107,7 @@ def test_viewpoints_lie_at_the_heights_that_were_asked_for() -> None:
     assert not higher
     [segment] = setup.looks.pylons
     for name in ("uav1", "uav3"):
-        path = first_paths(setup, {name: (2 * segment,)})[name]
+        path = build_first_paths(setup, {name: (2 * segment,)})[name]
         # A second bearing begins at the height at which the first one ended.
         assert stops_of(path) == pytest.approx([32, 22, 22, 32, 32, 22, 22, 32], abs=0.02)
         assert [point.hover_s for point in path.waypoints if point.captures] == [2.0] * 8
@@ -107,7 +116,7 @@ def test_viewpoints_lie_at_the_heights_that_were_asked_for() -> None:
 def test_a_way_to_the_other_side_leads_over_the_line_and_not_through_it() -> None:
     setup, _ = looked_at(tall_line_east(), [wish(1, heights_m=(-8.0,))])
     [segment] = setup.looks.pylons
-    path = first_paths(setup, {"uav1": (2 * segment,)})["uav1"]
+    path = build_first_paths(setup, {"uav1": (2 * segment,)})["uav1"]
     around = [round(point.alt_rel_m) for point in path.waypoints if point.visit is not None]
     # Over the first viewpoint, down; along the line; up, across, down; along the line.
     assert around == [45, 22, 22, 45, 45, 22, 22]
@@ -119,10 +128,10 @@ def test_the_camera_looks_at_what_was_asked_from_wherever_the_vehicle_is(reverse
     wishes = [wish(1, heights_m=(0.0, -10.0), target_m=-10.0)]
     setup, _ = looked_at(tall_line_east(), wishes)
     [segment] = setup.looks.pylons
-    low = first_paths(setup, {"uav1": (2 * segment + reverse,)})["uav1"]
+    low = build_first_paths(setup, {"uav1": (2 * segment + reverse,)})["uav1"]
     pitches = [point.captures[0].pitch_deg for point in low.waypoints if point.captures]
     assert sorted(set(pitches), key=lambda one: one or 0) == [-36, 0]  # 10 m above at 14 m, and level
-    high = flight_path(setup, "uav3", (2 * segment + reverse,))
+    high = build_flight_path(setup, "uav3", (2 * segment + reverse,))
     [pitch] = {point.captures[0].pitch_deg for point in high.waypoints if point.captures}
     up_m = setup.layers.offset_m("uav3") + 15.0 + 10.0
     assert pitch == round(-np.degrees(np.arctan2(up_m, 14.0)))
@@ -137,7 +146,7 @@ def test_viewpoints_beside_another_line_are_flown_over_it_and_said() -> None:
         "pylon p1: the viewpoint at 45 deg",
     ][::-1] or len(higher) == 4
     [segment] = setup.looks.pylons
-    path = first_paths(setup, {"uav1": (2 * segment,)})["uav1"]
+    path = build_first_paths(setup, {"uav1": (2 * segment,)})["uav1"]
     assert too_near(setup, network, sampled_m(setup, path)) == 0
     assert all("below the top of segment" in line for line in higher)
 
@@ -145,7 +154,7 @@ def test_viewpoints_beside_another_line_are_flown_over_it_and_said() -> None:
 def test_a_viewpoint_in_the_ground_is_flown_as_low_as_the_ground_lets_it() -> None:
     setup, higher = looked_at(tall_line_east(), [wish(1, heights_m=(-28.0,))])
     [segment] = setup.looks.pylons
-    path = first_paths(setup, {"uav1": (2 * segment,)})["uav1"]
+    path = build_first_paths(setup, {"uav1": (2 * segment,)})["uav1"]
     assert stops_of(path) == pytest.approx([LOWEST_M] * 4, abs=0.2)
     assert higher[0] == (
         "pylon p1: the viewpoint at 60 deg, -28 m from the top, is flown 3 m higher: it would come within 1.9 m of the "
@@ -160,19 +169,19 @@ def test_who_cannot_come_down_looks_from_its_layer_and_says_from_where() -> None
     setup = replace(setup, looks=replace(setup.looks, cameras={"rgb": RGB, "ir": replace(RGB, name="ir")}))
     first, second = setup.looks.pylons
     routes = {"uav1": (2 * first,), "uav2": (2 * second,)}
-    paths = first_paths(setup, routes)
-    assert inspected_at_m(setup, paths["uav1"], routes["uav1"]) == {first: 15.0}
-    assert inspected_at_m(setup, paths["uav2"], routes["uav2"]) == {
+    paths = build_first_paths(setup, routes)
+    assert segment_distances_m(setup, paths["uav1"], routes["uav1"]) == {first: 15.0}
+    assert segment_distances_m(setup, paths["uav2"], routes["uav2"]) == {
         second: pytest.approx(15.0 + setup.layers.offset_m("uav2") + 23.0, abs=0.02)
     }
-    assert check_asked(setup, [airway(setup, path) for path in paths.values()]) == []
+    assert check_inspection_airspace(setup, [build_airway(setup, path) for path in paths.values()]) == []
 
 
 @pytest.mark.parametrize("reverse", [0, 1])
 def test_viewpoints_above_each_other_are_one_stop_from_a_layer(reverse: int) -> None:
     setup, _ = looked_at(tall_line_east(), [wish(1, heights_m=(2.0, -8.0))])
     [segment] = setup.looks.pylons
-    path = flight_path(setup, "uav3", (2 * segment + reverse,))
+    path = build_flight_path(setup, "uav3", (2 * segment + reverse,))
     points = [point.captures[0].points for point in path.waypoints if point.captures]
     assert points == [(0, 1), (2, 3), (4, 5), (6, 7)][:: -1 if reverse else 1]
 
@@ -180,7 +189,7 @@ def test_viewpoints_above_each_other_are_one_stop_from_a_layer(reverse: int) -> 
 def test_viewpoints_that_are_flown_higher_together_are_one_stop() -> None:
     setup, higher = looked_at(tall_line_east(), [wish(1, heights_m=(-8.0, -28.0, -29.0))])
     [segment] = setup.looks.pylons
-    path = first_paths(setup, {"uav1": (2 * segment,)})["uav1"]
+    path = build_first_paths(setup, {"uav1": (2 * segment,)})["uav1"]
     stops = [point.captures[0].points for point in path.waypoints if point.captures]
     assert stops == [(0,), (1, 2), (3, 4), (5,), (6,), (7, 8), (9, 10), (11,)]
     assert len(higher) == 8  # each of them is named
@@ -188,7 +197,7 @@ def test_viewpoints_that_are_flown_higher_together_are_one_stop() -> None:
 
 def test_heights_over_a_top_that_nobody_knows_are_refused() -> None:
     with pytest.raises(SafetyError, match="pylon 'p1': expected elevation_m and height_m"):
-        with_viewpoints(line_east(3), [wish(1, heights_m=(0.0,))], 5.0)
+        add_viewpoints(line_east(3), [wish(1, heights_m=(0.0,))], 5.0)
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
@@ -199,7 +208,7 @@ def test_a_pylon_takes_what_its_flight_takes(autopilot: str, heights_m: tuple[fl
     [(segment, look)] = setup.looks.pylons.items()
     performance = dialect_for(autopilot).performance
     model = FlightModel(performance, POWER, setup.inspection.transit_speed_m_s, setup.inspection.speed_m_s)
-    path = flight_path(setup, "uav1", (2 * segment,), {segment} if low else ())
+    path = build_flight_path(setup, "uav1", (2 * segment,), {segment} if low else ())
     comes_down = low and bool(heights_m)
     legs = estimate(path, model).legs
     number = next(index for index, point in enumerate(path.waypoints) if point.visit is not None)
@@ -214,7 +223,7 @@ def test_a_pylon_takes_what_its_flight_takes(autopilot: str, heights_m: tuple[fl
     tracks_s += performance.settle_s + performance.hold_s
     # The first stop's own hold, longer than that of any stop, is the leg's that ends there where it need not come down.
     hover_s = 0.0 if comes_down else 4.0 - performance.hold_s
-    assert besides_s(look, performance, 3.0, in_layer=not low) + tracks_s - hover_s == pytest.approx(
+    assert extra_time_s(look, performance, 3.0, in_layer=not low) + tracks_s - hover_s == pytest.approx(
         flown_s, rel=0.02, abs=1.0
     )
 
@@ -223,7 +232,7 @@ def turned_s(setup: FlightSetup, path: FlightPath, number: int, model: FlightMod
     """Return what turning at a waypoint takes before the leg that follows."""
     legs = legs_m(path, setup.frame)
     before, after = (legs[index, 1, :2] - legs[index, 0, :2] for index in (number, number + 1))
-    arrives = model.performance.arrives_m_s(
+    arrives = model.performance.arrival_speed_m_s(
         np.array(0.0 if np.hypot(*after) < 1e-6 else np.hypot(*before)), path.waypoints[number].speed_m_s
     )
     return float(model.performance.turns_s(before, after, arrives))
@@ -247,8 +256,8 @@ def test_nobody_comes_near_a_line_or_another_vehicle_whatever_is_asked(seed: int
     cuts = sorted(rng.sample(range(len(segments)), 3))
     parts = [segments[begin:end] for begin, end in itertools.pairwise([0, *cuts, len(segments)])]
     routes = {name: tuple(2 * segment for segment in part) for name, part in zip(FLEET, parts, strict=True)}
-    paths = first_paths(setup, routes)
-    assert check_asked(setup, [airway(setup, path) for path in paths.values()]) == []
+    paths = build_first_paths(setup, routes)
+    assert check_inspection_airspace(setup, [build_airway(setup, path) for path in paths.values()]) == []
     assert check_clearance(setup, paths.values()) == []
     for path in paths.values():
         assert too_near(setup, network, sampled_m(setup, path)) == 0

@@ -12,16 +12,16 @@ from planner import (
     InstanceError,
     Iterations,
     Plan,
-    Repair,
+    RepairStatus,
     Route,
+    build_loss_table,
+    build_remaining_problem,
     evaluate,
-    loss_table,
-    remaining,
     replan_window,
     solve,
     solve_window,
 )
-from planner.window import events_s
+from planner.window import event_times_s
 from tests.planner.builders import fleet, line, random_instance
 
 # Segments 0-10, 10-20, ... m east of the depot; a metre is a second is a percent.
@@ -33,18 +33,18 @@ def answered(instance: Instance, answer_s: float) -> Instance:
 
 
 def test_the_lost_one_stops_at_once_and_the_others_fly_on() -> None:
-    left = remaining(answered(line(4, 200.0, 200.0), 7.0), PLAN, 1, 5.0)
+    left = build_remaining_problem(answered(line(4, 200.0, 200.0), 7.0), PLAN, 1, 5.0)
     # At 5 s uav1 is in its first visit, but at 12 s in its second one.
     assert left.survivors[0].completed == (0,)
     assert left.survivors[0].finishing == 2
     assert left.open_segments == (2, 3)
     assert left.instance.answer_s == 7.0
-    without = remaining(line(4, 200.0, 200.0), PLAN, 1, 5.0)
+    without = build_remaining_problem(line(4, 200.0, 200.0), PLAN, 1, 5.0)
     assert (without.survivors[0].finishing, without.open_segments) == (0, (1, 2, 3))
 
 
 def test_what_changes_later_for_survivors_counts_as_well() -> None:
-    assert events_s(answered(line(4, 99.0, 99.0), 7.0), PLAN) == (0, 3, 10, 13, 20, 23, 30, 33, 40, 73, 80)
+    assert event_times_s(answered(line(4, 99.0, 99.0), 7.0), PLAN) == (0, 3, 10, 13, 20, 23, 30, 33, 40, 73, 80)
 
 
 def test_a_window_is_never_larger_for_it() -> None:
@@ -59,13 +59,13 @@ def test_a_window_is_never_larger_for_it() -> None:
 def test_every_re_plan_holds_by_the_definition(seed: int, answer_s: float) -> None:
     instance = answered(random_instance(seed, 8, fleet(400.0, 400.0, 400.0)), answer_s)
     plan = solve(instance, cost=Cost.MINMAX, stop=Iterations(500), seed=seed).plan
-    rows = loss_table(instance, plan, effort=500)
-    assert any(row.verdict is Repair.FEASIBLE for row in rows)
+    rows = build_loss_table(instance, plan, effort=500)
+    assert any(row.verdict is RepairStatus.FEASIBLE for row in rows)
     for row in rows:
         if row.plan is not None:
             # At any time of the interval, not just at its begin.
             for at_s in (row.from_s, (row.from_s + row.to_s) / 2):
-                left = remaining(instance, plan, row.vehicle, at_s)
+                left = build_remaining_problem(instance, plan, row.vehicle, at_s)
                 assert evaluate(left.instance, row.plan, Cost.MINSUM).violations == ()
 
 

@@ -11,22 +11,22 @@ from planner import (
     Instance,
     Plan,
     PlanError,
+    PlanRating,
     Route,
     Travel,
     Vehicle,
-    Worth,
-    best_of,
-    better,
     build_instance,
-    carried_plan,
+    build_onboard_plan,
     evaluate,
-    granted,
+    grant_onboard_budgets,
+    is_better_rating,
+    rate_plan,
     route_energy_pct,
-    worth,
+    select_best_plan,
 )
 from planner.cost import Cost
 
-PLAIN = Worth(3, 300.0, 1, 100.0, 50.0, 60.0, 30.0)
+PLAIN = PlanRating(3, 300.0, 1, 100.0, 50.0, 60.0, 30.0)
 """Three segments of 100 m and one to spare, within 60 s and 30 %."""
 
 
@@ -39,21 +39,21 @@ def line(*budgets_pct: float) -> Instance:
 
 def test_what_is_carried_is_the_plan_as_long_as_budgets_last() -> None:
     instance = line(60.0, 80.0)
-    carried = carried_plan(instance, [(0, 2), (4,)])
+    carried = build_onboard_plan(instance, [(0, 2), (4,)])
     assert carried.plan == Plan((Route(0, (0, 2)), Route(1, (4,))), (3,))
     assert carried.short == ()
 
 
 def test_a_budget_that_does_not_last_ends_a_route_with_the_last_visit_that_it_pays_home() -> None:
     """To the end of segment 1 and home it takes 60 s, of segment 2 80 s."""
-    carried = carried_plan(line(79.9, 100.0), [(0, 2, 4), (6,)])
+    carried = build_onboard_plan(line(79.9, 100.0), [(0, 2, 4), (6,)])
     assert carried.plan == Plan((Route(0, (0, 2)), Route(1, (6,))), (2,))
     assert carried.short == (0,)
 
 
 def test_only_visits_of_the_instance_are_carried() -> None:
     with pytest.raises(PlanError, match="a segment occurs twice"):
-        carried_plan(line(60.0, 60.0), [(0,), (1,)])
+        build_onboard_plan(line(60.0, 60.0), [(0,), (1,)])
 
 
 @pytest.mark.parametrize(("most_pct", "budget_pct"), [(85.0, 80.0), (80.0, 80.0), (79.0, 70.0), (0.0, 70.0)])
@@ -61,18 +61,18 @@ def test_who_carries_more_than_its_budget_may_go_on_as_long_as_its_battery_lasts
     most_pct: float, budget_pct: float
 ) -> None:
     """Its route takes 80 %."""
-    instance = granted(line(70.0, 90.0), [(0, 2, 4), ()], [most_pct, 100.0])
+    instance = grant_onboard_budgets(line(70.0, 90.0), [(0, 2, 4), ()], [most_pct, 100.0])
     assert [vehicle.budget_pct for vehicle in instance.vehicles] == [budget_pct, 90.0]
     assert route_energy_pct(instance, Route(0, (0, 2, 4))) == 80.0
 
 
 def test_the_worth_of_a_plan_counts_what_is_to_spare_apart() -> None:
     instance = line(100.0, 100.0)
-    found = worth(instance, Plan((Route(0, (0, 2, 4)), Route(1, ())), (3,)), {2, 3})
-    assert found == Worth(2, 20.0, 1, 10.0, 5.0, 80.0, 80.0)
+    found = rate_plan(instance, Plan((Route(0, (0, 2, 4)), Route(1, ())), (3,)), {2, 3})
+    assert found == PlanRating(2, 20.0, 1, 10.0, 5.0, 80.0, 80.0)
 
 
-ROWS: list[tuple[str, Callable[[Worth], Worth], bool]] = [
+ROWS: list[tuple[str, Callable[[PlanRating], PlanRating], bool]] = [
     ("the same", lambda one: one, False),
     ("one more", lambda one: replace(one, segments=4, value=400.0, longest_s=99.0, spare_segments=0), True),
     ("one more, together shorter", lambda one: replace(one, segments=4, value=299.0), False),
@@ -89,16 +89,16 @@ ROWS: list[tuple[str, Callable[[Worth], Worth], bool]] = [
 
 @pytest.mark.parametrize(("what", "change", "expected"), ROWS, ids=[row[0] for row in ROWS])
 def test_more_covered_is_better_then_a_shorter_longest_route(
-    what: str, change: Callable[[Worth], Worth], expected: bool
+    what: str, change: Callable[[PlanRating], PlanRating], expected: bool
 ) -> None:
-    assert better(change(PLAIN), PLAIN) is expected, what
+    assert is_better_rating(change(PLAIN), PLAIN) is expected, what
 
 
 def test_what_is_carried_stands_unless_another_plan_is_better() -> None:
     instance = line(100.0, 100.0)
-    carried = carried_plan(instance, [(0, 2), (4,)]).plan
+    carried = build_onboard_plan(instance, [(0, 2), (4,)]).plan
     worse = Plan((Route(0, (0, 2, 4)), Route(1, ())), (3,))
     more = Plan((Route(0, (0, 2)), Route(1, (4, 6))))
-    assert best_of(instance, carried, [worse]) is carried
-    assert best_of(instance, carried, [worse, more]) is more
+    assert select_best_plan(instance, carried, [worse]) is carried
+    assert select_best_plan(instance, carried, [worse, more]) is more
     assert evaluate(instance, more, Cost.MINMAX).violations == ()

@@ -9,12 +9,12 @@ from planner import (
     Plan,
     PlanError,
     Route,
-    completions_s,
+    completion_times_s,
     cost_value,
+    energy_use_pct,
     evaluate,
     route_duration_s,
     route_energy_pct,
-    spent_pct,
 )
 from tests.planner.builders import line
 
@@ -24,10 +24,10 @@ PLAN = Plan((Route(0, (0, 2)), Route(1, (4,))))  # energies 10 + 10 + 20 = 40 an
 
 
 def test_times_and_energies_of_a_route() -> None:
-    assert completions_s(INSTANCE, PLAN.routes[0]) == (10.0, 20.0)
+    assert completion_times_s(INSTANCE, PLAN.routes[0]) == (10.0, 20.0)
     assert route_duration_s(INSTANCE, PLAN.routes[0]) == 40.0
     assert route_energy_pct(INSTANCE, PLAN.routes[1]) == 60.0
-    assert [spent_pct(INSTANCE, PLAN.routes[0], visits) for visits in range(3)] == [0.0, 10.0, 20.0]
+    assert [energy_use_pct(INSTANCE, PLAN.routes[0], visits) for visits in range(3)] == [0.0, 10.0, 20.0]
 
 
 def test_a_route_without_a_visit_takes_nothing_on_the_ground() -> None:
@@ -78,7 +78,7 @@ def test_a_plan_of_another_fleet_is_refused() -> None:
     with pytest.raises(PlanError, match="visit 6"):
         route_energy_pct(INSTANCE, Route(0, (6,)))
     with pytest.raises(PlanError, match="vehicle 2"):
-        completions_s(INSTANCE, Route(2, ()))
+        completion_times_s(INSTANCE, Route(2, ()))
 
 
 def test_a_plan_visits_no_segment_twice() -> None:

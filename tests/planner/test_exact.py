@@ -28,8 +28,8 @@ from planner import (
     Vehicle,
     any_of,
     build_instance,
+    build_remaining_problem,
     evaluate,
-    remaining,
     solve,
     solve_exact,
     travel_for,
@@ -132,7 +132,7 @@ def test_the_optimum_is_found_where_the_search_has_not() -> None:
 def test_what_a_loss_leaves_is_planned_exactly() -> None:
     instance = random_instance(3, 10, fleet(40.0, 40.0, 40.0))
     flown = solve(instance, cost=Cost.MINMAX, stop=Iterations(2000))
-    left = remaining(instance, flown.plan, 0, 0.3 * flown.evaluation.longest_route_s).instance
+    left = build_remaining_problem(instance, flown.plan, 0, 0.3 * flown.evaluation.longest_route_s).instance
     exact = solve_exact(left, cost=Cost.MINCOMB, stop=TO_THE_END)
     assert exact.bound == pytest.approx(exact.evaluation.value)
     assert exact.evaluation.value <= solve(left, cost=Cost.MINCOMB, stop=Iterations(3000)).evaluation.value + 1e-6

@@ -25,12 +25,12 @@ from planner import (
     any_of,
     build_instance,
     evaluate,
-    grasp,
     solve,
+    solve_grasp,
 )
 from planner.construct import plan_of
-from planner.grasp import _Baseline
-from planner.kernels.grasp import plan_cost
+from planner.grasp import _GraspRuns
+from planner.kernels.grasp import compute_plan_cost
 from tests.planner.builders import fleet, line, nechranice_ends_m, random_instance
 
 FOR_ALL_RUNS = Seconds(1e9)
@@ -44,7 +44,7 @@ def test_the_median_run_is_the_authors(radius_m: float, budget_s: float, median_
     travel = Travel(5.0, 1.0, 1.0, 1.0, Dynamics())
     instance = build_instance(nechranice_ends_m(radius_m), (0.0, 0.0), fleet(*[budget_s] * 4), travel)
     values = [
-        grasp(instance, cost=Cost.MINSUM, stop=FOR_ALL_RUNS, seed=seed, runs=1).evaluation.value
+        solve_grasp(instance, cost=Cost.MINSUM, stop=FOR_ALL_RUNS, seed=seed, runs=1).evaluation.value
         for seed in range(runs)
     ]  # fmt: skip
     assert statistics.median(values) == pytest.approx(median_s, rel=0.02)
@@ -59,7 +59,7 @@ def test_every_segment_stays_in_and_the_figures_are_those_of_the_definition(
 ) -> None:
     everybody = [Vehicle(f"v{factor}", (30.0 * factor, 0.0), budget_pct, 1 + factor / 10) for factor in range(vehicles)]
     instance = random_instance(seed, segments, everybody)
-    runs = _Baseline(instance, cost, seed, all_vehicles=all_vehicles)
+    runs = _GraspRuns(instance, cost, seed, all_vehicles=all_vehicles)
     for _ in range(3):
         runs._advance(15)
         for state in (runs._walk.current, runs._walk.trial, runs._walk.best):
@@ -69,22 +69,24 @@ def test_every_segment_stays_in_and_the_figures_are_those_of_the_definition(
             assert state.loads.tolist() == pytest.approx(evaluation.energies_pct, abs=1e-9)
             weights = runs._weights._replace(empty=0.0)
             # The kernels' budgets are half a tolerance wider; MinMax has a trace of the sum to break ties.
-            assert plan_cost(runs._problem, weights, state) == pytest.approx(evaluation.value, rel=1e-5, abs=2e-3)
+            assert compute_plan_cost(runs._problem, weights, state) == pytest.approx(
+                evaluation.value, rel=1e-5, abs=2e-3
+            )
         assert runs._evaluation.value <= evaluate(instance, plan_of(runs._walk.best), cost).value + 1e-3
 
 
 def test_budgets_are_soft_and_the_plan_says_so() -> None:
-    result = grasp(line(4, 70.0, 60.0), cost=Cost.MINSUM, stop=Iterations(100))
+    result = solve_grasp(line(4, 70.0, 60.0), cost=Cost.MINSUM, stop=Iterations(100))
     assert result.plan.uncovered == ()
     assert not result.feasible
     assert len(result.evaluation.violations) == 1
-    enough = grasp(line(4, 80.0, 20.0), cost=Cost.MINSUM, stop=Iterations(100))
+    enough = solve_grasp(line(4, 80.0, 20.0), cost=Cost.MINSUM, stop=Iterations(100))
     assert enough.feasible
     assert enough.evaluation.value == 100.0  # no move takes a vehicle's last visit
 
 
 def test_minmax_does_not_look_at_budgets() -> None:
-    result = grasp(random_instance(1, 6, fleet(1000.0, 1.0)), cost=Cost.MINMAX, stop=FOR_ALL_RUNS, runs=3)
+    result = solve_grasp(random_instance(1, 6, fleet(1000.0, 1.0)), cost=Cost.MINMAX, stop=FOR_ALL_RUNS, runs=3)
     assert not result.feasible
     assert max(result.evaluation.energies_pct) < 1.5 * min(result.evaluation.energies_pct)
 
@@ -93,7 +95,7 @@ def test_the_best_of_some_runs_is_near_what_the_search_finds() -> None:
     instance = random_instance(4, 9, fleet(80.0, 80.0, 80.0))
     for cost in Cost:
         best = solve(instance, cost=cost, stop=Iterations(3000), all_vehicles=True)
-        found = grasp(instance, cost=cost, stop=FOR_ALL_RUNS, runs=20, all_vehicles=True)
+        found = solve_grasp(instance, cost=cost, stop=FOR_ALL_RUNS, runs=20, all_vehicles=True)
         assert best.evaluation.value - 1e-6 <= found.evaluation.value <= 1.1 * best.evaluation.value
         assert found.stopped_by == "runs"
         assert found.feasible
@@ -102,7 +104,8 @@ def test_the_best_of_some_runs_is_near_what_the_search_finds() -> None:
 def test_more_runs_are_never_worse_and_begin_alike() -> None:
     instance = random_instance(7, 20, fleet(60.0, 60.0, 60.0))
     values = [
-        grasp(instance, cost=Cost.MINCOMB, stop=FOR_ALL_RUNS, seed=3, runs=runs).evaluation.value for runs in (1, 2, 8)
+        solve_grasp(instance, cost=Cost.MINCOMB, stop=FOR_ALL_RUNS, seed=3, runs=runs).evaluation.value
+        for runs in (1, 2, 8)
     ]
     assert values == sorted(values, reverse=True)
     assert values[0] > values[2]
@@ -111,7 +114,7 @@ def test_more_runs_are_never_worse_and_begin_alike() -> None:
 def test_the_seed_and_the_iterations_decide() -> None:
     instance = random_instance(5, 25, fleet(40.0, 40.0, 60.0))
     first, again, other = (
-        grasp(instance, cost=Cost.MINSUM, stop=Iterations(130), seed=seed, runs=5) for seed in (4, 4, 5)
+        solve_grasp(instance, cost=Cost.MINSUM, stop=Iterations(130), seed=seed, runs=5) for seed in (4, 4, 5)
     )
     assert first.plan == again.plan
     assert first.plan != other.plan
@@ -119,7 +122,7 @@ def test_the_seed_and_the_iterations_decide() -> None:
 
 
 def test_a_run_ends_when_nothing_better_is_found() -> None:
-    result = grasp(random_instance(2, 3, fleet(500.0)), cost=Cost.MINSUM, stop=FOR_ALL_RUNS, runs=1)
+    result = solve_grasp(random_instance(2, 3, fleet(500.0)), cost=Cost.MINSUM, stop=FOR_ALL_RUNS, runs=1)
     assert 200 <= result.iterations < 260
     assert result.stopped_by == "runs"
 
@@ -128,11 +131,11 @@ def test_progress_is_told_and_the_stop_rule_obeyed() -> None:
     seen: list[Progress] = []
     instance = random_instance(8, 12, fleet(500.0, 500.0))
     stop = any_of(Iterations(10**6), Cancelled(lambda: len(seen) == 4))
-    result = grasp(instance, cost=Cost.MINSUM, stop=stop, on_progress=seen.append)
+    result = solve_grasp(instance, cost=Cost.MINSUM, stop=stop, on_progress=seen.append)
     assert result.stopped_by == "cancelled"
     assert [progress.iterations for progress in seen] == [0, 20, 40, 60]
     assert seen[0].value >= seen[-1].value == result.evaluation.value
-    quick = grasp(instance, cost=Cost.MINSUM, stop=FirstFeasible())
+    quick = solve_grasp(instance, cost=Cost.MINSUM, stop=FirstFeasible())
     assert quick.feasible
     assert quick.iterations == 0
 
@@ -140,19 +143,19 @@ def test_progress_is_told_and_the_stop_rule_obeyed() -> None:
 @pytest.mark.parametrize(("segments", "vehicles"), [(1, 1), (1, 3), (2, 2), (3, 4)])
 @pytest.mark.parametrize("cost", Cost)
 def test_fewer_segments_than_vehicles_are_no_trouble(segments: int, vehicles: int, cost: Cost) -> None:
-    result = grasp(line(segments, *[1000.0] * vehicles), cost=cost, stop=FOR_ALL_RUNS, runs=2, all_vehicles=True)
+    result = solve_grasp(line(segments, *[1000.0] * vehicles), cost=cost, stop=FOR_ALL_RUNS, runs=2, all_vehicles=True)
     assert result.feasible
     assert sum(bool(route.visits) for route in result.plan.routes) == min(segments, vehicles)
 
 
 def test_an_instance_without_segments_and_one_without_runs() -> None:
-    assert grasp(line(0, 10.0), cost=Cost.MINMAX, stop=FOR_ALL_RUNS).plan == Plan((Route(0, ()),))
+    assert solve_grasp(line(0, 10.0), cost=Cost.MINMAX, stop=FOR_ALL_RUNS).plan == Plan((Route(0, ()),))
     with pytest.raises(InstanceError, match="runs is 0, expected 1 or more"):
-        grasp(line(1, 10.0), cost=Cost.MINMAX, stop=FOR_ALL_RUNS, runs=0)
+        solve_grasp(line(1, 10.0), cost=Cost.MINMAX, stop=FOR_ALL_RUNS, runs=0)
 
 
 def test_directions_are_the_best_for_their_order() -> None:
-    result = grasp(random_instance(11, 14, fleet(500.0, 500.0)), cost=Cost.MINSUM, stop=Iterations(0))
+    result = solve_grasp(random_instance(11, 14, fleet(500.0, 500.0)), cost=Cost.MINSUM, stop=Iterations(0))
     instance = random_instance(11, 14, fleet(500.0, 500.0))
     for route in result.plan.routes:
         for place in range(len(route.visits)):

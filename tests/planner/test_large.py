@@ -23,9 +23,9 @@ from planner import (
 )
 from planner.large import LargeSearch
 from planner.params import DEFAULT_PARAMS
-from planner.parts import curve_order, part_of, split
+from planner.parts import part_of, sort_along_curve, split_into_routes
 from planner.stop import Stopwatch
-from planner.synthetic import SPAN_M, generated_network
+from planner.synthetic import SPAN_M, generate_network
 from tests.planner.builders import fleet, random_instance, table_pct
 
 TRAVEL = Travel(5.0, 1.0, 1.0, 1.0, Dynamics())
@@ -33,37 +33,37 @@ TRAVEL = Travel(5.0, 1.0, 1.0, 1.0, Dynamics())
 
 def network(segments: int, *budgets: float, tables_up_to: int = 0) -> Instance:
     vehicles = [Vehicle(f"v{number}", (0.0, 0.0), budget) for number, budget in enumerate(budgets)]
-    return build_instance(generated_network(segments, 3), (0.0, 0.0), vehicles, TRAVEL, tables_up_to=tables_up_to)
+    return build_instance(generate_network(segments, 3), (0.0, 0.0), vehicles, TRAVEL, tables_up_to=tables_up_to)
 
 
 def test_a_network_grows_from_the_substation() -> None:
-    ends = generated_network(400, 7)
+    ends = generate_network(400, 7)
     lengths = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
     assert lengths.min() >= SPAN_M[0]
     assert lengths.max() <= SPAN_M[1]
     begun = {(0.0, 0.0)} | {tuple(end) for end in ends[:, 1].tolist()}
     assert all(tuple(end) in begun for end in ends[:, 0].tolist())
-    assert generated_network(100, 7).tolist() == ends[:100].tolist()
-    assert generated_network(100, 8).tolist() != ends[:100].tolist()
+    assert generate_network(100, 7).tolist() == ends[:100].tolist()
+    assert generate_network(100, 8).tolist() != ends[:100].tolist()
 
 
 def test_the_curve_visits_every_cell_before_it_leaves_its_neighbourhood() -> None:
     grid = np.array([(x, y) for x in range(8) for y in range(8)], dtype=np.float64)
-    order = curve_order(grid)
+    order = sort_along_curve(grid)
     assert sorted(order.tolist()) == list(range(64))
     steps = np.abs(np.diff(grid[order], axis=0)).sum(axis=1)
     assert steps.max() == 1
-    assert curve_order(np.zeros((3, 2))).tolist() == [0, 1, 2]
+    assert sort_along_curve(np.zeros((3, 2))).tolist() == [0, 1, 2]
 
 
 def test_the_first_plan_gives_equal_vehicles_about_the_same() -> None:
     instance = network(300, *[40_000.0] * 12)
-    routes = split(instance, curve_order(instance.end_m[::2]), everybody=True)
+    routes = split_into_routes(instance, sort_along_curve(instance.end_m[::2]), everybody=True)
     plan = Plan(tuple(Route(vehicle, visits) for vehicle, visits in enumerate(routes)))
     evaluation = evaluate(instance, plan, Cost.MINMAX)
     assert evaluation.violations == ()
     assert all(routes)
-    fewest = split(instance, curve_order(instance.end_m[::2]), everybody=False)
+    fewest = split_into_routes(instance, sort_along_curve(instance.end_m[::2]), everybody=False)
     assert 0 < sum(map(bool, fewest)) < 12
     assert sum(map(len, fewest)) == 300
     assert min(evaluation.energies_pct[:-1]) > 0.7 * max(evaluation.energies_pct)
@@ -71,7 +71,7 @@ def test_the_first_plan_gives_equal_vehicles_about_the_same() -> None:
 
 def test_what_budgets_do_not_carry_is_left_out_of_the_first_plan() -> None:
     instance = network(100, 0.0, 3000.0)
-    routes = split(instance, curve_order(instance.end_m[::2]), everybody=True)
+    routes = split_into_routes(instance, sort_along_curve(instance.end_m[::2]), everybody=True)
     assert routes[0] == ()
     assert 0 < len(routes[1]) < 100
 
@@ -131,6 +131,6 @@ def test_a_region_has_no_more_open_segments_than_a_region_has() -> None:
     wish = Plan((Route(0, (first,)), Route(1, (last,))), tuple(range(1, instance.segments - 1)))
     search = LargeSearch(instance, cost=Cost.MINSUM, seed=0, initial=wish, all_vehicles=False, watch=Stopwatch())
     nobody, nothing = np.zeros(2, dtype=np.bool_), np.zeros(instance.segments, dtype=np.bool_)
-    region = search._region(0, nobody, nothing, longest=False)
+    region = search._build_region(0, nobody, nothing, longest=False)
     assert region.vehicles == (0, 1)
     assert len(region.segments) <= DEFAULT_PARAMS.large.region + 2

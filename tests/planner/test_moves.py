@@ -19,9 +19,9 @@ from planner import (
     Travel,
     Vehicle,
     build_instance,
+    build_remaining_problem,
     evaluate,
     pct_per_s,
-    remaining,
     route_energy_pct,
     solve,
     travel_for,
@@ -45,7 +45,10 @@ def test_moves_on_demand_equal_the_tables(travel: Travel) -> None:
         assert table_pct(geometry, profile) == pytest.approx(table_pct(tables, profile), rel=1e-12)
     plan = Plan((Route(0, (0, 7, 4, 16)), Route(1, (2, 9, 10, 12, 15))))
     assert evaluate(geometry, plan, Cost.MINSUM) == evaluate(tables, plan, Cost.MINSUM)
-    left, expected = remaining(geometry, plan, 0, 100.0).instance, remaining(tables, plan, 0, 100.0).instance
+    left, expected = (
+        build_remaining_problem(geometry, plan, 0, 100.0).instance,
+        build_remaining_problem(tables, plan, 0, 100.0).instance,
+    )
     assert table_pct(left, 1) == pytest.approx(table_pct(expected, 1), rel=1e-12)
 
 

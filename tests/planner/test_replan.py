@@ -15,8 +15,8 @@ from planner import (
     Vehicle,
     any_of,
     build_instance,
+    build_remaining_problem,
     evaluate,
-    remaining,
     replan,
     route_energy_pct,
     solve,
@@ -31,7 +31,7 @@ PLAN = Plan((Route(0, (0, 2, 4)), Route(1, (6, 8)), Route(2, ())))
 
 
 def test_a_loss_in_the_middle_of_a_visit() -> None:
-    left = remaining(INSTANCE, PLAN, lost=0, at_s=15.0)
+    left = build_remaining_problem(INSTANCE, PLAN, lost=0, at_s=15.0)
     assert left.completed == (0,)
     assert left.open_segments == (1, 2, 4)  # a's second, under way, is open again; b finishes 3
     b, c = left.survivors
@@ -42,7 +42,7 @@ def test_a_loss_in_the_middle_of_a_visit() -> None:
 
 
 def test_the_reduced_instance_starts_where_the_survivors_become_free() -> None:
-    reduced = remaining(INSTANCE, PLAN, lost=0, at_s=15.0).instance
+    reduced = build_remaining_problem(INSTANCE, PLAN, lost=0, at_s=15.0).instance
     b, c = reduced.vehicles
     assert (b.name, b.start_m, b.airborne, b.budget_pct) == ("b", (40.0, 0.0), True, 160.0)
     assert (c.name, c.start_m, c.airborne, c.budget_pct) == ("c", (0.0, 0.0), False, 200.0)
@@ -68,7 +68,7 @@ def test_the_reduced_instance_is_what_build_instance_makes_of_the_same_state() -
     ]
     instance = build_instance(ends, (5.0, 5.0), vehicles, travel)
     plan = Plan((Route(0, (0,)), Route(1, (3, 4)), Route(2, (7,))))
-    left = remaining(instance, plan, lost=0, at_s=0.0)
+    left = build_remaining_problem(instance, plan, lost=0, at_s=0.0)
     rebuilt = build_instance([ends[0], ends[2]], (5.0, 5.0), left.instance.vehicles, travel)
     assert table_s(left.instance) == pytest.approx(table_s(rebuilt))
     assert table_pct(left.instance) == pytest.approx(table_pct(rebuilt))
@@ -78,29 +78,29 @@ def test_the_reduced_instance_is_what_build_instance_makes_of_the_same_state() -
 
 
 def test_a_visit_that_ends_at_the_moment_of_the_loss_has_ended() -> None:
-    left = remaining(INSTANCE, PLAN, lost=0, at_s=20.0)
+    left = build_remaining_problem(INSTANCE, PLAN, lost=0, at_s=20.0)
     assert left.completed == (0, 2)
     assert left.open_segments == (2, 4)
 
 
 def test_a_visit_flown_to_is_finished_first() -> None:
-    left = remaining(INSTANCE, PLAN, lost=0, at_s=0.0)
+    left = build_remaining_problem(INSTANCE, PLAN, lost=0, at_s=0.0)
     assert left.open_segments == (0, 1, 2, 4)
     assert left.survivors[0].finishing == 6
 
 
 def test_who_is_on_the_way_home_flies_again_from_there() -> None:
-    left = remaining(INSTANCE, PLAN, lost=1, at_s=35.0)  # a has done its three and is home at 60
+    left = build_remaining_problem(INSTANCE, PLAN, lost=1, at_s=35.0)  # a has done its three and is home at 60
     a = left.survivors[0]
     assert (a.completed, a.finishing, a.free_s, a.spent_pct, a.budget_left_pct) == ((0, 2, 4), None, 60.0, 60.0, 140.0)
     assert left.instance.vehicles[0].airborne is False
     assert left.instance.start_s[0].tolist() == INSTANCE.depot_s[0, [6, 7, 8, 9]].tolist()
-    landed = remaining(INSTANCE, PLAN, lost=1, at_s=70.0).survivors[0]
+    landed = build_remaining_problem(INSTANCE, PLAN, lost=1, at_s=70.0).survivors[0]
     assert (landed.free_s, landed.spent_pct) == (70.0, 60.0)
 
 
 def test_who_must_not_fly_again_has_no_budget() -> None:
-    left = remaining(INSTANCE, PLAN, lost=1, at_s=35.0, fly_again=False)
+    left = build_remaining_problem(INSTANCE, PLAN, lost=1, at_s=35.0, fly_again=False)
     assert [survivor.budget_left_pct for survivor in left.survivors] == [0.0, 0.0]
     assert left.warm.uncovered == (0, 1)
     stopped = replan(left.instance, warm=left.warm, stop=FirstFeasible())
@@ -109,7 +109,7 @@ def test_who_must_not_fly_again_has_no_budget() -> None:
 
 
 def test_the_warm_plan_keeps_tails_and_covers_what_is_open() -> None:
-    left = remaining(INSTANCE, PLAN, lost=0, at_s=15.0)
+    left = build_remaining_problem(INSTANCE, PLAN, lost=0, at_s=15.0)
     assert left.warm.uncovered == ()
     covered = [left.original_visit(visit) >> 1 for route in left.warm.routes for visit in route.visits]
     assert sorted(covered) == [1, 2, 4]
@@ -119,14 +119,14 @@ def test_the_warm_plan_keeps_tails_and_covers_what_is_open() -> None:
 
 def test_what_the_plan_left_uncovered_is_open() -> None:
     plan = Plan((Route(0, (0, 2)), Route(1, (6, 8)), Route(2, ())), uncovered=(2,))
-    assert remaining(INSTANCE, plan, lost=2, at_s=1000.0).open_segments == (2,)
+    assert build_remaining_problem(INSTANCE, plan, lost=2, at_s=1000.0).open_segments == (2,)
 
 
 def test_a_second_loss_during_the_repaired_flight() -> None:
-    first = remaining(INSTANCE, PLAN, lost=0, at_s=15.0)
+    first = build_remaining_problem(INSTANCE, PLAN, lost=0, at_s=15.0)
     # b from 40 m takes 4 (to 50 m, 10 s) and flies home; c from the depot takes 1 and 2 (20, 30 s).
     plan = Plan((Route(0, (4,)), Route(1, (0, 2))))
-    second = remaining(first.instance, plan, lost=1, at_s=25.0)
+    second = build_remaining_problem(first.instance, plan, lost=1, at_s=25.0)
     assert [first.open_segments[segment] for segment in second.open_segments] == [2]
     b = second.survivors[0]
     assert (b.completed, b.finishing, b.free_s, b.spent_pct, b.budget_left_pct) == ((4,), None, 60.0, 60.0, 100.0)
@@ -137,7 +137,7 @@ def test_a_second_loss_during_the_repaired_flight() -> None:
 def test_an_airborne_survivor_without_a_visit_lands_first() -> None:
     vehicles = [Vehicle("a", (0.0, 0.0), 100.0), Vehicle("b", (30.0, 0.0), 100.0, airborne=True)]
     instance = build_instance([[[10.0, 0.0], [20.0, 0.0]]], (0.0, 0.0), vehicles, UNIT)
-    left = remaining(instance, Plan((Route(0, (0,)), Route(1, ()))), lost=0, at_s=5.0)
+    left = build_remaining_problem(instance, Plan((Route(0, (0,)), Route(1, ()))), lost=0, at_s=5.0)
     b = left.survivors[0]
     assert (b.free_s, b.spent_pct, b.budget_left_pct) == (30.0, 30.0, 70.0)
     assert left.instance.vehicles[0].airborne is False
@@ -145,7 +145,7 @@ def test_an_airborne_survivor_without_a_visit_lands_first() -> None:
 
 
 def test_nothing_is_left_when_the_lost_vehicle_had_done_its_part() -> None:
-    left = remaining(INSTANCE, PLAN, lost=0, at_s=55.0)
+    left = build_remaining_problem(INSTANCE, PLAN, lost=0, at_s=55.0)
     assert left.open_segments == ()
     result = replan(left.instance, warm=left.warm, stop=Iterations(100))
     assert result.feasible
@@ -163,12 +163,12 @@ def test_nothing_is_left_when_the_lost_vehicle_had_done_its_part() -> None:
 )
 def test_a_loss_that_cannot_be_is_refused(plan: Plan, lost: int, at_s: float, message: str) -> None:
     with pytest.raises(PlanError, match=message):
-        remaining(INSTANCE, plan, lost, at_s)
+        build_remaining_problem(INSTANCE, plan, lost, at_s)
 
 
 def test_the_only_vehicle_leaves_nobody() -> None:
     with pytest.raises(PlanError, match="a is the only vehicle"):
-        remaining(line(1, 100.0), Plan((Route(0, (0,)),)), lost=0, at_s=1.0)
+        build_remaining_problem(line(1, 100.0), Plan((Route(0, (0,)),)), lost=0, at_s=1.0)
 
 
 def test_a_tail_that_a_battery_no_longer_carries_is_cut() -> None:
@@ -191,7 +191,7 @@ def test_a_loss_on_the_papers_network_is_repaired_within_the_budgets() -> None:
     travel = Travel(5.0, 1.0, 1.0, 1.0)
     instance = build_instance(nechranice_ends_m(2000), (0.0, 0.0), fleet(*[7700.0] * 4), travel)
     flown = solve(instance, cost=Cost.MINCOMB, stop=Iterations(6000), all_vehicles=True)
-    left = remaining(instance, flown.plan, lost=2, at_s=0.6 * flown.evaluation.longest_route_s)
+    left = build_remaining_problem(instance, flown.plan, lost=2, at_s=0.6 * flown.evaluation.longest_route_s)
     repaired = replan(left.instance, warm=left.warm, stop=any_of(FirstFeasible(), Iterations(20_000)), seed=1)
     assert repaired.feasible
     assert repaired.evaluation.violations == ()
@@ -206,7 +206,7 @@ def test_a_hopeless_loss_ends_at_once_and_says_why() -> None:
     travel = Travel(5.0, 1.0, 1.0, 1.0)
     instance = build_instance(nechranice_ends_m(2000), (0.0, 0.0), fleet(*[7000.0] * 4), travel)
     flown = solve(instance, cost=Cost.MINSUM, stop=Iterations(4000))
-    left = remaining(instance, flown.plan, lost=0, at_s=0.0)
+    left = build_remaining_problem(instance, flown.plan, lost=0, at_s=0.0)
     result = replan(left.instance, warm=left.warm, stop=FirstFeasible())
     assert (result.iterations, result.stopped_by) == (0, "no feasible plan exists")
     assert result.impossible is not None
@@ -232,7 +232,7 @@ def test_what_a_survivor_has_done_and_may_do(
     at_s: float, completed: tuple[int, ...], finishing: int | None, tail: tuple[int, ...], free_s: float,
     spent_pct: float, left_pct: float,
 ) -> None:  # fmt: skip
-    left = remaining(line(4, 41.0, 99.0, 70.0), ROUTES, 1, at_s)
+    left = build_remaining_problem(line(4, 41.0, 99.0, 70.0), ROUTES, 1, at_s)
     one, spare = left.survivors
     assert (one.completed, one.finishing, one.tail) == (completed, finishing, tail)
     assert (one.free_s, one.spent_pct, one.budget_left_pct) == (free_s, spent_pct, left_pct)
@@ -243,5 +243,5 @@ def test_what_a_survivor_has_done_and_may_do(
 
 @pytest.mark.parametrize("at_s", [0.0, 15.0, 50.0])
 def test_a_budget_that_is_overdrawn_leaves_nothing(at_s: float) -> None:
-    left = remaining(line(4, 5.0, 99.0, 70.0), ROUTES, 1, at_s)
+    left = build_remaining_problem(line(4, 5.0, 99.0, 70.0), ROUTES, 1, at_s)
     assert left.survivors[0].budget_left_pct == 0.0

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import (
-    Campaign,
     Cost,
     FirstFeasible,
     Instance,
@@ -19,22 +18,23 @@ from planner import (
     Iterations,
     Plan,
     PlanError,
-    Risk,
+    RiskCampaign,
+    RiskEstimate,
     Route,
     any_of,
     build_instance,
+    build_remaining_problem,
+    build_risk_campaign,
+    estimate_probability,
+    estimate_risks,
     evaluate,
-    flight_chunks,
-    fly_chunk,
-    remaining,
     replan,
-    risk_campaign,
-    risks_of,
     segment_of,
+    simulate_chunk,
     solve,
-    wilson,
+    split_flights,
 )
-from planner.aftermath import repair_plan, underway
+from planner.aftermath import build_state_before_losses, repair_plan
 from tests.planner.builders import UNIT, fleet, line, random_instance
 
 FLIGHTS = 20_000
@@ -43,16 +43,18 @@ WIDE = 5.0
 HOUR_S = 3600.0
 
 
-def estimate(instance: Instance, plan: Plan, mtbf_s: float, *, flights: int = FLIGHTS, **how: float) -> Risk:
-    found = risk_campaign(
+def estimate(instance: Instance, plan: Plan, mtbf_s: float, *, flights: int = FLIGHTS, **how: float) -> RiskEstimate:
+    found = build_risk_campaign(
         instance, plan, mtbf_h=[mtbf_s / HOUR_S], battery_spread_pct=how.get("battery_spread_pct", 0.0),
         reserve_pct=how.get("reserve_pct", 15.0), max_losses=int(how.get("max_losses", 2)), effort=300,
     )  # fmt: skip
     return fly(found, flights)[0]
 
 
-def fly(found: Campaign, flights: int, seed: int = 1, per_chunk: int = FLIGHTS) -> tuple[Risk, ...]:
-    return risks_of(found, [fly_chunk(found, chunk) for chunk in flight_chunks(flights, seed, per_chunk=per_chunk)])
+def fly(found: RiskCampaign, flights: int, seed: int = 1, per_chunk: int = FLIGHTS) -> tuple[RiskEstimate, ...]:
+    return estimate_risks(
+        found, [simulate_chunk(found, chunk) for chunk in split_flights(flights, seed, per_chunk=per_chunk)]
+    )
 
 
 def near(probability: float, flights: int = FLIGHTS) -> object:
@@ -103,16 +105,16 @@ def test_a_spare_does_not_fail_on_the_ground() -> None:
 
 def test_one_that_flies_again_goes_on_where_its_flight_hours_ended() -> None:
     # b lands at 20 s. When a is lost at 25 s, on the visit that ends at 30 m east, b flies there and back: 60 s.
-    state = underway(line(3, 100.0, 200.0), Plan((Route(0, (2, 4)), Route(1, (0,)))))
+    state = build_state_before_losses(line(3, 100.0, 200.0), Plan((Route(0, (2, 4)), Route(1, (0,)))))
     answer = repair_plan(state, 0, 25.0, effort=100)
     assert answer is not None
-    after = state.after(*answer)
+    after = state.apply_plan(*answer)
     assert after.fleet == (1,)
-    flown = after.flown(0)
+    flown = after.progress_of(0)
     assert flown.time_s.tolist() == [0, 10, 20, 25, 55, 85]
     assert flown.airborne_s.tolist() == flown.used_pct.tolist() == [0, 10, 20, 20, 50, 80]
-    assert after.ends_s(0).tolist() == [55]
-    assert after.values(0).tolist() == [10]
+    assert after.visit_ends_s(0).tolist() == [55]
+    assert after.visit_values(0).tolist() == [10]
 
 
 def test_a_battery_that_holds_less_than_the_route_takes_is_a_loss() -> None:
@@ -130,10 +132,10 @@ def test_a_battery_that_holds_less_than_the_route_takes_is_a_loss() -> None:
 
 def test_intervals_are_those_of_wilson() -> None:
     # Newcombe 1998, table I: 81 of 263.
-    found = wilson(81, 263)
+    found = estimate_probability(81, 263)
     assert (round(found.low, 4), round(found.high, 4)) == (0.2553, 0.3662)
-    assert wilson(0, 20).low == 0.0
-    assert wilson(20, 20).high == 1.0
+    assert estimate_probability(0, 20).low == 0.0
+    assert estimate_probability(20, 20).high == 1.0
 
 
 @settings(max_examples=15, deadline=None)
@@ -154,7 +156,7 @@ def test_more_replans_never_hurt(seed: int, vehicles: int, mtbf_s: float) -> Non
 def test_a_state_after_losses_holds_its_budgets_and_all_that_is_left(seed: int, shares: list[float]) -> None:
     instance = random_instance(seed, 8, fleet(90.0, 90.0, 90.0, 90.0))
     plan = solve(instance, cost=Cost.MINMAX, stop=Iterations(300), seed=seed).plan
-    state, at_s, inspected = underway(instance, plan), 0.0, 0
+    state, at_s, inspected = build_state_before_losses(instance, plan), 0.0, 0
     for number, share in enumerate(sorted(shares)):
         at_s = max(at_s, share * evaluate(instance, plan, Cost.MINMAX).longest_route_s)
         lost = number % len(state.fleet)
@@ -166,12 +168,12 @@ def test_a_state_after_losses_holds_its_budgets_and_all_that_is_left(seed: int, 
             len(one.completed) + (one.finishing is not None) for one in left.survivors
         ) + len(left.completed)  # fmt: skip
         assert inspected == state.instance.segments
-        state = state.after(left, new)
+        state = state.apply_plan(left, new)
         found = evaluate(state.instance, state.plan, Cost.MINMAX)
         assert found.violations == ()
         assert state.plan.uncovered == ()
         for vehicle, name in enumerate(state.fleet):
-            flown = state.flown(vehicle)
+            flown = state.progress_of(vehicle)
             assert np.all(np.diff(flown.time_s) >= -1e-9)
             assert flown.used_pct[-1] <= instance.vehicles[name].budget_pct + 1e-6
             assert flown.time_s[-1] == pytest.approx(found.durations_s[vehicle])
@@ -181,17 +183,17 @@ def test_the_state_is_what_the_definition_makes_of_the_same_loss() -> None:
     instance = random_instance(5, 8, fleet(150.0, 150.0, 150.0))
     plan = solve(instance, cost=Cost.MINMAX, stop=Iterations(500), seed=1).plan
     at_s = 0.4 * evaluate(instance, plan, Cost.MINMAX).longest_route_s
-    left = remaining(instance, plan, 1, at_s)
+    left = build_remaining_problem(instance, plan, 1, at_s)
     result = replan(left.instance, warm=left.warm, stop=any_of(FirstFeasible(), Iterations(500)))
     assert result.feasible
-    state = underway(instance, plan).after(left, result.plan)
+    state = build_state_before_losses(instance, plan).apply_plan(left, result.plan)
     assert state.fleet == (0, 2)
     for vehicle, survivor in enumerate(left.survivors):
         new_s = result.evaluation.durations_s[vehicle]
-        assert state.flown(vehicle).time_s[-1] == pytest.approx(survivor.free_s + new_s)
+        assert state.progress_of(vehicle).time_s[-1] == pytest.approx(survivor.free_s + new_s)
         used_pct = survivor.spent_pct + result.evaluation.energies_pct[vehicle]
-        assert state.flown(vehicle).used_pct[-1] == pytest.approx(used_pct)
-        assert len(state.ends_s(vehicle)) == len(state.plan.routes[vehicle].visits)
+        assert state.progress_of(vehicle).used_pct[-1] == pytest.approx(used_pct)
+        assert len(state.visit_ends_s(vehicle)) == len(state.plan.routes[vehicle].visits)
     visited = {segment_of(visit) for route in state.plan.routes for visit in route.visits}
     assert visited == set(range(state.instance.segments))
 
@@ -199,17 +201,17 @@ def test_the_state_is_what_the_definition_makes_of_the_same_loss() -> None:
 def test_the_answer_depends_on_nothing_but_plan_and_seed() -> None:
     instance = random_instance(3, 8, fleet(120.0, 120.0, 120.0))
     plan = solve(instance, cost=Cost.MINMAX, stop=Iterations(500), seed=1).plan
-    found = risk_campaign(instance, plan, mtbf_h=(0.3, 1.0), battery_spread_pct=5.0, effort=100)
-    sent: Campaign = pickle.loads(pickle.dumps(found))  # noqa: S301 - it is our own
+    found = build_risk_campaign(instance, plan, mtbf_h=(0.3, 1.0), battery_spread_pct=5.0, effort=100)
+    sent: RiskCampaign = pickle.loads(pickle.dumps(found))  # noqa: S301 - it is our own
     assert fly(found, 200, per_chunk=50) == fly(sent, 200, per_chunk=50)
     assert fly(found, 200, seed=1, per_chunk=50) != fly(found, 200, seed=2, per_chunk=50)
-    chunks = flight_chunks(200, 1, per_chunk=50)
-    backwards = [fly_chunk(found, chunk) for chunk in reversed(chunks)]
-    assert risks_of(found, backwards[::-1]) == fly(found, 200, per_chunk=50)
+    chunks = split_flights(200, 1, per_chunk=50)
+    backwards = [simulate_chunk(found, chunk) for chunk in reversed(chunks)]
+    assert estimate_risks(found, backwards[::-1]) == fly(found, 200, per_chunk=50)
     # The same chance for each mean time between failures: more time, fewer losses.
     short, long = fly(found, 200)
     assert short.expected_losses > long.expected_losses
-    alone = risk_campaign(instance, plan, mtbf_h=(1.0,), battery_spread_pct=5.0, effort=100)
+    alone = build_risk_campaign(instance, plan, mtbf_h=(1.0,), battery_spread_pct=5.0, effort=100)
     assert fly(alone, 200) == (long,)
 
 
@@ -217,16 +219,16 @@ def test_what_is_no_figure_for_a_campaign_is_refused() -> None:
     instance, plan = line(1, 100.0, 100.0), Plan((Route(0, (0,)), Route(1, ())))
     for wrong in ({"mtbf_h": ()}, {"mtbf_h": (0.0,)}, {"mtbf_h": (math.nan,)}):
         with pytest.raises(InstanceError, match="mean time between failures"):
-            risk_campaign(instance, plan, **wrong)
+            build_risk_campaign(instance, plan, **wrong)
     with pytest.raises(InstanceError, match="battery spread is -1"):
-        risk_campaign(instance, plan, mtbf_h=(1.0,), battery_spread_pct=-1.0)
+        build_risk_campaign(instance, plan, mtbf_h=(1.0,), battery_spread_pct=-1.0)
     with pytest.raises(InstanceError, match="reserve is -1"):
-        risk_campaign(instance, plan, mtbf_h=(1.0,), reserve_pct=-1.0)
+        build_risk_campaign(instance, plan, mtbf_h=(1.0,), reserve_pct=-1.0)
     with pytest.raises(InstanceError, match="max_losses is -1"):
-        risk_campaign(instance, plan, mtbf_h=(1.0,), max_losses=-1)
+        build_risk_campaign(instance, plan, mtbf_h=(1.0,), max_losses=-1)
     with pytest.raises(InstanceError, match="flights is 0"):
-        flight_chunks(0, 1)
+        split_flights(0, 1)
     with pytest.raises(PlanError, match="leaves out 1 segments"):
-        risk_campaign(instance, Plan((Route(0, ()), Route(1, ())), (0,)), mtbf_h=(1.0,))
+        build_risk_campaign(instance, Plan((Route(0, ()), Route(1, ())), (0,)), mtbf_h=(1.0,))
     with pytest.raises(PlanError, match="a spends 20"):
-        risk_campaign(line(1, 10.0, 10.0), plan, mtbf_h=(1.0,))
+        build_risk_campaign(line(1, 10.0, 10.0), plan, mtbf_h=(1.0,))

@@ -15,13 +15,13 @@ from planner import (
     Vehicle,
     build_instance,
     evaluate,
-    front,
+    find_pareto_front,
     replan_window,
     solve,
     solve_window,
     travel_for,
 )
-from planner.bounds import least_earliest_s
+from planner.bounds import earliest_window_bound_s
 from tests.planner.builders import fleet, line, nechranice_ends_m, random_instance
 
 SMALL = random_instance(3, 8, fleet(34.0, 34.0, 34.0))
@@ -49,7 +49,7 @@ def test_a_window_larger_than_mincombs_at_its_own_length(nechranice: Instance) -
     assert found.evaluation.longest_route_s <= mincomb.evaluation.longest_route_s + 1e-6
     assert found.window == replan_window(nechranice, found.plan)
     assert found.window.earliest_s < replan_window(nechranice, mincomb.plan).earliest_s
-    assert least_earliest_s(nechranice) <= found.window.certified_earliest_s <= found.window.earliest_s
+    assert earliest_window_bound_s(nechranice) <= found.window.certified_earliest_s <= found.window.earliest_s
 
 
 def test_the_same_iterations_give_the_same_plan_on_two_threads() -> None:
@@ -92,7 +92,7 @@ def test_bad_wishes() -> None:
 
 
 def test_no_plan_of_the_front_beats_another() -> None:
-    plans = front(SMALL, stop=Iterations(60_000), stretches=(0.0, 0.2))
+    plans = find_pareto_front(SMALL, stop=Iterations(60_000), stretches=(0.0, 0.2))
     assert len(plans) > 1
     figures = [(plan.longest_route_s, plan.energy_pct, plan.window.earliest_s) for plan in plans]
     assert figures == sorted(figures)
@@ -107,4 +107,4 @@ def test_no_plan_of_the_front_beats_another() -> None:
 
 
 def test_no_front_without_a_complete_plan() -> None:
-    assert front(line(4, 30.0, 30.0), stop=Iterations(1_000)) == ()
+    assert find_pareto_front(line(4, 30.0, 30.0), stop=Iterations(1_000)) == ()

@@ -6,8 +6,8 @@ import pytest
 
 from planner import Cost, Instance, Iterations, Plan, Route, solve
 from planner.evaluate import evaluate
-from planner.replan import remaining
-from planner.robustsearch import FoundPlan, Outer, RobustSearch, Walker
+from planner.replan import build_remaining_problem
+from planner.robustsearch import FoundPlan, OuterStopRule, RobustSearch, Walker
 from planner.stop import Stopwatch
 from tests.planner.builders import fleet, random_instance
 
@@ -18,10 +18,10 @@ def walked(instance: Instance, seed: int, iterations: int) -> Walker:
     """Return a walk that has gone some way below the window of an ordinary plan."""
     plan = solve(instance, cost=Cost.MINSUM, stop=Iterations(2_000), seed=seed).plan
     search = RobustSearch(
-        instance, Outer(Iterations(10**9), Stopwatch()), seed=seed, all_vehicles=False, starts=1, fly_again=True
+        instance, OuterStopRule(Iterations(10**9), Stopwatch()), seed=seed, all_vehicles=False, starts=1, fly_again=True
     )
     routes = tuple(route.visits for route in plan.routes)
-    walker = search._walker(seed, FoundPlan(routes, 0.6 * evaluate(instance, plan, Cost.MINMAX).longest_route_s))
+    walker = search._build_walker(seed, FoundPlan(routes, 0.6 * evaluate(instance, plan, Cost.MINMAX).longest_route_s))
     search._cap_s = float("inf")
     search._begin_cycle(walker)
     walker.left = walker.length = 10 * iterations  # nothing may begin anew
@@ -44,7 +44,7 @@ def test_repairs_that_are_kept_are_repairs_of_the_plan_where_the_walk_stands(see
         if at_s < 0 or here.clock.durations_s[lost] <= at_s:
             continue
         seen += 1
-        left = remaining(INSTANCE, plan, lost, at_s)
+        left = build_remaining_problem(INSTANCE, plan, lost, at_s)
         number = {segment: place for place, segment in enumerate(left.open_segments)}
         routes = tuple(
             Route(place, tuple(

@@ -22,9 +22,9 @@ from planner import (
     any_of,
     build_instance,
     evaluate,
+    explain_infeasibility,
     route_energy_pct,
     solve,
-    why_impossible,
 )
 from planner.construct import plan_of
 from planner.search import Search
@@ -260,7 +260,7 @@ def test_tight_budgets_are_met() -> None:
 
 def test_impossible_is_said_where_the_fleet_has_too_little() -> None:
     best = solve(random_instance(12, 8, fleet(1e3, 1e3)), cost=Cost.MINSUM, stop=Iterations(2000)).evaluation.value
-    reason = why_impossible(random_instance(12, 8, fleet(0.4 * best, 0.4 * best)))
+    reason = explain_infeasibility(random_instance(12, 8, fleet(0.4 * best, 0.4 * best)))
     assert reason is not None
     assert reason.startswith("everything takes")
-    assert why_impossible(random_instance(12, 8, fleet(best, 1.0))) is None
+    assert explain_infeasibility(random_instance(12, 8, fleet(best, 1.0))) is None

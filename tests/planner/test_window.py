@@ -6,26 +6,26 @@ import pytest
 
 from planner import (
     PRESETS,
-    Breaking,
     Cost,
+    CriticalLoss,
     Instance,
     Iterations,
     Plan,
     PlanError,
-    Repair,
+    RepairStatus,
     ReplanWindow,
     Route,
     Vehicle,
     build_instance,
+    build_loss_table,
+    build_remaining_problem,
     evaluate,
-    loss_table,
-    remaining,
-    repairs_at,
+    find_repairs_at,
     replan_window,
     solve,
     travel_for,
 )
-from planner.window import events_s
+from planner.window import event_times_s
 from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m
 
 # Segments 0-10, 10-20, ... m east of the depot; a metre is a second is a percent.
@@ -35,24 +35,24 @@ PLAN = Plan((Route(0, (0, 2)), Route(1, (4, 6))))
 
 def check_rows(instance: Instance, plan: Plan, *, fly_again: bool = True) -> None:
     """Hold every re-plan of the table against the definition."""
-    for row in loss_table(instance, plan, fly_again=fly_again, effort=1_000):
-        assert (row.plan is not None) == (row.verdict is Repair.FEASIBLE)
+    for row in build_loss_table(instance, plan, fly_again=fly_again, effort=1_000):
+        assert (row.plan is not None) == (row.verdict is RepairStatus.FEASIBLE)
         if row.plan is not None:
-            left = remaining(instance, plan, row.vehicle, row.from_s, fly_again=fly_again)
+            left = build_remaining_problem(instance, plan, row.vehicle, row.from_s, fly_again=fly_again)
             evaluation = evaluate(left.instance, row.plan, Cost.MINSUM)
             assert row.plan.uncovered == ()
             assert evaluation.violations == ()
 
 
 def test_events_are_completions_and_landings() -> None:
-    assert events_s(line(4, 99.0, 99.0), PLAN) == (0, 10, 20, 30, 40, 80)
+    assert event_times_s(line(4, 99.0, 99.0), PLAN) == (0, 10, 20, 30, 40, 80)
 
 
 def test_events_at_the_same_time_are_one() -> None:
     nearly = 10.0 + 1e-10
     ends_m = [[[0.0, 0.0], [10.0, 0.0]], [[0.0, 0.0], [0.0, nearly]]]
     instance = build_instance(ends_m, (0.0, 0.0), fleet(99.0, 99.0), UNIT)
-    assert events_s(instance, Plan((Route(0, (0,)), Route(1, (2,))))) == (0, 10, 20)
+    assert event_times_s(instance, Plan((Route(0, (0,)), Route(1, (2,))))) == (0, 10, 20)
 
 
 def test_a_generous_budget_gives_a_full_window() -> None:
@@ -68,51 +68,51 @@ def test_the_loss_that_ends_the_window() -> None:
     # [10, 20) it is the same, a still on its way out: it would need 40 s more from 20 m east and 40 s home.
     instance = line(4, 119.0, 90.0)
     window = replan_window(instance, PLAN)
-    assert window.breaking == Breaking(vehicle=1, from_s=30, to_s=40)
+    assert window.breaking == CriticalLoss(vehicle=1, from_s=30, to_s=40)
     assert window.earliest_s == 40
     assert window.certified_earliest_s == 40
     assert window.window_pct == pytest.approx(50)
-    rows = {(row.vehicle, row.from_s): row.verdict for row in loss_table(instance, PLAN)}
+    rows = {(row.vehicle, row.from_s): row.verdict for row in build_loss_table(instance, PLAN)}
     assert rows == {
-        (1, 40): Repair.FEASIBLE,
-        (1, 30): Repair.IMPOSSIBLE,
-        (0, 30): Repair.FEASIBLE,
-        (1, 20): Repair.IMPOSSIBLE,
-        (0, 20): Repair.FEASIBLE,
-        (1, 10): Repair.FEASIBLE,  # a goes on from 20 m east: 80 s in all
-        (0, 10): Repair.FEASIBLE,  # b takes segment 1 on its way home
-        (1, 0): Repair.FEASIBLE,
-        (0, 0): Repair.FEASIBLE,
+        (1, 40): RepairStatus.FEASIBLE,
+        (1, 30): RepairStatus.IMPOSSIBLE,
+        (0, 30): RepairStatus.FEASIBLE,
+        (1, 20): RepairStatus.IMPOSSIBLE,
+        (0, 20): RepairStatus.FEASIBLE,
+        (1, 10): RepairStatus.FEASIBLE,  # a goes on from 20 m east: 80 s in all
+        (0, 10): RepairStatus.FEASIBLE,  # b takes segment 1 on its way home
+        (1, 0): RepairStatus.FEASIBLE,
+        (0, 0): RepairStatus.FEASIBLE,
     }
 
 
 def test_nobody_flies_twice_where_it_is_not_allowed() -> None:
     instance = line(4, 200.0, 200.0)
-    assert replan_window(instance, PLAN, fly_again=False).breaking == Breaking(vehicle=1, from_s=30, to_s=40)
+    assert replan_window(instance, PLAN, fly_again=False).breaking == CriticalLoss(vehicle=1, from_s=30, to_s=40)
     check_rows(instance, PLAN, fly_again=False)
 
 
 def test_vehicles_fly_again_unless_it_is_forbidden() -> None:
     instance = line(4, 200.0, 200.0)
     assert replan_window(instance, PLAN) == replan_window(instance, PLAN, fly_again=True)
-    assert loss_table(instance, PLAN) == loss_table(instance, PLAN, fly_again=True)
-    grounded = {(row.vehicle, row.from_s): row.verdict for row in loss_table(instance, PLAN, fly_again=False)}
-    assert grounded[1, 30] is not Repair.FEASIBLE
+    assert build_loss_table(instance, PLAN) == build_loss_table(instance, PLAN, fly_again=True)
+    grounded = {(row.vehicle, row.from_s): row.verdict for row in build_loss_table(instance, PLAN, fly_again=False)}
+    assert grounded[1, 30] is not RepairStatus.FEASIBLE
     # Lost at 35 s, b leaves segment 3, and a is on its way home.
-    assert len(repairs_at(instance, PLAN, 35.0)) == len(repairs_at(instance, PLAN, 35.0, fly_again=True)) == 2
-    assert [one.remainder.lost for one in repairs_at(instance, PLAN, 35.0, fly_again=False)] == [0]
+    assert len(find_repairs_at(instance, PLAN, 35.0)) == len(find_repairs_at(instance, PLAN, 35.0, fly_again=True)) == 2
+    assert [one.remainder.lost for one in find_repairs_at(instance, PLAN, 35.0, fly_again=False)] == [0]
 
 
 def test_the_re_plans_of_a_time_are_those_of_its_interval() -> None:
     instance = line(4, 200.0, 200.0)
     for at_s, began_s, lost in [(0.0, 0.0, {0, 1}), (29.0, 20.0, {0, 1}), (30.0, 30.0, {0, 1}), (79.0, 40.0, {1})]:
-        repairs = repairs_at(instance, PLAN, at_s)
+        repairs = find_repairs_at(instance, PLAN, at_s)
         assert {one.remainder.lost for one in repairs} == lost
         for one in repairs:
-            left = remaining(instance, PLAN, one.remainder.lost, began_s)
+            left = build_remaining_problem(instance, PLAN, one.remainder.lost, began_s)
             assert one.remainder.open_segments == left.open_segments
             assert evaluate(left.instance, one.plan, Cost.MINSUM).violations == ()
-    assert repairs_at(instance, PLAN, 81.0) == ()
+    assert find_repairs_at(instance, PLAN, 81.0) == ()
 
 
 def test_the_shares_are_of_the_longest_route() -> None:
@@ -125,20 +125,23 @@ def test_the_shares_are_of_the_longest_route() -> None:
 
 def test_a_plan_that_leaves_everything_out_has_an_empty_window_without_a_time() -> None:
     window = replan_window(line(4, 80.0, 80.0), Plan((Route(0, ()), Route(1, ())), (0, 1, 2, 3)))
-    assert window == ReplanWindow(0.0, 0.0, 0.0, Breaking(0, 0.0, 0.0))
+    assert window == ReplanWindow(0.0, 0.0, 0.0, CriticalLoss(0, 0.0, 0.0))
 
 
 def test_a_spare_on_the_ground_repairs_what_others_cannot() -> None:
     plan = Plan((*PLAN.routes, Route(2, ())))
     assert replan_window(line(4, 80.0, 80.0, 80.0), plan).window_pct == 100
     assert replan_window(line(4, 80.0, 80.0, 79.0), plan).window_pct < 100
-    assert {row.vehicle for row in loss_table(line(4, 80.0, 80.0, 80.0), plan)} == {0, 1}  # the spare is not flying
+    assert {row.vehicle for row in build_loss_table(line(4, 80.0, 80.0, 80.0), plan)} == {
+        0,
+        1,
+    }  # the spare is not flying
 
 
 def test_a_plan_that_leaves_something_out_has_an_empty_window() -> None:
     window = replan_window(line(4, 80.0, 80.0), Plan((Route(0, (0, 2)), Route(1, (4,))), (3,)))
     assert (window.window_pct, window.earliest_s, window.certified_earliest_s) == (0, 60, 60)
-    assert window.breaking == Breaking(1, 40, 60)
+    assert window.breaking == CriticalLoss(1, 40, 60)
 
 
 def test_a_plan_beyond_its_budgets_has_an_empty_window() -> None:
@@ -150,29 +153,29 @@ def test_nothing_to_do_is_a_full_window() -> None:
     assert replan_window(line(0, 1.0, 1.0), idle) == ReplanWindow(0.0, 0.0, 0.0, None)
     assert replan_window(line(0, 1.0, 1.0), idle).window_pct == 100
     assert replan_window(line(0, 1.0, 1.0), idle).certified_window_pct == 100
-    assert repairs_at(line(0, 1.0, 1.0), idle, 0.0) == ()
-    assert loss_table(line(0, 1.0, 1.0), idle) == ()
+    assert find_repairs_at(line(0, 1.0, 1.0), idle, 0.0) == ()
+    assert build_loss_table(line(0, 1.0, 1.0), idle) == ()
 
 
 def test_nobody_who_flies_can_be_lost() -> None:
     idle = Plan((Route(0, ()), Route(1, ())), (0,))
-    assert repairs_at(line(1, 99.0, 99.0), idle, 0.0) == ()
-    assert loss_table(line(1, 99.0, 99.0), idle) == ()
+    assert find_repairs_at(line(1, 99.0, 99.0), idle, 0.0) == ()
+    assert build_loss_table(line(1, 99.0, 99.0), idle) == ()
 
 
 def test_the_only_one_who_flies_and_has_nothing_to_do_can_be_lost() -> None:
     vehicles = [*fleet(200.0), Vehicle("b", (0.0, 10.0), 200.0, airborne=True)]
     instance = build_instance([[[0.0, 0.0], [10.0, 0.0]]], (0.0, 0.0), vehicles, UNIT)
     idle = Plan((Route(0, ()), Route(1, ())), (0,))
-    [row] = loss_table(instance, idle)
-    assert (row.vehicle, row.from_s, row.to_s, row.verdict) == (1, 0, 10, Repair.FEASIBLE)
-    assert [one.remainder.lost for one in repairs_at(instance, idle, 5.0)] == [1]
+    [row] = build_loss_table(instance, idle)
+    assert (row.vehicle, row.from_s, row.to_s, row.verdict) == (1, 0, 10, RepairStatus.FEASIBLE)
+    assert [one.remainder.lost for one in find_repairs_at(instance, idle, 5.0)] == [1]
 
 
 def test_a_loss_on_a_line_of_one_segment_is_one() -> None:
     instance, plan = line(1, 99.0, 99.0), Plan((Route(0, (0,)), Route(1, ())))
-    assert [(row.from_s, row.to_s) for row in loss_table(instance, plan)] == [(10, 20), (0, 10)]
-    assert [one.remainder.open_segments for one in repairs_at(instance, plan, 5.0)] == [(0,)]
+    assert [(row.from_s, row.to_s) for row in build_loss_table(instance, plan)] == [(10, 20), (0, 10)]
+    assert [one.remainder.open_segments for one in find_repairs_at(instance, plan, 5.0)] == [(0,)]
 
 
 def test_one_vehicle_has_nobody_left() -> None:
@@ -180,15 +183,15 @@ def test_one_vehicle_has_nobody_left() -> None:
     with pytest.raises(PlanError, match="when it is lost"):
         replan_window(instance, plan)
     with pytest.raises(PlanError, match="when it is lost"):
-        loss_table(instance, plan)
+        build_loss_table(instance, plan)
     with pytest.raises(PlanError, match="when it is lost"):
-        repairs_at(instance, plan, 5.0)
+        find_repairs_at(instance, plan, 5.0)
 
 
 def test_the_re_plans_of_the_earliest_time_are_complete() -> None:
     instance = line(4, 119.0, 90.0)
     window = replan_window(instance, PLAN)
-    repairs = repairs_at(instance, PLAN, window.earliest_s)
+    repairs = find_repairs_at(instance, PLAN, window.earliest_s)
     assert [repair.remainder.lost for repair in repairs] == [1]
     for repair in repairs:
         assert evaluate(repair.remainder.instance, repair.plan, Cost.MINSUM).violations == ()
@@ -220,6 +223,6 @@ def test_an_airborne_vehicle_without_a_visit_may_take_some() -> None:
 
 def test_a_plan_of_another_instance_is_refused() -> None:
     instance, plan = line(1, 99.0, 99.0), Plan((Route(0, (99,)), Route(1, ())))
-    for look in (replan_window, loss_table, lambda one, other: repairs_at(one, other, 5.0)):
+    for look in (replan_window, build_loss_table, lambda one, other: find_repairs_at(one, other, 5.0)):
         with pytest.raises(PlanError, match="99"):
             look(instance, plan)

@@ -9,9 +9,9 @@ from typing import TypeVar
 from hypothesis import strategies as st
 
 from executor.core.messages import Message, Outgoing
-from executor.protocols.machine import Machine
+from executor.protocols.machine import DialogueMachine
 
-M = TypeVar("M", bound=Machine)
+M = TypeVar("M", bound=DialogueMachine)
 
 ENDLESS = 1000
 """More deadlines in a row than any dialogue may need."""

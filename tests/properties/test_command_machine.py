@@ -19,8 +19,8 @@ from executor.core.messages import (
 )
 from executor.protocols import command, params
 from executor.protocols.command import IN_PROGRESS_S, RESULT_NAMES, CommandDialogue
-from executor.protocols.machine import Accepted, BrokenOff, Rejected, TimedOut
-from executor.protocols.params import Parameter
+from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
+from executor.protocols.params import ParameterDialogue
 from tests.properties.machines import Told, play, stories
 
 ORDER = SendCommand(400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
@@ -58,7 +58,7 @@ def test_a_command_is_accepted_only_by_its_own_acknowledgement(story: list[Told]
 @given(story=stories(VALUES))
 @pytest.mark.parametrize("wanted", [None, SET])
 def test_a_parameter_ends_exactly_once_whatever_comes(wanted: SendParamSet | None, story: list[Told]) -> None:
-    machine, sent = play(Parameter("RTL_ALT", wanted), story)
+    machine, sent = play(ParameterDialogue("RTL_ALT", wanted), story)
     assert len(sent) <= params.TRIES
     if isinstance(machine.outcome, Accepted):
         assert machine.value is not None
@@ -106,23 +106,23 @@ def test_silence_ends_a_command() -> None:
 def test_a_cancelled_command_sends_nothing() -> None:
     machine, _ = arm().begin(0.0)
     ended, said = machine.cancel()
-    assert (ended.outcome, said) == (BrokenOff(), ())
+    assert (ended.outcome, said) == (Aborted(), ())
 
 
 def test_a_parameter_that_stays_as_it_is() -> None:
-    machine, sent = play(Parameter("RTL_ALT", SET), [Told(ParamValue("RTL_ALT", 0.0, 9), 0.1)])
+    machine, sent = play(ParameterDialogue("RTL_ALT", SET), [Told(ParamValue("RTL_ALT", 0.0, 9), 0.1)])
     assert sent == [SET] * params.TRIES_ANSWERED
     assert machine.outcome == Rejected("RTL_ALT stays 0")
 
 
 def test_a_parameter_that_nobody_answers() -> None:
-    machine, sent = play(Parameter("RTL_ALT"), [Told(ParamValue("OTHER", 0.0, 9), 0.1)])
+    machine, sent = play(ParameterDialogue("RTL_ALT"), [Told(ParamValue("OTHER", 0.0, 9), 0.1)])
     assert sent == [SendParamRequest("RTL_ALT")] * params.TRIES
     assert machine.outcome == TimedOut("RTL_ALT: no answer")
 
 
 def test_a_set_value_comes_back_as_float32() -> None:
     wanted = SendParamSet("NAV_SPEED", 8.1, 9)
-    machine, _ = Parameter("NAV_SPEED", wanted).begin(0.0)
+    machine, _ = ParameterDialogue("NAV_SPEED", wanted).begin(0.0)
     machine, _ = machine.on_message(ParamValue("NAV_SPEED", 8.100000381469727, 9), 0.1)
     assert machine.outcome == Accepted()

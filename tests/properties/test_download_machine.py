@@ -18,7 +18,7 @@ from executor.core.messages import (
     SendMissionRequestList,
 )
 from executor.protocols.download import DownloadDialogue
-from executor.protocols.machine import Accepted, BrokenOff, Rejected, TimedOut
+from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
 from executor.protocols.upload import RESULT_NAMES
 from missions import MissionItem
 from tests.properties.machines import Deadline, Told, play, stories
@@ -103,7 +103,7 @@ def test_a_refusal_is_asked_again_and_then_is_the_reason(result: int) -> None:
 def test_a_cancellation_is_told_to_the_vehicle() -> None:
     machine, _ = told(MissionCount(4))
     ended, said = machine.cancel()
-    assert (ended.outcome, said) == (BrokenOff(), (SendMissionAck(15),))
+    assert (ended.outcome, said) == (Aborted(), (SendMissionAck(15),))
 
 
 def test_a_deadline_asks_the_open_question_again() -> None:

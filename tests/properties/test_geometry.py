@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missions.geo import FloatArray
-from missions.geometry import leg_distances_m, locate, nearest_on, place_distances_m
+from missions.geometry import find_nearest_on_legs, leg_distances_m, locate_on_leg, place_distances_m
 
 # A coarse grid beside the fine one, so that legs without length, parallel ones and places on them are common.
 COORDINATES = st.one_of(st.integers(-3, 3).map(float), st.floats(-50.0, 50.0, allow_subnormal=False))
@@ -38,7 +38,7 @@ def test_a_place_is_as_far_as_the_nearest_point_of_a_leg(point: st.SearchStrateg
     @given(point, point, point)
     def holds(begin: tuple[float, ...], end: tuple[float, ...], place: tuple[float, ...]) -> None:
         leg, places = arrays(begin, end), arrays(place)
-        (distance,), (share,) = (figures[0] for figures in nearest_on(places, leg[:1], leg[1:] - leg[:1]))
+        (distance,), (share,) = (figures[0] for figures in find_nearest_on_legs(places, leg[:1], leg[1:] - leg[:1]))
         sampled = float(np.linalg.norm(along(leg) - places, axis=1).min())
         assert distance - ROUNDING_M <= sampled <= distance + step_m(leg)
         assert 0.0 <= share <= 1.0
@@ -55,7 +55,7 @@ def test_many_at_once_are_each_by_itself(
     assert distances.shape == (len(places), len(legs))
     for row, place in zip(distances, places, strict=True):
         for distance, (begin, end) in zip(row, legs, strict=True):
-            assert distance == pytest.approx(locate(begin, end, place)[1], abs=ROUNDING_M)
+            assert distance == pytest.approx(locate_on_leg(begin, end, place)[1], abs=ROUNDING_M)
 
 
 @given(FLAT, FLAT, st.floats(-2.0, 3.0), st.floats(-20.0, 20.0))
@@ -68,7 +68,7 @@ def test_a_place_is_found_where_it_was_put(
         return
     ahead = (other - one) / length
     place = one + share * (other - one) + left_m * np.array([-ahead[1], ahead[0]])
-    along_m, away_m = locate(begin, end, (float(place[0]), float(place[1])))
+    along_m, away_m = locate_on_leg(begin, end, (float(place[0]), float(place[1])))
     beyond_m = max(-share, share - 1.0, 0.0) * length
     assert along_m == pytest.approx(share * length, abs=ROUNDING_M)
     assert away_m == pytest.approx(float(np.hypot(left_m, beyond_m)), abs=ROUNDING_M)
@@ -85,4 +85,4 @@ def test_legs_are_as_far_apart_as_the_nearest_of_their_points(
 
 
 def test_a_leg_without_length_is_a_place() -> None:
-    assert locate((2.0, 2.0), (2.0, 2.0), (5.0, 6.0)) == (0.0, 5.0)
+    assert locate_on_leg((2.0, 2.0), (2.0, 2.0), (5.0, 6.0)) == (0.0, 5.0)

@@ -21,11 +21,11 @@ from missions import (
     FlightPath,
     FlightSetup,
     Inspection,
+    build_flight_path,
     continue_path,
     dialect_for,
     estimate,
-    flight_path,
-    flight_setup,
+    plan_flight_setup,
 )
 from missions.areacheck import check_areas
 from missions.areas import Area, AreaKind
@@ -33,8 +33,8 @@ from missions.errors import SafetyError
 from missions.flight_model import FlightModel
 from missions.geo import LocalFrame
 from missions.pads import column_radius_m
-from missions.pricing import Pricing, flown_instance
-from missions.reach import within_areas
+from missions.pricing import Pricing, build_priced_instance
+from missions.reach import apply_areas
 from missions.ways import Obstacle, graph_of
 from planner import Cost, Plan, Route, SteadyWind, evaluate
 from tests.missions.builders import depot_vehicle, network_of
@@ -104,8 +104,8 @@ def world(seed: int) -> World:
         network = network_of([places[old] for old in number], [(number[a], number[b]) for a, b in pairs])
         areas = [area(dice, count) for count in range(dice.randint(4, 12))]
         try:
-            setup = flight_setup(network, NAMES, Inspection(), areas=areas)
-            setup = within_areas(setup, areas)
+            setup = plan_flight_setup(network, NAMES, Inspection(), areas=areas)
+            setup = apply_areas(setup, areas)
         except SafetyError:
             continue  # the depot is enclosed
         never = {one.segment for one in setup.unreachable}
@@ -146,7 +146,7 @@ def test_random_plans_and_re_plans_keep_out_of_all_areas(seed: int) -> None:
     for flight in range(FLIGHTS):
         name = NAMES[flight % len(NAMES)]
         visits = random_visits(dice, found.reachable)
-        path, direct = flight_path(setup, name, visits), flight_path(straight(setup), name, visits)
+        path, direct = build_flight_path(setup, name, visits), build_flight_path(straight(setup), name, visits)
         keep = dice.randint(1, len(path.waypoints) - 1)
         again = continue_path(setup, path, keep, random_visits(dice, found.reachable))
         for flown in (path, again):
@@ -163,7 +163,7 @@ def test_every_other_of_these_flights_would_have_met_an_area() -> None:
     for seed in range(WORLDS):
         found, dice = world(seed), random.Random(1000 + seed)
         for _ in range(FLIGHTS):
-            direct = flight_path(straight(found.setup), "uav1", random_visits(dice, found.reachable))
+            direct = build_flight_path(straight(found.setup), "uav1", random_visits(dice, found.reachable))
             met += any(least_m(found.setup.frame, direct, one) < one.margin_m for one in found.setup.areas)
     assert met >= WORLDS * FLIGHTS / 2
 
@@ -173,10 +173,10 @@ def test_what_ways_around_cost_is_what_the_planner_counts_with(seed: int) -> Non
     found, dice = world(seed), random.Random(2000 + seed)
     priced = pricing(found.setup)
     visits = random_visits(dice, found.reachable)
-    instance = flown_instance(priced, [depot_vehicle(name, 80.0) for name in NAMES])
+    instance = build_priced_instance(priced, [depot_vehicle(name, 80.0) for name in NAMES])
     plan = Plan((Route(0, tuple(visits)), Route(1, ()), Route(2, ())))
     priced_s = evaluate(instance, plan, Cost.MINMAX).durations_s[0]
-    flown = estimate(flight_path(found.setup, "uav1", visits), priced.models["uav1"])
+    flown = estimate(build_flight_path(found.setup, "uav1", visits), priced.models["uav1"])
     assert priced_s == pytest.approx(flown.duration_s, rel=1e-5)
 
 

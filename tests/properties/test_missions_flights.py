@@ -19,11 +19,11 @@ from missions import (
     Inspection,
     Phase,
     SafetyError,
+    build_flight_path,
     check_separation,
     continue_path,
     encode,
-    flight_path,
-    flight_setup,
+    plan_flight_setup,
 )
 from tests.missions.builders import FLEET, arrival_seq, default_setup, network_of
 
@@ -44,7 +44,7 @@ def test_items_of_what_is_kept_do_not_depend_on_what_follows(dialect: Dialect, d
     anywhere = st.integers(0, SEGMENTS - 1)
     first = data.draw(visits(anywhere).filter(bool), label="first")
     then, instead = data.draw(visits(anywhere), label="then"), data.draw(visits(anywhere), label="instead")
-    path = flight_path(setup, "uav2", [*first, *then])
+    path = build_flight_path(setup, "uav2", [*first, *then])
     keep = data.draw(st.integers(1, len(path.waypoints) - 1), label="keep")
     replanned = continue_path(setup, path, keep, instead)
     old, new = encode(path, dialect), encode(replanned, dialect)
@@ -68,7 +68,7 @@ def test_any_routes_and_any_replan_keep_the_promised_distance(
 ) -> None:
     setup = default_setup(layer_m)
     routes = parts([2 * segment + (turned >> segment & 1) for segment in order], len(FLEET))
-    paths = [flight_path(setup, name, route) for name, route in zip(FLEET, routes, strict=True)]
+    paths = [build_flight_path(setup, name, route) for name, route in zip(FLEET, routes, strict=True)]
     assert check_separation(paths, layer_m) == []
     # The last vehicle is lost and flies on; the others take over its visits, each from somewhere on its way.
     others = [continue_path(setup, path, keep, routes[-1][index::3]) for index, path in enumerate(paths[:-1])]
@@ -87,7 +87,7 @@ def rough_setups(draw: st.DrawFn) -> FlightSetup:
     pairs = [pair for pair in itertools.combinations(range(count), 2) if rng.random() < 0.3]
     assume(bool(pairs))
     try:
-        return flight_setup(
+        return plan_flight_setup(
             network_of(places, pairs, heights), FLEET[:3], Inspection(layer_m=draw(st.floats(2.0, 12.0)))
         )
     except SafetyError:
@@ -103,5 +103,5 @@ def test_the_distance_holds_over_rough_ground_and_crossing_lines(setup: FlightSe
     shuffle.shuffle(order)
     names = setup.layers.vehicles
     # Two vehicles may even be over the same segments.
-    paths: list[FlightPath] = [flight_path(setup, name, order) for name in names]
+    paths: list[FlightPath] = [build_flight_path(setup, name, order) for name in names]
     assert check_separation(paths, setup.layers.layer_m) == []

@@ -20,12 +20,12 @@ from missions import (
     MissionItem,
     Phase,
     Waypoint,
-    differences,
     encode,
+    find_mission_differences,
+    format_qgc_plan,
+    format_qgc_waypoints,
     parse_qgc_plan,
     parse_qgc_waypoints,
-    qgc_plan,
-    qgc_waypoints,
 )
 
 HOME = (49.6, 15.6, 450.0)
@@ -55,11 +55,11 @@ both = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4])
 @given(data=st.data())
 def test_items_survive_a_plan_file(dialect: Dialect, data: st.DataObject) -> None:
     items = data.draw(missions_of(dialect)).items
-    plan = parse_qgc_plan(qgc_plan(items, dialect, HOME))
+    plan = parse_qgc_plan(format_qgc_plan(items, dialect, HOME))
     flown = items[1:] if dialect.home_item else items
     renumbered = [replace(item, seq=seq) for seq, item in enumerate(flown)]
     # Exactly, but for the frame's second number and the flag, which a .plan does not have.
-    assert differences(renumbered, plan.items, PX4) == ()
+    assert find_mission_differences(renumbered, plan.items, PX4) == ()
     assert plan.home == HOME
 
 
@@ -72,8 +72,8 @@ HEADINGS = st.integers(0, 359).map(float)
 def test_items_survive_a_waypoints_file(dialect: Dialect, data: st.DataObject) -> None:
     # Headings that are left open have no word in this format, which PX4 leaves everywhere.
     items = tuple(replace(item, param4=data.draw(HEADINGS)) for item in data.draw(missions_of(dialect)).items)
-    again = parse_qgc_waypoints(qgc_waypoints(items, dialect, HOME))
-    assert differences(items, again, dialect) == ()
+    again = parse_qgc_waypoints(format_qgc_waypoints(items, dialect, HOME))
+    assert find_mission_differences(items, again, dialect) == ()
     assert [item.current for item in again] == [item.current for item in items]
 
 
@@ -94,7 +94,7 @@ def stored(item: MissionItem, dialect: Dialect) -> MissionItem:
 @given(data=st.data())
 def test_what_is_stored_faithfully_is_no_difference(dialect: Dialect, data: st.DataObject) -> None:
     items = data.draw(missions_of(dialect)).items
-    assert differences(items, [stored(item, dialect) for item in items], dialect) == ()
+    assert find_mission_differences(items, [stored(item, dialect) for item in items], dialect) == ()
 
 
 @both
@@ -107,6 +107,6 @@ def test_any_moved_place_is_a_difference(dialect: Dialect, data: st.DataObject) 
     by = data.draw(st.integers(2, 10**6)) * data.draw(st.sampled_from([-1, 1]))
     read_back = list(items)
     read_back[seq] = replace(items[seq], **{key: getattr(items[seq], key) + by})
-    (text,) = differences(items, read_back, dialect)
+    (text,) = find_mission_differences(items, read_back, dialect)
     assert f"item {seq} " in text
     assert f": {key} sent" in text

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from executor.adapters.mqtt.outbox import Letter, Outbox, UnderWay
+from executor.adapters.mqtt.outbox import MqttMessage, Outbox, PendingMessage
 
 BOUND = 5
 ROWS, CELLS = ("event", "fault"), ("state/a", "state/b", "state/c", "plan")
@@ -23,27 +23,27 @@ class Post(RuleBasedStateMachine):
         self.arrived: dict[str, list[int]] = {topic: [] for topic in (*ROWS, *CELLS)}
         self.newest: dict[str, int] = {}
         self.sent: dict[str, int] = {}
-        self.under_way: list[UnderWay] = []
+        self.under_way: list[PendingMessage] = []
 
-    def letter(self, topic: str) -> Letter:
+    def letter(self, topic: str) -> MqttMessage:
         self.count += 1
-        return Letter(topic, b"%d" % self.count, retain=topic == "plan")
+        return MqttMessage(topic, b"%d" % self.count, retain=topic == "plan")
 
     @rule(topic=st.sampled_from(ROWS))
     def keep(self, topic: str) -> None:
-        self.outbox.keep(self.letter(topic))
+        self.outbox.enqueue(self.letter(topic))
         self.kept[topic] += 1
 
     @rule(topic=st.sampled_from(CELLS))
     def renew(self, topic: str) -> None:
-        self.outbox.renew(self.letter(topic))
+        self.outbox.put_latest(self.letter(topic))
         self.newest[topic] = self.count
 
     @precondition(lambda self: not self.under_way)
     @rule(most=st.integers(1, 8))
     def take(self, most: int) -> None:
         before = len(self.outbox)
-        self.under_way = self.outbox.take(most)
+        self.under_way = self.outbox.take_batch(most)
         assert len(self.under_way) == min(most, before)
 
     @precondition(lambda self: self.under_way)
@@ -55,12 +55,12 @@ class Post(RuleBasedStateMachine):
                 self.arrived[one.letter.topic].append(int(one.letter.payload))
             else:
                 failed.append(one)
-        self.outbox.give_back(failed)
+        self.outbox.return_unsent(failed)
         self.under_way = []
 
     @rule()
     def reconnect(self) -> None:
-        self.outbox.renew_all()
+        self.outbox.resend_retained()
 
     @invariant()
     def nothing_is_lost_without_being_counted(self) -> None:
@@ -79,8 +79,8 @@ class Post(RuleBasedStateMachine):
             assert self.arrived[topic] == sorted(self.arrived[topic])
 
     def teardown(self) -> None:
-        self.outbox.give_back(self.under_way)
-        while taken := self.outbox.take(3):
+        self.outbox.return_unsent(self.under_way)
+        while taken := self.outbox.take_batch(3):
             for one in taken:
                 self.arrived[one.letter.topic].append(int(one.letter.payload))
         for topic, number in self.newest.items():
@@ -95,9 +95,9 @@ test_the_outbox = Post.TestCase
 def test_neither_kind_starves_the_other(topics: list[str], most: int) -> None:
     outbox = Outbox()
     for topic in topics:
-        (outbox.keep if topic in ROWS else outbox.renew)(Letter(topic, b""))
+        (outbox.enqueue if topic in ROWS else outbox.put_latest)(MqttMessage(topic, b""))
     cells, rows = len(set(topics) & set(CELLS)), sum(topic in ROWS for topic in topics)
-    taken = outbox.take(most)
+    taken = outbox.take_batch(most)
     given_cells = sum(one.number is None for one in taken)
     assert len(taken) == min(most, cells + rows)
     assert given_cells >= min(cells, most // 2)

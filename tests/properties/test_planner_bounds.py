@@ -6,7 +6,16 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner import Cost, Iterations, Vehicle, evaluate, remaining, route_energy_pct, solve, why_impossible
+from planner import (
+    Cost,
+    Iterations,
+    Vehicle,
+    build_remaining_problem,
+    evaluate,
+    explain_infeasibility,
+    route_energy_pct,
+    solve,
+)
 from planner.bounds import least_total_pct
 from tests.planner.builders import fleet, random_instance
 
@@ -19,7 +28,7 @@ def test_where_a_plan_is_found_it_was_not_impossible(
     instance = random_instance(seed, segments, fleet(*[budget_pct] * vehicles, consumption=1.2), dynamics=dynamics)
     result = solve(instance, cost=Cost.MINSUM, stop=Iterations(100))
     if result.feasible:
-        assert why_impossible(instance) is None
+        assert explain_infeasibility(instance) is None
         everybody = np.ones(vehicles, dtype=np.bool_)
         assert least_total_pct(instance, everybody) <= sum(result.evaluation.energies_pct) + 1e-9
 
@@ -33,7 +42,7 @@ def test_a_loss_leaves_a_problem_whose_figures_continue_the_old_ones(
     instance = random_instance(seed, segments, vehicles)
     flown = solve(instance, cost=Cost.MINCOMB, stop=Iterations(30))
     at_s = share * flown.evaluation.longest_route_s
-    left = remaining(instance, flown.plan, lost, at_s, fly_again=fly_again)
+    left = build_remaining_problem(instance, flown.plan, lost, at_s, fly_again=fly_again)
     evaluation = evaluate(left.instance, left.warm, Cost.MINCOMB)
     assert evaluation.violations == ()
     settled = [visit >> 1 for visit in left.completed]

@@ -24,11 +24,11 @@ from planner import (
     evaluate,
     route_energy_pct,
 )
-from planner.construct import guide_weights, plan_of, problem_of, random_state, state_of, true_weights
-from planner.kernels.anneal import objective
-from planner.kernels.chance import below, uniform
-from planner.kernels.insertion import cheapest_place, insert_by_regret
-from planner.kernels.tours import insert, orient
+from planner.construct import build_guide_weights, build_random_state, build_true_weights, plan_of, problem_of, state_of
+from planner.kernels.anneal import compute_objective
+from planner.kernels.chance import draw_integer, draw_uniform
+from planner.kernels.insertion import find_cheapest_place, insert_by_regret
+from planner.kernels.tours import insert, orient_visits
 from planner.search import Search
 from planner.stop import Stopwatch
 
@@ -100,7 +100,7 @@ def test_what_is_remembered_of_places_is_so(instance: Instance, seed: int, cost:
         for segment, route in np.argwhere(memory.version == memory.versions).tolist():
             if state.route_of[segment] == route:
                 continue  # it was looked for when the segment was out of the route
-            place = cheapest_place(search._problem, state, route, segment, 0.0, random_state(0))
+            place = find_cheapest_place(search._problem, state, route, segment, 0.0, build_random_state(0))
             assert memory.added[segment, route] == place[0]
             assert memory.place[segment, route] == 2 * place[1] + (place[2] & 1)
 
@@ -110,10 +110,10 @@ def test_what_is_remembered_of_places_is_so(instance: Instance, seed: int, cost:
 def test_the_objective_is_the_cost_function(instance: Instance, seed: int, cost: Cost) -> None:
     search = Search(instance, cost=cost, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch())
     search._advance(20)
-    truth = true_weights(problem_of(instance), cost, all_vehicles=False)
+    truth = build_true_weights(problem_of(instance), cost, all_vehicles=False)
     evaluation = evaluate(instance, plan_of(search._leader.best), cost)
     if not evaluation.violations:
-        assert objective(problem_of(instance), truth, search._leader.best) == pytest.approx(
+        assert compute_objective(problem_of(instance), truth, search._leader.best) == pytest.approx(
             evaluation.value, rel=1e-5, abs=1e-9
         )
 
@@ -128,7 +128,7 @@ def test_the_cheapest_place_is_the_cheapest(instance: Instance, data: st.DataObj
     for place, visit in enumerate(visits):
         insert(problem, state, 0, place, visit)
     before = route_energy_pct(instance, Route(0, tuple(visits)))
-    added, position, visit = cheapest_place(problem, state, 0, order[0], 0.0, random_state(0))
+    added, position, visit = find_cheapest_place(problem, state, 0, order[0], 0.0, build_random_state(0))
     brute = min(
         route_energy_pct(instance, Route(0, (*visits[:place], 2 * order[0] + reverse, *visits[place:])))
         for place in range(len(visits) + 1)
@@ -147,7 +147,7 @@ def test_orient_finds_the_best_directions(instance: Instance, data: st.DataObjec
     state = state_of(problem, [])
     for place, segment in enumerate(order):
         insert(problem, state, 0, place, 2 * segment + data.draw(st.integers(0, 1)))
-    orient(problem, state, 0, np.zeros((instance.segments, 2), dtype=np.int64))
+    orient_visits(problem, state, 0, np.zeros((instance.segments, 2), dtype=np.int64))
     brute = min(
         route_energy_pct(instance, Route(0, tuple(2 * s + d for s, d in zip(order, directions, strict=True))))
         for directions in itertools.product((0, 1), repeat=len(order))
@@ -164,8 +164,8 @@ def test_regret_leaves_out_only_what_fits_nowhere(instance: Instance, cost: Cost
     problem = problem_of(instance)
     state = state_of(problem, [])
     everything = np.arange(instance.segments, dtype=np.int64)
-    weights = guide_weights(problem, cost, DEFAULT_PARAMS.annealing, scale=1.0, all_vehicles=False, power=8.0)
-    insert_by_regret(problem, weights, state, everything, random_state(0))
+    weights = build_guide_weights(problem, cost, DEFAULT_PARAMS.annealing, scale=1.0, all_vehicles=False, power=8.0)
+    insert_by_regret(problem, weights, state, everything, build_random_state(0))
     plan = plan_of(state)
     for left in plan.uncovered:
         for route, vehicle in zip(plan.routes, instance.vehicles, strict=True):
@@ -196,16 +196,16 @@ def test_given_routes_are_cut_down_to_their_budgets(instance: Instance, wishes: 
 
 
 def test_chance_is_uniform_and_the_seed_decides() -> None:
-    rng = random_state(1)
-    numbers = np.array([uniform(rng) for _ in range(20_000)])
+    rng = build_random_state(1)
+    numbers = np.array([draw_uniform(rng) for _ in range(20_000)])
     assert numbers.min() >= 0
     assert numbers.max() < 1
     counts = np.histogram(numbers, bins=20, range=(0, 1))[0]
     assert np.abs(counts - 1000).max() < 150  # five standard deviations
-    again = random_state(1)
-    assert [uniform(again) for _ in range(5)] == numbers[:5].tolist()
-    rolls = random_state(2)
-    assert {below(rolls, 6) for _ in range(200)} == set(range(6))
+    again = build_random_state(1)
+    assert [draw_uniform(again) for _ in range(5)] == numbers[:5].tolist()
+    rolls = build_random_state(2)
+    assert {draw_integer(rolls, 6) for _ in range(200)} == set(range(6))
 
 
 def test_plans_of_no_routes_name_everything() -> None:

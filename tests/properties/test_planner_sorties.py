@@ -13,10 +13,10 @@ from planner.sorties import (
     Objective,
     SortieInstance,
     SortieVehicle,
+    count_packs_needed,
     evaluate_sorties,
-    packs_at_once,
-    parted_windows,
     solve_sorties,
+    subtract_quiet_times,
 )
 from tests.planner.sorties.builders import BROAD, DAY, TRAVEL, line_instance
 
@@ -43,7 +43,7 @@ def instances(draw: st.DrawFn) -> SortieInstance:
 
 
 def _quiet(own: SortieVehicle, quiet: tuple[tuple[float, float], ...]) -> SortieVehicle:
-    return replace(own, windows=parted_windows(DAY, quiet))
+    return replace(own, windows=subtract_quiet_times(DAY, quiet))
 
 
 @settings(max_examples=120, deadline=None)
@@ -55,7 +55,7 @@ def test_every_plan_holds(instance: SortieInstance, objective: Objective, seed: 
     assert found.evaluation.violations == ()
     flown = {visit >> 1 for own in found.plan.sorties for one in own for visit in one.visits}
     assert flown | set(found.plan.uncovered) == set(np.flatnonzero(instance.wanted))
-    for base, need in zip(instance.bases, packs_at_once(instance, found.plan, found.evaluation), strict=True):
+    for base, need in zip(instance.bases, count_packs_needed(instance, found.plan, found.evaluation), strict=True):
         assert base.packs is None or need <= base.packs or base.recharge_s is not None
 
 

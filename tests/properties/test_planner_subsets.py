@@ -26,14 +26,14 @@ from planner import (
     Vehicle,
     any_of,
     build_instance,
-    covers,
+    build_remaining_problem,
     evaluate,
-    remaining,
+    find_covering_plan,
     route_energy_pct,
     solve,
     travel_for,
 )
-from planner.subsets import route_subsets
+from planner.subsets import find_subset_routes
 from tests.planner.builders import fleet, line, random_instance
 
 # A coarse grid, so that coincident pylons and segments without length are common.
@@ -75,14 +75,14 @@ def orders(segments: list[int]) -> Iterator[tuple[int, ...]]:
 @settings(max_examples=60, **LOOSE)
 @given(instances(most_segments=4, most_vehicles=2))
 def test_the_best_route_of_a_set_is_the_best_of_all_its_orders(instance: Instance) -> None:
-    for number, own in enumerate(route_subsets(instance, EXACT_SEGMENTS)):
+    for number, own in enumerate(find_subset_routes(instance, EXACT_SEGMENTS)):
         budget = instance.vehicles[number].budget_pct
         for chosen in range(2**instance.segments):
             inside = [segment for segment in range(instance.segments) if chosen >> segment & 1]
             brute = min(route_energy_pct(instance, Route(number, visits)) for visits in orders(inside))
             if brute <= budget:
                 assert own.energy_pct[chosen] == brute
-                assert route_energy_pct(instance, Route(number, own.route(chosen))) == brute
+                assert route_energy_pct(instance, Route(number, own.route_of(chosen))) == brute
             elif brute > budget + 2e-6:
                 assert own.energy_pct[chosen] == np.inf
 
@@ -99,7 +99,7 @@ def test_a_plan_is_found_exactly_where_there_is_one(instance: Instance) -> None:
 
     owners = itertools.product(fleet_of, repeat=instance.segments)
     exists = any(all(fits(number, owner) for number in fleet_of) for owner in owners)
-    plan = covers(instance)
+    plan = find_covering_plan(instance)
     assert (plan is not None) == exists
     if plan is not None:
         assert plan.uncovered == ()
@@ -113,7 +113,7 @@ def test_what_the_search_finds_exists(seed: int, segments: int, vehicles: int, s
     best = solve(loose, cost=Cost.MINMAX, stop=Iterations(1500)).evaluation.value
     tight = random_instance(seed, segments, fleet(*[share * best] * vehicles), dynamics=dynamics)
     found = solve(tight, cost=Cost.MINSUM, stop=any_of(FirstFeasible(), Iterations(3000)))
-    plan = covers(tight)
+    plan = find_covering_plan(tight)
     assert (plan is not None) == found.feasible
     if plan is not None:
         assert evaluate(tight, plan, Cost.MINSUM).violations == ()
@@ -123,27 +123,32 @@ def test_a_loss_that_can_be_made_good_is_told_from_one_that_cannot() -> None:
     instance = random_instance(3, 10, fleet(*[29.0] * 3))
     flown = solve(instance, cost=Cost.MINMAX, stop=Iterations(2000))
     answers = [
-        covers(remaining(instance, flown.plan, 0, share * flown.evaluation.longest_route_s).instance) is not None
+        find_covering_plan(
+            build_remaining_problem(instance, flown.plan, 0, share * flown.evaluation.longest_route_s).instance
+        )
+        is not None
         for share in (0.0, 0.9)
     ]
     assert answers == [False, True]
 
 
 def test_a_budget_is_met_to_the_tolerance() -> None:
-    exact = covers(line(3, 60.0))
+    exact = find_covering_plan(line(3, 60.0))
     assert exact is not None
     assert route_energy_pct(line(3, 60.0), exact.routes[0]) == 60.0
-    assert covers(line(3, 60.0 - 0.5e-6)) is not None
-    assert covers(line(3, 60.0 - 2e-6)) is None
+    assert find_covering_plan(line(3, 60.0 - 0.5e-6)) is not None
+    assert find_covering_plan(line(3, 60.0 - 2e-6)) is None
 
 
 def test_without_a_segment_vehicles_must_still_get_home() -> None:
     near, far = Vehicle("near", (10.0, 0.0), 20.0, airborne=True), Vehicle("far", (30.0, 0.0), 20.0, airborne=True)
     travel = Travel(1.0, 1.0, 1.0, 1.0)
-    assert covers(build_instance([], (0.0, 0.0), [near, near], travel)) == Plan((Route(0, ()), Route(1, ())))
-    assert covers(build_instance([], (0.0, 0.0), [near, far], travel)) is None
+    assert find_covering_plan(build_instance([], (0.0, 0.0), [near, near], travel)) == Plan(
+        (Route(0, ()), Route(1, ()))
+    )
+    assert find_covering_plan(build_instance([], (0.0, 0.0), [near, far], travel)) is None
 
 
 def test_more_segments_than_the_limit_are_refused() -> None:
     with pytest.raises(InstanceError, match=f"{EXACT_SEGMENTS + 1} segments, expected at most {EXACT_SEGMENTS}"):
-        covers(line(EXACT_SEGMENTS + 1, 1.0))
+        find_covering_plan(line(EXACT_SEGMENTS + 1, 1.0))

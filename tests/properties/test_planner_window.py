@@ -8,9 +8,20 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner import Cost, Instance, Iterations, Plan, Repair, Vehicle, evaluate, loss_table, remaining, solve
-from planner.bounds import least_earliest_s, why_certainly_impossible, why_impossible
-from planner.exact import covers
+from planner import (
+    Cost,
+    Instance,
+    Iterations,
+    Plan,
+    RepairStatus,
+    Vehicle,
+    build_loss_table,
+    build_remaining_problem,
+    evaluate,
+    solve,
+)
+from planner.bounds import earliest_window_bound_s, explain_infeasibility, explain_infeasibility_fully
+from planner.exact import find_covering_plan
 from planner.window import replan_window
 from tests.planner.builders import random_instance
 
@@ -38,24 +49,24 @@ def instances(draw: st.DrawFn, most_segments: int = 7, least_vehicles: int = 1) 
 @settings(max_examples=150, **LOOSE)
 @given(instances())
 def test_what_is_certainly_impossible_has_no_plan(instance: Instance) -> None:
-    if why_certainly_impossible(instance) is not None:
-        assert covers(instance) is None
-    if why_impossible(instance) is not None:
-        assert why_certainly_impossible(instance) is not None
+    if explain_infeasibility_fully(instance) is not None:
+        assert find_covering_plan(instance) is None
+    if explain_infeasibility(instance) is not None:
+        assert explain_infeasibility_fully(instance) is not None
 
 
 @settings(max_examples=25, **LOOSE)
 @given(instances(least_vehicles=2), st.booleans())
 def test_every_verdict_of_the_table_is_true(instance: Instance, fly_again: bool) -> None:
     plan = solve(instance, cost=Cost.MINCOMB, stop=Iterations(30)).plan
-    for row in loss_table(instance, plan, fly_again=fly_again, effort=400):
+    for row in build_loss_table(instance, plan, fly_again=fly_again, effort=400):
         for at_s in (row.from_s, 0.5 * (row.from_s + row.to_s)):
-            left = remaining(instance, plan, row.vehicle, at_s, fly_again=fly_again)
+            left = build_remaining_problem(instance, plan, row.vehicle, at_s, fly_again=fly_again)
             if row.plan is not None:
                 assert row.plan.uncovered == ()
                 assert evaluate(left.instance, row.plan, Cost.MINSUM).violations == ()
-            exact: Plan | None = covers(left.instance)
-            assert row.verdict is (Repair.IMPOSSIBLE if exact is None else Repair.FEASIBLE)
+            exact: Plan | None = find_covering_plan(left.instance)
+            assert row.verdict is (RepairStatus.IMPOSSIBLE if exact is None else RepairStatus.FEASIBLE)
 
 
 @settings(max_examples=25, **LOOSE)
@@ -64,4 +75,4 @@ def test_no_window_begins_before_its_certificates(instance: Instance) -> None:
     plan = solve(instance, cost=Cost.MINCOMB, stop=Iterations(30)).plan
     window = replan_window(instance, plan)
     assert window.certified_earliest_s == window.earliest_s  # small enough for exact answers
-    assert least_earliest_s(instance) <= window.earliest_s + 1e-6
+    assert earliest_window_bound_s(instance) <= window.earliest_s + 1e-6

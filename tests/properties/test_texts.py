@@ -8,7 +8,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.adapters.mavlink.texts import GAP, MEMORY_FRAMES, PART_BYTES, PATIENCE_FRAMES, Texts
+from executor.adapters.mavlink.texts import GAP, MEMORY_FRAMES, PART_BYTES, PATIENCE_FRAMES, StatusTextAssembler
 from executor.core.messages import StatusText
 
 UAV1, UAV2 = (1, 1), (2, 1)
@@ -28,16 +28,16 @@ class Reader:
     """A vehicle's frames on their way in."""
 
     def __init__(self) -> None:
-        self.texts = Texts()
+        self.texts = StatusTextAssembler()
         self.shown: list[StatusText] = []
 
     def part(self, part: Part, number: int = 7, source: tuple[int, int] = UAV1) -> None:
         self.frames(1, source)
-        self.shown += self.texts.take(source, 4, part[1].ljust(PART_BYTES, b"\x00"), number, part[0])
+        self.shown += self.texts.add_part(source, 4, part[1].ljust(PART_BYTES, b"\x00"), number, part[0])
 
     def frames(self, count: int, source: tuple[int, int] = UAV1) -> None:
         for _ in range(count):
-            self.shown += self.texts.passed(source)
+            self.shown += self.texts.count_frame(source)
 
 
 @given(words=WORDS, seed=st.integers(0, 999), twice=st.booleans())

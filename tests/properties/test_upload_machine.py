@@ -18,7 +18,7 @@ from executor.core.messages import (
     SendMissionCount,
     SendMissionItem,
 )
-from executor.protocols.machine import Accepted, BrokenOff, Rejected, TimedOut
+from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
 from executor.protocols.upload import COUNT_PERIOD_S, COUNT_TRIES, REPEAT_S, RESULT_NAMES, UploadDialogue
 from missions import ARDUPILOT, PX4, Dialect, MissionItem
 from tests.properties.machines import Cancel, Told, play, stories
@@ -178,10 +178,10 @@ def test_the_last_item_is_repeated_while_its_acknowledgement_stays_away() -> Non
 def test_a_cancellation_is_told_to_the_vehicle() -> None:
     machine, _ = told(PX4, MissionRequest(0))
     ended, said = machine.cancel()
-    assert (ended.outcome, said) == (BrokenOff(), (SendMissionAck(15),))
+    assert (ended.outcome, said) == (Aborted(), (SendMissionAck(15),))
 
 
 def test_a_cancelled_story_ends_cancelled() -> None:
     machine, sent = play(upload(ARDUPILOT), [Told(Cancel(), 0.1), Told(MissionRequest(0), 0.1)])
-    assert machine.outcome == BrokenOff()
+    assert machine.outcome == Aborted()
     assert sent[-1] == SendMissionAck(15)

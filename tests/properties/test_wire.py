@@ -13,16 +13,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mav
 
-from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
-from executor.adapters.web.present import Present
+from executor.adapters.web.present import WebSnapshot
 from executor.core import fleet
 from executor.core.context import Context
 from executor.core.events import Heard, Tick
 from executor.core.messages import FlightMessage, Message
 from executor.core.state import FleetState
-from executor.core.view import FleetView, fleet_view
+from executor.core.view import FleetView, build_fleet_view
 from tests.executor.core.stories import under_way
 from tests.fakes.flight import Story
 from tests.fuzz.targets import FOLLOWED, NUMBERS
@@ -75,23 +75,23 @@ Row = tuple[tuple[int, bytes], int]
 
 def shown_after(rows: list[Row]) -> FleetState:
     """Let uav2 say messages in flight, look at what is shown, and return what is known then."""
-    flight, codec, heard = flown(), Codec(), list[Message]()
+    flight, codec, heard = flown(), MavlinkCodec(), list[Message]()
     link = VehicleLink(SYSTEM, codec)
     link.listen(heard.append)
     router = Router([link], codec)
     for seq, ((number, payload), component) in enumerate(rows):
-        router.take(codec.decode(packed(number, payload, component, seq)), lambda _: True)
+        router.route_frames(codec.decode(packed(number, payload, component, seq)), lambda _: True)
     state, now_s = flight.state, flight.now_s
     for message in heard:
         now_s += 0.1
         if isinstance(message, FlightMessage):
             state, _ = fleet.step(flight.context, state, Heard("uav2", message), now_s)
         state, _ = fleet.step(flight.context, state, Tick(), now_s)
-    view = fleet_view(flight.context, state, now_s)
+    view = build_fleet_view(flight.context, state, now_s)
     assert all(math.isfinite(number) for number in numbers_in(asdict(view)))
-    present = Present(flight.context, lambda: (state, now_s))
-    json.loads(present.state())
-    json.loads(present.chart())
+    present = WebSnapshot(flight.context, lambda: (state, now_s))
+    json.loads(present.encode_state())
+    json.loads(present.encode_map())
     said = [line.text for line in state.crew.said]
     assert all(line.isprintable() and len(line) < 500 for line in said)
     return state
@@ -121,12 +121,12 @@ def test_the_page_is_told_unknown_where_a_number_is_none() -> None:
     flight = flown()
 
     def describe(context: Context, state: FleetState, now_s: float) -> FleetView:
-        view = fleet_view(context, state, now_s)
+        view = build_fleet_view(context, state, now_s)
         wrong = [replace(one, battery=replace(one.battery, measured_pct=math.nan)) for one in view.vehicles]
         return replace(view, vehicles=tuple(wrong))
 
-    present = Present(flight.context, lambda: (flight.state, flight.now_s), describe=describe)
-    content = json.loads(present.state(), parse_constant=_refuse)
+    present = WebSnapshot(flight.context, lambda: (flight.state, flight.now_s), describe=describe)
+    content = json.loads(present.encode_state(), parse_constant=_refuse)
     assert {one["battery"]["measured_pct"] for one in content["vehicles"]} == {None}
 
 

@@ -10,7 +10,7 @@ from executor.core import fleet
 from executor.core.commands import Hold, LandNow, Resume, SendHome, Start, Upload
 from executor.core.intents import FOR_ALL, Action, Outcome
 from executor.core.vehicle import Stage
-from executor.core.view import fleet_view
+from executor.core.view import build_fleet_view
 from tests.executor.builders import THREE, fleet_of
 from tests.executor.core.stories import story
 from tests.fakes.flight import Story
@@ -31,7 +31,7 @@ def asked(flight: Story, action: Action, name: str) -> None:
 def test_whatever_is_asked_the_flight_ends_well(wishes: list[tuple[float, Action, str]], mute: str | None) -> None:
     flight = story(READY)
     if mute is not None:
-        flight.later(60.0, lambda: setattr(flight.crafts[mute], "mute", True))
+        flight.later(60.0, lambda: setattr(flight.crafts[mute], "is_mute", True))
     for after_s, action, name in wishes:
         flight.pass_s(after_s)
         if not flight.over:
@@ -42,7 +42,7 @@ def test_whatever_is_asked_the_flight_ends_well(wishes: list[tuple[float, Action
             flight.ask(Action.RESUME, name)
     flight.finish()
     out: set[str] = set()
-    state = fleet.initial(dict(READY.boards))
+    state = fleet.build_initial_state(dict(READY.boards))
     for at_s, event in flight.events:
         again = from_plain(to_plain(event))
         assert again == event
@@ -56,4 +56,4 @@ def test_whatever_is_asked_the_flight_ends_well(wishes: list[tuple[float, Action
                 assert state.vehicles[command.vehicle].stage is not Stage.FLYING
     assert state == flight.state
     assert all(record.outcome is not Outcome.ACCEPTED for record in state.crew.intents.values()), state.crew.intents
-    assert fleet_view(READY.context, state, flight.now_s).finished
+    assert build_fleet_view(READY.context, state, flight.now_s).finished

@@ -215,7 +215,7 @@ class Operator:
 
     def _collect(self) -> list[Outbound]:
         messages = self.vehicle.voice.drain()
-        if self.vehicle.mute:
+        if self.vehicle.is_mute:
             return []
         self.log += [(self.now_s, message) for message in messages]
         return messages

@@ -53,7 +53,7 @@ LOW_VOLT = {"BATT_LOW_VOLT": 16.0, "BATT_FS_LOW_ACT": 2.0}
 
 def test_low_voltage_must_last_ten_seconds_then_it_returns() -> None:
     op = cruising(speed(5), waypoint(600, 0), parameters=LOW_VOLT)
-    op.vehicle.frame.battery.lose(40)
+    op.vehicle.frame.battery.remove_charge(40)
     op.run(9.5)
     assert op.vehicle.mode == AUTO
     op.run(1)
@@ -69,7 +69,7 @@ def test_low_voltage_must_last_ten_seconds_then_it_returns() -> None:
 
 def test_a_low_charge_acts_at_once_and_critical_lands() -> None:
     op = cruising(speed(5), waypoint(600, 0), parameters={"BATT_CRT_MAH": 2500.0, "BATT_FS_CRT_ACT": 1.0})
-    op.vehicle.frame.battery.lose(60)
+    op.vehicle.frame.battery.remove_charge(60)
     op.run(0.2)
     assert op.vehicle.mode == LAND
     assert any("Battery 1 is critical" in text for text in op.texts())
@@ -78,7 +78,7 @@ def test_a_low_charge_acts_at_once_and_critical_lands() -> None:
 
 def test_with_action_0_the_texts_come_and_the_mode_stays() -> None:
     op = cruising(speed(5), waypoint(600, 0), parameters={"BATT_LOW_VOLT": 16.0})
-    op.vehicle.frame.battery.lose(40)
+    op.vehicle.frame.battery.remove_charge(40)
     op.run(11)
     assert "Battery Failsafe" in op.texts()
     assert op.vehicle.mode == AUTO
@@ -86,7 +86,7 @@ def test_with_action_0_the_texts_come_and_the_mode_stays() -> None:
 
 def test_the_battery_failsafe_is_latched_and_auto_overrides_even_out_of_land() -> None:
     op = cruising(speed(5), waypoint(600, 0), parameters={"BATT_CRT_MAH": 2500.0, "BATT_FS_CRT_ACT": 1.0})
-    op.vehicle.frame.battery.lose(60)
+    op.vehicle.frame.battery.remove_charge(60)
     op.run(3)
     op.vehicle.frame.battery.charge_pct = 100.0
     assert op.mode(AUTO) == 0
@@ -97,7 +97,7 @@ def test_the_battery_failsafe_is_latched_and_auto_overrides_even_out_of_land() -
 
 def test_an_empty_battery_is_a_crash() -> None:
     op = cruising(speed(5), waypoint(600, 0))
-    op.vehicle.frame.battery.lose(100)
+    op.vehicle.frame.battery.remove_charge(100)
     op.run(10)
     assert "crash" in op.happenings()
 

@@ -29,9 +29,9 @@ def test_level_flight_uses_what_the_planner_expects(speed_m_s: float) -> None:
 def test_a_full_battery_lasts_as_long_as_the_model_says() -> None:
     battery = full()
     fly(battery, endurance_s(DRONE, 0.0) - 5, 0.0)
-    assert not battery.empty
+    assert not battery.is_empty
     fly(battery, 10, 0.0)
-    assert battery.empty
+    assert battery.is_empty
 
 
 @pytest.mark.parametrize(("changes", "factor"), [({"consumption": 1.3}, 1.3), ({"health": 0.8}, 1.25)])
@@ -88,11 +88,11 @@ def test_voltage_falls_with_charge_and_sags_under_load() -> None:
 
 def test_a_battery_step_is_points_at_once_and_never_below_nothing() -> None:
     battery = full()
-    battery.lose(30)
+    battery.remove_charge(30)
     assert battery.charge_pct == 70
-    battery.lose(90)
+    battery.remove_charge(90)
     assert battery.charge_pct == 0
-    assert battery.empty
+    assert battery.is_empty
 
 
 def test_faster_than_the_model_goes_costs_as_its_fastest() -> None:

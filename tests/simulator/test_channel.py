@@ -21,8 +21,8 @@ def carry(condition: LinkCondition, seed: int = 1, until_s: float = 1e9) -> list
     for number in range(COUNT):
         now_s = number / 100
         channel.offer(number.to_bytes(4), now_s)
-        arrived += channel.due(now_s)
-    arrived += channel.due(until_s)
+        arrived += channel.take_due(now_s)
+    arrived += channel.take_due(until_s)
     return [int.from_bytes(datagram) for datagram in arrived]
 
 
@@ -49,8 +49,8 @@ def test_reordering_loses_nothing_and_changes_the_order() -> None:
 def test_delay_is_exact() -> None:
     channel = Channel(LinkCondition(delay_s=0.3), random.Random(1))
     channel.offer(b"x", 1.0)
-    assert channel.due(1.299) == []
-    assert channel.due(1.3) == [b"x"]
+    assert channel.take_due(1.299) == []
+    assert channel.take_due(1.3) == [b"x"]
 
 
 def test_silence_swallows_what_is_sent_and_what_is_on_its_way() -> None:
@@ -60,7 +60,7 @@ def test_silence_swallows_what_is_sent_and_what_is_on_its_way() -> None:
     condition.silent_until_s = 3.0
     channel.offer(b"during", 2.0)
     channel.offer(b"after", 3.0)
-    assert channel.due(10.0) == [b"after"]
+    assert channel.take_due(10.0) == [b"after"]
 
 
 def test_silence_for_good() -> None:
@@ -77,15 +77,13 @@ def test_a_radio_carries_so_many_bytes_a_second_one_behind_the_other() -> None:
     channel = Channel(LinkCondition(rate_bytes_s=1000.0, delay_s=0.3), random.Random(1))
     for _ in range(3):
         channel.offer(bytes(100), 10.0)
-    assert [len(channel.due(10.39)), len(channel.due(10.41)), len(channel.due(10.51)), len(channel.due(10.61))] == [
-        0, 1, 1, 1,
-    ]  # fmt: skip
+    assert [len(channel.take_due(now_s)) for now_s in (10.39, 10.41, 10.51, 10.61)] == [0, 1, 1, 1]
     channel.offer(bytes(100), 20.0)
-    assert len(channel.due(20.41)) == 1, "its queue is empty again"
+    assert len(channel.take_due(20.41)) == 1, "its queue is empty again"
 
 
 def test_what_comes_to_a_full_queue_is_lost() -> None:
     channel = Channel(LinkCondition(rate_bytes_s=1000.0), random.Random(1))
     for _ in range(100):
         channel.offer(bytes(100), 10.0)
-    assert len(channel.due(99.0)) * 100 == pytest.approx(QUEUE_BYTES, abs=100)
+    assert len(channel.take_due(99.0)) * 100 == pytest.approx(QUEUE_BYTES, abs=100)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from simulator.config import AutopilotKind, Endpoint, SimFleet, vehicle_endpoint
+from simulator.config import AutopilotKind, Endpoint, SimFleet, parse_vehicle_endpoint
 from simulator.errors import EndpointError, FaultSpecError, FleetError
 from simulator.faults import parse_fault
 from simulator.params import defaults_for
@@ -22,7 +22,7 @@ from tests.simulator.harness import sim_vehicle
     ],
 )
 def test_the_vehicle_takes_the_other_side_of_the_ground_stations_link(connection: str, endpoint: Endpoint) -> None:
-    assert vehicle_endpoint(connection) == endpoint
+    assert parse_vehicle_endpoint(connection) == endpoint
 
 
 @pytest.mark.parametrize(
@@ -32,7 +32,7 @@ def test_the_vehicle_takes_the_other_side_of_the_ground_stations_link(connection
 )  # fmt: skip
 def test_another_connection_is_refused_in_one_line(connection: str) -> None:
     with pytest.raises(EndpointError) as caught:
-        vehicle_endpoint(connection)
+        parse_vehicle_endpoint(connection)
     assert "expected udpin://HOST:PORT or udpout://HOST:PORT" in str(caught.value)
     assert repr(connection) in str(caught.value)
 

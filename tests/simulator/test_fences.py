@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from missions.items import Frame, MissionItem, Place
+from missions.items import Frame, MissionItem, PlaceCommand
 from simulator.config import AutopilotKind
 from simulator.messages import (
     MissionAckReceived,
@@ -40,7 +40,9 @@ BOTH = pytest.mark.parametrize("kind", [ARDUPILOT, PX4], ids=lambda kind: str(ki
 FENCE, RALLY = 1, 2
 
 
-def square(half_m: float, north_m: float = 0.0, command: Place = Place.INCLUSION_VERTEX) -> tuple[MissionItem, ...]:
+def square(
+    half_m: float, north_m: float = 0.0, command: PlaceCommand = PlaceCommand.INCLUSION_VERTEX
+) -> tuple[MissionItem, ...]:
     corners = [(-half_m, -half_m), (-half_m, half_m), (half_m, half_m), (half_m, -half_m)]
     places = [place_e7(north_m + north, east) for north, east in corners]
     return numbered(MissionItem(0, Frame.GLOBAL, command, 4.0, x=x, y=y) for x, y in places)
@@ -88,7 +90,7 @@ def flying(kind: AutopilotKind, *, north_m: float = 150.0, **parameters: float) 
 def test_what_is_put_on_board_is_read_back_and_the_mission_is_another_list(kind: AutopilotKind) -> None:
     op = Operator(kind)
     x, y = place_e7(0.0, 20.0)
-    rally = (MissionItem(0, Frame.GLOBAL_RELATIVE_ALT, Place.RALLY_POINT, x=x, y=y, z=3.7),)
+    rally = (MissionItem(0, Frame.GLOBAL_RELATIVE_ALT, PlaceCommand.RALLY_POINT, x=x, y=y, z=3.7),)
     assert put(op, square(100.0)) == 0
     assert put(op, rally, RALLY) == 0
     assert read(op) == meant(square(100.0))
@@ -194,7 +196,7 @@ def test_px4_above_its_fence_holds_first(action: int, first: int, then: int) -> 
 def test_its_own_way_home_ends_at_the_nearest_rally_point(kind: AutopilotKind) -> None:
     op = flying(kind)
     x, y = place_e7(60.0, 25.0)
-    rally = (MissionItem(0, Frame.GLOBAL_RELATIVE_ALT, Place.RALLY_POINT, x=x, y=y),)
+    rally = (MissionItem(0, Frame.GLOBAL_RELATIVE_ALT, PlaceCommand.RALLY_POINT, x=x, y=y),)
     assert put(op, rally, RALLY) == 0
     assert op.mode(RTL if kind is ARDUPILOT else PX4_RTL) == 0
     op.run_until(lambda: not op.vehicle.frame.armed)

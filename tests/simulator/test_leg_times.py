@@ -9,7 +9,7 @@ import pytest
 
 from missions.items import MissionItem
 from simulator.config import AutopilotKind
-from simulator.curves import Curve, LegLimits, Vector, overlap_s
+from simulator.curves import LegLimits, SCurve, Vector, overlap_s
 from simulator.smoothing import Axis, braking_speed_m_s
 from tests.simulator.harness import Operator, land, numbered, speed, takeoff, waypoint
 
@@ -113,8 +113,8 @@ def test_take_off_and_landing(kind: AutopilotKind, up_m: float, rises_s: float, 
 
 
 def test_a_curve_goes_from_rest_to_rest_and_never_jumps() -> None:
-    curve = Curve.along(Vector(30.0, 40.0, 10.0), PACE)
-    moments = [curve.at(step / 50) for step in range(round(curve.lasts_s * 50) + 2)]
+    curve = SCurve.build(Vector(30.0, 40.0, 10.0), PACE)
+    moments = [curve.state_at(step / 50) for step in range(round(curve.duration_s * 50) + 2)]
     assert moments[0].done_m == moments[0].speed_m_s == 0.0
     assert moments[-1].done_m == pytest.approx(curve.way.length)
     assert moments[-1].speed_m_s == pytest.approx(0.0, abs=0.01)
@@ -123,8 +123,8 @@ def test_a_curve_goes_from_rest_to_rest_and_never_jumps() -> None:
 
 
 def test_the_sharper_the_corner_the_less_two_legs_overlap() -> None:
-    one = Curve.along(Vector(0.0, 60.0, 0.0), PACE)
-    overlaps = [overlap_s(one, Curve.along(way, PACE), PACE) for way in (
+    one = SCurve.build(Vector(0.0, 60.0, 0.0), PACE)
+    overlaps = [overlap_s(one, SCurve.build(way, PACE), PACE) for way in (
         Vector(0.0, 60.0, 0.0), Vector(42.4, 42.4, 0.0), Vector(60.0, 0.0, 0.0), Vector(0.0, -60.0, 0.0)
     )]  # fmt: skip
     assert overlaps == sorted(overlaps, reverse=True)
@@ -136,8 +136,8 @@ def test_an_axis_reaches_its_speed_within_jerk_and_acceleration() -> None:
     axis = Axis(0.0)
     for _ in range(200):
         before = axis.accelerates_m_s2
-        axis.plan(8.0, 3.0, 4.0)
-        axis.go(0.02)
+        axis.plan_speed(8.0, 3.0, 4.0)
+        axis.advance(0.02)
         assert abs(axis.accelerates_m_s2) <= 3.0 + 1e-6
         assert abs(axis.accelerates_m_s2 - before) <= 4.0 * 0.02 + 1e-6
     assert axis.speed_m_s == pytest.approx(8.0, abs=0.01)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from simulator.ardupilot import LIMITS as ARDUPILOT_LIMITS
 from simulator.autopilot import STEP_S
-from simulator.guidance import Climb, Hover, Leg, Pilot, corner_speed_m_s, distance_m
+from simulator.guidance import Climb, GoalFollower, Hover, Leg, corner_speed_m_s, distance_m
 from simulator.physics import Body, Home, Place, Velocity
 from simulator.px4 import LIMITS as PX4_LIMITS
 
@@ -41,7 +41,7 @@ def test_a_leg_ends_at_rest_on_its_end_and_stays_on_its_line(
     origin = Place(0.0, 0.0, 30.0)
     body.up_m = 30.0
     target = Place(east_m, north_m, 30.0 + rise_m)
-    pilot = Pilot(body, ARDUPILOT_LIMITS)
+    pilot = GoalFollower(body, ARDUPILOT_LIMITS)
     pilot.fly([Leg(origin, target, speed_m_s, accept_m=0.0)])
     length = math.hypot(east_m, north_m)
     for _ in range(round(60 * 15 / STEP_S)):
@@ -60,7 +60,7 @@ def test_a_leg_ends_at_rest_on_its_end_and_stays_on_its_line(
 @pytest.mark.parametrize("up_m", [5.0, 25.0, 60.0])
 def test_a_climb_does_not_overshoot(limits: object, up_m: float) -> None:
     body = Body()
-    pilot = Pilot(body, PX4_LIMITS if limits is PX4_LIMITS else ARDUPILOT_LIMITS)
+    pilot = GoalFollower(body, PX4_LIMITS if limits is PX4_LIMITS else ARDUPILOT_LIMITS)
     pilot.fly([Climb(Place(0, 0, up_m), 2.5), Hover(Place(0, 0, up_m))])
     highest_m = 0.0
     for _ in range(round(90 / STEP_S)):
@@ -73,7 +73,7 @@ def test_a_climb_does_not_overshoot(limits: object, up_m: float) -> None:
 def test_a_hover_brakes_without_coming_back_far() -> None:
     body = Body()
     body.up_m, body.v_east_m_s = 30.0, 10.0
-    pilot = Pilot(body, ARDUPILOT_LIMITS)
+    pilot = GoalFollower(body, ARDUPILOT_LIMITS)
     pilot.hold()
     farthest_m = 0.0
     for _ in range(round(30 / STEP_S)):
@@ -96,7 +96,7 @@ def test_a_corner_is_flown_as_fast_as_it_allows(turn_deg: float, low: float, hig
 @given(st.floats(-70, 70), st.floats(-179, 179), st.floats(-3000, 3000), st.floats(-3000, 3000))
 def test_the_flat_step_agrees_in_both_directions(lat: float, lon: float, east_m: float, north_m: float) -> None:
     home = Home(lat, lon, 300.0)
-    place = home.place(*home.lat_lon_e7(east_m, north_m), 0.0)
+    place = home.place_of(*home.lat_lon_e7(east_m, north_m), 0.0)
     assert place.east_m == pytest.approx(east_m, abs=0.01)
     assert place.north_m == pytest.approx(north_m, abs=0.01)
 
@@ -104,8 +104,8 @@ def test_the_flat_step_agrees_in_both_directions(lat: float, lon: float, east_m:
 def test_a_degree_is_as_long_as_on_the_ellipsoid() -> None:
     home = Home(50.0, 13.0, 0.0)
     # Published lengths of a degree at 50 degrees north: 111 229 m and 71 696 m.
-    assert home.place(round(51e7), round(13e7), 0).north_m == pytest.approx(111229, abs=5)
-    assert home.place(round(50e7), round(14e7), 0).east_m == pytest.approx(71696, abs=5)
+    assert home.place_of(round(51e7), round(13e7), 0).north_m == pytest.approx(111229, abs=5)
+    assert home.place_of(round(50e7), round(14e7), 0).east_m == pytest.approx(71696, abs=5)
 
 
 def test_a_fall_is_hard_from_a_height_and_soft_from_a_step() -> None:

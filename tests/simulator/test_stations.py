@@ -16,10 +16,10 @@ from simulator.common_time import (
     LOOK_REAL_S,
     PATIENCE_REAL_S,
     Greeting,
-    Lines,
-    greeting_in,
-    is_stopped,
-    time_line,
+    LineBuffer,
+    format_time_line,
+    is_process_stopped,
+    parse_greeting,
 )
 from simulator.config import AutopilotKind, SimFleet
 from simulator.stations import Station, Stations
@@ -38,14 +38,14 @@ class Kept:
     def __init__(self, pid: int = NOBODY) -> None:
         self.real, self.wire = Real(), Wire()
         self.stations = Stations(SPEEDUP, lambda at_s: 1.7e9 + at_s / SPEEDUP, self.real)
-        self.stations.tell(50.0)
+        self.stations.send_time(50.0)
         self.station = Station(self.stations)
         self.station.connection_made(self.wire)
         self.wire.said.clear()
-        self.station.data_received(Greeting(pid, SPEEDUP).line())
+        self.station.data_received(Greeting(pid, SPEEDUP).to_line())
 
     def takes(self, lived_s: float) -> None:
-        self.station.data_received(time_line(lived_s))
+        self.station.data_received(format_time_line(lived_s))
 
 
 def test_a_fleet_alone_lives_as_it_likes() -> None:
@@ -55,8 +55,8 @@ def test_a_fleet_alone_lives_as_it_likes() -> None:
 def test_it_lives_no_further_than_can_be_followed() -> None:
     kept = Kept()
     assert kept.stations.until_s() == 50.0 + AHEAD_S
-    kept.stations.tell(50.1)
-    assert kept.wire.said == [time_line(50.1)]
+    kept.stations.send_time(50.1)
+    assert kept.wire.said == [format_time_line(50.1)]
     assert kept.stations.until_s() == 50.0 + AHEAD_S
     kept.real.now_s += PATIENCE_REAL_S - LOOK_REAL_S
     assert kept.stations.until_s() == 50.0 + AHEAD_S, "a busy computer"
@@ -72,10 +72,10 @@ def test_nobody_takes_in_what_was_not_said() -> None:
 
 def test_one_that_says_nothing_for_long_is_a_silent_ground_station() -> None:
     kept = Kept()
-    kept.stations.tell(50.1)
+    kept.stations.send_time(50.1)
     kept.real.now_s += PATIENCE_REAL_S
     assert kept.stations.until_s() == EVER
-    kept.stations.tell(200.0)
+    kept.stations.send_time(200.0)
     kept.takes(200.0)
     assert kept.stations.until_s() == 200.0 + AHEAD_S, "it is waited for again"
 
@@ -100,12 +100,12 @@ def test_who_does_not_greet_is_not_waited_for() -> None:
 def test_one_that_was_stopped_on_purpose_is_silent_at_once() -> None:
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as other:
         kept = Kept(other.pid)
-        kept.stations.tell(50.1)
+        kept.stations.send_time(50.1)
         kept.real.now_s += LOOK_REAL_S
         assert kept.stations.until_s() == 50.0 + AHEAD_S
         os.kill(other.pid, signal.SIGSTOP)
         os.waitid(os.P_PID, other.pid, os.WSTOPPED | os.WNOWAIT)
-        assert is_stopped(other.pid)
+        assert is_process_stopped(other.pid)
         kept.real.now_s += LOOK_REAL_S
         assert kept.stations.until_s() == EVER
         os.kill(other.pid, signal.SIGCONT)
@@ -123,11 +123,11 @@ async def test_a_fleet_waits_at_its_first_port_unless_its_time_is_real(speedup: 
                 await asyncio.open_connection("127.0.0.1", port)
             return
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
-        assert greeting_in((await reader.readline()).strip()) is not None
-        writer.write(Greeting(NOBODY, speedup).line())
+        assert parse_greeting((await reader.readline()).strip()) is not None
+        writer.write(Greeting(NOBODY, speedup).to_line())
         began_s, *more_s = await told(reader)
         assert more_s == [] or more_s[-1] - began_s <= AHEAD_S
-        writer.write(time_line((began_s, *more_s)[-1]))
+        writer.write(format_time_line((began_s, *more_s)[-1]))
         again_s = await told(reader, until_s=(began_s, *more_s)[-1] + AHEAD_S / 2)
         assert AHEAD_S / 2 <= again_s[-1] - (began_s, *more_s)[-1] <= AHEAD_S + 1e-9
         writer.close()
@@ -147,6 +147,6 @@ async def told(reader: asyncio.StreamReader, until_s: float = -math.inf) -> list
 
 
 def test_lines_without_an_end_are_dropped() -> None:
-    lines = Lines()
+    lines = LineBuffer()
     assert lines.take(b"x" * 10_000) == []
     assert lines.take(b"1.0\n2.0\n3") == [b"1.0", b"2.0"]

@@ -15,8 +15,8 @@ from simulator.messages import (
     Ping,
     RequestDataStream,
     Timesync,
-    out,
-    status_texts,
+    build_message,
+    split_status_text,
 )
 from simulator.streams import MESSAGE_IDS
 from simulator.wire import READERS, Codec
@@ -62,10 +62,15 @@ def test_every_message_of_a_flight_packs_and_reads_back(kind: AutopilotKind) -> 
 @pytest.mark.parametrize(
     ("message", "position"),
     [
-        (out("MISSION_CURRENT", seq=3, total=9, mission_state=3, mission_mode=1, mission_id=0x12345678), 6),
-        (out("MISSION_ACK", target_system=255, target_component=190, type=0, mission_type=0, opaque_id=0x12345678), 4),
+        (build_message("MISSION_CURRENT", seq=3, total=9, mission_state=3, mission_mode=1, mission_id=0x12345678), 6),
         (
-            out(
+            build_message(
+                "MISSION_ACK", target_system=255, target_component=190, type=0, mission_type=0, opaque_id=0x12345678
+            ),
+            4,
+        ),
+        (
+            build_message(
                 "MISSION_COUNT", target_system=255, target_component=190, count=7, mission_type=0, opaque_id=0x12345678
             ),
             5,
@@ -73,7 +78,7 @@ def test_every_message_of_a_flight_packs_and_reads_back(kind: AutopilotKind) -> 
     ],
 )
 def test_the_missions_identity_is_behind_the_fields_that_pymavlink_knows(message: object, position: int) -> None:
-    assert isinstance(message, type(out("PING")))
+    assert isinstance(message, type(build_message("PING")))
     frame = Codec(11).encode(message)
     decoded = parse(frame)
     assert decoded.get_type() == message.name
@@ -86,17 +91,17 @@ def test_the_missions_identity_is_behind_the_fields_that_pymavlink_knows(message
 
 def test_sequence_numbers_count_every_message() -> None:
     codec = Codec(11)
-    heartbeat = out("MISSION_CURRENT", seq=0, total=0, mission_state=1, mission_mode=0, mission_id=0)
-    extended = out("MISSION_CURRENT", seq=0, total=0, mission_state=1, mission_mode=0, mission_id=9)
+    heartbeat = build_message("MISSION_CURRENT", seq=0, total=0, mission_state=1, mission_mode=0, mission_id=0)
+    extended = build_message("MISSION_CURRENT", seq=0, total=0, mission_state=1, mission_mode=0, mission_id=9)
     seqs = [parse(codec.encode(message)).get_seq() for message in (heartbeat, extended) * 150]
     assert seqs == [number % 256 for number in range(300)]
 
 
 def test_a_message_that_mavlink_does_not_have_is_refused() -> None:
     with pytest.raises(AttributeError):
-        Codec(1).encode(out("NO_SUCH_MESSAGE"))
+        Codec(1).encode(build_message("NO_SUCH_MESSAGE"))
     with pytest.raises(TypeError):
-        Codec(1).encode(out("PING", no_such_field=1))
+        Codec(1).encode(build_message("PING", no_such_field=1))
 
 
 def test_numbers_are_pymavlinks() -> None:
@@ -120,7 +125,7 @@ def test_numbers_are_pymavlinks() -> None:
 @pytest.mark.parametrize("length", [0, 1, 49, 50, 51, 99, 100, 101])
 def test_texts_of_every_length_come_whole(length: int) -> None:
     text = "x" * length
-    parts = [message.fields for message in status_texts(6, text, 7)]
+    parts = [message.fields for message in split_status_text(6, text, 7)]
     raw = [part["text"] for part in parts]
     assert b"".join(part for part in raw if isinstance(part, bytes)).decode() == text
     assert [part["chunk_seq"] for part in parts] == list(range(len(parts)))

@@ -18,10 +18,10 @@ from executor.core.preflight.checks import Check
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
 from executor.flight import fly
-from executor.flight.flight_order import Order, keep
+from executor.flight.flight_order import FlightRequest, write_run_start
 from executor.runtime import turns
 from executor.site import assembly, planning
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.site.config import Site, check_site
 from missions import PlanFile
 from planner import Cost
@@ -46,7 +46,7 @@ def in_its_second_segment(vehicle: VehicleState, state: FleetState) -> bool:
 class Prepared:
     """What is flown, where the site alone does not say it."""
 
-    ground: Ground
+    ground: SiteModel
     plan: PlanFile
     at_s: float | None
     """When it happens, since uav2 began its mission; None: when the story says so."""
@@ -98,7 +98,7 @@ class Story:
     """When that is, by uav2."""
     eyes: Mapping[str, Eye] = field(default_factory=lambda: MappingProxyType({}))
     """Cameras of PX4's vehicles, by their names."""
-    prepared: Callable[[Ground], Prepared] | None = None
+    prepared: Callable[[SiteModel], Prepared] | None = None
     """Chooses the batteries, the plan, and when it happens; by default it happens `at`."""
 
 
@@ -122,7 +122,7 @@ class WatchfulConsole:
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
         self.lines.append(f"{at_s} {level.value} {text}")
 
-    def checks(self, found: Sequence[Check]) -> None:
+    def show_checks(self, found: Sequence[Check]) -> None:
         self.lines += [f"{check.severity.value} {check.subject}: {check.text}" for check in found]
 
     def confirm(self, question: str) -> bool:
@@ -159,7 +159,7 @@ class WatchfulConsole:
             self._began_s = now_s
         return self._began_s is not None and now_s - self._began_s >= self.at_s
 
-    def done(self) -> None:
+    def stop_drawing(self) -> None:
         self.lines.append("done")
 
 
@@ -210,17 +210,17 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
     if not binary:
         pytest.skip(f"{autopilot.variable} does not name a simulator of {autopilot.name}")
     site = site_of(autopilot, story)
-    ground = assembly.ground_of(site, folder)
+    ground = assembly.load_site_model(site, folder)
     console = WatchfulConsole(story)
     if story.prepared is None:
-        plan = planning.first_plan(ground, planning.Wanted(Cost.MINMAX, 3.0, 1, all_vehicles=True))
+        plan = planning.plan_site(ground, planning.PlanRequest(Cost.MINMAX, 3.0, 1, all_vehicles=True))
     else:
         prepared = story.prepared(ground)
         ground, plan, console.at_s = prepared.ground, prepared.plan, prepared.at_s
-    order = Order(ground.site, folder, ground, plan, folder / "run", lambda _: ())
+    order = FlightRequest(ground.site, folder, ground, plan, folder / "run", lambda _: ())
     order.run.mkdir()
-    keep(order)
-    pads = {pad.vehicle: pad for pad in assembly.setup_of(ground).pads}
+    write_run_start(order)
+    pads = {pad.vehicle: pad for pad in assembly.build_flight_setup(ground).pads}
     wanted = Wanted(
         pads, ground.network.frame, story.speedup, story.settings, frozenset(story.relayed), story.own, story.packs_ah
     )
@@ -232,7 +232,7 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
             (folder / KEY_FILE).write_text(KEY.hex())
             for vehicle in console.running.values():
                 vehicle.other.sign(vehicle.sysid, KEY)
-        turns.run(fly.fly(order, console))
+        turns.run_on_fair_loop(fly.run_flight(order, console))
         relay = console.running[VICTIM].relay
     report = json.loads((order.run / "report.json").read_text())
     began_s = began_unix_s(order.run)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from executor.site.assembly import Ground
-from executor.site.planning import Wanted, first_plan
-from executor.virtual.site import AMPLE_AH, sized, with_budgets, with_capacity
+from executor.site.assembly import SiteModel
+from executor.site.planning import PlanRequest, plan_site
+from executor.virtual.site import AMPLE_AH, size_batteries, with_budgets, with_capacity
 from planner import Cost
 from tests.sitl.flights import NAMES, VICTIM, Flown, Prepared, Story, flown
 from tests.sitl.real import ARDUPILOT, BOTH, Autopilot
@@ -46,13 +46,13 @@ def test_half_a_pack_is_known_before_sixty_percent_of_its_flight(autopilot: Auto
     simulated pack has no current, and its percentage, which follows its voltage, falls twice as fast.
     """
 
-    def prepared(ground: Ground) -> Prepared:
-        wanted = Wanted(Cost.MINMAX, 3.0, 1, all_vehicles=True)
-        best = first_plan(with_budgets(with_capacity(ground, AMPLE_AH), 100.0), wanted)
+    def prepared(ground: SiteModel) -> Prepared:
+        wanted = PlanRequest(Cost.MINMAX, 3.0, 1, all_vehicles=True)
+        best = plan_site(with_budgets(with_capacity(ground, AMPLE_AH), 100.0), wanted)
         scale = {"px4": DRAIN_S / PLANNED_S, "ardupilot": PACK_AH / PLANNED_AH}[autopilot.name]
-        ground = sized(ground, best, PCT_PER_S[autopilot.name] * scale * max(best.durations_s))
+        ground = size_batteries(ground, best, PCT_PER_S[autopilot.name] * scale * max(best.durations_s))
         ground = with_budgets(ground, BUDGET_PCT)
-        return Prepared(ground, first_plan(ground, wanted), 0.0)
+        return Prepared(ground, plan_site(ground, wanted), 0.0)
 
     aged = {"px4": {VICTIM: {"SIM_BAT_DRAIN": PLANNED_S / 2}}, "ardupilot": {}}[autopilot.name]
     packs_ah = {"px4": {}, "ardupilot": {VICTIM: PLANNED_AH / 2}}[autopilot.name]

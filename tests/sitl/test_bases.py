@@ -13,7 +13,7 @@ import pytest
 import tomli_w
 
 from executor.site import assembly, dayflight
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from tests.e2e.flights import log_lines
 from tests.e2e.judge import wrongly_counted
 from tests.ports import free_port
@@ -62,9 +62,9 @@ class Closing(Crew):
             await super().look_after(vehicle)
 
 
-def with_bases(autopilot: Autopilot, port: int, folder: Path) -> tuple[dict[str, Any], Ground]:
+def with_bases(autopilot: Autopilot, port: int, folder: Path) -> tuple[dict[str, Any], SiteModel]:
     """Return a site of two bases and a spare, as tables, and read."""
-    frame = assembly.ground_of(site_of(autopilot, Story(radius_m=400.0)), folder).network.frame
+    frame = assembly.load_site_model(site_of(autopilot, Story(radius_m=400.0)), folder).network.frame
     bases = []
     for name, (east_m, north_m, own) in BASES.items():
         lat_deg, lon_deg = frame.to_wgs84_deg(east_m, north_m)
@@ -74,7 +74,7 @@ def with_bases(autopilot: Autopilot, port: int, folder: Path) -> tuple[dict[str,
     tables = content.model_dump(exclude_none=True, mode="json")
     for vehicle in tables["vehicle"]:
         vehicle["budget_pct"] = BUDGET_PCT
-    return tables, assembly.ground_of(content, folder)
+    return tables, assembly.load_site_model(content, folder)
 
 
 @BOTH
@@ -89,7 +89,7 @@ def test_a_base_closes_and_a_spare_flies_what_it_leaves(autopilot: Autopilot, tm
     plan = json.loads(day.read_text())
     assert {one["vehicle"] for one in plan["sorties"]} == {NORTH, SOUTH}, plan["sorties"]
     assert sum(one["vehicle"] == SOUTH for one in plan["sorties"]) >= 2, plan["sorties"]
-    pads = dayflight.morning_pads(ground)
+    pads = dayflight.find_morning_pads(ground)
     wanted = Wanted(
         {name: pads[name] for name in NAMES}, ground.network.frame, story.speedup, story.settings, frozenset()
     )

@@ -92,7 +92,7 @@ def pictures_of(done: Flown) -> dict[str, list[dict[str, str]]]:
 
 def check_pylons(done: Flown) -> None:
     """Hold what was seen of both pylons against what was asked: from where, how high, and each once."""
-    ground = assembly.ground_of(check_site(tomllib.loads((done.run / "site.toml").read_text()), "test"), done.run)
+    ground = assembly.load_site_model(check_site(tomllib.loads((done.run / "site.toml").read_text()), "test"), done.run)
     found = pictures_of(done)
     said_m = {row["segment"]: row["inspected_at_m"] for row in done.report["seen"]}
     assert min(said_m[segment] for segment in ground.setup.looks.pylons) == ground.setup.inspection.height_m

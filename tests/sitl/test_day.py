@@ -60,8 +60,8 @@ def test_lost_on_the_second_sortie(autopilot: Autopilot, tmp_path: Path) -> None
         vehicle["budget_pct"] = BUDGET_PCT
     site, day, run = tmp_path / "site.toml", tmp_path / "day.json", tmp_path / "run"
     site.write_text(tomli_w.dumps(tables))
-    ground = assembly.ground_of(content, tmp_path)
-    pads = {pad.vehicle: pad for pad in assembly.setup_of(ground).pads}
+    ground = assembly.load_site_model(content, tmp_path)
+    pads = {pad.vehicle: pad for pad in assembly.build_flight_setup(ground).pads}
     asyncio.run(planned(site, day))
     plan = json.loads(day.read_text())
     assert sum(one["vehicle"] == VICTIM for one in plan["sorties"]) >= 2, plan["sorties"]

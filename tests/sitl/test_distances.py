@@ -12,10 +12,10 @@ import pytest
 
 from benchmarks.prediction import plan_with
 from executor.site import assembly
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.site.config import check_site
-from missions.asked import first_paths, inspected_at_m
-from missions.geometry import locate
+from missions.asked import build_first_paths, segment_distances_m
+from missions.geometry import locate_on_leg
 from tests.e2e.tlog import messages
 from tests.sitl.flights import NAMES, Flown, Prepared, Story, flown
 from tests.sitl.real import BOTH, SOON_HOME, Autopilot
@@ -30,17 +30,17 @@ FIRST = {"uav1": (2, 4, 12), "uav2": (6, 8, 10), "uav3": (1,)}
 SHARED = 3
 
 
-def shared(ground: Ground, routes: Mapping[str, tuple[int, ...]]) -> Prepared:
+def shared(ground: SiteModel, routes: Mapping[str, tuple[int, ...]]) -> Prepared:
     """Return the plan in which two share a pylon, of which one has to stay in its layer there at first."""
     at_m = {
-        name: inspected_at_m(ground.setup, path, routes[name])
-        for name, path in first_paths(ground.setup, routes).items()
+        name: segment_distances_m(ground.setup, path, routes[name])
+        for name, path in build_first_paths(ground.setup, routes).items()
     }
     assert at_m["uav2"][SHARED] > ASKED_M
     return Prepared(ground, plan_with(ground, routes), math.inf)
 
 
-def places_m(done: Flown, ground: Ground, name: str) -> list[tuple[float, float, float, float]]:
+def places_m(done: Flown, ground: SiteModel, name: str) -> list[tuple[float, float, float, float]]:
     """Return a vehicle's time, east, north and height over the depot's ground, by its own positions."""
     frame = ground.network.frame
     return [
@@ -61,13 +61,13 @@ def all_as_asked(autopilot: Autopilot, tmp_path: Path, routes: Mapping[str, tupl
     assert done.report["finished"], done.said
     assert {row["inspected_at_m"] for row in done.report["inspections"]} == {ASKED_M}, done.said
     assert done.report["replans"] == []
-    ground = assembly.ground_of(check_site(tomllib.loads((done.run / "site.toml").read_text()), "test"), done.run)
+    ground = assembly.load_site_model(check_site(tomllib.loads((done.run / "site.toml").read_text()), "test"), done.run)
     own = {name: places_m(done, ground, name) for name in NAMES}
     begin_m, end_m = (tuple(end) for end in ground.setup.tracks_m[SHARED].tolist())
     over_m = [
         up_m - ground.setup.layers.surface.height_m(east_m, north_m) + ASKED_M
         for _, east_m, north_m, up_m in own[by]
-        if (along := locate(begin_m, end_m, (east_m, north_m)))[1] < 3.0
+        if (along := locate_on_leg(begin_m, end_m, (east_m, north_m)))[1] < 3.0
         and 0.2 < along[0] / math.dist(begin_m, end_m) < 0.8
     ]
     assert over_m

@@ -11,8 +11,8 @@ from pymavlink.dialects.v20 import common as mav
 from executor.core.state import FleetState
 from executor.core.vehicle import VehicleState
 from executor.flight.kept_lists import ListStage, read_kept_lists
-from missions.fences import place_differences
-from missions.items import MissionItem, MissionKind, Place
+from missions.fences import find_list_differences
+from missions.items import MissionItem, MissionKind, PlaceCommand
 from tests.sitl.flights import VICTIM, Story, flown
 from tests.sitl.real import ARDUPILOT, BOTH, PX4, Autopilot, RealVehicle
 
@@ -56,7 +56,21 @@ class Look:
             vehicle.sysid,
             [
                 mav.MAVLink_mission_item_int_message(
-                    vehicle.sysid, 1, seq, 0, Place.INCLUSION_VERTEX, 0, 1, 4, 0, 0, 0, x, y, 0, MissionKind.FENCE
+                    vehicle.sysid,
+                    1,
+                    seq,
+                    0,
+                    PlaceCommand.INCLUSION_VERTEX,
+                    0,
+                    1,
+                    4,
+                    0,
+                    0,
+                    0,
+                    x,
+                    y,
+                    0,
+                    MissionKind.FENCE,
                 )
                 for seq, (x, y) in enumerate(corners)
             ],
@@ -80,8 +94,8 @@ def test_who_leaves_its_fence_comes_home_and_is_declared(autopilot: Autopilot, t
     print(flight.said)
     kept = {(one.vehicle, one.kind): one for one in read_kept_lists(flight.run)}
     # What was on board in flight is what was put there.
-    assert place_differences(kept[VICTIM, MissionKind.FENCE].new[-1], look.fence) == ()
-    assert place_differences(kept[VICTIM, MissionKind.RALLY].new[-1], look.rally) == ()
+    assert find_list_differences(kept[VICTIM, MissionKind.FENCE].new[-1], look.fence) == ()
+    assert find_list_differences(kept[VICTIM, MissionKind.RALLY].new[-1], look.rally) == ()
     for name in ("uav1", VICTIM, "uav3"):
         assert f"{name}: fence of " in flight.said
     # It did what its autopilot should, and that was declared as what it was.

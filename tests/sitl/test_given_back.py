@@ -85,8 +85,8 @@ def test_after_a_flight_and_after_a_death(autopilot: Autopilot, tmp_path: Path) 
     content = site_of(autopilot, story)
     site, run, again = tmp_path / "site.toml", tmp_path / "run", tmp_path / "again"
     site.write_text(tomli_w.dumps(content.model_dump(exclude_none=True, mode="json")))
-    ground = assembly.ground_of(content, tmp_path)
-    pads = {pad.vehicle: pad for pad in assembly.setup_of(ground).pads}
+    ground = assembly.load_site_model(content, tmp_path)
+    pads = {pad.vehicle: pad for pad in assembly.build_flight_setup(ground).pads}
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset())
     with running(autopilot, Path(autopilot.binary), tmp_path / "sim", wanted) as vehicles:
         # Once they are ready they set nothing by themselves until they fly.

@@ -11,9 +11,9 @@ import pytest
 from benchmarks.prediction import plan_with
 from executor.core.state import FleetState
 from executor.core.vehicle import VehicleState
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from missions import Phase
-from missions.geometry import locate
+from missions.geometry import locate_on_leg
 from tests.e2e.flights import began_unix_s
 from tests.e2e.tlog import messages
 from tests.sitl.custody import switches
@@ -27,7 +27,7 @@ AHEAD_M, ASIDE_M, UNDER_M = (45.0, 75.0), 8.0, 3.0
 LAYER_M, SLOW_M_S, FAST_M_S = 5.0, 4.0, 5.0
 
 
-def routed(ground: Ground) -> Prepared:
+def routed(ground: SiteModel) -> Prepared:
     return Prepared(ground, plan_with(ground, ROUTES), None)
 
 
@@ -41,7 +41,7 @@ def is_under_its_way(vehicle: VehicleState, state: FleetState) -> bool:
     along_m = math.dist(fix.place_m, ways[0][1]) if ways else 0.0
     for (_, begin_m), (waypoint, end_m) in itertools.pairwise(ways):
         if waypoint.phase in {Phase.TRANSIT, Phase.RETURN} and math.dist(begin_m, end_m) > 2.0 * AHEAD_M[1]:
-            at_m, aside_m = locate(begin_m, end_m, own.place_m)
+            at_m, aside_m = locate_on_leg(begin_m, end_m, own.place_m)
             if aside_m < UNDER_M and at_m > AHEAD_M[1] and along_m + at_m > AHEAD_M[1]:
                 return waypoint.alt_rel_m > own.alt_rel_m + LAYER_M
         along_m += math.dist(begin_m, end_m)

@@ -45,8 +45,8 @@ def test_killed_in_flight(autopilot: Autopilot, tmp_path: Path) -> None:
     content = site_of(autopilot, story)
     site, run = tmp_path / "site.toml", tmp_path / "run"
     site.write_text(tomli_w.dumps(content.model_dump(exclude_none=True, mode="json")))
-    ground = assembly.ground_of(content, tmp_path)
-    pads = {pad.vehicle: pad for pad in assembly.setup_of(ground).pads}
+    ground = assembly.load_site_model(content, tmp_path)
+    pads = {pad.vehicle: pad for pad in assembly.build_flight_setup(ground).pads}
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset())
     with running(autopilot, Path(autopilot.binary), tmp_path / "sim", wanted):
         report = asyncio.run(flown_with_a_death(site, run))

@@ -15,12 +15,12 @@ from pymavlink.dialects.v20 import common as mav
 from executor.adapters.clock import SystemClock
 from executor.core.preflight.checks import Severity
 from executor.flight import linking
-from executor.flight.flight_order import Order
+from executor.flight.flight_order import FlightRequest
 from executor.flight.parameter_changes import apply_changes, read_changes
-from executor.flight.preparing import examined, interviews, load_all
-from executor.simulated.demo_site import demo_site
+from executor.flight.preparing import build_context_and_checklist, interview_vehicles, upload_first_missions
+from executor.simulated.demo_site import build_demo_site
 from executor.site import assembly
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.site.config import check_site
 from missions import dialect_for
 from tests.executor.virtual.short_line import shared, write_line
@@ -35,14 +35,14 @@ PX4_RATE = 600
 """MAV_0_RATE of a radio that three share; without one PX4 in simulation sends ten times what passes."""
 
 
-def ground_of(folder: Path, autopilot: Autopilot) -> Ground:
+def ground_of(folder: Path, autopilot: Autopilot) -> SiteModel:
     ports = range(autopilot.port + RELAYED, autopilot.port + RELAYED + 3)
-    site = demo_site(
+    site = build_demo_site(
         network=write_line(folder / "line.geojson"), radius_m=1e6, vehicles=3, speedup=1.0, autopilot=autopilot.name,
         ports=ports,
     )  # fmt: skip
     site["flight"] = {"speedup": 1.0, "connect_timeout_s": 120.0, "ready_timeout_s": 240.0}
-    return assembly.ground_of(check_site(site, "test"), folder)
+    return assembly.load_site_model(check_site(site, "test"), folder)
 
 
 def slowed(number: int, folder: Path) -> None:
@@ -67,10 +67,10 @@ def test_a_checklist_and_missions_over_a_slow_radio(autopilot: Autopilot, tmp_pa
     if autopilot.binary is None:
         pytest.skip(f"{autopilot.variable}: expected the path of a real {autopilot.name}")
     ground = ground_of(tmp_path, autopilot)
-    setup = assembly.setup_of(ground)
+    setup = assembly.build_flight_setup(ground)
     pads = {pad.vehicle: pad for pad in setup.pads}
     wanted = Wanted(pads, ground.network.frame, 1.0, {}, frozenset())
-    order = Order(ground.site, tmp_path, ground, shared(ground), tmp_path, lambda _: ())
+    order = FlightRequest(ground.site, tmp_path, ground, shared(ground), tmp_path, lambda _: ())
     ports = range(autopilot.port, autopilot.port + 3)
     radio = Radio(ports, range(ports.start + RELAYED, ports.stop + RELAYED), RATE_BYTES_S, DELAY_S)
     with radio.running(), running(autopilot, Path(autopilot.binary), tmp_path / "work", wanted) as vehicles:
@@ -80,7 +80,9 @@ def test_a_checklist_and_missions_over_a_slow_radio(autopilot: Autopilot, tmp_pa
         asyncio.run(_prepare(order, autopilot, vehicles, radio))
 
 
-async def _prepare(order: Order, autopilot: Autopilot, vehicles: Mapping[str, RealVehicle], radio: Radio) -> None:
+async def _prepare(
+    order: FlightRequest, autopilot: Autopilot, vehicles: Mapping[str, RealVehicle], radio: Radio
+) -> None:
     clock, console, began_s = SystemClock(1.0), WatchfulConsole(Story()), time.monotonic()
 
     def told(what: str) -> None:
@@ -90,9 +92,9 @@ async def _prepare(order: Order, autopilot: Autopilot, vehicles: Mapping[str, Re
         print(f"{time.monotonic() - began_s:6.1f} s {what}; {', '.join(air)}")
 
     async with linking.open_links(order, clock, recorded=False) as links:
-        facts = await interviews(order, links, clock, console)
+        facts = await interview_vehicles(order, links, clock, console)
         told(f"asked, {[len(one.parameters) for one in facts.values()]} parameters")
-        context, boards, found = examined(order, facts)
+        context, boards, found = build_context_and_checklist(order, facts)
         proposal = await read_changes(context, links, clock)
         told("looked at what is to be set")
         found += proposal.checks
@@ -101,7 +103,7 @@ async def _prepare(order: Order, autopilot: Autopilot, vehicles: Mapping[str, Re
         assert not any(one.unread for one in facts.values())
         await apply_changes(order.run, proposal, context, links, clock, console)
         told("set")
-        await load_all(context, links, clock, boards, console)
+        await upload_first_missions(context, links, clock, boards, console)
         told(f"on board; {len(radio.items)} items, {sum(radio.items.values())} sent, at most "
              f"{max(radio.items.values())} times")  # fmt: skip
     rule = dialect_for(autopilot.name).return_parameters

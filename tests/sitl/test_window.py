@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from executor.site.assembly import Ground
-from executor.site.planning import Wanted, first_plan
-from executor.virtual.site import AMPLE_AH, dearest_pct, sized, with_budgets, with_capacity
+from executor.site.assembly import SiteModel
+from executor.site.planning import PlanRequest, plan_site
+from executor.virtual.site import AMPLE_AH, dearest_route_pct, size_batteries, with_budgets, with_capacity
 from planner import Cost
-from planner.evaluate import completions_s
+from planner.evaluate import completion_times_s
 from tests.sitl.flights import VICTIM, Prepared, Story, flown
 from tests.sitl.real import BOTH, Autopilot, RealVehicle
 from tests.sitl.verdict import LEAST_APART_M
@@ -34,16 +34,16 @@ PCT_PER_S = {"px4": 100 / DRAIN_S, "ardupilot": 0.0312 * 25 / PACK_AH}
 def tight(autopilot: Autopilot, share: float) -> Story:
     """Return a story with batteries that just suffice, and a loss from t* on, while uav2 has segments to inspect."""
 
-    def prepared(ground: Ground) -> Prepared:
-        wanted = Wanted(Cost.MINMAX, 3.0, 1, all_vehicles=True)
-        best = first_plan(with_budgets(with_capacity(ground, AMPLE_AH), 100.0), wanted)
-        ground = sized(ground, best, PCT_PER_S[autopilot.name] * max(best.durations_s))
-        ground = with_budgets(ground, round(dearest_pct(ground, best) / TIGHTNESS, 1))
-        plan = first_plan(ground, Wanted(None, 60.0, 1, iterations=200_000, all_vehicles=True))
+    def prepared(ground: SiteModel) -> Prepared:
+        wanted = PlanRequest(Cost.MINMAX, 3.0, 1, all_vehicles=True)
+        best = plan_site(with_budgets(with_capacity(ground, AMPLE_AH), 100.0), wanted)
+        ground = size_batteries(ground, best, PCT_PER_S[autopilot.name] * max(best.durations_s))
+        ground = with_budgets(ground, round(dearest_route_pct(ground, best) / TIGHTNESS, 1))
+        plan = plan_site(ground, PlanRequest(None, 60.0, 1, iterations=200_000, all_vehicles=True))
         assert plan.window is not None
         assert plan.plan.uncovered == ()
         [route] = [one for one in plan.plan.routes if plan.vehicles[one.vehicle].name == VICTIM]
-        from_s, to_s = plan.window.earliest_s, completions_s(plan.task().instance, route)[-1]
+        from_s, to_s = plan.window.earliest_s, completion_times_s(plan.build_task().instance, route)[-1]
         print(f"t* {from_s:.0f} s, {VICTIM} inspects until {to_s:.0f} s, budget {ground.site.vehicle[0].budget_pct} %")
         assert from_s < to_s
         return Prepared(ground, plan, from_s + share * (to_s - from_s))

@@ -10,7 +10,7 @@ from executor.core.events import NewRoute, SolveEnded
 from executor.core.payload.pictures import Picture
 from executor.virtual.radio import MemoryRadio
 from missions import Network
-from simulator.camera import Shot
+from simulator.camera import CapturedImage
 from simulator.config import SimCamera
 from simulator.vehicle import SimulatedVehicle
 from tests.fakes.solver import FakeSolver
@@ -58,7 +58,7 @@ class Eyes(Sky):
         self._cameras = cameras
         self._tall = tall
         self._pylons = story.pylons if pylons is None else pylons
-        self.shots: dict[str, list[Shot]] = {}
+        self.shots: dict[str, list[CapturedImage]] = {}
         super().__init__(replace(story, tables=tables), autopilot)  # type: ignore[arg-type]
         self.solver = FakeSolver(by_sight, takes_s=story.solve_s)
 

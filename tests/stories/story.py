@@ -173,7 +173,7 @@ def uploading(vehicle: str) -> When:
     def due(world: World) -> bool:
         known = world.state.vehicles[vehicle]
         store = world.vehicle(vehicle).autopilot.store
-        return known.assignment.pending is not None and getattr(store, "busy", True)
+        return known.assignment.pending is not None and getattr(store, "is_busy", True)
 
     return due
 

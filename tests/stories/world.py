@@ -19,16 +19,16 @@ from executor.core.commands import Say
 from executor.core.context import Context
 from executor.core.events import Event
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
-from executor.core.parts import OnBoard
-from executor.core.preflight.checks import Facts
-from executor.core.preflight.failsafes import link_failsafe
+from executor.core.parts import OnboardMission
+from executor.core.preflight.checks import VehicleFacts
+from executor.core.preflight.failsafes import read_link_failsafe
 from executor.core.state import FleetState
-from executor.core.vehicle import aboard
-from executor.core.view import FleetView, fleet_view
+from executor.core.vehicle import build_onboard_mission
+from executor.core.view import FleetView, build_fleet_view
 from executor.runtime import preflight
-from executor.runtime.flight import Flight, Observer, keep_heartbeat
+from executor.runtime.flight import Flight, Observer, send_heartbeats
 from executor.site import assembly
-from executor.virtual.radio import MemoryRadio, live
+from executor.virtual.radio import MemoryRadio, run_radios
 from missions import Network, dialect_for, encode
 from planner import PRESETS
 from simulator.config import AutopilotKind, SimVehicle
@@ -117,7 +117,7 @@ class Sky(World):
         flight = {"fly_again": "ask", "offer_s": OFFER_S, **story.tables.get("flight", {})}
         site = site_of(tuple(story.fleet), autopilot, **{**story.tables, "flight": flight})
         self._ground = ground_for(site, self._network())
-        self._setup = assembly.setup_of(self._ground)
+        self._setup = assembly.build_flight_setup(self._ground)
         self.radios = {table.name: self._radio(table.name, table.sysid) for table in site.vehicle}
         self.truths: list[Truth] = []
         self.said: list[tuple[float, Say]] = []
@@ -159,7 +159,7 @@ class Sky(World):
     @property
     def view(self) -> FleetView:
         assert self.flight is not None
-        return fleet_view(self.flight.context, self.flight.state, self.now_s)
+        return build_fleet_view(self.flight.context, self.flight.state, self.now_s)
 
     def vehicle(self, name: str) -> SimulatedVehicle:
         return self.radios[name].vehicle
@@ -176,7 +176,7 @@ class Sky(World):
         fault = parse_fault(spec.format(**words) + "@0s")
         for name, radio in self.radios.items():
             if fault.vehicle in {name, "all"}:
-                radio.vehicle.befall(fault)
+                radio.vehicle.apply_injection(fault)
 
     def ask(
         self, action: Action, vehicle: str | None, *, sure: bool = True, assets: tuple[int | str, ...] = ()
@@ -194,14 +194,14 @@ class Sky(World):
         if action is Action.INCLUDE and vehicle is not None:
             self.vehicle(vehicle).autopilot.killed = False  # who sends it out again has looked at its switch
         name = f"story-{next(self._numbers)}"
-        return self.flight.ask(Intent(name, action, vehicle, "terminal", confirmed, assets=assets))
+        return self.flight.submit_intent(Intent(name, action, vehicle, "terminal", confirmed, assets=assets))
 
     # The flight.
 
     async def fly(self) -> Flown:
         """Connect, check, put on board, fly to the end."""
         links = {name: radio.link for name, radio in self.radios.items()}
-        tasks = [asyncio.create_task(self._live()), asyncio.create_task(keep_heartbeat(links, self.clock))]
+        tasks = [asyncio.create_task(self._live()), asyncio.create_task(send_heartbeats(links, self.clock))]
         try:
             facts = {name: await self._interview(name, link) for name, link in links.items()}
             context, boards = self._context(facts)
@@ -223,8 +223,8 @@ class Sky(World):
                     raise result
         return self._flown(context, began_s, ended_s)
 
-    def _initial(self, boards: Mapping[str, OnBoard | None]) -> FleetState:
-        return fleet.initial(boards)
+    def _initial(self, boards: Mapping[str, OnboardMission | None]) -> FleetState:
+        return fleet.build_initial_state(boards)
 
     async def _run(self, flight: Flight, until_s: float) -> float | None:
         flying = asyncio.create_task(flight.run())
@@ -232,7 +232,7 @@ class Sky(World):
             async with asyncio.timeout_at(until_s):
                 await asyncio.shield(flying)
         except TimeoutError:
-            flight.leave()
+            flight.stop_supervising()
             with suppress(asyncio.CancelledError):
                 await flying
             return None
@@ -240,24 +240,26 @@ class Sky(World):
             flying.cancel()
         return self.now_s
 
-    async def _interview(self, name: str, link: VehicleLink) -> Facts:
-        return await preflight.interview(name, link, self.clock, dialect_for(self.autopilot), READY_S, lambda _: None)
+    async def _interview(self, name: str, link: VehicleLink) -> VehicleFacts:
+        return await preflight.interview_vehicle(
+            name, link, self.clock, dialect_for(self.autopilot), READY_S, lambda _: None
+        )
 
-    def _context(self, facts: Mapping[str, Facts]) -> tuple[Context, dict[str, OnBoard | None]]:
-        setup, task = self._setup, assembly.task_of(self._ground)
+    def _context(self, facts: Mapping[str, VehicleFacts]) -> tuple[Context, dict[str, OnboardMission | None]]:
+        setup, task = self._setup, assembly.build_first_task(self._ground)
         dialect = dialect_for(self.autopilot)
-        own = {name: link_failsafe(dialect, fact.parameters) for name, fact in facts.items()}
-        context = assembly.context_of(self._ground, setup, task, own)
-        paths = assembly.paths_of(setup, {name: visits for name, visits in self.story.fleet.items() if visits})
+        own = {name: read_link_failsafe(dialect, fact.parameters) for name, fact in facts.items()}
+        context = assembly.build_context(self._ground, setup, task, own)
+        paths = assembly.build_paths(setup, {name: visits for name, visits in self.story.fleet.items() if visits})
         boards = {
-            name: aboard(context, name, 0, paths[name], visits) if visits else None
+            name: build_onboard_mission(context, name, 0, paths[name], visits) if visits else None
             for name, visits in self.story.fleet.items()
         }
         return context, boards
 
     async def _live(self) -> None:
         """Let time pass for everybody, and the story happen."""
-        await live(self.radios.values(), self._lived)
+        await run_radios(self.radios.values(), self._lived)
 
     def _lived(self, _: float) -> None:
         for radio in self.radios.values():
@@ -277,7 +279,7 @@ class Sky(World):
     def _note(self) -> None:
         """Note where everybody is."""
         for radio in self.radios.values():
-            radio.vehicle.autopilot.frame.happened("at")
+            radio.vehicle.autopilot.frame.record_event("at")
             self.truths += radio.vehicle.drain_truths(lambda at_s: at_s)
 
     def _look(self) -> None:

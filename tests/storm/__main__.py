@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 
-from executor.adapters.interrupts import held_back
+from executor.adapters.interrupts import defer_ctrl_c
 from tests.stories.judge import told_in
 from tests.storm.compose import close, composed
 from tests.storm.judge import findings
@@ -40,7 +40,7 @@ def storm(plots: Iterator[Plot], seconds: float, jobs: int, *, shrinks: bool) ->
     try:
         while True:
             late = time.monotonic() - began_s >= seconds
-            with held_back():
+            with defer_ctrl_c():
                 while len(waiting) < jobs * AHEAD and not late and (plot := next(plots, None)) is not None:
                     waiting.add(pool.submit(done, plot))
             if not waiting:

@@ -8,16 +8,16 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from executor.adapters.mavlink.codec import Codec, Received
+from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router
-from executor.adapters.mavlink.link import VehicleLink, nowhere
+from executor.adapters.mavlink.link import VehicleLink, discard_frame
 from executor.core.messages import Battery, Heartbeat, Message, Position, SystemStatus
 from simulator.messages import (
     ItemReceived,
     MissionCount,
     Outbound,
     Peer,
-    out,
+    build_message,
 )
 from simulator.messages import Received as Order
 from simulator.truth import Truth
@@ -79,7 +79,7 @@ class Air:
 
     def reopen(self) -> None:
         """Begin anew on the ground's side, as a new process does."""
-        codec = Codec()
+        codec = MavlinkCodec()
         self.link = VehicleLink(self.sysid, codec)
         self._router = Router([self.link], codec)
         self.link.write = self.write
@@ -90,7 +90,7 @@ class Air:
     def close(self) -> None:
         """Let nobody be there on the ground."""
         self.open = False
-        self.link.write = nowhere
+        self.link.write = discard_frame
 
     def write(self, frame: bytes) -> bool:
         """Send a frame up."""
@@ -129,7 +129,7 @@ class Air:
             received = codec.decode(self._inbox.popleft())
             if self.dropped or self.trouble.gps_s > now_s:
                 received = (one for one in map(self._spoilt(now_s), received) if one is not None)
-            self._router.take(received, self.write, self._place)
+            self._router.route_frames(received, self.write, self._place)
 
     def truths(self) -> list[Truth]:
         """Take away what really happened, by the flight's clock."""
@@ -140,10 +140,10 @@ class Air:
         """Return whether a link that comes and goes is gone: 3 s in 5."""
         return now_s < self.trouble.bursts_s and now_s % 5.0 < 3.0
 
-    def _spoilt(self, now_s: float) -> Callable[[Received], Received | None]:
+    def _spoilt(self, now_s: float) -> Callable[[DecodedFrame], DecodedFrame | None]:
         kinds = tuple(kind for sort, until_s in self.dropped.items() if now_s < until_s for kind in DROPPED[sort])
 
-        def spoilt(received: Received) -> Received | None:
+        def spoilt(received: DecodedFrame) -> DecodedFrame | None:
             message = received.message
             if isinstance(message, kinds):
                 return None
@@ -160,30 +160,34 @@ class Air:
         """Send a frame in somebody's name from another address."""
         frame = Transmitter(self.sysid if sysid is None else sysid, component=component).encode(message)
         if self.open:
-            self._router.take(self._router.codec.decode(frame), lambda _: True, "10.9.9.9:40000")
+            self._router.route_frames(self._router.codec.decode(frame), lambda _: True, "10.9.9.9:40000")
 
     def forge_disarmed(self, component: int) -> None:
         """Say that it is disarmed on the ground."""
         kind = 3 if type(self.vehicle.autopilot).__name__ == "ArduPilot" else 12
         self.forge(
-            out("HEARTBEAT", type=2, autopilot=kind, base_mode=1, custom_mode=0, system_status=3, mavlink_version=3),
+            build_message(
+                "HEARTBEAT", type=2, autopilot=kind, base_mode=1, custom_mode=0, system_status=3, mavlink_version=3
+            ),
             component=component,
         )
 
     def forge_position(self) -> None:
         """Say that it is where nobody is."""
-        self.forge(out(
+        self.forge(build_message(
             "GLOBAL_POSITION_INT", time_boot_ms=1000, lat=INT32_MIN, lon=INT32_MIN, alt=INT32_MIN,
             relative_alt=INT32_MIN, vx=0, vy=0, vz=0, hdg=65535,
         ))  # fmt: skip
 
     def forge_text(self, text: str) -> None:
         """Say something grave."""
-        self.forge(out("STATUSTEXT", severity=2, text=text.encode(), id=0, chunk_seq=0))
+        self.forge(build_message("STATUSTEXT", severity=2, text=text.encode(), id=0, chunk_seq=0))
 
     def forge_radio(self) -> None:
         """Speak as a radio somewhere else."""
-        radio = out("RADIO_STATUS", rssi=5, remrssi=5, txbuf=0, noise=200, remnoise=200, rxerrors=999, fixed=0)
+        radio = build_message(
+            "RADIO_STATUS", rssi=5, remrssi=5, txbuf=0, noise=200, remnoise=200, rxerrors=999, fixed=0
+        )
         self.forge(radio, component=68, sysid=51)
 
     def upload(self) -> None:
@@ -204,7 +208,7 @@ class Air:
         noise = self._rng.randbytes(size)
         marked = bytes([self._rng.choice([0xFD, 0xFE]), size & 0xFF]) + noise
         if self.open:
-            self._router.take(self._router.codec.decode(marked), lambda _: True, "10.9.9.9:40000")
+            self._router.route_frames(self._router.codec.decode(marked), lambda _: True, "10.9.9.9:40000")
 
 
 def suffers(air: Air, one: Happening, now_s: float) -> bool:

@@ -9,7 +9,7 @@ from executor.adapters.eventlog import DISK_S
 from executor.adapters.solver import SolverSetup, solve_for_survivors
 from executor.core.commands import Solve
 from executor.core.events import Event, SolveEnded
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from missions import Pricing
 from tests.stories.world import Sink
 
@@ -45,7 +45,7 @@ class Disk(Sink):
 class Deputy:
     """The solver of a flight, in this process and with an end that no clock decides; or one that does not work."""
 
-    def __init__(self, ground: Ground, takes_s: float) -> None:
+    def __init__(self, ground: SiteModel, takes_s: float) -> None:
         self.asked: list[Solve] = []
         self.mood = ""
         self._setup = SolverSetup(3600.0, 1)

@@ -15,16 +15,16 @@ from executor.core.commands import Level, Say
 from executor.core.context import Context
 from executor.core.events import Reopened, ReturnAllOrdered
 from executor.core.intents import Action, IntentRecord
-from executor.core.parts import OnBoard
-from executor.core.preflight.failsafes import link_failsafe
+from executor.core.parts import OnboardMission
+from executor.core.preflight.failsafes import read_link_failsafe
 from executor.core.state import FleetState
-from executor.core.vehicle import aboard
+from executor.core.vehicle import build_onboard_mission
 from executor.errors import ConnectionFailed
 from executor.runtime import preflight
-from executor.runtime.flight import Flight, Observer, keep_heartbeat
+from executor.runtime.flight import Flight, Observer, send_heartbeats
 from executor.site import assembly
 from executor.virtual.loop import VirtualLoop, run_virtual
-from missions import Network, dialect_for, encode, flight_path
+from missions import Network, build_flight_path, dialect_for, encode
 from simulator.faults import parse_fault
 from tests.stories.story import Answers, Story
 from tests.stories.world import Flown, Sky
@@ -121,12 +121,12 @@ class StormSky(Sky):
         asyncio.get_running_loop().set_exception_handler(lambda _, context: self._died(context))
         living = asyncio.create_task(self._live(), name="live")
         links = {name: air.link for name, air in self.airs.items()}
-        self._beat = asyncio.create_task(keep_heartbeat(links, self.clock))
+        self._beat = asyncio.create_task(send_heartbeats(links, self.clock))
         ended_s = None
         try:
             asked = [self._interview(name, link) for name, link in links.items()]
             facts = {fact.name: fact for fact in await asyncio.gather(*asked)}
-            self.context, boards = self._ready({name: link_failsafe(dialect_for(self.autopilot), fact.parameters)
+            self.context, boards = self._ready({name: read_link_failsafe(dialect_for(self.autopilot), fact.parameters)
                 for name, fact in facts.items()})  # fmt: skip
             await asyncio.gather(*(self._loaded(name, board) for name, board in boards.items() if board is not None))
             self._boards = boards
@@ -159,23 +159,27 @@ class StormSky(Sky):
         error = context.get("exception")
         self.mistakes.append(f"{context.get('message')}: {_where(error) if isinstance(error, Exception) else ''}")
 
-    async def _loaded(self, name: str, board: OnBoard) -> None:
+    async def _loaded(self, name: str, board: OnboardMission) -> None:
         dialect = self.context.vehicles[name].dialect
         await preflight.load_mission(name, self.airs[name].link, self.clock, dialect, encode(board.path, dialect))
 
-    def _ready(self, own: Mapping[str, object]) -> tuple[Context, dict[str, OnBoard | None]]:
+    def _ready(self, own: Mapping[str, object]) -> tuple[Context, dict[str, OnboardMission | None]]:
         setup = self._setup
-        task = assembly.task_of(self._ground, sorted({v >> 1 for visits in self.plot.routes.values() for v in visits}))
-        context = assembly.context_of(self._ground, setup, task, own)  # type: ignore[arg-type]
+        task = assembly.build_first_task(
+            self._ground, sorted({v >> 1 for visits in self.plot.routes.values() for v in visits})
+        )
+        context = assembly.build_context(self._ground, setup, task, own)  # type: ignore[arg-type]
         boards = {
-            name: aboard(context, name, 0, flight_path(setup, name, visits), visits) if visits else None
+            name: build_onboard_mission(context, name, 0, build_flight_path(setup, name, visits), visits)
+            if visits
+            else None
             for name, visits in self.plot.routes.items()
         }
         return context, boards
 
     async def _to_the_end(self) -> None:
         """Fly, and take the flight up again as often as the ground station is killed."""
-        state = fleet.initial(self._boards)
+        state = fleet.build_initial_state(self._boards)
         while True:
             links = {name: air.link for name, air in self.airs.items()}
             self.flight = Flight(
@@ -209,7 +213,7 @@ class StormSky(Sky):
             state = self._replayed()
 
     def _replayed(self) -> FleetState:
-        state = fleet.initial(self._boards)
+        state = fleet.build_initial_state(self._boards)
         for at_s, event in self.disk.kept:
             with suppress(Exception):
                 state, _ = fleet.step(self.context, state, event, at_s)
@@ -233,7 +237,7 @@ class StormSky(Sky):
         for air in self.airs.values():
             air.reopen()
         links = {name: air.link for name, air in self.airs.items()}
-        self._beat = asyncio.create_task(keep_heartbeat(links, self.clock))
+        self._beat = asyncio.create_task(send_heartbeats(links, self.clock))
         self._reopened = Reopened(1.8e9, max(0.0, self.now_s - last_s + set_s), ())
         self._up.set()
 
@@ -281,7 +285,7 @@ class StormSky(Sky):
 
     def _note(self) -> None:
         for air in self.airs.values():
-            air.vehicle.autopilot.frame.happened("at")
+            air.vehicle.autopilot.frame.record_event("at")
             self.truths += air.truths()
 
     def _befalls(self) -> None:
@@ -306,7 +310,7 @@ class StormSky(Sky):
         if one.vehicle != GROUND:
             for name, air in self.airs.items():
                 if one.befalls(name) and suffers(air, one, self.now_s):
-                    air.vehicle.autopilot.frame.happened(f"storm {one.kind} {one.word}".rstrip())
+                    air.vehicle.autopilot.frame.record_event(f"storm {one.kind} {one.word}".rstrip())
         match one.kind:
             case "pilot" | "station":
                 word, then = one.word.split()
@@ -346,7 +350,7 @@ class StormSky(Sky):
         fault = parse_fault(spec + "@0s")
         for name, air in self.airs.items():
             if fault.vehicle in {name, ALL}:
-                air.vehicle.befall(fault)
+                air.vehicle.apply_injection(fault)
 
     def _later(self, one: Happening, spec: str) -> None:
         self._then.append((one.ends_s, next(self._number), spec))
@@ -371,15 +375,15 @@ class StormSky(Sky):
             for air in self.airs.values():
                 air.live(begins_s + number * STEP_S)
                 if number % 10 == 0:
-                    air.vehicle.autopilot.frame.happened("at")
+                    air.vehicle.autopilot.frame.record_event("at")
                 self.truths += air.truths()
-        loop.pass_by(round(for_s / STEP_S) * STEP_S)
+        loop.advance(round(for_s / STEP_S) * STEP_S)
 
     def _interrupted(self, word: str) -> None:
         assert self.flight is not None
         if word == "once":
             self.left = True
-            self.flight.leave()
+            self.flight.stop_supervising()
         else:
             self.said.append((self.now_s, Say(Level.WARNING, "Ctrl-C")))
             self.flight.apply(ReturnAllOrdered())

@@ -16,7 +16,7 @@ from benchmarks.scenarios.kernels.day import (
     divide,
 )
 from planner.kernels.arrays import INTS, RANDOM, IntArray, RandomState
-from planner.kernels.chance import uniform
+from planner.kernels.chance import draw_uniform
 from planner.kernels.compiled import inner, kernel
 
 BLINK = 0.01
@@ -40,7 +40,7 @@ def cheapest(
         place, depot = state.place[vehicle, trip], state.depot[vehicle, trip]
         room = longest - state.load[vehicle, trip]
         for before in range(begin, end + 1):
-            if uniform(rng) < BLINK:
+            if draw_uniform(rng) < BLINK:
                 continue
             for way in range(2 * task, 2 * task + 2):
                 if before == begin:
@@ -58,7 +58,7 @@ def cheapest(
                 if added < least and added <= room:
                     least, position, into, visit = added, before, trip, way
     for trip in range(count + 1):  # a new one before it
-        if uniform(rng) < BLINK and least < NEVER:
+        if draw_uniform(rng) < BLINK and least < NEVER:
             continue
         if trip < count:
             place = state.place[vehicle, trip]

@@ -19,7 +19,7 @@ from benchmarks.scenarios.kernels.day import (
 )
 from benchmarks.scenarios.kernels.dayinsertion import insert_tasks
 from planner.kernels.arrays import FLOATS, RANDOM, FloatArray, RandomState
-from planner.kernels.chance import below, uniform
+from planner.kernels.chance import draw_integer, draw_uniform
 from planner.kernels.compiled import inner, kernel
 
 MOST_REMOVED = 10
@@ -76,14 +76,14 @@ def ruin(problem: DayProblem, current: DayState, state: DayState, memory: DayMem
     ``current`` is the state before, with its trips.
     """
     tasks = problem.near.shape[0]
-    wanted = 1 + below(rng, min(MOST_REMOVED, tasks))
-    kind = uniform(rng)
-    seed = below(rng, tasks)
+    wanted = 1 + draw_integer(rng, min(MOST_REMOVED, tasks))
+    kind = draw_uniform(rng)
+    seed = draw_integer(rng, tasks)
     count = 0
     for rank in range(problem.near.shape[1]):
         if count >= wanted:
             break
-        if rank > 0 and uniform(rng) < 0.2:
+        if rank > 0 and draw_uniform(rng) < 0.2:
             continue
         task = problem.near[seed, rank]
         vehicle, position = find(state, task)
@@ -92,8 +92,8 @@ def ruin(problem: DayProblem, current: DayState, state: DayState, memory: DayMem
         if kind < 0.35:
             count = cut_tasks(state, memory, vehicle, position, position + 1, count)
         elif kind < 0.65:
-            size = min(1 + below(rng, 4), state.lengths[vehicle], wanted - count)
-            begin = max(0, min(position - below(rng, size), state.lengths[vehicle] - size))
+            size = min(1 + draw_integer(rng, 4), state.lengths[vehicle], wanted - count)
+            begin = max(0, min(position - draw_integer(rng, size), state.lengths[vehicle] - size))
             count = cut_tasks(state, memory, vehicle, begin, begin + size, count)
         elif memory.touched[vehicle] == 0:
             trip = 0
@@ -113,9 +113,9 @@ def arrange(problem: DayProblem, memory: DayMemory, count: int, rng: RandomState
     """Put the removed tasks into a random order, or those far from home first, or the nearest."""
     removed = memory.removed
     for last in range(count - 1, 0, -1):
-        other = below(rng, last + 1)
+        other = draw_integer(rng, last + 1)
         removed[last], removed[other] = removed[other], removed[last]
-    kind = uniform(rng)
+    kind = draw_uniform(rng)
     if kind < 0.5:
         return
     sign = 1.0 if kind < 0.8 else -1.0
@@ -134,11 +134,11 @@ def arrange(problem: DayProblem, memory: DayMemory, count: int, rng: RandomState
 @inner(nb.void(DAY, DAY_STATE, DAY_MEMORY, RANDOM))
 def reverse(problem: DayProblem, state: DayState, memory: DayMemory, rng: RandomState) -> None:
     """Turn a part of a vehicle's order round."""
-    vehicle = below(rng, len(state.lengths))
+    vehicle = draw_integer(rng, len(state.lengths))
     length = state.lengths[vehicle]
     if length < 2:
         return
-    low, high = below(rng, length), below(rng, length)
+    low, high = draw_integer(rng, length), draw_integer(rng, length)
     if low > high:
         low, high = high, low
     visits = state.visits[vehicle]
@@ -153,12 +153,12 @@ def reverse(problem: DayProblem, state: DayState, memory: DayMemory, rng: Random
 @inner(nb.void(DAY, DAY_STATE, DAY_MEMORY, RANDOM))
 def hand_on(problem: DayProblem, state: DayState, memory: DayMemory, rng: RandomState) -> None:
     """Put a whole trip elsewhere between the trips of this vehicle or another."""
-    giver, taker = below(rng, len(state.lengths)), below(rng, len(state.lengths))
+    giver, taker = draw_integer(rng, len(state.lengths)), draw_integer(rng, len(state.lengths))
     if state.trips[giver] == 0:
         return
-    trip = below(rng, state.trips[giver])
+    trip = draw_integer(rng, state.trips[giver])
     begin, end = state.begins[giver, trip], state.begins[giver, trip + 1]
-    to = state.begins[taker, below(rng, state.trips[taker] + 1)]
+    to = state.begins[taker, draw_integer(rng, state.trips[taker] + 1)]
     count = cut_tasks(state, memory, giver, begin, end, 0)
     if giver == taker and to >= end:
         to -= end - begin
@@ -212,7 +212,7 @@ def anneal_day(
     value = guide(problem, current)
     improved = 0
     for iteration in range(iterations):
-        kind = uniform(rng)
+        kind = draw_uniform(rng)
         complete = True
         if kind < 0.1:
             reverse(problem, trial, memory, rng)
@@ -223,7 +223,7 @@ def anneal_day(
             arrange(problem, memory, count, rng)
             complete = insert_tasks(problem, trial, memory, memory.removed, count, rng)
         found = guide(problem, trial)
-        accepted = complete and found < value - temperature[0] * math.log(max(uniform(rng), 1e-300))
+        accepted = complete and found < value - temperature[0] * math.log(max(draw_uniform(rng), 1e-300))
         if accepted:
             value = found
             measure_day(trial, measured)

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from executor.adapters.logs.ardupilot_codes import MODE_REASONS, disarmed_by, failsafe_of
+from executor.adapters.logs.ardupilot_codes import MODE_REASONS, disarm_cause_of, failsafe_of
 from executor.adapters.logs.dataflash_rows import Fields, WantedColumns
 from executor.core import words
 from executor.core.messages import (
@@ -29,7 +29,7 @@ from executor.core.messages import (
     StatusText,
     VehicleSetting,
 )
-from executor.core.recording import MODE_COMMANDS, RcWatch, TiltWatch, is_wanted_setting
+from executor.core.recording import MODE_COMMANDS, RcChangeFilter, TiltFilter, is_wanted_setting
 from missions import ARDUPILOT
 from missions.autopilots.modes import mode_name
 from missions.items import Frame, MissionItem
@@ -86,11 +86,11 @@ _MODE_NUMBERS = {mode_name(ARDUPILOT, number).replace("_", "").upper(): number f
     "BRAKE": 17,
 }
 """A log in text has a mode's name in the place of its number."""
-Told = FlightMessage | tuple[FlightMessage, ...] | None
+ArduPilotMessages = FlightMessage | tuple[FlightMessage, ...] | None
 
 
 @dataclass(slots=True)
-class Boot:
+class ArduPilotBoot:
     """What is known of the vehicle since it was switched on."""
 
     first_usec: int | None = None
@@ -101,7 +101,7 @@ class Boot:
     arming_told: bool = False
     changed: bool = False
     """Whether a HEARTBEAT would say something new."""
-    rc: RcWatch = field(default_factory=RcWatch)
+    rc: RcChangeFilter = field(default_factory=RcChangeFilter)
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """North, east, down, by the filter that POS is by."""
     filtered_usec: int = -STALE_USEC
@@ -114,29 +114,29 @@ class Boot:
     thrust_rows: int = 0
     capacity_ah: float = 0.0
     """Of its first pack, as it is set; 0 where nobody says it."""
-    tilt: TiltWatch = field(default_factory=TiltWatch)
+    tilt: TiltFilter = field(default_factory=TiltFilter)
     fix: tuple[int, int] = (-GPS_USEC, -1)
     """When it was told last, and which one."""
 
-    def begins(self, t_usec: int) -> bool:
+    def begin_when_known(self, t_usec: int) -> bool:
         """Return whether it can be followed from now on."""
         if not self.begun:
             self.first_usec = t_usec if self.first_usec is None else self.first_usec
             self.begun = self.changed = self.mode != NO_MODE or t_usec - self.first_usec > MODE_WAIT_USEC
         return self.begun
 
-    def beat(self, vehicle_type: int) -> Heartbeat:
+    def build_heartbeat(self, vehicle_type: int) -> Heartbeat:
         """Return the HEARTBEAT that it would send."""
         return Heartbeat(ARDUPILOT.number, self.mode, self.armed, ACTIVE if self.armed else STANDBY, vehicle_type)
 
-    def arm(self, *, armed: bool) -> None:
+    def set_armed(self, *, armed: bool) -> None:
         """Note that the log says that it is armed, or that it is not."""
         self.arming_told = True
         self.changed = self.changed or armed != self.armed
         self.armed = armed
 
 
-def _moded(boot: Boot, _: int, fields: Fields) -> Told:
+def _read_mode(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
     named = fields.get("ModeNum", fields["Mode"])
     number = _MODE_NUMBERS.get(str(named).replace("_", "").replace(" ", "").upper())
     boot.mode, boot.changed = int(float(named)) if number is None else number, True
@@ -145,34 +145,34 @@ def _moded(boot: Boot, _: int, fields: Fields) -> Told:
     return ModeChange(boot.mode, MODE_REASONS.get(int(fields["Rsn"]), Actor.UNKNOWN))
 
 
-def _happened(boot: Boot, _: int, fields: Fields) -> Told:
+def _read_event(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
     event = int(fields["Id"])
     if event in ARMED_EVENTS or event == DISARMED:
-        boot.arm(armed=event != DISARMED)
+        boot.set_armed(armed=event != DISARMED)
     return LandedState(event == LANDED) if event in {LANDED, NOT_LANDED} else None
 
 
-def _armed_or_not(boot: Boot, _: int, fields: Fields) -> Told:
-    boot.arm(armed=bool(fields["ArmState"]))
-    return None if boot.armed else disarmed_by(int(fields.get("Method", 0)))
+def _read_arming(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
+    boot.set_armed(armed=bool(fields["ArmState"]))
+    return None if boot.armed else disarm_cause_of(int(fields.get("Method", 0)))
 
 
-def _failed(_: Boot, __: int, fields: Fields) -> Told:
+def _read_error(_: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
     return failsafe_of(int(fields["Subsys"]), int(fields["ECode"]))
 
 
-def _transmitted(boot: Boot, t_usec: int, fields: Fields) -> Told:
-    return boot.rc.news(t_usec, tuple(int(fields.get(f"C{one}", 0)) for one in range(1, CHANNELS + 1)))
+def _read_rc_channels(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
+    return boot.rc.filter_channels(t_usec, tuple(int(fields.get(f"C{one}", 0)) for one in range(1, CHANNELS + 1)))
 
 
-def _set_to(boot: Boot, __: int, fields: Fields) -> Told:
-    name, value = words.shown(fields["Name"]), float(fields["Value"])
+def _read_parameter(boot: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
+    name, value = words.escape_controls(fields["Name"]), float(fields["Value"])
     if name == CAPACITY and math.isfinite(value):
         boot.capacity_ah = value / 1e3
     return VehicleSetting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
 
 
-def _ordered(_: Boot, __: int, fields: Fields) -> Told:
+def _read_command(_: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
     command = int(fields["Cmd"])
     if command not in MODE_COMMANDS or int(fields["Res"]) not in ACCEPTED:
         return None
@@ -180,9 +180,9 @@ def _ordered(_: Boot, __: int, fields: Fields) -> Told:
     return OrderSeen(command, mode, int(fields["SS"]))
 
 
-def _powered(boot: Boot, __: int, fields: Fields) -> Told:
+def _read_battery(boot: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
     remaining, consumed = fields.get("RemPct"), fields.get("CurrTot")
-    volts, amperes = (_hundredths(fields[name]) for name in ("Volt", "Curr"))
+    volts, amperes = (_scale_hundredths(fields[name]) for name in ("Volt", "Curr"))
     # MONITOR 3 has no current: both counters stay at nothing.
     counts = consumed is not None and (consumed > 0 or amperes > 0)
     battery = int(fields.get("Inst", fields.get("Instance", 0)))
@@ -200,17 +200,17 @@ def _powered(boot: Boot, __: int, fields: Fields) -> Told:
     )
 
 
-def _hundredths(value: float) -> float:
+def _scale_hundredths(value: float) -> float:
     """Return a voltage or a current: whole numbers, of old firmware, count hundredths."""
     return value / 100.0 if isinstance(value, int) else value
 
 
-def _placed(boot: Boot, t_usec: int, fields: Fields) -> Told:
+def _read_position(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
     boot.placed_usec = t_usec
-    return _position(t_usec, fields, fields.get("RelHomeAlt", fields.get("RelAlt", math.nan)), boot.velocity_m_s)
+    return _build_position(t_usec, fields, fields.get("RelHomeAlt", fields.get("RelAlt", math.nan)), boot.velocity_m_s)
 
 
-def _received(boot: Boot, t_usec: int, fields: Fields) -> Told:
+def _read_gps(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
     """Read what the satellites say: a place where the log has no better one, with their own speed."""
     if fields.get("I", 0) != 0:
         return None
@@ -228,27 +228,29 @@ def _received(boot: Boot, t_usec: int, fields: Fields) -> Told:
         boot.begun_msl_m = fields["Alt"] if boot.begun_msl_m is None else boot.begun_msl_m
         height_m = fields.get("RelAlt", boot.height_m)
         told.append(
-            _position(t_usec, fields, fields["Alt"] - boot.begun_msl_m if height_m is None else height_m, velocity)
+            _build_position(
+                t_usec, fields, fields["Alt"] - boot.begun_msl_m if height_m is None else height_m, velocity
+            )
         )
     return tuple(told)
 
 
-def _position(t_usec: int, fields: Fields, height_m: float, velocity_m_s: tuple[float, float, float]) -> Position:
+def _build_position(t_usec: int, fields: Fields, height_m: float, velocity_m_s: tuple[float, float, float]) -> Position:
     north, east, down = velocity_m_s
     return Position(t_usec / 1e6, fields["Lat"], fields["Lng"], fields["Alt"], height_m, north, east, down, None)
 
 
-def _moved(boot: Boot, t_usec: int, fields: Fields) -> Told:
+def _read_velocity(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
     if fields.get("C", 0) == 0:
         boot.velocity_m_s, boot.filtered_usec = (fields["VN"], fields["VE"], fields["VD"]), t_usec
     return None
 
 
-def _tilted(boot: Boot, t_usec: int, fields: Fields) -> Told:
-    return boot.tilt.news(t_usec, Attitude(fields["Roll"], fields["Pitch"]))
+def _read_attitude(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
+    return boot.tilt.filter_attitude(t_usec, Attitude(fields["Roll"], fields["Pitch"]))
 
 
-def _controlled(boot: Boot, _: int, fields: Fields) -> Told:
+def _read_throttle(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
     boot.height_m, target_m = fields.get("Alt"), fields.get("DAlt")
     share = fields.get("ThO", fields.get("ThrOut", 0))
     share = share / 1000 if share > 1 else share  # per mille in old firmware
@@ -260,21 +262,21 @@ def _controlled(boot: Boot, _: int, fields: Fields) -> Told:
     return HeightTarget(target_m - boot.height_m)
 
 
-def _said(boot: Boot, _: int, fields: Fields) -> Told:
-    text = words.shown(str(fields["Message"]))
+def _read_message(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
+    text = words.escape_controls(str(fields["Message"]))
     if text == ARMS:
-        boot.arm(armed=True)
+        boot.set_armed(armed=True)
     return StatusText(FAILURE, text)
 
 
-def _flies_to(boot: Boot, t_usec: int, fields: Fields) -> Told:
+def _flies_to(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
     """Read an item that is begun (MISE)."""
     current = MissionCurrent(int(fields["CNum"]), max(0, int(fields["CTot"]) - 1) or None)
     listed = _listed(boot, t_usec, fields) if "CId" in fields else None
     return (listed, current) if isinstance(listed, ListedItem) else current
 
 
-def _listed(boot: Boot, _: int, fields: Fields) -> Told:
+def _listed(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
     """Read an item: it is written when the mission is, and before Copter 4.2 once more when it is begun."""
     number, frame = int(fields["CNum"]), int(fields.get("Frame", Frame.GLOBAL_RELATIVE_ALT))
     x, y = (round(fields[name] * 1e7) for name in ("Lat", "Lng"))
@@ -288,10 +290,13 @@ def _listed(boot: Boot, _: int, fields: Fields) -> Told:
     return ListedItem(item)
 
 
-READERS: Mapping[str, Callable[[Boot, int, Fields], Told]] = {
-    "MODE": _moded, "EV": _happened, "ARM": _armed_or_not, "ERR": _failed, "RCIN": _transmitted, "PARM": _set_to,
-    "MAVC": _ordered, "BAT": _powered, "CURR": _powered, "POS": _placed, "GPS": _received, "XKF1": _moved,
-    "NKF1": _moved, "EKF1": _moved, "ATT": _tilted, "CTUN": _controlled, "MSG": _said, "MISE": _flies_to,
+READERS: Mapping[str, Callable[[ArduPilotBoot, int, Fields], ArduPilotMessages]] = {
+    "MODE": _read_mode, "EV": _read_event, "ARM": _read_arming, "ERR": _read_error, "RCIN": _read_rc_channels,
+    "PARM": _read_parameter,
+    "MAVC": _read_command, "BAT": _read_battery, "CURR": _read_battery, "POS": _read_position, "GPS": _read_gps,
+    "XKF1": _read_velocity,
+    "NKF1": _read_velocity, "EKF1": _read_velocity, "ATT": _read_attitude, "CTUN": _read_throttle,
+    "MSG": _read_message, "MISE": _flies_to,
     "CMD": _listed,
 }  # fmt: skip
 """By the kind of the record."""

@@ -78,7 +78,7 @@ def failsafe_of(subsystem: int, code: int) -> OwnFailsafe | None:
     return OwnFailsafe(kind, code != RESOLVED, words)
 
 
-def disarmed_by(method: int) -> OwnFailsafe | None:
+def disarm_cause_of(method: int) -> OwnFailsafe | None:
     """Return what disarmed it, if that was neither a person nor a landing."""
     known = DISARMED_BY.get(method)
     return None if known is None else OwnFailsafe(known[0], active=True, words=known[1])

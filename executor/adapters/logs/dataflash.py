@@ -9,11 +9,11 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from executor.adapters.logs.ardupilot_boot import NO_MODE, READERS, WANTED, Boot
+from executor.adapters.logs.ardupilot_boot import NO_MODE, READERS, WANTED, ArduPilotBoot
 from executor.adapters.logs.dataflash_rows import BinaryRows, Fields, Row, TextRows, WantedColumns
-from executor.core.hearing.plausible import plausible
+from executor.core.hearing.plausible import filter_implausible
 from executor.core.messages import ListedItem, VehicleSetting
-from executor.core.recording import Record, RecordedFile, Skipped
+from executor.core.recording import Record, RecordedFile, SkippedRecords
 from executor.errors import LogError
 
 SYSTEM = 1
@@ -58,10 +58,10 @@ class DataFlashFile(RecordedFile):
     """Records without a time, before the first one that has one."""
     _doubted: tuple[int, str, Fields] | None = None
     """A record whose time is far from that of the others."""
-    _boot: Boot = field(default_factory=Boot)
+    _boot: ArduPilotBoot = field(default_factory=ArduPilotBoot)
     _beat_usec: int = 0
 
-    def records(self) -> Iterator[Record]:
+    def read_records(self) -> Iterator[Record]:
         """Yield what the log says, in its order, with a heartbeat a second.
 
         Raises:
@@ -70,11 +70,11 @@ class DataFlashFile(RecordedFile):
         if self.path.stat().st_size == 0:
             self.notes.append("it is empty")
             return
-        if not self._survey():
+        if not self._find_writer():
             return
-        rows = self._rows(WANTED, self.skipped)
+        rows = self._open_rows(WANTED, self.skipped)
         for row in rows:
-            for t_usec, kind, fields in self._timed(row, rows):
+            for t_usec, kind, fields in self._attach_time(row, rows):
                 yield from self._read(t_usec, kind, fields)
         if not rows.kinds:
             raise LogError(
@@ -87,12 +87,12 @@ class DataFlashFile(RecordedFile):
         elif self._boot.mode == NO_MODE:
             self.notes.append("no MODE in it: nobody knows in which mode it flew")
 
-    def _rows(self, wanted: Mapping[str, WantedColumns], skipped: Skipped) -> BinaryRows | TextRows:
+    def _open_rows(self, wanted: Mapping[str, WantedColumns], skipped: SkippedRecords) -> BinaryRows | TextRows:
         return TextRows(self.path, wanted, skipped) if self.text else BinaryRows(self.path, wanted, skipped)
 
-    def _survey(self) -> bool:
+    def _find_writer(self) -> bool:
         """Look for who wrote the log; returns whether it can be read."""
-        rows, system, kind = self._rows(SURVEYED, Skipped()), None, None
+        rows, system, kind = self._open_rows(SURVEYED, SkippedRecords()), None, None
         for number, (_, name, fields) in enumerate(rows):
             if name == "PARM" and fields.get("Name") in SYSTEM_PARAMETERS and 0 < fields.get("Value", 0) < MOST_SYSTEMS:
                 system = system or int(fields["Value"])
@@ -107,7 +107,7 @@ class DataFlashFile(RecordedFile):
             return False
         return True
 
-    def _timed(self, row: Row, rows: BinaryRows | TextRows) -> Iterable[tuple[int, str, Fields]]:
+    def _attach_time(self, row: Row, rows: BinaryRows | TextRows) -> Iterable[tuple[int, str, Fields]]:
         """Return a record with its time, and before it one whose time is no longer doubted; nothing while it is."""
         t_usec, kind, fields = row if row[0] is not None else _with_satellites_time(row, rows)
         if self._now_usec is None:
@@ -132,7 +132,7 @@ class DataFlashFile(RecordedFile):
             self.skipped.impossible += before is not None
             return []
         if t_usec < self._now_usec:
-            self._boot = Boot()  # another boot: it was neither armed nor in a mode
+            self._boot = ArduPilotBoot()  # another boot: it was neither armed nor in a mode
         self._now_usec, self._doubted = t_usec, None
         return [(min(before[0], t_usec), *before[1:]), (t_usec, kind, fields)]
 
@@ -143,15 +143,15 @@ class DataFlashFile(RecordedFile):
         except (KeyError, ValueError, TypeError, OverflowError):
             self.skipped.unreadable += 1
             return
-        if not boot.begun and not boot.begins(t_usec):
+        if not boot.begun and not boot.begin_when_known(t_usec):
             if isinstance(told, VehicleSetting | ListedItem):
                 yield t_usec, self.system, told
             return
         if boot.changed or t_usec - self._beat_usec >= BEAT_USEC:
             self._beat_usec, boot.changed = t_usec, False
-            yield t_usec, self.system, boot.beat(self.vehicle_type)
+            yield t_usec, self.system, boot.build_heartbeat(self.vehicle_type)
         for one in told if isinstance(told, tuple) else () if told is None else (told,):
-            if (known := plausible(one)) is not one:
+            if (known := filter_implausible(one)) is not one:
                 self.skipped.impossible += 1
             if known is not None:
                 yield t_usec, self.system, known

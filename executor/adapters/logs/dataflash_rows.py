@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from executor.adapters.pieces import in_pieces
-from executor.core.recording import Skipped
+from executor.adapters.pieces import read_in_chunks
+from executor.core.recording import SkippedRecords
 
 HEAD = b"\xa3\x95"
 FMT, FMT_SIZE = 128, 89
@@ -47,7 +47,7 @@ class WantedColumns:
 
 
 @dataclass(slots=True)
-class Format:
+class RecordFormat:
     """What a log says of one kind of its records."""
 
     name: str
@@ -66,7 +66,7 @@ class Format:
     newest: dict[int, int] = field(default_factory=dict)
     """When a record was taken last, by its instance."""
 
-    def fields(self, values: tuple[Any, ...]) -> dict[str, Any]:
+    def pick_fields(self, values: tuple[Any, ...]) -> dict[str, Any]:
         """Return the wanted fields of a record."""
         found = {}
         for column, index, scale in self.picked:
@@ -76,7 +76,7 @@ class Format:
             found[column] = value if scale is None else value * scale
         return found
 
-    def due(self, t_usec: int, instance: int) -> bool:
+    def is_due(self, t_usec: int, instance: int) -> bool:
         """Return whether a record is far enough from the last one."""
         if 0 <= t_usec - self.newest.get(instance, -self.every_usec) < self.every_usec:
             return False
@@ -84,7 +84,7 @@ class Format:
         return True
 
 
-def format_of(name: str, letters: str, columns: tuple[str, ...], wanted: WantedColumns) -> Format | None:
+def format_of(name: str, letters: str, columns: tuple[str, ...], wanted: WantedColumns) -> RecordFormat | None:
     """Return how to read a kind; None if its letters are unknown, or do not fit its columns."""
     if len(letters) != len(columns) or any(letter not in LETTERS for letter in letters):
         return None
@@ -92,8 +92,8 @@ def format_of(name: str, letters: str, columns: tuple[str, ...], wanted: WantedC
     picked = tuple(
         (column, index, LETTERS[letters[index]][1]) for index, column in enumerate(columns) if column in wanted.columns
     )
-    made = Format(name, letters, columns, layout, picked, wanted.every_usec)
-    index = _time_index(name, columns)
+    made = RecordFormat(name, letters, columns, layout, picked, wanted.every_usec)
+    index = _find_time_index(name, columns)
     if index is not None:
         made.time_at = struct.calcsize("<" + "".join(LETTERS[one][0] for one in letters[:index]))
         made.time_size = struct.calcsize("<" + LETTERS[letters[index]][0])
@@ -107,7 +107,7 @@ def format_of(name: str, letters: str, columns: tuple[str, ...], wanted: WantedC
     return made
 
 
-def _time_index(name: str, columns: tuple[str, ...]) -> int | None:
+def _find_time_index(name: str, columns: tuple[str, ...]) -> int | None:
     """Return which field is the autopilot's own time; TimeMS of an old GPS record is that of the satellites."""
     for column in ("TimeUS", "T") if name == "GPS" else ("TimeUS", "TimeMS"):
         if column in columns:
@@ -121,10 +121,10 @@ class BinaryRows:
 
     path: Path
     wanted: Mapping[str, WantedColumns]
-    skipped: Skipped
+    skipped: SkippedRecords
     sizes: list[int] = field(default_factory=lambda: [0] * HIGHEST)
     """Of whole records, by their number; 0 where no format was seen."""
-    formats: list[Format | None] = field(default_factory=lambda: [None] * HIGHEST)
+    formats: list[RecordFormat | None] = field(default_factory=lambda: [None] * HIGHEST)
     kinds: set[str] = field(default_factory=set)
     """That the log describes, wanted or not."""
     _in_garbage: bool = False
@@ -137,31 +137,31 @@ class BinaryRows:
     def __iter__(self) -> Iterator[Row]:
         """Yield what is wanted, in the order of the file."""
         self.sizes[FMT] = FMT_SIZE
-        yield from in_pieces(self.path, self._piece)
+        yield from read_in_chunks(self.path, self._read_piece)
 
-    def _piece(self, buffer: bytes, last: bool) -> Generator[Row, None, int]:
+    def _read_piece(self, buffer: bytes, last: bool) -> Generator[Row, None, int]:
         """Yield the rows of a piece; returns where the rest begins. Calls would take most of the time."""
         at, size, sizes, formats = 0, len(buffer), self.sizes, self.formats
         while at + 3 <= size:
             number = buffer[at + 2]
             length = sizes[number]
             if not length or buffer[at] != HEAD[0] or buffer[at + 1] != HEAD[1]:
-                at = self._behind_garbage(buffer, at, last=last)
+                at = self._skip_garbage(buffer, at, last=last)
                 continue
             end = at + length
             if end >= size and not last:
                 break
             if end > size:
                 self.skipped.truncated = 1
-                at = self._behind_garbage(buffer, at, last=last, told=True)
+                at = self._skip_garbage(buffer, at, last=last, told=True)
                 continue
             if end < size and buffer[end] != HEAD[0] and not _is_padding(buffer[end : end + PADDED]):
                 # Bytes are missing in it, or it is none.
-                at = self._behind_garbage(buffer, at, last=last)
+                at = self._skip_garbage(buffer, at, last=last)
                 continue
             self._in_garbage = False
             if number == FMT:
-                self._described(buffer[at + 3 : end])
+                self._register_format(buffer[at + 3 : end])
             elif (known := formats[number]) is not None:
                 body, t_usec = at + 3, None
                 if known.time_at >= 0:
@@ -170,13 +170,13 @@ class BinaryRows:
                 if (
                     not known.every_usec
                     or t_usec is None
-                    or known.due(t_usec, buffer[body + known.instance_at] if known.instance_at >= 0 else 0)
+                    or known.is_due(t_usec, buffer[body + known.instance_at] if known.instance_at >= 0 else 0)
                 ):
-                    yield t_usec, known.name, known.fields(known.layout.unpack_from(buffer, body))
+                    yield t_usec, known.name, known.pick_fields(known.layout.unpack_from(buffer, body))
             at = end
         return at
 
-    def _behind_garbage(self, buffer: bytes, at: int, *, last: bool, told: bool = False) -> int:
+    def _skip_garbage(self, buffer: bytes, at: int, *, last: bool, told: bool = False) -> int:
         """Return where the next record may begin."""
         self.skipped.garbage_runs += not (self._in_garbage or told)
         self._in_garbage = True
@@ -186,7 +186,7 @@ class BinaryRows:
         # The last byte may be the first of a head.
         return len(buffer) if last else max(at + 1, len(buffer) - 1)
 
-    def _described(self, body: bytes) -> None:
+    def _register_format(self, body: bytes) -> None:
         number, length, *texts = struct.unpack("<BB4s16s64s", body)
         name, letters, columns = (text.split(b"\0", 1)[0].decode("ascii", "replace") for text in texts)
         if number == FMT:
@@ -210,8 +210,8 @@ class TextRows:
 
     path: Path
     wanted: Mapping[str, WantedColumns]
-    skipped: Skipped
-    formats: dict[str, Format] = field(default_factory=dict)
+    skipped: SkippedRecords
+    formats: dict[str, RecordFormat] = field(default_factory=dict)
     kinds: set[str] = field(default_factory=set)
     """That the log describes, wanted or not."""
 
@@ -233,13 +233,13 @@ class TextRows:
                     continue
                 in_garbage = False
                 if kind == "FMT":
-                    self._described([one.strip() for one in rest.decode("utf-8", "replace").split(",")])
+                    self._register_format([one.strip() for one in rest.decode("utf-8", "replace").split(",")])
                 elif (known := self.formats.get(kind)) is not None:
-                    row = self._row(known, rest.decode("utf-8", "replace"))
+                    row = self._parse_row(known, rest.decode("utf-8", "replace"))
                     if row is not None:
                         yield row
 
-    def _row(self, known: Format, rest: str) -> Row | None:
+    def _parse_row(self, known: RecordFormat, rest: str) -> Row | None:
         texts = [one.strip() for one in rest.split(",", len(known.columns) - 1)]
         if len(texts) != len(known.columns):
             self.skipped.unreadable += 1
@@ -248,15 +248,15 @@ class TextRows:
             t_usec = None if known.time_at < 0 else round(float(texts[known.time_at])) * known.usec
             if t_usec is not None and known.every_usec:
                 instance = int(texts[known.instance_at]) if known.instance_at >= 0 else 0
-                if not known.due(t_usec, instance):
+                if not known.is_due(t_usec, instance):
                     return None
-            fields = {column: _value(texts[index], known.letters[index]) for column, index, _ in known.picked}
+            fields = {column: _parse_value(texts[index], known.letters[index]) for column, index, _ in known.picked}
         except (ValueError, OverflowError):
             self.skipped.unreadable += 1
             return None
         return t_usec, known.name, fields
 
-    def _described(self, said: list[str]) -> None:
+    def _register_format(self, said: list[str]) -> None:
         if len(said) < 5:
             return
         self.kinds.add(said[2])
@@ -268,7 +268,7 @@ class TextRows:
             self.skipped.unreadable += 1
             return
         # Of a line it is the number of the field that counts.
-        index = _time_index(name, columns)
+        index = _find_time_index(name, columns)
         made.time_at = -1 if index is None else index
         made.instance_at = next((columns.index(one) for one in ("Inst", "Instance", "I", "C") if one in columns), -1)
         self.formats[name] = made
@@ -278,7 +278,7 @@ def _is_padding(behind: bytes) -> bool:
     return behind[0] in PADDING and behind.count(behind[0]) == len(behind)
 
 
-def _value(text: str, letter: str) -> str | float:
+def _parse_value(text: str, letter: str) -> str | float:
     if letter in WORDS:
         return text
     return int(float(text)) if letter in WHOLE else float(text)

@@ -41,8 +41,8 @@ from executor.core.messages import (
     RcChannels,
     StatusText,
 )
-from executor.core.own_events import ARGUMENT_BYTES, event_said
-from executor.core.recording import MODE_COMMANDS, RcWatch, TiltWatch
+from executor.core.own_events import ARGUMENT_BYTES, parse_px4_event
+from executor.core.recording import MODE_COMMANDS, RcChangeFilter, TiltFilter
 from missions import PX4
 
 QUADROTOR = 2
@@ -87,11 +87,11 @@ class TopicRow(Protocol):
         ...
 
 
-Told: TypeAlias = FlightMessage | tuple[FlightMessage, ...] | None
+Px4Messages: TypeAlias = FlightMessage | tuple[FlightMessage, ...] | None
 
 
 @dataclass(slots=True)
-class Px4:
+class Px4State:
     """What is known of the vehicle."""
 
     beat: tuple[int, bool] | None = None
@@ -106,8 +106,8 @@ class Px4:
     received_usec: int = -STALE_USEC
     landed: bool | None = None
     item: tuple[int, int] | None = None
-    rc: RcWatch = field(default_factory=RcWatch)
-    tilt: TiltWatch = field(default_factory=TiltWatch)
+    rc: RcChangeFilter = field(default_factory=RcChangeFilter)
+    tilt: TiltFilter = field(default_factory=TiltFilter)
     failing: dict[str, tuple[str, str]] = field(default_factory=dict)
     """Flags that are up in the order in which they rose, with what they are about."""
     failed: OwnFailsafe | None = None
@@ -118,13 +118,13 @@ class Px4:
     finished: bool = False
 
 
-def _status(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
+def _read_vehicle_status(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     mode = MODES.get(int(row["nav_state"]), 0)
     armed, acts = int(row["arming_state"]) == ARMED, bool(row.get("failsafe", 0))
-    _flagged(vehicle, t_usec, row)
-    told: list[FlightMessage] = list(_failsafe(vehicle, acts=acts and armed))
+    _read_failsafe_flags(vehicle, t_usec, row)
+    told: list[FlightMessage] = list(_update_failsafe(vehicle, acts=acts and armed))
     if vehicle.beat is None or mode != vehicle.beat[0]:
-        told.append(ModeChange(mode, _who(vehicle, t_usec, row, acts=acts)))
+        told.append(ModeChange(mode, _find_mode_actor(vehicle, t_usec, row, acts=acts)))
     beat = (mode, armed)
     if beat != vehicle.beat or told or t_usec - vehicle.beat_usec >= BEAT_USEC:
         vehicle.beat, vehicle.beat_usec = beat, t_usec
@@ -134,7 +134,7 @@ def _status(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
     return tuple(told)
 
 
-def _who(vehicle: Px4, t_usec: int, row: TopicRow, *, acts: bool) -> Actor:
+def _find_mode_actor(vehicle: Px4State, t_usec: int, row: TopicRow, *, acts: bool) -> Actor:
     """Return who chose a mode that has just changed."""
     if acts:
         return Actor.FAILSAFE
@@ -143,7 +143,7 @@ def _who(vehicle: Px4, t_usec: int, row: TopicRow, *, acts: bool) -> Actor:
     return Actor.MISSION if int(row.get("executor_in_charge", 0)) else Actor.UNKNOWN
 
 
-def _failsafe(vehicle: Px4, *, acts: bool) -> Iterator[OwnFailsafe]:
+def _update_failsafe(vehicle: Px4State, *, acts: bool) -> Iterator[OwnFailsafe]:
     """Yield what began to act or ended; the flag that rose last is the reason."""
     if acts:
         what, said = next(reversed(vehicle.failing.values()), UNNAMED)
@@ -155,7 +155,7 @@ def _failsafe(vehicle: Px4, *, acts: bool) -> Iterator[OwnFailsafe]:
         vehicle.failed = None
 
 
-def _flagged(vehicle: Px4, _: int, row: TopicRow) -> Told:
+def _read_failsafe_flags(vehicle: Px4State, _: int, row: TopicRow) -> Px4Messages:
     """Note which flags are up."""
     up = {name: meaning for name, meaning in FAILED.items() if row.get(name, 0)}
     up |= {name: meaning for name, meaning in VALID.items() if name in row and not row[name]}
@@ -170,7 +170,7 @@ def _flagged(vehicle: Px4, _: int, row: TopicRow) -> Told:
     return None
 
 
-def _commanded(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
+def _read_vehicle_command(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     command = int(row["command"])
     if command not in MODE_COMMANDS:
         return None
@@ -185,23 +185,23 @@ def _commanded(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
     )
 
 
-def _requested(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
+def _read_action_request(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     if int(row["action"]) == SWITCH_MODE:
         vehicle.asked = (t_usec, REQUESTED_BY.get(int(row["source"]), Actor.UNKNOWN))
     return None
 
 
-def _said(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
+def _read_event(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     """Read an event: what has failed, or who asks for a mode."""
     size = sum(f"arguments[{one}]" in row for one in range(ARGUMENT_BYTES))
-    said = event_said(int(row["id"]), bytes(int(row[f"arguments[{one}]"]) for one in range(size)))
+    said = parse_px4_event(int(row["id"]), bytes(int(row[f"arguments[{one}]"]) for one in range(size)))
     if isinstance(said, ModeChange):
         vehicle.asked = (t_usec, said.by)
         return None
     return said
 
 
-def _switched(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
+def _read_mode_switches(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     """Note that the pilot moved a switch of modes: before 1.13 nothing else tells."""
     switches = tuple(int(row[name]) for name in MODE_SWITCHES if name in row)
     if vehicle.switches is not None and switches != vehicle.switches:
@@ -210,14 +210,14 @@ def _switched(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
     return None
 
 
-def _transmitted(vehicle: Px4, t_usec: int, row: TopicRow) -> RcChannels | None:
+def _read_rc_channels(vehicle: Px4State, t_usec: int, row: TopicRow) -> RcChannels | None:
     if row.get("rc_lost", 0):
         return None
     count = min(int(row["channel_count"]), CHANNELS)
-    return vehicle.rc.news(t_usec, tuple(int(row[f"values[{one}]"]) for one in range(count)))
+    return vehicle.rc.filter_channels(t_usec, tuple(int(row[f"values[{one}]"]) for one in range(count)))
 
 
-def _battery(_: Px4, __: int, row: TopicRow) -> Battery | None:
+def _read_battery(_: Px4State, __: int, row: TopicRow) -> Battery | None:
     if not row.get("connected", 1):
         return None
     remaining, volts = row.get("remaining", math.nan), row["voltage_v"]
@@ -238,20 +238,20 @@ def _battery(_: Px4, __: int, row: TopicRow) -> Battery | None:
     )
 
 
-def _moved(vehicle: Px4, _: int, row: TopicRow) -> Told:
+def _read_local_position(vehicle: Px4State, _: int, row: TopicRow) -> Px4Messages:
     if row.get("v_xy_valid", 1):
         vehicle.velocity_m_s = (float(row["vx"]), float(row["vy"]), float(row["vz"]))
     vehicle.height_m = -float(row["z"])
     return None
 
 
-def _placed(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
+def _read_global_position(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     vehicle.placed_usec = t_usec
-    place = _position(vehicle, t_usec, (float(row["lat"]), float(row["lon"]), float(row["alt"])), row)
+    place = _build_position(vehicle, t_usec, (float(row["lat"]), float(row["lon"]), float(row["alt"])), row)
     return (EstimatorStatus(is_absolute=not row["dead_reckoning"]), place) if "dead_reckoning" in row else place
 
 
-def _received(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
+def _read_gps(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     """Read the receiver's fix, and its place where the log has none of the filter."""
     vehicle.received_usec = t_usec
     told = _fixed(t_usec, row)
@@ -259,7 +259,7 @@ def _received(vehicle: Px4, t_usec: int, row: TopicRow) -> Told:
     return told if place is None else (told, place)
 
 
-def _sensed(vehicle: Px4, t_usec: int, row: TopicRow) -> Gps | None:
+def _sensed(vehicle: Px4State, t_usec: int, row: TopicRow) -> Gps | None:
     """Read a receiver's own topic, where the log has none of what is made of all of them."""
     return None if t_usec - vehicle.received_usec < STALE_USEC else _fixed(t_usec, row)
 
@@ -274,17 +274,17 @@ def _fixed(t_usec: int, row: TopicRow) -> Gps:
     )
 
 
-def _received_place(vehicle: Px4, t_usec: int, row: TopicRow) -> Position | None:
+def _received_place(vehicle: Px4State, t_usec: int, row: TopicRow) -> Position | None:
     if row["fix_type"] < FIXED or t_usec - vehicle.placed_usec < STALE_USEC:
         return None
     if "latitude_deg" in row:
         place = (float(row["latitude_deg"]), float(row["longitude_deg"]), float(row["altitude_msl_m"]))
     else:
         place = (row["lat"] / 1e7, row["lon"] / 1e7, row["alt"] / 1e3)
-    return _position(vehicle, t_usec, place, row)
+    return _build_position(vehicle, t_usec, place, row)
 
 
-def _position(vehicle: Px4, t_usec: int, place: tuple[float, float, float], row: TopicRow) -> Position:
+def _build_position(vehicle: Px4State, t_usec: int, place: tuple[float, float, float], row: TopicRow) -> Position:
     lat_deg, lon_deg, alt_m = place
     vehicle.begun_msl_m = alt_m if vehicle.begun_msl_m is None else vehicle.begun_msl_m
     own = tuple(float(row.get(name, row.get(f"{name}_m_s", 0.0))) for name in ("vel_n", "vel_e", "vel_d"))
@@ -293,20 +293,20 @@ def _position(vehicle: Px4, t_usec: int, place: tuple[float, float, float], row:
     return Position(t_usec / 1e6, lat_deg, lon_deg, alt_m, height_m, north, east, down, None)
 
 
-def _aimed(vehicle: Px4, _: int, row: TopicRow) -> HeightTarget | None:
+def _aimed(vehicle: Px4State, _: int, row: TopicRow) -> HeightTarget | None:
     """Read its controller's target; a landing and a take-off may have none."""
     down_m = float(row["z"])
     return HeightTarget(-down_m - vehicle.height_m) if vehicle.height_m is not None and math.isfinite(down_m) else None
 
 
-def _tilted(vehicle: Px4, t_usec: int, row: TopicRow) -> Attitude | None:
+def _read_attitude(vehicle: Px4State, t_usec: int, row: TopicRow) -> Attitude | None:
     w, x, y, z = (float(row[f"q[{one}]"]) for one in range(4))
     roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
-    return vehicle.tilt.news(t_usec, Attitude(math.degrees(roll), math.degrees(pitch)))
+    return vehicle.tilt.filter_attitude(t_usec, Attitude(math.degrees(roll), math.degrees(pitch)))
 
 
-def _touched(vehicle: Px4, _: int, row: TopicRow) -> LandedState | None:
+def _read_land_detected(vehicle: Px4State, _: int, row: TopicRow) -> LandedState | None:
     landed = bool(row["landed"])
     if landed == vehicle.landed:
         return None
@@ -314,7 +314,7 @@ def _touched(vehicle: Px4, _: int, row: TopicRow) -> LandedState | None:
     return LandedState(landed)
 
 
-def _progressed(vehicle: Px4, t_usec: int, row: TopicRow) -> MissionCurrent | None:
+def _read_mission_result(vehicle: Px4State, t_usec: int, row: TopicRow) -> MissionCurrent | None:
     finished = bool(row.get("finished", 0))
     if finished and not vehicle.finished:
         vehicle.asked = (t_usec, Actor.MISSION)
@@ -326,40 +326,40 @@ def _progressed(vehicle: Px4, t_usec: int, row: TopicRow) -> MissionCurrent | No
     return MissionCurrent(*item)
 
 
-def status_text(level: int, text: str) -> StatusText:
+def build_status_text(level: int, text: str) -> StatusText:
     """Return a text of the log: its level is a digit, and its console's colours are no part of it."""
-    return StatusText(level - ord("0") if level >= ord("0") else level, words.shown(_COLOUR.sub("", text)))
+    return StatusText(level - ord("0") if level >= ord("0") else level, words.escape_controls(_COLOUR.sub("", text)))
 
 
 @dataclass(frozen=True, slots=True)
-class Topic:
+class TopicReader:
     """How a topic is read."""
 
-    read: Callable[[Px4, int, TopicRow], Told]
+    read: Callable[[Px4State, int, TopicRow], Px4Messages]
     every_usec: int = 0
     """One row in so long is enough."""
     changing: tuple[str, ...] = ()
     """Fields of which only changes matter."""
 
 
-TOPICS: Mapping[str, Topic] = {
-    "vehicle_status": Topic(_status),
-    "battery_status": Topic(_battery, 450_000),
-    "vehicle_local_position": Topic(_moved, 200_000),
-    "vehicle_global_position": Topic(_placed, 950_000),
-    "vehicle_gps_position": Topic(_received, 950_000),
-    "sensor_gps": Topic(_sensed, 950_000),
-    "vehicle_local_position_setpoint": Topic(_aimed, 950_000),
-    "vehicle_attitude": Topic(_tilted, 450_000),
-    "vehicle_land_detected": Topic(_touched),
-    "failsafe_flags": Topic(_flagged),
-    "vehicle_status_flags": Topic(_flagged),
-    "vehicle_command": Topic(_commanded),
-    "action_request": Topic(_requested),
-    "event": Topic(_said),
-    "manual_control_switches": Topic(_switched, 0, MODE_SWITCHES),
-    "manual_control_setpoint": Topic(_switched, 0, MODE_SWITCHES),
-    "input_rc": Topic(_transmitted, 190_000),
-    "mission_result": Topic(_progressed),
+TOPICS: Mapping[str, TopicReader] = {
+    "vehicle_status": TopicReader(_read_vehicle_status),
+    "battery_status": TopicReader(_read_battery, 450_000),
+    "vehicle_local_position": TopicReader(_read_local_position, 200_000),
+    "vehicle_global_position": TopicReader(_read_global_position, 950_000),
+    "vehicle_gps_position": TopicReader(_read_gps, 950_000),
+    "sensor_gps": TopicReader(_sensed, 950_000),
+    "vehicle_local_position_setpoint": TopicReader(_aimed, 950_000),
+    "vehicle_attitude": TopicReader(_read_attitude, 450_000),
+    "vehicle_land_detected": TopicReader(_read_land_detected),
+    "failsafe_flags": TopicReader(_read_failsafe_flags),
+    "vehicle_status_flags": TopicReader(_read_failsafe_flags),
+    "vehicle_command": TopicReader(_read_vehicle_command),
+    "action_request": TopicReader(_read_action_request),
+    "event": TopicReader(_read_event),
+    "manual_control_switches": TopicReader(_read_mode_switches, 0, MODE_SWITCHES),
+    "manual_control_setpoint": TopicReader(_read_mode_switches, 0, MODE_SWITCHES),
+    "input_rc": TopicReader(_read_rc_channels, 190_000),
+    "mission_result": TopicReader(_read_mission_result),
 }
 """By their names."""

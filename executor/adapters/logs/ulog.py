@@ -15,8 +15,8 @@ from typing import Any
 
 from pyulog import ULog
 
-from executor.adapters.logs.px4_vehicle import TOPICS, Px4, Told, Topic, status_text
-from executor.core.hearing.plausible import plausible
+from executor.adapters.logs.px4_vehicle import TOPICS, Px4Messages, Px4State, TopicReader, build_status_text
+from executor.core.hearing.plausible import filter_implausible
 from executor.core.messages import VehicleSetting
 from executor.core.recording import Record, RecordedFile, is_wanted_setting
 from executor.errors import LogError
@@ -31,7 +31,7 @@ LONGEST_USEC = 3 * 86400 * 1_000_000
 class UlogFile(RecordedFile):
     """A .ulg being read."""
 
-    def records(self) -> Iterator[Record]:
+    def read_records(self) -> Iterator[Record]:
         """Yield what the log says, in the order of its time.
 
         Raises:
@@ -47,14 +47,14 @@ class UlogFile(RecordedFile):
         self.skipped.dropouts += len(log.dropouts)
         if not any(one.name == "vehicle_status" for one in log.data_list):
             self.notes.append("no vehicle_status in it: nobody knows in which mode it flew, or whether it was armed")
-        system, vehicle, began_usec = _system(log), Px4(), int(log.start_timestamp)
+        system, vehicle, began_usec = _find_system(log), Px4State(), int(log.start_timestamp)
         streams = [
-            self._rows(dataset, TOPICS[dataset.name], began_usec)
+            self._read_rows(dataset, TOPICS[dataset.name], began_usec)
             for dataset in log.data_list
             if dataset.name not in OF_EACH or dataset.multi_id == 0
         ]
         for t_usec, read, row in heapq.merge(
-            _settings(log, began_usec), _texts(log, began_usec), *streams, key=lambda one: one[0]
+            _read_settings(log, began_usec), _read_texts(log, began_usec), *streams, key=lambda one: one[0]
         ):
             try:
                 told = read(vehicle, t_usec, row)
@@ -62,12 +62,12 @@ class UlogFile(RecordedFile):
                 self.skipped.unreadable += 1
                 continue
             for one in told if isinstance(told, tuple) else () if told is None else (told,):
-                if (known := plausible(one)) is not one:
+                if (known := filter_implausible(one)) is not one:
                     self.skipped.impossible += 1
                 if known is not None:
                     yield t_usec, system, known
 
-    def _rows(self, dataset: Any, topic: Topic, began_usec: int) -> Iterator[_Turn]:  # noqa: ANN401 - pyulog is untyped
+    def _read_rows(self, dataset: Any, topic: TopicReader, began_usec: int) -> Iterator[_Turn]:  # noqa: ANN401 - pyulog is untyped
         """Yield the rows of a topic that may say something new."""
         data, times = dataset.data, dataset.data["timestamp"]
         changing = [data[name] for name in topic.changing if name in data]
@@ -108,7 +108,7 @@ class _UlogRow:
         return self[name] if name in self.columns else default
 
 
-_Turn = tuple[int, Callable[[Px4, int, Any], Told], Any]
+_Turn = tuple[int, Callable[[Px4State, int, Any], Px4Messages], Any]
 """When it is whose turn to be read."""
 
 
@@ -116,30 +116,30 @@ def _is_near(t_usec: int, began_usec: int) -> bool:
     return t_usec > 0 and abs(t_usec - began_usec) <= LONGEST_USEC
 
 
-def _system(log: ULog) -> int:
+def _find_system(log: ULog) -> int:
     for dataset in log.data_list:
         if dataset.name == "vehicle_status" and len(dataset.data.get("system_id", ())):
             return int(dataset.data["system_id"][-1]) or 1
     return int(log.initial_parameters.get("MAV_SYS_ID", 1))
 
 
-def _texts(log: ULog, began_usec: int) -> Iterator[_Turn]:
+def _read_texts(log: ULog, began_usec: int) -> Iterator[_Turn]:
     for text in sorted(log.logged_messages, key=lambda one: one.timestamp):
         if _is_near(text.timestamp, began_usec):
-            yield int(text.timestamp), _text, text
+            yield int(text.timestamp), _convert_text, text
 
 
-def _text(_: Px4, __: int, text: Any) -> Told:  # noqa: ANN401 - pyulog is untyped
-    return status_text(text.log_level, str(text.message))
+def _convert_text(_: Px4State, __: int, text: Any) -> Px4Messages:  # noqa: ANN401 - pyulog is untyped
+    return build_status_text(text.log_level, str(text.message))
 
 
-def _settings(log: ULog, began_usec: int) -> Iterator[_Turn]:
+def _read_settings(log: ULog, began_usec: int) -> Iterator[_Turn]:
     told = [(began_usec, *one) for one in log.initial_parameters.items()]
     told += [(int(t_usec), name, value) for t_usec, name, value in log.changed_parameters]
     for t_usec, name, value in sorted(told, key=lambda one: one[0]):
         if is_wanted_setting(name) and _is_near(t_usec, began_usec) and math.isfinite(value):
-            yield t_usec, _setting, (name, float(value))
+            yield t_usec, _convert_setting, (name, float(value))
 
 
-def _setting(_: Px4, __: int, named: tuple[str, float]) -> Told:
+def _convert_setting(_: Px4State, __: int, named: tuple[str, float]) -> Px4Messages:
     return VehicleSetting(*named)

@@ -12,20 +12,20 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 STAMP = struct.Struct(">Q")
 
 
-def bare_codec_s(logs: Sequence[Path], launched_usec: float) -> float:
+def measure_bare_codec_s(logs: Sequence[Path], launched_usec: float) -> float:
     """Return the processor time that pymavlink alone needs for the frames since the launch, log by log."""
     spent_s = 0.0
     for path in logs:
         content, codec = path.read_bytes(), mavlink.MAVLink(None)
         began_s = time.process_time()
-        for usec, frame in _frames(content):
+        for usec, frame in _read_frames(content):
             if usec >= launched_usec:
                 codec.decode(bytearray(frame))
         spent_s += time.process_time() - began_s
     return spent_s
 
 
-def _frames(content: bytes) -> Iterator[tuple[int, bytes]]:
+def _read_frames(content: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield the frames of a log of our own, each with its time; all are MAVLink 2 and whole."""
     at = 0
     while at + STAMP.size + 12 <= len(content):

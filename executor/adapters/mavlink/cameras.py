@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from executor.core.messages import CameraStatus, GimbalAttitude, PictureTaken
-from executor.core.words import shown
+from executor.core.words import escape_controls
 from missions.cameras import PictureProof
 
 FIRST_UNIX_S = 1e9
@@ -27,7 +27,7 @@ def angles_deg(q: Sequence[float]) -> tuple[float | None, float | None, float | 
     return math.degrees(roll), math.degrees(pitch), math.degrees(yaw) % 360
 
 
-def _times(usec: int) -> tuple[float | None, float | None]:
+def _split_time(usec: int) -> tuple[float | None, float | None]:
     """Return a time since the vehicle's start, and one since 1970: a field holds either."""
     seconds = usec / 1e6
     if not seconds:
@@ -35,7 +35,7 @@ def _times(usec: int) -> tuple[float | None, float | None]:
     return (None, seconds) if seconds > FIRST_UNIX_S else (seconds, None)
 
 
-def _captured(frame: Any) -> PictureTaken:  # noqa: ANN401 - pymavlink's classes are generated and untyped
+def _read_image_captured(frame: Any) -> PictureTaken:  # noqa: ANN401 - pymavlink's classes are generated and untyped
     roll, pitch, yaw = angles_deg(frame.q)
     placed = (frame.lat, frame.lon) != (0, 0)
     return PictureTaken(
@@ -53,12 +53,12 @@ def _captured(frame: Any) -> PictureTaken:  # noqa: ANN401 - pymavlink's classes
         roll_deg=roll,
         pitch_deg=pitch,
         yaw_deg=yaw,
-        file=shown(frame.file_url),
+        file=escape_controls(frame.file_url),
     )
 
 
-def _feedback(frame: Any) -> PictureTaken:  # noqa: ANN401
-    boot_s, unix_s = _times(frame.time_usec)
+def _read_camera_feedback(frame: Any) -> PictureTaken:  # noqa: ANN401
+    boot_s, unix_s = _split_time(frame.time_usec)
     return PictureTaken(
         PictureProof.FEEDBACK,
         frame.get_srcComponent(),
@@ -77,24 +77,24 @@ def _feedback(frame: Any) -> PictureTaken:  # noqa: ANN401
     )
 
 
-def _trigger(frame: Any) -> PictureTaken:  # noqa: ANN401
-    boot_s, unix_s = _times(frame.time_usec)
+def _read_camera_trigger(frame: Any) -> PictureTaken:  # noqa: ANN401
+    boot_s, unix_s = _split_time(frame.time_usec)
     return PictureTaken(
         PictureProof.TRIGGER, frame.get_srcComponent(), 0, frame.seq, ok=True, boot_s=boot_s, unix_s=unix_s
     )
 
 
-def _status(frame: Any) -> CameraStatus:  # noqa: ANN401
+def _read_capture_status(frame: Any) -> CameraStatus:  # noqa: ANN401
     free_mib = frame.available_capacity if math.isfinite(frame.available_capacity) else None
     return CameraStatus(frame.get_srcComponent(), frame.video_status == 1, frame.image_count, free_mib)
 
 
-def _storage(frame: Any) -> CameraStatus:  # noqa: ANN401
+def _read_storage(frame: Any) -> CameraStatus:  # noqa: ANN401
     ready = frame.status == 2  # STORAGE_STATUS_READY: only then its figures say something
     return CameraStatus(frame.get_srcComponent(), None, None, frame.available_capacity if ready else None)
 
 
-def _gimbal(frame: Any) -> GimbalAttitude | None:  # noqa: ANN401
+def _read_gimbal_attitude(frame: Any) -> GimbalAttitude | None:  # noqa: ANN401
     _, pitch, yaw = angles_deg(frame.q)
     if pitch is None or yaw is None:
         return None
@@ -103,17 +103,17 @@ def _gimbal(frame: Any) -> GimbalAttitude | None:  # noqa: ANN401
     return GimbalAttitude(pitch, yaw, from_north, failed=frame.failure_flags != 0)
 
 
-def _mount(frame: Any) -> GimbalAttitude | None:  # noqa: ANN401
+def _read_mount_status(frame: Any) -> GimbalAttitude | None:  # noqa: ANN401
     known = math.isfinite(frame.pitch) and math.isfinite(frame.yaw)
     return GimbalAttitude(frame.pitch, frame.yaw, from_north=False) if known else None
 
 
 READERS: dict[str, Any] = {
-    "CAMERA_IMAGE_CAPTURED": _captured,
-    "CAMERA_FEEDBACK": _feedback,
-    "CAMERA_TRIGGER": _trigger,
-    "CAMERA_CAPTURE_STATUS": _status,
-    "STORAGE_INFORMATION": _storage,
-    "GIMBAL_DEVICE_ATTITUDE_STATUS": _gimbal,
-    "MOUNT_ORIENTATION": _mount,
+    "CAMERA_IMAGE_CAPTURED": _read_image_captured,
+    "CAMERA_FEEDBACK": _read_camera_feedback,
+    "CAMERA_TRIGGER": _read_camera_trigger,
+    "CAMERA_CAPTURE_STATUS": _read_capture_status,
+    "STORAGE_INFORMATION": _read_storage,
+    "GIMBAL_DEVICE_ATTITUDE_STATUS": _read_gimbal_attitude,
+    "MOUNT_ORIENTATION": _read_mount_status,
 }

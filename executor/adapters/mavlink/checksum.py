@@ -7,7 +7,7 @@ from binascii import crc_hqx
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
-def checksum(data: bytes) -> int:
+def compute_checksum(data: bytes) -> int:
     """Return MAVLink's checksum (CRC-16/MCRF4XX): the standard library's runs the other way round.
 
     >>> checksum(b"123456789") == 0x6F91

@@ -26,7 +26,7 @@ MOST_WRONG = 500
 """Marks at once that begin no frame, until all that came with them is noise: 60 kB of them took 0.4 s to go through."""
 
 
-class Cutter:
+class FrameParser:
     """Cuts a stream of bytes into frames, wherever it was cut on its way.
 
     A frame counts only with its checksum. Where there is none the search goes on one byte later, so that a start mark
@@ -54,12 +54,12 @@ class Cutter:
         """Take the next bytes; return the frames that are whole now."""
         self._buffer += data
         frames, at, wrong = [], 0, 0
-        while (end := self._end(at)) <= len(self._buffer):
-            frame = self._frame(at, end)
+        while (end := self._find_frame_end(at)) <= len(self._buffer):
+            frame = self._parse_frame(at, end)
             if frame is None:
                 self.garbage += not self._in_garbage
                 wrong += self._buffer[at] in HEADS
-                at = self._next_mark(at + 1) if wrong < MOST_WRONG else len(self._buffer)
+                at = self._find_mark(at + 1) if wrong < MOST_WRONG else len(self._buffer)
             else:
                 frames.append(frame)
                 at = end
@@ -74,12 +74,12 @@ class Cutter:
         self._in_garbage = False
         return self.garbage
 
-    def _next_mark(self, at: int) -> int:
+    def _find_mark(self, at: int) -> int:
         """Return where the next frame may begin, from here on; the end of what there is if none may."""
         mark = MARK.search(self._buffer, at)
         return len(self._buffer) if mark is None else mark.start()
 
-    def _end(self, at: int) -> int:
+    def _find_frame_end(self, at: int) -> int:
         """Return where a frame that begins here ends: here if there is none, out of reach if that cannot be seen."""
         buffer = self._buffer
         if at >= len(buffer):
@@ -103,14 +103,14 @@ class Cutter:
         size = len(self._buffer)
         return self._in_datagrams and (end == size or (end < size and self._buffer[end] in HEADS))
 
-    def _frame(self, at: int, end: int) -> Any | None:  # noqa: ANN401 - pymavlink's classes are untyped
+    def _parse_frame(self, at: int, end: int) -> Any | None:  # noqa: ANN401 - pymavlink's classes are untyped
         if end == at:
             return None
         data = self._buffer[at:end]
-        if px4_events.is_event(data) and not px4_events.is_whole(data):
+        if px4_events.is_event(data) and not px4_events.is_whole_event(data):
             return None
         try:
-            frame = _unread(data) if self._is_strange(data) else self._mav.decode(data)
+            frame = _build_raw_frame(data) if self._is_unread_kind(data) else self._mav.decode(data)
         except (mav.MAVError, struct.error, UnicodeDecodeError):
             return None
         if frame is not None and isinstance(frame, mav.MAVLink_unknown):  # pymavlink says nothing of who sent it
@@ -119,7 +119,7 @@ class Cutter:
             frame.get_header().seq = data[system - 1]
         return frame
 
-    def _is_strange(self, data: bytearray) -> bool:
+    def _is_unread_kind(self, data: bytearray) -> bool:
         """Return whether nobody here wants to know what a frame says."""
         if self._systems is None:
             return False
@@ -127,7 +127,7 @@ class Cutter:
         return system not in self._systems and number not in OF_ANYBODY
 
 
-def _unread(data: bytearray) -> Any | None:  # noqa: ANN401
+def _build_raw_frame(data: bytearray) -> Any | None:  # noqa: ANN401
     """Return a frame that is not taken apart; None if its checksum is wrong."""
     first = data[0] == V1
     number = data[5] if first else int.from_bytes(data[7:10], "little")

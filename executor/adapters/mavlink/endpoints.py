@@ -14,14 +14,14 @@ from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from functools import partial
 from typing import cast
 
-from executor.adapters.mavlink.codec import Codec, Received, Sender
-from executor.adapters.mavlink.cutter import Cutter
-from executor.adapters.mavlink.link import VehicleLink, Write, nowhere
-from executor.adapters.mavlink.signing import Signing
+from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec, Sender
+from executor.adapters.mavlink.cutter import FrameParser
+from executor.adapters.mavlink.link import VehicleLink, Write, discard_frame
+from executor.adapters.mavlink.signing import LinkSigning
 from executor.core.connection import Connection, Scheme
-from executor.core.ports import Keyring, LinkOrder
+from executor.core.ports import Keyring, LinkRequest
 from executor.errors import ConnectionFailed
-from executor.supervised import beside, safely
+from executor.supervised import call_safely, run_beside
 
 MOST_PEERS = 1000
 """Addresses that are kept: anybody can send from any number of them."""
@@ -40,35 +40,35 @@ four times real time, and the rest would be lost."""
 class Router:
     """The vehicles behind one endpoint: frames to the right link, and the way back from each."""
 
-    def __init__(self, links: Iterable[VehicleLink], codec: Codec) -> None:
+    def __init__(self, links: Iterable[VehicleLink], codec: MavlinkCodec) -> None:
         """Route to these links."""
         self.codec = codec
         self._links = {link.sysid: link for link in links}
 
-    def take(self, frames: Iterable[Received], write: Write, source: str = "") -> None:
+    def route_frames(self, frames: Iterable[DecodedFrame], write: Write, source: str = "") -> None:
         """Hand frames on; a vehicle that sent one, from the address `source`, is answered with `write`."""
         for received in frames:
             link = self._links.get(received.sysid)
             if received.refused is not None:
                 for one in self._links.values() if link is None else (link,):
-                    one.refuse(received.refused)
+                    one.count_refused(received.refused)
                 continue
             if link is None:
                 for other in self._links.values():
-                    other.take_foreign(received, source)
+                    other.receive_foreign(received, source)
                 continue
-            link.take(received, source, write)
+            link.receive(received, source, write)
 
-    def opened(self, write: Write) -> None:
+    def connect_all(self, write: Write) -> None:
         """Note that all vehicles are at the other end, before they have said anything."""
         for link in self._links.values():
             link.write = write
 
-    def closed(self, write: Write) -> None:
+    def disconnect(self, write: Write) -> None:
         """Note that nobody is reached with `write` any more."""
         for link in self._links.values():
             if link.write == write:
-                link.write = nowhere
+                link.write = discard_frame
 
 
 class _Datagrams(asyncio.DatagramProtocol):
@@ -85,17 +85,17 @@ class _Datagrams(asyncio.DatagramProtocol):
         with suppress(OSError):
             transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
         if transport.get_extra_info("peername") is not None:
-            self._router.opened(partial(self._write, None))
+            self._router.connect_all(partial(self._write, None))
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         if len(self._peers) > MOST_PEERS:
             self._peers.clear()  # who still sends is there again with the next datagram
         write = self._peers.setdefault(addr, partial(self._write, addr))
         # asyncio would close the port for good at a mistake of ours.
-        safely("reading a datagram", self._take, data, write, f"{addr[0]}:{addr[1]}")
+        call_safely("reading a datagram", self._receive, data, write, f"{addr[0]}:{addr[1]}")
 
-    def _take(self, data: bytes, write: Write, source: str) -> None:
-        self._router.take(self._router.codec.decode(data), write, source)
+    def _receive(self, data: bytes, write: Write, source: str) -> None:
+        self._router.route_frames(self._router.codec.decode(data), write, source)
 
     def error_received(self, exc: Exception) -> None:
         """A port where nobody listens yet answers with an error; the link-loss watchpoint covers it."""
@@ -115,7 +115,7 @@ class _TcpPeer(asyncio.Protocol):
         self._router = router
         self._peers = peers
         self._we_called = we_called
-        self._cutter = Cutter(systems=router.codec.systems)
+        self._cutter = FrameParser(systems=router.codec.systems)
         self._transport: asyncio.Transport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -123,16 +123,16 @@ class _TcpPeer(asyncio.Protocol):
         self._peers.add(self)
         _end_when_unacknowledged(transport.get_extra_info("socket"))
         if self._we_called:
-            self._router.opened(self._write)
+            self._router.connect_all(self._write)
 
     def data_received(self, data: bytes) -> None:
-        safely("reading a connection", self._take, data)
+        call_safely("reading a connection", self._receive, data)
 
-    def _take(self, data: bytes) -> None:
-        self._router.take(self._router.codec.read(self._cutter.feed(data)), self._write)
+    def _receive(self, data: bytes) -> None:
+        self._router.route_frames(self._router.codec.read(self._cutter.feed(data)), self._write)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
-        self._router.closed(self._write)
+        self._router.disconnect(self._write)
         self._peers.discard(self)
         self.lost.set()
 
@@ -164,21 +164,21 @@ class _SerialPort:
 
         self.lost = asyncio.Event()
         self._router = router
-        self._cutter = Cutter(systems=router.codec.systems)
+        self._cutter = FrameParser(systems=router.codec.systems)
         # Exclusive: two programs on one port would each read half of the frames.
         self._port = serial.Serial(connection.where, connection.number, timeout=0, write_timeout=0, exclusive=True)
         self._loop = asyncio.get_running_loop()
-        self._loop.add_reader(self._port.fileno(), self._readable)
-        router.opened(self._write)
+        self._loop.add_reader(self._port.fileno(), self._on_readable)
+        router.connect_all(self._write)
 
     def close(self) -> None:
         if self._port.is_open:
-            self._router.closed(self._write)
+            self._router.disconnect(self._write)
             self._loop.remove_reader(self._port.fileno())
             self._port.close()
             self.lost.set()
 
-    def _readable(self) -> None:
+    def _on_readable(self) -> None:
         try:
             data = os.read(self._port.fileno(), READ_BYTES)
         except (BlockingIOError, InterruptedError):
@@ -186,12 +186,12 @@ class _SerialPort:
         except OSError:
             data = b""
         if data:
-            safely("reading a serial port", self._take, data)
+            call_safely("reading a serial port", self._receive, data)
         else:
             self.close()  # the device was unplugged
 
-    def _take(self, data: bytes) -> None:
-        self._router.take(self._router.codec.read(self._cutter.feed(data)), self._write)
+    def _receive(self, data: bytes) -> None:
+        self._router.route_frames(self._router.codec.read(self._cutter.feed(data)), self._write)
 
     def _write(self, frame: bytes) -> bool:
         if not self._port.is_open:
@@ -208,7 +208,7 @@ class _SerialPort:
 
 @asynccontextmanager
 async def open_mavlink_links(
-    orders: Mapping[str, LinkOrder],
+    orders: Mapping[str, LinkRequest],
     keyring: Keyring | None = None,
     radios: Collection[Sender] | None = None,
 ) -> AsyncIterator[Mapping[str, VehicleLink]]:
@@ -226,8 +226,8 @@ async def open_mavlink_links(
     async with AsyncExitStack() as stack:
         for number, connection in enumerate(dict.fromkeys(order.connection for order in orders.values())):
             behind_it = [order for order in orders.values() if order.connection == connection]
-            signing = None if keyring is None else Signing(keyring.key, number, keyring.unix_s)
-            codec = Codec(signing, radios, frozenset(order.sysid for order in behind_it))
+            signing = None if keyring is None else LinkSigning(keyring.key, number, keyring.unix_s)
+            codec = MavlinkCodec(signing, radios, frozenset(order.sysid for order in behind_it))
             behind = {
                 name: VehicleLink(order.sysid, codec, order.log)
                 for name, order in orders.items()
@@ -237,7 +237,7 @@ async def open_mavlink_links(
             try:
                 await _open(connection, Router(behind.values(), codec), stack)
             except (OSError, ValueError) as error:
-                raise ConnectionFailed(f"{connection}: cannot be opened: {_reason(error)}") from error
+                raise ConnectionFailed(f"{connection}: cannot be opened: {_describe_error(error)}") from error
         yield {name: links[name] for name in orders}
     await asyncio.sleep(0)  # a closed transport lets go of its socket in the loop's next round
 
@@ -255,23 +255,25 @@ async def _open(connection: Connection, router: Router, stack: AsyncExitStack) -
         case Scheme.TCP_IN:
             peers: set[_TcpPeer] = set()
             server = await loop.create_server(lambda: _TcpPeer(router, peers), *address)
-            stack.callback(_hang_up, server, peers)
+            stack.callback(_close_connections, server, peers)
         case Scheme.TCP_OUT:
             # Whether the vehicle is there yet does not matter, whether its name is known does.
             await loop.getaddrinfo(*address, type=socket.SOCK_STREAM)
-            await stack.enter_async_context(beside(f"calling {connection}", partial(_keep_calling, address, router)))
+            await stack.enter_async_context(
+                run_beside(f"calling {connection}", partial(_keep_connecting, address, router))
+            )
         case Scheme.SERIAL:
-            plug = _Plug(router, connection)
-            await stack.enter_async_context(beside(f"keeping {connection} open", plug.keep))
+            plug = _SerialDevice(router, connection)
+            await stack.enter_async_context(run_beside(f"keeping {connection} open", plug.keep_open))
 
 
-def _hang_up(server: asyncio.Server, peers: set[_TcpPeer]) -> None:
+def _close_connections(server: asyncio.Server, peers: set[_TcpPeer]) -> None:
     server.close()
     for peer in tuple(peers):
         peer.abort()
 
 
-async def _keep_calling(address: tuple[str, int], router: Router) -> None:
+async def _keep_connecting(address: tuple[str, int], router: Router) -> None:
     """Connect, and connect again whenever the connection is lost."""
     loop = asyncio.get_running_loop()
     while True:
@@ -284,7 +286,7 @@ async def _keep_calling(address: tuple[str, int], router: Router) -> None:
         await asyncio.sleep(AGAIN_S)
 
 
-class _Plug:
+class _SerialDevice:
     """A serial device that may be unplugged."""
 
     def __init__(self, router: Router, connection: Connection) -> None:
@@ -297,7 +299,7 @@ class _Plug:
         self._connection = connection
         self._port: _SerialPort | None = _SerialPort(router, connection)
 
-    async def keep(self) -> None:
+    async def keep_open(self) -> None:
         """Wait until the device is unplugged, and open it again when it is back."""
         while True:
             with suppress(OSError):  # pyserial's errors are
@@ -310,7 +312,7 @@ class _Plug:
             await asyncio.sleep(AGAIN_S)
 
 
-def _reason(error: Exception) -> str:
+def _describe_error(error: Exception) -> str:
     number = error.errno if isinstance(error, OSError) else None
     if isinstance(error, socket.gaierror) or not number:
         return str(error.args[-1] if error.args else error)

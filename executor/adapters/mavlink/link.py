@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from executor.adapters.mavlink.codec import Codec, Received
-from executor.adapters.mavlink.signing import Distrust
+from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec
+from executor.adapters.mavlink.signing import FrameRejection
 from executor.core.hearing.speaker import AUTOPILOT
 from executor.core.messages import DoubleHeard, Heartbeat, Message, OrderSeen, Outgoing, Radio, StationHeard, Traffic
 from executor.core.ports import FrameLog, LinkCounts
@@ -24,7 +24,7 @@ Write = Callable[[bytes], bool]
 """Sends one frame without waiting; says whether it went anywhere."""
 
 
-def nowhere(_: bytes) -> bool:
+def discard_frame(_: bytes) -> bool:
     """Write to a vehicle that is not known yet, or not connected any more."""
     return False
 
@@ -32,12 +32,12 @@ def nowhere(_: bytes) -> bool:
 class VehicleLink:
     """Messages of one vehicle; an endpoint brings its frames and says where to write to."""
 
-    def __init__(self, sysid: int, codec: Codec, log: FrameLog | None = None) -> None:
+    def __init__(self, sysid: int, codec: MavlinkCodec, log: FrameLog | None = None) -> None:
         """Make a link that leads nowhere yet."""
         self.sysid = sysid
         self.component = AUTOPILOT
         self.counts = LinkCounts(missing=0)
-        self.write: Write = nowhere
+        self.write: Write = discard_frame
         """Set by the endpoint when it knows where the vehicle is."""
         self._codec = codec
         self._log = log
@@ -66,13 +66,13 @@ class VehicleLink:
 
     def send(self, message: Outgoing) -> None:
         """Send one message; before the vehicle's address is known there is nowhere to send it."""
-        if self.write is nowhere:
+        if self.write is discard_frame:
             return
         frame = self._codec.encode(message, self.sysid, self.component)
         if self.write(frame) and self._log is not None:
             self._log.write(frame)
 
-    def take(self, received: Received, source: str = "", write: Write | None = None) -> None:
+    def receive(self, received: DecodedFrame, source: str = "", write: Write | None = None) -> None:
         """Take a frame of this vehicle.
 
         Args:
@@ -83,42 +83,42 @@ class VehicleLink:
         if received.own and write is not None:
             self.write = write
         if received.own and source and source != self._source:
-            self._moved(source)
+            self._note_source(source)
         if self._log is not None:
             self._log.write(received.frame)
-        told = None if self._overtaken(received) else received.message
+        told = None if self._is_outdated(received) else received.message
         self._count(received)
         if isinstance(told, Heartbeat):
             if received.own:
                 self._beat_source = source
-            self._tell_traffic(received.compid)
+            self._report_traffic(received.compid)
         for message in (told, *received.more):
             if message is not None:
-                self._hand_on(message, received.compid)
+                self._dispatch(message, received.compid)
 
-    def _tell_traffic(self, component: int) -> None:
+    def _report_traffic(self, component: int) -> None:
         """Hand on what came and what did not, once it is enough to say something."""
         received, missing = self._arrived - self._told[0], self._missing - self._told[1]
         if received + missing >= ENOUGH_FRAMES:
             self._told = (self._arrived, self._missing)
-            self._hand_on(Traffic(received, max(0, missing)), component)
+            self._dispatch(Traffic(received, max(0, missing)), component)
 
-    def refuse(self, refusal: Distrust) -> None:
+    def count_refused(self, refusal: FrameRejection) -> None:
         """Count a frame that claims to be this vehicle's, or came over its connection, and is not believed."""
         self.counts.refused[refusal.value] = self.counts.refused.get(refusal.value, 0) + 1
 
-    def _moved(self, source: str) -> None:
+    def _note_source(self, source: str) -> None:
         """Note another address; one that comes back to an earlier one is two vehicles, not one that moved."""
         if source in self._sources:
             places = tuple(sorted(self._sources))
             if places != self._told_places:
                 self._told_places = places
-                self._hand_on(DoubleHeard(self.sysid, places), self.component)
+                self._dispatch(DoubleHeard(self.sysid, places), self.component)
         elif len(self._sources) < MOST_SOURCES:
             self._sources.add(source)
         self._source = source
 
-    def take_foreign(self, received: Received, source: str = "") -> None:
+    def receive_foreign(self, received: DecodedFrame, source: str = "") -> None:
         """Take a frame that came over this vehicle's connection, of a system that is nobody's vehicle."""
         self.counts.foreign += 1
         if len(self.counts.strangers) < MOST_SOURCES:
@@ -129,15 +129,15 @@ class VehicleLink:
         told = received.message
         ordered = isinstance(told, OrderSeen) and told.to in {0, self.sysid}
         if told is not None and (ordered or isinstance(told, StationHeard | Radio)):
-            self._hand_on(told, received.compid)
+            self._dispatch(told, received.compid)
 
-    def _hand_on(self, message: Message, component: int) -> None:
+    def _dispatch(self, message: Message, component: int) -> None:
         if isinstance(message, Heartbeat):
             self.component = component
         for listener in tuple(self._listeners):
             listener(message)
 
-    def _overtaken(self, received: Received) -> bool:
+    def _is_outdated(self, received: DecodedFrame) -> bool:
         """Return whether a HEARTBEAT is older than one that came before it: its mode is one that was.
 
         It was passed over, or it is a copy. Whatever else seems to be behind counts anew: after a silence of any number
@@ -155,7 +155,7 @@ class VehicleLink:
         self._beat_seq = received.seq
         return False
 
-    def _count(self, received: Received) -> None:
+    def _count(self, received: DecodedFrame) -> None:
         self.counts.received += 1
         if not received.own:
             return

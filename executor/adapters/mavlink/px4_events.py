@@ -7,9 +7,9 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from executor.adapters.mavlink.checksum import checksum
+from executor.adapters.mavlink.checksum import compute_checksum
 from executor.core.messages import ModeChange, OwnFailsafe
-from executor.core.own_events import event_said
+from executor.core.own_events import parse_px4_event
 
 EVENT = 410
 NAME = "EVENT"
@@ -29,10 +29,12 @@ def is_event(frame: bytes | bytearray) -> bool:
     return frame[7:HEAD] == _NUMBER and frame[0] == V2
 
 
-def is_whole(frame: bytes | bytearray) -> bool:
+def is_whole_event(frame: bytes | bytearray) -> bool:
     """Return whether an event's frame has its checksum."""
     end = HEAD + frame[1]
-    return checksum(bytes(frame[1:end]) + bytes((EXTRA,))) == int.from_bytes(frame[end : end + CHECKSUM], "little")
+    return compute_checksum(bytes(frame[1:end]) + bytes((EXTRA,))) == int.from_bytes(
+        frame[end : end + CHECKSUM], "little"
+    )
 
 
 def payload_of(frame: bytes | bytearray) -> bytes:
@@ -40,7 +42,7 @@ def payload_of(frame: bytes | bytearray) -> bytes:
     return bytes(frame[HEAD : HEAD + min(frame[1], LAYOUT.size)]).ljust(LAYOUT.size, b"\0")
 
 
-def packed(fields: Mapping[str, object], sysid: int, compid: int) -> bytes | None:
+def build_event_frame(fields: Mapping[str, object], sysid: int, compid: int) -> bytes | None:
     """Return the frame of an event that another parser took apart; None if its fields do not fit."""
     arguments = fields.get("arguments")
     try:
@@ -50,18 +52,18 @@ def packed(fields: Mapping[str, object], sysid: int, compid: int) -> bytes | Non
     except (KeyError, TypeError, ValueError, struct.error):
         return None
     frame = bytes((V2, len(payload), 0, 0, 0, sysid, compid, *_NUMBER)) + payload
-    return frame + checksum(frame[1:] + bytes((EXTRA,))).to_bytes(CHECKSUM, "little")
+    return frame + compute_checksum(frame[1:] + bytes((EXTRA,))).to_bytes(CHECKSUM, "little")
 
 
 @dataclass(slots=True)
-class Events:
+class Px4EventDecoder:
     """The events of one vehicle, each told once."""
 
     _last: deque[tuple[int, int, int]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
 
-    def take(self, number: int, boot_ms: int, sequence: int, arguments: bytes) -> OwnFailsafe | ModeChange | None:
+    def decode(self, number: int, boot_ms: int, sequence: int, arguments: bytes) -> OwnFailsafe | ModeChange | None:
         """Return what an event says that is evidence, and was not said before."""
-        said = event_said(number, arguments)
+        said = parse_px4_event(number, arguments)
         if said is None or (number, boot_ms, sequence) in self._last:
             return None
         self._last.append((number, boot_ms, sequence))

@@ -22,7 +22,7 @@ NEW_STREAM_S = 60
 """A stream that was never heard may be as old as this; an older frame was recorded once and is sent again."""
 
 
-class Distrust(Enum):
+class FrameRejection(Enum):
     """Why a frame is not believed."""
 
     UNSIGNED = "unsigned"
@@ -30,7 +30,7 @@ class Distrust(Enum):
     REPLAYED = "replayed"
 
 
-class Signing:
+class LinkSigning:
     """Signs what goes out on one link, and looks at what comes in."""
 
     def __init__(self, key: bytes, link_id: int, unix_s: Callable[[], float]) -> None:
@@ -46,7 +46,7 @@ class Signing:
         self._unix_s = unix_s
         self._newest: dict[tuple[int, int, int], int] = {}
 
-    def ticks(self) -> int:
+    def timestamp_ticks(self) -> int:
         """Return the time for a signature."""
         return max(0, round((self._unix_s() - EPOCH_UNIX_S) * TICKS_PER_S))
 
@@ -54,19 +54,19 @@ class Signing:
         """Have pymavlink's packer sign the next frame."""
         signing = packer.signing
         signing.secret_key, signing.link_id, signing.sign_outgoing = self._key, self._link_id, True
-        signing.timestamp = max(signing.timestamp, self.ticks())  # it counts on by itself
+        signing.timestamp = max(signing.timestamp, self.timestamp_ticks())  # it counts on by itself
 
-    def refused(self, frame: bytes, sysid: int, compid: int) -> Distrust | None:
+    def check_signature(self, frame: bytes, sysid: int, compid: int) -> FrameRejection | None:
         """Return why a whole frame with a good checksum is not believed; None if it is."""
         if frame[0] != 0xFD or not frame[2] & SIGNED_FLAG:
-            return Distrust.UNSIGNED
+            return FrameRejection.UNSIGNED
         expected = hashlib.sha256(self._key + frame[:-6]).digest()[:6]
         if not hmac.compare_digest(expected, frame[-6:]):
-            return Distrust.FORGED
+            return FrameRejection.FORGED
         stream = (frame[-SIGNATURE_BYTES], sysid, compid)
         ticks = int.from_bytes(frame[-TIMED_BYTES:-6], "little")
-        oldest = self._newest.get(stream, self.ticks() - NEW_STREAM_S * TICKS_PER_S)
+        oldest = self._newest.get(stream, self.timestamp_ticks() - NEW_STREAM_S * TICKS_PER_S)
         if ticks <= oldest:
-            return Distrust.REPLAYED
+            return FrameRejection.REPLAYED
         self._newest[stream] = ticks
         return None

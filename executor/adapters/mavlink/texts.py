@@ -29,7 +29,7 @@ Source = tuple[int, int]
 
 
 @dataclass(slots=True)
-class _Text:
+class _PartialText:
     """One text under way, or shown already."""
 
     severity: int
@@ -39,11 +39,11 @@ class _Text:
     shown: bool = False
 
     @property
-    def whole(self) -> bool:
+    def is_whole(self) -> bool:
         last = max(self.parts)
         return len(self.parts) == last + 1 and len(self.parts[last]) < PART_BYTES
 
-    def words(self) -> str:
+    def assemble(self) -> str:
         """Return what came, with a mark for each gap; a full last part may have been the end or not."""
         last = max(self.parts)
         pieces: list[bytes] = []
@@ -52,28 +52,28 @@ class _Text:
                 pieces.append(self.parts[number])
             elif number - 1 in self.parts or number == 0:
                 pieces.append(GAP.encode())
-        return clean(b"".join(pieces))
+        return clean_text(b"".join(pieces))
 
 
-def clean(raw: bytes) -> str:
+def clean_text(raw: bytes) -> str:
     r"""Return a text that may be shown anywhere, without the zeros that fill its field and without PX4's trailing tab.
 
     >>> clean(b"Takeoff detected\t")
     'Takeoff detected'
     """
-    said = words.shown(raw.decode("utf-8", errors="replace").strip("\x00 \t\r\n"))
+    said = words.escape_controls(raw.decode("utf-8", errors="replace").strip("\x00 \t\r\n"))
     return said if len(said) <= MOST_LETTERS else said[: MOST_LETTERS - len(GAP)] + GAP
 
 
-class Texts:
+class StatusTextAssembler:
     """The texts of everybody behind one endpoint."""
 
     def __init__(self) -> None:
         """Begin with nothing."""
-        self._texts: dict[Source, dict[int, _Text]] = {}
+        self._texts: dict[Source, dict[int, _PartialText]] = {}
         self._frames: dict[Source, int] = {}
 
-    def passed(self, source: Source, frames: int = 1) -> list[StatusText]:
+    def count_frame(self, source: Source, frames: int = 1) -> list[StatusText]:
         """Count frames of any kind; returns their source's texts that were waited for in vain, as far as they came."""
         frame = self._frames[source] = self._frames.pop(source, 0) + frames
         if len(self._frames) > MOST_SPEAKERS:
@@ -88,19 +88,19 @@ class Texts:
                 del texts[number]
             elif not text.shown and age > PATIENCE_FRAMES:
                 text.shown = True
-                given_up.append(StatusText(text.severity, text.words()))
+                given_up.append(StatusText(text.severity, text.assemble()))
         return given_up
 
     def unfinished(self) -> list[tuple[Source, StatusText]]:
         """Return whose texts are still waited for, as far as they came, once nothing more comes."""
         return [
-            (source, StatusText(text.severity, text.words()))
+            (source, StatusText(text.severity, text.assemble()))
             for source, texts in self._texts.items()
             for text in texts.values()
             if not text.shown
         ]
 
-    def take(self, source: Source, severity: int, raw: bytes, number: int, part: int) -> list[StatusText]:
+    def add_part(self, source: Source, severity: int, raw: bytes, number: int, part: int) -> list[StatusText]:
         """Take one part; returns the texts that it ends.
 
         Args:
@@ -112,22 +112,22 @@ class Texts:
         """
         raw = raw.split(b"\x00", 1)[0]
         if number == 0:
-            return [StatusText(severity, clean(raw))]
+            return [StatusText(severity, clean_text(raw))]
         found: list[StatusText] = []
         texts = self._texts.setdefault(source, {})
         text = texts.get(number)
         if text is not None and text.parts.get(part, raw) != raw:
             # The same id with other words: the vehicle restarted, and counts its texts from the beginning again.
             if not text.shown:
-                found.append(StatusText(text.severity, text.words()))
+                found.append(StatusText(text.severity, text.assemble()))
             text = None
         if text is None:
-            text = texts[number] = _Text(severity)
+            text = texts[number] = _PartialText(severity)
         text.newest = self._frames.get(source, 0)
         if text.shown:
             return found
         text.parts[part] = raw
-        if text.whole:
+        if text.is_whole:
             text.shown = True
-            found.append(StatusText(text.severity, text.words()))
+            found.append(StatusText(text.severity, text.assemble()))
         return found

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from executor.adapters.mavlink import integers, px4_events
-from executor.adapters.mavlink.checksum import checksum
+from executor.adapters.mavlink.checksum import compute_checksum
 from executor.adapters.mavlink.own_clocks import AHEAD_USEC, BACK_USEC, LOOKS_USEC, BootTime, was_set_by_usec
-from executor.adapters.mavlink.texts import Texts
+from executor.adapters.mavlink.texts import StatusTextAssembler
 from executor.adapters.mavlink.tlog_kinds import (
     ATTITUDE,
     BATTERY,
@@ -39,11 +39,11 @@ from executor.adapters.mavlink.tlog_kinds import (
     TOLD_BY_VEHICLES,
     MessageKind,
 )
-from executor.adapters.pieces import in_pieces
+from executor.adapters.pieces import read_in_chunks
 from executor.core import words
 from executor.core.doubles import PlaceTold, Twins, with_place
-from executor.core.hearing.plausible import plausible
-from executor.core.hearing.speaker import Speaker, speaker_after
+from executor.core.hearing.plausible import filter_implausible
+from executor.core.hearing.speaker import AutopilotComponent, update_autopilot_component
 from executor.core.messages import (
     Attitude,
     DoubleHeard,
@@ -58,7 +58,7 @@ from executor.core.messages import (
     Traffic,
     VehicleSetting,
 )
-from executor.core.recording import MODE_COMMANDS, RcWatch, Record, RecordedFile, TiltWatch, is_wanted_setting
+from executor.core.recording import MODE_COMMANDS, RcChangeFilter, Record, RecordedFile, TiltFilter, is_wanted_setting
 from missions import AUTOPILOTS, MissionItem
 
 V1, V2 = 0xFE, 0xFD
@@ -108,7 +108,7 @@ class _Source:
 
 
 @dataclass(slots=True)
-class _Lane:
+class _MessageStream:
     """One source's messages of one kind."""
 
     source: _Source
@@ -129,11 +129,11 @@ class TelemetryFile(RecordedFile):
     """A .tlog being read once, from its beginning to its end."""
 
     frames: int = 0
-    _texts: Texts = field(default_factory=Texts)
+    _texts: StatusTextAssembler = field(default_factory=StatusTextAssembler)
     _sources: dict[int, _Source] = field(default_factory=dict)
-    _speakers: dict[int, Speaker] = field(default_factory=dict)
+    _speakers: dict[int, AutopilotComponent] = field(default_factory=dict)
     """By system."""
-    _lanes: dict[bytes, _Lane] = field(default_factory=dict)
+    _lanes: dict[bytes, _MessageStream] = field(default_factory=dict)
     """By system, component and id as the frame has them."""
     _stamp: int = 0
     """Of the last record, as it stands there."""
@@ -141,24 +141,24 @@ class TelemetryFile(RecordedFile):
     """What the recorder's clock was set by since the first record, taken back."""
     _began: int = 0
     _sets: int = 0
-    _rc: dict[int, RcWatch] = field(default_factory=dict)
-    _tilts: dict[int, TiltWatch] = field(default_factory=dict)
+    _rc: dict[int, RcChangeFilter] = field(default_factory=dict)
+    _tilts: dict[int, TiltFilter] = field(default_factory=dict)
     _autopilots: dict[int, int] = field(default_factory=dict)
-    _events: dict[int, px4_events.Events] = field(default_factory=dict)
+    _events: dict[int, px4_events.Px4EventDecoder] = field(default_factory=dict)
     _downs_m: dict[int, float] = field(default_factory=dict)
     """How far below where its filter began each system is."""
 
-    def records(self) -> Iterator[Record]:
+    def read_records(self) -> Iterator[Record]:
         """Yield (t_usec, system, message) in the order of the file; a message of None is time passing.
 
         System 0 stands for what is about the link as a whole.
         """
-        yield from in_pieces(self.path, self._piece)
+        yield from read_in_chunks(self.path, self._read_piece)
         for (system, _), text in self._texts.unfinished():
             yield self._stamp, system, text
-        self._explain()
+        self._explain_no_vehicle()
 
-    def _explain(self) -> None:
+    def _explain_no_vehicle(self) -> None:
         """Note why there is nobody to follow, if nobody is."""
         if any(source.vehicle for source in self._sources.values()):
             return
@@ -173,7 +173,7 @@ class TelemetryFile(RecordedFile):
             named = ", ".join(str(one) for one in systems[:MOST_NAMED])
             self.notes.append(f"no HEARTBEAT of an autopilot in it; heard were the systems {named}")
 
-    def _piece(self, buffer: bytes, last: bool) -> Generator[Record, None, int]:
+    def _read_piece(self, buffer: bytes, last: bool) -> Generator[Record, None, int]:
         """Yield what whole records of a piece say; returns where the rest begins. Calls would take most of the time."""
         at, size, known, in_garbage, frames, shift = 0, len(buffer), self._stamp, False, 0, self._shift
         stop = size if last else size - LOOKAHEAD
@@ -193,7 +193,7 @@ class TelemetryFile(RecordedFile):
                 and mark in MARKS
                 and -STAMP_TOLERANCE_USEC < stamp - (known or stamp) < STAMP_TOLERANCE_USEC
                 and flags < 2
-            ) and not self._begins(buffer, at, end, known):
+            ) and not self._is_record_at(buffer, at, end, known):
                 self.skipped.garbage_runs += not (in_garbage or self.skipped.truncated)
                 in_garbage = True
                 at += 1
@@ -203,7 +203,7 @@ class TelemetryFile(RecordedFile):
             in_garbage, known = False, stamp
             stamp += shift
             frames += 1
-            lane = lanes.get(key) or self._lane(key, seq)
+            lane = lanes.get(key) or self._open_stream(key, seq)
             source = lane.source
             if 0 < (ahead := (seq - source.seq) & 255) < HALF:
                 source.missing += ahead - 1  # that its sequence number says are lost
@@ -214,7 +214,7 @@ class TelemetryFile(RecordedFile):
                     yield stamp, 0, None
                 heard[lane.system] = stamp
             if lane.kind is not None and not 0 <= stamp - lane.newest_usec < lane.every_usec:
-                yield from self._taken(buffer[at + STAMP : end], stamp, lane)
+                yield from self._read_frame(buffer[at + STAMP : end], stamp, lane)
             at = end
         self._stamp = known
         self.frames += frames
@@ -258,16 +258,16 @@ class TelemetryFile(RecordedFile):
             at = end
         return found
 
-    def _lane(self, key: bytes, seq: int) -> _Lane:
+    def _open_stream(self, key: bytes, seq: int) -> _MessageStream:
         """Return what is known of a source's messages of one kind, from now on."""
         system, component, number = key[0], key[1], int.from_bytes(key[2:], "little")
         source = self._sources.setdefault(system << 8 | component, _Source(seq))
         kind = KINDS.get(number)
         every_usec = 0 if kind is None or number == POSITION else kind.every_usec
-        lane = self._lanes[key] = _Lane(source, kind, system, component, number, every_usec)
+        lane = self._lanes[key] = _MessageStream(source, kind, system, component, number, every_usec)
         return lane
 
-    def _taken(self, frame: bytes, stamp: int, lane: _Lane) -> Iterator[Record]:
+    def _read_frame(self, frame: bytes, stamp: int, lane: _MessageStream) -> Iterator[Record]:
         """Yield what a frame says that is wanted now."""
         kind, source = lane.kind, lane.source
         lane.newest_usec = stamp
@@ -282,7 +282,7 @@ class TelemetryFile(RecordedFile):
             # Beside BATTERY_STATUS it is wanted seldom, if it says the same.
             beside = not source.rounds_twice and 0 <= stamp - source.battery_usec < STAND_IN_USEC
             lane.every_usec = STAND_IN_USEC if beside else SLOW_USEC
-        fields = kind.fields(frame, 10 if frame[0] == V2 else 6, frame[1])
+        fields = kind.unpack_fields(frame, 10 if frame[0] == V2 else 6, frame[1])
         if lane.number == POSITION and source.vehicle:
             # Every one of them: of one in seconds all may be of the same of two vehicles.
             yield from _twins_heard(source, stamp, lane.system, fields)
@@ -290,13 +290,13 @@ class TelemetryFile(RecordedFile):
                 return
             lane.told_usec = stamp
         message = kind.read(*fields)
-        message = None if message is None else plausible(message)
+        message = None if message is None else filter_implausible(message)
         if message is not None and source.vehicle and not kind.special:
             yield stamp, lane.system, message
         else:
-            yield from self._special((stamp, lane.system, lane.component, lane.number), fields, message, source)
+            yield from self._read_special((stamp, lane.system, lane.component, lane.number), fields, message, source)
 
-    def _begins(self, buffer: bytes, at: int, end: int, known: int) -> bool:
+    def _is_record_at(self, buffer: bytes, at: int, end: int, known: int) -> bool:
         """Return whether a whole record lies here, where what follows it does not show that."""
         size = len(buffer)
         if buffer[at + 8] not in MARKS or (buffer[at + 8] == V2 and buffer[at + 10] & ~1):
@@ -312,29 +312,29 @@ class TelemetryFile(RecordedFile):
             return _is_known(buffer, at, end) and abs(following - stamp) < STAMP_TOLERANCE_USEC
         return end == size or _is_known(buffer, at, end)
 
-    def _special(
+    def _read_special(
         self, head: tuple[int, int, int, int], fields: tuple[Any, ...], message: FlightMessage | None, source: _Source
     ) -> Iterator[Record]:
         """Yield what is about the link, about orders to others, or begins a vehicle."""
         stamp, system, component, number = head
         if number == STATUSTEXT:
-            yield from self._texted(stamp, system, component, fields)
+            yield from self._read_statustext(stamp, system, component, fields)
         elif number in ORDERS | ITEMS:
-            sent = self._ordered if number in ORDERS else self._listed
+            sent = self._read_mode_order if number in ORDERS else self._listed
             yield from sent(stamp, system, number, fields)
-        elif isinstance(message, Heartbeat) and self._speaks(system, component, message):
+        elif isinstance(message, Heartbeat) and self._is_speaker(system, component, message):
             self._autopilots[system] = message.autopilot
             source.vehicle, source.rounds_twice = True, message.autopilot in ROUND_TWICE
             if source.received + source.missing >= ENOUGH_FRAMES:
                 yield stamp, system, Traffic(source.received, source.missing)
                 source.received = source.missing = 0
             yield stamp, system, message
-            for text in self._texts.passed((system, component), BEAT_FRAMES):
+            for text in self._texts.count_frame((system, component), BEAT_FRAMES):
                 yield stamp, system, text
         elif isinstance(message, Radio):
             yield stamp, 0, message
         elif number in TOLD_BY_VEHICLES:
-            told = self._of_vehicle(stamp, system, number, fields, message) if source.vehicle else None
+            told = self._read_vehicle_message(stamp, system, number, fields, message) if source.vehicle else None
             if told is not None:
                 yield stamp, system, told
         else:
@@ -343,11 +343,11 @@ class TelemetryFile(RecordedFile):
             self.skipped.impossible += number == POSITION and message is None
             yield stamp, 0, None
 
-    def _ordered(self, stamp: int, by: int, number: int, fields: tuple[Any, ...]) -> Iterator[Record]:
+    def _read_mode_order(self, stamp: int, by: int, number: int, fields: tuple[Any, ...]) -> Iterator[Record]:
         """Yield an order to change the mode, as of whom it is for."""
         command, target = (DO_SET_MODE, fields[1]) if number == SET_MODE else (fields[7], fields[8])
         if command in MODE_COMMANDS:
-            yield stamp, target, OrderSeen(command, self._ordered_mode(number, fields, target), by)
+            yield stamp, target, OrderSeen(command, self._read_ordered_mode(number, fields, target), by)
 
     def _listed(self, stamp: int, by: int, number: int, fields: tuple[Any, ...]) -> Iterator[Record]:
         """Yield an item of a vehicle's mission, on its way to it or from it."""
@@ -355,7 +355,7 @@ class TelemetryFile(RecordedFile):
         if item is not None and of in self._autopilots:
             yield stamp, of, ListedItem(item)
 
-    def _ordered_mode(self, number: int, fields: tuple[Any, ...], target: int) -> int | None:
+    def _read_ordered_mode(self, number: int, fields: tuple[Any, ...], target: int) -> int | None:
         if number == SET_MODE:
             return int(fields[0])
         if fields[7] != DO_SET_MODE or not all(0 <= value < HALF for value in fields[1:3]):
@@ -363,7 +363,7 @@ class TelemetryFile(RecordedFile):
         main, sub = int(fields[1]), int(fields[2])
         return main << 16 | sub << 24 if self._autopilots.get(target) == PX4 else main
 
-    def _of_vehicle(
+    def _read_vehicle_message(
         self, stamp: int, system: int, number: int, fields: tuple[Any, ...], message: FlightMessage | None
     ) -> FlightMessage | None:
         """Return what a vehicle says of an order, of its settings and of its pilot's transmitter."""
@@ -373,22 +373,22 @@ class TelemetryFile(RecordedFile):
         if number == px4_events.EVENT:
             event, boot_ms, sequence, *_, arguments = fields
             px4s = self._autopilots.get(system) == PX4
-            told = self._events.setdefault(system, px4_events.Events())
-            return told.take(event, boot_ms, sequence, arguments) if px4s else None
+            told = self._events.setdefault(system, px4_events.Px4EventDecoder())
+            return told.decode(event, boot_ms, sequence, arguments) if px4s else None
         if number == PARAM_VALUE:
-            name = words.shown(fields[3].split(b"\0", 1)[0].decode(errors="replace"))
+            name = words.escape_controls(fields[3].split(b"\0", 1)[0].decode(errors="replace"))
             value = integers.from_wire(fields[0], fields[4], self._autopilots.get(system))
             return VehicleSetting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
         if number in {LOCAL_POSITION, LOCAL_TARGET}:
             return self._aimed(system, number, fields[3])
         if isinstance(message, Attitude):
-            return self._tilts.setdefault(system, TiltWatch()).news(stamp, message)
+            return self._tilts.setdefault(system, TiltFilter()).filter_attitude(stamp, message)
         if not isinstance(message, RcChannels):
             return None
-        watch = self._rc.setdefault(system, RcWatch())
+        watch = self._rc.setdefault(system, RcChangeFilter())
         if len(message.values_us) < len(watch.told):
             return None  # ArduPilot sends the first eight channels once more
-        return watch.news(stamp, message.values_us)
+        return watch.filter_channels(stamp, message.values_us)
 
     def _aimed(self, system: int, number: int, down_m: float) -> HeightTarget | None:
         """Return how far PX4 is below what it wants, where it says both; ArduPilot says the difference."""
@@ -396,25 +396,25 @@ class TelemetryFile(RecordedFile):
             self._downs_m[system] = down_m
             return None
         is_px4 = self._autopilots.get(system) == PX4
-        return plausible(HeightTarget(self._downs_m.get(system, math.nan) - down_m)) if is_px4 else None
+        return filter_implausible(HeightTarget(self._downs_m.get(system, math.nan) - down_m)) if is_px4 else None
 
-    def _speaks(self, system: int, component: int, beat: Heartbeat) -> bool:
+    def _is_speaker(self, system: int, component: int, beat: Heartbeat) -> bool:
         """Return whether a component with an autopilot's HEARTBEAT is the one that speaks for its system."""
-        known = self._speakers.get(system, Speaker())
-        speaker = self._speakers[system] = speaker_after(known, component, beat)
+        known = self._speakers.get(system, AutopilotComponent())
+        speaker = self._speakers[system] = update_autopilot_component(known, component, beat)
         if speaker.component != known.component and (before := self._sources.get(system << 8 | known.component)):
             before.vehicle = False
         return speaker.component == component
 
-    def _texted(self, stamp: int, system: int, component: int, fields: tuple[Any, ...]) -> Iterator[Record]:
+    def _read_statustext(self, stamp: int, system: int, component: int, fields: tuple[Any, ...]) -> Iterator[Record]:
         """Yield what a vehicle's autopilot says in words."""
-        if component == self._speakers.get(system, Speaker()).component:
-            for text in self._said((system, component), fields):
+        if component == self._speakers.get(system, AutopilotComponent()).component:
+            for text in self._assemble_texts((system, component), fields):
                 yield stamp, system, text
 
-    def _said(self, source: tuple[int, int], fields: tuple[Any, ...]) -> list[StatusText]:
+    def _assemble_texts(self, source: tuple[int, int], fields: tuple[Any, ...]) -> list[StatusText]:
         severity, raw, number, part = fields
-        return self._texts.take(source, severity, raw, number, part)
+        return self._texts.add_part(source, severity, raw, number, part)
 
 
 def _item_of(number: int, fields: tuple[Any, ...]) -> MissionItem | None:
@@ -445,7 +445,7 @@ def _is_whole(frame: bytes, kind: MessageKind) -> bool:
     stop = frame[1] + (10 if frame[0] == V2 else 6)
     if stop + 2 > len(frame):
         return False
-    return checksum(frame[1:stop] + bytes((kind.extra,))) == frame[stop] | frame[stop + 1] << 8
+    return compute_checksum(frame[1:stop] + bytes((kind.extra,))) == frame[stop] | frame[stop + 1] << 8
 
 
 def _is_known(buffer: bytes, at: int, end: int) -> bool:

@@ -29,7 +29,7 @@ class TelemetryLog:
         self._most_bytes = most_bytes
         self._bytes = 0
         self._flushed_usec = 0
-        self._file = self._part()
+        self._file = self._open_part()
         self.lost = 0
         """Frames that could not be written: a full disk must not end a flight."""
 
@@ -39,7 +39,7 @@ class TelemetryLog:
         try:
             if self._bytes >= self._most_bytes:
                 self._file.close()
-                self._file, self._bytes = self._part(), 0
+                self._file, self._bytes = self._open_part(), 0
             self._bytes += self._file.write(_STAMP.pack(usec) + frame)
         except (OSError, ValueError):
             self.lost += 1
@@ -55,7 +55,7 @@ class TelemetryLog:
         except OSError:
             self.lost += 1
 
-    def _part(self) -> IO[bytes]:
+    def _open_part(self) -> IO[bytes]:
         """Make the first part that is not there yet: uav1.tlog, uav1-1.tlog, uav1-2.tlog ..."""
         for number in itertools.count():
             path = self._path if number == 0 else self._path.with_stem(f"{self._path.stem}-{number}")

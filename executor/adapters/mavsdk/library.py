@@ -10,7 +10,7 @@ import atexit
 import functools
 from typing import TYPE_CHECKING
 
-from executor.adapters.extras import Extra, need
+from executor.adapters.extras import Extra, require_extra
 from executor.core.messages import GROUND_STATION
 from executor.errors import ConnectionFailed
 
@@ -23,32 +23,32 @@ MOST_AT_ONCE = 16
 """MAVSDKs in one process: with 24 it wrote beyond its memory, and the process died (measured). One holds any fleet."""
 
 
-def load() -> None:
+def load_mavsdk() -> None:
     """Load MAVSDK, and keep its log off standard output: results for scripts go there, and silence shows by itself.
 
     Raises:
         ExtraMissing: MAVSDK is not installed.
         ConnectionFailed: it cannot be loaded.
     """
-    need(Extra.MAVSDK, WANTED_BY)
+    require_extra(Extra.MAVSDK, WANTED_BY)
     try:
         import mavsdk  # noqa: F401 - whether it can be
     except Exception as error:
         # Without its native library it raises an error of its own, which cannot be imported then.
         reason = str(error).partition("\n")[0]
         raise ConnectionFailed(f"backend mavsdk: expected the package mavsdk 4 on this machine: {reason}") from error
-    _silence()
+    _silence_mavsdk_log()
 
 
 @functools.cache
-def _silence() -> None:
+def _silence_mavsdk_log() -> None:
     from mavsdk import logging as chatter
 
     chatter.log_subscribe(lambda *_: True)
     atexit.register(chatter.log_unsubscribe)
 
 
-def ground_station() -> Mavsdk:
+def create_ground_station() -> Mavsdk:
     """Return a MAVSDK of its own threads; `destroy` ends them. Both block: not for the event loop."""
     from mavsdk import Configuration, Mavsdk
 
@@ -56,7 +56,7 @@ def ground_station() -> Mavsdk:
     return Mavsdk(Configuration.create_manual(*GROUND_STATION, True))
 
 
-def connect(mavsdk: Mavsdk, connection: str) -> None:
+def add_mavsdk_connection(mavsdk: Mavsdk, connection: str) -> None:
     """Open a connection.
 
     Raises:

@@ -15,11 +15,11 @@ from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Protocol
 
-from executor.adapters.mavsdk.library import connect, ground_station, load
+from executor.adapters.mavsdk.library import add_mavsdk_connection, create_ground_station, load_mavsdk
 from executor.core.connection import Connection, Scheme
 from executor.core.hearing.speaker import AUTOPILOT
 from executor.core.messages import GROUND_STATION, Heartbeat, Message, Outgoing, StationHeard
-from executor.core.ports import LinkCounts, LinkOrder
+from executor.core.ports import LinkCounts, LinkRequest
 from executor.errors import ConnectionFailed
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class Translator(Protocol):
 class MavsdkLink:
     """Messages of one vehicle through MAVSDK; lives on the event loop."""
 
-    def __init__(self, order: LinkOrder, translator: Translator) -> None:
+    def __init__(self, order: LinkRequest, translator: Translator) -> None:
         """Make a link that leads nowhere until MAVSDK has found the system."""
         self.sysid = order.sysid
         self.component = AUTOPILOT
@@ -65,7 +65,7 @@ class MavsdkLink:
         self._listeners: list[Callable[[Message], None]] = []
 
     @property
-    def found(self) -> bool:
+    def is_found(self) -> bool:
         """Whether MAVSDK has found the system."""
         return self._direct is not None
 
@@ -95,20 +95,20 @@ class MavsdkLink:
 
     def attach(self, system: System) -> None:
         """Take the system that MAVSDK has found."""
-        self._direct = _subscribe(system, "", self._take)
+        self._direct = _subscribe(system, "", self._receive)
 
     def detach(self) -> list[object]:
         """Let go of the system, before MAVSDK ends; returns what must be kept until it has."""
-        kept = [] if self._direct is None else _held(self._direct)
+        kept = [] if self._direct is None else _collect_references(self._direct)
         self._direct = None
         return kept
 
-    def hand_on(self, message: Message) -> None:
+    def dispatch(self, message: Message) -> None:
         """Hand a message to everybody who listens."""
         for listener in tuple(self._listeners):
             listener(message)
 
-    def _take(self, message: MavlinkMessage) -> None:
+    def _receive(self, message: MavlinkMessage) -> None:
         self.counts.received += 1
         read = _read(self._translator, message)
         if read is None:
@@ -119,7 +119,7 @@ class MavsdkLink:
         for one in heard:
             if isinstance(one, Heartbeat):
                 self.component = message.component_id
-            self.hand_on(one)
+            self.dispatch(one)
 
 
 def _subscribe(system: System, name: str, take: Callable[[MavlinkMessage], None]) -> MavlinkDirect:
@@ -132,7 +132,7 @@ def _subscribe(system: System, name: str, take: Callable[[MavlinkMessage], None]
     return direct
 
 
-def _held(direct: MavlinkDirect) -> list[object]:
+def _collect_references(direct: MavlinkDirect) -> list[object]:
     """Return what must be kept until MAVSDK has ended.
 
     The plugin frees the callbacks that C calls when it ends, while some of those calls may still be in MAVSDK's queue:
@@ -157,35 +157,37 @@ class _Systems:
         self._others: dict[int, MavlinkDirect] = {}
         self._ending = False
 
-    def look(self) -> None:
+    def attach_new_systems(self) -> None:
         """Take what was found since the last time."""
         for system in () if self._ending else self._mavsdk.get_systems():
             number = system.get_system_id()
             wanted = [link for link in self._links if link.sysid == number]
             for link in wanted:
-                if not link.found:
+                if not link.is_found:
                     link.attach(system)
             if not wanted and number not in self._others:
-                self._others[number] = _subscribe(system, "HEARTBEAT", self._overhear)
+                self._others[number] = _subscribe(system, "HEARTBEAT", self._dispatch_stations)
 
     def detach(self) -> list[object]:
         """Let go of all systems, before MAVSDK ends; returns what must be kept until it has."""
         self._ending = True
-        kept = [link.detach() for link in self._links] + [_held(direct) for direct in self._others.values()]
+        kept = [link.detach() for link in self._links] + [
+            _collect_references(direct) for direct in self._others.values()
+        ]
         return [one for held in kept for one in held]
 
-    def _overhear(self, message: MavlinkMessage) -> None:
+    def _dispatch_stations(self, message: MavlinkMessage) -> None:
         read = _read(self._translator, message)
         for heard in () if read is None else read[1]:
             if isinstance(heard, StationHeard):
                 # On which connection it is MAVSDK does not say.
                 for link in self._links:
-                    link.hand_on(heard)
+                    link.dispatch(heard)
 
 
 @asynccontextmanager
 async def open_mavsdk_links(
-    orders: Mapping[str, LinkOrder], translator: Translator
+    orders: Mapping[str, LinkRequest], translator: Translator
 ) -> AsyncIterator[Mapping[str, MavsdkLink]]:
     """Open the links to vehicles by name through one MAVSDK.
 
@@ -196,17 +198,17 @@ async def open_mavsdk_links(
     if not orders:
         yield links
         return
-    load()
+    load_mavsdk()
     loop = asyncio.get_running_loop()
-    mavsdk = await asyncio.to_thread(ground_station)
+    mavsdk = await asyncio.to_thread(create_ground_station)
 
     systems = _Systems(mavsdk, links.values(), translator)
     try:
-        mavsdk.subscribe_on_new_system(lambda _: loop.call_soon_threadsafe(systems.look))
+        mavsdk.subscribe_on_new_system(lambda _: loop.call_soon_threadsafe(systems.attach_new_systems))
         for connection in dict.fromkeys(order.connection for order in orders.values()):
             if connection.scheme is Scheme.UDP_IN:
                 _expect_free(connection)
-            connect(mavsdk, str(connection))
+            add_mavsdk_connection(mavsdk, str(connection))
         yield links
     finally:
         kept = systems.detach()

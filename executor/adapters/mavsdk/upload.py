@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING
 
-from executor.adapters.mavsdk.library import connect, ground_station, load
+from executor.adapters.mavsdk.library import add_mavsdk_connection, create_ground_station, load_mavsdk
 from executor.core.connection import Connection
 from executor.errors import ConnectionFailed
 from missions import MissionItem
@@ -55,18 +55,18 @@ async def open_uploader(connection: Connection, sysid: int, timeout_s: float) ->
     Raises:
         ConnectionFailed: it cannot be opened, or the vehicle was not found in real seconds.
     """
-    load()
+    load_mavsdk()
     from mavsdk.plugins.mission_raw import MissionRaw
 
     loop, found = asyncio.get_running_loop(), asyncio.Event()
     with ThreadPoolExecutor(1) as thread:
-        mavsdk = await loop.run_in_executor(thread, ground_station)
+        mavsdk = await loop.run_in_executor(thread, create_ground_station)
         try:
             mavsdk.subscribe_on_new_system(lambda _: loop.call_soon_threadsafe(found.set))
-            connect(mavsdk, str(connection))
+            add_mavsdk_connection(mavsdk, str(connection))
             try:
                 async with asyncio.timeout(timeout_s):
-                    while (system := _system(mavsdk.get_systems(), sysid)) is None:
+                    while (system := _find_system(mavsdk.get_systems(), sysid)) is None:
                         found.clear()
                         await found.wait()
             except TimeoutError:
@@ -78,5 +78,5 @@ async def open_uploader(connection: Connection, sysid: int, timeout_s: float) ->
             await loop.run_in_executor(thread, mavsdk.destroy)
 
 
-def _system(systems: Sequence[System], sysid: int) -> System | None:
+def _find_system(systems: Sequence[System], sysid: int) -> System | None:
     return next((one for one in systems if one.get_system_id() == sysid and one.has_autopilot()), None)

@@ -13,7 +13,7 @@ MAJOR = "v1"
 
 
 @dataclass(frozen=True, slots=True)
-class Broker:
+class BrokerAddress:
     """Where the broker is, and what it wants to know."""
 
     host: str
@@ -30,7 +30,7 @@ class Broker:
 
 
 @dataclass(frozen=True, slots=True)
-class Topics:
+class MqttTopics:
     """Where everything is published under a prefix."""
 
     prefix: str
@@ -39,21 +39,21 @@ class Topics:
         """Return what all topics begin with."""
         return f"{self.prefix}/{MAJOR}"
 
-    def vehicle(self, name: str, what: Literal["state", "telemetry"]) -> str:
+    def vehicle_topic(self, name: str, what: Literal["state", "telemetry"]) -> str:
         """Return a vehicle's topic."""
         return f"{self}/vehicle/{name}/{what}"
 
-    def fleet(self, what: Literal["state", "connection", "event", "fault", "plan", "assets"]) -> str:
+    def fleet_topic(self, what: Literal["state", "connection", "event", "fault", "plan", "assets"]) -> str:
         """Return a topic of the whole flight."""
         return f"{self}/fleet/{what}"
 
     @property
-    def intent(self) -> str:
+    def intent_topic(self) -> str:
         """Return where intents are taken from."""
         return f"{self}/intent"
 
     @property
-    def acknowledgement(self) -> str:
+    def acknowledgement_topic(self) -> str:
         """Return where they are answered."""
         return f"{self}/intent/ack"
 

@@ -15,8 +15,8 @@ from enum import Enum
 
 import aiomqtt
 
-from executor.adapters.mqtt.broker import Broker
-from executor.adapters.mqtt.outbox import Letter, Outbox, UnderWay
+from executor.adapters.mqtt.broker import BrokerAddress
+from executor.adapters.mqtt.outbox import MqttMessage, Outbox, PendingMessage
 from executor.core.commands import Level
 
 ANSWER_S = 5.0
@@ -70,14 +70,14 @@ class _Inbox(asyncio.Queue[aiomqtt.Message]):
             super().put_nowait(item)
 
 
-class Client:
+class MqttClient:
     """Keeps one broker informed."""
 
     def __init__(
         self,
-        broker: Broker,
+        broker: BrokerAddress,
         outbox: Outbox,
-        presence: Callable[[Presence], Letter],
+        presence: Callable[[Presence], MqttMessage],
         subscriber: Subscriber,
         say: Callable[[Level, str], None],
     ) -> None:
@@ -108,9 +108,9 @@ class Client:
         while not self._closing.is_set():
             began_s = loop.time()
             try:
-                await self._session()
+                await self._run_session()
             except Exception as error:  # noqa: BLE001 - the boundary between the broker and the flight
-                self._complain(_reason(error))
+                self._report_disconnection(_describe_error(error))
             finally:
                 self.connected = False
             attempt = 0 if loop.time() - began_s > STEADY_S else attempt + 1
@@ -123,7 +123,7 @@ class Client:
         self._closing.set()
         self._outbox.close()
 
-    async def _session(self) -> None:
+    async def _run_session(self) -> None:
         will = self._presence(Presence.BROKEN)
         client = aiomqtt.Client(
             self._broker.host,
@@ -144,13 +144,13 @@ class Client:
                 await self._serve(client)
         finally:
             # A broker that answers nothing any more leaves a socket open: aiomqtt closes it only with a goodbye.
-            _hang_up(client)
+            _close_socket(client)
 
     async def _serve(self, client: aiomqtt.Client) -> None:
         try:
             await client.subscribe(self._subscriber.topic, QOS)
             await _publish(client, self._presence(Presence.ONLINE))
-            self._arrived()
+            self._on_connected()
             async with asyncio.TaskGroup() as tasks:
                 reader = tasks.create_task(self._read(client), name="mqtt intents")
                 await self._write(client)
@@ -158,7 +158,7 @@ class Client:
             await _publish(client, self._presence(Presence.OFFLINE))
         except BaseException:
             # Without a goodbye, so that the broker publishes the last will.
-            _hang_up(client)
+            _close_socket(client)
             raise
 
     async def _read(self, client: aiomqtt.Client) -> None:
@@ -168,17 +168,17 @@ class Client:
 
     async def _write(self, client: aiomqtt.Client) -> None:
         while True:
-            await self._outbox.ready()
-            batch = self._outbox.take(BATCH)
+            await self._outbox.wait_until_ready()
+            batch = self._outbox.take_batch(BATCH)
             if not batch:
                 return
             await self._send(client, batch)
 
-    async def _send(self, client: aiomqtt.Client, batch: list[UnderWay]) -> None:
+    async def _send(self, client: aiomqtt.Client, batch: list[PendingMessage]) -> None:
         unsent = dict(enumerate(batch))
         patience_s = ANSWER_S + sum(len(taken.letter.payload) for taken in batch) / LEAST_BYTES_PER_S
 
-        async def one(number: int, letter: Letter) -> None:
+        async def one(number: int, letter: MqttMessage) -> None:
             await _publish(client, letter, patience_s)
             del unsent[number]
 
@@ -187,11 +187,11 @@ class Client:
                 for number, taken in enumerate(batch):
                     tasks.create_task(one(number, taken.letter), name="mqtt message")
         finally:
-            self._outbox.give_back(unsent.values())
+            self._outbox.return_unsent(unsent.values())
 
-    def _arrived(self) -> None:
+    def _on_connected(self) -> None:
         self.connected = True
-        self._outbox.renew_all()
+        self._outbox.resend_retained()
         again = "again" if self._was_there else ""
         dropped = sum(self._outbox.dropped.values())
         lost = f"; {dropped - self._dropped_told} messages had to be dropped meanwhile" * (dropped > self._dropped_told)
@@ -199,7 +199,7 @@ class Client:
         self._was_there, self._complained = True, False
         self._say(Level.INFO, f"mqtt: connected to {self._broker} {again}".rstrip() + lost)
 
-    def _complain(self, why: str) -> None:
+    def _report_disconnection(self, why: str) -> None:
         """Say that there is no connection; once, however often it is tried."""
         if self._complained or self._closing.is_set():
             return
@@ -209,18 +209,18 @@ class Client:
         self._say(Level.WARNING, text)
 
 
-def _hang_up(client: aiomqtt.Client) -> None:
+def _close_socket(client: aiomqtt.Client) -> None:
     client._client._sock_close()  # noqa: SLF001 - there is no other way to close it
     ended = client._disconnected  # noqa: SLF001
     if ended.done() and not ended.cancelled():
         ended.exception()  # or asyncio complains, with a trace, that nobody looked at it
 
 
-async def _publish(client: aiomqtt.Client, letter: Letter, patience_s: float | None = None) -> None:
+async def _publish(client: aiomqtt.Client, letter: MqttMessage, patience_s: float | None = None) -> None:
     await client.publish(letter.topic, letter.payload, QOS, letter.retain, timeout=patience_s)
 
 
-def _reason(error: BaseException) -> str:
+def _describe_error(error: BaseException) -> str:
     while isinstance(error, BaseExceptionGroup):
         error = error.exceptions[0]
     cause = error.__cause__

@@ -18,7 +18,7 @@ from executor.adapters.mqtt.broker import IntakeRules
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.commands import Level
 from executor.core.intents import FOR_ALL, FOR_BASE, PACK, Action, ActionName, Intent
-from missions import first_reason
+from missions import format_first_error
 
 MOST_BYTES = 4096
 MOST_A_SECOND = 5.0
@@ -63,7 +63,7 @@ class IntentMessage(BaseModel):
     """Needed where the site names one."""
 
     @model_validator(mode="after")
-    def _addressed(self) -> IntentMessage:
+    def _check_addressee(self) -> IntentMessage:
         everybody = Action(self.action) in FOR_ALL | FOR_BASE
         if everybody and self.vehicle is not None:
             raise ValueError(f"vehicle: expected none, as {self.action} is for all of them")
@@ -108,9 +108,9 @@ def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retain
     try:
         message = IntentMessage.model_validate_json(payload)
     except ValidationError as error:
-        reason = first_reason(error, page="docs/mqtt.md", shown=False)[:MOST_REASON]
+        reason = format_first_error(error, page="docs/mqtt.md", shown=False)[:MOST_REASON]
         return RefusedMessage(_id_of(payload), reason, IntakeReason.INVALID)
-    objection = _objection(message, rules, now_unix_s, retained=retained)
+    objection = _find_objection(message, rules, now_unix_s, retained=retained)
     if objection is not None:
         code, why = objection
         return RefusedMessage(message.id, why, code)
@@ -120,7 +120,7 @@ def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retain
     )
 
 
-def _objection(
+def _find_objection(
     message: IntentMessage, rules: IntakeRules, now_unix_s: float, *, retained: bool
 ) -> tuple[IntakeReason, str] | None:
     if rules.closed:
@@ -145,7 +145,7 @@ def _id_of(payload: bytes) -> str | None:
         return None
 
 
-class Gate:
+class RateLimiter:
     """Lets so many intents through in a while and no more."""
 
     def __init__(self, now_s: float) -> None:
@@ -153,7 +153,7 @@ class Gate:
         self._left = float(BURST)
         self._at_s = now_s
 
-    def passes(self, now_s: float) -> bool:
+    def may_pass(self, now_s: float) -> bool:
         """Return whether one more may pass at a time, in real seconds that never go back."""
         self._left = min(BURST, self._left + MOST_A_SECOND * (now_s - self._at_s))
         self._at_s = now_s
@@ -163,7 +163,7 @@ class Gate:
         return True
 
 
-class Intake:
+class IntentIntake:
     """Takes what comes in, as fast as an operator could mean it."""
 
     def __init__(
@@ -192,18 +192,18 @@ class Intake:
         self._refuse = refuse
         self._say = say
         now_s = monotonic_s()
-        self._accepting, self._refusing = Gate(now_s), Gate(now_s)
+        self._accepting, self._refusing = RateLimiter(now_s), RateLimiter(now_s)
         self._told_s = float("-inf")
         self.refused = 0
         """Messages that were not carried out."""
 
-    def take(self, payload: bytes, retained: bool) -> None:
+    def handle_message(self, payload: bytes, retained: bool) -> None:
         """Take one message; an empty one only clears what the broker had kept."""
         if not payload:
             return
         found = read_intent(payload, self._rules, self._clock(), retained=retained)
         now_s = self._monotonic_s()
-        if isinstance(found, Intent) and not self._accepting.passes(now_s):
+        if isinstance(found, Intent) and not self._accepting.may_pass(now_s):
             found = RefusedMessage(
                 found.id, f"expected at most {MOST_A_SECOND:g} intents a second", IntakeReason.TOO_MANY
             )
@@ -212,7 +212,7 @@ class Intake:
             return
         self.refused += 1
         # An answer to each would push the answers that somebody waits for out of the row.
-        if self._refusing.passes(now_s):
+        if self._refusing.may_pass(now_s):
             self._refuse(found)
         if now_s - self._told_s > TOLD_EVERY_S:
             self._told_s = now_s

@@ -15,7 +15,7 @@ MOST_KEPT = 500
 
 
 @dataclass(frozen=True, slots=True)
-class Letter:
+class MqttMessage:
     """One message."""
 
     topic: str
@@ -24,10 +24,10 @@ class Letter:
 
 
 @dataclass(frozen=True, slots=True)
-class UnderWay:
+class PendingMessage:
     """A message that is under way, and its place in the row; None for one out of a cell."""
 
-    letter: Letter
+    letter: MqttMessage
     number: int | None
 
 
@@ -37,9 +37,9 @@ class Outbox:
     def __init__(self, most_kept: int = MOST_KEPT) -> None:
         """Begin empty."""
         self._most_kept = most_kept
-        self._cells: dict[str, Letter] = {}
-        self._rows: dict[str, deque[tuple[int, Letter]]] = {}
-        self._retained: dict[str, Letter] = {}
+        self._cells: dict[str, MqttMessage] = {}
+        self._rows: dict[str, deque[tuple[int, MqttMessage]]] = {}
+        self._retained: dict[str, MqttMessage] = {}
         self._number = 0
         self._closed = False
         self._ready = asyncio.Event()
@@ -50,7 +50,7 @@ class Outbox:
         """Return how many messages wait."""
         return len(self._cells) + sum(len(row) for row in self._rows.values())
 
-    def renew(self, letter: Letter) -> None:
+    def put_latest(self, letter: MqttMessage) -> None:
         """Send a message instead of the one that still waits on its topic."""
         if letter.retain:
             self._retained[letter.topic] = letter
@@ -58,40 +58,40 @@ class Outbox:
         self._cells[letter.topic] = letter
         self._ready.set()
 
-    def keep(self, letter: Letter) -> None:
+    def enqueue(self, letter: MqttMessage) -> None:
         """Send a message after those that wait already; of too many on one topic the oldest is dropped."""
         self._number += 1
         row = self._rows.setdefault(letter.topic, deque())
         row.append((self._number, letter))
-        self._shorten(letter.topic)
+        self._drop_oldest(letter.topic)
         self._ready.set()
 
-    def take(self, most: int) -> list[UnderWay]:
+    def take_batch(self, most: int) -> list[PendingMessage]:
         """Return what is to be sent next, at most so many; half of the places are for either kind while both wait."""
         for_cells = min(len(self._cells), max(most // 2, most - (len(self) - len(self._cells))))
-        taken: list[UnderWay] = []
+        taken: list[PendingMessage] = []
         while len(taken) < most - for_cells:
             row = min((row for row in self._rows.values() if row), key=lambda row: row[0][0], default=None)
             if row is None:
                 break
             number, letter = row.popleft()
-            taken.append(UnderWay(letter, number))
-        taken.extend(UnderWay(self._cells.pop(topic), None) for topic in list(self._cells)[:for_cells])
+            taken.append(PendingMessage(letter, number))
+        taken.extend(PendingMessage(self._cells.pop(topic), None) for topic in list(self._cells)[:for_cells])
         if not len(self) and not self._closed:
             self._ready.clear()
         return taken
 
-    def give_back(self, unsent: Iterable[UnderWay]) -> None:
+    def return_unsent(self, unsent: Iterable[PendingMessage]) -> None:
         """Let messages wait again that could not be sent; a newer one in their cell wins."""
         for one in reversed(list(unsent)):
             if one.number is None:
                 self._cells.setdefault(one.letter.topic, one.letter)
             else:
                 self._rows.setdefault(one.letter.topic, deque()).appendleft((one.number, one.letter))
-                self._shorten(one.letter.topic)
+                self._drop_oldest(one.letter.topic)
             self._ready.set()
 
-    def renew_all(self) -> None:
+    def resend_retained(self) -> None:
         """Send everything again that a broker should hold: one that was restarted may have forgotten it."""
         for letter in self._retained.values():
             self._cells.setdefault(letter.topic, letter)
@@ -102,11 +102,11 @@ class Outbox:
         self._closed = True
         self._ready.set()
 
-    async def ready(self) -> None:
+    async def wait_until_ready(self) -> None:
         """Return when something waits, or when the outbox is closed."""
         await self._ready.wait()
 
-    def _shorten(self, topic: str) -> None:
+    def _drop_oldest(self, topic: str) -> None:
         row = self._rows[topic]
         while len(row) > self._most_kept:
             row.popleft()

@@ -22,7 +22,7 @@ from missions.planjson import PlanDocument
 VERSION = "1.6.0"
 
 
-class Payload(BaseModel):
+class MqttPayload(BaseModel):
     """What every message begins with."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", serialize_by_alias=True, use_attribute_docstrings=True)
@@ -37,20 +37,20 @@ class Payload(BaseModel):
     """The flight: the name of its run directory."""
 
 
-class ConnectionMessage(Payload):
+class ConnectionMessage(MqttPayload):
     """Whether a flight is published here; retained, and the last will."""
 
     connectionState: Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]  # noqa: N815 - VDA 5050's name
     """OFFLINE: supervision has ended. CONNECTIONBROKEN: the broker says that the ground station is gone."""
 
 
-class VehicleStateMessage(Payload):
+class VehicleStateMessage(MqttPayload):
     """Everything about one vehicle; retained, on every change of what it does and at least every ten seconds."""
 
     vehicle: VehicleView
 
 
-class TelemetryMessage(Payload):
+class TelemetryMessage(MqttPayload):
     """Where one vehicle is, at the site's rate."""
 
     name: str
@@ -70,7 +70,7 @@ class TelemetryMessage(Payload):
     """How much of it is behind the vehicle, from 0 to 1."""
 
 
-class FleetStateMessage(Payload):
+class FleetStateMessage(MqttPayload):
     """The flight as a whole; retained, on every change and at least every ten seconds."""
 
     flight_s: float | None
@@ -103,7 +103,7 @@ class FleetStateMessage(Payload):
     """Messages of a topic that were given up, as too many waited for the broker."""
 
 
-class AssetsMessage(Payload):
+class AssetsMessage(MqttPayload):
     """What became of each asset that asks for pictures; retained."""
 
     assets_total: int
@@ -112,7 +112,7 @@ class AssetsMessage(Payload):
     """All but those that are open and have no picture yet."""
 
 
-class EventMessage(Payload):
+class EventMessage(MqttPayload):
     """One line for the operator: a decision with its reason."""
 
     at_s: float
@@ -123,7 +123,7 @@ class EventMessage(Payload):
     text: str
 
 
-class FaultMessage(Payload):
+class FaultMessage(MqttPayload):
     """The judgement that a vehicle will not finish its route."""
 
     vehicle: str
@@ -136,7 +136,7 @@ class FaultMessage(Payload):
     """By the flight's clock."""
 
 
-class PlanMessage(Payload):
+class PlanMessage(MqttPayload):
     """The plan in force; retained."""
 
     revision: int
@@ -144,7 +144,7 @@ class PlanMessage(Payload):
     """As a plan file has it (faultline-plan/1)."""
 
 
-class AcknowledgementMessage(Payload):
+class AcknowledgementMessage(MqttPayload):
     """What became of an intent; once when it is taken or refused, and again when it comes to its end."""
 
     id: str | None

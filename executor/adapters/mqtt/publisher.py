@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 
-from executor.adapters.mqtt.broker import Topics
+from executor.adapters.mqtt.broker import MqttTopics
 from executor.adapters.mqtt.client import Presence
 from executor.adapters.mqtt.intake import RefusedMessage
-from executor.adapters.mqtt.outbox import Letter, Outbox
+from executor.adapters.mqtt.outbox import MqttMessage, Outbox
 from executor.adapters.mqtt.payloads import (
     AcknowledgementMessage,
     AssetsMessage,
@@ -16,7 +16,7 @@ from executor.adapters.mqtt.payloads import (
     EventMessage,
     FaultMessage,
     FleetStateMessage,
-    Payload,
+    MqttPayload,
     PlanMessage,
     TelemetryMessage,
     VehicleStateMessage,
@@ -41,7 +41,7 @@ _FLEET = tuple(name for name in FleetStateMessage.model_fields if name in FleetV
 class Publisher:
     """Fills the outbox; every method returns at once."""
 
-    def __init__(self, topics: Topics, outbox: Outbox, run: str, unix_s: Callable[[], float]) -> None:
+    def __init__(self, topics: MqttTopics, outbox: Outbox, run: str, unix_s: Callable[[], float]) -> None:
         """Begin a flight.
 
         Args:
@@ -62,24 +62,24 @@ class Publisher:
         self._assets_s = (float("-inf"), 0.0)
         """When they were looked at last, and for how long that will do."""
 
-    def presence(self, state: Presence) -> Letter:
+    def build_presence(self, state: Presence) -> MqttMessage:
         """Return the message that says whether we are there."""
-        topic = self._topics.fleet("connection")
-        return self._letter(topic, ConnectionMessage, {"connectionState": state.value}, retain=True)
+        topic = self._topics.fleet_topic("connection")
+        return self._build_message(topic, ConnectionMessage, {"connectionState": state.value}, retain=True)
 
-    def view(self, view: FleetView) -> None:
+    def publish_view(self, view: FleetView) -> None:
         """Publish the present: telemetry, and the states that have changed."""
         for vehicle in view.vehicles:
-            self._telemetry(vehicle)
-            topic = self._topics.vehicle(vehicle.name, "state")
-            self._state(topic, VehicleStateMessage, _slow_part(vehicle), {"vehicle": vehicle})
+            self._publish_telemetry(vehicle)
+            topic = self._topics.vehicle_topic(vehicle.name, "state")
+            self._publish_state(topic, VehicleStateMessage, _extract_slow_part(vehicle), {"vehicle": vehicle})
         fleet: dict[str, object] = {name: getattr(view, name) for name in _FLEET}
         fleet["vehicles"] = tuple(one.name for one in view.vehicles)
         fleet["dropped"] = dict(self._outbox.dropped)
         slow = [value for name, value in fleet.items() if name not in {"flight_s", "min_separation_m"}]
-        self._state(self._topics.fleet("state"), FleetStateMessage, slow, fleet)
+        self._publish_state(self._topics.fleet_topic("state"), FleetStateMessage, slow, fleet)
 
-    def assets(self, views: Callable[[], Sequence[AssetView]], *, last: bool = False) -> None:
+    def publish_assets(self, views: Callable[[], Sequence[AssetView]], *, last: bool = False) -> None:
         """Publish what became of assets, if it is another thing; not too often, unless it is for the last time."""
         (at_s, will_do_s), now_s = self._assets_s, self._unix_s()
         if not last and 0.0 <= now_s - at_s < will_do_s:
@@ -90,42 +90,44 @@ class Publisher:
         self._assets = found
         told = tuple(one for one in found if one.state is not AssetState.OPEN or one.pictures)
         content = {"assets_total": len(found), "assets": told}
-        letter = self._letter(self._topics.fleet("assets"), AssetsMessage, content, retain=True)
+        letter = self._build_message(self._topics.fleet_topic("assets"), AssetsMessage, content, retain=True)
         self._assets_s = (now_s, max(ASSETS_EVERY_S, ASSETS_S_PER_BYTE * len(letter.payload)))
-        self._outbox.renew(letter)
+        self._outbox.put_latest(letter)
 
-    def applied(self, event: Event, state: FleetState) -> None:
+    def publish_event(self, event: Event, state: FleetState) -> None:
         """Publish the faults that an event led to, and what became of intents."""
         if isinstance(event, Tick):
-            self._new_faults(state)
+            self._publish_new_faults(state)
         answered = set()
         if state.crew.intents is not self._records:
             for name, record in state.crew.intents.items():
                 if self._records.get(name) != record:
-                    self._answer(record)
+                    self._acknowledge_intent(record)
                     answered.add(name)
             self._records = state.crew.intents
         # The same intent again changes nothing, and is answered again.
         if isinstance(event, IntentReceived) and event.intent.id not in answered:
             known = state.crew.intents.get(event.intent.id)
             if known is not None:
-                self._answer(known)
+                self._acknowledge_intent(known)
 
-    def said(self, line: Say, at_s: float, flight_s: float | None = None) -> None:
+    def publish_line(self, line: Say, at_s: float, flight_s: float | None = None) -> None:
         """Publish a line for the operator, at the flight's time."""
         content = {"at_s": at_s, "flight_s": flight_s, "level": line.level.value, "text": line.text}
-        self._outbox.keep(self._letter(self._topics.fleet("event"), EventMessage, content))
+        self._outbox.enqueue(self._build_message(self._topics.fleet_topic("event"), EventMessage, content))
 
-    def plan(self, revision: int, document: Mapping[str, object]) -> None:
+    def publish_plan(self, revision: int, document: Mapping[str, object]) -> None:
         """Publish the plan in force."""
         content = {"revision": revision, "plan": document}
-        self._outbox.renew(self._letter(self._topics.fleet("plan"), PlanMessage, content, retain=True))
+        self._outbox.put_latest(
+            self._build_message(self._topics.fleet_topic("plan"), PlanMessage, content, retain=True)
+        )
 
-    def refused(self, refusal: RefusedMessage) -> None:
+    def publish_refusal(self, refusal: RefusedMessage) -> None:
         """Say that a message is not carried out."""
         self._acknowledge({"id": refusal.id, "outcome": "refused", "code": refusal.code, "text": refusal.reason})
 
-    def _answer(self, record: IntentRecord) -> None:
+    def _acknowledge_intent(self, record: IntentRecord) -> None:
         asked = record.intent
         answer = {"id": asked.id, "action": asked.action.value, "vehicle": asked.vehicle}
         self._acknowledge(
@@ -139,9 +141,9 @@ class Publisher:
         )
 
     def _acknowledge(self, content: Content) -> None:
-        self._outbox.keep(self._letter(self._topics.acknowledgement, AcknowledgementMessage, content))
+        self._outbox.enqueue(self._build_message(self._topics.acknowledgement_topic, AcknowledgementMessage, content))
 
-    def _new_faults(self, state: FleetState) -> None:
+    def _publish_new_faults(self, state: FleetState) -> None:
         for name, vehicle in state.vehicles.items():
             fault = vehicle.fault
             if fault is None or (name, fault.detected_s) in self._faults:
@@ -149,10 +151,10 @@ class Publisher:
             self._faults.add((name, fault.detected_s))
             what: Content = {"vehicle": name, "kind": fault.kind.value, "code": fault.code, "reason": fault.reason}
             what = {**what, "detected_s": fault.detected_s}
-            self._outbox.keep(self._letter(self._topics.fleet("fault"), FaultMessage, what))
+            self._outbox.enqueue(self._build_message(self._topics.fleet_topic("fault"), FaultMessage, what))
 
-    def _telemetry(self, vehicle: VehicleView) -> None:
-        topic = self._topics.vehicle(vehicle.name, "telemetry")
+    def _publish_telemetry(self, vehicle: VehicleView) -> None:
+        topic = self._topics.vehicle_topic(vehicle.name, "telemetry")
         content = {
             "name": vehicle.name,
             "state": vehicle.state,
@@ -164,9 +166,9 @@ class Publisher:
             "segment_name": vehicle.progress.segment_name,
             "segment_share": vehicle.progress.segment_share,
         }
-        self._outbox.renew(self._letter(topic, TelemetryMessage, content))
+        self._outbox.put_latest(self._build_message(topic, TelemetryMessage, content))
 
-    def _state(self, topic: str, kind: type[Payload], slow: object, content: Content) -> None:
+    def _publish_state(self, topic: str, kind: type[MqttPayload], slow: object, content: Content) -> None:
         """Publish a state if what changes slowly in it has changed, or if it is time."""
         before, at_s = self._states.get(topic, (None, float("-inf")))
         now_s = self._unix_s()
@@ -174,17 +176,19 @@ class Publisher:
         if slow == before and 0.0 <= now_s - at_s < AT_LEAST_EVERY_S:
             return
         self._states[topic] = (slow, now_s)
-        self._outbox.renew(self._letter(topic, kind, content, retain=True))
+        self._outbox.put_latest(self._build_message(topic, kind, content, retain=True))
 
-    def _letter(self, topic: str, kind: type[Payload], content: Content, *, retain: bool = False) -> Letter:
+    def _build_message(
+        self, topic: str, kind: type[MqttPayload], content: Content, *, retain: bool = False
+    ) -> MqttMessage:
         number = self._numbers.get(topic, 0)
         self._numbers[topic] = (number + 1) % 2**32
         stamp = datetime.fromtimestamp(self._unix_s(), UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
         message = kind.model_validate({"headerId": number, "timestamp": stamp, "run": self._run, **content})
-        return Letter(topic, message.model_dump_json().encode(), retain)
+        return MqttMessage(topic, message.model_dump_json().encode(), retain)
 
 
-def _slow_part(vehicle: VehicleView) -> object:
+def _extract_slow_part(vehicle: VehicleView) -> object:
     """Return what makes a vehicle's state another one; the rest moves all the time, and telemetry tells it."""
     progress, measured_pct, taken = vehicle.progress, vehicle.battery.measured_pct, vehicle.taken
     return (

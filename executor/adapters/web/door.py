@@ -34,7 +34,7 @@ Guest = TypeVar("Guest")
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class ConnectionQuota:
     """How many there may be."""
 
     here: int
@@ -44,7 +44,7 @@ class Places:
     address: int
     """From one of those addresses."""
 
-    def rivals(self, guests: Mapping[Guest, str], origin: str) -> list[Guest]:
+    def find_rivals(self, guests: Mapping[Guest, str], origin: str) -> list[Guest]:
         """Return of whom one must go before another may come from there; nobody where there is room."""
         same = [guest for guest, other in guests.items() if other == origin]
         if len(same) >= (self.here if origin == HERE else self.address):
@@ -54,11 +54,11 @@ class Places:
 
 
 @dataclass(frozen=True, slots=True)
-class DoorLimits:
+class ConnectionLimits:
     """How much anybody may take of the server."""
 
-    connections: Places = Places(64, 96, 16)
-    streams: Places = Places(24, 24, 8)
+    connections: ConnectionQuota = ConnectionQuota(64, 96, 16)
+    streams: ConnectionQuota = ConnectionQuota(24, 24, 8)
     request_s: float = 5.0
     """Real seconds for a whole request, from its first byte on, or from the connection."""
     answer_s: float = 10.0
@@ -86,49 +86,49 @@ def origin_of(peer: str, own: str) -> str:
     return str(address)
 
 
-class Door:
+class ConnectionRegistry:
     """Knows all connections."""
 
-    def __init__(self, limits: DoorLimits) -> None:
+    def __init__(self, limits: ConnectionLimits) -> None:
         """Open it."""
         self.limits = limits
-        self._callers: dict[Caller, str] = {}
+        self._callers: dict[WebConnection, str] = {}
 
-    def enter(self, caller: Caller, origin: str) -> bool:
+    def admit(self, caller: WebConnection, origin: str) -> bool:
         """Let a connection in; another one may have to go for it. Returns false where there is no room."""
-        rivals = self.limits.connections.rivals(self._callers, origin)
+        rivals = self.limits.connections.find_rivals(self._callers, origin)
         if rivals:
-            silent = _most_silent(rivals)
+            silent = _find_most_silent(rivals)
             if silent is None:
                 return False
-            self._dismiss(silent)
+            self._abort_connection(silent)
         self._callers[caller] = origin
         return True
 
-    def leave(self, caller: Caller) -> None:
+    def release(self, caller: WebConnection) -> None:
         """Forget a connection."""
         self._callers.pop(caller, None)
 
-    async def watch(self) -> None:
+    async def close_idle_connections(self) -> None:
         """End what is silent for too long, for ever."""
         while True:
             now_s = asyncio.get_running_loop().time()
             for caller in tuple(self._callers):
-                if caller.overdue(now_s):
-                    self._dismiss(caller)
+                if caller.is_overdue(now_s):
+                    self._abort_connection(caller)
             await asyncio.sleep(LOOK_S)
 
-    def _dismiss(self, caller: Caller) -> None:
-        self.leave(caller)
+    def _abort_connection(self, caller: WebConnection) -> None:
+        self.release(caller)
         with suppress(OSError):  # without waiting for what the other end does not take
             caller.transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, AT_ONCE)
         caller.transport.abort()
 
 
-class Caller(H11Protocol):
+class WebConnection(H11Protocol):
     """One connection, which knows since when it has been silent."""
 
-    door: ClassVar[Door]
+    door: ClassVar[ConnectionRegistry]
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Ask for a place."""
@@ -141,13 +141,13 @@ class Caller(H11Protocol):
         self._begun = False
         """Whether a part of a request has come."""
         peer, own = (str((transport.get_extra_info(name) or ("",))[0]) for name in ("peername", "sockname"))
-        if not self.door.enter(self, origin_of(peer, own)):
+        if not self.door.admit(self, origin_of(peer, own)):
             self.transport.write(FULL)
             self.transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Give the place back."""
-        self.door.leave(self)
+        self.door.release(self)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
@@ -168,7 +168,7 @@ class Caller(H11Protocol):
         waits = self.conn.their_state in WAITING
         self.silent_s, self._begun = self.loop.time() if waits else None, False
 
-    def overdue(self, now_s: float) -> bool:
+    def is_overdue(self, now_s: float) -> bool:
         """Return whether it has kept its place for too long; asked for again and again."""
         unsent = self.transport.get_write_buffer_size()
         if unsent == 0:
@@ -181,7 +181,7 @@ class Caller(H11Protocol):
         return silent or (self.stuck_s is not None and now_s - self.stuck_s > limits.answer_s)
 
 
-def _most_silent(callers: Iterable[Caller]) -> Caller | None:
+def _find_most_silent(callers: Iterable[WebConnection]) -> WebConnection | None:
     """Return who has been silent longest; None if everybody is being answered."""
     since_s = {
         caller: min(one for one in (caller.silent_s, caller.stuck_s) if one is not None)

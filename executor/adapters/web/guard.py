@@ -55,26 +55,26 @@ class Guard:
                 headers.setdefault("cache-control", "no-store")
             await send(message)
 
-        refusal = self._refusal(scope)
+        refusal = self._find_refusal(scope)
         if refusal is not None:
             await refusal(scope, receive, with_headers)
             return
         await self._app(scope, receive, with_headers)
 
-    def _refusal(self, scope: Scope) -> Response | None:
+    def _find_refusal(self, scope: Scope) -> Response | None:
         headers = Headers(scope=scope)
         host = headers.get("host", "")
-        if not self._answers_to(host):
+        if not self._is_own_name(host):
             return PlainTextResponse(f"this server does not answer to the name {host[:80]!r}", 421)
-        if not _same_origin(headers, host):
+        if not _is_same_origin(headers, host):
             return PlainTextResponse("requests of other pages are not taken", 403)
-        if not _small(headers):
+        if not _is_small(headers):
             return PlainTextResponse(f"expected at most {MOST_BODY} bytes of a known length", 413)
-        if self._token is None or self._shown(headers):
+        if self._token is None or self._has_token(headers):
             return None
-        return self._admission(scope)
+        return self._admit_by_token(scope)
 
-    def _answers_to(self, host: str) -> bool:
+    def _is_own_name(self, host: str) -> bool:
         name = _name_of(host)
         if name in self._names:
             return True
@@ -86,29 +86,29 @@ class Guard:
             return False
         return True
 
-    def _shown(self, headers: Headers) -> bool:
+    def _has_token(self, headers: Headers) -> bool:
         kind, _, value = headers.get("authorization", "").partition(" ")
         if kind.lower() == "bearer" and self._is_token(value.strip()):
             return True
         return self._token is not None and self._is_token(
-            cookie_parser(headers.get("cookie", "")).get(cookie_name(self._token), "")
+            cookie_parser(headers.get("cookie", "")).get(cookie_name_for(self._token), "")
         )
 
     def _is_token(self, value: str) -> bool:
         return self._token is not None and secrets.compare_digest(value.encode(), self._token.encode())
 
-    def _admission(self, scope: Scope) -> Response:
+    def _admit_by_token(self, scope: Scope) -> Response:
         """Take the token of the address that the terminal showed, once, and keep it as a cookie."""
         value = QueryParams(scope["query_string"]).get("token", "")
         if scope["method"] == "GET" and scope["path"] == "/" and self._is_token(value):
             answer = RedirectResponse(URL(scope=scope).path, 303)
-            answer.set_cookie(cookie_name(value), value, httponly=True, samesite="strict", path="/")
+            answer.set_cookie(cookie_name_for(value), value, httponly=True, samesite="strict", path="/")
             return answer
         text = "a token is needed: open the address that ends in /?token=..., or send 'Authorization: Bearer ...'"
         return PlainTextResponse(text, 401, {"www-authenticate": "Bearer"})
 
 
-def cookie_name(token: str) -> str:
+def cookie_name_for(token: str) -> str:
     """Return what a browser keeps a token as: it does not tell two flights on one computer apart by their ports."""
     return f"faultline_{sha256(token.encode()).hexdigest()[:12]}"
 
@@ -124,14 +124,14 @@ def _name_of(host: str) -> str:
     return host.rpartition(":")[0].lower() if ":" in host else host.lower()
 
 
-def _same_origin(headers: Headers, host: str) -> bool:
+def _is_same_origin(headers: Headers, host: str) -> bool:
     origin, site = headers.get("origin"), headers.get("sec-fetch-site")
     if origin is not None and origin not in {f"http://{host}", f"https://{host}"}:
         return False
     return site in {None, "same-origin", "none"}
 
 
-def _small(headers: Headers) -> bool:
+def _is_small(headers: Headers) -> bool:
     """Return whether a body has a length, and a small one; a request without a body says nothing of it."""
     if "transfer-encoding" in headers:
         return False

@@ -21,9 +21,9 @@ from executor.adapters.web.documents import (
     Place,
 )
 from executor.core.context import Context
-from executor.core.seeing.assets import AssetState, asked_of, asset_views
+from executor.core.seeing.assets import AssetState, build_asset_views, list_asked_pictures
 from executor.core.state import Coverage, FleetState
-from executor.core.view import FleetView, fleet_view
+from executor.core.view import FleetView, build_fleet_view
 from missions import Phase, Window
 from missions.areas import AreaKind
 from missions.files import json_text
@@ -54,7 +54,7 @@ class _Track:
             self.step_m *= 2
 
 
-class Present:
+class WebSnapshot:
     """Reads the flight for everybody who looks; used by one thread."""
 
     def __init__(
@@ -62,7 +62,7 @@ class Present:
         context: Context,
         now: Now,
         speedup: float = 1.0,
-        describe: Describe = fleet_view,
+        describe: Describe = build_fleet_view,
         window: Window | None = None,
     ) -> None:
         """Look at a flight.
@@ -80,26 +80,26 @@ class Present:
         self._describe = describe
         self._window = window
         self._tracks = {name: _Track() for name in context.vehicles}
-        self._asked = asked_of(context)
+        self._asked = list_asked_pictures(context)
         self._covered: tuple[Coverage, int] | None = None
         self._assets_changed = 0
 
-    def view(self) -> FleetView:
+    def build_view(self) -> FleetView:
         """Return what is known now."""
         return self._describe(self._context, *self._now())
 
-    def clock(self) -> bytes:
+    def encode_clock(self) -> bytes:
         """Return the time on the flight's clock alone, as JSON: a browser holds it against what it shows."""
         _, now_s = self._now()
         return json.dumps({"now_s": round(now_s, 2)}).encode()
 
-    def state(self) -> bytes:
+    def encode_state(self) -> bytes:
         """Return the present as JSON, and remember where everybody is."""
         state, now_s = self._now()
         content = asdict(self._describe(self._context, state, now_s))
         for shown in content["vehicles"]:
             vehicle = state.vehicles[shown["name"]]
-            place = None if vehicle.motion.fix is None else _rounded(vehicle.motion.fix.place_m)
+            place = None if vehicle.motion.fix is None else _round_place(vehicle.motion.fix.place_m)
             shown |= BesideVehicle(place_m=place, waypoint=vehicle.assignment.waypoint)
             if place is not None and vehicle.armed:
                 self._tracks[vehicle.name].add(place)
@@ -107,19 +107,19 @@ class Present:
         content |= BesideFleet(
             speedup=self._speedup,
             decided_age_s=None if tick_s is None else round(max(0.0, now_s - tick_s), 2),
-            chart=_stamp(state),
-            inferred=sorted(state.coverage.unproven()),
-            assets=self._assets_stamp(state),
+            chart=_compute_route_stamp(state),
+            inferred=sorted(state.coverage.inferred_segments()),
+            assets=self._update_assets_stamp(state),
         )
-        return _json(content)
+        return _encode_json(content)
 
-    def chart(self) -> bytes:
+    def encode_map(self) -> bytes:
         """Return the network, the pads, the routes on board and the ways flown so far, as JSON."""
         state, _ = self._now()
         setup = self._context.setup
-        return _json(
+        return _encode_json(
             PageChart(
-                chart=_stamp(state),
+                chart=_compute_route_stamp(state),
                 window=self._window,
                 pictures=bool(setup.looks),
                 assets=[(segment, sum(most.values())) for segment, most in self._asked.items()],
@@ -128,16 +128,16 @@ class Present:
                     PageArea(
                         name=area.name,
                         limit=area.kind is AreaKind.HEIGHT_LIMIT,
-                        outlines_m=[[_rounded(place) for place in ring] for ring in area.polygons_m()],
+                        outlines_m=[[_round_place(place) for place in ring] for ring in area.polygons_m()],
                     )
                     for area in setup.areas
                 ],
-                segments_m=[(_rounded(a), _rounded(b)) for a, b in setup.network.ends_m.tolist()],
+                segments_m=[(_round_place(a), _round_place(b)) for a, b in setup.network.ends_m.tolist()],
                 vehicles=[
                     PageVehicle(
                         name=name,
-                        pad_m=_rounded(self._context.vehicles[name].pad_m),
-                        route=_route(state, name),
+                        pad_m=_round_place(self._context.vehicles[name].pad_m),
+                        route=_build_route(state, name),
                         track_m=self._tracks[name].places,
                     )
                     for name in self._context.vehicles
@@ -145,7 +145,7 @@ class Present:
             )
         )
 
-    def assets(self) -> bytes:
+    def encode_assets(self) -> bytes:
         """Return what became of each asset, as JSON: rows of segment, state, pictures and vehicle.
 
         A network has thousands: an asset that is open and has no picture is left out, and browsers ask for this when
@@ -154,12 +154,12 @@ class Present:
         state, _ = self._now()
         rows = [
             (one.segment, one.state.value, one.pictures, one.vehicle)
-            for one in asset_views(self._context, state, self._asked)
+            for one in build_asset_views(self._context, state, self._asked)
             if one.state is not AssetState.OPEN or one.pictures
         ]
-        return _json(PageAssets(assets=self._assets_stamp(state), rows=rows))
+        return _encode_json(PageAssets(assets=self._update_assets_stamp(state), rows=rows))
 
-    def _assets_stamp(self, state: FleetState) -> int:
+    def _update_assets_stamp(self, state: FleetState) -> int:
         """Return a number that changes whenever anything that `assets` says may have."""
         if (
             self._covered is None
@@ -171,28 +171,28 @@ class Present:
         return self._assets_changed
 
 
-def _json(content: Mapping[str, object]) -> bytes:
+def _encode_json(content: Mapping[str, object]) -> bytes:
     """Return JSON; a number that is none is unknown to a browser, and must not keep it from all that is known."""
     plain = {key: asdict(value) if isinstance(value, Window) else value for key, value in content.items()}
     return json_text(plain, (",", ":")).encode()
 
 
-def _stamp(state: FleetState) -> list[int]:
+def _compute_route_stamp(state: FleetState) -> list[int]:
     """Return what changes whenever a route does."""
     return [-1 if one.assignment.board is None else one.assignment.board.revision for one in state.vehicles.values()]
 
 
-def _route(state: FleetState, name: str) -> PageRoute | None:
+def _build_route(state: FleetState, name: str) -> PageRoute | None:
     board = state.vehicles[name].assignment.board
     if board is None:
         return None
     return PageRoute(
         revision=board.revision,
-        places_m=[_rounded(place) for place in board.places_m],
+        places_m=[_round_place(place) for place in board.places_m],
         inspect=[waypoint.phase is Phase.INSPECT for waypoint in board.path.waypoints],
         segments=[track.segment for track in board.tracks],
     )
 
 
-def _rounded(place: Sequence[float]) -> Place:
+def _round_place(place: Sequence[float]) -> Place:
     return round(place[0], 1), round(place[1], 1)

@@ -30,16 +30,16 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from executor.adapters.assets import NamedAssets
-from executor.adapters.web.door import Caller, Door, DoorLimits
+from executor.adapters.web.door import ConnectionLimits, ConnectionRegistry, WebConnection
 from executor.adapters.web.guard import Guard
-from executor.adapters.web.present import Describe, Now, Present
-from executor.adapters.web.stream import EventStream, Newest
+from executor.adapters.web.present import Describe, Now, WebSnapshot
+from executor.adapters.web.stream import EventStream, LatestValue
 from executor.core.context import Context
 from executor.core.intents import PACK, Action, ActionName, Intent, IntentRecord, Outcome
-from executor.core.view import fleet_view
+from executor.core.view import build_fleet_view
 from executor.errors import ConnectionFailed
-from executor.supervised import WAITS_S, beside
-from missions import Window, first_reason
+from executor.supervised import WAITS_S, run_beside
+from missions import Window, format_first_error
 
 PERIOD_S = 0.4
 """Real seconds between two states: at most half of the second that a state may be old."""
@@ -92,18 +92,18 @@ class WebSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class _Kept:
+class _CachedFile:
     """A file that browsers may keep."""
 
     content: bytes
 
     @property
-    def tag(self) -> str:
+    def etag(self) -> str:
         """What it is told by."""
         return f'"{sha256(self.content).hexdigest()[:20]}"'
 
 
-class _Wish(BaseModel):
+class _IntentBody(BaseModel):
     """The body of an intent."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -116,7 +116,7 @@ class _Wish(BaseModel):
     assets: NamedAssets = ()
 
     @model_validator(mode="after")
-    def _for_assets(self) -> _Wish:
+    def _check_assets(self) -> _IntentBody:
         if self.assets and self.action != "prove":
             raise ValueError(f"assets: expected none, as {self.action} is for no single one")
         return self
@@ -155,18 +155,18 @@ class WebServer:
         context: Context,
         now: Now,
         submit: Submit,
-        describe: Describe = fleet_view,
+        describe: Describe = build_fleet_view,
         mistake: Mistake = lambda *_: None,
-        limits: DoorLimits | None = None,
+        limits: ConnectionLimits | None = None,
     ) -> None:
         """Prepare a server; entering it makes it listen."""
         self._settings = settings
-        self._present = Present(context, now, settings.speedup, describe, settings.window)
-        self._ground = {name: _Kept(content) for name, content in settings.ground.items()}
+        self._present = WebSnapshot(context, now, settings.speedup, describe, settings.window)
+        self._ground = {name: _CachedFile(content) for name, content in settings.ground.items()}
         self._submit = submit
         self._mistake = mistake
-        self._limits = limits or DoorLimits()
-        self._newest = Newest()
+        self._limits = limits or ConnectionLimits()
+        self._newest = LatestValue()
         self._started, self._ended = threading.Event(), threading.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._server: uvicorn.Server | None = None
@@ -177,18 +177,18 @@ class WebServer:
         self.address = ""
         """Where the page is, once it listens."""
 
-    def app(self) -> ASGIApp:
+    def build_app(self) -> ASGIApp:
         """Return the application."""
         routes = [
-            Route("/", self._page),
-            Route("/files/{name}", self._file),
-            _json_route("/state", self._present.state),
-            _json_route("/chart", self._present.chart),
-            _json_route("/assets", self._present.assets),
-            _json_route("/clock", self._present.clock),
-            Route("/ground/{name}", self._ground_file),
-            Route("/events", self._events),
-            Route("/intents", self._intents, methods=["POST"]),
+            Route("/", self._serve_page),
+            Route("/files/{name}", self._serve_file),
+            _make_json_route("/state", self._present.encode_state),
+            _make_json_route("/chart", self._present.encode_map),
+            _make_json_route("/assets", self._present.encode_assets),
+            _make_json_route("/clock", self._present.encode_clock),
+            Route("/ground/{name}", self._serve_ground_file),
+            Route("/events", self._serve_events),
+            Route("/intents", self._receive_intent, methods=["POST"]),
         ]
         names = frozenset({"localhost", "127.0.0.1", "[::1]", socket.gethostname().lower()}) | self._settings.names
         return Guard(Starlette(routes=routes), names=names, token=self._settings.token)
@@ -208,7 +208,7 @@ class WebServer:
         # What waits here for a slow browser is old by the time that it arrives.
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
         port = self._socket.getsockname()[1]
-        shown = _own_address() if ipaddress.ip_address(host).is_unspecified else host
+        shown = _find_own_address() if ipaddress.ip_address(host).is_unspecified else host
         self.address = f"http://[{shown}]:{port}/" if ":" in shown else f"http://{shown}:{port}/"
         _uvicorn_log.addHandler(self._log)
         self._thread.start()
@@ -223,7 +223,7 @@ class WebServer:
         loop, server = self._loop, self._server
         if loop is not None and server is not None:
             with suppress(RuntimeError):  # it has ended by itself
-                loop.call_soon_threadsafe(self._end, server)
+                loop.call_soon_threadsafe(self._shut_down, server)
         self._thread.join(ANSWER_S)
         if self._thread.is_alive():
             self._mistake("the page", TimeoutError(f"it has not ended after {ANSWER_S:g} s"))
@@ -231,12 +231,12 @@ class WebServer:
         if self._socket is not None:
             self._socket.close()
 
-    def _end(self, server: uvicorn.Server) -> None:
+    def _shut_down(self, server: uvicorn.Server) -> None:
         """Show everybody how it ended, and stop."""
 
         async def end() -> None:
             try:
-                await self._newest.put(self._present.state())
+                await self._newest.put(self._present.encode_state())
             finally:
                 await self._newest.close()
                 server.should_exit = True
@@ -257,86 +257,89 @@ class WebServer:
         if self._socket is None:
             return
         loop = self._loop = asyncio.get_running_loop()
-        loop.set_exception_handler(self._complained)
-        door = Door(self._limits)
-        self._newest = Newest()
+        loop.set_exception_handler(self._on_loop_error)
+        door = ConnectionRegistry(self._limits)
+        self._newest = LatestValue()
 
-        class AtThisDoor(Caller):
+        class AtThisDoor(WebConnection):
             """What uvicorn makes of every connection."""
 
         AtThisDoor.door = door
         config = uvicorn.Config(
-            self.app(), log_config=None, access_log=False, server_header=False, ws="none", lifespan="off",
+            self.build_app(), log_config=None, access_log=False, server_header=False, ws="none", lifespan="off",
             proxy_headers=False, timeout_keep_alive=5, timeout_graceful_shutdown=1, http=AtThisDoor,
         )  # fmt: skip
         self._server = uvicorn.Server(config)
         # uvicorn closes what it listens on when it ends; ours is listened on again.
         with self._socket.dup() as plug:
-            async with beside("the page's stream", self._tell), beside("the page's door", door.watch):
+            async with (
+                run_beside("the page's stream", self._broadcast_states),
+                run_beside("the page's door", door.close_idle_connections),
+            ):
                 self._started.set()
                 await self._server.serve(sockets=[plug])
 
-    def _complained(self, _: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    def _on_loop_error(self, _: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         error = context.get("exception")
         if isinstance(error, Exception):
             self._mistake(str(context.get("message", "the page")), error)
 
-    async def _tell(self) -> None:
+    async def _broadcast_states(self) -> None:
         """Make one state for everybody, a few times a second."""
         while True:
-            await self._newest.put(self._present.state())
+            await self._newest.put(self._present.encode_state())
             await asyncio.sleep(PERIOD_S)
 
-    async def _page(self, request: Request) -> Response:  # noqa: ARG002
-        return Response(_read("page.html"), media_type="text/html; charset=utf-8")
+    async def _serve_page(self, request: Request) -> Response:  # noqa: ARG002
+        return Response(_read_resource("page.html"), media_type="text/html; charset=utf-8")
 
-    async def _file(self, request: Request) -> Response:
+    async def _serve_file(self, request: Request) -> Response:
         name = request.path_params["name"]
         if name not in FILES:
             return PlainTextResponse("there is no such file", 404)
-        return Response(_read(name), media_type=FILES[name])
+        return Response(_read_resource(name), media_type=FILES[name])
 
-    async def _ground_file(self, request: Request) -> Response:
+    async def _serve_ground_file(self, request: Request) -> Response:
         """Answer with a file that is the same during the whole flight: a browser that has it is told so."""
         name = request.path_params["name"]
         kept = self._ground.get(name)
         if kept is None:
             return PlainTextResponse("nothing is known of the ground", 404)
-        headers = {"cache-control": "private, no-cache", "etag": kept.tag}
-        if kept.tag in request.headers.get("if-none-match", ""):
+        headers = {"cache-control": "private, no-cache", "etag": kept.etag}
+        if kept.etag in request.headers.get("if-none-match", ""):
             return Response(status_code=304, headers=headers)
         kind = PICTURES.get(name[name.rfind(".") :], "application/json")
         return Response(kept.content, media_type=kind, headers=headers)
 
-    async def _events(self, request: Request) -> ASGIApp:  # noqa: ARG002
+    async def _serve_events(self, request: Request) -> ASGIApp:  # noqa: ARG002
         return EventStream(self._newest, self._limits)
 
-    async def _intents(self, request: Request) -> Response:
+    async def _receive_intent(self, request: Request) -> Response:
         kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
         if kind != "application/json":
             return PlainTextResponse("expected content-type application/json", 415)
         try:
-            wish = _Wish.model_validate_json(await request.body())
+            wish = _IntentBody.model_validate_json(await request.body())
         except ClientDisconnect:
             return PlainTextResponse("the body did not come", 400)
         except ValidationError as error:
-            return PlainTextResponse(first_reason(error), 422)
+            return PlainTextResponse(format_first_error(error), 422)
         try:
             async with asyncio.timeout(ANSWER_S):
                 record = await asyncio.wrap_future(self._submit(wish.intent))
         except TimeoutError:
             return PlainTextResponse("the flight does not answer", 503)
-        return JSONResponse(_plain(record), STATUS[record.outcome])
+        return JSONResponse(_record_to_plain(record), STATUS[record.outcome])
 
 
-def _json_route(path: str, content: Callable[[], bytes]) -> Route:
+def _make_json_route(path: str, content: Callable[[], bytes]) -> Route:
     async def answer(_: Request) -> Response:
         return Response(content(), media_type="application/json")
 
     return Route(path, answer)
 
 
-def _own_address() -> str:
+def _find_own_address() -> str:
     """Return the address under which others in the field reach this computer; nothing is sent."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         try:
@@ -346,11 +349,11 @@ def _own_address() -> str:
         return str(one.getsockname()[0])
 
 
-def _read(name: str) -> bytes:
+def _read_resource(name: str) -> bytes:
     return resources.files("executor.adapters.web").joinpath("static", name).read_bytes()
 
 
-def _plain(record: IntentRecord) -> dict[str, object]:
+def _record_to_plain(record: IntentRecord) -> dict[str, object]:
     intent = asdict(record.intent) | {"action": record.intent.action.value}
     rest = {"code": record.code, "text": record.text, "question": record.question, "at_s": round(record.at_s, 2)}
     return intent | {"outcome": record.outcome.value} | rest

@@ -7,14 +7,14 @@ from collections.abc import AsyncIterator
 
 from starlette.types import Receive, Scope, Send
 
-from executor.adapters.web.door import DoorLimits, origin_of
+from executor.adapters.web.door import ConnectionLimits, origin_of
 
 SLOW_S = 10.0
 """A browser that takes longer than this for one state is let go; it comes back by itself."""
 RETRY_MS = 1000
 
 
-class Newest:
+class LatestValue:
     """Holds one value; everybody who waits gets the newest, and misses those in between."""
 
     def __init__(self) -> None:
@@ -41,7 +41,7 @@ class Newest:
             self._closed = True
             self._news.notify_all()
 
-    async def values(self) -> AsyncIterator[bytes]:
+    async def iterate_values(self) -> AsyncIterator[bytes]:
         """Yield the value that is there, then each newest one."""
         seen = -1
         while True:
@@ -57,10 +57,10 @@ class Newest:
 class EventStream:
     """An ASGI answer that lasts until the browser goes, or must make room for another one."""
 
-    def __init__(self, newest: Newest, limits: DoorLimits | None = None) -> None:
+    def __init__(self, newest: LatestValue, limits: ConnectionLimits | None = None) -> None:
         """Follow a value."""
         self._newest = newest
-        self._places = (limits or DoorLimits()).streams
+        self._places = (limits or ConnectionLimits()).streams
         self._replaced = asyncio.Event()
         self.sends_s: float | None = None
         """Since when a value is on its way."""
@@ -68,8 +68,8 @@ class EventStream:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send what is newest, for as long as it is taken."""
         peer, own = (scope.get(name) or ("", 0) for name in ("client", "server"))
-        self._enter(origin_of(peer[0], own[0]))
-        gone = asyncio.ensure_future(_left(receive))
+        self._take_place(origin_of(peer[0], own[0]))
+        gone = asyncio.ensure_future(_wait_for_disconnect(receive))
         sending = asyncio.ensure_future(self._send(send))
         replaced = asyncio.ensure_future(self._replaced.wait())
         try:
@@ -82,18 +82,18 @@ class EventStream:
         if isinstance(ended[0], Exception):
             raise ended[0]
 
-    def _enter(self, origin: str) -> None:
+    def _take_place(self, origin: str) -> None:
         """Take a place; where there is none, who takes nothing goes first, then who has looked longest.
 
         A browser that must go comes back by itself.
         """
-        rivals = self._places.rivals(self._newest.streams, origin)
+        rivals = self._places.find_rivals(self._newest.streams, origin)
         if rivals:
             stuck = [one for one in rivals if one.sends_s is not None]
-            min(stuck, key=lambda one: one.sends_s or 0.0, default=rivals[0]).make_room()
+            min(stuck, key=lambda one: one.sends_s or 0.0, default=rivals[0]).end_stream()
         self._newest.streams[self] = origin
 
-    def make_room(self) -> None:
+    def end_stream(self) -> None:
         """End it."""
         self._newest.dropped += 1
         self._replaced.set()
@@ -103,7 +103,7 @@ class EventStream:
         await send({"type": "http.response.start", "status": 200, "headers": headers})
         await send({"type": "http.response.body", "body": f"retry: {RETRY_MS}\n\n".encode(), "more_body": True})
         try:
-            async for value in self._newest.values():
+            async for value in self._newest.iterate_values():
                 self.sends_s = asyncio.get_running_loop().time()
                 async with asyncio.timeout(SLOW_S):
                     body = b"data: " + value + b"\n\n"
@@ -114,7 +114,7 @@ class EventStream:
             self._newest.dropped += 1
 
 
-async def _left(receive: Receive) -> None:
+async def _wait_for_disconnect(receive: Receive) -> None:
     """Wait until the browser has gone."""
     while (await receive())["type"] != "http.disconnect":
         pass

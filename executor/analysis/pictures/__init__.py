@@ -10,33 +10,33 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from executor.analysis.pictures.battery import battery_figure
-from executor.analysis.pictures.front import FrontPoint, front_figure
-from executor.analysis.pictures.gantt import gantt_figure
-from executor.analysis.pictures.maps import map_figure, plan_figure
-from executor.analysis.pictures.network import network_figure
-from executor.analysis.pictures.profile import profile_figure
-from executor.analysis.pictures.risk import risk_figure
+from executor.analysis.pictures.battery import draw_battery_figure
+from executor.analysis.pictures.front import FrontPoint, draw_front_figure
+from executor.analysis.pictures.gantt import draw_gantt_figure
+from executor.analysis.pictures.maps import draw_flight_figure, draw_plan_figure
+from executor.analysis.pictures.network import draw_network_figure
+from executor.analysis.pictures.profile import draw_profile_figure
+from executor.analysis.pictures.risk import draw_risk_figure
 from executor.analysis.pictures.style import DPI
-from executor.analysis.pictures.window import window_figure
+from executor.analysis.pictures.window import draw_window_figure
 from missions.files import write_whole
 
 __all__ = [
     "FrontPoint",
-    "battery_figure",
-    "front_figure",
-    "gantt_figure",
-    "map_figure",
-    "network_figure",
-    "plan_figure",
-    "profile_figure",
-    "risk_figure",
-    "save",
-    "window_figure",
+    "draw_battery_figure",
+    "draw_flight_figure",
+    "draw_front_figure",
+    "draw_gantt_figure",
+    "draw_network_figure",
+    "draw_plan_figure",
+    "draw_profile_figure",
+    "draw_risk_figure",
+    "draw_window_figure",
+    "save_figure",
 ]
 
 
-def save(figure: Figure, path: Path) -> None:
+def save_figure(figure: Figure, path: Path) -> None:
     """Write a picture, whole or not at all.
 
     Raises:

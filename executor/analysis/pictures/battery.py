@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MultipleLocator
 
-from executor.analysis.flight_record import FlightRecord, used, used_at_pct
-from executor.analysis.pictures.style import INK, LOSS, PAPER, WIDTH_IN, VehicleStyle, cased, style_of
-from executor.core.words import minutes, since_take_off
+from executor.analysis.flight_record import FlightRecord, compute_used_pct, used_pct_at
+from executor.analysis.pictures.style import INK, LOSS, PAPER, WIDTH_IN, VehicleStyle, make_white_edge, style_of
+from executor.core.words import format_duration, format_flight_time
 
 LEFT, RIGHT = 0.055, 0.815
 """Edges of the plot as shares of the figure; names of the lines stand to its right, those of moments above."""
@@ -37,7 +37,7 @@ MOST_TIMES = 12
 
 
 @dataclass(frozen=True, slots=True)
-class End:
+class LineEnd:
     """Where a vehicle's lines end, and what is to be said of it."""
 
     t_s: float
@@ -47,7 +47,7 @@ class End:
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class TimeMark:
     """A vertical line."""
 
     t_s: float
@@ -57,15 +57,15 @@ class Moment:
     """Of the words above the plot; 0 is the lowest."""
 
 
-def battery_figure(record: FlightRecord) -> Figure:
+def draw_battery_figure(record: FlightRecord) -> Figure:
     """Return percent used over seconds since the launch.
 
     Plans are solid, re-plans dashed and measurements thin with markers, in each vehicle's colour. Red lines are the
     losses, the black one is the longest route of the first plan; budgets and reserves are horizontal.
     """
     styles = {vehicle.name: style_of(vehicle.layer) for vehicle in record.vehicles}
-    limits, highest, end_s = _limits(record), _highest_pct(record), _end_s(record)
-    moments = _moments(record, end_s)
+    limits, highest, end_s = _collect_limits(record), _highest_pct(record), _end_s(record)
+    moments = _collect_time_marks(record, end_s)
     lines = 1 + max(moment.line for moment in moments)
     height_in = BELOW_IN + PLOT_IN + MOMENT_IN * lines + TITLE_IN
     figure = Figure(figsize=(WIDTH_IN, height_in), facecolor=PAPER)
@@ -77,33 +77,35 @@ def battery_figure(record: FlightRecord) -> Figure:
     panels = [axes]
     if far:
         place = (LEFT, (BELOW_IN + PLOT_IN - STRIP_IN) / height_in, RIGHT - LEFT, STRIP_IN / height_in)
-        panels.append(_strip(figure.add_axes(place), axes, limits))
+        panels.append(_add_strip(figure.add_axes(place), axes, limits))
     draw_limits(panels[-1], limits, end_s)
     _draw_plans(axes, record, styles)
     _draw_measured(axes, record, styles)
     _draw_losses(panels, record)
-    draw_moments(panels, moments)
-    name_lines(axes, _ends(record, styles))
-    _in_minutes(panels, end_s)
+    draw_time_marks(panels, moments)
+    label_lines(axes, _collect_line_ends(record, styles))
+    _format_time_axis(panels, end_s)
     axes.set_xlabel("time since the order to take off (min:s)")
     axes.set_ylabel("battery used (%)")
     title = "Battery consumption: planned and measured"
     figure.text(0.01, 1.0 - 0.3 / height_in, title, fontsize=14, fontweight="bold", color=INK, va="center")
-    figure.legend(handles=_handles(record), loc="lower center", ncols=6, frameon=False, fontsize=9)
+    figure.legend(handles=_build_legend(record), loc="lower center", ncols=6, frameon=False, fontsize=9)
     return figure
 
 
-def _in_minutes(panels: Sequence[Axes], end_s: float) -> None:
+def _format_time_axis(panels: Sequence[Axes], end_s: float) -> None:
     """Write times as the terminal, the page and the report show them."""
     step_s = next((step for step in TIME_STEPS_S if end_s / step <= MOST_TIMES), TIME_STEPS_S[-1])
     for axes in panels:
         axes.xaxis.set_major_locator(MultipleLocator(step_s))
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda t_s, _: minutes(t_s)))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda t_s, _: format_duration(t_s)))
 
 
 def _highest_pct(record: FlightRecord) -> float:
     planned = [used_pct for revision in record.revisions for route in revision.routes for _, used_pct in route.energy]
-    measured = [float(used(vehicle.battery)[:, 1].max()) for vehicle in record.vehicles if len(vehicle.battery)]
+    measured = [
+        float(compute_used_pct(vehicle.battery)[:, 1].max()) for vehicle in record.vehicles if len(vehicle.battery)
+    ]
     return max([LEAST_SPAN_PCT, *planned, *measured])
 
 
@@ -112,7 +114,7 @@ def _end_s(record: FlightRecord) -> float:
     return 1.01 * max([1.0, record.duration_s, *planned])
 
 
-def _limits(record: FlightRecord) -> Mapping[str, float]:
+def _collect_limits(record: FlightRecord) -> Mapping[str, float]:
     """Return budgets and reserves as percent used, by what is to be written on their lines.
 
     A reserve is drawn for the emptiest of the batteries that share it: 'used' counts from what was there at the launch.
@@ -134,7 +136,7 @@ def _limits(record: FlightRecord) -> Mapping[str, float]:
     }
 
 
-def _strip(axes: Axes, below: Axes, limits: Mapping[str, float]) -> Axes:
+def _add_strip(axes: Axes, below: Axes, limits: Mapping[str, float]) -> Axes:
     """Make axes the upper part of a broken scale, for limits far above what was used."""
     axes.set_xlim(below.get_xlim())
     axes.set_ylim(min(limits.values()) - 8.0, max(limits.values()) + 8.0)
@@ -154,7 +156,7 @@ def draw_limits(axes: Axes, limits: Mapping[str, float], end_s: float) -> None:
     """Draw horizontal lines with their words on them."""
     for name, limit in limits.items():
         axes.axhline(limit, color=INK, lw=1.2, ls=(0, (8.0, 2.0, 1.0, 2.0)), zorder=1)
-        axes.text(0.006 * end_s, limit, name, fontsize=9, color=INK, va="bottom", path_effects=cased(2.0))
+        axes.text(0.006 * end_s, limit, name, fontsize=9, color=INK, va="bottom", path_effects=make_white_edge(2.0))
 
 
 def _draw_plans(axes: Axes, record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> None:
@@ -173,7 +175,7 @@ def _draw_measured(axes: Axes, record: FlightRecord, styles: Mapping[str, Vehicl
     for vehicle in record.vehicles:
         if len(vehicle.battery) == 0:
             continue
-        account = used(vehicle.battery)
+        account = compute_used_pct(vehicle.battery)
         style = styles[vehicle.name]
         # Markers of different vehicles are shifted against each other: where lines lie on each other all are seen.
         every = max(1, len(account) // MARKS)
@@ -185,24 +187,24 @@ def _draw_measured(axes: Axes, record: FlightRecord, styles: Mapping[str, Vehicl
 
 
 def _draw_losses(panels: Sequence[Axes], record: FlightRecord) -> None:
-    for vehicle, fault in record.lost:
-        place = (fault.detected_s, used_at_pct(vehicle, fault.detected_s))
+    for vehicle, fault in record.losses:
+        place = (fault.detected_s, used_pct_at(vehicle, fault.detected_s))
         panels[0].plot(*place, ls="", marker="X", ms=13, mfc=LOSS, mec=PAPER, mew=1.2, zorder=6)
         if fault.happened_s is not None:
             for axes in panels:
                 axes.axvline(fault.happened_s, color=LOSS, lw=1.0, ls=(0, (1.0, 2.0)), zorder=2)
 
 
-def _moments(record: FlightRecord, end_s: float) -> list[Moment]:
-    found = [(record.longest_route_s, f"longest route, {minutes(record.longest_route_s)}", INK)]
+def _collect_time_marks(record: FlightRecord, end_s: float) -> list[TimeMark]:
+    found = [(record.longest_route_s, f"longest route, {format_duration(record.longest_route_s)}", INK)]
     found += [
-        (fault.detected_s, f"{vehicle.name} lost ({fault.kind.value}), {since_take_off(fault.detected_s)}", LOSS)
-        for vehicle, fault in record.lost
+        (fault.detected_s, f"{vehicle.name} lost ({fault.kind.value}), {format_flight_time(fault.detected_s)}", LOSS)
+        for vehicle, fault in record.losses
     ]
-    return stacked(found, end_s)
+    return stack_time_marks(found, end_s)
 
 
-def stacked(found: Sequence[tuple[float, str, str]], end_s: float) -> list[Moment]:
+def stack_time_marks(found: Sequence[tuple[float, str, str]], end_s: float) -> list[TimeMark]:
     """Return vertical lines for times, words and colours.
 
     Each has the lowest line of words above the plot that has room for its own; the plot ends at ``end_s``.
@@ -213,11 +215,11 @@ def stacked(found: Sequence[tuple[float, str, str]], end_s: float) -> list[Momen
         half_s = 0.5 * CHARACTER * end_s * len(words)
         line = next(number for number, until_s in enumerate(taken_s) if until_s < t_s - half_s)
         taken_s[line] = t_s + half_s
-        moments.append(Moment(t_s, words, colour, line))
+        moments.append(TimeMark(t_s, words, colour, line))
     return moments
 
 
-def draw_moments(panels: Sequence[Axes], moments: Sequence[Moment]) -> None:
+def draw_time_marks(panels: Sequence[Axes], moments: Sequence[TimeMark]) -> None:
     """Draw vertical lines through all panels, with their words above the last."""
     for moment in moments:
         for axes in panels:
@@ -234,7 +236,7 @@ def draw_moments(panels: Sequence[Axes], moments: Sequence[Moment]) -> None:
         )
 
 
-def _ends(record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> list[End]:
+def _collect_line_ends(record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> list[LineEnd]:
     ends = []
     for vehicle in record.vehicles:
         routes = [route for revision in record.revisions for route in revision.routes if route.vehicle == vehicle.name]
@@ -244,20 +246,22 @@ def _ends(record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> list[End]
             place = routes[-1].energy[-1]
             words += f": planned {place[1]:.0f} %"
         if len(vehicle.battery):
-            t_s, used_pct = used(vehicle.battery)[-1].tolist()
+            t_s, used_pct = compute_used_pct(vehicle.battery)[-1].tolist()
             place = (t_s, used_pct)
             words += f", used {used_pct:.0f} %"
         if place is not None:
-            ends.append(End(*place, words, styles[vehicle.name].colour))
+            ends.append(LineEnd(*place, words, styles[vehicle.name].colour))
     return ends
 
 
-def name_lines(axes: Axes, ends: Sequence[End]) -> None:
+def label_lines(axes: Axes, ends: Sequence[LineEnd]) -> None:
     """Write each vehicle's name to the right of the plot, as high as its line ends, and not onto another name."""
     place = axes.get_position()
     share = place.height / axes.get_ylim()[1]
     ends = sorted(ends, key=lambda end: end.used_pct)
-    for end, height in zip(ends, spread([place.y0 + share * end.used_pct for end in ends], LABEL_STEP), strict=True):
+    for end, height in zip(
+        ends, spread_heights([place.y0 + share * end.used_pct for end in ends], LABEL_STEP), strict=True
+    ):
         axes.annotate(
             end.words,
             xy=(end.t_s, end.used_pct),
@@ -279,7 +283,7 @@ def name_lines(axes: Axes, ends: Sequence[End]) -> None:
         )
 
 
-def spread(heights: Sequence[float], least: float) -> list[float]:
+def spread_heights(heights: Sequence[float], least: float) -> list[float]:
     """Return ascending heights moved apart to a least distance, with the same mean.
 
     >>> spread([0.0, 1.0], 2.0)
@@ -292,14 +296,14 @@ def spread(heights: Sequence[float], least: float) -> list[float]:
     return [height - shift for height in moved]
 
 
-def _handles(record: FlightRecord) -> list[Artist]:
+def _build_legend(record: FlightRecord) -> list[Artist]:
     handles: list[Artist] = [Line2D([], [], color=INK, lw=2.2, label="first plan")]
     if len(record.revisions) > 1:
         handles.append(Line2D([], [], color=INK, lw=2.2, ls=style_of(0).dashes, label="re-plan"))
     handles.append(Line2D([], [], color=INK, lw=0.9, marker="o", ms=6.0, mec=PAPER, label="measured"))
-    if record.lost:
+    if record.losses:
         handles.append(Line2D([], [], color=LOSS, lw=1.8, label="loss declared"))
-    if any(fault.happened_s is not None for _, fault in record.lost):
+    if any(fault.happened_s is not None for _, fault in record.losses):
         handles.append(Line2D([], [], color=LOSS, lw=1.0, ls=(0, (1.0, 2.0)), label="loss happened"))
     handles.append(Line2D([], [], color=INK, lw=1.8, marker="|", ls="", ms=14, mew=1.8, label="longest route, planned"))
     return handles

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Annotation
 
-from executor.analysis.pictures.style import FAINT, INK, PAPER, WIDTH_IN, cased
+from executor.analysis.pictures.style import FAINT, INK, PAPER, WIDTH_IN, make_white_edge
 
 HEIGHT_IN = 7.2
 PLOT = (0.07, 0.095, 0.79, 0.79)
@@ -37,7 +37,7 @@ class FrontPoint:
     """Of all routes together, in percent of a full battery."""
 
 
-def front_figure(front: Sequence[FrontPoint], references: Mapping[str, FrontPoint]) -> Figure:
+def draw_front_figure(front: Sequence[FrontPoint], references: Mapping[str, FrontPoint]) -> Figure:
     """Return earliest loss over longest route, coloured by energy; numbered from 1 in the order given."""
     figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), facecolor=PAPER)
     axes, bar = figure.add_axes(PLOT), figure.add_axes(BAR)
@@ -70,7 +70,7 @@ def front_figure(front: Sequence[FrontPoint], references: Mapping[str, FrontPoin
         handles=handles, loc="upper right", ncols=max(1, len(handles)), frameon=False, fontsize=9.5,
         bbox_to_anchor=(PLOT[0] + PLOT[2], 0.955), borderaxespad=0.0,
     )  # fmt: skip
-    _number(figure, axes, front, [*references.values()])
+    _number_plans(figure, axes, front, [*references.values()])
     return figure
 
 
@@ -83,7 +83,7 @@ def _set_limits(axes: Axes, points: Sequence[FrontPoint]) -> None:
         set_limits(min(values) - room, max(values) + room)
 
 
-def _number(figure: Figure, axes: Axes, front: Sequence[FrontPoint], others: Iterable[FrontPoint]) -> None:
+def _number_plans(figure: Figure, axes: Axes, front: Sequence[FrontPoint], others: Iterable[FrontPoint]) -> None:
     """Write each plan's number beside its point, on no other point or number where there is room."""
     figure.draw_without_rendering()
     per_pt = figure.dpi / 72.0
@@ -96,16 +96,17 @@ def _number(figure: Figure, axes: Axes, front: Sequence[FrontPoint], others: Ite
             (x + east * per_pt - wide, y + north * per_pt - high, x + east * per_pt + wide, y + north * per_pt + high)
             for east, north in OFFSETS_PT
         ]
-        free = [place for place, box in enumerate(boxes) if not any(_overlap(box, other) for other in taken)]
+        free = [place for place, box in enumerate(boxes) if not any(_has_overlap(box, other) for other in taken)]
         chosen = free[0] if free else 0
         taken.append(boxes[chosen])
         axes.add_artist(Annotation(
             str(number), xy=(point.longest_route_s, point.earliest_s), xytext=OFFSETS_PT[chosen],
-            textcoords="offset points", ha="center", va="center", fontsize=10, color=INK, path_effects=cased(2.5),
+            textcoords="offset points", ha="center", va="center", fontsize=10, color=INK,
+            path_effects=make_white_edge(2.5),
             arrowprops=None if chosen < 6 else {"arrowstyle": "-", "color": FAINT, "linewidth": 0.8},
             zorder=6,
         ))  # fmt: skip
 
 
-def _overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:
+def _has_overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]

@@ -22,7 +22,7 @@ NARROW_S = 600.0
 """A sortie shorter than this has no room for words."""
 
 
-def gantt_figure(content: DayPlanFile) -> Figure:
+def draw_gantt_figure(content: DayPlanFile) -> Figure:
     """Return the days of a plan, those on which somebody flies."""
     flown = [
         number for number, (begin, end) in enumerate(content.days)
@@ -40,7 +40,7 @@ def gantt_figure(content: DayPlanFile) -> Figure:
         top_in = total_in - HEAD_IN - place * (panel_in + GAP_IN)
         axes = figure.add_axes((0.09, (top_in - panel_in) / total_in, 0.89, panel_in / total_in))
         _draw_day(axes, content, day)
-    handles = [Patch(color=_colour(number), label=base.name) for number, base in enumerate(content.places)]
+    handles = [Patch(color=_colour_of(number), label=base.name) for number, base in enumerate(content.places)]
     figure.legend(handles=handles, loc="lower center", ncols=8, frameon=False, fontsize=9,
                   title="take-off from")  # fmt: skip
     return figure
@@ -60,7 +60,7 @@ def _draw_day(axes: Axes, content: DayPlanFile, day: int) -> None:
             if begin <= one.start_s < end:
                 lasts_s = content.evaluation.lasts_s[row][number]
                 axes.broken_barh(
-                    [(one.start_s, lasts_s)], (row - 0.36, 0.72), color=_colour(one.base), ec=PAPER, lw=0.8
+                    [(one.start_s, lasts_s)], (row - 0.36, 0.72), color=_colour_of(one.base), ec=PAPER, lw=0.8
                 )
                 if lasts_s > NARROW_S * (end - begin) / (8 * HOUR_S):
                     words = f"{len(one.visits)}" if one.lands == one.base else f"{len(one.visits)} →"
@@ -69,7 +69,7 @@ def _draw_day(axes: Axes, content: DayPlanFile, day: int) -> None:
     axes.set_ylim(len(content.vehicles) - 0.5, -0.5)
     axes.set_yticks(range(len(content.vehicles)), [own.name for own in content.vehicles], fontsize=9)
     axes.xaxis.set_major_locator(MultipleLocator(HOUR_S))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: clock(value)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: format_clock(value)))
     axes.grid(axis="x", color="#e4e4e4", lw=0.8)
     axes.set_axisbelow(True)
     axes.set_title(f"day {day + 1}: segments of each sortie", loc="left", fontsize=10, color=INK)
@@ -77,7 +77,7 @@ def _draw_day(axes: Axes, content: DayPlanFile, day: int) -> None:
         spine.set_color(FAINT)
 
 
-def clock(seconds: float) -> str:
+def format_clock(seconds: float) -> str:
     """Return the time of the day.
 
     >>> clock(86_400 + 30_630.0)
@@ -87,5 +87,5 @@ def clock(seconds: float) -> str:
     return f"{minutes // 60:02d}:{minutes % 60:02d}"
 
 
-def _colour(base: int) -> str:
+def _colour_of(base: int) -> str:
     return COLOURS[base % len(COLOURS)]

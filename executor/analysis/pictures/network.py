@@ -8,9 +8,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from executor.analysis.pictures.sheet import legend, make_sheet
-from executor.analysis.pictures.style import COLOURS, FAINT, INK, PAPER, cased
-from missions import Understood
+from executor.analysis.pictures.sheet import draw_legend, make_sheet
+from executor.analysis.pictures.style import COLOURS, FAINT, INK, PAPER, make_white_edge
+from missions import NetworkImport
 
 NAMED_POLES = 60
 """Beyond so many, their names hide each other."""
@@ -20,7 +20,7 @@ LETTERS = 24
 """Of a line's name below the map."""
 
 
-def network_figure(understood: Understood) -> Figure:
+def draw_network_figure(understood: NetworkImport) -> Figure:
     """Return the map of a network; the longest lines have colours of their own."""
     network = understood.network
     lines = [understood.lines.get(segment.label, "") for segment in network.segments]
@@ -30,7 +30,7 @@ def network_figure(understood: Understood) -> Figure:
     longest = sorted(lengths_m, key=lambda line: -lengths_m[line])[: len(COLOURS)]
     colours = {line: COLOURS[number] for number, line in enumerate(longest)}
     handles: list[Artist] = [
-        Line2D([], [], color=colour, lw=3.0, label=_short(line)) for line, colour in colours.items()
+        Line2D([], [], color=colour, lw=3.0, label=_shorten_name(line)) for line, colour in colours.items()
     ]
     if len(lengths_m) > len(longest):
         handles.append(Line2D([], [], color=FAINT, lw=3.0, label=f"{len(lengths_m) - len(longest)} more lines"))
@@ -52,13 +52,14 @@ def network_figure(understood: Understood) -> Figure:
         axes.plot([0.0], [0.0], ls="", marker="*", ms=13, mfc=INK, mec=PAPER, mew=0.8, zorder=8)
     if len(network.pylons) <= NAMED_POLES:
         for pylon, (east_m, north_m) in zip(network.pylons, network.positions_m.tolist(), strict=True):
-            axes.annotate(_short(pylon.id), (east_m, north_m), xytext=(4, 4), textcoords="offset points", fontsize=7,
-                          color=INK, path_effects=cased(2.0), zorder=5)  # fmt: skip
-    legend(sheet, handles)
+            axes.annotate(_shorten_name(pylon.id), (east_m, north_m), xytext=(4, 4),
+            textcoords="offset points", fontsize=7,
+                          color=INK, path_effects=make_white_edge(2.0), zorder=5)  # fmt: skip
+    draw_legend(sheet, handles)
     return sheet.figure
 
 
-def _short(name: str) -> str:
+def _shorten_name(name: str) -> str:
     """Return a name that has room; a dollar sign would begin a formula."""
     text = name if len(name) <= LETTERS else f"{name[: LETTERS - 3]}..."
     return text.replace("$", r"\$") or "no line's name"

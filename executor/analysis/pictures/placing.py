@@ -16,13 +16,13 @@ COVERED = 40.0
 """What one covered point weighs, in label heights of distance."""
 
 
-def along(begin_m: Place, end_m: Place, step_m: float) -> FloatArray:
+def sample_line_m(begin_m: Place, end_m: Place, step_m: float) -> FloatArray:
     """Return (n, 2) float64, points on a straight line at most a step apart, both ends included."""
     count = max(2, math.ceil(math.dist(begin_m, end_m) / step_m) + 1)
     return np.linspace(begin_m, end_m, count)
 
 
-class Placer:
+class LabelPlacer:
     """Finds room for one label after the other, each with a leader to what it names; each takes the room it gets."""
 
     def __init__(self, taken_m: FloatArray, low_m: Place, high_m: Place) -> None:
@@ -32,7 +32,7 @@ class Placer:
         self._low_m = np.array(low_m)
         self._high_m = np.array(high_m)
 
-    def place(self, anchors_m: FloatArray, size_m: tuple[float, float]) -> tuple[Place, Place]:
+    def place_label(self, anchors_m: FloatArray, size_m: tuple[float, float]) -> tuple[Place, Place]:
         """Return where a label's leader begins and where the label's middle lies.
 
         Args:
@@ -40,19 +40,19 @@ class Placer:
             size_m: The label's width and height.
         """
         size = np.array(size_m)
-        anchors, middles = self._candidates(anchors_m, size)
+        anchors, middles = self._generate_candidates(anchors_m, size)
         nearness = np.hypot(*(middles - anchors).T) / size[1]
         best, best_price = 0, math.inf
         for index in np.argsort(nearness, kind="stable"):
             if nearness[index] >= best_price:
                 break  # whatever is farther costs more than this by its distance alone
-            price = float(nearness[index]) + COVERED * self._covered(anchors[index], middles[index], size)
+            price = float(nearness[index]) + COVERED * self._count_hidden(anchors[index], middles[index], size)
             if price < best_price:
                 best, best_price = int(index), price
-        self._take(anchors[best], middles[best], size)
-        return _place(anchors[best]), _place(middles[best])
+        self._occupy(anchors[best], middles[best], size)
+        return _to_place(anchors[best]), _to_place(middles[best])
 
-    def _candidates(self, anchors_m: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _generate_candidates(self, anchors_m: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (c, 2) anchors and (c, 2) middles of labels about them, inside the map."""
         angles = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
         ring = np.column_stack((np.cos(angles), np.sin(angles)))
@@ -63,29 +63,29 @@ class Placer:
         middles = anchors + np.tile(offsets, (len(anchors_m), 1))
         return anchors, np.clip(middles, self._low_m + size / 2.0, self._high_m - size / 2.0)
 
-    def _covered(self, anchor: FloatArray, middle: FloatArray, size: FloatArray) -> int:
+    def _count_hidden(self, anchor: FloatArray, middle: FloatArray, size: FloatArray) -> int:
         """Return how many points the label would hide, and its leader of the words that lie already."""
         hidden = (np.abs(self._taken_m - middle) <= 0.6 * size).all(axis=1).sum()
         # Of words, a point is as far from the next as a twelfth of their height.
-        crossed = calm_m(_leader(anchor, middle), self._words_m) < size[1] / 6.0
+        crossed = nearest_distance_m(_sample_leader_m(anchor, middle), self._words_m) < size[1] / 6.0
         return int(hidden + crossed.sum())
 
-    def _take(self, anchor: FloatArray, middle: FloatArray, size: FloatArray) -> None:
+    def _occupy(self, anchor: FloatArray, middle: FloatArray, size: FloatArray) -> None:
         axes = [np.linspace(-0.5, 0.5, 13) * side for side in size]
         box = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2) + middle
         self._words_m = np.concatenate((self._words_m, box))
-        self._taken_m = np.concatenate((self._taken_m, box, _leader(anchor, middle)))
+        self._taken_m = np.concatenate((self._taken_m, box, _sample_leader_m(anchor, middle)))
 
 
-def _place(point_m: FloatArray) -> Place:
+def _to_place(point_m: FloatArray) -> Place:
     return float(point_m[0]), float(point_m[1])
 
 
-def _leader(anchor_m: FloatArray, middle_m: FloatArray) -> FloatArray:
+def _sample_leader_m(anchor_m: FloatArray, middle_m: FloatArray) -> FloatArray:
     return np.linspace(anchor_m, middle_m, 24)[1:]
 
 
-def calm_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
+def nearest_distance_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
     """Return (n,) float64: how far each of (n, 2) places is from the nearest of (m, 2) others; infinite without any."""
     if len(others_m) == 0:
         return np.full(len(places_m), math.inf)
@@ -93,6 +93,6 @@ def calm_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
     return np.asarray(apart_m.min(axis=1), dtype=np.float64)
 
 
-def calmest(candidates_m: FloatArray, others_m: FloatArray) -> int:
+def find_farthest(candidates_m: FloatArray, others_m: FloatArray) -> int:
     """Return which of (n, 2) places is the farthest from all of (m, 2) others; the first if there are no others."""
-    return int(calm_m(candidates_m, others_m).argmax())
+    return int(nearest_distance_m(candidates_m, others_m).argmax())

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from executor.analysis.pictures.battery import spread
-from executor.analysis.pictures.style import FAINT, INK, PAPER, WIDTH_IN, cased, style_of
-from planner import Risk
+from executor.analysis.pictures.battery import spread_heights
+from executor.analysis.pictures.style import FAINT, INK, PAPER, WIDTH_IN, make_white_edge, style_of
+from planner import RiskEstimate
 
 HEIGHT_IN = 6.6
 PLOT = (0.065, 0.11, 0.665, 0.78)
@@ -19,7 +19,7 @@ LABEL_STEP = 0.085
 """Least distance of two names of two lines each, as a share of the plot's height."""
 
 
-def risk_figure(swept: Sequence[Risk], given: Risk) -> Figure:
+def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figure:
     """Return the probability that everything gets inspected, one curve for each number of re-plans.
 
     Args:
@@ -56,12 +56,12 @@ def risk_figure(swept: Sequence[Risk], given: Risk) -> Figure:
             given.mtbf_h, 100 * given.finished[replans].estimate, color=look.colour, marker=look.marker, ms=10.5,
             mec=INK, mew=1.4, ls="", zorder=10,
         )  # fmt: skip
-    _name_curves(figure, swept[-1], given)
+    _label_curves(figure, swept[-1], given)
     axes.set_xlabel("mean time between failures of one vehicle (flight hours)")
     axes.set_ylabel("everything inspected (% of flights)")
     axes.annotate(
         f"asked for: {given.mtbf_h:g} h", xy=(given.mtbf_h, 0.0), xycoords=("data", "axes fraction"), xytext=(6.0, 6.0),
-        textcoords="offset points", fontsize=9.5, color=INK, path_effects=cased(2.0),
+        textcoords="offset points", fontsize=9.5, color=INK, path_effects=make_white_edge(2.0),
     )  # fmt: skip
     figure.text(0.01, 1.0 - 0.32 / HEIGHT_IN, "Chance that everything is inspected", fontsize=14, fontweight="bold",
                 color=INK, va="center")  # fmt: skip
@@ -70,24 +70,24 @@ def risk_figure(swept: Sequence[Risk], given: Risk) -> Figure:
     return figure
 
 
-def policy(replans: int) -> str:
+def describe_policy(replans: int) -> str:
     """Return in words how many losses are re-planned."""
     if replans == 0:
         return "as planned, no re-plan"
     return "re-planned after one loss" if replans == 1 else f"re-planned after up to {replans} losses"
 
 
-def _name_curves(figure: Figure, last: Risk, given: Risk) -> None:
+def _label_curves(figure: Figure, last: RiskEstimate, given: RiskEstimate) -> None:
     """Write what each curve is to the right of its end, and its figure for the time that was asked for."""
     (axes,) = figure.axes
     ends = sorted((100 * chance.estimate, replans) for replans, chance in enumerate(last.finished))
     low, high = axes.get_ylim()
-    heights = spread([(end - low) / (high - low) for end, _ in ends], LABEL_STEP)
+    heights = spread_heights([(end - low) / (high - low) for end, _ in ends], LABEL_STEP)
     above = max(0.0, heights[-1] - 1.0)
     for (end, replans), height in zip(ends, heights, strict=True):
         chance, look = given.finished[replans], style_of(replans)
         axes.annotate(
-            f"{policy(replans)}\n{100 * chance.estimate:.2f} % at {given.mtbf_h:g} h "
+            f"{describe_policy(replans)}\n{100 * chance.estimate:.2f} % at {given.mtbf_h:g} h "
             f"({100 * chance.low:.2f} to {100 * chance.high:.2f} %)",
             xy=(1.0, end), xycoords=("axes fraction", "data"),
             xytext=(1.035, height - above), textcoords="axes fraction",

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon, Rectangle
 
 from executor.analysis.flight_record import Place
-from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, WIDTH_IN, cased
+from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, WIDTH_IN, make_white_edge
 from missions.areas import Area, AreaKind
 from missions.geo import FloatArray
 
@@ -34,7 +34,7 @@ ROOM = 0.07
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sheet:
+class MapSheet:
     """The figure and its panels, with the scale that they share."""
 
     figure: Figure
@@ -47,7 +47,7 @@ class Sheet:
     """Whether the ground is drawn below: what is over it needs an edge."""
 
 
-def make_sheet(shown_m: FloatArray, title: str, panels: Sequence[str], legend_entries: int) -> Sheet:
+def make_sheet(shown_m: FloatArray, title: str, panels: Sequence[str], legend_entries: int) -> MapSheet:
     """Return empty panels that show (n, 2) places, with room for a legend of so many entries."""
     low, high = shown_m.min(axis=0), shown_m.max(axis=0)
     # A line due east has no height of its own.
@@ -84,12 +84,12 @@ def make_sheet(shown_m: FloatArray, title: str, panels: Sequence[str], legend_en
         for spine in axes.spines.values():
             spine.set_color("#cccccc")
         axes.set_title(name, loc="left", fontsize=11, color=INK)
-        _scale_and_north(axes, m_per_in)
+        _draw_scale_and_north(axes, m_per_in)
         made.append(axes)
-    return Sheet(figure, tuple(made), m_per_in, (float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
+    return MapSheet(figure, tuple(made), m_per_in, (float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
 
 
-def legend(sheet: Sheet, handles: Sequence[Artist]) -> None:
+def draw_legend(sheet: MapSheet, handles: Sequence[Artist]) -> None:
     """Explain all panels at the bottom of the sheet."""
     sheet.figure.legend(
         handles=list(handles),
@@ -127,17 +127,17 @@ def draw_areas(axes: Axes, areas: Iterable[Area]) -> None:
             )  # fmt: skip
         (west, south), (east, north) = np.min(area.edges_m(), axis=(0, 1)), np.max(area.edges_m(), axis=(0, 1))
         axes.text((west + east) / 2, (south + north) / 2, area.name, fontsize=8, color=LOSS, ha="center", va="center",
-                  clip_on=True, path_effects=cased(2.0), zorder=7)  # fmt: skip
+                  clip_on=True, path_effects=make_white_edge(2.0), zorder=7)  # fmt: skip
 
 
-def area_handles(areas: Sequence[Area]) -> list[Artist]:
+def build_area_handles(areas: Sequence[Area]) -> list[Artist]:
     """Return what explains areas; nothing where there are none."""
     if not areas:
         return []
     return [Patch(facecolor=LOSS, alpha=0.3, hatch="///", label="areas that flights keep out of")]
 
 
-def _scale_and_north(axes: Axes, m_per_in: float) -> None:
+def _draw_scale_and_north(axes: Axes, m_per_in: float) -> None:
     west, _ = axes.get_xlim()
     _, east = axes.get_xlim()
     south, _ = axes.get_ylim()
@@ -159,7 +159,7 @@ def _scale_and_north(axes: Axes, m_per_in: float) -> None:
         zorder=9,
     )
     axes.text(x - 0.1 * m_per_in, south + 0.25 * m_per_in, "N", fontsize=10, color=INK, ha="right", va="center",
-              path_effects=cased(2.0))  # fmt: skip
+              path_effects=make_white_edge(2.0))  # fmt: skip
 
 
 def round_length_m(most_m: float) -> float:

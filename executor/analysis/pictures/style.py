@@ -58,11 +58,11 @@ def style_of(layer: int) -> VehicleStyle:
     return VehicleStyle(COLOURS[layer % len(COLOURS)], MARKERS[layer % len(MARKERS)], DASHES[layer % len(DASHES)])
 
 
-def cased(width_pt: float) -> list[AbstractPathEffect]:
+def make_white_edge(width_pt: float) -> list[AbstractPathEffect]:
     """Return the effect of a white edge about a line or a text, so that it stands off what lies beneath."""
     return [Stroke(linewidth=width_pt, foreground=PAPER), Normal()]
 
 
-def outlined(width_pt: float) -> list[AbstractPathEffect]:
+def make_dark_edge(width_pt: float) -> list[AbstractPathEffect]:
     """Return the effect of a dark edge about a line of a width."""
     return [Stroke(linewidth=width_pt + 2.0, foreground=INK), Normal()]

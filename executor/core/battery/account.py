@@ -13,13 +13,13 @@ from executor.core.battery import kalman
 from executor.core.battery.counter import (
     CALM_PCT,
     WHOLE_PCT,
-    Charge,
-    counted_from,
-    counted_pct,
-    set_against,
-    with_end,
+    ChargeCounter,
+    compare_with_percentage,
+    counter_remaining_pct,
+    record_percent_transition,
+    start_counter,
 )
-from executor.core.battery.cusum import Drift, with_usage
+from executor.core.battery.cusum import Drift, add_usage
 from executor.core.battery.kalman import BatteryEstimate, Prior
 from executor.core.limits import Limits
 
@@ -94,7 +94,7 @@ class BatteryState:
     """The factor over the whole flight: a mild drain is not usual before minutes have passed."""
     slow: Drift = field(default_factory=Drift)
     """Of the percentage against `usual_long`: mild drains show only over minutes."""
-    charge: Charge = field(default_factory=Charge)
+    charge: ChargeCounter = field(default_factory=ChargeCounter)
     still_pct: float = 0.0
     """At least so much was used since the percentage moved last."""
     stood: bool = False
@@ -119,12 +119,12 @@ class BatteryState:
         return self.earlier_pct + self.first_pct - self.lowest_pct
 
 
-def drawn(state: BatteryState, pct: float) -> BatteryState:
+def add_modelled_use(state: BatteryState, pct: float) -> BatteryState:
     """Add what the model says was used since the last position."""
     return replace(state, modelled_pct=state.modelled_pct + pct)
 
 
-def with_remaining(
+def apply_remaining_report(
     state: BatteryState, remaining_pct: float, charge_state: int, now_s: float, prior: Prior = NO_PRIOR,
     limits: Limits = DEFAULT_LIMITS, middle_pct: float = 0.0,
 ) -> BatteryState:  # fmt: skip
@@ -145,7 +145,7 @@ def with_remaining(
             reported_s=now_s,
             charge_state=charge_state,
             history=(sample,),
-            estimate=kalman.first_estimate(stands_for_pct, prior),
+            estimate=kalman.initialise_estimate(stands_for_pct, prior),
             usual=prior.factor,
             usual_long=prior.factor,
             anew_s=now_s,
@@ -160,13 +160,15 @@ def with_remaining(
     still_pct = 0.0 if moved else state.still_pct + LEAST_FACTOR * modelled
     if still_pct >= STILL_PCT or (moved and state.still_pct >= STILL_PCT):
         # Where it stood nothing can be said of what was used, and where it moves at last only from there on.
-        anew = begun_anew(state, remaining_pct, charge_state, now_s, prior, middle_pct)
+        anew = rebase_account(state, remaining_pct, charge_state, now_s, prior, middle_pct)
         return replace(anew, stood=True, still_pct=still_pct)
-    ahead = kalman.flown(state.estimate, modelled, elapsed_s)
-    modelled = max(modelled, _unseen_pct(state, elapsed_s))
-    drift, slow = _drifts(state, used, modelled, elapsed_s, now_s, limits)
-    charge = with_end(state.charge, remaining_pct + middle_pct + 0.5 * WHOLE_PCT, used, elapsed_s, now_s)
-    estimate, charge = _taken(state, charge, ahead, stands_for_pct, elapsed_s, roughness)
+    ahead = kalman.predict_estimate(state.estimate, modelled, elapsed_s)
+    modelled = max(modelled, _silent_use_pct(state, elapsed_s))
+    drift, slow = _update_drifts(state, used, modelled, elapsed_s, now_s, limits)
+    charge = record_percent_transition(
+        state.charge, remaining_pct + middle_pct + 0.5 * WHOLE_PCT, used, elapsed_s, now_s
+    )
+    estimate, charge = _correct_estimate(state, charge, ahead, stands_for_pct, elapsed_s, roughness)
     begins = 0
     while now_s - state.history[begins].at_s > HISTORY_S and begins + 1 < len(state.history):
         begins += 1
@@ -179,31 +181,31 @@ def with_remaining(
         charge_state=charge_state,
         history=(*state.history[begins:], sample),
         estimate=estimate,
-        usual=_followed_usual(state, estimate, drift, elapsed_s, now_s),
+        usual=_update_usual_factor(state, estimate, drift, elapsed_s, now_s),
         began_s=now_s if state.began_s is None and state.modelled_pct > 0 else state.began_s,
         roughness_pct=roughness,
         drift=drift,
-        usual_long=_followed_long(state, estimate, elapsed_s, now_s),
+        usual_long=_update_long_factor(state, estimate, elapsed_s, now_s),
         slow=slow,
-        charge=set_against(charge, remaining_pct, rose_pct=-used),
+        charge=compare_with_percentage(charge, remaining_pct, rose_pct=-used),
         still_pct=still_pct,
     )
 
 
-def _drifts(
+def _update_drifts(
     state: BatteryState, used: float, modelled: float, elapsed_s: float, now_s: float, limits: Limits
 ) -> tuple[Drift, Drift]:
     """Return what was used beyond the usual, and beyond the usual of minutes, after a stretch."""
-    known = state.estimate or kalman.first_estimate(0.0, NO_PRIOR)
-    expected = _usual(state) * modelled
-    slack = _slack(state, limits) * expected + (limits.blind_swing_pct_s * elapsed_s if is_blind(state) else 0.0)
-    drift = with_usage(
+    known = state.estimate or kalman.initialise_estimate(0.0, NO_PRIOR)
+    expected = _usual_factor(state) * modelled
+    slack = _slack_share(state, limits) * expected + (limits.blind_swing_pct_s * elapsed_s if is_blind(state) else 0.0)
+    drift = add_usage(
         state.drift, used, expected, slack_pct=slack, elapsed_s=elapsed_s, now_s=now_s,
         memory_s=limits.battery_window_s,
     )  # fmt: skip
     if known.factor_sd > STRANGE_SD:
         return drift, Drift()  # nobody knows yet what is usual for it
-    slow = with_usage(
+    slow = add_usage(
         state.slow, used, state.usual_long * modelled,
         slack_pct=(limits.slow_slack + state.slack) * state.usual_long * modelled,
         elapsed_s=elapsed_s, now_s=now_s, memory_s=limits.slow_window_s,
@@ -211,14 +213,14 @@ def _drifts(
     return drift, slow
 
 
-def with_first_count(state: BatteryState, consumed_ah: float | None) -> BatteryState:
+def record_first_count(state: BatteryState, consumed_ah: float | None) -> BatteryState:
     """Take what the counter of charge says, while the percentage is still the first one."""
     if state.first_ah is not None or state.remaining_pct != state.first_pct:
         return state
     return replace(state, first_ah=consumed_ah)
 
 
-def with_consumed(
+def apply_consumed_report(
     state: BatteryState, consumed_ah: float, now_s: float, limits: Limits = DEFAULT_LIMITS
 ) -> BatteryState:
     """Take a report of the consumed charge; what it means in percent is learned from both counters."""
@@ -226,32 +228,34 @@ def with_consumed(
     if state.remaining_pct is None:
         return state
     if charge.consumed_ah is None or consumed_ah < charge.consumed_ah:  # a counter that goes back began anew
-        return replace(state, charge=counted_from(charge, consumed_ah, state.remaining_pct, state.modelled_pct, now_s))
+        return replace(state, charge=start_counter(charge, consumed_ah, state.remaining_pct, state.modelled_pct, now_s))
     drift = charge.drift
     if charge.capacity_ah is not None:
         used = 100.0 * (consumed_ah - charge.consumed_ah) / charge.capacity_ah
         elapsed_s = max(0.0, now_s - charge.at_s)
-        expected = _usual(state) * max(state.modelled_pct - charge.modelled_pct, _unseen_pct(state, elapsed_s))
-        drift = with_usage(
-            drift, used, expected, slack_pct=_slack(state, limits, COUNTED) * expected, elapsed_s=elapsed_s,
+        expected = _usual_factor(state) * max(
+            state.modelled_pct - charge.modelled_pct, _silent_use_pct(state, elapsed_s)
+        )
+        drift = add_usage(
+            drift, used, expected, slack_pct=_slack_share(state, limits, COUNTED) * expected, elapsed_s=elapsed_s,
             now_s=now_s, memory_s=limits.battery_window_s,
         )  # fmt: skip
     taken = replace(charge, consumed_ah=consumed_ah, at_s=now_s, modelled_pct=state.modelled_pct, drift=drift)
     return replace(state, charge=taken)
 
 
-def swapped(
+def restart_account(
     state: BatteryState, remaining_pct: float, charge_state: int, now_s: float, prior: Prior = NO_PRIOR,
     middle_pct: float = 0.0,
 ) -> BatteryState:  # fmt: skip
     """Start the account anew: a percentage that rises is a reboot or another pack, not a charge in flight."""
     fresh = BatteryState(
-        least_pct=state.least_pct, earlier_pct=state.given_pct, charge=Charge(set_ah=state.charge.set_ah)
+        least_pct=state.least_pct, earlier_pct=state.given_pct, charge=ChargeCounter(set_ah=state.charge.set_ah)
     )
-    return with_remaining(fresh, remaining_pct, charge_state, now_s, prior, middle_pct=middle_pct)
+    return apply_remaining_report(fresh, remaining_pct, charge_state, now_s, prior, middle_pct=middle_pct)
 
 
-def drawn_so_far_pct(state: BatteryState) -> float:
+def draw_since_start_pct(state: BatteryState) -> float:
     """Return what was given since the first report, as exactly as it is known.
 
     Whole percents are a large part of a small budget. The counter of charge knows what was given better than how much
@@ -270,7 +274,7 @@ def drawn_so_far_pct(state: BatteryState) -> float:
     return 100.0 * (charge.consumed_ah - state.first_ah) / charge.capacity_ah
 
 
-def waited(
+def apply_uninformative_report(
     state: BatteryState, remaining_pct: float, charge_state: int, now_s: float, prior: Prior = NO_PRIOR,
     middle_pct: float = 0.0,
 ) -> BatteryState:  # fmt: skip
@@ -278,11 +282,11 @@ def waited(
     moved = remaining_pct != state.remaining_pct or not state.history
     modelled = 0.0 if moved else state.modelled_pct - state.history[-1].modelled_pct
     still_pct = 0.0 if moved else state.still_pct + LEAST_FACTOR * modelled
-    anew = begun_anew(state, remaining_pct, charge_state, now_s, prior, middle_pct)
+    anew = rebase_account(state, remaining_pct, charge_state, now_s, prior, middle_pct)
     return replace(anew, anew_s=state.anew_s, still_pct=still_pct, stood=state.stood or still_pct >= STILL_PCT)
 
 
-def begun_anew(
+def rebase_account(
     state: BatteryState, remaining_pct: float, charge_state: int, now_s: float, prior: Prior = NO_PRIOR,
     middle_pct: float = 0.0,
 ) -> BatteryState:  # fmt: skip
@@ -290,19 +294,19 @@ def begun_anew(
 
     The pack is the same, and so are its counter and what was learned of the vehicle.
     """
-    anew = swapped(state, remaining_pct, charge_state, now_s, learned_prior(state, prior), middle_pct)
+    anew = restart_account(state, remaining_pct, charge_state, now_s, derive_prior(state, prior), middle_pct)
     charge = replace(state.charge, capacity_ah=state.charge.capacity_ah, drift=Drift())
     if charge.consumed_ah is not None:
-        charge = counted_from(charge, charge.consumed_ah, remaining_pct, 0.0, now_s)
+        charge = start_counter(charge, charge.consumed_ah, remaining_pct, 0.0, now_s)
     return replace(anew, charge=charge, stood=state.stood)
 
 
-def with_setting(state: BatteryState, capacity_ah: float | None) -> BatteryState:
+def apply_capacity_setting(state: BatteryState, capacity_ah: float | None) -> BatteryState:
     """Take what its parameter says of the capacity."""
     return replace(state, charge=replace(state.charge, set_ah=capacity_ah))
 
 
-def learned_prior(state: BatteryState, prior: Prior) -> Prior:
+def derive_prior(state: BatteryState, prior: Prior) -> Prior:
     """Return what is believed of the vehicle: what it was seen to use, where its percentage can be trusted."""
     known = state.estimate
     if known is None or is_blind(state) or not known.factor_sd < prior.sd:
@@ -310,21 +314,21 @@ def learned_prior(state: BatteryState, prior: Prior) -> Prior:
     return replace(prior, factor=max(LEAST_FACTOR, known.factor), sd=known.factor_sd)
 
 
-def _taken(
-    state: BatteryState, charge: Charge, ahead: BatteryEstimate, stands_for_pct: float, elapsed_s: float,
+def _correct_estimate(
+    state: BatteryState, charge: ChargeCounter, ahead: BatteryEstimate, stands_for_pct: float, elapsed_s: float,
     roughness_pct: float,
-) -> tuple[BatteryEstimate, Charge]:  # fmt: skip
+) -> tuple[BatteryEstimate, ChargeCounter]:  # fmt: skip
     """Return the estimate with a report, and the counter; one that does not agree begins anew at an end to come."""
-    fine = counted_pct(charge, stands_for_pct)
+    fine = counter_remaining_pct(charge, stands_for_pct)
     if fine is not None:
-        return kalman.refined(ahead, fine), charge
+        return kalman.correct_with_counter(ahead, fine), charge
     if charge.capacity_ah is not None:
         charge = replace(charge, first=None, last=None)
     rough_pct = max(roughness_pct, blindness_pct(state))
-    return kalman.corrected(ahead, stands_for_pct, elapsed_s, rough_pct), charge
+    return kalman.correct_with_report(ahead, stands_for_pct, elapsed_s, rough_pct), charge
 
 
-def runs(state: BatteryState) -> bool:
+def has_running_counter(state: BatteryState) -> bool:
     """Return whether a counter of charge counts, whatever the percentage does."""
     charge = state.charge
     return charge.consumed_ah is not None and charge.consumed_ah > charge.began_ah
@@ -332,7 +336,7 @@ def runs(state: BatteryState) -> bool:
 
 def is_blind(state: BatteryState) -> bool:
     """Return whether no counter of charge stands behind the percentage."""
-    return state.stood or not runs(state) or not state.charge.follows
+    return state.stood or not has_running_counter(state) or not state.charge.follows
 
 
 def blindness_pct(state: BatteryState) -> float:
@@ -343,7 +347,7 @@ def blindness_pct(state: BatteryState) -> float:
     return BLIND_PCT if is_blind(state) else 0.0
 
 
-def factor(state: BatteryState) -> float:
+def consumption_factor(state: BatteryState) -> float:
     """Return what the vehicle uses relative to the model."""
     if state.estimate is None:
         return 1.0
@@ -357,11 +361,11 @@ def excess_pct(state: BatteryState, window_s: float) -> tuple[float, float]:
         return 0.0, 0.0
     last = state.history[-1]
     first = next(sample for sample in state.history if last.at_s - sample.at_s <= window_s)
-    expected = (last.modelled_pct - first.modelled_pct) * _usual(state)
+    expected = (last.modelled_pct - first.modelled_pct) * _usual_factor(state)
     return (first.remaining_pct - last.remaining_pct) - expected, expected
 
 
-def _unseen_pct(state: BatteryState, elapsed_s: float) -> float:
+def _silent_use_pct(state: BatteryState, elapsed_s: float) -> float:
     """Return what the model should say of a silence, whose positions may come after the report that ends it."""
     if elapsed_s < GAP_S or len(state.history) < 2:
         return 0.0
@@ -370,7 +374,7 @@ def _unseen_pct(state: BatteryState, elapsed_s: float) -> float:
     return (last.modelled_pct - first.modelled_pct) / span_s * elapsed_s if span_s > 0 else 0.0
 
 
-def _followed_long(state: BatteryState, estimate: BatteryEstimate, elapsed_s: float, now_s: float) -> float:
+def _update_long_factor(state: BatteryState, estimate: BatteryEstimate, elapsed_s: float, now_s: float) -> float:
     """Return the mean factor of the flight so far."""
     flown_s = now_s - (state.began_s if state.began_s is not None else now_s)
     share = min(1.0, elapsed_s / max(FIRST_S, flown_s))
@@ -379,21 +383,21 @@ def _followed_long(state: BatteryState, estimate: BatteryEstimate, elapsed_s: fl
     return state.usual_long + (max(LEAST_FACTOR, estimate.factor) - state.usual_long) * share
 
 
-def _usual(state: BatteryState) -> float:
+def _usual_factor(state: BatteryState) -> float:
     return 1.0 if state.usual is None else state.usual
 
 
-def _slack(state: BatteryState, limits: Limits, share: float = 1.0) -> float:
+def _slack_share(state: BatteryState, limits: Limits, share: float = 1.0) -> float:
     if state.estimate is None:
         return share * limits.drain_slack
-    doubt = state.estimate.factor_sd / max(0.1, _usual(state))
+    doubt = state.estimate.factor_sd / max(0.1, _usual_factor(state))
     if state.slack and is_blind(state):
         # Most of that doubt is the percentage's own, which `blind_swing_pct_s` gives away already.
         return share * (limits.drain_slack + doubt)
     return share * (limits.drain_slack + state.slack + UNSURE_SD * doubt)
 
 
-def _followed_usual(
+def _update_usual_factor(
     state: BatteryState, estimate: BatteryEstimate, drift: Drift, elapsed_s: float, now_s: float
 ) -> float:
     """Return what is usual now: it follows the filter, but a drain must not become usual before it is found."""
@@ -402,4 +406,4 @@ def _followed_usual(
     within_s = min(USUAL_S, max(FIRST_S, flown_s / 2)) if calm else USUAL_S
     # Of a vehicle that nobody knows, its own flight is all there is to go by.
     share = 1.0 if estimate.factor_sd > STRANGE_SD else min(1.0, elapsed_s / within_s)
-    return _usual(state) + (max(LEAST_FACTOR, estimate.factor) - _usual(state)) * share
+    return _usual_factor(state) + (max(LEAST_FACTOR, estimate.factor) - _usual_factor(state)) * share

@@ -34,7 +34,7 @@ AGREES_PCT = 1.5
 
 
 @dataclass(frozen=True, slots=True)
-class PercentEnd:
+class PercentTransition:
     """The moment at which a whole percent went over into the next: then it is known exactly what remains."""
 
     remaining_pct: float
@@ -42,7 +42,7 @@ class PercentEnd:
 
 
 @dataclass(frozen=True, slots=True)
-class Charge:
+class ChargeCounter:
     """The counter of consumed charge, where there is one."""
 
     consumed_ah: float | None = None
@@ -50,9 +50,9 @@ class Charge:
     modelled_pct: float = 0.0
     began_ah: float = 0.0
     """What it said when it was first heard."""
-    first: PercentEnd | None = None
+    first: PercentTransition | None = None
     """The first end of a percent that fits the counter."""
-    last: PercentEnd | None = None
+    last: PercentTransition | None = None
     capacity_ah: float | None = None
     """Of the whole pack as the autopilot counts it, learned from both counters; None until enough was used."""
     began_s: float = 0.0
@@ -67,32 +67,36 @@ class Charge:
     drift: Drift = field(default_factory=Drift)
 
 
-def counted_from(charge: Charge, consumed_ah: float, reported_pct: float, modelled_pct: float, now_s: float) -> Charge:
+def start_counter(
+    charge: ChargeCounter, consumed_ah: float, reported_pct: float, modelled_pct: float, now_s: float
+) -> ChargeCounter:
     """Return a counter that is read from here on; whether the percentage follows it is a matter of the vehicle."""
-    return Charge(
+    return ChargeCounter(
         consumed_ah, now_s, modelled_pct, began_ah=consumed_ah, capacity_ah=charge.set_ah, began_s=now_s,
         set_ah=charge.set_ah, mark=(reported_pct, consumed_ah), follows=charge.follows,
     )  # fmt: skip
 
 
-def with_end(charge: Charge, end_pct: float, used_pct: float, elapsed_s: float, now_s: float) -> Charge:
+def record_percent_transition(
+    charge: ChargeCounter, end_pct: float, used_pct: float, elapsed_s: float, now_s: float
+) -> ChargeCounter:
     """Return the counter after a report; one that is a percent less than the one before tells where the percent ended.
 
     Whole percents err by one, but the moment in which one becomes the next is known to the time between two reports.
     """
     if charge.consumed_ah is None or used_pct != WHOLE_PCT or elapsed_s > END_S:
         return charge
-    last = PercentEnd(end_pct, charge.consumed_ah)
+    last = PercentTransition(end_pct, charge.consumed_ah)
     first, capacity_ah = charge.first or last, charge.capacity_ah
     given_pct = first.remaining_pct - last.remaining_pct
     # What drains the charge, and not what is said of it, must not become the capacity.
     if given_pct >= CAPACITY_PCT and charge.drift.excess_pct <= CALM_PCT:
         learned_ah = 100.0 * (last.consumed_ah - first.consumed_ah) / given_pct
-        capacity_ah = possible(charge, learned_ah, charge.consumed_ah, now_s)
+        capacity_ah = plausible_capacity_ah(charge, learned_ah, charge.consumed_ah, now_s)
     return replace(charge, first=first, last=last, capacity_ah=capacity_ah)
 
 
-def counted_pct(charge: Charge, stands_for_pct: float) -> float | None:
+def counter_remaining_pct(charge: ChargeCounter, stands_for_pct: float) -> float | None:
     """Return what the counter of charge says is left, finer than whole percents; None where the two do not agree."""
     if charge.capacity_ah is None or charge.consumed_ah is None or charge.last is None:
         return None
@@ -100,7 +104,7 @@ def counted_pct(charge: Charge, stands_for_pct: float) -> float | None:
     return left if abs(left - stands_for_pct) <= AGREES_PCT else None
 
 
-def set_against(charge: Charge, reported_pct: float, *, rose_pct: float) -> Charge:
+def compare_with_percentage(charge: ChargeCounter, reported_pct: float, *, rose_pct: float) -> ChargeCounter:
     """Hold a percentage against the counter, stretch by stretch."""
     if charge.consumed_ah is None or charge.mark is None or not charge.follows:
         return charge
@@ -115,7 +119,7 @@ def set_against(charge: Charge, reported_pct: float, *, rose_pct: float) -> Char
     return replace(charge, mark=(reported_pct, charge.consumed_ah), per_pct_ah=per_pct_ah, follows=like)
 
 
-def possible(charge: Charge, capacity_ah: float, consumed_ah: float, now_s: float) -> float | None:
+def plausible_capacity_ah(charge: ChargeCounter, capacity_ah: float, consumed_ah: float, now_s: float) -> float | None:
     """Return a learned capacity, if it can be one.
 
     A counter that stands still while the percentage falls counts nothing; one that is divided by another capacity than

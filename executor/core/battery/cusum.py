@@ -44,12 +44,12 @@ class Drift:
     biggest_pct: float = 0.0
     """The largest part that a single report has in it."""
 
-    def lasted_s(self, now_s: float) -> float:
+    def duration_s(self, now_s: float) -> float:
         """Return for how long it has been more than nothing."""
         return 0.0 if self.since_s is None else now_s - self.since_s
 
 
-def with_usage(drift: Drift, used_pct: float, expected_pct: float, *, slack_pct: float, elapsed_s: float, now_s: float,
+def add_usage(drift: Drift, used_pct: float, expected_pct: float, *, slack_pct: float, elapsed_s: float, now_s: float,
              memory_s: float) -> Drift:  # fmt: skip
     """Add what was used in the time between two reports.
 
@@ -67,7 +67,7 @@ def with_usage(drift: Drift, used_pct: float, expected_pct: float, *, slack_pct:
         if now_s - drift.jumped_s > JUMP_AGAIN_S:
             return replace(drift, jumped_s=now_s, jumped_pct=beyond)
         if now_s - drift.jumped_s <= AT_ONCE * elapsed_s:
-            drift = _with_the_first(drift, elapsed_s, now_s)
+            drift = _include_first_jump(drift, elapsed_s, now_s)
         drift = replace(drift, jumped_s=now_s, jumped_pct=0.0)
     excess = drift.excess_pct * math.exp(-elapsed_s / memory_s) + beyond - slack_pct
     if excess <= 0.0:
@@ -84,7 +84,7 @@ def with_usage(drift: Drift, used_pct: float, expected_pct: float, *, slack_pct:
     )
 
 
-def _with_the_first(drift: Drift, elapsed_s: float, now_s: float) -> Drift:
+def _include_first_jump(drift: Drift, elapsed_s: float, now_s: float) -> Drift:
     """Return the sum with the jump that was set aside just before."""
     return replace(
         drift,
@@ -96,7 +96,7 @@ def _with_the_first(drift: Drift, elapsed_s: float, now_s: float) -> Drift:
     )
 
 
-def exceeds(drift: Drift, threshold_pct: float, step_pct: float) -> bool:
+def is_drain(drift: Drift, threshold_pct: float, step_pct: float) -> bool:
     """Return whether it is a drain: several reports agree, or it is as much as a step.
 
     A percentage that was estimated anew is one large report among ordinary ones; a drain goes on.

@@ -24,7 +24,7 @@ LEAST_PCT = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class PackFlown:
+class PackFlightRecord:
     """One flight of a pack; None where its log did not say."""
 
     capacity_ah: float | None
@@ -58,7 +58,7 @@ class PackHistory:
         """Return what a route may use of it, in percent of the capacity that is planned with."""
         return max(LEAST_PCT, min(asked_pct, 100.0 * self.share_of(planned_ah) - reserve_pct))
 
-    def never_there_pct(self, planned_ah: float, *, counts: bool) -> float:
+    def empty_reading_pct(self, planned_ah: float, *, counts: bool) -> float:
         """Return how much its autopilot will report when it is empty.
 
         Args:
@@ -69,7 +69,7 @@ class PackHistory:
         return 100.0 * (1.0 - self.share_of(counted_ah))
 
 
-def history_of(label: str, flown: Sequence[PackFlown]) -> PackHistory:
+def build_pack_history(label: str, flown: Sequence[PackFlightRecord]) -> PackHistory:
     """Return what a pack's flights say, given in their order."""
     last = flown[-RECENT:]
     capacities = [one.capacity_ah for one in last if one.capacity_ah is not None]
@@ -78,13 +78,13 @@ def history_of(label: str, flown: Sequence[PackFlown]) -> PackHistory:
     return PackHistory(
         label,
         len(flown),
-        _figure(capacities, LEAST_SHARE_SD),
-        _figure(ohms, OHM_SHARE_SD),
+        _estimate_mean_sd(capacities, LEAST_SHARE_SD),
+        _estimate_mean_sd(ohms, OHM_SHARE_SD),
         sets[-1] if sets else None,
     )
 
 
-def _figure(values: Sequence[float], least_share: float) -> tuple[float, float] | None:
+def _estimate_mean_sd(values: Sequence[float], least_share: float) -> tuple[float, float] | None:
     if not values:
         return None
     middle = median(values)

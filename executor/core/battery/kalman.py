@@ -88,12 +88,12 @@ class Projection:
         return 0.5 * math.erfc((self.mean_pct - floor_pct) / (self.sd_pct * math.sqrt(2.0)))
 
 
-def first_estimate(reported_pct: float, prior: Prior) -> BatteryEstimate:
+def initialise_estimate(reported_pct: float, prior: Prior) -> BatteryEstimate:
     """Return what the first report says."""
     return BatteryEstimate(reported_pct, prior.factor, ROUNDED_VAR, 0.0, prior.sd**2)
 
 
-def flown(estimate: BatteryEstimate, modelled_pct: float, elapsed_s: float) -> BatteryEstimate:
+def predict_estimate(estimate: BatteryEstimate, modelled_pct: float, elapsed_s: float) -> BatteryEstimate:
     """Carry the estimate on over a stretch that the model puts at `modelled_pct`."""
     walk = (FACTOR_WALK * estimate.factor) ** 2 * max(0.0, elapsed_s) / WALK_S if modelled_pct > 0 else 0.0
     gusts = GUST_VAR * estimate.factor * modelled_pct
@@ -110,7 +110,7 @@ def flown(estimate: BatteryEstimate, modelled_pct: float, elapsed_s: float) -> B
     )
 
 
-def corrected(
+def correct_with_report(
     estimate: BatteryEstimate, reported_pct: float, since_s: float, roughness_pct: float = 0.0
 ) -> BatteryEstimate:
     """Take a report of what remains.
@@ -124,19 +124,19 @@ def corrected(
     single = ROUNDED_VAR + roughness_pct**2 / 4
     innovation = reported_pct - estimate.remaining_pct
     if abs(innovation) > max(OUTLIER_PCT, OUTLIER_SD * math.sqrt(estimate.var_remaining + single)):
-        return jumped(estimate, reported_pct)
-    return _updated(estimate, innovation, single * max(1.0, SAWTOOTH_S / max(since_s, 0.1)))
+        return reset_remaining(estimate, reported_pct)
+    return _apply_innovation(estimate, innovation, single * max(1.0, SAWTOOTH_S / max(since_s, 0.1)))
 
 
-def refined(estimate: BatteryEstimate, counted_pct: float) -> BatteryEstimate:
+def correct_with_counter(estimate: BatteryEstimate, counted_pct: float) -> BatteryEstimate:
     """Take what a counter of charge says remains: it is not rounded."""
     innovation = counted_pct - estimate.remaining_pct
     if abs(innovation) > OUTLIER_PCT:
-        return jumped(estimate, counted_pct)
-    return _updated(estimate, innovation, COUNTED_VAR)
+        return reset_remaining(estimate, counted_pct)
+    return _apply_innovation(estimate, innovation, COUNTED_VAR)
 
 
-def _updated(estimate: BatteryEstimate, innovation: float, noise: float) -> BatteryEstimate:
+def _apply_innovation(estimate: BatteryEstimate, innovation: float, noise: float) -> BatteryEstimate:
     spread = estimate.var_remaining + noise
     gain, gain_factor = estimate.var_remaining / spread, estimate.covariance / spread
     return BatteryEstimate(
@@ -148,12 +148,12 @@ def _updated(estimate: BatteryEstimate, innovation: float, noise: float) -> Batt
     )
 
 
-def jumped(estimate: BatteryEstimate, reported_pct: float) -> BatteryEstimate:
+def reset_remaining(estimate: BatteryEstimate, reported_pct: float) -> BatteryEstimate:
     """Take a report that no consumption explains: the charge is another one, the consumption is not."""
     return replace(estimate, remaining_pct=reported_pct, var_remaining=ROUNDED_VAR, covariance=0.0)
 
 
-def projected(estimate: BatteryEstimate, modelled_pct: float) -> Projection:
+def project_remaining(estimate: BatteryEstimate, modelled_pct: float) -> Projection:
     """Return what will be left after a stretch that the model puts at `modelled_pct`."""
-    ahead = flown(estimate, modelled_pct, 0.0)
+    ahead = predict_estimate(estimate, modelled_pct, 0.0)
     return Projection(ahead.remaining_pct, math.sqrt(max(ahead.var_remaining, LEAST_VAR)))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from executor.core.battery import resting
 from executor.core.battery.resting import NO_FACTS, Chemistry, PackFacts
-from executor.core.battery.sag import AT_REST_A, Sag, with_pair
+from executor.core.battery.sag import AT_REST_A, SagEstimate, update_sag
 
 SURE_SD_V = 0.03
 """Of a cell: a resting voltage in flight that is less sure says nothing; 10 mV are a percent, or more."""
@@ -26,7 +26,7 @@ LOW_PCT = 15.0
 
 
 @dataclass(frozen=True, slots=True)
-class Rest:
+class RestReading:
     """A pack at rest."""
 
     voltage_v: float
@@ -36,14 +36,14 @@ class Rest:
 
 
 @dataclass(frozen=True, slots=True)
-class Pack:
+class PackState:
     """What is known of a vehicle's pack besides what is left of it."""
 
     facts: PackFacts = NO_FACTS
     """By the vehicle's own parameters."""
-    sag: Sag | None = None
+    sag: SagEstimate | None = None
     """None where no current was reported."""
-    rest: Rest | None = None
+    rest: RestReading | None = None
     """When it rested last."""
     resting: bool = False
     loaded_s: float = float("-inf")
@@ -51,7 +51,7 @@ class Pack:
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class PackCondition:
     """A pack's resting voltage beside its percentage, at one moment."""
 
     cell_v: float
@@ -94,8 +94,8 @@ class Standing:
         return self.in_flight and self.short_v >= AT_REST_V and self.held_pct <= LOW_PCT
 
 
-def with_voltage(
-    known: Pack,
+def apply_pack_voltage(
+    known: PackState,
     voltage_v: float,
     current_a: float | None,
     claimed_pct: float | None,
@@ -103,7 +103,7 @@ def with_voltage(
     *,
     idle: bool,
     ohm: tuple[float, float] | None = None,
-) -> Pack:
+) -> PackState:
     """Take a voltage with what was reported beside it.
 
     Args:
@@ -115,17 +115,17 @@ def with_voltage(
         idle: Whether the vehicle's motors stand still.
         ohm: Its resistance by earlier flights, mean and standard deviation.
     """
-    sag = known.sag if current_a is None else with_pair(known.sag, voltage_v, current_a, now_s, ohm)
+    sag = known.sag if current_a is None else update_sag(known.sag, voltage_v, current_a, now_s, ohm)
     rests = idle and (current_a is None or current_a <= AT_REST_A) and claimed_pct is not None
     if not rests or claimed_pct is None:
         loaded_s = known.loaded_s if idle and claimed_pct is None else now_s
         return replace(known, sag=sag, resting=False, loaded_s=loaded_s)
-    return replace(known, sag=sag, rest=Rest(voltage_v, claimed_pct, now_s), resting=True)
+    return replace(known, sag=sag, rest=RestReading(voltage_v, claimed_pct, now_s), resting=True)
 
 
-def standing(
-    known: Pack, cells: int, facts: PackFacts, claimed_pct: float | None, now_s: float
-) -> Standing | None:  # fmt: skip
+def assess_pack(
+    known: PackState, cells: int, facts: PackFacts, claimed_pct: float | None, now_s: float
+) -> PackCondition | None:  # fmt: skip
     """Return how a pack stands; None where its resting voltage, or its percentage, is not known.
 
     A pack that is known to hold less than is counted is held against what it has.
@@ -137,7 +137,9 @@ def standing(
         if known.rest.at_s - known.loaded_s < RECOVERS_S:
             return None
         rest_cell_v = known.rest.voltage_v / cells
-        return Standing(rest_cell_v, claimed_pct, *_stands(rest_cell_v, claimed_pct, chemistry, 0.0))
+        return PackCondition(
+            rest_cell_v, claimed_pct, *_compare_voltage_with_percentage(rest_cell_v, claimed_pct, chemistry, 0.0)
+        )
     sag = known.sag
     if sag is None or sag.rest_sd_v > SURE_SD_V * cells or now_s < sag.at_s:
         return None
@@ -145,14 +147,14 @@ def standing(
     honest_pct, rest, times, likely = facts.honest_pct(claimed_pct), known.rest, None, None
     if rest is not None:
         counted_pct, rest_cell_v = facts.honest_pct(rest.claimed_pct) - honest_pct, rest.voltage_v / cells
-        times = _times(rest_cell_v, cell_v + sure_v / 2, counted_pct, chemistry)
-        likely = _times(rest_cell_v, cell_v, counted_pct, chemistry or Chemistry.LIPO)
-    held_pct, short_v = _stands(cell_v, honest_pct, chemistry, sure_v)
-    return Standing(cell_v, claimed_pct, held_pct, short_v, times, likely, in_flight=True)
+        times = _use_ratio(rest_cell_v, cell_v + sure_v / 2, counted_pct, chemistry)
+        likely = _use_ratio(rest_cell_v, cell_v, counted_pct, chemistry or Chemistry.LIPO)
+    held_pct, short_v = _compare_voltage_with_percentage(cell_v, honest_pct, chemistry, sure_v)
+    return PackCondition(cell_v, claimed_pct, held_pct, short_v, times, likely, in_flight=True)
 
 
-def doubted_at_rest(rest_v: float, cells: int, facts: PackFacts, claimed_pct: float) -> bool:
-    """Return whether a pack that rested held less than it reported, as `Standing.doubtful` has it.
+def is_doubtful_at_rest(rest_v: float, cells: int, facts: PackFacts, claimed_pct: float) -> bool:
+    """Return whether a pack that rested held less than it reported, as `PackCondition.doubtful` has it.
 
     Args:
         rest_v: Of the whole pack.
@@ -161,20 +163,24 @@ def doubted_at_rest(rest_v: float, cells: int, facts: PackFacts, claimed_pct: fl
         claimed_pct: What it reported then.
     """
     cell_v = rest_v / cells
-    return Standing(cell_v, claimed_pct, *_stands(cell_v, claimed_pct, facts.chemistry, 0.0)).doubtful
+    return PackCondition(
+        cell_v, claimed_pct, *_compare_voltage_with_percentage(cell_v, claimed_pct, facts.chemistry, 0.0)
+    ).doubtful
 
 
-def _stands(cell_v: float, claimed_pct: float, chemistry: Chemistry | None, sure_v: float) -> tuple[float, float]:
+def _compare_voltage_with_percentage(
+    cell_v: float, claimed_pct: float, chemistry: Chemistry | None, sure_v: float
+) -> tuple[float, float]:
     """Return what a pack holds by its voltage, and how far a cell lies below what the percentage allows."""
     short_v = resting.rest_cell_v(claimed_pct, chemistry) - cell_v - sure_v
-    return resting.held_pct(cell_v, chemistry or Chemistry.LIPO), short_v
+    return resting.rest_charge_pct(cell_v, chemistry or Chemistry.LIPO), short_v
 
 
-def _times(rest_cell_v: float, cell_v: float, counted_pct: float, chemistry: Chemistry | None) -> float | None:
+def _use_ratio(rest_cell_v: float, cell_v: float, counted_pct: float, chemistry: Chemistry | None) -> float | None:
     if counted_pct < COUNTED_PCT:
         return None
     used = [
-        resting.held_pct(rest_cell_v, one) - resting.held_pct(cell_v, one)
+        resting.rest_charge_pct(rest_cell_v, one) - resting.rest_charge_pct(cell_v, one)
         for one in ((chemistry,) if chemistry is not None else Chemistry)
     ]
     return min(used) / counted_pct if min(used) >= USED_PCT else None

@@ -64,7 +64,7 @@ class PackFacts:
         """
         return max(0.0, 100.0 - (100.0 - claimed_pct) / self.share)
 
-    def under(self, other: PackFacts) -> PackFacts:
+    def override_with(self, other: PackFacts) -> PackFacts:
         """Return these with those of `other`, which count more."""
         return PackFacts(
             other.cells or self.cells, other.chemistry or self.chemistry, other.capacity_ah or self.capacity_ah,
@@ -81,7 +81,7 @@ PARAMETERS = ("BATT_CAPACITY", FULL_PACK, "BAT1_CAPACITY", "BAT1_N_CELLS")
 """What a vehicle is asked for before a flight."""
 
 
-def with_parameter(facts: PackFacts, name: str, value: float) -> PackFacts:
+def apply_pack_parameter(facts: PackFacts, name: str, value: float) -> PackFacts:
     """Take a parameter of the vehicle.
 
     >>> with_parameter(NO_FACTS, "BATT_CAPACITY", 5100.0).capacity_ah
@@ -100,7 +100,7 @@ def with_parameter(facts: PackFacts, name: str, value: float) -> PackFacts:
     return facts
 
 
-def least_cells(highest_v: float) -> int:
+def least_cell_count(highest_v: float) -> int:
     """Return how many cells a pack has at least.
 
     >>> least_cells(12.6), least_cells(16.8), least_cells(25.2)
@@ -109,25 +109,25 @@ def least_cells(highest_v: float) -> int:
     return max(1, math.ceil(highest_v / FULL_CELL_V))
 
 
-def held_pct(cell_v: float, chemistry: Chemistry | None) -> float:
+def rest_charge_pct(cell_v: float, chemistry: Chemistry | None) -> float:
     """Return what a resting cell holds; of a chemistry that nobody names as much as either would.
 
     >>> round(held_pct(3.70, Chemistry.LIPO)), round(held_pct(3.70, None))
     (12, 52)
     """
     if chemistry is None:
-        return max(held_pct(cell_v, one) for one in Chemistry)
-    return _between(cell_v, REST_CELL_V[chemistry], CHARGE_PCT)
+        return max(rest_charge_pct(cell_v, one) for one in Chemistry)
+    return _interpolate(cell_v, REST_CELL_V[chemistry], CHARGE_PCT)
 
 
 def rest_cell_v(charge_pct: float, chemistry: Chemistry | None) -> float:
     """Return the resting voltage of a cell; of a chemistry that nobody names the lower one."""
     if chemistry is None:
         return min(rest_cell_v(charge_pct, one) for one in Chemistry)
-    return _between(charge_pct, CHARGE_PCT, REST_CELL_V[chemistry])
+    return _interpolate(charge_pct, CHARGE_PCT, REST_CELL_V[chemistry])
 
 
-def _between(at: float, known: tuple[float, ...], values: tuple[float, ...]) -> float:
+def _interpolate(at: float, known: tuple[float, ...], values: tuple[float, ...]) -> float:
     if at <= known[0]:
         return values[0]
     if at >= known[-1]:

@@ -12,7 +12,7 @@ FRESH_S = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Roundings:
+class PercentRounding:
     """What was said last, and when."""
 
     rounded: float = 0.0

@@ -30,7 +30,7 @@ AT_REST_A = 1.5
 
 
 @dataclass(frozen=True, slots=True)
-class Sag:
+class SagEstimate:
     """State and covariance."""
 
     rest_v: float
@@ -58,34 +58,34 @@ class Sag:
         return self.rest_v + POLARISED * max(0.0, self.ohm) * self.current_a
 
 
-def with_pair(
-    known: Sag | None, voltage_v: float, current_a: float, now_s: float, ohm: tuple[float, float] | None = None
-) -> Sag:
+def update_sag(
+    known: SagEstimate | None, voltage_v: float, current_a: float, now_s: float, ohm: tuple[float, float] | None = None
+) -> SagEstimate:
     """Take a voltage and the current that was measured with it; `ohm` was known of the resistance before any."""
     noise = (NOISE * voltage_v) ** 2
     if known is None or now_s - known.at_s > GAP_S or now_s < known.at_s:
         wide_ohm = FIRST_OHM_SD * voltage_v / 10.0
-        first = Sag(voltage_v, FIRST_OHM, (0.2 * voltage_v) ** 2, 0.0, wide_ohm**2, now_s)
+        first = SagEstimate(voltage_v, FIRST_OHM, (0.2 * voltage_v) ** 2, 0.0, wide_ohm**2, now_s)
         if known is None and ohm is not None:
             first = replace(first, ohm=ohm[0], var_ohm=min(wide_ohm, ohm[1]) ** 2)
         if known is not None:  # the resistance is still that of the pack, unless it is another one
             first = replace(first, ohm=known.ohm, var_ohm=known.var_ohm + (WARMS * known.ohm) ** 2)
-        return _corrected(first, voltage_v, current_a, noise, now_s)
+        return _correct_sag(first, voltage_v, current_a, noise, now_s)
     elapsed_s = now_s - known.at_s
     ahead = replace(
         known,
         var_v=known.var_v + (SINKS * voltage_v) ** 2 * elapsed_s,
         var_ohm=known.var_ohm + (WARMS * known.ohm) ** 2 * elapsed_s / WARMS_S,
     )
-    return _corrected(ahead, voltage_v, current_a, noise, now_s)
+    return _correct_sag(ahead, voltage_v, current_a, noise, now_s)
 
 
-def _corrected(ahead: Sag, voltage_v: float, current_a: float, noise: float, now_s: float) -> Sag:
+def _correct_sag(ahead: SagEstimate, voltage_v: float, current_a: float, noise: float, now_s: float) -> SagEstimate:
     innovation = voltage_v - (ahead.rest_v - current_a * ahead.ohm)
     of_v = ahead.var_v - current_a * ahead.covariance
     of_ohm = ahead.covariance - current_a * ahead.var_ohm
     spread = of_v - current_a * of_ohm + noise
-    return Sag(
+    return SagEstimate(
         ahead.rest_v + of_v / spread * innovation,
         ahead.ohm + of_ohm / spread * innovation,
         ahead.var_v - of_v * of_v / spread,

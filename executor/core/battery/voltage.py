@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from executor.core.battery.resting import least_cells
-from executor.core.battery.sag import POLARISED, Sag
+from executor.core.battery.resting import least_cell_count
+from executor.core.battery.sag import POLARISED, SagEstimate
 
 SETTLE_S = 8.0
 """After the take-off: until then the voltage falls by the load itself."""
@@ -64,7 +64,7 @@ class VoltageState:
     @property
     def cells(self) -> int:
         """How many there are in series; at least, where nobody says it."""
-        return len(self.cells_v) or self.set_cells or least_cells(self.highest_v)
+        return len(self.cells_v) or self.set_cells or least_cell_count(self.highest_v)
 
     @property
     def weakest_v(self) -> float | None:
@@ -83,7 +83,7 @@ class VoltageState:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class VoltageReport:
     """What a vehicle says of its voltage."""
 
     voltage_v: float
@@ -92,7 +92,7 @@ class Report:
 
 
 @dataclass(frozen=True, slots=True)
-class Thresholds:
+class VoltageThresholds:
     """What is too much."""
 
     step: float
@@ -100,8 +100,9 @@ class Thresholds:
     spread_v: float
 
 
-def measured(
-    state: VoltageState, report: Report, limits: Thresholds, now_s: float, *, flying: bool, sag: Sag | None = None
+def apply_voltage_report(
+    state: VoltageState, report: VoltageReport, limits: VoltageThresholds, now_s: float, *, flying: bool,
+    sag: SagEstimate | None = None
 ) -> VoltageState:  # fmt: skip
     """Take a report; `sag` is what was known of the pack before it."""
     elapsed_s = now_s - state.reported_s
@@ -125,16 +126,17 @@ def measured(
     low = weakest is not None and weakest < limits.low_v
     state = replace(
         state,
-        low_since_s=_since(state.low_since_s, now_s, holds=low),
-        spread_since_s=_since(state.spread_since_s, now_s, holds=state.spread_v > limits.spread_v),
+        low_since_s=_track_onset(state.low_since_s, now_s, holds=low),
+        spread_since_s=_track_onset(state.spread_since_s, now_s, holds=state.spread_v > limits.spread_v),
     )
     if state.began_s is None or now_s - state.began_s < SETTLE_S:
         return state
-    return _compared(state, report, limits, now_s, elapsed_s, sag)
+    return _compare_with_usual(state, report, limits, now_s, elapsed_s, sag)
 
 
-def _compared(
-    state: VoltageState, report: Report, limits: Thresholds, now_s: float, elapsed_s: float, sag: Sag | None
+def _compare_with_usual(
+    state: VoltageState, report: VoltageReport, limits: VoltageThresholds, now_s: float, elapsed_s: float,
+    sag: SagEstimate | None
 ) -> VoltageState:  # fmt: skip
     current = report.current_a if state.known_load else None
     if state.usual_v is None:
@@ -145,7 +147,7 @@ def _compared(
         expected_v -= more_a * state.usual_ohm[more_a > 0]
     drop = (expected_v - report.voltage_v) / usual_v
     state = replace(state, drop=drop, expected_v=expected_v)
-    dropped_s = _since(state.dropped_s, now_s, holds=drop > CALM * limits.step)
+    dropped_s = _track_onset(state.dropped_s, now_s, holds=drop > CALM * limits.step)
     if dropped_s is not None and now_s - dropped_s < GIVES_UP_S:
         return replace(state, dropped_s=dropped_s)
     follow = 1.0 - math.exp(-elapsed_s / USUAL_S) if dropped_s is None else 1.0
@@ -157,7 +159,7 @@ def _compared(
     return replace(state, dropped_s=None, usual_v=usual_v, usual_a=usual_a, usual_ohm=_ohm(state, report, sag))
 
 
-def _ohm(state: VoltageState, report: Report, sag: Sag | None) -> tuple[float, float] | None:
+def _ohm(state: VoltageState, report: VoltageReport, sag: SagEstimate | None) -> tuple[float, float] | None:
     """Return between which resistances the pack's own lies; None where no current says anything."""
     if not state.known_load:
         return None
@@ -169,7 +171,7 @@ def _ohm(state: VoltageState, report: Report, sag: Sag | None) -> tuple[float, f
     return SAG * report.voltage_v / usual_a, WORST_SAG * report.voltage_v / usual_a
 
 
-def _since(since_s: float | None, now_s: float, *, holds: bool) -> float | None:
+def _track_onset(since_s: float | None, now_s: float, *, holds: bool) -> float | None:
     if not holds:
         return None
     return now_s if since_s is None else since_s

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from executor.core.context import VehicleSetup
 from executor.core.messages import NO_ITEM, Actor, OwnFailsafe
-from executor.core.own_words import acts
-from executor.core.parts import Evidence
+from executor.core.own_words import has_failsafe_action
+from executor.core.parts import ModeEvidence
 from executor.core.vehicle import VehicleState
 from missions.autopilots.modes import is_home_mode
 
@@ -53,27 +53,27 @@ class Attribution:
     """What has failed, if it was a failsafe that says so."""
 
 
-def changed_by(setup: VehicleSetup, vehicle: VehicleState) -> Attribution:
+def attribute_mode_change(setup: VehicleSetup, vehicle: VehicleState) -> Attribution:
     """Return who put a vehicle into the mode that its newest HEARTBEAT shows."""
     if vehicle.telemetry.heartbeat is None:
         return Attribution(Actor.UNKNOWN)
     mode, known, at_s = vehicle.telemetry.heartbeat.custom_mode, vehicle.evidence, vehicle.telemetry.mode_since_s
-    late_s = _late_s(vehicle)
-    found = _recorded(known, at_s, mode)
-    if found is None and _ordered(known, at_s, late_s, mode):
+    late_s = _mode_delay_s(vehicle)
+    found = _match_record(known, at_s, mode)
+    if found is None and _has_foreign_order(known, at_s, late_s, mode):
         found = Attribution(Actor.GROUND_STATION, "it was ordered")
-    if found is None and (switch := switch_before(known, at_s, late_s)):
+    if found is None and (switch := find_switch_before(known, at_s, late_s)):
         found = Attribution(Actor.PILOT, switch)
     if found is None:
-        found = _failsafe(setup, vehicle, at_s, mode)
-    if found is None and _ordered(known, at_s, late_s, None):
+        found = _match_failsafe(setup, vehicle, at_s, mode)
+    if found is None and _has_foreign_order(known, at_s, late_s, None):
         found = Attribution(Actor.GROUND_STATION, "an order to change its mode was accepted")
-    if found is None and is_home_mode(setup.dialect, mode) and _at_its_end(setup, vehicle):
+    if found is None and is_home_mode(setup.dialect, mode) and _is_at_mission_end(setup, vehicle):
         found = Attribution(Actor.MISSION, "it was at its last item")
     return found or Attribution(Actor.UNKNOWN)
 
 
-def _late_s(vehicle: VehicleState) -> float:
+def _mode_delay_s(vehicle: VehicleState) -> float:
     """Return how much earlier than usual its mode may have changed: HEARTBEATs get lost, and nobody saw it."""
     told = vehicle.telemetry
     if told.mode_before_s is None:
@@ -81,22 +81,22 @@ def _late_s(vehicle: VehicleState) -> float:
     return min(MOST_LATE_S, max(0.0, told.mode_since_s - told.mode_before_s - BEAT_S))
 
 
-def _recorded(known: Evidence, at_s: float, mode: int) -> Attribution | None:
+def _match_record(known: ModeEvidence, at_s: float, mode: int) -> Attribution | None:
     """Return what the autopilot's own record of a change of mode says."""
     recorded, recorded_s = known.recorded
     if recorded is None or recorded.custom_mode not in {None, mode} or abs(recorded_s - at_s) > RECORDED_S:
         return None
     if recorded.by is Actor.FAILSAFE:
-        failed = _failed(known, at_s)
+        failed = _find_failure(known, at_s)
         return Attribution(Actor.FAILSAFE, "" if failed is None else failed.words, failed)
     return None if recorded.by is Actor.UNKNOWN else Attribution(recorded.by, "its own record")
 
 
-def _failsafe(setup: VehicleSetup, vehicle: VehicleState, at_s: float, mode: int) -> Attribution | None:
+def _match_failsafe(setup: VehicleSetup, vehicle: VehicleState, at_s: float, mode: int) -> Attribution | None:
     """Return the failsafe that may have led to a mode: home, down, a hold, or one that needs no position."""
     modes, known = setup.dialect.modes, vehicle.evidence
     safe = is_home_mode(setup.dialect, mode) or mode == modes.hold.custom_mode
-    failed = _failed(known, at_s)
+    failed = _find_failure(known, at_s)
     if failed is not None and (safe or mode in modes.blind):
         return Attribution(Actor.FAILSAFE, failed.words, failed)
     if safe and abs(known.critical_s - at_s) <= CRITICAL_S:
@@ -115,12 +115,12 @@ def breached_about(vehicle: VehicleState, at_s: float) -> bool:
 
 def led_by_fence(setup: VehicleSetup, vehicle: VehicleState) -> str:
     """Return in words that its fence put it into its mode; nothing if that is not known."""
-    who = changed_by(setup, vehicle)
+    who = attribute_mode_change(setup, vehicle)
     named = who.by is Actor.FAILSAFE and who.failed is not None and who.failed.what == "fence"
     return who.why if named else ""
 
 
-def _at_its_end(setup: VehicleSetup, vehicle: VehicleState) -> bool:
+def _is_at_mission_end(setup: VehicleSetup, vehicle: VehicleState) -> bool:
     """Return whether the item that it flies to is the last of its mission but one: its last may be a return."""
     seq, total = vehicle.telemetry.item or (0, None)
     if not total or total == NO_ITEM or not vehicle.sortie.flew_mission:
@@ -129,7 +129,7 @@ def _at_its_end(setup: VehicleSetup, vehicle: VehicleState) -> bool:
     return seq >= last - 1
 
 
-def switch_before(known: Evidence, at_s: float, late_s: float = 0.0) -> str:
+def find_switch_before(known: ModeEvidence, at_s: float, late_s: float = 0.0) -> str:
     """Return in words which switch of its transmitter was moved just before a moment; nothing if none was."""
     for moved in reversed(known.switched):
         if moved.from_s <= at_s + LATE_CHANNELS_S and moved.to_s >= at_s - late_s - SWITCHED_S:
@@ -137,12 +137,12 @@ def switch_before(known: Evidence, at_s: float, late_s: float = 0.0) -> str:
     return ""
 
 
-def settled(vehicle: VehicleState, now_s: float) -> bool:
+def is_attribution_final(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether nothing more is to be expected that says who changed its mode."""
     return now_s - vehicle.telemetry.mode_since_s >= SETTLED_S
 
 
-def _ordered(known: Evidence, at_s: float, late_s: float, mode: int | None) -> bool:
+def _has_foreign_order(known: ModeEvidence, at_s: float, late_s: float, mode: int | None) -> bool:
     """Return whether a mode was ordered just before a moment; None for one that nobody named."""
     return any(
         order.custom_mode == mode and -ORDERED_S - late_s <= seen_s - at_s <= (ANSWERED_S if mode is None else 1.0)
@@ -150,12 +150,12 @@ def _ordered(known: Evidence, at_s: float, late_s: float, mode: int | None) -> b
     )
 
 
-def _failed(known: Evidence, at_s: float) -> OwnFailsafe | None:
+def _find_failure(known: ModeEvidence, at_s: float) -> OwnFailsafe | None:
     """Return what an autopilot says failed, and acts, about when its mode changed, what names its reason first."""
     lasted = [(failed, said_s) for failed, said_s, over_s in known.passed if over_s >= at_s - OVER_S]
     young = [
         one for one in (*known.failed, *lasted)
-        if -SAID_BEFORE_S <= one[1] - at_s <= SAID_AFTER_S and acts(one[0])
+        if -SAID_BEFORE_S <= one[1] - at_s <= SAID_AFTER_S and has_failsafe_action(one[0])
     ]  # fmt: skip
     if not young:
         return None

@@ -7,20 +7,20 @@ from dataclasses import replace
 from executor.core import carried
 from executor.core.commands import Command, Level, Say
 from executor.core.events import Found
-from executor.core.parts import Declined
+from executor.core.parts import DeclinedMission
 from executor.core.state import FleetState
-from executor.core.vehicle import Stage, VehicleState, carrying
+from executor.core.vehicle import Stage, VehicleState, apply_onboard_mission
 
 
-def wanted(vehicle: VehicleState, now_s: float) -> bool:
+def is_mission_read_due(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether it is time to look up what a vehicle carries."""
     flies = (
         vehicle.stage in {Stage.FLYING, Stage.PILOT} and vehicle.assignment.pending is None and not vehicle.link.stale
     )
-    return flies and vehicle.assignment.carried.to_be_read(now_s)
+    return flies and vehicle.assignment.carried.needs_reading(now_s)
 
 
-def mission_read(state: FleetState, found: Found, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+def apply_mission_read(state: FleetState, found: Found, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
     """Believe, or not, that a vehicle was given another station's mission."""
     vehicle = state.vehicles[found.vehicle]
     if vehicle.assignment.board is None or vehicle.assignment.carried.told_s is None:
@@ -34,9 +34,11 @@ def mission_read(state: FleetState, found: Found, now_s: float) -> tuple[FleetSt
             )
         ), ()
     if vehicle.assignment.stubborn and vehicle.assignment.declined is not None:
-        return _read_of_declined(state, vehicle, vehicle.assignment.declined, found, now_s)
+        return _apply_read_of_declined(state, vehicle, vehicle.assignment.declined, found, now_s)
     was_ours = vehicle.assignment.carried.foreign_s is None
-    known = carried.after_reading(vehicle.assignment.carried, found.against(vehicle.assignment.board.revision), now_s)
+    known = carried.apply_mission_readback(
+        vehicle.assignment.carried, found.match_of(vehicle.assignment.board.revision), now_s
+    )
     state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, carried=known)))
     if known.foreign_s is not None or not was_ours:
         return state, ()
@@ -44,14 +46,14 @@ def mission_read(state: FleetState, found: Found, now_s: float) -> tuple[FleetSt
     return state, (Say(Level.WARNING, text),)
 
 
-def _read_of_declined(
-    state: FleetState, vehicle: VehicleState, declined: Declined, found: Found, now_s: float
+def _apply_read_of_declined(
+    state: FleetState, vehicle: VehicleState, declined: DeclinedMission, found: Found, now_s: float
 ) -> tuple[FleetState, tuple[Command, ...]]:
     """Take what a vehicle carries whose last upload came to no known end."""
     board, maybe = vehicle.assignment.board, declined.maybe
-    new = None if maybe is None else found.against(maybe.revision)
+    new = None if maybe is None else found.match_of(maybe.revision)
     if maybe is not None and new is not None and new.whole:
-        carries = carrying(vehicle, maybe, now_s)
+        carries = apply_onboard_mission(vehicle, maybe, now_s)
         # It is planned around until it is planned with again: others have its part by now.
         known = replace(carries.assignment, stubborn=True, declined=replace(declined, maybe=None))
         known = replace(known, carried=replace(known.carried, read_s=now_s))
@@ -64,5 +66,5 @@ def _read_of_declined(
         declined = replace(declined, at_s=now_s, tries=declined.tries + 1)
         known = replace(vehicle.assignment, carried=unread, declined=declined)
         return state.put(replace(vehicle, assignment=known)), ()
-    looked_up = carried.after_reading(vehicle.assignment.carried, found.against(board.revision), now_s)
+    looked_up = carried.apply_mission_readback(vehicle.assignment.carried, found.match_of(board.revision), now_s)
     return state.put(replace(vehicle, assignment=replace(vehicle.assignment, carried=looked_up))), ()

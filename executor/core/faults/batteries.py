@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 from executor.core import projection
 from executor.core.battery import account, cusum
-from executor.core.battery.pack import Standing, standing
+from executor.core.battery.pack import PackCondition, assess_pack
 from executor.core.faults import streams
-from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, said_failed
-from executor.core.hearing.charge import facts_of
+from executor.core.faults.watching import OK, STALE, Finding, Verdict, WatchView, describe_reported_failure
+from executor.core.hearing.charge import pack_facts_of
 from executor.core.limits import Limits
 from executor.core.messages import CRITICAL
 from missions import Phase
@@ -28,9 +28,9 @@ PLUNGE = 1.7
 """Times the threshold of a drain."""
 
 
-def battery_stepped(view: View) -> Finding:
+def check_battery_step(view: WatchView) -> Finding:
     """Much was lost at once."""
-    if not _battery_fresh(view) or _refuted(view):
+    if not _is_battery_fresh(view) or _is_percentage_refuted(view):
         return STALE
     limits, known = view.context.limits, view.state.power.battery
     window_s = limits.battery_step_window_s
@@ -44,45 +44,45 @@ def battery_stepped(view: View) -> Finding:
     return OK
 
 
-def battery_drains(view: View) -> Finding:
+def check_battery_drain(view: WatchView) -> Finding:
     """More is used than the flight should cost, by more than a climb or a gust explains."""
-    return _drains(view, hurried=False)
+    return _check_drain(view, hurried=False)
 
 
-def battery_plunges(view: View) -> Finding:
+def check_battery_plunge(view: WatchView) -> Finding:
     """So much more is used that there is no time to wait for one more report."""
-    return _drains(view, hurried=True)
+    return _check_drain(view, hurried=True)
 
 
-def _drains(view: View, *, hurried: bool) -> Finding:
-    if not _battery_fresh(view):
+def _check_drain(view: WatchView, *, hurried: bool) -> Finding:
+    if not _is_battery_fresh(view):
         return STALE
     limits, known = view.context.limits, view.state.power.battery
-    eased = (2.0 if _climbs(view) else 1.0) * (0.8 if view.failing else 1.0)
-    for found, threshold, which in _excesses(known, limits, hurried=hurried):
-        if cusum.exceeds(found, eased * threshold, limits.battery_step_pct):
+    eased = (2.0 if _is_climbing(view) else 1.0) * (0.8 if view.failing else 1.0)
+    for found, threshold, which in _iterate_excesses(known, limits, hurried=hurried):
+        if cusum.is_drain(found, eased * threshold, limits.battery_step_pct):
             return Finding(
                 Verdict.FAIL,
-                f"used {found.used_pct:.1f} % in {found.lasted_s(view.now_s):.0f} s where "
+                f"used {found.used_pct:.1f} % in {found.duration_s(view.now_s):.0f} s where "
                 f"{found.expected_pct:.1f} % is usual{which}",
             )
     return OK
 
 
-def _refuted(view: View) -> bool:
+def _is_percentage_refuted(view: WatchView) -> bool:
     """Return whether a percentage fell that does not follow its counter, and the voltage did not: it is no use."""
     power = view.state.power
     counts = power.battery.charge.consumed_ah is not None and account.is_blind(power.battery)
-    return counts and power.volts.dropped_s is None and account.runs(power.battery)
+    return counts and power.volts.dropped_s is None and account.has_running_counter(power.battery)
 
 
-def _excesses(
+def _iterate_excesses(
     known: account.BatteryState, limits: Limits, *, hurried: bool
 ) -> Iterator[tuple[cusum.Drift, float, str]]:
     """Yield what was used beyond the usual, in each way of counting, with its threshold and how it was counted."""
     share = PLUNGE if hurried else 1.0
     yield known.charge.drift, share * limits.charge_excess_pct, " by its counter of charge"
-    if account.is_blind(known) and account.runs(known):
+    if account.is_blind(known) and account.has_running_counter(known):
         return  # what the percentage says is something else than what the counter counts
     if not account.is_blind(known):
         yield known.drift, share * (limits.battery_excess_pct + known.roughness_pct), ""
@@ -92,7 +92,7 @@ def _excesses(
         yield known.slow, limits.slow_blind_pct if account.is_blind(known) else limits.slow_excess_pct, " over minutes"
 
 
-def voltage_stepped(view: View) -> Finding:
+def check_voltage_step(view: WatchView) -> Finding:
     """The voltage fell at once by more than the load explains."""
     volts, limits = view.state.power.volts, view.context.limits
     if view.now_s - volts.reported_s > limits.battery_stale_s:
@@ -108,7 +108,7 @@ def voltage_stepped(view: View) -> Finding:
     return Finding(Verdict.FAIL, f"{volts.voltage_v:.2f} V where {expected_v:.2f} V is usual under this load")
 
 
-def _is_driven_hard(view: View) -> bool:
+def _is_driven_hard(view: WatchView) -> bool:
     """Return whether it climbs, falls, or says that something else has failed: its motors give what they never do."""
     fix, failed = view.state.motion.fix, view.state.evidence.failed
     moves = fix is not None and abs(fix.velocity_m_s[2]) > view.context.limits.climbs_m_s
@@ -116,7 +116,7 @@ def _is_driven_hard(view: View) -> bool:
     return moves or view.now_s - max(said_s, view.state.telemetry.alarm[1]) <= view.context.limits.alarm_s
 
 
-def cells_weak(view: View) -> Finding:
+def check_cells(view: WatchView) -> Finding:
     """A cell is near its end, or far below the others, for longer than a climb."""
     volts, limits = view.state.power.volts, view.context.limits
     if view.now_s - volts.reported_s > limits.battery_stale_s:
@@ -128,17 +128,17 @@ def cells_weak(view: View) -> Finding:
     return OK
 
 
-def reserve_broken(view: View) -> Finding:
+def check_reserve(view: WatchView) -> Finding:
     """The mission on board, or where none is known the way home, would end below the reserve."""
     leg, limits = view.state.leg, view.context.limits
     if leg is not None and leg.phase in {Phase.RETURN, Phase.LAND}:
         return OK  # it is on its way home already: nothing else could be ordered
     floor_pct = view.setup.reserve_pct - limits.reserve_slack_pct
     chance = projection.landing_chance_below(view.context, view.state, view.setup, floor_pct)
-    if chance is None or not _battery_fresh(view):
+    if chance is None or not _is_battery_fresh(view):
         return STALE
     if chance >= (limits.reserve_clear_chance if view.failing else limits.reserve_chance):
-        ahead = projection.at_landing(view.context, view.state, view.setup)
+        ahead = projection.project_landing(view.context, view.state, view.setup)
         if ahead is None:
             return STALE
         return Finding(
@@ -149,26 +149,26 @@ def reserve_broken(view: View) -> Finding:
     return OK
 
 
-def pack_falls_short(view: View) -> Finding:
+def check_pack_charge(view: WatchView) -> Finding:
     """Its resting voltage says that there is much less in it than is counted."""
     if view.now_s - view.state.power.volts.reported_s > view.context.limits.battery_stale_s:
         return STALE
-    found = pack_standing(view)
+    found = assess_pack_in_flight(view)
     if found is None or not found.in_flight:
         return OK if found is None else STALE
-    if found.nearly_empty or (found.falls_short and not _suffices(view, found)):
+    if found.nearly_empty or (found.falls_short and not _is_pack_sufficient(view, found)):
         return Finding(Verdict.FAIL, f"its pack {found.words}")
     return OK
 
 
-def _suffices(view: View, found: Standing) -> bool:
+def _is_pack_sufficient(view: WatchView, found: PackCondition) -> bool:
     """Return whether a plan is flown for which even a pack that gives less than it counts is enough.
 
     That it gives less is sure by then, so that by how much is taken as it is likely: a real ArduPilot with half a pack
     fell where the lenient figure, of a chemistry that nobody had named, still called the rest enough.
     """
     rest = view.state.power.pack.rest
-    ahead = projection.at_landing(view.context, view.state, view.setup) if view.setup.planned else None
+    ahead = projection.project_landing(view.context, view.state, view.setup) if view.setup.planned else None
     if ahead is None or rest is None or found.times is None or found.likely_times is None:
         return False
     honest_pct = view.setup.pack.honest_pct
@@ -177,25 +177,25 @@ def _suffices(view: View, found: Standing) -> bool:
     return began_pct - times * (began_pct - honest_pct(ahead.mean_pct)) >= reserve_pct
 
 
-def pack_standing(view: View) -> Standing | None:
+def assess_pack_in_flight(view: WatchView) -> PackCondition | None:
     """Return how its pack's voltage stands to its percentage; None where nothing can be said."""
     power, dialect = view.state.power, view.setup.dialect
     if dialect.rounds_twice and account.is_blind(power.battery):
         return None  # PX4 without a counter reads its percentage off the very same voltage
-    facts = facts_of(view.context, view.state)
-    return standing(power.pack, power.volts.cells, facts, power.battery.remaining_pct, view.now_s)
+    facts = pack_facts_of(view.context, view.state)
+    return assess_pack(power.pack, power.volts.cells, facts, power.battery.remaining_pct, view.now_s)
 
 
-def battery_failsafe(view: View) -> Finding:
+def check_battery_failsafe(view: WatchView) -> Finding:
     """The autopilot itself says that it acts on its battery."""
-    said = said_failed(view, "battery")
+    said = describe_reported_failure(view, "battery")
     if not said:
         return OK
     # A text is the one thing that anybody can send: what it says must show somewhere else as well.
-    return Finding(Verdict.FAIL, said) if not view.setup.planned or _shows(view) else OK
+    return Finding(Verdict.FAIL, said) if not view.setup.planned or _is_alarm_confirmed(view) else OK
 
 
-def _shows(view: View) -> bool:
+def _is_alarm_confirmed(view: WatchView) -> bool:
     """Return whether an alarm of the battery shows in anything besides its text."""
     state, beat, volts = view.state, view.state.telemetry.heartbeat, view.state.power.volts
     if beat is not None and (
@@ -214,9 +214,9 @@ def _shows(view: View) -> bool:
     return bool(low or sick or volts.low_since_s is not None or volts.spread_since_s is not None or volts.dropped_s)
 
 
-def battery_critical(view: View) -> Finding:
+def check_battery_status(view: WatchView) -> Finding:
     """The autopilot itself calls the battery critical, failed or unhealthy."""
-    if not _battery_fresh(view):
+    if not _is_battery_fresh(view):
         return STALE
     names = {3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
     state = view.state.power.battery.charge_state
@@ -228,13 +228,13 @@ def battery_critical(view: View) -> Finding:
     return OK
 
 
-def _climbs(view: View) -> bool:
+def _is_climbing(view: WatchView) -> bool:
     fix = view.state.motion.fix
     return fix is not None and fix.velocity_m_s[2] > view.context.limits.climbs_m_s
 
 
-def _battery_fresh(view: View) -> bool:
+def _is_battery_fresh(view: WatchView) -> bool:
     # 2 s is PX4's own interval of BATTERY_STATUS; three are waited for.
     fresh = view.now_s - view.state.power.battery.reported_s <= view.context.limits.battery_stale_s
     # Without positions nobody knows what the flight should have cost.
-    return fresh and (streams.position_fresh(view) or not view.setup.planned)
+    return fresh and (streams.is_position_fresh(view) or not view.setup.planned)

@@ -6,9 +6,18 @@ A vehicle that loses thrust sinks slowly, in mission mode, and its autopilot may
 from __future__ import annotations
 
 from executor.core.asked_heights import GROUND_ITEMS, asked_height, item_of, lies_low
-from executor.core.faults.watching import OK, STALE, Finding, Verdict, View, alarm_words, in_mission_mode, loses_itself
-from executor.core.parts import Fix
-from executor.core.places import place_words
+from executor.core.faults.watching import (
+    OK,
+    STALE,
+    Finding,
+    Verdict,
+    WatchView,
+    alarm_words,
+    in_mission_mode,
+    loses_itself,
+)
+from executor.core.parts import PositionFix
+from executor.core.places import describe_down_place
 from missions import Phase
 
 MOST_WORDS_S = 10.0
@@ -23,7 +32,7 @@ DROPPED_S = 4.0
 """It came down so shortly before it lay still."""
 
 
-def sinks_below(view: View) -> Finding:
+def sinks_below(view: WatchView) -> Finding:
     """It is far below its mission and sinks on, faster than the mission asks."""
     fix = _height_of(view)
     if fix is None:
@@ -39,7 +48,7 @@ def sinks_below(view: View) -> Finding:
     return Finding(Verdict.FAIL, words + alarm_words(view))
 
 
-def sinks_off_target(view: View) -> Finding:
+def sinks_off_target(view: WatchView) -> Finding:
     """It sinks though its autopilot wants to be higher."""
     fix, own = _height_of(view), view.state.own
     if fix is None:
@@ -56,14 +65,14 @@ def sinks_off_target(view: View) -> Finding:
     return Finding(Verdict.FAIL, words + alarm_words(view))
 
 
-def lies_on_mission(view: View) -> Finding:
+def lies_on_mission(view: WatchView) -> Finding:
     """It lies on the ground in the middle of its mission, armed."""
     fix, anchor, state = _height_of(view), view.state.motion.anchor, view.state
     if fix is None or anchor is None:
         return STALE
     if view.setup.planned:
         lies = lies_low(view.context, view.setup, state)
-        return Finding(Verdict.FAIL, f"does not move, {place_words(view.context, state)}") if lies else OK
+        return Finding(Verdict.FAIL, f"does not move, {describe_down_place(view.context, state)}") if lies else OK
     stood_s = fix.boot_s - anchor.boot_s
     if not in_mission_mode(view) or not state.sortie.took_off or stood_s < LYING_S or _ends_or_begins(view):
         return OK
@@ -74,20 +83,20 @@ def lies_on_mission(view: View) -> Finding:
     return Finding(Verdict.FAIL, words + (", after it came down" if dropped else "") + alarm_words(view))
 
 
-def _height_of(view: View) -> Fix | None:
+def _height_of(view: WatchView) -> PositionFix | None:
     """Return its newest position, if it is not old."""
     fix = view.state.motion.fix
     return None if fix is None or view.now_s - fix.at_s > view.context.limits.link_stale_s else fix
 
 
-def _says_weak(view: View) -> bool:
+def _says_weak(view: WatchView) -> bool:
     """Return whether its autopilot says that it has lost thrust: by itself that decides nothing."""
     return any(
         failed.what == "motor" and view.now_s - said_s <= MOST_WORDS_S for failed, said_s in view.state.evidence.failed
     )
 
 
-def _ends_or_begins(view: View) -> bool:
+def _ends_or_begins(view: WatchView) -> bool:
     """Return whether it takes off or lands as its mission has it."""
     leg, item = view.state.leg, item_of(view.state.own, view.state.own.leads_to)
     if leg is not None and leg.phase in {Phase.TAKEOFF, Phase.LAND}:

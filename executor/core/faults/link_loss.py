@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from executor.core.commands import Level, Say
 from executor.core.context import Scene
-from executor.core.state import Absence, FleetState, Stepped
+from executor.core.state import FleetState, GroundStationAbsence, Stepped
 from executor.core.vehicle import Stage, VehicleState
 
 SLEPT_S = 2.0
@@ -20,21 +20,21 @@ NOTED_SLEEP_S = 5.0
 """A pause this long is worth a line."""
 
 
-def own_sleep(context: Scene, state: FleetState, now_s: float) -> Stepped:  # noqa: ARG001
+def discount_host_pause(context: Scene, state: FleetState, now_s: float) -> Stepped:  # noqa: ARG001
     """Look whether the ground station itself stood still since the last tick, and count that against nobody."""
     slept_s = 0.0 if state.listening.tick_s is None else now_s - state.listening.tick_s
     late_s = state.listening.late_s
     state = replace(state, listening=replace(state.listening, tick_s=now_s))
     if slept_s <= SLEPT_S:
-        return (_excused(state, late_s, now_s) if late_s > 0.0 else state), ()
-    state = _excused(state, slept_s, now_s)
+        return (_excuse_silence(state, late_s, now_s) if late_s > 0.0 else state), ()
+    state = _excuse_silence(state, slept_s, now_s)
     if slept_s <= NOTED_SLEEP_S:
         return state, ()
-    state = _away(state, Absence(now_s, slept_s, restarted=False))
+    state = _record_absence(state, GroundStationAbsence(now_s, slept_s, restarted=False))
     return state, (Say(Level.WARNING, f"the ground station stalled for {slept_s:.1f} s"),)
 
 
-def of_all(context: Scene, state: FleetState, now_s: float, *, least: int = 1) -> Stepped:
+def check_all_links(context: Scene, state: FleetState, now_s: float, *, least: int = 1) -> Stepped:
     """Tell the silence of all, which is our own fault until proven otherwise, from the silence of one.
 
     Args:
@@ -45,43 +45,43 @@ def of_all(context: Scene, state: FleetState, now_s: float, *, least: int = 1) -
     """
     if state.progress.launched_s is None or (len(state.vehicles) < least and state.listening.silent_since_s is None):
         return state, ()
-    expected = _expected(state)
+    expected = _list_contact_times(state)
     if len(expected) < least:
-        return (state if state.listening.silent_since_s is None else _over(state)), ()
+        return (state if state.listening.silent_since_s is None else _clear_silence(state)), ()
     latest = max(expected)
     if now_s - latest < context.limits.link_stale_s:
         if state.listening.silent_since_s is None:
             return state, ()
         # The first one is heard before the others, whose time begins anew.
         pause_s = latest - state.listening.silent_since_s
-        state = _over(_excused(state, pause_s, now_s))
+        state = _clear_silence(_excuse_silence(state, pause_s, now_s))
         if pause_s > NOTED_SLEEP_S:
-            state = _away(state, Absence(now_s, pause_s, restarted=False, deaf=True))
+            state = _record_absence(state, GroundStationAbsence(now_s, pause_s, restarted=False, deaf=True))
         return state, (Say(Level.INFO, "links regained"),)
-    if not state.flying():
-        return _over(state), ()
+    if not state.airborne_vehicles():
+        return _clear_silence(state), ()
     if state.listening.silent_since_s is not None:
-        return _lasting(context, state, now_s)
+        return _repeat_silence_warning(context, state, now_s)
     who = "all links lost" if len(expected) > 1 else "no link to any vehicle"
     text = f"{who}: suspecting the ground radio; re-planning suspended"
     return replace(state, listening=replace(state.listening, silent_since_s=latest)), (Say(Level.WARNING, text),)
 
 
-def _away(state: FleetState, absence: Absence) -> FleetState:
+def _record_absence(state: FleetState, absence: GroundStationAbsence) -> FleetState:
     return replace(state, listening=replace(state.listening, absences=(*state.listening.absences, absence)))
 
 
-def _over(state: FleetState) -> FleetState:
+def _clear_silence(state: FleetState) -> FleetState:
     return replace(state, listening=replace(state.listening, silent_since_s=None, silence_told_s=None))
 
 
-def _lasting(context: Scene, state: FleetState, now_s: float) -> Stepped:
+def _repeat_silence_warning(context: Scene, state: FleetState, now_s: float) -> Stepped:
     """Say again, now and then, that all links are lost, and what that means."""
     since_s = state.listening.silent_since_s or now_s
     told_s = since_s if state.listening.silence_told_s is None else state.listening.silence_told_s
     if now_s - told_s < (context.limits.all_silent_s if state.listening.silence_told_s is None else TOLD_AGAIN_S):
         return state, ()
-    aloft = ", ".join(vehicle.name for vehicle in state.flying())
+    aloft = ", ".join(vehicle.name for vehicle in state.airborne_vehicles())
     text = (
         f"no message from any vehicle for {now_s - since_s:.0f} s; in the air at last contact: {aloft}. The "
         "flight stays open and resumes with the first link regained"
@@ -89,7 +89,7 @@ def _lasting(context: Scene, state: FleetState, now_s: float) -> Stepped:
     return replace(state, listening=replace(state.listening, silence_told_s=now_s)), (Say(Level.FAULT, text),)
 
 
-def _expected(state: FleetState) -> list[float]:
+def _list_contact_times(state: FleetState) -> list[float]:
     """Return when each vehicle was heard last that should be heard now."""
     away = {Stage.GROUND, Stage.LANDED, Stage.DOWN}
     heard = [
@@ -107,7 +107,7 @@ def _expected(state: FleetState) -> list[float]:
     ]
 
 
-def of_one(context: Scene, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def check_link(context: Scene, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Say when a link is stale and when it is regained, before and after that is a fault."""
     age_s = 0.0 if vehicle.link.heard_s is None else now_s - vehicle.link.heard_s
     stale = age_s >= context.limits.link_stale_s
@@ -124,7 +124,7 @@ def of_one(context: Scene, state: FleetState, vehicle: VehicleState, now_s: floa
     )
 
 
-def _excused(state: FleetState, pause_s: float, now_s: float) -> FleetState:
+def _excuse_silence(state: FleetState, pause_s: float, now_s: float) -> FleetState:
     """Count a time in which nobody could be heard against no vehicle."""
     for vehicle in state.vehicles.values():
         if vehicle.link.heard_s is not None:

@@ -13,14 +13,14 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from executor.core.context import Scene
-from executor.core.custody.actors import changed_by, settled
+from executor.core.custody.actors import attribute_mode_change, is_attribution_final
 from executor.core.events import Heard, Tick
 from executor.core.faults import link_loss, warnings, watchpoints
-from executor.core.faults.watching import View, Watchpoint, said_failed
-from executor.core.hearing.fold import fold
+from executor.core.faults.watching import Watchpoint, WatchView, describe_reported_failure
+from executor.core.hearing.fold import apply_message
 from executor.core.messages import Actor, Heartbeat
 from executor.core.state import FleetState
-from executor.core.vehicle import WATCHED, Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
+from executor.core.vehicle import WATCHED, Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
 from missions.autopilots.modes import is_manual_mode, is_mission_mode, mode_name
 
 WARN_S = 1.5
@@ -28,7 +28,7 @@ WARN_S = 1.5
 
 
 @dataclass(frozen=True, slots=True)
-class Declared:
+class DeclaredFault:
     """A fault."""
 
     vehicle: str
@@ -40,7 +40,7 @@ class Declared:
 
 
 @dataclass(frozen=True, slots=True)
-class Degraded:
+class Degradation:
     """A time in which something was not well."""
 
     vehicle: str
@@ -54,7 +54,7 @@ class Degraded:
 
 
 @dataclass(frozen=True, slots=True)
-class Moded:
+class ObservedModeChange:
     """An armed vehicle's mode became another."""
 
     vehicle: str
@@ -65,11 +65,11 @@ class Moded:
     at_s: float
 
 
-Finding = Declared | Degraded | Moded
+Finding = DeclaredFault | Degradation | ObservedModeChange
 
 
 @dataclass(frozen=True, slots=True)
-class Remembered:
+class VehicleReports:
     """What was told of a vehicle since it was armed."""
 
     declared: frozenset[str] = frozenset()
@@ -79,59 +79,61 @@ class Remembered:
 
 
 @dataclass(frozen=True, slots=True)
-class Watched:
+class PassiveWatch:
     """What is known of all vehicles, and what is not well now."""
 
     fleet: FleetState
-    open: Mapping[tuple[str, str], Degraded] = field(default_factory=lambda: MappingProxyType({}))
+    open: Mapping[tuple[str, str], Degradation] = field(default_factory=lambda: MappingProxyType({}))
     """By vehicle and name of the warning."""
     warned_s: float = float("-inf")
     """When was looked for what is not well."""
-    told: Mapping[str, Remembered] = field(default_factory=lambda: MappingProxyType({}))
+    told: Mapping[str, VehicleReports] = field(default_factory=lambda: MappingProxyType({}))
     """By vehicle."""
 
-    def of(self, name: str) -> Remembered:
+    def reports_of(self, name: str) -> VehicleReports:
         """Return what was told of a vehicle."""
-        return self.told.get(name, Remembered())
+        return self.told.get(name, VehicleReports())
 
-    def telling(self, name: str, told: Remembered) -> Watched:
+    def with_reports(self, name: str, told: VehicleReports) -> PassiveWatch:
         """Return it with something told."""
-        return self if told == self.of(name) else replace(self, told=MappingProxyType({**self.told, name: told}))
+        return (
+            self if told == self.reports_of(name) else replace(self, told=MappingProxyType({**self.told, name: told}))
+        )
 
 
-Stepped = tuple[Watched, tuple[Finding, ...]]
+Stepped = tuple[PassiveWatch, tuple[Finding, ...]]
 
 
-def watch_begun(names: tuple[str, ...]) -> Watched:
+def start_watch(names: tuple[str, ...]) -> PassiveWatch:
     """Return the state before anything was heard."""
-    return Watched(FleetState(MappingProxyType({name: VehicleState(name) for name in names})))
+    return PassiveWatch(FleetState(MappingProxyType({name: VehicleState(name) for name in names})))
 
 
-def with_vehicle(state: Watched, name: str) -> Watched:
+def add_watched_vehicle(state: PassiveWatch, name: str) -> PassiveWatch:
     """Return the state with a vehicle that was not known before."""
     return replace(state, fleet=state.fleet.put(VehicleState(name)))
 
 
-def passive_step(scene: Scene, state: Watched, event: Heard | Tick, now_s: float) -> Stepped:
+def step_watch(scene: Scene, state: PassiveWatch, event: Heard | Tick, now_s: float) -> Stepped:
     """Apply one event."""
     match event:
         case Heard(name, message):
             before, found = state.fleet.vehicles[name], tuple[Finding, ...]()
-            vehicle = fold(scene, before, message, now_s).state
+            vehicle = apply_message(scene, before, message, now_s).state
             if isinstance(message, Heartbeat):
-                state, found = _changed(scene, state, before, vehicle)
-                vehicle = _followed(scene, before, vehicle, now_s)
+                state, found = _apply_mode_change(scene, state, before, vehicle)
+                vehicle = _follow_stage(scene, before, vehicle, now_s)
             fleet = state.fleet.put(vehicle)
             if fleet.progress.launched_s is None and vehicle.stage is Stage.FLYING:
                 fleet = replace(fleet, progress=replace(fleet.progress, launched_s=now_s))
-            return Watched(
+            return PassiveWatch(
                 fleet, state.open, state.warned_s, state.told
             ), found  # of every message: faster than replace
         case Tick():
-            return _tick(scene, state, now_s)
+            return _apply_tick(scene, state, now_s)
 
 
-def passive_heard(state: Watched, name: str, at_s: float, heartbeat_s: float | None = None) -> Watched:
+def record_contact(state: PassiveWatch, name: str, at_s: float, heartbeat_s: float | None = None) -> PassiveWatch:
     """Return the state with a vehicle that said something, whatever it was, and its HEARTBEAT without news then."""
     vehicle = state.fleet.vehicles[name]
     later = vehicle.link.heard_s is None or at_s > vehicle.link.heard_s
@@ -148,7 +150,7 @@ def passive_heard(state: Watched, name: str, at_s: float, heartbeat_s: float | N
     return replace(state, fleet=state.fleet.put(told))
 
 
-def closed(state: Watched, now_s: float) -> tuple[Degraded, ...]:
+def close_degradations(state: PassiveWatch, now_s: float) -> tuple[Degradation, ...]:
     """Return what was not well when the log ended."""
     return tuple(replace(one, to_s=now_s) for one in state.open.values())
 
@@ -157,46 +159,46 @@ HEARD_BEFORE_S = 2.0
 """A HEARTBEAT shows up to so much later that it is armed: what was said meanwhile is of this flight."""
 
 
-def _changed(scene: Scene, state: Watched, before: VehicleState, vehicle: VehicleState) -> Stepped:
+def _apply_mode_change(scene: Scene, state: PassiveWatch, before: VehicleState, vehicle: VehicleState) -> Stepped:
     """Take note of a HEARTBEAT that begins a flight, or another mode in it."""
-    name, told = vehicle.name, state.of(vehicle.name)
+    name, told = vehicle.name, state.reports_of(vehicle.name)
     if vehicle.armed and not before.armed:
-        return state.telling(name, Remembered(mode_s=vehicle.telemetry.mode_since_s)), ()
+        return state.with_reports(name, VehicleReports(mode_s=vehicle.telemetry.mode_since_s)), ()
     if not before.armed or before.telemetry.mode_since_s == vehicle.telemetry.mode_since_s:
         return state, ()
     beat = vehicle.telemetry.heartbeat
     if beat is not None and is_mission_mode(scene.vehicles[name].dialect, beat.custom_mode):
-        state = state.telling(name, replace(told, declared=told.declared - {"left"}))  # it may be left again
-    return _told(scene, state, before)
+        state = state.with_reports(name, replace(told, declared=told.declared - {"left"}))  # it may be left again
+    return _report_mode(scene, state, before)
 
 
-def _told(scene: Scene, state: Watched, vehicle: VehicleState) -> Stepped:
+def _report_mode(scene: Scene, state: PassiveWatch, vehicle: VehicleState) -> Stepped:
     """Tell the mode that a vehicle is in, and who chose it, unless that was told."""
-    told, since_s, beat = state.of(vehicle.name), vehicle.telemetry.mode_since_s, vehicle.telemetry.heartbeat
+    told, since_s, beat = state.reports_of(vehicle.name), vehicle.telemetry.mode_since_s, vehicle.telemetry.heartbeat
     if beat is None or since_s <= told.mode_s:
         return state, ()
     setup = scene.vehicles[vehicle.name]
-    who = changed_by(setup, vehicle)
-    moded = Moded(vehicle.name, mode_name(setup.dialect, beat.custom_mode), who.by, who.why, since_s)
-    return state.telling(vehicle.name, replace(told, mode_s=since_s)), (moded,)
+    who = attribute_mode_change(setup, vehicle)
+    moded = ObservedModeChange(vehicle.name, mode_name(setup.dialect, beat.custom_mode), who.by, who.why, since_s)
+    return state.with_reports(vehicle.name, replace(told, mode_s=since_s)), (moded,)
 
 
-def _followed(scene: Scene, before: VehicleState, vehicle: VehicleState, now_s: float) -> VehicleState:
+def _follow_stage(scene: Scene, before: VehicleState, vehicle: VehicleState, now_s: float) -> VehicleState:
     """Return a vehicle in the stage that its HEARTBEAT shows."""
     beat = vehicle.telemetry.heartbeat
     if beat is None:
         return vehicle
     if before.armed and before.telemetry.mode_since_s != vehicle.telemetry.mode_since_s:
-        vehicle = _left_to(scene, before, vehicle)
+        vehicle = _leave_mission_to_person(scene, before, vehicle)
     match vehicle.stage:
         case Stage.GROUND | Stage.LANDED if beat.armed:
-            return _armed(vehicle, now_s)
+            return _begin_flight(vehicle, now_s)
         case Stage.LOST if not beat.armed:
-            return moved_to(vehicle, Stage.LANDED)
+            return change_stage(vehicle, Stage.LANDED)
         case Stage.LOST:
             # Live RTL would be commanded; here it flies on, and may be lost again.
             return replace(
-                moved_to(vehicle, Stage.FLYING, besides=WATCHED),
+                change_stage(vehicle, Stage.FLYING, besides=WATCHED),
                 fault=None,
                 watches=(),
                 motion=replace(vehicle.motion, anchor=None),
@@ -205,7 +207,7 @@ def _followed(scene: Scene, before: VehicleState, vehicle: VehicleState, now_s: 
             return vehicle
 
 
-def _armed(vehicle: VehicleState, now_s: float) -> VehicleState:
+def _begin_flight(vehicle: VehicleState, now_s: float) -> VehicleState:
     """Begin a flight: nothing that was said of the last one is of this one."""
     alarm = vehicle.telemetry.alarm
     failed = tuple(
@@ -215,7 +217,7 @@ def _armed(vehicle: VehicleState, now_s: float) -> VehicleState:
         if now_s - one[1] <= HEARD_BEFORE_S and not (one[0].what == "crash" and vehicle.sortie.armed_once)
     )
     return replace(
-        moved_to(vehicle, Stage.FLYING, besides=WATCHED),
+        change_stage(vehicle, Stage.FLYING, besides=WATCHED),
         fault=None,
         watches=(),
         sortie=replace(vehicle.sortie, took_off=False, flew_mission=False, armed_once=True),
@@ -227,12 +229,12 @@ def _armed(vehicle: VehicleState, now_s: float) -> VehicleState:
     )
 
 
-def _left_to(scene: Scene, before: VehicleState, vehicle: VehicleState) -> VehicleState:
+def _leave_mission_to_person(scene: Scene, before: VehicleState, vehicle: VehicleState) -> VehicleState:
     """Return a vehicle that is on no mission any more once a person has it: what comes then interrupts none."""
     setup, old = scene.vehicles[vehicle.name], before.telemetry.heartbeat
     if old is None or is_mission_mode(setup.dialect, old.custom_mode):
         return vehicle
-    persons = changed_by(setup, before).by in {Actor.PILOT, Actor.GROUND_STATION}
+    persons = attribute_mode_change(setup, before).by in {Actor.PILOT, Actor.GROUND_STATION}
     if not persons and not is_manual_mode(setup.dialect, old.custom_mode):
         return vehicle
     beat = vehicle.telemetry.heartbeat
@@ -240,28 +242,33 @@ def _left_to(scene: Scene, before: VehicleState, vehicle: VehicleState) -> Vehic
     return replace(vehicle, sortie=replace(vehicle.sortie, flew_mission=again and vehicle.sortie.took_off))
 
 
-def _tick(scene: Scene, state: Watched, now_s: float) -> Stepped:
-    fleet, _ = link_loss.own_sleep(scene, state.fleet, now_s)
-    fleet, _ = link_loss.of_all(scene, fleet, now_s, least=link_loss.ALL)
+def _apply_tick(scene: Scene, state: PassiveWatch, now_s: float) -> Stepped:
+    fleet, _ = link_loss.discount_host_pause(scene, state.fleet, now_s)
+    fleet, _ = link_loss.check_all_links(scene, fleet, now_s, least=link_loss.ALL)
     alone = (
         fleet.listening.silent_since_s is not None
         and now_s - fleet.listening.silent_since_s < scene.limits.all_silent_s
     )
     vehicles, found = dict(fleet.vehicles), list[Finding]()
     open_ = dict(state.open)
-    looks = now_s - state.warned_s >= WARN_S or any(_falls_silent(scene, one, now_s) for one in vehicles.values())
+    looks = now_s - state.warned_s >= WARN_S or any(_is_falling_silent(scene, one, now_s) for one in vehicles.values())
     for name, vehicle in fleet.vehicles.items():
         if vehicle.stage is Stage.LOST:
             continue  # nothing begins and nothing ends in silence
-        if vehicle.armed and settled(vehicle, now_s):
-            state, moded = _told(scene, state, vehicle)
+        if vehicle.armed and is_attribution_final(vehicle, now_s):
+            state, moded = _report_mode(scene, state, vehicle)
             found += moded
-        told, (vehicle, declared) = state.of(name), _judged(scene, vehicle, state.of(name), now_s, alone=alone)
+        told, (vehicle, declared) = (
+            state.reports_of(name),
+            _judge_vehicle(scene, vehicle, state.reports_of(name), now_s, alone=alone),
+        )
         vehicles[name] = vehicle
-        state = state.telling(name, replace(told, declared=told.declared | {_group(one) for one, _ in declared}))
-        found += (Declared(name, point.kind, point.name, why, now_s) for point, why in declared)
+        state = state.with_reports(
+            name, replace(told, declared=told.declared | {_group_of(one) for one, _ in declared})
+        )
+        found += (DeclaredFault(name, point.kind, point.name, why, now_s) for point, why in declared)
         if looks and (open_ or vehicle.stage not in _DOWN):
-            found += warned(View(scene, scene.vehicles[name], vehicle, False, now_s), open_)
+            found += update_degradations(WatchView(scene, scene.vehicles[name], vehicle, False, now_s), open_)
     fleet = replace(fleet, vehicles=MappingProxyType(vehicles))
     return replace(state, fleet=fleet, open=open_, warned_s=now_s if looks else state.warned_s), tuple(found)
 
@@ -270,14 +277,14 @@ _DOWN = frozenset({Stage.GROUND, Stage.LANDED})
 _DOWN_REASONS = frozenset({"off-pad", "falling", "sinking", "thrust", "terminated", "crash"})
 
 
-def _group(point: Watchpoint) -> str:
+def _group_of(point: Watchpoint) -> str:
     """Return of what the first reason stands: a battery, a mission that was left, a fall."""
     if point.kind not in {FaultKind.INTERRUPTION, FaultKind.FENCE}:
         return str(point.kind.value)
     return "down" if point.name in _DOWN_REASONS else "left"
 
 
-def _falls_silent(scene: Scene, vehicle: VehicleState, now_s: float) -> bool:
+def _is_falling_silent(scene: Scene, vehicle: VehicleState, now_s: float) -> bool:
     silent = vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s >= scene.limits.link_stale_s
     return silent and vehicle.stage is Stage.FLYING
 
@@ -285,32 +292,32 @@ def _falls_silent(scene: Scene, vehicle: VehicleState, now_s: float) -> bool:
 Raised = tuple[Watchpoint, str]
 
 
-def _judged(
-    scene: Scene, vehicle: VehicleState, told: Remembered, now_s: float, *, alone: bool
+def _judge_vehicle(
+    scene: Scene, vehicle: VehicleState, told: VehicleReports, now_s: float, *, alone: bool
 ) -> tuple[VehicleState, list[Raised]]:
     setup = scene.vehicles[vehicle.name]
     if vehicle.stage in _DOWN:
         # It may have disarmed before it says why.
-        view = View(scene, setup, vehicle, False, now_s)
-        late = said_failed(view, "crash") if now_s - vehicle.sortie.disarmed_s <= LATE_S else ""
+        view = WatchView(scene, setup, vehicle, False, now_s)
+        late = describe_reported_failure(view, "crash") if now_s - vehicle.sortie.disarmed_s <= LATE_S else ""
         return vehicle, [(watchpoints.CRASH, late)] if late and "down" not in told.declared else []
-    judgement = watchpoints.judge(scene, setup, vehicle, now_s)
-    vehicle = watchpoints.remembered(vehicle, judgement)
+    judgement = watchpoints.judge_watchpoints(scene, setup, vehicle, now_s)
+    vehicle = watchpoints.store_watches(vehicle, judgement)
     raised = list[Raised]()
     for point, why in judgement.raised:
-        known = told.declared | {_group(one) for one, _ in raised}
+        known = told.declared | {_group_of(one) for one, _ in raised}
         if point.code is FaultCode.VOLTAGE_STEP and known & _STRUGGLES and not vehicle.power.volts.known_load:
             continue  # what its motors draw to save it, nobody knows
         silent = point.kind is FaultKind.LINK  # each silence is a loss of its own
-        if (silent and not alone) or (not silent and _group(point) not in known):
+        if (silent and not alone) or (not silent and _group_of(point) not in known):
             raised.append((point, why))
     if raised and vehicle.fault is None:
         point, why = raised[0]
         vehicle = replace(vehicle, fault=Fault(point.kind, why, now_s, point.code))
     if not vehicle.armed:
-        return replace(moved_to(vehicle, Stage.LANDED), fault=vehicle.fault if raised else None), raised
+        return replace(change_stage(vehicle, Stage.LANDED), fault=vehicle.fault if raised else None), raised
     if any(point.kind is FaultKind.LINK for point, _ in raised):
-        vehicle = moved_to(vehicle, Stage.LOST)
+        vehicle = change_stage(vehicle, Stage.LOST)
     return vehicle, raised
 
 
@@ -319,12 +326,12 @@ LATE_S = 4.0
 """So long after it disarmed it may still say why."""
 
 
-def warned(view: View, open_: dict[tuple[str, str], Degraded]) -> list[Finding]:
+def update_degradations(view: WatchView, open_: dict[tuple[str, str], Degradation]) -> list[Finding]:
     """Begin and end what is not well; returns what ended."""
     name = view.state.name
-    now = {row.name: (row.kind, words) for row, words in warnings.warnings(view)}
+    now = {row.name: (row.kind, words) for row, words in warnings.find_warnings(view)}
     for row, (kind, words) in now.items():
         if (name, row) not in open_:
-            open_[name, row] = Degraded(name, kind, row, words, view.now_s)
+            open_[name, row] = Degradation(name, kind, row, words, view.now_s)
     over = [key for key in open_ if key[0] == name and key[1] not in now]
     return [replace(open_.pop(key), to_s=view.now_s) for key in over]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from executor.core.asked_heights import ITEM_STALE_S
-from executor.core.faults.watching import OK, STALE, Finding, Verdict, View
+from executor.core.faults.watching import OK, STALE, Finding, Verdict, WatchView
 
 LEAST_GONE_S = 20.0
 """What was asked for three times and has not come does not come."""
@@ -23,7 +23,7 @@ UNSEEN_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class Stream:
+class StreamStatus:
     """One of a vehicle's streams at one moment."""
 
     words: str
@@ -39,87 +39,90 @@ class Stream:
         return self.age_s >= self.stale_s
 
 
-def heartbeat_stream(view: View) -> Stream:
+def get_heartbeat_stream(view: WatchView) -> StreamStatus:
     """HEARTBEAT: without it nobody knows its mode, and whether it is armed."""
-    return _stream(view, "no HEARTBEAT", view.state.link.heartbeat_s, view.context.limits.heartbeat_stale_s)
+    return _build_stream(view, "no HEARTBEAT", view.state.link.heartbeat_s, view.context.limits.heartbeat_stale_s)
 
 
-def positions(view: View) -> Stream:
+def get_position_stream(view: WatchView) -> StreamStatus:
     """GLOBAL_POSITION_INT: without it nobody knows where it is."""
     fix = view.state.motion.fix
-    return _stream(view, "no position", None if fix is None else fix.at_s, view.context.limits.link_stale_s)
+    return _build_stream(view, "no position", None if fix is None else fix.at_s, view.context.limits.link_stale_s)
 
 
-def battery_stream(view: View) -> Stream:
+def get_battery_stream(view: WatchView) -> StreamStatus:
     """BATTERY_STATUS or SYS_STATUS."""
     known = view.state.power.battery
     last_s = None if known.remaining_pct is None else known.reported_s
-    return _stream(view, "no battery report", last_s, view.context.limits.battery_stale_s)
+    return _build_stream(view, "no battery report", last_s, view.context.limits.battery_stale_s)
 
 
-def items(view: View) -> Stream:
+def get_item_stream(view: WatchView) -> StreamStatus:
     """MISSION_CURRENT: without it nobody knows which segment it flies to."""
     last_s = view.state.telemetry.item_s if view.setup.planned else None
-    return _stream(view, "no report of its current waypoint", last_s, ITEM_STALE_S)
+    return _build_stream(view, "no report of its current waypoint", last_s, ITEM_STALE_S)
 
 
-def _stream(view: View, words: str, last_s: float | None, stale_s: float) -> Stream:
+def _build_stream(view: WatchView, words: str, last_s: float | None, stale_s: float) -> StreamStatus:
     age_s = math.nan if last_s is None else view.now_s - max(last_s, view.state.link.excused_s)
-    return Stream(words, age_s, stale_s)
+    return StreamStatus(words, age_s, stale_s)
 
 
-def others_come(view: View) -> bool:
+def is_link_alive(view: WatchView) -> bool:
     """Return whether it is heard: a silence of everything is a matter of its link."""
     heard_s = view.state.link.heard_s
     return heard_s is not None and view.now_s - heard_s < view.context.limits.link_stale_s
 
 
-def missing(of: Callable[[View], Stream], view: View) -> str:
+def describe_missing_stream(of: Callable[[WatchView], StreamStatus], view: WatchView) -> str:
     """Return in words what does not come while others do; nothing if it comes."""
     stream, heard_s = of(view), view.state.link.heard_s
-    if not stream.stale or heard_s is None or not others_come(view):
+    if not stream.stale or heard_s is None or not is_link_alive(view):
         return ""
     if view.now_s - heard_s > stream.age_s - stream.stale_s:
         return ""  # nothing else came since this was due: a silence of everything begins with one of them
     return f"{stream.words} for {stream.age_s:.0f} s, while other messages come"
 
 
-def to_be_asked(view: View) -> bool:
+def needs_stream_request(view: WatchView) -> bool:
     """Return whether it is to be asked for its streams again."""
-    if view.now_s - view.state.orders.streams_asked_s < ASK_AGAIN_S or not others_come(view):
+    if view.now_s - view.state.orders.streams_asked_s < ASK_AGAIN_S or not is_link_alive(view):
         return False
-    return any(stream(view).stale for stream in (heartbeat_stream, positions, battery_stream, items))
+    return any(
+        stream(view).stale
+        for stream in (get_heartbeat_stream, get_position_stream, get_battery_stream, get_item_stream)
+    )
 
 
-def gone(of: Callable[[View], Stream], view: View, least_s: float = LEAST_GONE_S) -> Finding:
+def check_stream(of: Callable[[WatchView], StreamStatus], view: WatchView, least_s: float = LEAST_GONE_S) -> Finding:
     """Return whether something stays away for longer than is usual, and than a silence of everything lasts."""
     stream, heard_s, after_s = of(view), view.state.link.heard_s, max(least_s, view.setup.link_timeout_s)
-    if not view.setup.planned or math.isnan(stream.age_s) or heard_s is None or not others_come(view):
+    if not view.setup.planned or math.isnan(stream.age_s) or heard_s is None or not is_link_alive(view):
         return STALE
     if stream.age_s < after_s:
         return OK
     if view.now_s - heard_s > stream.age_s - after_s:
         return STALE  # nothing at all came since it was due: that may be the link
-    return Finding(Verdict.FAIL, missing(of, view))
+    return Finding(Verdict.FAIL, describe_missing_stream(of, view))
 
 
-heartbeat_gone = partial(gone, heartbeat_stream)
+check_heartbeat_stream = partial(check_stream, get_heartbeat_stream)
 """Its HEARTBEAT stays away."""
-position_gone = partial(gone, positions)
+check_position_stream = partial(check_stream, get_position_stream)
 """Its positions stay away."""
-battery_gone = partial(gone, battery_stream, least_s=BATTERY_GONE_S)
+check_battery_stream = partial(check_stream, get_battery_stream, least_s=BATTERY_GONE_S)
 """It does not say any more what its battery holds."""
-item_gone = partial(gone, items)
+check_item_stream = partial(check_stream, get_item_stream)
 """It does not say any more which waypoint it flies to."""
 
 
-def unseen_s(view: View) -> float:
+def state_silence_s(view: WatchView) -> float:
     """Return for how long neither HEARTBEAT nor a position has come; 0 before both came."""
-    ages_s = (heartbeat_stream(view).age_s, positions(view).age_s)
+    ages_s = (get_heartbeat_stream(view).age_s, get_position_stream(view).age_s)
     return 0.0 if any(map(math.isnan, ages_s)) else min(ages_s)
 
 
-def position_fresh(view: View) -> bool:
+def is_position_fresh(view: WatchView) -> bool:
     """Return whether its positions come, if any ever did."""
     fix = view.state.motion.fix
     return fix is None or view.now_s - fix.at_s <= view.context.limits.link_stale_s

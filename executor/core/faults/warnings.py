@@ -12,10 +12,10 @@ from functools import partial
 from executor.core import projection
 from executor.core.asked_heights import asked_height
 from executor.core.faults import batteries, streams
-from executor.core.faults.batteries import BATTERY_SENSOR, LOW, pack_standing
-from executor.core.faults.watching import Verdict, View
-from executor.core.places import last_fix, where
-from executor.core.state import Told
+from executor.core.faults.batteries import BATTERY_SENSOR, LOW, assess_pack_in_flight
+from executor.core.faults.watching import Verdict, WatchView
+from executor.core.places import describe_position, last_fix
+from executor.core.state import ReportedWarnings
 from executor.core.vehicle import FaultKind, Stage
 from missions import Phase
 
@@ -24,35 +24,35 @@ AGAIN_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
-class Doubt:
+class WarningRule:
     """One row."""
 
     name: str
     kind: FaultKind
-    look: Callable[[View], str]
+    look: Callable[[WatchView], str]
     """What is not well, in words; nothing if it is."""
 
 
-def silent(view: View) -> str:
+def describe_silence(view: WatchView) -> str:
     """Nothing was heard for a while."""
     heard_s = view.state.link.heard_s
     age_s = 0.0 if heard_s is None else view.now_s - heard_s
     return f"no message for {age_s:.1f} s" if age_s >= view.context.limits.link_stale_s else ""
 
 
-def item_missing(view: View) -> str:
+def describe_missing_items(view: WatchView) -> str:
     """It speaks, and not of where it flies to."""
-    return streams.missing(streams.items, view) if view.state.stage is Stage.FLYING else ""
+    return streams.describe_missing_stream(streams.get_item_stream, view) if view.state.stage is Stage.FLYING else ""
 
 
-def doubtful(view: View) -> str:
+def describe_doubtful_disarm(view: WatchView) -> str:
     """A HEARTBEAT says what its positions refute."""
     if view.state.telemetry.doubted is None:
         return ""
     return "HEARTBEAT reports disarmed, but it is flying: sent by another station?"
 
 
-def lossy(view: View) -> str:
+def describe_frame_loss(view: WatchView) -> str:
     """More frames are lost than usual."""
     quality = view.state.link.quality
     if quality.lost is None or quality.worse < view.context.limits.loss_warn:
@@ -60,35 +60,35 @@ def lossy(view: View) -> str:
     return f"{100 * quality.lost:.0f} % of its frames are lost, where {100 * (quality.usual or 0.0):.0f} % is usual"
 
 
-def radio_weak(view: View) -> str:
+def describe_radio_trouble(view: WatchView) -> str:
     """The radio itself complains."""
     quality = view.state.link.quality
     return quality.weak if view.now_s - quality.radio_s <= RADIO_S else ""
 
 
-def battery_low(view: View) -> str:
+def describe_low_battery(view: WatchView) -> str:
     """The autopilot calls it low, or not healthy."""
     if view.state.power.battery.charge_state == LOW:
         return "the autopilot reports its battery low"
     return "the autopilot reports its battery not healthy" if view.state.sensors.unhealthy & BATTERY_SENSOR else ""
 
 
-def pack_doubtful(view: View) -> str:
+def describe_doubtful_pack(view: WatchView) -> str:
     """Its resting voltage does not fit its percentage."""
-    found = pack_standing(view)
+    found = assess_pack_in_flight(view)
     return f"its pack {found.words}" if found is not None and found.doubtful else ""
 
 
-def battery_besides(view: View) -> str:
+def describe_second_battery_fault(view: WatchView) -> str:
     """Its battery fails too, on its way home from another fault: the first reason stands, and this is said."""
     fault = view.state.fault
     if not view.setup.planned or fault is None or fault.kind is FaultKind.BATTERY or not view.state.armed:
         return ""
-    looks = (batteries.battery_failsafe, batteries.battery_critical, batteries.cells_weak)
+    looks = (batteries.check_battery_failsafe, batteries.check_battery_status, batteries.check_cells)
     return next((f"besides, {found.evidence}" for look in looks if (found := look(view)).verdict is Verdict.FAIL), "")
 
 
-def reserve_doubtful(view: View) -> str:
+def describe_reserve_risk(view: WatchView) -> str:
     """It may well land below the reserve."""
     leg = view.state.leg
     if view.setup.planned and (not view.state.armed or (leg is not None and leg.phase is Phase.LAND)):
@@ -103,7 +103,7 @@ ESTIMATOR_S = 2.0
 """An estimator that leaves GPS for a single report is no loss."""
 
 
-def gps_lost(view: View) -> str:
+def gps_lost(view: WatchView) -> str:
     """Its GPS is lost: where it is, is reckoned, and worth less with every second."""
     known = view.state.sensors.positioning
     if known.lost_s is None or (known.adrift_s is not None and view.now_s - known.lost_s < ESTIMATOR_S):
@@ -111,7 +111,7 @@ def gps_lost(view: View) -> str:
     return f"GPS lost ({known.why}): position is dead-reckoned from now on; {last_fix(view.context, view.state)}"
 
 
-def position_off(view: View) -> str:
+def describe_position_jump(view: WatchView) -> str:
     """Its position jumped a little."""
     off_m, at_s = view.state.motion.jump
     limits = view.context.limits
@@ -120,7 +120,7 @@ def position_off(view: View) -> str:
     return ""
 
 
-def hangs(view: View) -> str:
+def describe_stuck_return(view: WatchView) -> str:
     """It should be on its way home, and hangs in the air where it is."""
     state = view.state
     if state.stage is not Stage.RETURNING or state.motion.fix is None or state.motion.anchor is None or not state.armed:
@@ -130,10 +130,10 @@ def hangs(view: View) -> str:
     stood_s = state.motion.fix.boot_s - state.motion.anchor.boot_s
     if stood_s < view.context.limits.hangs_s or state.motion.fix.alt_rel_m < view.context.limits.airborne_m:
         return ""
-    return f"has not moved for {stood_s:.0f} s on its way home, {where(view.context, state)}"
+    return f"has not moved for {stood_s:.0f} s on its way home, {describe_position(view.context, state)}"
 
 
-def low(view: View) -> str:
+def low(view: WatchView) -> str:
     """It flies below its mission, and does not climb."""
     state, limits = view.state, view.context.limits
     if not view.setup.planned or state.stage is not Stage.FLYING or state.motion.fix is None:
@@ -148,40 +148,44 @@ def low(view: View) -> str:
 CLIMBS_M_S = 0.1
 
 
-TABLE: tuple[Doubt, ...] = (
-    Doubt("silent", FaultKind.LINK, silent),
-    Doubt("heartbeat", FaultKind.LINK, partial(streams.missing, streams.heartbeat_stream)),
-    Doubt("disarmed", FaultKind.INTERRUPTION, doubtful),
-    Doubt("positions", FaultKind.INTERRUPTION, partial(streams.missing, streams.positions)),
-    Doubt("items", FaultKind.INTERRUPTION, item_missing),
-    Doubt("loss", FaultKind.LINK, lossy),
-    Doubt("radio", FaultKind.LINK, radio_weak),
-    Doubt("battery-silent", FaultKind.BATTERY, partial(streams.missing, streams.battery_stream)),
-    Doubt("battery-low", FaultKind.BATTERY, battery_low),
-    Doubt("pack", FaultKind.BATTERY, pack_doubtful),
-    Doubt("battery-besides", FaultKind.BATTERY, battery_besides),
-    Doubt("reserve", FaultKind.BATTERY, reserve_doubtful),
-    Doubt("gps", FaultKind.INTERRUPTION, gps_lost),
-    Doubt("position", FaultKind.INTERRUPTION, position_off),
-    Doubt("low", FaultKind.INTERRUPTION, low),
-    Doubt("stands", FaultKind.INTERRUPTION, hangs),
+TABLE: tuple[WarningRule, ...] = (
+    WarningRule("silent", FaultKind.LINK, describe_silence),
+    WarningRule("heartbeat", FaultKind.LINK, partial(streams.describe_missing_stream, streams.get_heartbeat_stream)),
+    WarningRule("disarmed", FaultKind.INTERRUPTION, describe_doubtful_disarm),
+    WarningRule(
+        "positions", FaultKind.INTERRUPTION, partial(streams.describe_missing_stream, streams.get_position_stream)
+    ),
+    WarningRule("items", FaultKind.INTERRUPTION, describe_missing_items),
+    WarningRule("loss", FaultKind.LINK, describe_frame_loss),
+    WarningRule("radio", FaultKind.LINK, describe_radio_trouble),
+    WarningRule(
+        "battery-silent", FaultKind.BATTERY, partial(streams.describe_missing_stream, streams.get_battery_stream)
+    ),
+    WarningRule("battery-low", FaultKind.BATTERY, describe_low_battery),
+    WarningRule("pack", FaultKind.BATTERY, describe_doubtful_pack),
+    WarningRule("battery-besides", FaultKind.BATTERY, describe_second_battery_fault),
+    WarningRule("reserve", FaultKind.BATTERY, describe_reserve_risk),
+    WarningRule("gps", FaultKind.INTERRUPTION, gps_lost),
+    WarningRule("position", FaultKind.INTERRUPTION, describe_position_jump),
+    WarningRule("low", FaultKind.INTERRUPTION, low),
+    WarningRule("stands", FaultKind.INTERRUPTION, describe_stuck_return),
 )
 
 
-def new_warnings(view: View, before: Told) -> tuple[Told, tuple[str, ...]]:
+def find_new_warnings(view: WatchView, before: ReportedWarnings) -> tuple[ReportedWarnings, tuple[str, ...]]:
     """Return what is not well and was not said yet, for the operator of a live flight.
 
     A silence is told by `silence`; what comes back within `AGAIN_S` is the same.
     """
-    now = [(row.name, words) for row, words in warnings(view) if row.look is not silent]
+    now = [(row.name, words) for row, words in find_warnings(view) if row.look is not describe_silence]
     if not now and not before.at_s:
         return before, ()
     known = {name: at_s for name, at_s in before.at_s if view.now_s - at_s < AGAIN_S}
     new = tuple(f"{view.state.name}: {words}" for name, words in now if name not in known)
-    return Told(tuple({**known, **dict.fromkeys((name for name, _ in now), view.now_s)}.items())), new
+    return ReportedWarnings(tuple({**known, **dict.fromkeys((name for name, _ in now), view.now_s)}.items())), new
 
 
-def warnings(view: View) -> tuple[tuple[Doubt, str], ...]:
+def find_warnings(view: WatchView) -> tuple[tuple[WarningRule, str], ...]:
     """Look at every row; return those that hold, with their words."""
     if view.state.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
         return ()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from executor.core.context import Scene, VehicleSetup
-from executor.core.own_words import acts
+from executor.core.own_words import has_failsafe_action
 from executor.core.vehicle import FaultCode, FaultKind, Stage, VehicleState
 from missions.autopilots.modes import is_mission_mode
 
@@ -21,7 +21,7 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class WatchView:
     """What a watchpoint may look at."""
 
     context: Scene
@@ -50,17 +50,17 @@ class Watchpoint:
 
     name: str
     kind: FaultKind
-    judge: Callable[[View], Finding]
+    judge: Callable[[WatchView], Finding]
     raise_after_s: float
     stages: frozenset[Stage]
     """The stages in which it is looked at."""
     code: FaultCode
 
 
-def said_failed(view: View, kind: str) -> str:
+def describe_reported_failure(view: WatchView, kind: str) -> str:
     """Return in words what an autopilot said has failed and made it act; nothing if it did not."""
     for failed, said_s in view.state.evidence.failed:
-        if failed.what == kind and view.now_s - said_s <= view.context.limits.alarm_s and acts(failed):
+        if failed.what == kind and view.now_s - said_s <= view.context.limits.alarm_s and has_failsafe_action(failed):
             return f"it says: {failed.words}"
     return ""
 
@@ -68,7 +68,7 @@ def said_failed(view: View, kind: str) -> str:
 LOST_ITSELF_S = 30.0
 
 
-def loses_itself(view: View) -> bool:
+def loses_itself(view: WatchView) -> bool:
     """Return whether its autopilot says that it does not know where it is, nor how fast it moves."""
     return any(
         failed.what in {"ekf", "gps"} and view.now_s - said_s <= LOST_ITSELF_S
@@ -76,13 +76,13 @@ def loses_itself(view: View) -> bool:
     )
 
 
-def in_mission_mode(view: View) -> bool:
+def in_mission_mode(view: WatchView) -> bool:
     """Return whether it says that it is in mission mode."""
     heartbeat = view.state.telemetry.heartbeat
     return heartbeat is not None and is_mission_mode(view.setup.dialect, heartbeat.custom_mode)
 
 
-def alarm_words(view: View) -> str:
+def alarm_words(view: WatchView) -> str:
     """Return what the vehicle said of it, if it did."""
     text, said_s = view.state.telemetry.alarm
     return f"; it says: {text}" if view.now_s - said_s <= view.context.limits.alarm_s else ""

@@ -10,30 +10,30 @@ import math
 from dataclasses import dataclass, replace
 
 from executor.core.context import Scene, VehicleSetup
-from executor.core.custody.actors import GEOFENCE_SENSOR, changed_by, led_by_fence, settled
+from executor.core.custody.actors import GEOFENCE_SENSOR, attribute_mode_change, is_attribution_final, led_by_fence
 from executor.core.faults import batteries, heights, streams
 from executor.core.faults.watching import (
     OK,
     STALE,
     Finding,
     Verdict,
-    View,
     Watchpoint,
+    WatchView,
     alarm_words,
+    describe_reported_failure,
     in_mission_mode,
     loses_itself,
-    said_failed,
 )
-from executor.core.fencing import off_its_fence
+from executor.core.fencing import describe_fence_departure
 from executor.core.messages import Actor
-from executor.core.parts import Cause, Watch
-from executor.core.places import fell, mission_over, seen_at_rest
+from executor.core.parts import ModeCause, WatchpointMemory
+from executor.core.places import has_fallen, has_mission_ended, is_resting_place_known
 from executor.core.positioning import is_adrift
 from executor.core.vehicle import FaultCode, FaultKind, Stage, VehicleState
 from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode, mode_name
 
 
-def link_silent(view: View) -> Finding:
+def check_link_silence(view: WatchView) -> Finding:
     """Nothing was heard for the vehicle's time-out."""
     heard_s = view.state.link.heard_s
     if heard_s is None:
@@ -41,13 +41,13 @@ def link_silent(view: View) -> Finding:
     age_s = view.now_s - heard_s
     if age_s >= view.setup.link_timeout_s:
         return Finding(Verdict.FAIL, f"link lost for {age_s:.1f} s, time-out {view.setup.link_timeout_s:g} s")
-    unseen_s = streams.unseen_s(view)
+    unseen_s = streams.state_silence_s(view)
     if view.setup.planned and unseen_s >= max(streams.UNSEEN_S, view.setup.link_timeout_s):
         return Finding(Verdict.FAIL, f"neither HEARTBEAT nor position for {unseen_s:.0f} s")
     return OK
 
 
-def down_off_pad(view: View) -> Finding:  # noqa: C901, PLR0911 - one return for each reason
+def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 - one return for each reason
     """It disarmed where, or when, it should not have landed."""
     state, limits = view.state, view.context.limits
     if state.motion.fix is None or state.telemetry.heartbeat is None:
@@ -55,9 +55,9 @@ def down_off_pad(view: View) -> Finding:  # noqa: C901, PLR0911 - one return for
     if state.armed or not state.sortie.armed_once:
         return OK
     if not view.setup.planned:
-        return _down_in_flight(view)
+        return _check_disarm_in_flight(view)
     away_m = math.dist(state.motion.fix.place_m, view.setup.pad_m)
-    if not seen_at_rest(state, view.now_s):
+    if not is_resting_place_known(state, view.now_s):
         return STALE  # its place is from before it was silent, or began anew
     if state.stage is Stage.PILOT:
         return OK  # its pilot may disarm it anywhere
@@ -69,18 +69,18 @@ def down_off_pad(view: View) -> Finding:  # noqa: C901, PLR0911 - one return for
             f"disarmed {away_m:.0f} m from its pad, {state.motion.fix.alt_rel_m:.0f} m high{alarm_words(view)}",
         )
     # An old position says nothing of its height: it may have come down since.
-    if fell(view.context, state) and view.now_s - state.motion.fix.at_s <= limits.link_stale_s:
+    if has_fallen(view.context, state) and view.now_s - state.motion.fix.at_s <= limits.link_stale_s:
         return Finding(Verdict.FAIL, f"disarmed {state.motion.fix.alt_rel_m:.0f} m above its pad{alarm_words(view)}")
     if not state.sortie.took_off and state.stage is Stage.FLYING:
         return Finding(Verdict.FAIL, f"disarmed on its pad before it took off{alarm_words(view)}")
     if state.sortie.rebooted_s is not None:
         return Finding(Verdict.FAIL, f"its autopilot has rebooted, and it is disarmed{alarm_words(view)}")
-    if not mission_over(view.context, state):
+    if not has_mission_ended(view.context, state):
         return Finding(Verdict.FAIL, f"disarmed over its pad in mid-mission{alarm_words(view)}")
     return OK
 
 
-def _down_in_flight(view: View) -> Finding:
+def _check_disarm_in_flight(view: WatchView) -> Finding:
     """Look at a vehicle that disarmed and may land anywhere: it must have come to rest."""
     fix, limits = view.state.motion.fix, view.context.limits
     if fix is None or view.now_s - fix.at_s > limits.link_stale_s or view.state.telemetry.on_ground:
@@ -92,7 +92,7 @@ def _down_in_flight(view: View) -> Finding:
     return OK
 
 
-def terminated(view: View) -> Finding:
+def check_termination(view: WatchView) -> Finding:
     """Its HEARTBEAT reports flight termination."""
     heartbeat = view.state.telemetry.heartbeat
     if heartbeat is None:
@@ -103,39 +103,39 @@ def terminated(view: View) -> Finding:
     return OK
 
 
-def falling(view: View) -> Finding:
+def check_fall(view: WatchView) -> Finding:
     """It sinks faster than it was ever told to."""
     fix = view.state.motion.fix
     if fix is None or view.now_s - fix.at_s > view.context.limits.link_stale_s:
         return STALE
-    if not view.setup.planned and not _comes_down(view):
+    if not view.setup.planned and not _is_sinking(view):
         return OK
     if fix.velocity_m_s[2] < -view.context.limits.fall_m_s:
         return Finding(Verdict.FAIL, f"falls at {-fix.velocity_m_s[2]:.1f} m/s")
     return OK
 
 
-def left_mission(view: View) -> Finding:
+def check_mission_mode(view: WatchView) -> Finding:
     """It is in a mode that nobody here ordered, by its own failsafe."""
     state = view.state
     if state.telemetry.heartbeat is None:
         return STALE
-    if fence_breached(view).verdict is Verdict.FAIL:
+    if check_fence_breach(view).verdict is Verdict.FAIL:
         return OK  # that is said by its own name
     dialect = view.setup.dialect
     if view.setup.planned:
-        if not state.armed or state.custody.cause is not Cause.FAILSAFE:
+        if not state.armed or state.custody.cause is not ModeCause.FAILSAFE:
             return OK
         mode = mode_name(dialect, state.telemetry.heartbeat.custom_mode)
         return Finding(Verdict.FAIL, f"{mode} by its own failsafe{alarm_words(view)}")
     if is_mission_mode(dialect, state.telemetry.heartbeat.custom_mode) or not state.armed:
         return OK
-    return _left_unplanned(view, state.telemetry.heartbeat.custom_mode)
+    return _check_unplanned_mode(view, state.telemetry.heartbeat.custom_mode)
 
 
-def _left_unplanned(view: View, mode: int) -> Finding:
+def _check_unplanned_mode(view: WatchView, mode: int) -> Finding:
     """Look at who changed the mode of a vehicle that somebody else flies."""
-    state, who, name = view.state, changed_by(view.setup, view.state), mode_name(view.setup.dialect, mode)
+    state, who, name = view.state, attribute_mode_change(view.setup, view.state), mode_name(view.setup.dialect, mode)
     if who.by is Actor.FAILSAFE and who.failed is not None:
         # A battery's failsafe is said by its own name. Any other takes a vehicle from whoever flies it.
         words = f"went to mode {name} by its own failsafe: {who.failed.words}"
@@ -145,7 +145,7 @@ def _left_unplanned(view: View, mode: int) -> Finding:
     if who.by is Actor.FAILSAFE and view.now_s - state.telemetry.mode_since_s >= UNNAMED_S:
         words = f"went to mode {name} by its own failsafe: {who.why or 'it does not say which'}"
         return Finding(Verdict.FAIL, words)
-    if who.by is Actor.UNKNOWN and is_home_mode(view.setup.dialect, mode) and settled(state, view.now_s):
+    if who.by is Actor.UNKNOWN and is_home_mode(view.setup.dialect, mode) and is_attribution_final(state, view.now_s):
         return Finding(Verdict.FAIL, f"went to mode {name}, by an unknown source")
     return OK
 
@@ -154,16 +154,16 @@ FENCE_SEEN_S = 1.5
 """Until then a HEARTBEAT shows what it does about it by itself, which is left to it."""
 
 
-def fence_breached(view: View) -> Finding:
+def check_fence_breach(view: WatchView) -> Finding:
     """It is outside its fence, by its autopilot's word, or by its position where its fence is known here."""
     state, sensors = view.state, view.state.sensors
     if not state.armed:
         return OK
-    said = said_failed(view, "fence")
+    said = describe_reported_failure(view, "fence")
     # Who did not plan the flight does not know whether the fence is well otherwise.
     bit = view.setup.planned and state.sortie.took_off and bool(sensors.unhealthy & GEOFENCE_SENSOR)
     told = sensors.fence_breached or bit
-    off = off_its_fence(state, view.now_s, view.context.limits.link_stale_s)
+    off = describe_fence_departure(state, view.now_s, view.context.limits.link_stale_s)
     led = "" if said or told or off or not _newly_led(view) else led_by_fence(view.setup, state)
     if not said and not told and not off and not led:
         return OK
@@ -171,7 +171,7 @@ def fence_breached(view: View) -> Finding:
     return Finding(Verdict.FAIL, "; ".join(part for part in parts if part))
 
 
-def _newly_led(view: View) -> bool:
+def _newly_led(view: WatchView) -> bool:
     """Return whether it has left its mission just now: it may be inside its fence again before that is heard."""
     left = view.state.sortie.flew_mission and not in_mission_mode(view)
     return left and view.now_s - view.state.telemetry.mode_since_s <= view.context.limits.alarm_s
@@ -181,11 +181,11 @@ UNNAMED_S = 1.0
 """A failsafe's text may come so much later than the HEARTBEAT that shows its mode."""
 
 
-def crashed(view: View) -> Finding:
+def check_crash(view: WatchView) -> Finding:
     """Its autopilot says that it has crashed, or it lies as none flies."""
     if view.setup.planned and view.state.armed:
         return OK  # a text is the one thing that anybody can send
-    if said := said_failed(view, "crash"):
+    if said := describe_reported_failure(view, "crash"):
         return Finding(Verdict.FAIL, said)
     since_s, attitude = view.state.sensors.tilted_since_s, view.state.sensors.attitude
     if view.setup.planned or since_s is None or attitude is None or not view.state.sortie.took_off:
@@ -197,7 +197,7 @@ def crashed(view: View) -> Finding:
     return OK
 
 
-def _comes_down(view: View) -> bool:
+def _is_sinking(view: WatchView) -> bool:
     """Return whether its heights say what its velocity says, in a mode in which the autopilot holds its rate of sink.
 
     On the ground, and until a filter has settled, a velocity alone says nothing; and a pilot may let it drop.
@@ -215,7 +215,7 @@ def _comes_down(view: View) -> bool:
 FALLEN = 0.3
 
 
-def position_jumped(view: View) -> Finding:
+def check_position_jump(view: WatchView) -> Finding:
     """Its position is suddenly elsewhere: where it is, and where it flies to, is not known any more."""
     off_m, at_s = view.state.motion.jump
     limits = view.context.limits
@@ -226,7 +226,7 @@ def position_jumped(view: View) -> Finding:
     return OK
 
 
-def stalled(view: View) -> Finding:
+def check_stall(view: WatchView) -> Finding:
     """It is on its mission and does not move."""
     state, limits = view.state, view.context.limits
     if (
@@ -252,41 +252,66 @@ _IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING})
 _OUT_THERE = _IN_THE_AIR | {Stage.STARTING, Stage.PILOT}
 _ON_MISSION = frozenset({Stage.FLYING})
 
-CRASH = Watchpoint("crash", FaultKind.INTERRUPTION, crashed, 0.0, _IN_THE_AIR, FaultCode.CRASHED)
+CRASH = Watchpoint("crash", FaultKind.INTERRUPTION, check_crash, 0.0, _IN_THE_AIR, FaultCode.CRASHED)
 TABLE: tuple[Watchpoint, ...] = (
-    Watchpoint("off-pad", FaultKind.INTERRUPTION, down_off_pad, 0.0, _IN_THE_AIR, FaultCode.DISARMED),
-    Watchpoint("falling", FaultKind.INTERRUPTION, falling, 0.4, _IN_THE_AIR, FaultCode.FALLING),
+    Watchpoint("off-pad", FaultKind.INTERRUPTION, check_unexpected_disarm, 0.0, _IN_THE_AIR, FaultCode.DISARMED),
+    Watchpoint("falling", FaultKind.INTERRUPTION, check_fall, 0.4, _IN_THE_AIR, FaultCode.FALLING),
     Watchpoint("sinking", FaultKind.INTERRUPTION, heights.sinks_below, 2.0, _ON_MISSION, FaultCode.SINKING),
     Watchpoint("thrust", FaultKind.INTERRUPTION, heights.sinks_off_target, 3.5, _ON_MISSION, FaultCode.THRUST_LOST),
     Watchpoint("lies", FaultKind.DOWN, heights.lies_on_mission, 0.0, _ON_MISSION, FaultCode.DOWN),
     CRASH,
-    Watchpoint("terminated", FaultKind.INTERRUPTION, terminated, 0.0, _IN_THE_AIR, FaultCode.TERMINATED),
-    Watchpoint("link", FaultKind.LINK, link_silent, 0.0, _OUT_THERE, FaultCode.LINK_LOST),
-    Watchpoint("heartbeat", FaultKind.INTERRUPTION, streams.heartbeat_gone, 0.0, _ON_MISSION, FaultCode.HEARTBEAT_LOST),
-    Watchpoint("positions", FaultKind.INTERRUPTION, streams.position_gone, 0.0, _ON_MISSION, FaultCode.POSITION_LOST),
-    Watchpoint("battery-step", FaultKind.BATTERY, batteries.battery_stepped, 2.5, _ON_MISSION, FaultCode.BATTERY_STEP),
-    Watchpoint("voltage-step", FaultKind.BATTERY, batteries.voltage_stepped, 3.0, _ON_MISSION, FaultCode.VOLTAGE_STEP),
-    Watchpoint("cells", FaultKind.BATTERY, batteries.cells_weak, 0.0, _ON_MISSION, FaultCode.CELL_WEAK),
+    Watchpoint("terminated", FaultKind.INTERRUPTION, check_termination, 0.0, _IN_THE_AIR, FaultCode.TERMINATED),
+    Watchpoint("link", FaultKind.LINK, check_link_silence, 0.0, _OUT_THERE, FaultCode.LINK_LOST),
     Watchpoint(
-        "battery-critical", FaultKind.BATTERY, batteries.battery_critical, 3.0, _ON_MISSION, FaultCode.BATTERY_CRITICAL
+        "heartbeat", FaultKind.INTERRUPTION, streams.check_heartbeat_stream, 0.0, _ON_MISSION, FaultCode.HEARTBEAT_LOST
     ),
     Watchpoint(
-        "battery-failsafe", FaultKind.BATTERY, batteries.battery_failsafe, 1.0, _ON_MISSION, FaultCode.BATTERY_FAILSAFE
+        "positions", FaultKind.INTERRUPTION, streams.check_position_stream, 0.0, _ON_MISSION, FaultCode.POSITION_LOST
     ),
     Watchpoint(
-        "battery-plunge", FaultKind.BATTERY, batteries.battery_plunges, 0.4, _ON_MISSION, FaultCode.BATTERY_PLUNGE
+        "battery-step", FaultKind.BATTERY, batteries.check_battery_step, 2.5, _ON_MISSION, FaultCode.BATTERY_STEP
     ),
-    Watchpoint("battery-drain", FaultKind.BATTERY, batteries.battery_drains, 2.5, _ON_MISSION, FaultCode.BATTERY_DRIFT),
-    Watchpoint("pack", FaultKind.BATTERY, batteries.pack_falls_short, 15.0, _ON_MISSION, FaultCode.PACK_SHORT),
-    Watchpoint("reserve", FaultKind.BATTERY, batteries.reserve_broken, 5.0, _ON_MISSION, FaultCode.BATTERY_LOW),
     Watchpoint(
-        "battery-reports", FaultKind.BATTERY, streams.battery_gone, 0.0, _ON_MISSION, FaultCode.BATTERY_REPORT_LOST
+        "voltage-step", FaultKind.BATTERY, batteries.check_voltage_step, 3.0, _ON_MISSION, FaultCode.VOLTAGE_STEP
     ),
-    Watchpoint("items", FaultKind.INTERRUPTION, streams.item_gone, 0.0, _ON_MISSION, FaultCode.ITEM_LOST),
-    Watchpoint("position", FaultKind.INTERRUPTION, position_jumped, 0.0, _ON_MISSION, FaultCode.POSITION_JUMP),
-    Watchpoint("fence", FaultKind.FENCE, fence_breached, FENCE_SEEN_S, _ON_MISSION, FaultCode.FENCE_BREACHED),
-    Watchpoint("mode", FaultKind.INTERRUPTION, left_mission, 1.0, _ON_MISSION, FaultCode.MODE_CHANGED),
-    Watchpoint("stall", FaultKind.INTERRUPTION, stalled, 0.0, _ON_MISSION, FaultCode.STALL),
+    Watchpoint("cells", FaultKind.BATTERY, batteries.check_cells, 0.0, _ON_MISSION, FaultCode.CELL_WEAK),
+    Watchpoint(
+        "battery-critical",
+        FaultKind.BATTERY,
+        batteries.check_battery_status,
+        3.0,
+        _ON_MISSION,
+        FaultCode.BATTERY_CRITICAL,
+    ),
+    Watchpoint(
+        "battery-failsafe",
+        FaultKind.BATTERY,
+        batteries.check_battery_failsafe,
+        1.0,
+        _ON_MISSION,
+        FaultCode.BATTERY_FAILSAFE,
+    ),
+    Watchpoint(
+        "battery-plunge", FaultKind.BATTERY, batteries.check_battery_plunge, 0.4, _ON_MISSION, FaultCode.BATTERY_PLUNGE
+    ),
+    Watchpoint(
+        "battery-drain", FaultKind.BATTERY, batteries.check_battery_drain, 2.5, _ON_MISSION, FaultCode.BATTERY_DRIFT
+    ),
+    Watchpoint("pack", FaultKind.BATTERY, batteries.check_pack_charge, 15.0, _ON_MISSION, FaultCode.PACK_SHORT),
+    Watchpoint("reserve", FaultKind.BATTERY, batteries.check_reserve, 5.0, _ON_MISSION, FaultCode.BATTERY_LOW),
+    Watchpoint(
+        "battery-reports",
+        FaultKind.BATTERY,
+        streams.check_battery_stream,
+        0.0,
+        _ON_MISSION,
+        FaultCode.BATTERY_REPORT_LOST,
+    ),
+    Watchpoint("items", FaultKind.INTERRUPTION, streams.check_item_stream, 0.0, _ON_MISSION, FaultCode.ITEM_LOST),
+    Watchpoint("position", FaultKind.INTERRUPTION, check_position_jump, 0.0, _ON_MISSION, FaultCode.POSITION_JUMP),
+    Watchpoint("fence", FaultKind.FENCE, check_fence_breach, FENCE_SEEN_S, _ON_MISSION, FaultCode.FENCE_BREACHED),
+    Watchpoint("mode", FaultKind.INTERRUPTION, check_mission_mode, 1.0, _ON_MISSION, FaultCode.MODE_CHANGED),
+    Watchpoint("stall", FaultKind.INTERRUPTION, check_stall, 0.0, _ON_MISSION, FaultCode.STALL),
 )
 
 
@@ -297,17 +322,17 @@ _BY_STAGE = {stage: tuple(point for point in TABLE if stage in point.stages) for
 class Judgement:
     """All watchpoints of one vehicle at one moment."""
 
-    watches: tuple[tuple[str, Watch], ...]
+    watches: tuple[tuple[str, WatchpointMemory], ...]
     raised: tuple[tuple[Watchpoint, str], ...]
     """What has failed for long enough, the most important first, with its evidence."""
 
 
-def judge(context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float) -> Judgement:
+def judge_watchpoints(context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float) -> Judgement:
     """Look at every watchpoint of a vehicle."""
     old = dict(state.watches)
-    watches: list[tuple[str, Watch]] = []
+    watches: list[tuple[str, WatchpointMemory]] = []
     raised: list[tuple[Watchpoint, str]] = []
-    fine = View(context, setup, state, False, now_s)
+    fine = WatchView(context, setup, state, False, now_s)
     failing = replace(fine, failing=True) if old else fine
     for point in _BY_STAGE[state.stage]:
         since = old[point.name].failing_since_s if point.name in old else None
@@ -319,10 +344,10 @@ def judge(context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float
         elif finding.verdict is Verdict.OK:
             since = None
         if since is not None:
-            watches.append((point.name, Watch(since)))
+            watches.append((point.name, WatchpointMemory(since)))
     return Judgement(tuple(watches), tuple(raised))
 
 
-def remembered(state: VehicleState, judgement: Judgement) -> VehicleState:
+def store_watches(state: VehicleState, judgement: Judgement) -> VehicleState:
     """Return a vehicle with what its watchpoints have to remember."""
     return state if judgement.watches == state.watches else replace(state, watches=judgement.watches)

@@ -15,8 +15,8 @@ from executor.core.messages import (
     StatusText,
     VehicleSetting,
 )
-from executor.core.own_words import failure_said
-from executor.core.parts import FOLLOWED_LATE_S, Evidence, Orders, SwitchMoved
+from executor.core.own_words import parse_failure_text
+from executor.core.parts import FOLLOWED_LATE_S, ModeEvidence, Orders, SwitchMove
 
 MODE_CHANNEL_SETTINGS = frozenset({"FLTMODE_CH", "MODE_CH", "RC_MAP_FLTMODE"})
 """ArduPilot's, its rovers' and PX4's name of it."""
@@ -38,11 +38,11 @@ MOST_ORDERS, MOST_SWITCHES = 24, 4
 LATE_ORDER_S = 20.0
 """An older order explains nothing any more."""
 
-Told = OrderSeen | ModeChange | RcChannels | VehicleSetting | OwnFailsafe
+EvidenceMessage = OrderSeen | ModeChange | RcChannels | VehicleSetting | OwnFailsafe
 """What is about a vehicle and says nothing of where it is or what it does."""
 
 
-def evident(known: Evidence, message: Told, now_s: float) -> Evidence:
+def record_evidence(known: ModeEvidence, message: EvidenceMessage, now_s: float) -> ModeEvidence:
     """Take what may explain a mode."""
     match message:
         case OrderSeen(custom_mode=mode):
@@ -53,13 +53,13 @@ def evident(known: Evidence, message: Told, now_s: float) -> Evidence:
         case ModeChange():
             return replace(known, recorded=(message, now_s))
         case RcChannels(values_us):
-            moved = _switched(known, values_us, now_s)
+            moved = _find_moved_switch(known, values_us, now_s)
             switched = known.switched if moved is None else (*known.switched, moved)[-MOST_SWITCHES:]
             return replace(known, channels_us=values_us, channels_s=now_s, switched=switched)
         case VehicleSetting(name, value):
-            return _set(known, name, value)
+            return _record_setting(known, name, value)
         case OwnFailsafe():
-            return _failed(known, message, now_s)
+            return _record_failure(known, message, now_s)
 
 
 def may_be_ours(given: Orders, seen: OrderSeen, now_s: float) -> bool:
@@ -71,19 +71,21 @@ def may_be_ours(given: Orders, seen: OrderSeen, now_s: float) -> bool:
     return seen.by is None and now_s - given.ordered_mode_s <= FOLLOWED_LATE_S
 
 
-def with_text(known: Evidence, message: StatusText, now_s: float, *, low_acts: bool) -> Evidence:
+def record_failure_text(known: ModeEvidence, message: StatusText, now_s: float, *, low_acts: bool) -> ModeEvidence:
     """Take what a text says has failed."""
-    found = failure_said(message.text, low_acts=low_acts)
-    return known if found is None else _failed(known, found, now_s)
+    found = parse_failure_text(message.text, low_acts=low_acts)
+    return known if found is None else _record_failure(known, found, now_s)
 
 
-def beaten(known: Evidence, before: Heartbeat | None, beat: Heartbeat, now_s: float) -> Evidence:
+def record_critical_heartbeat(
+    known: ModeEvidence, before: Heartbeat | None, beat: Heartbeat, now_s: float
+) -> ModeEvidence:
     """Take a HEARTBEAT: both autopilots call themselves critical as long as a failsafe acts."""
     rises = beat.system_status >= CRITICAL and (before is None or before.system_status < CRITICAL)
     return replace(known, critical_s=now_s) if rises and before is not None else known
 
 
-def _failed(known: Evidence, said: OwnFailsafe, now_s: float) -> Evidence:
+def _record_failure(known: ModeEvidence, said: OwnFailsafe, now_s: float) -> ModeEvidence:
     others = tuple(one for one in known.failed if one[0].what != said.what)
     if said.active:
         return replace(known, failed=(*others, (said, now_s)))
@@ -94,7 +96,7 @@ def _failed(known: Evidence, said: OwnFailsafe, now_s: float) -> Evidence:
     return replace(known, failed=others, passed=(*passed, *over))
 
 
-def _set(known: Evidence, name: str, value: float) -> Evidence:
+def _record_setting(known: ModeEvidence, name: str, value: float) -> ModeEvidence:
     if name in MODE_CHANNEL_SETTINGS and 0 <= value <= MOST_CHANNELS and value == int(value):
         return replace(known, mode_channel=int(value))
     if name == THROTTLE_LOST_SETTING and math.isfinite(value):
@@ -102,13 +104,13 @@ def _set(known: Evidence, name: str, value: float) -> Evidence:
     return known
 
 
-def _switched(known: Evidence, now_us: tuple[int, ...], now_s: float) -> SwitchMoved | None:
+def _find_moved_switch(known: ModeEvidence, now_us: tuple[int, ...], now_s: float) -> SwitchMove | None:
     """Return a switch that was moved since the last report, the one for the modes before others."""
-    if _transmitter_lost(known, known.channels_us) or _transmitter_lost(known, now_us):
+    if _is_transmitter_lost(known, known.channels_us) or _is_transmitter_lost(known, now_us):
         return None  # a receiver that hears nothing puts its channels where it was told to
     mode_channel = known.mode_channel or 0
     moved = [
-        SwitchMoved(channel, was, now, known.channels_s, now_s)
+        SwitchMove(channel, was, now, known.channels_s, now_s)
         for channel, (was, now) in enumerate(zip(known.channels_us, now_us, strict=False), start=1)
         if (channel == mode_channel or channel > STICKS)
         and LEAST_US <= was <= MOST_US
@@ -122,6 +124,6 @@ DEFAULT_MODE_CHANNEL = 5
 """FLTMODE_CH of ArduPilot, where nobody has changed it."""
 
 
-def _transmitter_lost(known: Evidence, values_us: tuple[int, ...]) -> bool:
+def _is_transmitter_lost(known: ModeEvidence, values_us: tuple[int, ...]) -> bool:
     lost_us = THROTTLE_LOST_US if known.throttle_lost_us is None else known.throttle_lost_us
     return len(values_us) > THROTTLE and LEAST_US <= values_us[THROTTLE] < lost_us

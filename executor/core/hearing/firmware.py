@@ -23,7 +23,7 @@ OTHERS = {
 _BANNER = re.compile(r"(?:ArduCopter|APM:Copter|PX4\D*?)\s*[Vv]?(\d+)\.(\d+)(?:\.(\d+))?(?:-?(dev|alpha|beta|rc))?")
 
 
-def banner_version(text: str) -> Version | None:
+def parse_banner_version(text: str) -> Version | None:
     """Return the version that a start-up text names; None if it names none.
 
     >>> str(banner_version("ArduCopter V4.7.0-dev (6a1b8c2d)"))
@@ -38,13 +38,13 @@ def banner_version(text: str) -> Version | None:
     return Version(int(major), int(minor), int(patch or 0), release or "")
 
 
-def vehicle_words(vehicle_type: int | None) -> str:
+def describe_vehicle_type(vehicle_type: int | None) -> str:
     """Return a MAV_TYPE in words."""
     if vehicle_type is None:
         return "vehicle of unknown type"
     return MULTICOPTERS.get(vehicle_type) or OTHERS.get(vehicle_type) or f"vehicle of type {vehicle_type}"
 
 
-def autopilot_words(autopilot: int) -> str:
+def describe_autopilot(autopilot: int) -> str:
     """Return a MAV_AUTOPILOT in words."""
     return AUTOPILOT_NAMES.get(autopilot, f"autopilot {autopilot}")

@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from executor.core import asked_heights, carried, link_quality, positioning
 from executor.core.battery import account
 from executor.core.context import Scene
-from executor.core.coverage import GAP_S, Sample, SegmentPass, follow
+from executor.core.coverage import GAP_S, PositionSample, SegmentPass, advance_run
 from executor.core.doubles import PlaceTold, with_place
 from executor.core.hearing import evidence
-from executor.core.hearing.charge import powered, setting_told, status_told
-from executor.core.hearing.strangers import noted
+from executor.core.hearing.charge import apply_battery_status, apply_pack_setting, apply_system_status
+from executor.core.hearing.strangers import add_foreign_system
 from executor.core.messages import (
     BOOT,
     CRITICAL,
@@ -44,8 +44,8 @@ from executor.core.messages import (
     Wind,
 )
 from executor.core.own_words import FENCE_BREACH
-from executor.core.parts import Assignment, Fix, LinkState, MotionState, Positioning
-from executor.core.vehicle import Stage, VehicleState, before_of
+from executor.core.parts import Assignment, LinkState, MotionState, PositionFix, Positioning
+from executor.core.vehicle import Stage, VehicleState, last_known_of
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
 from planner import CLIMB_SHARE_PER_M_S
@@ -80,7 +80,7 @@ JUMP_GAP_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Folded:
+class MessageEffect:
     """A vehicle after a message, and the segment that the message proved to be inspected."""
 
     state: VehicleState
@@ -90,71 +90,73 @@ class Folded:
     text: StatusText | None = None
 
 
-def fold(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
+def apply_message(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
     context: Scene, state: VehicleState, message: FlightMessage, now_s: float
-) -> Folded:
+) -> MessageEffect:
     """Take one message into the state."""
     if isinstance(message, PayloadMessage):
-        return Folded(state)  # what cameras say is no word of their vehicle's autopilot; see `pictures`
+        return MessageEffect(state)  # what cameras say is no word of their vehicle's autopilot; see `pictures`
     if isinstance(message, _ABOUT):
-        return Folded(_about(context, state, message, now_s))
+        return MessageEffect(_apply_link_report(context, state, message, now_s))
     if isinstance(message, _EVIDENT):
-        return Folded(_evident(state, message, now_s))
+        return MessageEffect(_apply_evidence(state, message, now_s))
     silent = state.link.spoke_s is not None and now_s - state.link.spoke_s >= context.limits.link_stale_s
-    link = state.link.heard(now_s, silent=silent)
+    link = state.link.with_contact(now_s, silent=silent)
     match message:
         case Heartbeat():
-            return Folded(_beat(context, state, link, message, now_s))
+            return MessageEffect(_apply_heartbeat(context, state, link, message, now_s))
         case Position():
-            return _positioned(context, state, _followed(link, state.name, message, now_s, context), message, now_s)
+            return _apply_position(context, state, _followed(link, state.name, message, now_s, context), message, now_s)
         case Battery():
-            return Folded(state.after(link, power=powered(context, state, message, now_s)))
+            return MessageEffect(state.with_parts(link, power=apply_battery_status(context, state, message, now_s)))
         case SystemStatus(unhealthy=unhealthy):
             sensors = replace(state.sensors, unhealthy=unhealthy, positioning=_positioning(state, message, now_s))
-            return Folded(state.after(link, sensors=sensors, power=status_told(context, state, message, now_s)))
+            return MessageEffect(
+                state.with_parts(link, sensors=sensors, power=apply_system_status(context, state, message, now_s))
+            )
         case MissionCurrent():
-            return Folded(_current_item(context, state, link, message, now_s))
+            return MessageEffect(_current_item(context, state, link, message, now_s))
         case ListedItem(item):
-            return Folded(replace(state, own=asked_heights.with_item(state.own, item)))
+            return MessageEffect(replace(state, own=asked_heights.with_item(state.own, item)))
         case HeightTarget(below_m):
-            return Folded(replace(state, link=link, own=replace(state.own, below_m=below_m, below_s=now_s)))
+            return MessageEffect(replace(state, link=link, own=replace(state.own, below_m=below_m, below_s=now_s)))
         case LandedState(on_ground):
-            return Folded(state.after(link, telemetry=replace(state.telemetry, on_ground=on_ground)))
+            return MessageEffect(state.with_parts(link, telemetry=replace(state.telemetry, on_ground=on_ground)))
         case Gps() | EstimatorStatus():
             known = _positioning(state, message, now_s)
             gps = message if isinstance(message, Gps) and message.receiver == 0 else state.sensors.gps
-            return Folded(state.after(link, sensors=replace(state.sensors, gps=gps, positioning=known)))
+            return MessageEffect(state.with_parts(link, sensors=replace(state.sensors, gps=gps, positioning=known)))
         case Wind():
-            return Folded(state.after(link, sensors=replace(state.sensors, wind=message)))
+            return MessageEffect(state.with_parts(link, sensors=replace(state.sensors, wind=message)))
         case Attitude(roll_deg, pitch_deg):
             tilted = max(abs(roll_deg), abs(pitch_deg)) > context.limits.tilt_deg
             tilted_s = (state.sensors.tilted_since_s or now_s) if tilted else None
             sensors = replace(state.sensors, attitude=message, tilted_since_s=tilted_s)
-            return Folded(state.after(link, sensors=sensors))
+            return MessageEffect(state.with_parts(link, sensors=sensors))
         case FenceStatus(breached):
             breached_s = now_s if breached else state.sensors.breached_s
             sensors = replace(state.sensors, fence_breached=breached, breached_s=breached_s)
-            return Folded(state.after(link, sensors=sensors))
+            return MessageEffect(state.with_parts(link, sensors=sensors))
         case StatusText(_, said):
-            assignment, telemetry = _carries(context, state, message, now_s), state.telemetry
-            if _ALARM.search(said) and not _adds_nothing(state, said, now_s):
+            assignment, telemetry = _apply_mission_report(context, state, message, now_s), state.telemetry
+            if _ALARM.search(said) and not _is_redundant_text(state, said, now_s):
                 telemetry = replace(telemetry, alarm=(said, now_s))
             setup = context.vehicles.get(state.name)
             low_acts = setup is not None and setup.dialect.low_battery_acts
-            evident = evidence.with_text(state.evidence, message, now_s, low_acts=low_acts)
-            after = state.after(link, telemetry=telemetry, assignment=assignment)
-            return Folded(after if evident is state.evidence else replace(after, evidence=evident), text=message)
+            evident = evidence.record_failure_text(state.evidence, message, now_s, low_acts=low_acts)
+            after = state.with_parts(link, telemetry=telemetry, assignment=assignment)
+            return MessageEffect(after if evident is state.evidence else replace(after, evidence=evident), text=message)
         case _:
-            return Folded(state.after(link))
+            return MessageEffect(state.with_parts(link))
 
 
 def _current_item(
     context: Scene, state: VehicleState, link: LinkState, message: MissionCurrent, now_s: float
 ) -> VehicleState:
     """Take the item that a vehicle flies to."""
-    assignment = _at_item(state, _carries(context, state, message, now_s), message.seq)
+    assignment = _apply_current_item(state, _apply_mission_report(context, state, message, now_s), message.seq)
     telemetry = replace(state.telemetry, item=(message.seq, message.total), item_s=now_s)
-    after = state.after(link, telemetry=telemetry, assignment=assignment)
+    after = state.with_parts(link, telemetry=telemetry, assignment=assignment)
     if context.vehicles[state.name].planned:
         return after
     return replace(after, own=asked_heights.flown_to(state.own, message.seq, state.motion.fix))
@@ -165,13 +167,15 @@ DOUBT_S = 2.5
 DOUBTED_FIX_S = 1.5
 
 
-def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbeat, now_s: float) -> VehicleState:
+def _apply_heartbeat(
+    context: Scene, state: VehicleState, link: LinkState, message: Heartbeat, now_s: float
+) -> VehicleState:
     old, sortie, custody = state.telemetry, state.sortie, state.custody
-    if not message.armed and _flies(context, state, now_s):
+    if not message.armed and _is_seen_flying(context, state, now_s):
         if old.doubted is None:
-            return state.after(link, telemetry=replace(old, doubted=(message, now_s)))
+            return state.with_parts(link, telemetry=replace(old, doubted=(message, now_s)))
         if now_s - old.doubted[1] < DOUBT_S:
-            return state.after(link)
+            return state.with_parts(link)
     other = old.heartbeat is None or old.heartbeat.custom_mode != message.custom_mode
     since = now_s if other else old.mode_since_s
     before, before_s = old.mode_before, old.mode_before_s
@@ -186,13 +190,13 @@ def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbe
     armed_once = sortie.armed_once or message.armed
     disarmed_s = now_s if state.armed and not message.armed else sortie.disarmed_s
     unseen_s, from_s = custody.unseen_until_s, custody.unseen_from_boot_s
-    if old.heartbeat is not None and _was_unseen(context, state.link, link.regained_s, now_s):
+    if old.heartbeat is not None and _is_first_after_silence(context, state.link, link.regained_s, now_s):
         unseen_s, from_s = now_s, custody.beat_boot_s
     boot_s = None if state.motion.fix is None else state.motion.fix.boot_s
     flew = sortie.flew_mission
     if not flew and sortie.took_off and message.armed and state.name in context.vehicles:
         flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
-    after = state.after(
+    after = state.with_parts(
         replace(link, heartbeat_s=now_s),
         telemetry=replace(
             old,
@@ -206,18 +210,18 @@ def _beat(context: Scene, state: VehicleState, link: LinkState, message: Heartbe
         sortie=replace(sortie, armed_once=armed_once, flew_mission=flew, disarmed_s=disarmed_s, rebooted_s=rebooted_s),
         custody=replace(custody, unseen_until_s=unseen_s, unseen_from_boot_s=from_s, beat_boot_s=boot_s),
     )
-    known = evidence.beaten(state.evidence, old.heartbeat, message, now_s)
+    known = evidence.record_critical_heartbeat(state.evidence, old.heartbeat, message, now_s)
     if other:
         after = replace(after, own=asked_heights.begun_anew_here(state.own))
     return after if known is state.evidence else replace(after, evidence=known)
 
 
-def _flies(context: Scene, state: VehicleState, now_s: float) -> bool:
+def _is_seen_flying(context: Scene, state: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle that says that it is disarmed is seen to fly on."""
     fix, setup = state.motion.fix, context.vehicles.get(state.name)
     if not state.armed or not state.sortie.took_off or fix is None or setup is None or not setup.planned:
         return False
-    if now_s - fix.at_s > DOUBTED_FIX_S or state.telemetry.on_ground or _killed(state, now_s):
+    if now_s - fix.at_s > DOUBTED_FIX_S or state.telemetry.on_ground or _has_disarm_reason(state, now_s):
         return False
     if now_s - state.motion.falls_s < DOUBT_S:
         return False  # who falls is not refuted by where it is
@@ -231,23 +235,23 @@ RESTS_M_S = 0.3
 _DISARMS = re.compile(r"disarm|crash|kill|emergency stop|terminat", re.IGNORECASE)
 
 
-def _killed(state: VehicleState, now_s: float) -> bool:
+def _has_disarm_reason(state: VehicleState, now_s: float) -> bool:
     """Return whether it says why it disarms in the air."""
     text, said_s = state.telemetry.alarm
     return now_s - said_s <= NAMED_S and bool(_DISARMS.search(text))
 
 
-def _adds_nothing(state: VehicleState, said: str, now_s: float) -> bool:
+def _is_redundant_text(state: VehicleState, said: str, now_s: float) -> bool:
     """Return whether a text explains nothing.
 
     It only says what an autopilot does about something that it has just named; or somebody stops the motors of a
     vehicle that has landed, which ends no flight.
     """
     does = now_s - state.telemetry.alarm[1] < NAMED_S and "failsafe activated" in said.lower()
-    return does or (bool(_STOPPED.search(said)) and _rests(state, now_s))
+    return does or (bool(_STOPPED.search(said)) and _is_at_rest(state, now_s))
 
 
-def _rests(state: VehicleState, now_s: float) -> bool:
+def _is_at_rest(state: VehicleState, now_s: float) -> bool:
     """Return whether it is seen to stand on the ground."""
     fix = state.motion.fix
     if fix is None or not state.telemetry.on_ground or now_s - fix.at_s > DOUBTED_FIX_S:
@@ -255,7 +259,7 @@ def _rests(state: VehicleState, now_s: float) -> bool:
     return math.hypot(*fix.velocity_m_s) < RESTS_M_S
 
 
-def _was_unseen(context: Scene, link: LinkState, regained_s: float | None, now_s: float) -> bool:
+def _is_first_after_silence(context: Scene, link: LinkState, regained_s: float | None, now_s: float) -> bool:
     """Return whether a heartbeat is the first one after a silence, or the first one that this process hears.
 
     One that got lost among other messages is no silence: nothing that a failsafe waits for has happened then.
@@ -272,7 +276,7 @@ def _positioning(state: VehicleState, message: Gps | EstimatorStatus | SystemSta
     return positioning.positioning_heard(state.sensors.positioning, message, state.motion.fix, now_s, stands=stands)
 
 
-def _about(
+def _apply_link_report(
     context: Scene,
     state: VehicleState,
     message: Traffic | Radio | StationHeard | DoubleHeard,
@@ -282,40 +286,44 @@ def _about(
     link = state.link
     match message:
         case StationHeard() | DoubleHeard():
-            return replace(state, link=replace(link, strangers=noted(link.strangers, message)))
+            return replace(state, link=replace(link, strangers=add_foreign_system(link.strangers, message)))
         case Traffic():
-            quality = link_quality.with_traffic(link.quality, message, now_s, context.limits.loss_window_s)
+            quality = link_quality.add_traffic(link.quality, message, now_s, context.limits.loss_window_s)
             return replace(state, link=replace(link, quality=quality))
         case Radio():
-            return replace(state, link=replace(link, quality=link_quality.heard_radio(link.quality, message, now_s)))
+            return replace(
+                state, link=replace(link, quality=link_quality.apply_radio_report(link.quality, message, now_s))
+            )
 
 
-def _evident(state: VehicleState, message: evidence.Told, now_s: float) -> VehicleState:
+def _apply_evidence(state: VehicleState, message: evidence.EvidenceMessage, now_s: float) -> VehicleState:
     """Take what may say who changed its mode; an order to it does not mean that it was heard."""
     if isinstance(message, OrderSeen) and evidence.may_be_ours(state.orders, message, now_s):
         return state
-    known = replace(state, evidence=evidence.evident(state.evidence, message, now_s))
+    known = replace(state, evidence=evidence.record_evidence(state.evidence, message, now_s))
     if isinstance(message, OwnFailsafe) and message.active:
         return replace(known, telemetry=replace(known.telemetry, alarm=(message.words, now_s)))
     if isinstance(message, VehicleSetting):
-        return replace(known, power=setting_told(state, message))
+        return replace(known, power=apply_pack_setting(state, message))
     return known
 
 
-def _carries(context: Scene, state: VehicleState, message: MissionCurrent | StatusText, now_s: float) -> Assignment:
+def _apply_mission_report(
+    context: Scene, state: VehicleState, message: MissionCurrent | StatusText, now_s: float
+) -> Assignment:
     """Take what it says of the mission on board, unless it is being given one."""
     old = state.assignment
     if old.board is None or old.pending is not None or old.stubborn or state.stage not in _ON_ITS_MISSION:
         return old
     if isinstance(message, StatusText):
-        known = carried.texted(old.carried, message.text, now_s)
+        known = carried.note_mission_text(old.carried, message.text, now_s)
     else:
-        expected = carried.items_expected(context, state.name, len(old.board.waypoint_of))
-        known = carried.after_report(old.carried, message, expected, now_s)
+        expected = carried.compute_expected_total(context, state.name, len(old.board.waypoint_of))
+        known = carried.apply_mission_report(old.carried, message, expected, now_s)
     return old if known is old.carried else replace(old, carried=known)
 
 
-def _at_item(state: VehicleState, assignment: Assignment, seq: int) -> Assignment:
+def _apply_current_item(state: VehicleState, assignment: Assignment, seq: int) -> Assignment:
     if assignment.carried.foreign_s is not None:
         return assignment  # an index into a list that we do not know
     if assignment.board is None or not 0 <= seq < len(assignment.board.waypoint_of):
@@ -334,20 +342,22 @@ def _followed(link: LinkState, name: str, message: Position, now_s: float, conte
     if not twins.are_two or link.twins.are_two or name not in context.vehicles:
         return replace(link, twins=twins)
     double = DoubleHeard(context.vehicles[name].sysid, ())
-    return replace(link, twins=twins, strangers=noted(link.strangers, double))
+    return replace(link, twins=twins, strangers=add_foreign_system(link.strangers, double))
 
 
-def _positioned(context: Scene, state: VehicleState, link: LinkState, message: Position, now_s: float) -> Folded:
+def _apply_position(
+    context: Scene, state: VehicleState, link: LinkState, message: Position, now_s: float
+) -> MessageEffect:
     last, sortie, power = state.motion.fix, state.sortie, state.power
     rebooted_s = sortie.rebooted_s
     if last is not None and message.boot_s <= last.boot_s:
         if last.boot_s - message.boot_s < OVERTAKEN_S and now_s - last.at_s < context.limits.link_stale_s:
-            return Folded(state.after(link))  # overtaken on the way by a newer one, or a duplicate
+            return MessageEffect(state.with_parts(link))  # overtaken on the way by a newer one, or a duplicate
         rebooted_s = now_s
     place = context.frame.to_local_m(message.lat_deg, message.lon_deg)
     velocity = (message.east_m_s, message.north_m_s, -message.down_m_s)
     known = state.sensors.positioning
-    fix = Fix(
+    fix = PositionFix(
         now_s, message.boot_s, place, message.alt_rel_m, message.alt_msl_m, velocity, message.heading_deg,
         reckoned=known.lost_s is not None,
     )  # fmt: skip
@@ -355,11 +365,11 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
     if state.armed and 0.0 < elapsed_s < LONGEST_SILENCE_S:
         climb = 1.0 + CLIMB_SHARE_PER_M_S * max(0.0, -message.down_m_s)
         drawn_pct = climb * context.draw_pct_per_s(message.east_m_s, message.north_m_s) * elapsed_s
-        power = replace(power, battery=account.drawn(power.battery, drawn_pct))
+        power = replace(power, battery=account.add_modelled_use(power.battery, drawn_pct))
     anchor = state.motion.anchor
-    if anchor is None or fix.boot_s < anchor.boot_s or _apart_m(anchor, fix) > context.limits.stall_m:
+    if anchor is None or fix.boot_s < anchor.boot_s or _distance_m(anchor, fix) > context.limits.stall_m:
         anchor = fix
-    jump = None if positioning.jumps_by_itself(known, now_s) else _jump(context, last, fix, elapsed_s)
+    jump = None if positioning.jumps_by_itself(known, now_s) else _find_jump(context, last, fix, elapsed_s)
     jump = jump or state.motion.jump
     took_off = sortie.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
     away = sortie.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
@@ -367,31 +377,33 @@ def _positioned(context: Scene, state: VehicleState, link: LinkState, message: P
     falls = took_off and fix.velocity_m_s[2] < -context.limits.fall_m_s
     if (took_off, away, rebooted_s) != (sortie.took_off, sortie.away_once, sortie.rebooted_s):
         sortie = replace(sortie, took_off=took_off, away_once=away, rebooted_s=rebooted_s)
-    behind_s, fell_back_s = _behind(state.motion, last, fix, anew=rebooted_s == now_s or state.motion.reopened)
+    behind_s, fell_back_s = _update_clock_lag(
+        state.motion, last, fix, anew=rebooted_s == now_s or state.motion.reopened
+    )
     falls_s = now_s if falls else state.motion.falls_s
     climbs_m_s = _climbs(state.motion, fix, elapsed_s, context.limits.fall_m_s)
     sinks_s = now_s if took_off and climbs_m_s < -context.limits.sinks_m_s else state.motion.sinks_s
     drops_s = now_s if took_off and climbs_m_s < -context.limits.drops_m_s else state.motion.drops_s
     motion = MotionState(fix, last, anchor, jump, falls_s, climbs_m_s, sinks_s, drops_s, behind_s, fell_back_s)
-    sample = Sample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
+    sample = PositionSample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
     if fix.reckoned:
         covered = _not_proven(context, state, positioning.without_fix_s(known, fix))
     else:
-        covered = _covered(context, _after_gap(state, elapsed_s), sample)
+        covered = _advance_coverage(context, _keep_state_before_gap(state, elapsed_s), sample)
     assignment = covered.assignment
     if assignment.fix_waypoint != assignment.waypoint:
         assignment = replace(assignment, fix_waypoint=assignment.waypoint)
-    after = state.after(link, motion=motion, power=power, sortie=sortie, assignment=assignment)
+    after = state.with_parts(link, motion=motion, power=power, sortie=sortie, assignment=assignment)
     if state.own.listed and state.own.leg_from is None:
         after = replace(after, own=replace(state.own, leg_from=fix))
-    return Folded(after, covered.inspected, covered.flown)
+    return MessageEffect(after, covered.inspected, covered.flown)
 
 
 CLIMBS_S = 1.5
 """Heights are known to some centimetres, and come up to ten times a second."""
 
 
-def _climbs(known: MotionState, fix: Fix, elapsed_s: float, most_m_s: float) -> float:
+def _climbs(known: MotionState, fix: PositionFix, elapsed_s: float, most_m_s: float) -> float:
     """Return how fast it climbs by its heights; an estimate that is set anew in one step is no fall."""
     if known.fix is None or not 0.0 < elapsed_s < JUMP_GAP_S:
         return 0.0
@@ -399,7 +411,9 @@ def _climbs(known: MotionState, fix: Fix, elapsed_s: float, most_m_s: float) -> 
     return known.climbs_m_s + (rate_m_s - known.climbs_m_s) * elapsed_s / (elapsed_s + CLIMBS_S)
 
 
-def _behind(known: MotionState, before: Fix | None, fix: Fix, *, anew: bool) -> tuple[float, float]:
+def _update_clock_lag(
+    known: MotionState, before: PositionFix | None, fix: PositionFix, *, anew: bool
+) -> tuple[float, float]:
     """Return by how much its clock has fallen back, and when: what waited while nobody listened catches up again."""
     if before is None or anew:
         return 0.0, known.fell_back_s
@@ -409,15 +423,17 @@ def _behind(known: MotionState, before: Fix | None, fix: Fix, *, anew: bool) -> 
     return (max(0.0, known.behind_s + lost_s) if known.behind_s else 0.0), known.fell_back_s
 
 
-def _after_gap(state: VehicleState, elapsed_s: float) -> VehicleState:
+def _keep_state_before_gap(state: VehicleState, elapsed_s: float) -> VehicleState:
     """Keep where it was before a gap in which nobody saw what it flew, until that is judged."""
     if elapsed_s <= GAP_S or state.assignment.before is not None or state.motion.fix is None:
         return state
-    before = before_of(state, state.motion.fix.at_s)
+    before = last_known_of(state, state.motion.fix.at_s)
     return state if before is None else replace(state, assignment=replace(state.assignment, before=before, run=None))
 
 
-def _jump(context: Scene, before: Fix | None, fix: Fix, elapsed_s: float) -> tuple[float, float] | None:
+def _find_jump(
+    context: Scene, before: PositionFix | None, fix: PositionFix, elapsed_s: float
+) -> tuple[float, float] | None:
     """Return how far a position lies from where the velocities lead, if that is worth a word."""
     if before is None or not 0.0 < elapsed_s < JUMP_GAP_S:
         return None
@@ -430,56 +446,56 @@ def _jump(context: Scene, before: Fix | None, fix: Fix, elapsed_s: float) -> tup
     return (off_m, fix.at_s) if off_m > context.limits.jump_warn_m * max(1.0, elapsed_s) else None
 
 
-def _apart_m(one: Fix, other: Fix) -> float:
+def _distance_m(one: PositionFix, other: PositionFix) -> float:
     return math.dist((*one.place_m, one.alt_rel_m), (*other.place_m, other.alt_rel_m))
 
 
 @dataclass(frozen=True, slots=True)
-class _Covered:
+class _CoverageStep:
     assignment: Assignment
     inspected: int | None = None
     flown: SegmentPass | None = None
 
 
-def _covered(context: Scene, state: VehicleState, sample: Sample) -> _Covered:
+def _advance_coverage(context: Scene, state: VehicleState, sample: PositionSample) -> _CoverageStep:
     old, leg = state.assignment, state.leg
     if old.board is None or leg is None or not _may_count(context, state):
-        return _Covered(old)
+        return _CoverageStep(old)
     # The index may be ahead of the place by an item or behind it by a lost message: a run goes on until it ends.
     visit = old.run_visit if old.run_visit is not None and old.run is not None else leg.visit
     if leg.visit is not None and visit != leg.visit and leg.phase is Phase.INSPECT:
         visit = leg.visit
     if visit is None:
-        return _Covered(old)
+        return _CoverageStep(old)
     track = old.board.tracks[visit]
     if track.by_pictures:
-        return _Covered(old)
+        return _CoverageStep(old)
     run = old.run if old.run_visit == visit else None
-    step = follow(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
+    step = advance_run(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
     if step.done:
-        return _Covered(replace(old, run=step.run, run_visit=visit), track.segment, step.flown)
+        return _CoverageStep(replace(old, run=step.run, run_visit=visit), track.segment, step.flown)
     if step.broken:
         broken = (*old.runs_broken, (track.segment, step.broken))
-        return _Covered(replace(old, run=step.run, run_visit=visit, runs_broken=broken, owed=(visit, step.broken)))
-    return _Covered(replace(old, run=step.run, run_visit=visit))
+        return _CoverageStep(replace(old, run=step.run, run_visit=visit, runs_broken=broken, owed=(visit, step.broken)))
+    return _CoverageStep(replace(old, run=step.run, run_visit=visit))
 
 
-def _not_proven(context: Scene, state: VehicleState, without_s: float) -> _Covered:
+def _not_proven(context: Scene, state: VehicleState, without_s: float) -> _CoverageStep:
     """Break the inspection under way once GPS has been lost for longer than positions may be missing.
 
     A position that is reckoned proves nothing: it is as if none had come, and a gap of `GAP_S` is tolerated alike.
     """
     old, leg = state.assignment, state.leg
     if without_s <= GAP_S or old.board is None or leg is None or not _may_count(context, state):
-        return _Covered(old)
+        return _CoverageStep(old)
     visit = old.run_visit if old.run is not None else leg.visit if leg.phase is Phase.INSPECT else None
     if visit is None or old.board.tracks[visit].by_pictures:
-        return _Covered(old)
+        return _CoverageStep(old)
     segment = old.board.tracks[visit].segment
     if old.run is None and (segment, WITHOUT_FIX) in old.runs_broken[-1:]:
-        return _Covered(old)
+        return _CoverageStep(old)
     broken = (*old.runs_broken, (segment, WITHOUT_FIX))
-    return _Covered(replace(old, run=None, run_visit=visit, runs_broken=broken, owed=(visit, WITHOUT_FIX)))
+    return _CoverageStep(replace(old, run=None, run_visit=visit, runs_broken=broken, owed=(visit, WITHOUT_FIX)))
 
 
 def _may_count(context: Scene, state: VehicleState) -> bool:

@@ -47,13 +47,13 @@ MOST_WIND_M_S = 150.0
 M = TypeVar("M", bound=Message)
 
 
-def plausible(message: M) -> M | None:
+def filter_implausible(message: M) -> M | None:
     """Return a message with what cannot be made unknown, the same object if it all can be; None if nothing is left."""
     judge = _JUDGES.get(type(message))
     return message if judge is None else judge(message)
 
 
-def _within(value: float | None, least: float, most: float) -> bool:
+def _is_within(value: float | None, least: float, most: float) -> bool:
     """Return whether a value lies in a range, bounds included; what is no number does not."""
     return value is None or least <= value <= most
 
@@ -68,7 +68,7 @@ def _is_place(lat_deg: float, lon_deg: float, *heights_m: float) -> bool:
     )
 
 
-def _position(said: Position) -> Position | None:
+def _filter_position(said: Position) -> Position | None:
     speeds = (said.north_m_s, said.east_m_s, said.down_m_s)
     if not (
         _is_place(said.lat_deg, said.lon_deg, said.alt_msl_m, said.alt_rel_m)
@@ -76,10 +76,10 @@ def _position(said: Position) -> Position | None:
         and math.isfinite(said.boot_s)
     ):
         return None
-    return said if _within(said.heading_deg, 0.0, MOST_TURN_DEG) else replace(said, heading_deg=None)
+    return said if _is_within(said.heading_deg, 0.0, MOST_TURN_DEG) else replace(said, heading_deg=None)
 
 
-def _home(said: Home) -> Home | None:
+def _filter_home(said: Home) -> Home | None:
     return said if _is_place(said.lat_deg, said.lon_deg, said.alt_msl_m) else None
 
 
@@ -87,41 +87,43 @@ def _target(said: HeightTarget) -> HeightTarget | None:
     return said if LOWEST_M <= said.below_m <= HIGHEST_M else None
 
 
-def _battery(said: Battery) -> Battery:
-    wrong = _wrong(said, (*_OF_A_PACK, ("consumed_ah", 0.0, MOST_AH)))
+def _filter_battery(said: Battery) -> Battery:
+    wrong = _find_wrong_fields(said, (*_OF_A_PACK, ("consumed_ah", 0.0, MOST_AH)))
     if not all(LEAST_CELL_V <= cell < MOST_CELL_V for cell in said.cells_v):
         wrong["cells_v"] = ()
     return replace(said, **wrong) if wrong else said
 
 
-def _status(said: SystemStatus) -> SystemStatus:
-    wrong = _wrong(said, _OF_A_PACK)
+def _filter_status(said: SystemStatus) -> SystemStatus:
+    wrong = _find_wrong_fields(said, _OF_A_PACK)
     return replace(said, **wrong) if wrong else said
 
 
 _OF_A_PACK = (("remaining_pct", 0.0, 100.0), ("voltage_v", LEAST_V, MOST_V), ("current_a", 0.0, MOST_A))
 
 
-def _wrong(said: Battery | SystemStatus | Gps, ranges: tuple[tuple[str, float, float], ...]) -> dict[str, Any]:
+def _find_wrong_fields(
+    said: Battery | SystemStatus | Gps, ranges: tuple[tuple[str, float, float], ...]
+) -> dict[str, Any]:
     """Return the fields that are outside of their ranges, as unknown."""
-    return {name: None for name, least, most in ranges if not _within(getattr(said, name), least, most)}
+    return {name: None for name, least, most in ranges if not _is_within(getattr(said, name), least, most)}
 
 
-def _attitude(said: Attitude) -> Attitude | None:
+def _filter_attitude(said: Attitude) -> Attitude | None:
     return said if abs(said.roll_deg) <= MOST_TURN_DEG and abs(said.pitch_deg) <= MOST_TURN_DEG else None
 
 
-def _gps(said: Gps) -> Gps | None:
+def _filter_gps(said: Gps) -> Gps | None:
     if not 0 <= said.fix <= MOST_FIX:
         return None
-    return replace(said, **wrong) if (wrong := _wrong(said, (("accuracy_m", 0.0, MOST_OFF_M),))) else said
+    return replace(said, **wrong) if (wrong := _find_wrong_fields(said, (("accuracy_m", 0.0, MOST_OFF_M),))) else said
 
 
-def _wind(said: Wind) -> Wind | None:
+def _filter_wind(said: Wind) -> Wind | None:
     return said if 0.0 <= said.speed_m_s <= MOST_WIND_M_S and 0.0 <= said.from_deg <= MOST_TURN_DEG else None
 
 
-def _picture(said: PictureTaken) -> PictureTaken | None:
+def _filter_picture(said: PictureTaken) -> PictureTaken | None:
     if said.sequence < 0:
         return None
     lost: dict[str, Any] = {}
@@ -129,50 +131,50 @@ def _picture(said: PictureTaken) -> PictureTaken | None:
     if said.lat_deg is None or said.lon_deg is None or not _is_place(said.lat_deg, said.lon_deg):
         lost |= {"lat_deg": None, "lon_deg": None} if place != (None, None) else {}
     for key in ("alt_msl_m", "alt_rel_m"):
-        if not _within(getattr(said, key), LOWEST_M, HIGHEST_M):
+        if not _is_within(getattr(said, key), LOWEST_M, HIGHEST_M):
             lost[key] = None
     for key in ("roll_deg", "pitch_deg", "yaw_deg"):
-        if not _within(getattr(said, key), -MOST_TURN_DEG, MOST_TURN_DEG):
+        if not _is_within(getattr(said, key), -MOST_TURN_DEG, MOST_TURN_DEG):
             lost[key] = None
     return replace(said, **lost) if lost else said
 
 
-def _camera(said: CameraStatus) -> CameraStatus:
+def _filter_camera(said: CameraStatus) -> CameraStatus:
     wrong = said.free_mib is not None and not said.free_mib >= 0.0
     return replace(said, free_mib=None) if wrong else said
 
 
-def _gimbal(said: GimbalAttitude) -> GimbalAttitude | None:
+def _filter_gimbal(said: GimbalAttitude) -> GimbalAttitude | None:
     known = abs(said.pitch_deg) <= MOST_TURN_DEG and abs(said.yaw_deg) <= MOST_TURN_DEG
     return said if known else None
 
 
-def _current(said: MissionCurrent) -> MissionCurrent | None:
+def _filter_current_item(said: MissionCurrent) -> MissionCurrent | None:
     # An index beyond the total is what ArduPilot says when another station has given it a shorter mission.
     return said if 0 <= said.seq < NO_ITEM else None
 
 
-def _reached(said: MissionReached) -> MissionReached | None:
+def _filter_reached_item(said: MissionReached) -> MissionReached | None:
     return said if 0 <= said.seq < NO_ITEM else None
 
 
-def _parameter(said: ParamValue) -> ParamValue | None:
+def _filter_parameter(said: ParamValue) -> ParamValue | None:
     return said if math.isfinite(said.value) else None
 
 
 _JUDGES: dict[type, Callable[[Any], Any]] = {
-    Position: _position,
-    Home: _home,
+    Position: _filter_position,
+    Home: _filter_home,
     HeightTarget: _target,
-    Battery: _battery,
-    SystemStatus: _status,
-    Attitude: _attitude,
-    Gps: _gps,
-    Wind: _wind,
-    MissionCurrent: _current,
-    MissionReached: _reached,
-    ParamValue: _parameter,
-    PictureTaken: _picture,
-    CameraStatus: _camera,
-    GimbalAttitude: _gimbal,
+    Battery: _filter_battery,
+    SystemStatus: _filter_status,
+    Attitude: _filter_attitude,
+    Gps: _filter_gps,
+    Wind: _filter_wind,
+    MissionCurrent: _filter_current_item,
+    MissionReached: _filter_reached_item,
+    ParamValue: _filter_parameter,
+    PictureTaken: _filter_picture,
+    CameraStatus: _filter_camera,
+    GimbalAttitude: _filter_gimbal,
 }

@@ -27,7 +27,7 @@ NO_AUTOPILOTS = frozenset({0, 1, 8})
 
 
 @dataclass(frozen=True, slots=True)
-class Speaker:
+class AutopilotComponent:
     """The component that speaks for a system."""
 
     component: int = AUTOPILOT
@@ -35,15 +35,15 @@ class Speaker:
     """Whether its HEARTBEAT was."""
 
 
-def speaker_after(known: Speaker, component: int, beat: Heartbeat) -> Speaker:
+def update_autopilot_component(known: AutopilotComponent, component: int, beat: Heartbeat) -> AutopilotComponent:
     """Return who speaks for a system after a HEARTBEAT: component 1, or else the first that is an autopilot."""
     if component in {known.component, AUTOPILOT}:
-        return known if known.heard and component == known.component else Speaker(component, heard=True)
+        return known if known.heard and component == known.component else AutopilotComponent(component, heard=True)
     real = beat.autopilot not in NO_AUTOPILOTS and beat.vehicle_type in MULTICOPTERS.keys() | OTHERS.keys()
-    return Speaker(component, heard=True) if real and not known.heard else known
+    return AutopilotComponent(component, heard=True) if real and not known.heard else known
 
 
-def heard_of(known: Speaker, component: int, message: Message) -> Message | None:
+def select_component_message(known: AutopilotComponent, component: int, message: Message) -> Message | None:
     """Return what is heard of a message: of other components only words, the link, cameras and gimbals."""
     if component == known.component or isinstance(message, StationHeard | Radio | OrderSeen | PayloadMessage):
         return message

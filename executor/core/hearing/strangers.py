@@ -6,24 +6,24 @@ from collections.abc import Iterator
 
 from executor.core.messages import DoubleHeard, StationHeard
 
-Stranger = StationHeard | DoubleHeard
+ForeignSystem = StationHeard | DoubleHeard
 MOST_NAMED = 8
 """Of each kind: anybody can send in the name of any number of systems."""
 
 
-def noted(known: frozenset[Stranger], heard: Stranger) -> frozenset[Stranger]:
+def add_foreign_system(known: frozenset[ForeignSystem], heard: ForeignSystem) -> frozenset[ForeignSystem]:
     """Return who is known with one more, as long as they are few."""
     return known if heard in known or _count(known, heard) >= MOST_NAMED else known | {heard}
 
 
-def stranger_lines(before: frozenset[Stranger], now: frozenset[Stranger]) -> Iterator[str]:
+def describe_new_foreign_systems(before: frozenset[ForeignSystem], now: frozenset[ForeignSystem]) -> Iterator[str]:
     """Yield a line for who is new; the last of them says that it is."""
     for stranger in now - before if now is not before else ():
         more = "; further ones are not listed" if _count(now, stranger) == MOST_NAMED else ""
-        yield f"{stranger_words(stranger)}{more}"
+        yield f"{describe_foreign_system(stranger)}{more}"
 
 
-def stranger_words(heard: Stranger) -> str:
+def describe_foreign_system(heard: ForeignSystem) -> str:
     """Return who was heard that should not be there."""
     match heard:
         case StationHeard(system, component):
@@ -35,5 +35,5 @@ def stranger_words(heard: Stranger) -> str:
             return f"sysid {system} is used at {' and '.join(places)}: duplicate system id"
 
 
-def _count(known: frozenset[Stranger], like: Stranger) -> int:
+def _count(known: frozenset[ForeignSystem], like: ForeignSystem) -> int:
     return sum(type(one) is type(like) for one in known)

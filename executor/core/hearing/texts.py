@@ -13,10 +13,10 @@ from enum import IntEnum
 from executor.core.commands import Command, Level, Say
 from executor.core.context import Scene
 from executor.core.messages import ComponentText, StatusText
-from executor.core.parts import TextFlow
+from executor.core.parts import TextWindow
 from executor.core.state import FleetState
 from executor.core.vehicle import VehicleState
-from executor.core.words import count_of
+from executor.core.words import format_count
 
 CRITICAL_SEVERITY, WARNING_SEVERITY = 2, 4
 """MAV_SEVERITY; what is less severe than a warning stays in the log."""
@@ -25,7 +25,7 @@ AGAIN_S = 30.0
 WINDOW_S = 10.0
 
 
-class Rank(IntEnum):
+class TextRank(IntEnum):
     """How much a text matters."""
 
     IMPORTANT = 0
@@ -35,46 +35,46 @@ class Rank(IntEnum):
     """Of a component that is not the autopilot, whatever it calls it."""
 
 
-MOST_LINES = {Rank.IMPORTANT: 12, Rank.WARNING: 6, Rank.ABOARD: 3}
+MOST_LINES = {TextRank.IMPORTANT: 12, TextRank.WARNING: 6, TextRank.ABOARD: 3}
 """In a window, of each rank by itself: what matters less takes no room from what matters more."""
 
-Told = tuple[FleetState, tuple[Command, ...]]
+TextStep = tuple[FleetState, tuple[Command, ...]]
 
 
-def tell_text(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Told:
+def show_status_text(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> TextStep:
     """Take a text of a vehicle's autopilot."""
     alarmed = vehicle.telemetry.alarm[1] == now_s
     if text.severity > WARNING_SEVERITY and not alarmed:
         return state, ()
-    rank = Rank.IMPORTANT if alarmed or text.severity <= CRITICAL_SEVERITY else Rank.WARNING
-    return _taken(state, vehicle, rank, f"{vehicle.name} says: {text.text}", now_s)
+    rank = TextRank.IMPORTANT if alarmed or text.severity <= CRITICAL_SEVERITY else TextRank.WARNING
+    return _show_line(state, vehicle, rank, f"{vehicle.name} says: {text.text}", now_s)
 
 
-def said_aboard(state: FleetState, vehicle: VehicleState, text: ComponentText, now_s: float) -> Told:
+def show_component_text(state: FleetState, vehicle: VehicleState, text: ComponentText, now_s: float) -> TextStep:
     """Take a text of something else on board: shown, and nothing more."""
     if text.severity > WARNING_SEVERITY:
         return state, ()
-    return _taken(
-        state, vehicle, Rank.ABOARD, f"{vehicle.name}, its component {text.component} says: {text.text}", now_s
+    return _show_line(
+        state, vehicle, TextRank.ABOARD, f"{vehicle.name}, its component {text.component} says: {text.text}", now_s
     )
 
 
-def tell_passed_over(context: Scene, state: FleetState, now_s: float) -> Told:  # noqa: ARG001
+def report_suppressed_texts(context: Scene, state: FleetState, now_s: float) -> TextStep:  # noqa: ARG001
     """Say how many texts were passed over, once their window has ended."""
     commands: list[Command] = []
     for vehicle in state.vehicles.values():
         if vehicle.telemetry.texts.passed_over and now_s - vehicle.telemetry.texts.since_s >= WINDOW_S:
-            flow, more = _begun_anew(vehicle, now_s)
+            flow, more = _begin_window(vehicle, now_s)
             state = state.put(replace(vehicle, telemetry=replace(vehicle.telemetry, texts=flow)))
             commands += more
     return state, tuple(commands)
 
 
-def _taken(state: FleetState, vehicle: VehicleState, rank: Rank, line: str, now_s: float) -> Told:
+def _show_line(state: FleetState, vehicle: VehicleState, rank: TextRank, line: str, now_s: float) -> TextStep:
     flow, commands = vehicle.telemetry.texts, list[Command]()
     if now_s - flow.since_s >= WINDOW_S:
-        flow, commands = _begun_anew(vehicle, now_s)
-    if _gist(line) == _gist(flow.last[0]) and now_s - flow.last[1] <= AGAIN_S:
+        flow, commands = _begin_window(vehicle, now_s)
+    if _strip_number(line) == _strip_number(flow.last[0]) and now_s - flow.last[1] <= AGAIN_S:
         flow = replace(flow, last=(line, now_s))
     elif flow.shown[rank] >= MOST_LINES[rank]:
         flow = replace(flow, passed_over=flow.passed_over + 1)
@@ -85,7 +85,7 @@ def _taken(state: FleetState, vehicle: VehicleState, rank: Rank, line: str, now_
     return state.put(replace(vehicle, telemetry=replace(vehicle.telemetry, texts=flow))), tuple(commands)
 
 
-def _gist(line: str) -> str:
+def _strip_number(line: str) -> str:
     """Return a line without the number behind it: ArduPilot's "Potential Thrust Loss (3)" names another motor by turns.
 
     >>> _gist("uav2 says: Potential Thrust Loss (3)")
@@ -94,9 +94,9 @@ def _gist(line: str) -> str:
     return re.sub(r" \(\d+\)$", "", line)
 
 
-def _begun_anew(vehicle: VehicleState, now_s: float) -> tuple[TextFlow, list[Command]]:
+def _begin_window(vehicle: VehicleState, now_s: float) -> tuple[TextWindow, list[Command]]:
     """Begin a window; say what was passed over in the last one."""
     flow = vehicle.telemetry.texts
     count, took_s = flow.passed_over, now_s - flow.since_s
-    what = f"{vehicle.name}: {count_of(count, 'more text')} in {took_s:.0f} s"
-    return TextFlow(flow.last, now_s), [Say(Level.WARNING, what)] if count else []
+    what = f"{vehicle.name}: {format_count(count, 'more text')} in {took_s:.0f} s"
+    return TextWindow(flow.last, now_s), [Say(Level.WARNING, what)] if count else []

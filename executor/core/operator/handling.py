@@ -8,23 +8,23 @@ from types import MappingProxyType
 
 from executor.core.commands import CancelSolve, Command, Disarm, Hold, LandNow, Level, Resume, Say, SendHome
 from executor.core.context import Context
-from executor.core.custody.causes import in_other_hands
+from executor.core.custody.causes import is_under_foreign_control
 from executor.core.events import IntentReceived, OrderEnded, ReturnAllOrdered, ReturnEnded
 from executor.core.homing import homeward
-from executor.core.homing.homeward import on_mission, sent_home
+from executor.core.homing.homeward import bring_home, is_on_mission
 from executor.core.intents import Action, Intent, IntentReason, IntentRecord, Outcome
 from executor.core.operator import refusals
-from executor.core.parts import Cause
-from executor.core.places import place_words
+from executor.core.parts import ModeCause
+from executor.core.places import describe_down_place
 from executor.core.replan import replanning
-from executor.core.replan.wording import listed
+from executor.core.replan.wording import format_segments
 from executor.core.roster import bases, offers, takeover, turnaround
-from executor.core.roster.service import back_in_service, cleared
-from executor.core.roster.withdraw import declare, left_plan, withdrawn
+from executor.core.roster.service import clear_for_takeoff, return_to_service
+from executor.core.roster.withdraw import declare_fault, leave_plan, withdraw_vehicle
 from executor.core.seeing import again, proof
 from executor.core.state import FleetState, Stepped
-from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, moved_to
-from executor.core.words import count_of
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
+from executor.core.words import format_count
 
 KEPT_INTENTS = 500
 """Older ones that have come to their end are forgotten."""
@@ -41,7 +41,7 @@ _ON_MISSION = frozenset({Stage.FLYING, Stage.STARTING})
 
 
 @dataclass(frozen=True, slots=True)
-class _Ordered:
+class _IntentResult:
     """What an intent leads to."""
 
     state: FleetState
@@ -54,7 +54,7 @@ class _Ordered:
     level: Level = Level.INFO
 
 
-def operator_step(
+def apply_operator_event(
     context: Context,
     state: FleetState,
     event: IntentReceived | OrderEnded | ReturnEnded | ReturnAllOrdered,
@@ -63,46 +63,46 @@ def operator_step(
     """Take what an operator wants, or what became of an order."""
     match event:
         case IntentReceived(intent):
-            return _received(context, state, intent, now_s)
+            return _apply_intent(context, state, intent, now_s)
         case OrderEnded():
-            return _answered(context, state, event, now_s)
+            return _apply_order_result(context, state, event, now_s)
         case ReturnEnded():
-            return _return_answered(state, event, now_s)
+            return _apply_return_result(state, event, now_s)
         case ReturnAllOrdered():
             return _recall(context, state, now_s)
 
 
-def _received(context: Context, state: FleetState, intent: Intent, now_s: float) -> Stepped:
+def _apply_intent(context: Context, state: FleetState, intent: Intent, now_s: float) -> Stepped:
     """Take an intent; one that was taken before changes nothing."""
     if intent.id in state.crew.intents:
         return state, ()
-    refused = refusals.reason(context, state, intent, now_s)
-    wish = f"{intent.source} asks: {_wish(intent)}"
+    refused = refusals.find_refusal(context, state, intent, now_s)
+    wish = f"{intent.source} asks: {_describe_intent(intent)}"
     if refused is not None:
         code, reason = refused
-        state = _kept(state, IntentRecord(intent, Outcome.REFUSED, reason, now_s, ended_s=now_s, code=code))
+        state = _store_intent(state, IntentRecord(intent, Outcome.REFUSED, reason, now_s, ended_s=now_s, code=code))
         return state, (Say(Level.WARNING, f"{wish}; refused: {reason}"),)
-    question = refusals.question(context, state, intent)
+    question = refusals.build_confirmation_question(context, state, intent)
     if question:
         record = IntentRecord(intent, Outcome.REFUSED, "has to be confirmed", now_s, ended_s=now_s, question=question)
         record = replace(record, code=IntentReason.UNCONFIRMED)
-        return _kept(state, record), ()
+        return _store_intent(state, record), ()
     ordered = _HANDLERS[intent.action](context, state, intent, now_s)
     under_way = bool(ordered.waiting) or ordered.open
     outcome = Outcome.ACCEPTED if under_way else Outcome.DONE
     ended_s = None if under_way else now_s
     record = IntentRecord(intent, outcome, ordered.text, now_s, ordered.waiting, ended_s)
-    state = _kept(ordered.state, record)
+    state = _store_intent(ordered.state, record)
     return state, (Say(ordered.level, f"{wish}; {ordered.text}"), *ordered.commands)
 
 
-def _wish(intent: Intent) -> str:
+def _describe_intent(intent: Intent) -> str:
     whom = f" {intent.vehicle}" if intent.vehicle else f" base {intent.base}" if intent.base else ""
-    which = f" of {count_of(len(intent.assets), 'asset')}" if intent.assets else ""
+    which = f" of {format_count(len(intent.assets), 'asset')}" if intent.assets else ""
     return f"{intent.action.value}{whom}{which}"
 
 
-def _kept(state: FleetState, record: IntentRecord) -> FleetState:
+def _store_intent(state: FleetState, record: IntentRecord) -> FleetState:
     intents = {**state.crew.intents, record.intent.id: record}
     if len(intents) > KEPT_INTENTS:
         over = next((name for name, one in intents.items() if one.ended_s is not None), None)
@@ -110,86 +110,86 @@ def _kept(state: FleetState, record: IntentRecord) -> FleetState:
     return replace(state, crew=replace(state.crew, intents=MappingProxyType(intents)))
 
 
-def _vehicle(state: FleetState, intent: Intent) -> VehicleState:
+def _vehicle_of(state: FleetState, intent: Intent) -> VehicleState:
     if intent.vehicle is None:
         raise ValueError(f"{intent.action.value} names no vehicle")
     return state.vehicles[intent.vehicle]
 
 
-def _hold(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
-    vehicle = _vehicle(state, intent)
+def _hold(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
+    vehicle = _vehicle_of(state, intent)
     held = replace(vehicle, orders=replace(vehicle.orders, held_s=now_s, hold_asked_s=now_s, ordered_mode_s=now_s))
     if vehicle.stage is Stage.PILOT:
-        held = replace(moved_to(held, Stage.FLYING), custody=replace(held.custody, taken=None))
+        held = replace(change_stage(held, Stage.FLYING), custody=replace(held.custody, taken=None))
     hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
     state = state.put(
         replace(
             held,
             orders=replace(held.orders, ordered_modes=frozenset({hold})),
-            custody=replace(held.custody, cause=Cause.OURS),
+            custody=replace(held.custody, cause=ModeCause.OURS),
         )
     )
-    return _Ordered(state, "hold commanded", (Hold(vehicle.name),), frozenset({vehicle.name}))
+    return _IntentResult(state, "hold commanded", (Hold(vehicle.name),), frozenset({vehicle.name}))
 
 
-def _resume(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
-    vehicle = _vehicle(state, intent)
+def _resume(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
+    vehicle = _vehicle_of(state, intent)
     speed_m_s = vehicle.leg.speed_m_s if vehicle.leg is not None else 0.0
     mission = context.vehicles[vehicle.name].dialect.modes.mission.custom_mode
     state = state.put(
         replace(vehicle, orders=replace(vehicle.orders, ordered_mode_s=now_s, ordered_modes=frozenset({mission})))
     )
-    return _Ordered(state, "resume commanded", (Resume(vehicle.name, speed_m_s),), frozenset({vehicle.name}))
+    return _IntentResult(state, "resume commanded", (Resume(vehicle.name, speed_m_s),), frozenset({vehicle.name}))
 
 
-def _return(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
-    vehicle = _vehicle(state, intent)
-    state, more = _sent_home(context, state, vehicle, now_s, force=intent.confirmed)
-    state, others = withdrawn(state, vehicle.name, f"{vehicle.name}: returns by the operator's order", now_s)
-    text = f"{_commanded(more)}; it stays on the ground until included; its segments are to be reassigned"
-    return _Ordered(state, text, (*others, *more), frozenset({vehicle.name}))
+def _return(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
+    vehicle = _vehicle_of(state, intent)
+    state, more = _send_vehicle_home(context, state, vehicle, now_s, force=intent.confirmed)
+    state, others = withdraw_vehicle(state, vehicle.name, f"{vehicle.name}: returns by the operator's order", now_s)
+    text = f"{_describe_return(more)}; it stays on the ground until included; its segments are to be reassigned"
+    return _IntentResult(state, text, (*others, *more), frozenset({vehicle.name}))
 
 
-def _commanded(commands: tuple[Command, ...]) -> str:
+def _describe_return(commands: tuple[Command, ...]) -> str:
     """Return what a return begins with: over its pad a vehicle lands, and not every one is to be commanded now."""
     kinds = {type(command) for command in commands}
     return "RTL commanded" if SendHome in kinds else "landing commanded" if LandNow in kinds else "return ordered"
 
 
-def _sent_home(
+def _send_vehicle_home(
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, force: bool = False
 ) -> Stepped:
     """Send a vehicle home that flies its mission; one that has not armed yet must not take off."""
     if vehicle.stage is Stage.STARTING and not vehicle.armed:
-        left = left_plan(vehicle, Stage.LANDED, now_s)
+        left = leave_plan(vehicle, Stage.LANDED, now_s)
         state = state.put(replace(left, orders=replace(left.orders, excluded=True)))
         return state, (SendHome(vehicle.name),)  # in place of its start
-    left = left_plan(vehicle, Stage.RETURNING, now_s)
+    left = leave_plan(vehicle, Stage.RETURNING, now_s)
     left = replace(left, orders=replace(left.orders, excluded=True))
     if force:
-        left = replace(left, custody=replace(left.custody, taken=None, cause=Cause.OURS))
-    return sent_home(context, state, left, now_s, force=force)
+        left = replace(left, custody=replace(left.custody, taken=None, cause=ModeCause.OURS))
+    return bring_home(context, state, left, now_s, force=force)
 
 
-def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
-    vehicle = _vehicle(state, intent)
+def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
+    vehicle = _vehicle_of(state, intent)
     planned = vehicle.stage in _ON_MISSION
     fault = vehicle.fault or Fault(
         FaultKind.OPERATOR, "lands where it was, by the operator's order", now_s, FaultCode.OPERATOR_LAND
     )
-    left = left_plan(vehicle, Stage.RETURNING, now_s)
+    left = leave_plan(vehicle, Stage.RETURNING, now_s)
     left = replace(left, fault=fault, orders=replace(left.orders, lands=True, excluded=True))
-    left = replace(left, custody=replace(left.custody, taken=None, cause=Cause.OURS)) if intent.confirmed else left
-    state, told = sent_home(context, state, left, now_s, land=True, force=intent.confirmed)
+    left = replace(left, custody=replace(left.custody, taken=None, cause=ModeCause.OURS)) if intent.confirmed else left
+    state, told = bring_home(context, state, left, now_s, land=True, force=intent.confirmed)
     others: tuple[Command, ...] = ()
     if planned:
-        state, others = withdrawn(state, vehicle.name, f"{vehicle.name}: lands by the operator's order", now_s)
+        state, others = withdraw_vehicle(state, vehicle.name, f"{vehicle.name}: lands by the operator's order", now_s)
     text = "landing commanded where it is; its segments are to be reassigned"
-    return _Ordered(state, text, (*others, *told), frozenset({vehicle.name}), level=Level.WARNING)
+    return _IntentResult(state, text, (*others, *told), frozenset({vehicle.name}), level=Level.WARNING)
 
 
-def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
-    vehicle = _vehicle(state, intent)
+def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
+    vehicle = _vehicle_of(state, intent)
     vehicle = replace(vehicle, orders=replace(vehicle.orders, excluded=True))
     state = state.put(vehicle)
     if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
@@ -201,28 +201,28 @@ def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) 
         )
         state = state.put(vehicle)
         if given:  # it would start as soon as its new mission is on board
-            state, more = withdrawn(state, vehicle.name, f"{vehicle.name}: excluded on the ground", now_s)
-            return _Ordered(state, "it stays on the ground", more)
-        return _Ordered(state, "it stays on the ground")
+            state, more = withdraw_vehicle(state, vehicle.name, f"{vehicle.name}: excluded on the ground", now_s)
+            return _IntentResult(state, "it stays on the ground", more)
+        return _IntentResult(state, "it stays on the ground")
     if vehicle.stage is Stage.PILOT:
         hold = replace(vehicle.custody.taken, given_away=True) if vehicle.custody.taken is not None else None
         state = state.put(replace(vehicle, custody=replace(vehicle.custody, taken=hold)))
-        state, more = withdrawn(state, vehicle.name, f"{vehicle.name}: excluded, with its pilot", now_s)
-        return _Ordered(state, "it stays with its pilot; its segments are to be reassigned", more)
+        state, more = withdraw_vehicle(state, vehicle.name, f"{vehicle.name}: excluded, with its pilot", now_s)
+        return _IntentResult(state, "it stays with its pilot; its segments are to be reassigned", more)
     starting = vehicle.stage is Stage.STARTING and not vehicle.armed
     fault = Fault(FaultKind.OPERATOR, "excluded by the operator", now_s, FaultCode.OPERATOR_EXCLUDE)
-    state, commands = declare(context, state, state.vehicles[vehicle.name], fault)
+    state, commands = declare_fault(context, state, state.vehicles[vehicle.name], fault)
     if starting:
         commands = (*commands, SendHome(vehicle.name))  # in place of its start
     told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome))
     text = "taken out of the plan" + (", RTL commanded" if told else "")
-    alone = replanning.orphans(context, state)
-    if alone and not _others(state, vehicle.name):
+    alone = replanning.find_orphan_segments(context, state)
+    if alone and not _has_other_vehicles(state, vehicle.name):
         text += f"; no other vehicle is left to inspect {len(alone)} segments"
-    return _Ordered(state, text, commands, told, level=Level.WARNING)
+    return _IntentResult(state, text, commands, told, level=Level.WARNING)
 
 
-def _others(state: FleetState, name: str) -> bool:
+def _has_other_vehicles(state: FleetState, name: str) -> bool:
     gone = (Stage.LOST, Stage.RETURNING)
     return any(
         one.name != name and one.fault is None and not one.orders.excluded and one.stage not in gone
@@ -230,91 +230,93 @@ def _others(state: FleetState, name: str) -> bool:
     )
 
 
-def _include(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
-    vehicle = _vehicle(state, intent)
+def _include(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
+    vehicle = _vehicle_of(state, intent)
     if vehicle.stage is Stage.PILOT:
-        state, more = takeover.given_back(context, state, vehicle, now_s)
-        return _Ordered(state, "included", more)
-    left = replanning.left_over(state)
-    again = offers.takes_off_again(state, vehicle)
-    state, ready = back_in_service(state, vehicle)
-    state = cleared(state, ready, now_s)
+        state, more = takeover.take_back_from_pilot(context, state, vehicle, now_s)
+        return _IntentResult(state, "included", more)
+    left = replanning.find_left_over_segments(state)
+    again = offers.is_offered_reinspection(state, vehicle)
+    state, ready = return_to_service(state, vehicle)
+    state = clear_for_takeoff(state, ready, now_s)
     if state.crew.offer is not None and len(state.crew.offer.vehicles) > 1:
         # The others may be cleared in a moment: the work is shared then.
         state = replace(
             state,
             replanning=replace(state.replanning, wait_until_s=max(state.replanning.wait_until_s, now_s + SHARED_S)),
         )
-    if replanning.orphans(context, state) or left:
-        return _Ordered(state, "included; re-planning with it")
+    if replanning.find_orphan_segments(context, state) or left:
+        return _IntentResult(state, "included; re-planning with it")
     if again:
-        return _Ordered(state, "included; re-inspecting segments at inspection height")
-    return _Ordered(state, "included. Nothing is unassigned; use re-plan to redistribute")
+        return _IntentResult(state, "included; re-inspecting segments at inspection height")
+    return _IntentResult(state, "included. Nothing is unassigned; use re-plan to redistribute")
 
 
-def _swap(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
-    state, text, told = turnaround.pack_changed(state, _vehicle(state, intent), intent, now_s)
-    return _Ordered(state, text, told, open=True)
+def _swap(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:  # noqa: ARG001
+    state, text, told = turnaround.begin_turnaround(state, _vehicle_of(state, intent), intent, now_s)
+    return _IntentResult(state, text, told, open=True)
 
 
-def _close(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
-    aloft = bases.in_the_air(bases.based_at(context, state, intent.base))
-    state, told = bases.base_closed(context, state, intent.base, now_s)
+def _close(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
+    aloft = bases.find_airborne_names(bases.find_vehicles_at_base(context, state, intent.base))
+    state, told = bases.close_base(context, state, intent.base, now_s)
     lands = f"; still to land there: {', '.join(aloft)}" if aloft else ""
-    return _Ordered(state, f"no take-off from it until it is opened{lands}", told, level=Level.WARNING)
+    return _IntentResult(state, f"no take-off from it until it is opened{lands}", told, level=Level.WARNING)
 
 
-def _open(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
-    return _Ordered(bases.base_opened(context, state, intent.base), "take-offs from it are allowed again; use `swap`")
+def _open(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:  # noqa: ARG001
+    return _IntentResult(
+        bases.open_base(context, state, intent.base), "take-offs from it are allowed again; use `swap`"
+    )
 
 
-def _disarm(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
-    vehicle = _vehicle(state, intent)
+def _disarm(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:  # noqa: ARG001
+    vehicle = _vehicle_of(state, intent)
     told = (Disarm(vehicle.name, force=True),)
-    return _Ordered(state, "forced disarm commanded", told, frozenset({vehicle.name}), level=Level.WARNING)
+    return _IntentResult(state, "forced disarm commanded", told, frozenset({vehicle.name}), level=Level.WARNING)
 
 
-def _answer(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+def _answer(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:  # noqa: ARG001
     briefing = replace(state.crew.briefing, question=None, answered=intent.action.value)
-    return _Ordered(replace(state, crew=replace(state.crew, briefing=briefing)), "yes")
+    return _IntentResult(replace(state, crew=replace(state.crew, briefing=briefing)), "yes")
 
 
-def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:  # noqa: ARG001
     trigger = f"requested by {intent.source}"
     state = replace(
         state,
         replanning=replace(state.replanning, ordered=True, trigger=trigger, trigger_s=now_s),
         coverage=replace(state.coverage, given_up=frozenset()),
     )
-    return _Ordered(state, "all open segments are re-planned", open=True)
+    return _IntentResult(state, "all open segments are re-planned", open=True)
 
 
-def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
+def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
     if intent.assets:
         return _look_again(context, state, intent, now_s)
-    wanted = state.coverage.unproven() | proof.missed(context, state)
-    coverage = again.unproven(state.coverage, wanted)
+    wanted = state.coverage.inferred_segments() | proof.find_missed_segments(context, state)
+    coverage = again.discard_proof(state.coverage, wanted)
     known = replace(state.replanning, ordered=True, trigger=f"proof requested by {intent.source}", trigger_s=now_s)
-    text = f"re-flying {listed(context, wanted)} for proof"
-    return _Ordered(replace(state, coverage=coverage, replanning=known), text, open=True)
+    text = f"re-flying {format_segments(context, wanted)} for proof"
+    return _IntentResult(replace(state, coverage=coverage, replanning=known), text, open=True)
 
 
-def _look_again(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:
-    found = again.to_look_at(context, state, intent.assets)
+def _look_again(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
+    found = again.select_segments_to_reinspect(context, state, intent.assets)
     if not isinstance(found, frozenset):
         raise TypeError(found[1])
-    names = listed(context, found)
+    names = format_segments(context, found)
     known = replace(
         state.replanning,
         ordered=True,
         trigger=f"re-inspection of {names} requested by {intent.source}",
         trigger_s=now_s,
     )
-    state = replace(state, coverage=again.open_again(state.coverage, found), replanning=known)
-    return _Ordered(state, f"{names} reopened for re-inspection", open=True)
+    state = replace(state, coverage=again.reopen_segments(state.coverage, found), replanning=known)
+    return _IntentResult(state, f"{names} reopened for re-inspection", open=True)
 
 
-def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) -> _Ordered:  # noqa: ARG001
+def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:  # noqa: ARG001
     state, commands = _recall(context, state, now_s)
     told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome | LandNow))
     commands = commands[1:]  # the first line says what the intent's own does
@@ -323,7 +325,7 @@ def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) ->
         text = "no link to any vehicle; RTL will be commanded as soon as a link is back"
     elif not told:
         text = "no vehicle is on its mission; no further take-off"
-    return _Ordered(state, text, commands, told, level=Level.WARNING)
+    return _IntentResult(state, text, commands, told, level=Level.WARNING)
 
 
 def _recall(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -332,10 +334,10 @@ def _recall(context: Context, state: FleetState, now_s: float) -> Stepped:
     if state.replanning.replan is not None and state.replanning.replan.solve_s is None:
         commands.append(CancelSolve(state.replanning.replan.solve.revision))
     for vehicle in state.vehicles.values():
-        if vehicle.stage is Stage.PILOT or (vehicle.stage in _ON_MISSION and in_other_hands(vehicle)):
+        if vehicle.stage is Stage.PILOT or (vehicle.stage in _ON_MISSION and is_under_foreign_control(vehicle)):
             commands.append(Say(Level.WARNING, f"{vehicle.name}: is with its pilot; RTL not commanded"))
         elif vehicle.stage in _ON_MISSION:
-            state, more = _sent_home(context, state, vehicle, now_s)
+            state, more = _send_vehicle_home(context, state, vehicle, now_s)
             commands.extend(more)
     return replace(
         state,
@@ -345,7 +347,7 @@ def _recall(context: Context, state: FleetState, now_s: float) -> Stepped:
     ), tuple(commands)
 
 
-_Handler = Callable[[Context, FleetState, Intent, float], _Ordered]
+_Handler = Callable[[Context, FleetState, Intent, float], _IntentResult]
 _HANDLERS: Mapping[Action, _Handler] = {
     Action.HOLD: _hold,
     Action.RESUME: _resume,
@@ -365,12 +367,12 @@ _HANDLERS: Mapping[Action, _Handler] = {
 }
 
 
-def _answered(context: Context, state: FleetState, event: OrderEnded, now_s: float) -> Stepped:
+def _apply_order_result(context: Context, state: FleetState, event: OrderEnded, now_s: float) -> Stepped:
     """Take a vehicle's answer to an order to hold, to go on or to land."""
-    state, more = homeward.answered(state, event, now_s) if event.action is Action.LAND else (state, ())
+    state, more = homeward.apply_homing_result(state, event, now_s) if event.action is Action.LAND else (state, ())
     vehicle = state.vehicles[event.vehicle]
     actions = frozenset({event.action}) if event.action is not Action.LAND else _RETURNS | {Action.LAND}
-    state = _closed(state, event.vehicle, actions, event, now_s)
+    state = _close_intents(state, event.vehicle, actions, event, now_s)
     if event.action is Action.HOLD and not event.accepted and vehicle.orders.held_s is not None:
         # It may still obey, or have obeyed unheard: no change of mode by itself. `settle_intents` forgets it later.
         state = state.put(replace(vehicle, orders=replace(vehicle.orders, ordered_mode_s=now_s)))
@@ -383,7 +385,7 @@ def _answered(context: Context, state: FleetState, event: OrderEnded, now_s: flo
         state = state.put(gone_on)
     if event.action is Action.DISARM and not event.accepted and vehicle.stage is Stage.RETURNING:
         # It was to be stopped on the ground and is not there any more.
-        state, more = homeward.sent_home(context, state, vehicle, now_s)
+        state, more = homeward.bring_home(context, state, vehicle, now_s)
     if not event.accepted:
         text = f"{event.vehicle}: did not follow the order: {event.action.value} ({event.reason})"
         return state, (Say(Level.WARNING, text), *more)
@@ -392,14 +394,16 @@ def _answered(context: Context, state: FleetState, event: OrderEnded, now_s: flo
     ]
     note = f"; {event.reason}" if event.reason else ""
     if event.action is Action.DISARM and vehicle.stage is Stage.DOWN:
-        note = f"; {place_words(context, replace(vehicle, telemetry=replace(vehicle.telemetry, heartbeat=None)))}"
+        note = (
+            f"; {describe_down_place(context, replace(vehicle, telemetry=replace(vehicle.telemetry, heartbeat=None)))}"
+        )
     return state, (Say(Level.WARNING if note else Level.INFO, f"{event.vehicle}: {done}{note}"),)
 
 
-def _return_answered(state: FleetState, event: ReturnEnded, now_s: float) -> Stepped:
+def _apply_return_result(state: FleetState, event: ReturnEnded, now_s: float) -> Stepped:
     """Take a vehicle's answer to the order to come home."""
-    state = _closed(state, event.vehicle, _RETURNS, event, now_s)
-    state, more = homeward.answered(state, event, now_s)
+    state = _close_intents(state, event.vehicle, _RETURNS, event, now_s)
+    state, more = homeward.apply_homing_result(state, event, now_s)
     if event.accepted:
         return state, (Say(Level.INFO, f"{event.vehicle}: returns"), *more)
     said = "refused RTL" if event.refused else "did not acknowledge RTL"
@@ -417,7 +421,7 @@ _DONE = {
 }
 
 
-def _closed(
+def _close_intents(
     state: FleetState, vehicle: str, actions: frozenset[Action], event: OrderEnded | ReturnEnded, now_s: float
 ) -> FleetState:
     """Note an answer in every intent that waits for it."""
@@ -442,19 +446,19 @@ def _closed(
 def settle_intents(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Bring intents to their end that no answer ends, and notice who was sent on by somebody else."""
     for vehicle in state.vehicles.values():
-        if vehicle.orders.held_s is not None and _goes_on(context, vehicle, now_s):
+        if vehicle.orders.held_s is not None and _is_back_on_mission(context, vehicle, now_s):
             state = state.put(
                 replace(
                     vehicle, orders=replace(vehicle.orders, held_s=None), motion=replace(vehicle.motion, anchor=None)
                 )
             )
-        elif vehicle.orders.held_s is None and _holds_late(context, vehicle, now_s):
+        elif vehicle.orders.held_s is None and _is_holding_late(context, vehicle, now_s):
             state = state.put(replace(vehicle, orders=replace(vehicle.orders, held_s=now_s)))
     ended = {
         name: replace(record, outcome=outcome, text=text, waiting=frozenset(), ended_s=now_s, code=code)
         for name, record in state.crew.intents.items()
         if record.outcome is Outcome.ACCEPTED
-        for outcome, text, code in (_settlement(state, record, now_s),)
+        for outcome, text, code in (_settle_intent(state, record, now_s),)
         if outcome is not None
     }
     if not ended:
@@ -463,12 +467,12 @@ def settle_intents(context: Context, state: FleetState, now_s: float) -> Stepped
     return replace(state, crew=replace(state.crew, intents=intents)), ()
 
 
-def _goes_on(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+def _is_back_on_mission(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     quiet = now_s - max(vehicle.orders.ordered_mode_s, vehicle.telemetry.mode_since_s) > OTHERS_MODE_S
-    return quiet and not vehicle.link.stale and on_mission(context, vehicle)
+    return quiet and not vehicle.link.stale and is_on_mission(context, vehicle)
 
 
-def _holds_late(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+def _is_holding_late(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     if (
         vehicle.stage is not Stage.FLYING
         or now_s - vehicle.orders.hold_asked_s > LATE_S
@@ -478,13 +482,13 @@ def _holds_late(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     return vehicle.telemetry.heartbeat.custom_mode == context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
 
 
-_Settled = tuple[Outcome | None, str, IntentReason | None]
+_Settlement = tuple[Outcome | None, str, IntentReason | None]
 """How an intent ends, in words and as a code; None while it is under way."""
 
 
-def _settlement(state: FleetState, record: IntentRecord, now_s: float) -> _Settled:
+def _settle_intent(state: FleetState, record: IntentRecord, now_s: float) -> _Settlement:
     if record.intent.action in {Action.REPLAN, Action.PROVE}:
-        return _replan_settled(state, record)
+        return _settle_replan_intent(state, record)
     for name in sorted(record.waiting):
         vehicle = state.vehicles[name]
         if vehicle.stage is Stage.LOST:
@@ -497,7 +501,7 @@ def _settlement(state: FleetState, record: IntentRecord, now_s: float) -> _Settl
     return None, "", None
 
 
-def _replan_settled(state: FleetState, record: IntentRecord) -> _Settled:
+def _settle_replan_intent(state: FleetState, record: IntentRecord) -> _Settlement:
     last = state.replanning.records[-1] if state.replanning.records else None
     if last is not None and last.ended_s > record.at_s and state.replanning.replan is None:
         left = f", {len(last.uncovered)} segments are left over" if last.uncovered else ""

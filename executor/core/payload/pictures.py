@@ -52,7 +52,7 @@ class WantedPicture:
 
 
 @dataclass(frozen=True, slots=True)
-class CameraMemory:
+class CameraRecord:
     """What one camera said of itself."""
 
     name: str
@@ -77,7 +77,7 @@ class CameraMemory:
 
 
 @dataclass(frozen=True, slots=True)
-class Broken:
+class BrokenCamera:
     """A camera that does not do its work any more."""
 
     camera: str
@@ -89,25 +89,25 @@ class PayloadState:
     """All cameras of one vehicle."""
 
     pictures: tuple[Picture, ...] = ()
-    cameras: tuple[CameraMemory, ...] = ()
+    cameras: tuple[CameraRecord, ...] = ()
     gimbal: GimbalAttitude | None = None
     gimbal_s: float | None = None
     off_since_s: float | None = None
     """Since when the gimbal does not point where the leg under way wants it."""
     working: tuple[int, float] | None = None
     """The visit on which pictures are due now, and since when it moves along it."""
-    broken: tuple[Broken, ...] = ()
+    broken: tuple[BrokenCamera, ...] = ()
 
-    def camera(self, name: str, component: int) -> CameraMemory:
+    def camera_of(self, name: str, component: int) -> CameraRecord:
         """Return what is known of a camera."""
-        return next((one for one in self.cameras if one.name == name), CameraMemory(name, component))
+        return next((one for one in self.cameras if one.name == name), CameraRecord(name, component))
 
-    def with_camera(self, camera: CameraMemory) -> PayloadState:
+    def with_camera(self, camera: CameraRecord) -> PayloadState:
         """Return it with what is known of one camera replaced."""
         others = tuple(one for one in self.cameras if one.name != camera.name)
         return replace(self, cameras=(*others, camera))
 
-    def broken_names(self) -> frozenset[str]:
+    def broken_camera_names(self) -> frozenset[str]:
         """Return the names of cameras that do not work any more."""
         return frozenset(one.camera for one in self.broken)
 
@@ -116,7 +116,7 @@ NO_PAYLOAD = PayloadState()
 
 
 @dataclass(frozen=True, slots=True)
-class Unseen:
+class AwaitedPictures:
     """A span that was flown, and whose pictures are waited for."""
 
     vehicle: str
@@ -126,7 +126,7 @@ class Unseen:
 
 
 @dataclass(frozen=True, slots=True)
-class NotSeen:
+class MissingPictures:
     """A span that was flown but not seen."""
 
     vehicle: str

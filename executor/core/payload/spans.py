@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from missions.cameras import SpanLook, Trigger
+from missions.cameras import SpanCameraTask, Trigger
 
 LATE_M = 2.5
 """A picture may be taken, or said to be, this much later than it was asked for; two fixes add to it."""
@@ -14,14 +14,14 @@ FILM_S = 3.0
 """A camera says once a second that it films, and a word may be lost."""
 
 
-def most_apart_m(look: SpanLook, speed_m_s: float) -> float:
+def max_picture_spacing_m(look: SpanCameraTask, speed_m_s: float) -> float:
     """Return how far two pictures next to each other may be apart."""
     if look.trigger is Trigger.VIDEO:
         return FILM_S * speed_m_s + LATE_M
     return SPACES * look.every_m + LATE_M
 
 
-def unseen_m(length_m: float, seen_at_m: Iterable[float], most_m: float) -> list[tuple[float, float]]:
+def find_unseen_stretches(length_m: float, seen_at_m: Iterable[float], most_m: float) -> list[tuple[float, float]]:
     """Return the stretches of a span that no picture shows, from a.
 
     Args:

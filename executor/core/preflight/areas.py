@@ -7,16 +7,16 @@ from collections.abc import Mapping, Sequence
 
 from executor.core.check_codes import CheckCode
 from executor.core.preflight.checks import Check, Severity
-from executor.core.words import count_of
+from executor.core.words import format_count
 from missions import FlightPath, FlightSetup
-from missions.areacheck import check_areas, crossing_words, own_returns
+from missions.areacheck import check_areas, describe_crossing, find_return_crossings
 
 SUBJECT = "areas"
 OFF_PAD_M = 20.0
 """A vehicle that stands farther from the pad that the site states for it stands somewhere else."""
 
 
-def area_checks(
+def check_missions_and_areas(
     setup: FlightSetup,
     paths: Sequence[FlightPath],
     routes: Mapping[str, Sequence[int]],
@@ -45,14 +45,14 @@ def area_checks(
     wrong = check_areas(setup, paths)
     found += [Check(Severity.STOP, SUBJECT, text, CheckCode.AREAS) for text in wrong]
     if not wrong:
-        text = f"{count_of(len(setup.areas), 'area')}; every leg keeps out of them"
+        text = f"{format_count(len(setup.areas), 'area')}; every leg keeps out of them"
         found.append(Check(Severity.OK, SUBJECT, text, CheckCode.AREAS))
-    lines = return_lines(setup, paths, routes)
+    lines = describe_returns_through_areas(setup, paths, routes)
     return found + [Check(Severity.WARNING, SUBJECT, text, CheckCode.AREAS) for text in lines]
 
 
-def return_lines(
+def describe_returns_through_areas(
     setup: FlightSetup, paths: Sequence[FlightPath], routes: Mapping[str, Sequence[int]]
 ) -> list[str]:  # fmt: skip
     """Return in words where a vehicle's own return would lead through an area."""
-    return [crossing_words(setup, one) for one in own_returns(setup, paths, routes)]
+    return [describe_crossing(setup, one) for one in find_return_crossings(setup, paths, routes)]

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from executor.core.check_codes import CheckCode
-from executor.core.preflight.checks import Check, Facts, Severity
+from executor.core.preflight.checks import Check, Severity, VehicleFacts
 from missions import Dialect, FlightPath
 
 
-def shutter_parameters(dialect: Dialect) -> tuple[str, ...]:
+def list_shutter_parameters(dialect: Dialect) -> tuple[str, ...]:
     """Return the parameters that say so."""
     return (dialect.shutter.parameter,)
 
 
-def shutter(facts: Facts, dialect: Dialect, path: FlightPath | None) -> list[Check]:
+def check_shutter(facts: VehicleFacts, dialect: Dialect, path: FlightPath | None) -> list[Check]:
     """Say whether pictures are taken that a vehicle's mission asks of its autopilot; nothing where it asks for none."""
     rule = dialect.shutter
     asked = {capture.trigger for point in path.waypoints for capture in point.captures} if path is not None else set()

@@ -11,7 +11,7 @@ from executor.core.check_codes import CheckCode
 from executor.core.connection import Connection, Scheme
 from executor.core.context import Context
 from executor.core.hearing import firmware
-from executor.core.hearing.strangers import stranger_words
+from executor.core.hearing.strangers import describe_foreign_system
 from executor.core.messages import GROUND_STATION, DoubleHeard, Gps, Heartbeat, Position, StationHeard, Version
 from executor.core.preflight import failsafes
 from executor.core.preflight.failsafes import LinkFailsafe, Parameters
@@ -49,7 +49,7 @@ class Check:
 
 
 @dataclass(frozen=True, slots=True)
-class Facts:
+class VehicleFacts:
     """What one vehicle said before the flight."""
 
     name: str
@@ -85,30 +85,31 @@ class Facts:
         """Type, autopilot and firmware."""
         version = "of unknown version" if self.version is None else str(self.version)
         return (
-            f"{firmware.vehicle_words(self.heartbeat.vehicle_type)}, "
-            f"{firmware.autopilot_words(self.heartbeat.autopilot)} {version}"
+            f"{firmware.describe_vehicle_type(self.heartbeat.vehicle_type)}, "
+            f"{firmware.describe_autopilot(self.heartbeat.autopilot)} {version}"
         )
 
 
-def pad_from(facts: Facts, east_m: float, north_m: float) -> Pad:
+def pad_from(facts: VehicleFacts, east_m: float, north_m: float) -> Pad:
     """Return the place where a vehicle really stands, which is where it will land."""
     return Pad(facts.name, east_m, north_m, facts.position.alt_msl_m - facts.position.alt_rel_m)
 
 
-def identity(
-    facts: Facts, dialect: Dialect, place_m: tuple[float, float], stated_m: tuple[float, float] | None = None
+def check_identity(
+    facts: VehicleFacts, dialect: Dialect, place_m: tuple[float, float], stated_m: tuple[float, float] | None = None
 ) -> list[Check]:
     """Check that the vehicle, which stands at `place_m` of the local frame, is the one that the site file means."""
-    found = [_who(facts, dialect)]
+    found = [_check_firmware(facts, dialect)]
     kind = facts.heartbeat.vehicle_type
     if kind not in firmware.MULTICOPTERS:
-        text = f"HEARTBEAT type is {firmware.vehicle_words(kind)}, expected a multicopter"
+        text = f"HEARTBEAT type is {firmware.describe_vehicle_type(kind)}, expected a multicopter"
         found.append(Check(Severity.STOP, facts.name, text, CheckCode.VEHICLE_TYPE))
     if facts.heartbeat.autopilot != dialect.number:
         text = f"HEARTBEAT autopilot is {facts.heartbeat.autopilot}, expected {dialect.name} ({dialect.number})"
         found.append(Check(Severity.STOP, facts.name, text, CheckCode.AUTOPILOT))
     found += [
-        Check(Severity.STOP, facts.name, stranger_words(double), CheckCode.DOUBLE_SYSID) for double in facts.doubles
+        Check(Severity.STOP, facts.name, describe_foreign_system(double), CheckCode.DOUBLE_SYSID)
+        for double in facts.doubles
     ]
     if facts.heartbeat.armed:
         found.append(
@@ -122,7 +123,7 @@ def identity(
     return found
 
 
-def pad_height(context: Context, facts: Facts) -> list[Check]:
+def check_pad_height(context: Context, facts: VehicleFacts) -> list[Check]:
     """Hold the height of a vehicle's pad, by its own GPS, against the depot's: all heights are counted from there."""
     pad = context.setup.pad_of(facts.name)
     off_m = pad.alt_m - context.frame.alt_m
@@ -144,7 +145,7 @@ def pad_height(context: Context, facts: Facts) -> list[Check]:
     return []
 
 
-def _who(facts: Facts, dialect: Dialect) -> Check:
+def _check_firmware(facts: VehicleFacts, dialect: Dialect) -> Check:
     tested = f"tested with {dialect.tested_version}"
     if facts.version is None:
         return Check(Severity.WARNING, facts.name, f"{facts.words}; faultline is {tested}", CheckCode.FIRMWARE)
@@ -155,7 +156,7 @@ def _who(facts: Facts, dialect: Dialect) -> Check:
     return Check(Severity.OK, facts.name, facts.words, CheckCode.FIRMWARE)
 
 
-def link(facts: Facts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | None) -> Check:
+def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | None) -> Check:
     """Say what the vehicle does by itself when it does not hear us, and how long it is waited for.
 
     Args:
@@ -178,13 +179,13 @@ def link(facts: Facts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | 
     )
 
 
-def stations(facts: Facts, dialect: Dialect) -> list[Check]:
+def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     """Check that it is our heartbeat, and ours alone, that the vehicle's failsafe waits for."""
     found: list[Check] = []
     ours = GROUND_STATION[0]
     names = dialect.ground_station_failsafe.station_sysid
     found += facts.not_read(names, "whose HEARTBEATs its GCS failsafe watches is", CheckCode.WATCHED_STATION)
-    counted = failsafes.counted_station(dialect, facts.parameters)
+    counted = failsafes.find_watched_station(dialect, facts.parameters)
     if names and counted is None and not found:
         text = f"whose HEARTBEATs its GCS failsafe watches is not known: it has no {' or '.join(names)}"
         found.append(Check(Severity.WARNING, facts.name, text, CheckCode.WATCHED_STATION))
@@ -200,11 +201,11 @@ def stations(facts: Facts, dialect: Dialect) -> list[Check]:
     return found
 
 
-def battery_failsafes(facts: Facts, dialect: Dialect, left_pct: float | None) -> list[Check]:
+def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_pct: float | None) -> list[Check]:
     """Say what the vehicle does on a low battery, and whether that fits a flight that lands with `left_pct`."""
     if unread := facts.not_read(failsafes.battery_names(dialect), "battery failsafe", CheckCode.BATTERY_FAILSAFE):
         return unread
-    rule = failsafes.battery_rule(dialect, facts.parameters)
+    rule = failsafes.read_battery_rule(dialect, facts.parameters)
     levels = dict.fromkeys(level.action for level in dialect.battery_failsafe.levels)
     absent = [name for name in levels if name not in facts.parameters]
     settings = ", ".join(name if name in absent else f"{name}={facts.parameters[name]:g}" for name in levels)
@@ -229,12 +230,12 @@ def battery_failsafes(facts: Facts, dialect: Dialect, left_pct: float | None) ->
     return found
 
 
-def fence(context: Context, facts: Facts, path: FlightPath | None) -> list[Check]:
+def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath | None) -> list[Check]:
     """Check that the flight, and the return by itself, fit into the vehicle's own geofence."""
     setup = context.vehicles[facts.name]
     if unread := facts.not_read(failsafes.fence_names(setup.dialect), "its geofence is", CheckCode.GEOFENCE):
         return unread
-    cylinder = failsafes.geofence(setup.dialect, facts.parameters)
+    cylinder = failsafes.read_geofence(setup.dialect, facts.parameters)
     if cylinder is None:
         return []
     high_m, away_m = context.return_height_m(facts.name), 0.0
@@ -260,7 +261,7 @@ def fence(context: Context, facts: Facts, path: FlightPath | None) -> list[Check
     ]
 
 
-def flight_times(facts: Facts, dialect: Dialect) -> list[Check]:
+def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     """Say where it is not known how fast a vehicle flies: its times and its energy are planned by that."""
     names = [tuning.parameter for tuning in dialect.tunings]
     if unread := facts.not_read(names, "how it flies is", CheckCode.ENERGY):
@@ -272,25 +273,25 @@ def flight_times(facts: Facts, dialect: Dialect) -> list[Check]:
     return [Check(Severity.WARNING, facts.name, text, CheckCode.ENERGY)]
 
 
-def left_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:
+def charge_after_flight_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:
     """Return what a flight should leave in the battery; None if there is no flight."""
-    return None if path is None else remaining_pct - _needed(context, path).energy_pct
+    return None if path is None else remaining_pct - _estimate_flight(context, path).energy_pct
 
 
-def _needed(context: Context, path: FlightPath) -> Estimate:
+def _estimate_flight(context: Context, path: FlightPath) -> Estimate:
     """Return what a flight should take, with what is known of its vehicle's consumption."""
     factor = context.vehicles[path.vehicle].prior.factor
     return estimate(path, context.pricing.models[path.vehicle], consumption=factor)
 
 
-def energy_for_flight(context: Context, name: str, path: FlightPath | None, remaining_pct: float) -> Check:
+def check_energy(context: Context, name: str, path: FlightPath | None, remaining_pct: float) -> Check:
     """Compare what the flight should take with what is in the battery."""
     setup = context.vehicles[name]
     if path is None:
         return Check(
             Severity.OK, name, f"stays on the ground as a spare, battery {remaining_pct:.0f} %", CheckCode.ENERGY
         )
-    needed = _needed(context, path)
+    needed = _estimate_flight(context, path)
     left = remaining_pct - needed.energy_pct
     text = (
         f"battery {remaining_pct:.0f} %, flight {needed.duration_s / 60:.1f} min and {needed.energy_pct:.0f} %, "
@@ -303,7 +304,7 @@ def energy_for_flight(context: Context, name: str, path: FlightPath | None, rema
     return Check(Severity.OK, name, text, CheckCode.ENERGY)
 
 
-def talkers(connections: Mapping[str, Connection], *, signed: bool) -> Check:
+def check_signing(connections: Mapping[str, Connection], *, signed: bool) -> Check:
     """Say who may speak for the vehicles, and to them.
 
     Args:
@@ -325,7 +326,7 @@ def talkers(connections: Mapping[str, Connection], *, signed: bool) -> Check:
     )
 
 
-def disk(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> Check:
+def check_disk_space(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> Check:
     """Compare the room on the disk with what the record of a flight takes."""
     flown_s = sum(estimate(path, context.pricing.models[path.vehicle]).duration_s for path in paths.values())
     needed = RECORD_BYTES_S * flown_s
@@ -335,7 +336,7 @@ def disk(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> 
     return Check(Severity.OK, "disk", text, CheckCode.DISK)
 
 
-def separation(paths: list[FlightPath], layer_m: float, home_alt_m: Mapping[str, float]) -> list[Check]:
+def check_layer_separation(paths: list[FlightPath], layer_m: float, home_alt_m: Mapping[str, float]) -> list[Check]:
     """Check that heights and layers keep any two vehicles apart."""
     found = [
         Check(Severity.STOP, "separation", text, CheckCode.SEPARATION)

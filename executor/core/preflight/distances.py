@@ -6,15 +6,15 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from executor.core.check_codes import CheckCode
 from executor.core.preflight.checks import Check, Severity
-from executor.core.words import first_of
+from executor.core.words import join_first_names
 from missions import FlightPath, FlightSetup
-from missions.asked import airway, check_asked, inspected_at_m
+from missions.asked import build_airway, check_inspection_airspace, segment_distances_m
 
 NAMED = 12
 """Segments that a line names; of more it says how many, and `--json` names all."""
 
 
-def distances_in_words(asked_m: float, inspected: Iterable[tuple[str, str, float]]) -> str:
+def describe_inspection_distances(asked_m: float, inspected: Iterable[tuple[str, str, float]]) -> str:
     """Return who inspects what at another distance than asked.
 
     Args:
@@ -26,12 +26,12 @@ def distances_in_words(asked_m: float, inspected: Iterable[tuple[str, str, float
     text = f"{len(rows) - len(high)} of {len(rows)} segments are inspected at the asked {asked_m:g} m"
     if not high:
         return text
-    named = first_of([f"{name} at {at_m:.0f} m by {vehicle}" for name, vehicle, at_m in high], NAMED)
+    named = join_first_names([f"{name} at {at_m:.0f} m by {vehicle}" for name, vehicle, at_m in high], NAMED)
     unless = "unless the others have left by then (flown again afterwards, as budgets allow)"
     return f"{text}; from their own layers, {unless}: {named}"
 
 
-def distance_checks(
+def check_inspection_distances(
     setup: FlightSetup, paths: Sequence[FlightPath], visits: Mapping[str, Sequence[int]]
 ) -> list[Check]:
     """Return at which distance is inspected, and who comes too near to the air in which another goes to the line.
@@ -48,10 +48,10 @@ def distance_checks(
     rows = [
         (setup.network.segment_name(segment), path.vehicle, at_m)
         for path in paths
-        for segment, at_m in inspected_at_m(setup, path, visits[path.vehicle]).items()
+        for segment, at_m in segment_distances_m(setup, path, visits[path.vehicle]).items()
     ]
-    words = distances_in_words(setup.inspection.height_m, rows)
-    near = check_asked(setup, [airway(setup, path) for path in paths])
+    words = describe_inspection_distances(setup.inspection.height_m, rows)
+    near = check_inspection_airspace(setup, [build_airway(setup, path) for path in paths])
     return [
         Check(Severity.OK, "distance", words, CheckCode.SEPARATION),
         *(Check(Severity.STOP, "separation", text, CheckCode.SEPARATION) for text in near),

@@ -16,7 +16,7 @@ Parameters = Mapping[str, float]
 UNKNOWN = "unknown action"
 
 
-def names(dialect: Dialect) -> tuple[str, ...]:
+def list_preflight_parameters(dialect: Dialect) -> tuple[str, ...]:
     """Return every parameter that the checks before the flight read."""
     wanted = [
         *link_names(dialect), *dialect.ground_station_failsafe.station_sysid[:1], *battery_names(dialect),
@@ -47,7 +47,7 @@ def fence_names(dialect: Dialect) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*rule.enabled_by, rule.height, rule.radius, *kinds, rule.action)))
 
 
-def older_names(dialect: Dialect, known: Collection[str]) -> tuple[str, ...]:
+def list_older_parameters(dialect: Dialect, known: Collection[str]) -> tuple[str, ...]:
     """Return the older names of a parameter that a vehicle does not have by its newest; nothing if it does."""
     stations = dialect.ground_station_failsafe.station_sysid
     return () if any(name in known for name in stations) else stations[1:]
@@ -76,7 +76,7 @@ class LinkFailsafe:
     """Whether a parameter of it was not read."""
 
 
-def link_failsafe(dialect: Dialect, parameters: Parameters, unread: Collection[str] = ()) -> LinkFailsafe:
+def read_link_failsafe(dialect: Dialect, parameters: Parameters, unread: Collection[str] = ()) -> LinkFailsafe:
     """Return what a vehicle does by itself in silence.
 
     Args:
@@ -122,7 +122,7 @@ def not_read(names: Collection[str]) -> str:
     return f"{', '.join(sorted(names))} {'was' if len(names) == 1 else 'were'} not read"
 
 
-def declared_lost_after_s(
+def effective_link_timeout_s(
     dialect: Dialect, wanted_s: float | None, stall_s: float, own: LinkFailsafe | None = None
 ) -> float:
     """Return the silence after which a vehicle is lost.
@@ -147,7 +147,7 @@ def declared_lost_after_s(
     return max(LEAST_LINK_TIMEOUT_S, acts_s + LINK_MARGIN_S)
 
 
-def counted_station(dialect: Dialect, parameters: Parameters) -> tuple[str, int] | None:
+def find_watched_station(dialect: Dialect, parameters: Parameters) -> tuple[str, int] | None:
     """Return the parameter that says whose heartbeats count, and its value; None if anybody's do or nobody knows."""
     for name in dialect.ground_station_failsafe.station_sysid:
         if name in parameters:
@@ -176,16 +176,16 @@ class BatteryRule:
     """What it does, level by level; empty if it does nothing."""
 
 
-def battery_rule(dialect: Dialect, parameters: Parameters) -> BatteryRule:
+def read_battery_rule(dialect: Dialect, parameters: Parameters) -> BatteryRule:
     """Return what a vehicle does by itself on a low battery."""
     failsafe = dialect.battery_failsafe
     capacity_mah = parameters.get(failsafe.capacity, 0.0) if failsafe.capacity is not None else 0.0
-    actions = [_battery_action(level, parameters, capacity_mah) for level in failsafe.levels]
+    actions = [_read_battery_action(level, parameters, capacity_mah) for level in failsafe.levels]
     said = all(level.action in parameters for level in failsafe.levels)
     return BatteryRule(said, tuple(action for action in actions if action is not None))
 
 
-def _battery_action(level: BatteryLevel, parameters: Parameters, capacity_mah: float) -> BatteryAction | None:
+def _read_battery_action(level: BatteryLevel, parameters: Parameters, capacity_mah: float) -> BatteryAction | None:
     action = parameters.get(level.action, 0.0)
     if action == 0:
         return None
@@ -226,7 +226,7 @@ def early_returns(dialect: Dialect, parameters: Parameters, version: Version | N
 
 
 @dataclass(frozen=True, slots=True)
-class Cylinder:
+class GeofenceCylinder:
     """The geofence that a vehicle's parameters describe."""
 
     height_m: float | None
@@ -235,7 +235,7 @@ class Cylinder:
     """About home."""
 
 
-def geofence(dialect: Dialect, parameters: Parameters) -> Cylinder | None:
+def read_geofence(dialect: Dialect, parameters: Parameters) -> GeofenceCylinder | None:
     """Return the cylinder that a vehicle keeps to by itself; None if it has none."""
     fence = dialect.geofence
     if not any(parameters.get(name, 0.0) for name in fence.enabled_by):
@@ -247,4 +247,4 @@ def geofence(dialect: Dialect, parameters: Parameters) -> Cylinder | None:
         height_m, radius_m = height_m * bool(kinds & height_bit), radius_m * bool(kinds & radius_bit)
     if height_m <= 0 and radius_m <= 0:
         return None
-    return Cylinder(height_m if height_m > 0 else None, radius_m if radius_m > 0 else None)
+    return GeofenceCylinder(height_m if height_m > 0 else None, radius_m if radius_m > 0 else None)

@@ -8,13 +8,20 @@ from dataclasses import dataclass, replace
 
 from executor.core.check_codes import CheckCode
 from executor.core.context import Context
-from executor.core.fencing import top_m
-from executor.core.preflight.checks import Check, Facts, Severity
+from executor.core.fencing import fence_top_m
+from executor.core.preflight.checks import Check, Severity, VehicleFacts
 from executor.core.preflight.failsafes import UNKNOWN, Parameters, does_in_words, fence_names
-from executor.core.preflight.parameters import REAL32, Change, Present, Proposal, number, to_be_set
-from executor.core.words import count_of
+from executor.core.preflight.parameters import (
+    REAL32,
+    ParameterChange,
+    ParameterProposal,
+    Present,
+    format_number,
+    list_change_checks,
+)
+from executor.core.words import format_count
 from missions import Dialect, FlightPath, MissionItem
-from missions.fences import first_outside, outlines
+from missions.fences import find_first_outside, parse_outlines
 
 NEAR_M = 5.0
 """A rally point this near to a pad is the pad."""
@@ -24,14 +31,14 @@ Items = tuple[MissionItem, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Lists:
+class OnboardLists:
     """What one vehicle carries beside its mission; None where it does not let it be read."""
 
     fence: Items | None = None
     rally: Items | None = None
 
 
-def parameter_names(context: Context, name: str) -> tuple[str, ...]:
+def list_fence_parameters(context: Context, name: str) -> tuple[str, ...]:
     """Return which parameters say how a vehicle keeps to its fence; nothing where it is given none."""
     if context.fencing is None or not context.fencing.enabled:
         return ()
@@ -41,10 +48,14 @@ def parameter_names(context: Context, name: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(one for one in wanted if one is not None))
 
 
-def with_fences(context: Context, proposal: Proposal) -> Proposal:
+def add_fence_changes(context: Context, proposal: ParameterProposal) -> ParameterProposal:
     """Return what a flight changes on board with what its fences need."""
-    made = {name: fence_changes(context, name, said) for name, said in proposal.present.items()}
-    checks = [check for name, said in proposal.present.items() for check in _told(context, name, said, made[name])]
+    made = {name: plan_fence_changes(context, name, said) for name, said in proposal.present.items()}
+    checks = [
+        check
+        for name, said in proposal.present.items()
+        for check in _check_planned_fence(context, name, said, made[name])
+    ]
     return replace(
         proposal,
         changes=(*proposal.changes, *(change for own in made.values() for change in own)),
@@ -52,26 +63,26 @@ def with_fences(context: Context, proposal: Proposal) -> Proposal:
     )
 
 
-def _told(context: Context, name: str, said: Present, made: Sequence[Change]) -> list[Check]:
-    return [*fence_checks(context, name, said, made), *to_be_set(made)]
+def _check_planned_fence(context: Context, name: str, said: Present, made: Sequence[ParameterChange]) -> list[Check]:
+    return [*check_fence_settings(context, name, said, made), *list_change_checks(made)]
 
 
-def fence_changes(context: Context, name: str, said: Present) -> list[Change]:
+def plan_fence_changes(context: Context, name: str, said: Present) -> list[ParameterChange]:
     """Return which parameters are set so that a vehicle keeps to the fence that it is given.
 
     The limits of its owner stay where the flight fits into them.
     """
-    names = parameter_names(context, name)
+    names = list_fence_parameters(context, name)
     if not names or any(one not in said for one in names):
         return []
-    rule, stands = context.vehicles[name].dialect.geofence, _stands(context.vehicles[name].dialect, said)
+    rule, stands = context.vehicles[name].dialect.geofence, _is_fence_enabled(context.vehicles[name].dialect, said)
     wanted: dict[str, tuple[float, str, str]] = {}
     if rule.kinds is not None:
         kinds, height_bit, _ = rule.kinds
         own = int(said[kinds].value) if stands else 0
         wanted[kinds] = (float(own | height_bit | rule.polygons), "", "keeps to a height and to the fence on board")
-    top = _top(context, name, said)
-    limit = said[rule.height].value if stands and _height_counts(context.vehicles[name].dialect, said) else 0.0
+    top = _round_up_fence_top(context, name, said)
+    limit = said[rule.height].value if stands and _is_height_limited(context.vehicles[name].dialect, said) else 0.0
     if not 0.0 < limit <= top:
         wanted[rule.height] = (top, "m", "its fence ends above all that it flies")
     action = dict(rule.named).get(context.fencing.action if context.fencing is not None else "keep")
@@ -80,15 +91,15 @@ def fence_changes(context: Context, name: str, said: Present) -> list[Change]:
     if rule.enable is not None:
         wanted[rule.enable] = (1.0, "", "keeps to its fence")
     return [
-        Change(name, key, said[key].value, value, said[key].kind, unit, why)
+        ParameterChange(name, key, said[key].value, value, said[key].kind, unit, why)
         for key, (value, unit, why) in wanted.items()
         if not math.isclose(said[key].value, value, abs_tol=1e-3)
     ]
 
 
-def fence_checks(context: Context, name: str, said: Present, made: Sequence[Change]) -> list[Check]:
+def check_fence_settings(context: Context, name: str, said: Present, made: Sequence[ParameterChange]) -> list[Check]:
     """Say how a vehicle will keep to its fence; what cannot be is a reason not to fly."""
-    names = parameter_names(context, name)
+    names = list_fence_parameters(context, name)
     if not names:
         return []
     missing = [one for one in names if one not in said]
@@ -105,11 +116,13 @@ def fence_checks(context: Context, name: str, said: Present, made: Sequence[Chan
         does = UNKNOWN if does == UNKNOWN else "does nothing"
         text = f"{does} when it breaches its fence ({setting})"
         return [Check(Severity.WARNING, name, text, CheckCode.GEOFENCE)]
-    text = f"fence {margin_m:g} m about its ways and {number(top)} m high; at a breach: {does} ({setting})"
+    text = f"fence {margin_m:g} m about its ways and {format_number(top)} m high; at a breach: {does} ({setting})"
     return [Check(Severity.OK, name, text, CheckCode.GEOFENCE)]
 
 
-def on_board_checks(context: Context, facts: Facts, path: FlightPath | None, lists: Lists, ours: Lists) -> list[Check]:
+def check_onboard_lists(
+    context: Context, facts: VehicleFacts, path: FlightPath | None, lists: OnboardLists, ours: OnboardLists
+) -> list[Check]:
     """Hold what others put on board against the flight.
 
     Args:
@@ -121,10 +134,15 @@ def on_board_checks(context: Context, facts: Facts, path: FlightPath | None, lis
     """
     if context.fencing is None:
         return []
-    return [*_fence_found(context, facts, path, lists, ours), *_rally_found(context, facts, lists, ours)]
+    return [
+        *_check_onboard_fence(context, facts, path, lists, ours),
+        *_check_onboard_rally(context, facts, lists, ours),
+    ]
 
 
-def _fence_found(context: Context, facts: Facts, path: FlightPath | None, lists: Lists, ours: Lists) -> list[Check]:
+def _check_onboard_fence(
+    context: Context, facts: VehicleFacts, path: FlightPath | None, lists: OnboardLists, ours: OnboardLists
+) -> list[Check]:
     name, given = facts.name, context.fencing is not None and context.fencing.enabled
     dialect = context.vehicles[name].dialect
     if lists.fence is None:
@@ -132,16 +150,16 @@ def _fence_found(context: Context, facts: Facts, path: FlightPath | None, lists:
         return [Check(severity, name, "its fence on board cannot be read", CheckCode.GEOFENCE)]
     if not lists.fence or lists.fence == ours.fence:
         return []
-    what = f"a fence of {count_of(len(lists.fence), 'item')} that is not ours is on board"
+    what = f"a fence of {format_count(len(lists.fence), 'item')} that is not ours is on board"
     if unread := facts.not_read(fence_names(dialect), f"{what}; whether it is switched on is", CheckCode.GEOFENCE):
         return unread
-    if not _polygons_stand(dialect, facts.parameters):
+    if not _is_polygon_fence_enabled(dialect, facts.parameters):
         return [Check(Severity.OK, name, f"{what}, switched off", CheckCode.GEOFENCE)]
     pad_m = context.vehicles[name].pad_m
     places = [context.frame.to_local_m(one.lat_deg, one.lon_deg) for one in (path.waypoints if path else ())]
-    shapes = outlines(lists.fence, context.frame)
+    shapes = parse_outlines(lists.fence, context.frame)
     ways = [[pad_m, *places], *([place, pad_m] for place in places)]
-    out = next((place for way in ways if (place := first_outside(shapes, way)) is not None), None)
+    out = next((place for way in ways if (place := find_first_outside(shapes, way)) is not None), None)
     if out is not None:
         lat_deg, lon_deg = context.frame.to_wgs84_deg(*out)
         text = (
@@ -153,7 +171,7 @@ def _fence_found(context: Context, facts: Facts, path: FlightPath | None, lists:
     return [Check(Severity.OK, name, f"{what}, and its flight fits into it{stays}", CheckCode.GEOFENCE)]
 
 
-def _rally_found(context: Context, facts: Facts, lists: Lists, ours: Lists) -> list[Check]:
+def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLists, ours: OnboardLists) -> list[Check]:
     name, rule = facts.name, context.fencing
     if lists.rally is None:
         given = rule is not None and rule.enabled and rule.rally != "keep"
@@ -166,27 +184,29 @@ def _rally_found(context: Context, facts: Facts, lists: Lists, ours: Lists) -> l
     far = [one for one in away_m if one > NEAR_M]
     if not far or (rule is not None and rule.enabled and rule.rally != "keep"):
         return []
-    text = f"{count_of(len(far), 'rally point')} on board, up to {max(far):.0f} m from its pad: its RTL may end there"
+    text = (
+        f"{format_count(len(far), 'rally point')} on board, up to {max(far):.0f} m from its pad: its RTL may end there"
+    )
     return [Check(Severity.WARNING, name, text, CheckCode.GEOFENCE)]
 
 
-def _top(context: Context, name: str, said: Present) -> float:
+def _round_up_fence_top(context: Context, name: str, said: Present) -> float:
     rule = context.vehicles[name].dialect.geofence
-    least = top_m(context, name)
+    least = fence_top_m(context, name)
     return float(math.ceil(least)) if said[rule.height].kind != REAL32 else math.ceil(10.0 * least) / 10.0
 
 
-def _stands(dialect: Dialect, said: Present) -> bool:
+def _is_fence_enabled(dialect: Dialect, said: Present) -> bool:
     """Return whether the vehicle keeps to a fence already."""
     return any(one in said and said[one].value for one in dialect.geofence.enabled_by)
 
 
-def _height_counts(dialect: Dialect, said: Present) -> bool:
+def _is_height_limited(dialect: Dialect, said: Present) -> bool:
     kinds = dialect.geofence.kinds
     return kinds is None or bool(int(said[kinds[0]].value) & kinds[1])
 
 
-def _polygons_stand(dialect: Dialect, parameters: Parameters) -> bool:
+def _is_polygon_fence_enabled(dialect: Dialect, parameters: Parameters) -> bool:
     """Return whether a vehicle keeps to the polygons on board."""
     rule = dialect.geofence
     if not any(parameters.get(one, 0.0) for one in rule.enabled_by):

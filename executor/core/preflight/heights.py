@@ -11,10 +11,10 @@ from missions import (
     FlightSetup,
     check_ceiling,
     check_clearance,
-    check_everywhere,
-    lowest_over_tops_m,
-    over_ground_m,
-    return_over_ground_m,
+    check_network_clearance,
+    find_height_extremes,
+    find_max_return_height,
+    min_height_over_tops_m,
 )
 from missions.terrain import Terrain
 
@@ -25,7 +25,9 @@ SHOWN = 3
 """Findings of one kind; more of them say the same."""
 
 
-def checks(setup: FlightSetup, paths: Sequence[FlightPath], worth_a_look: Sequence[str] = ()) -> list[Check]:
+def check_flight_heights(
+    setup: FlightSetup, paths: Sequence[FlightPath], worth_a_look: Sequence[str] = ()
+) -> list[Check]:
     """Return what the checklist says of the heights: by which they are flown, and every reason not to fly.
 
     Args:
@@ -33,29 +35,29 @@ def checks(setup: FlightSetup, paths: Sequence[FlightPath], worth_a_look: Sequen
         paths: The missions.
         worth_a_look: What was found about the network's heights when it was read.
     """
-    found = [Check(Severity.OK, SUBJECT, height_words(setup, paths), CheckCode.HEIGHTS)]
+    found = [Check(Severity.OK, SUBJECT, describe_heights(setup, paths), CheckCode.HEIGHTS)]
     found += [Check(Severity.WARNING, SUBJECT, text, CheckCode.HEIGHTS) for text in worth_a_look]
-    found += [Check(Severity.STOP, SUBJECT, text, CheckCode.CLEARANCE) for text in too_low(setup, paths)]
+    found += [Check(Severity.STOP, SUBJECT, text, CheckCode.CLEARANCE) for text in find_low_places(setup, paths)]
     found += [Check(Severity.STOP, SUBJECT, text, CheckCode.CEILING) for text in check_ceiling(setup, paths)]
     return found
 
 
-def too_low(setup: FlightSetup, paths: Sequence[FlightPath]) -> list[str]:
+def find_low_places(setup: FlightSetup, paths: Sequence[FlightPath]) -> list[str]:
     """Return in words where a flight, or one of a later plan, comes too near to the ground or to a line."""
-    everywhere = check_everywhere(setup)
+    everywhere = check_network_clearance(setup)
     more = [f"{len(everywhere) - SHOWN} more places like these"] if len(everywhere) > SHOWN else []
     return [*check_clearance(setup, paths), *everywhere[:SHOWN], *more]
 
 
-def height_words(setup: FlightSetup, paths: Sequence[FlightPath]) -> str:
+def describe_heights(setup: FlightSetup, paths: Sequence[FlightPath]) -> str:
     """Return by which heights is flown: "over the pylon tops, by 14.6 m or more; 41 to 82 m over the ground"."""
     text = f"over {setup.layers.reference.value}"
     if setup.network.flat:
         text += ", taken to be flat" if not setup.network.has_heights else ", on ground that is taken to be flat"
-    least_m = lowest_over_tops_m(setup, paths)
+    least_m = min_height_over_tops_m(setup, paths)
     if least_m is not None:
         text += f", by {least_m:.1f} m or more"
-    heights = over_ground_m(setup, paths)
+    heights = find_height_extremes(setup, paths)
     if heights is not None:
         low, high = heights
         text += f"; {low.height_m:.0f} to {high.height_m:.0f} m over the ground"
@@ -70,27 +72,27 @@ def height_words(setup: FlightSetup, paths: Sequence[FlightPath]) -> str:
         most_m = float(setup.layers.raised_m.max())
         text += f"; {int(raised.sum())} of {len(raised)} pylons are passed up to {most_m:.0f} m higher than asked"
         text += ", for the ground beside them"
-    own_m = return_over_ground_m(setup).height_m
+    own_m = find_max_return_height(setup).height_m
     return f"{text}, RTL up to {own_m:.0f} m; ceiling {setup.inspection.ceiling_m:g} m"
 
 
-def heights_document(setup: FlightSetup, paths: Sequence[FlightPath]) -> dict[str, object]:
+def build_heights_document(setup: FlightSetup, paths: Sequence[FlightPath]) -> dict[str, object]:
     """Return the same as plain data, in metres."""
-    heights = over_ground_m(setup, paths)
-    least_m = lowest_over_tops_m(setup, paths)
+    heights = find_height_extremes(setup, paths)
+    least_m = min_height_over_tops_m(setup, paths)
     return {
         "over": setup.layers.reference.value,
         "flat": setup.network.flat,
         "least_over_tops_m": None if least_m is None else round(least_m, 1),
         "least_over_ground_m": None if heights is None else round(heights[0].height_m, 1),
         "most_over_ground_m": None if heights is None else round(heights[1].height_m, 1),
-        "return_over_ground_m": round(return_over_ground_m(setup).height_m, 1),
+        "return_over_ground_m": round(find_max_return_height(setup).height_m, 1),
         "ceiling_m": setup.inspection.ceiling_m,
-        **({} if setup.terrain is None else {"terrain": _terrain_document(setup, setup.terrain)}),
+        **({} if setup.terrain is None else {"terrain": _build_terrain_document(setup, setup.terrain)}),
     }
 
 
-def _terrain_document(setup: FlightSetup, terrain: Terrain) -> dict[str, object]:
+def _build_terrain_document(setup: FlightSetup, terrain: Terrain) -> dict[str, object]:
     known = terrain.elevation
     return {
         "source": known.source,

@@ -7,19 +7,19 @@ from dataclasses import dataclass
 
 from executor.core.battery import pack, resting
 from executor.core.battery.history import RECENT
-from executor.core.battery.pack import Pack, Standing
+from executor.core.battery.pack import PackCondition, PackState
 from executor.core.battery.resting import NO_FACTS, PackFacts
 from executor.core.check_codes import CheckCode
 from executor.core.context import Context, VehicleSetup
-from executor.core.preflight.checks import Check, Facts, Severity
-from executor.core.words import count_of
+from executor.core.preflight.checks import Check, Severity, VehicleFacts
+from executor.core.words import format_count
 
 LIKE = 1.1
 """Capacities that differ by less are one: what stands on a pack, and what somebody typed."""
 
 
 @dataclass(frozen=True, slots=True)
-class PackHeard:
+class PackReading:
     """What a vehicle says of its pack at rest."""
 
     remaining_pct: float
@@ -30,10 +30,10 @@ class PackHeard:
 
 
 @dataclass(frozen=True, slots=True)
-class Rested:
+class PackAtRest:
     """How a pack stands at rest."""
 
-    standing: Standing
+    standing: PackCondition
     count: str
     """Of how many cells, in words."""
     reads_volts: bool
@@ -51,63 +51,65 @@ class Rested:
         return min(claimed_pct, self.standing.held_pct) if self.doubtful else claimed_pct
 
 
-def facts_said(parameters: Mapping[str, float]) -> PackFacts:
+def pack_facts_from_parameters(parameters: Mapping[str, float]) -> PackFacts:
     """Return what a vehicle's parameters say of its pack."""
     said = NO_FACTS
     for name in resting.PARAMETERS:
         if name in parameters:
-            said = resting.with_parameter(said, name, parameters[name])
+            said = resting.apply_pack_parameter(said, name, parameters[name])
     return said
 
 
-def rested(setup: VehicleSetup, heard: PackHeard) -> Rested | None:
+def assess_pack_at_rest(setup: VehicleSetup, heard: PackReading) -> PackAtRest | None:
     """Return how a vehicle's pack stands at rest; None where no voltage is reported."""
     if heard.voltage_v is None:
         return None
-    known = facts_said(heard.parameters).under(setup.pack)
-    cells = heard.cells or known.cells or resting.least_cells(heard.voltage_v)
-    at_rest = pack.with_voltage(Pack(known), heard.voltage_v, None, heard.remaining_pct, 0.0, idle=True)
-    found = pack.standing(at_rest, cells, known, heard.remaining_pct, 0.0)
+    known = pack_facts_from_parameters(heard.parameters).override_with(setup.pack)
+    cells = heard.cells or known.cells or resting.least_cell_count(heard.voltage_v)
+    at_rest = pack.apply_pack_voltage(PackState(known), heard.voltage_v, None, heard.remaining_pct, 0.0, idle=True)
+    found = pack.assess_pack(at_rest, cells, known, heard.remaining_pct, 0.0)
     if found is None:
         return None
     counted = heard.cells or known.cells
     count = f"{cells} cells" if counted else f"at least {cells} cells, cell count not reported"
     reads_volts = setup.dialect.rounds_twice and heard.parameters.get("BAT1_CAPACITY", -1.0) <= 0.0
-    return Rested(found, count, reads_volts)
+    return PackAtRest(found, count, reads_volts)
 
 
-def pack_checks(context: Context, facts: Facts) -> list[Check]:
+def check_pack(context: Context, facts: VehicleFacts) -> list[Check]:
     """Hold the capacity that it counts by against the plan's, and its voltage at rest against its percentage."""
     names = context.vehicles[facts.name].dialect.pack_parameters
     if unread := facts.not_read(names, "what its pack is taken for is", CheckCode.PACK):
         return unread
-    said = facts_said(facts.parameters)
-    heard = PackHeard(facts.remaining_pct, facts.voltage_v, facts.cells, facts.parameters)
-    found = rested(context.vehicles[facts.name], heard)
+    said = pack_facts_from_parameters(facts.parameters)
+    heard = PackReading(facts.remaining_pct, facts.voltage_v, facts.cells, facts.parameters)
+    found = assess_pack_at_rest(context.vehicles[facts.name], heard)
     return [
-        *_history(context, context.vehicles[facts.name]),
-        *_capacity(context, facts.name, said),
-        *_voltage(facts, found),
+        *_check_history(context, context.vehicles[facts.name]),
+        *_check_capacity(context, facts.name, said),
+        *_check_voltage(facts, found),
     ]
 
 
-def _history(context: Context, setup: VehicleSetup) -> list[Check]:
+def _check_history(context: Context, setup: VehicleSetup) -> list[Check]:
     """Say what earlier flights said of its pack, and what is reckoned with for it."""
     known, planned_ah = setup.history, context.drone.capacity_ah
     if known is None:
         return []
     worn = known.share_of(planned_ah) < 1.0
-    text = f"its pack {known.label}{history_words(setup, planned_ah)}"
+    text = f"its pack {known.label}{describe_pack_history(setup, planned_ah)}"
     return [Check(Severity.WARNING if worn else Severity.OK, setup.name, text, CheckCode.PACK)]
 
 
-def history_words(setup: VehicleSetup, planned_ah: float) -> str:
+def describe_pack_history(setup: VehicleSetup, planned_ah: float) -> str:
     """Return what earlier flights said of a pack, to be put behind its name; empty where it has no label."""
     known = setup.history
     if known is None:
         return ""
     if known.capacity_ah is None and known.ohm is None:
-        what = "no flight of it is known" if not known.flights else f"{count_of(known.flights, 'flight')} did not say"
+        what = (
+            "no flight of it is known" if not known.flights else f"{format_count(known.flights, 'flight')} did not say"
+        )
         return f": {what}; the plan reckons with {planned_ah:g} Ah"
     parts = []
     if known.capacity_ah is not None:
@@ -115,7 +117,7 @@ def history_words(setup: VehicleSetup, planned_ah: float) -> str:
         parts.append(f"{known.capacity_ah[0]:.1f} Ah, {share_pct:.0f} % of the plan's {planned_ah:g} Ah")
     if known.ohm is not None:
         parts.append(f"{1000.0 * known.ohm[0]:.0f} mOhm")
-    text = f" has {' and '.join(parts)}, by {count_of(min(known.flights, RECENT), 'flight')}"
+    text = f" has {' and '.join(parts)}, by {format_count(min(known.flights, RECENT), 'flight')}"
     worn = known.share_of(planned_ah) < 1.0
     if worn:
         text += f": budget {setup.budget_pct:.0f} %"
@@ -124,7 +126,7 @@ def history_words(setup: VehicleSetup, planned_ah: float) -> str:
     return text
 
 
-def _capacity(context: Context, name: str, said: PackFacts) -> list[Check]:
+def _check_capacity(context: Context, name: str, said: PackFacts) -> list[Check]:
     planned_ah, counted_ah = context.drone.capacity_ah, said.capacity_ah
     if counted_ah is None or planned_ah / LIKE <= counted_ah <= planned_ah * LIKE:
         return []
@@ -135,7 +137,7 @@ def _capacity(context: Context, name: str, said: PackFacts) -> list[Check]:
     return [Check(Severity.WARNING, name, text, CheckCode.PACK)]
 
 
-def _voltage(facts: Facts, found: Rested | None) -> list[Check]:
+def _check_voltage(facts: VehicleFacts, found: PackAtRest | None) -> list[Check]:
     if facts.voltage_v is None:
         text = "no voltage is reported: the reported charge cannot be verified"
         return [Check(Severity.OK, facts.name, text, CheckCode.PACK)]

@@ -12,7 +12,7 @@ from executor.core.context import Context
 from executor.core.messages import ParamValue
 from executor.core.preflight.checks import Check, Severity
 from executor.core.preflight.failsafes import not_read
-from missions import Dialect, ReturnParameters, highest_return_m
+from missions import Dialect, ReturnParameters, max_return_height_m
 
 Present = Mapping[str, ParamValue]
 """What one vehicle answered, by name; a parameter that it does not have is missing."""
@@ -36,7 +36,7 @@ class Answers:
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class ParameterChange:
     """A parameter that is to be set for the flight."""
 
     vehicle: str
@@ -52,25 +52,27 @@ class Change:
     @property
     def words(self) -> str:
         """Old, new and why, for the crew to confirm."""
-        return f"{self.name} {number(self.old)} -> {number(self.new)}{_unit(self.unit)}: {self.why}"
+        return (
+            f"{self.name} {format_number(self.old)} -> {format_number(self.new)}{_format_unit(self.unit)}: {self.why}"
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class Proposal:
+class ParameterProposal:
     """What a flight would change on board, and what that is held against."""
 
     present: Mapping[str, Present]
     """What each vehicle has now, as far as it matters to its RTL; without those of which that is not known."""
-    changes: tuple[Change, ...]
+    changes: tuple[ParameterChange, ...]
     checks: tuple[Check, ...]
     """The same for the checklist, with what is right already and what is not known."""
 
-    def of(self, vehicle: str) -> tuple[Change, ...]:
+    def changes_of(self, vehicle: str) -> tuple[ParameterChange, ...]:
         """Return the changes of one vehicle."""
         return tuple(change for change in self.changes if change.vehicle == vehicle)
 
 
-def number(value: float) -> str:
+def format_number(value: float) -> str:
     """Return a value as people write it.
 
     >>> number(1500.0), number(27.299999237060547), number(0.0)
@@ -79,24 +81,26 @@ def number(value: float) -> str:
     return str(int(value)) if value == int(value) else f"{value:g}"
 
 
-def same(one: float, other: float) -> bool:
+def is_same_value(one: float, other: float) -> bool:
     """Return whether two values are one, but for what a float loses on its way."""
     return math.isclose(one, other, rel_tol=1e-5, abs_tol=1e-6)
 
 
-def first_names(dialect: Dialect) -> tuple[str, ...]:
+def list_return_parameters(dialect: Dialect) -> tuple[str, ...]:
     """Return the parameters that a vehicle is asked for before a change of its return."""
     rule = dialect.return_parameters
     return tuple(name for name in (rule.height, rule.cone, rule.descend_height, rule.descend_wait) if name is not None)
 
 
-def newer_names(dialect: Dialect, present: Present) -> tuple[str, ...]:
+def list_newer_return_parameters(dialect: Dialect, present: Present) -> tuple[str, ...]:
     """Return what else it is asked for: the name of its height in newer firmware, where the older is not known."""
     rule = dialect.return_parameters
     return (rule.newer_height,) if rule.newer_height is not None and rule.height not in present else ()
 
 
-def propose(context: Context, answered: Mapping[str, Answers], *, ceiling_m: float | None = None) -> Proposal:
+def propose_return_changes(
+    context: Context, answered: Mapping[str, Answers], *, ceiling_m: float | None = None
+) -> ParameterProposal:
     """Return what must be set so that every vehicle comes home by itself clear of the others.
 
     What is right already stays, and so does a higher return of the one vehicle above which there is nobody. A vehicle
@@ -108,24 +112,24 @@ def propose(context: Context, answered: Mapping[str, Answers], *, ceiling_m: flo
         ceiling_m: How high over its own home a return that is set already may be to stay; by default as high as the
             site's ceiling over the ground allows.
     """
-    changes: list[Change] = []
+    changes: list[ParameterChange] = []
     checks: list[Check] = []
-    highest = max(context.vehicles, key=lambda name: _return_up_m(context, name))
+    highest = max(context.vehicles, key=lambda name: _return_height_over_depot_m(context, name))
     for name, answers in answered.items():
         said = answers.present
         if answers.unread:
             text = f"what must be set on it is not known: {not_read(answers.unread)}; is the link too bad?"
             checks.append(Check(Severity.STOP, name, text, CheckCode.RTL_ALTITUDE))
             continue
-        allowed_m = highest_return_m(context.setup, name) if ceiling_m is None else ceiling_m
-        own, check = _of_vehicle(context, name, said, allowed_m if name == highest else 0.0)
+        allowed_m = max_return_height_m(context.setup, name) if ceiling_m is None else ceiling_m
+        own, check = _propose_for_vehicle(context, name, said, allowed_m if name == highest else 0.0)
         changes += own
-        checks += [check, *to_be_set(own)]
+        checks += [check, *list_change_checks(own)]
     present = {name: answers.present for name, answers in answered.items() if not answers.unread}
-    return Proposal(present, tuple(changes), tuple(checks))
+    return ParameterProposal(present, tuple(changes), tuple(checks))
 
 
-def to_be_set(changes: Sequence[Change]) -> list[Check]:
+def list_change_checks(changes: Sequence[ParameterChange]) -> list[Check]:
     """Return the lines of the checklist that name changes."""
     return [
         Check(Severity.OK, one.vehicle, f"to be set for the flight: {one.words}", CheckCode.PARAMETER_CHANGE)
@@ -133,14 +137,16 @@ def to_be_set(changes: Sequence[Change]) -> list[Check]:
     ]
 
 
-def _return_up_m(context: Context, name: str) -> float:
+def _return_height_over_depot_m(context: Context, name: str) -> float:
     """Return how high over the depot a vehicle returns."""
     return context.return_height_m(name) + context.frame.up_m(context.setup.pad_of(name).alt_m)
 
 
-def _of_vehicle(context: Context, vehicle: str, said: Present, kept_to_m: float) -> tuple[list[Change], Check]:
+def _propose_for_vehicle(
+    context: Context, vehicle: str, said: Present, kept_to_m: float
+) -> tuple[list[ParameterChange], Check]:
     rule, wanted_m = context.vehicles[vehicle].dialect.return_parameters, context.return_height_m(vehicle)
-    name, unit_m = height_name(rule, said)
+    name, unit_m = find_height_parameter(rule, said)
     known = said.get(name)
     if known is None:
         names = " or ".join(one for one in (rule.height, rule.newer_height) if one is not None)
@@ -150,18 +156,20 @@ def _of_vehicle(context: Context, vehicle: str, said: Present, kept_to_m: float)
     most_m = max(wanted_m + HIGHER_M, min(kept_to_m, wanted_m + KEPT_HIGHER_M))
     changes, height_m = [], is_m
     if not wanted_m - unit_m <= is_m <= most_m:
-        value = _rounded_up(wanted_m, unit_m, known.kind)
+        value = _round_up_height(wanted_m, unit_m, known.kind)
         height_m = value * unit_m
         unit = "cm" if unit_m < 1.0 else "m"
-        changes.append(Change(vehicle, name, known.value, value, known.kind, unit, _why_so_high(context)))
-    changes += _beside(vehicle, rule, said, height_m)
+        changes.append(
+            ParameterChange(vehicle, name, known.value, value, known.kind, unit, _explain_return_height(context))
+        )
+    changes += _propose_other_changes(vehicle, rule, said, height_m)
     stays = "is" if height_m == is_m else "will be"
     return changes, Check(
         Severity.OK, vehicle, f"RTL altitude {stays} {round(height_m, 1):g} m ({name})", CheckCode.RTL_ALTITUDE
     )
 
 
-def return_heights(context: Context, vehicle: str, proposal: Proposal, ends: Mapping[str, str]) -> Check:
+def check_return_height(context: Context, vehicle: str, proposal: ParameterProposal, ends: Mapping[str, str]) -> Check:
     """Say at which height a vehicle comes home by itself once its parameters are set.
 
     Args:
@@ -171,9 +179,9 @@ def return_heights(context: Context, vehicle: str, proposal: Proposal, ends: Map
         ends: By name, why a parameter is not as wanted; empty where it is.
     """
     said, wanted_m = proposal.present[vehicle], context.return_height_m(vehicle)
-    name, unit_m = height_name(context.vehicles[vehicle].dialect.return_parameters, said)
+    name, unit_m = find_height_parameter(context.vehicles[vehicle].dialect.return_parameters, said)
     problems = "; ".join(problem for problem in ends.values() if problem)
-    new = next((change.new for change in proposal.of(vehicle) if change.name == name), said[name].value)
+    new = next((change.new for change in proposal.changes_of(vehicle) if change.name == name), said[name].value)
     height_m = (said[name].value if ends.get(name) else new) * unit_m
     if ends.get(name):
         text = (
@@ -191,20 +199,20 @@ def return_heights(context: Context, vehicle: str, proposal: Proposal, ends: Map
     return Check(Severity.OK, vehicle, f"RTL altitude set to {round(height_m, 1):g} m ({name})", CheckCode.RTL_ALTITUDE)
 
 
-def height_name(rule: ReturnParameters, said: Present) -> tuple[str, float]:
+def find_height_parameter(rule: ReturnParameters, said: Present) -> tuple[str, float]:
     """Return the parameter that holds the height of a vehicle's RTL, and its unit in metres."""
     if rule.newer_height is not None and rule.height not in said and rule.newer_height in said:
         return rule.newer_height, 1.0
     return rule.height, rule.unit_m
 
 
-def _rounded_up(height_m: float, unit_m: float, kind: int) -> float:
+def _round_up_height(height_m: float, unit_m: float, kind: int) -> float:
     """Return a height in a parameter's unit: whole centimetres, whole metres of an integer, else tenths."""
     step = 0.1 if unit_m == 1.0 and kind == REAL32 else 1.0
     return round(math.ceil(round(height_m / unit_m / step, 6)) * step, 1)
 
 
-def _why_so_high(context: Context) -> str:
+def _explain_return_height(context: Context) -> str:
     heights = context.setup.layers.track_heights_m
     if len(context.vehicles) == 1:
         return "keeps its RTL above the line"
@@ -213,19 +221,21 @@ def _why_so_high(context: Context) -> str:
     return "keeps its RTL in its own layer"
 
 
-def _beside(vehicle: str, rule: ReturnParameters, said: Present, height_m: float) -> list[Change]:
+def _propose_other_changes(
+    vehicle: str, rule: ReturnParameters, said: Present, height_m: float
+) -> list[ParameterChange]:
     """Return what else keeps a vehicle from returning at that height."""
     changes = []
     cone = said.get(rule.cone)
     if cone is not None and cone.value >= rule.cone_least:
         why = "climbs to that height near its pad, too"
-        changes.append(Change(vehicle, rule.cone, cone.value, rule.cone_off, cone.kind, rule.cone_unit, why))
+        changes.append(ParameterChange(vehicle, rule.cone, cone.value, rule.cone_off, cone.kind, rule.cone_unit, why))
     stop = None if rule.descend_height is None else said.get(rule.descend_height)
     wait = None if rule.descend_wait is None else said.get(rule.descend_wait)
     waits = wait is None or wait.value != 0.0
     if stop is not None and waits and stop.value < height_m:
         why = "waits over its pad in its own layer"
-        changes.append(Change(vehicle, stop.name, stop.value, height_m, stop.kind, "m", why))
+        changes.append(ParameterChange(vehicle, stop.name, stop.value, height_m, stop.kind, "m", why))
     return changes
 
 
@@ -243,7 +253,7 @@ class ChangeStage(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class KeptParameter:
     """What is on record of one parameter, so that it can be given back whatever happens to the ground station."""
 
     vehicle: str
@@ -275,14 +285,17 @@ class Kept:
     @property
     def words(self) -> str:
         """What is restored, for the crew to confirm."""
-        return f"{self.vehicle}: {self.name} {number(self.new)} -> {number(self.old)}{_unit(self.unit)}"
+        new, old = format_number(self.new), format_number(self.old)
+        return f"{self.vehicle}: {self.name} {new} -> {old}{_format_unit(self.unit)}"
 
-    def ours(self, value: float) -> bool:
+    def is_ours(self, value: float) -> bool:
         """Return whether a value on board was set from here."""
-        return any(same(value, one) for one in (self.new, *self.earlier))
+        return any(is_same_value(value, one) for one in (self.new, *self.earlier))
 
 
-def kept_record(change: Change, sysid: int, autopilot: str, before: Kept | None) -> Kept:
+def build_kept_parameter(
+    change: ParameterChange, sysid: int, autopilot: str, before: KeptParameter | None
+) -> KeptParameter:
     """Return what is on record once a change is planned.
 
     Args:
@@ -292,16 +305,18 @@ def kept_record(change: Change, sysid: int, autopilot: str, before: Kept | None)
         before: What an earlier attempt left on record of it. What that one found is the oldest value, and given back,
             unless somebody set something else since.
     """
-    fresh = Kept(
+    fresh = KeptParameter(
         change.vehicle, sysid, autopilot, change.name, change.old, change.new, change.kind, change.unit, change.why
     )
-    if before is None or not before.open or not (same(change.old, before.old) or before.ours(change.old)):
+    if before is None or not before.open or not (is_same_value(change.old, before.old) or before.is_ours(change.old)):
         return fresh
     earlier = dict.fromkeys((*before.earlier, before.new))
     return replace(fresh, old=before.old, earlier=tuple(value for value in earlier if value != change.new))
 
 
-def on_record(changes: Sequence[Change], about: Mapping[str, tuple[int, str]], before: Sequence[Kept]) -> list[Kept]:
+def build_parameter_record(
+    changes: Sequence[ParameterChange], about: Mapping[str, tuple[int, str]], before: Sequence[KeptParameter]
+) -> list[KeptParameter]:
     """Return the whole record before a flight sets anything.
 
     Args:
@@ -312,11 +327,11 @@ def on_record(changes: Sequence[Change], about: Mapping[str, tuple[int, str]], b
     known = {one.key: one for one in before}
     for change in changes:
         key = (change.vehicle, change.name)
-        known[key] = kept_record(change, *about[change.vehicle], known.get(key))
+        known[key] = build_kept_parameter(change, *about[change.vehicle], known.get(key))
     return list(known.values())
 
 
-class FoundParameters(Enum):
+class ValueOrigin(Enum):
     """What a parameter's value on board means."""
 
     OLD = "old"
@@ -324,12 +339,12 @@ class FoundParameters(Enum):
     OTHER = "other"
 
 
-def found(one: Kept, value: float) -> FoundParameters:
+def classify_value(one: KeptParameter, value: float) -> ValueOrigin:
     """Return what a value on board means: it is only ours to take back where we set it."""
-    if same(value, one.old):
-        return FoundParameters.OLD
-    return FoundParameters.OURS if one.ours(value) else FoundParameters.OTHER
+    if is_same_value(value, one.old):
+        return ValueOrigin.OLD
+    return ValueOrigin.OURS if one.is_ours(value) else ValueOrigin.OTHER
 
 
-def _unit(unit: str) -> str:
+def _format_unit(unit: str) -> str:
     return f" {unit}" if unit else ""

@@ -20,7 +20,7 @@ SHOWN = 3
 """More reasons than this are counted only."""
 
 
-def reason_in(text: str) -> str | None:
+def parse_prearm_reason(text: str) -> str | None:
     """Return the reason that a text gives; None if it is about something else.
 
     >>> reason_in("PreArm: Compass not calibrated")
@@ -32,7 +32,7 @@ def reason_in(text: str) -> str | None:
     return None
 
 
-def complaint(reasons_s: Mapping[str, float], status: SystemStatus | None, now_s: float) -> str:
+def describe_prearm_failure(reasons_s: Mapping[str, float], status: SystemStatus | None, now_s: float) -> str:
     """Return why the pre-arm checks fail.
 
     Args:

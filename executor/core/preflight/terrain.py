@@ -8,55 +8,63 @@ import numpy as np
 
 from executor.core.check_codes import CheckCode
 from executor.core.context import Context
-from executor.core.preflight.checks import Check, Facts, Severity
+from executor.core.preflight.checks import Check, Severity, VehicleFacts
 from missions import Dialect
 
 GPS_M = 5.0
 """What a good GPS is off in height beside the raster."""
 
 
-def named_parameters(dialect: Dialect) -> tuple[str, ...]:
+def list_terrain_parameters(dialect: Dialect) -> tuple[str, ...]:
     """Return the parameters that say so."""
     return tuple(rule.parameter for rule in dialect.terrain)
 
 
-def following(facts: Facts, dialect: Dialect) -> list[Check]:
+def check_terrain_following(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     """Say what a vehicle follows by itself: a warning where its flight is another for it than was planned."""
-    if unread := facts.not_read(named_parameters(dialect), "whether it follows the ground is", CheckCode.TERRAIN):
+    if unread := facts.not_read(
+        list_terrain_parameters(dialect), "whether it follows the ground is", CheckCode.TERRAIN
+    ):
         return unread
     set_ = [rule for rule in dialect.terrain if facts.parameters.get(rule.parameter)]
     on = [rule for rule in set_ if int(facts.parameters[rule.parameter]) in rule.on]
     said = "follows the ground by itself"
     found = [
-        Check(Severity.WARNING, facts.name, f"{said}: {_said(facts, rule.parameter)}: {rule.words}", CheckCode.TERRAIN)
+        Check(
+            Severity.WARNING,
+            facts.name,
+            f"{said}: {_format_parameter(facts, rule.parameter)}: {rule.words}",
+            CheckCode.TERRAIN,
+        )
         for rule in on
         if rule.in_flight
     ]
     found += [
         Check(
-            Severity.WARNING, facts.name, f"may follow the ground by itself: {_said(facts, rule.parameter)} is unknown",
+            Severity.WARNING, facts.name,
+            f"may follow the ground by itself: {_format_parameter(facts, rule.parameter)} is unknown",
             CheckCode.TERRAIN,
         )
         for rule in set_
         if rule not in on
     ]  # fmt: skip
-    idle = [f"{_said(facts, rule.parameter)} {rule.words}" for rule in on if not rule.in_flight]
+    idle = [f"{_format_parameter(facts, rule.parameter)} {rule.words}" for rule in on if not rule.in_flight]
     if found:
         return found
-    text = "its missions and its RTL do not follow the ground by themselves" + _listed(idle)
+    text = "its missions and its RTL do not follow the ground by themselves" + _format_idle_parameters(idle)
     return [Check(Severity.OK, facts.name, text, CheckCode.TERRAIN)]
 
 
-def _said(facts: Facts, name: str) -> str:
+def _format_parameter(facts: VehicleFacts, name: str) -> str:
     return f"{name} {facts.parameters[name]:g}"
 
 
-def _listed(idle: Iterable[str]) -> str:
+def _format_idle_parameters(idle: Iterable[str]) -> str:
     text = "; ".join(idle)
     return f" ({text})" if text else ""
 
 
-def pad_ground(context: Context, facts: Facts) -> list[Check]:
+def check_pad_ground(context: Context, facts: VehicleFacts) -> list[Check]:
     """Hold a pad's height by the vehicle's own GPS against the raster: all heights of its mission are counted from it.
 
     A GPS that is too high sends the vehicle lower over the ground than its mission says.

@@ -15,13 +15,13 @@ from dataclasses import replace
 from executor.core.commands import Command, Level, Say, Solve, Survivor
 from executor.core.context import Context
 from executor.core.events import NewRoute, SolveEnded
-from executor.core.hours import within_hours
+from executor.core.hours import limit_to_hours
 from executor.core.replan import apart, once_more, replanning, survivors
-from executor.core.replan.wording import listed
+from executor.core.replan.wording import format_segments
 from executor.core.state import FleetState, Replan
 from executor.core.vehicle import VehicleState
-from missions import continue_path, estimate, flight_path
-from missions.asked import lies_lower
+from missions import build_flight_path, continue_path, estimate
+from missions.asked import must_leave_layer
 from planner import is_reversed, segment_of
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -33,11 +33,11 @@ MOST_LOST = 0.05
 """Of a vehicle's frames: a mission that nobody needs is not sent over a link on which its upload may break off."""
 
 
-def closer(context: Context, state: FleetState, now_s: float) -> Stepped:
+def lower_one_vehicle(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Give a vehicle a mission on which it comes nearer to the line, if there is one for whom that is free."""
     known = state.replanning
     if (
-        not apart.leaves_layers(context)
+        not apart.may_leave_layers(context)
         or known.replan is not None
         or known.urgent
         or known.ordered
@@ -47,140 +47,146 @@ def closer(context: Context, state: FleetState, now_s: float) -> Stepped:
         or state.progress.launched_s is None
         or state.listening.silent_since_s is not None
         or now_s < known.wait_until_s
-        or (now_s < known.closer_s + LOOKED_S and not once_more.all_down(state))
-        or apart.closing(context, state, now_s)
+        or (now_s < known.closer_s + LOOKED_S and not once_more.is_fleet_down(state))
+        or apart.is_line_occupied(context, state, now_s)
     ):
         return state, ()
     state = replace(state, replanning=replace(known, closer_s=now_s))
     most = max(1, min(LOOKED_AT, PAIRS_AT_ONCE // len(state.vehicles)))
-    for offer in itertools.islice(_may_come_nearer(context, state, now_s), most):
-        found = _on_the_way(context, state, offer, now_s) or _once_more(context, state, offer, now_s)
+    for offer in itertools.islice(_find_candidates(context, state, now_s), most):
+        found = _lower_ahead(context, state, offer, now_s) or _reinspect(context, state, offer, now_s)
         if found is not None:
             return found
     return state, ()
 
 
-def waits(context: Context, state: FleetState, now_s: float) -> bool:
+def is_clearance_awaited(context: Context, state: FleetState, now_s: float) -> bool:
     """Return whether somebody on the ground was just cleared to fly there once more, and others may be in a moment."""
-    if not apart.leaves_layers(context) or state.progress.recalled or now_s >= state.replanning.wait_until_s:
+    if not apart.may_leave_layers(context) or state.progress.recalled or now_s >= state.replanning.wait_until_s:
         return False
     return any(
-        vehicle.orders.cleared_s is not None and once_more.too_high(context, state, vehicle)
+        vehicle.orders.cleared_s is not None and once_more.find_distant_segments(context, state, vehicle)
         for vehicle in state.vehicles.values()
-        if survivors.survivor(context, vehicle, now_s) is not None
+        if survivors.build_survivor(context, vehicle, now_s) is not None
     )
 
 
-def _may_come_nearer(context: Context, state: FleetState, now_s: float) -> Iterator[Survivor]:
+def _find_candidates(context: Context, state: FleetState, now_s: float) -> Iterator[Survivor]:
     """Yield who inspects from its layer, or may look again at what was; each second another one comes first."""
     names = list(state.vehicles)
-    stays, first = apart.stays_in_layer(context.vehicles), int(now_s) % len(names)
+    stays, first = apart.find_layer_bound_vehicles(context.vehicles), int(now_s) % len(names)
     for name in (*names[first:], *names[:first]):
         vehicle = state.vehicles[name]
         lost = vehicle.link.quality.lost
         if vehicle.assignment.board is None or (lost is not None and lost > MOST_LOST):
             continue
         ahead = () if name in stays else map(segment_of, vehicle.remaining_visits())
-        lower = any(lies_lower(context.setup, name, segment) for segment in ahead)
-        if not lower and not once_more.too_high(context, state, vehicle):
+        lower = any(must_leave_layer(context.setup, name, segment) for segment in ahead)
+        if not lower and not once_more.find_distant_segments(context, state, vehicle):
             continue
-        offer = survivors.survivor(context, vehicle, now_s)
-        if offer is None or not (offer.airborne or (context.day is None and once_more.all_down(state))):
+        offer = survivors.build_survivor(context, vehicle, now_s)
+        if offer is None or not (offer.airborne or (context.day is None and once_more.is_fleet_down(state))):
             continue
-        not_low = {segment_of(visit) for visit in offer.tail} - apart.low_on_board(vehicle, offer)
-        lower = name not in stays and any(lies_lower(context.setup, name, segment) for segment in not_low)
+        not_low = {segment_of(visit) for visit in offer.tail} - apart.find_low_tail_segments(vehicle, offer)
+        lower = name not in stays and any(must_leave_layer(context.setup, name, segment) for segment in not_low)
         if lower or once_more.has_done_its_part(state, vehicle, offer):
-            yield within_hours(context, state, offer, now_s)
+            yield limit_to_hours(context, state, offer, now_s)
 
 
-def _on_the_way(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Stepped | None:
+def _lower_ahead(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Stepped | None:
     """Return what follows where a vehicle comes down to more of what it has before it."""
     vehicle = state.vehicles[offer.vehicle]
-    before = apart.low_on_board(vehicle, offer)
+    before = apart.find_low_tail_segments(vehicle, offer)
     if not offer.tail:
         return None
-    plan = _plan(context, state, offer, offer.tail, now_s)
-    low = _low(context, state, plan, now_s)
-    if not low > before or not _affords(context, vehicle, plan, low):
+    plan = _build_plan(context, state, offer, offer.tail, now_s)
+    low = _choose_low(context, state, plan, now_s)
+    if not low > before or not _can_afford(context, vehicle, plan, low):
         return None
-    names = listed(context, low - before)
+    names = format_segments(context, low - before)
     why = f"{offer.vehicle}: airspace at {names} is free; new mission at inspection height"
-    return _given(context, state, plan, why, now_s)
+    return _assign_plan(context, state, plan, why, now_s)
 
 
-def _once_more(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Stepped | None:
+def _reinspect(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Stepped | None:
     """Return what follows where a vehicle that has done its part can inspect more at the asked distance."""
-    plan = flown_again(context, state, offer, now_s)
+    plan = plan_reinspection(context, state, offer, now_s)
     if plan is None:
         return None
-    names = listed(context, frozenset(map(segment_of, plan.solve.given)) - set(map(segment_of, offer.tail)))
+    names = format_segments(context, frozenset(map(segment_of, plan.solve.given)) - set(map(segment_of, offer.tail)))
     when = "new mission before it returns" if offer.airborne else "takes off after upload"
-    return _given(context, state, plan, f"{offer.vehicle}: re-inspects {names} at inspection height; {when}", now_s)
+    return _assign_plan(
+        context, state, plan, f"{offer.vehicle}: re-inspects {names} at inspection height; {when}", now_s
+    )
 
 
-def flown_again(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Replan | None:
+def plan_reinspection(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Replan | None:
     """Return the plan by which a vehicle that has done its part inspects more at the asked distance, if it can."""
     name, vehicle = offer.vehicle, state.vehicles[offer.vehicle]
-    again = once_more.too_high(context, state, vehicle)
+    again = once_more.find_distant_segments(context, state, vehicle)
     if not again or not once_more.has_done_its_part(state, vehicle, offer):
         return None
-    [kept] = apart.kept_apart(context, state, [offer], again, now_s)
-    begin_m = offer.start_m if not offer.tail else _end_of(context, offer)
-    more = once_more.in_their_order(context, begin_m, again - set(kept.barred))
+    [kept] = apart.close_occupied_segments(context, state, [offer], again, now_s)
+    begin_m = offer.start_m if not offer.tail else _tail_end_m(context, offer)
+    more = once_more.build_nearest_visits(context, begin_m, again - set(kept.barred))
     while more:
-        plan = _plan(context, state, offer, (*offer.tail, *more), now_s)
-        low = _low(context, state, plan, now_s)
+        plan = _build_plan(context, state, offer, (*offer.tail, *more), now_s)
+        low = _choose_low(context, state, plan, now_s)
         stay = tuple(
-            one for one in more if segment_of(one) in low or not lies_lower(context.setup, name, segment_of(one))
+            one for one in more if segment_of(one) in low or not must_leave_layer(context.setup, name, segment_of(one))
         )
         if stay != more:
             more = stay  # where one goes away, the others may be flown in one go, or not any more
-        elif _affords(context, vehicle, plan, low, once_more.SPARE_PCT):
+        elif _can_afford(context, vehicle, plan, low, once_more.SPARE_PCT):
             return plan
         else:
             more = more[:-1]
     return None
 
 
-def _end_of(context: Context, offer: Survivor) -> tuple[float, float]:
+def _tail_end_m(context: Context, offer: Survivor) -> tuple[float, float]:
     last = offer.tail[-1]
     east_m, north_m = context.setup.tracks_m[segment_of(last)][0 if is_reversed(last) else 1].tolist()
     return east_m, north_m
 
 
-def _plan(context: Context, state: FleetState, offer: Survivor, visits: tuple[int, ...], now_s: float) -> Replan:
-    [offer] = apart.kept_apart(context, state, [offer], map(segment_of, visits), now_s)
+def _build_plan(context: Context, state: FleetState, offer: Survivor, visits: tuple[int, ...], now_s: float) -> Replan:
+    [offer] = apart.close_occupied_segments(context, state, [offer], map(segment_of, visits), now_s)
     revision = state.replanning.revision + 1
     solve = Solve(revision, tuple(sorted(map(segment_of, visits))), (offer,), "", given=visits)
     return Replan(solve, now_s, closer=True)
 
 
-def _low(context: Context, state: FleetState, plan: Replan, now_s: float) -> frozenset[int]:
+def _choose_low(context: Context, state: FleetState, plan: Replan, now_s: float) -> frozenset[int]:
     [offer] = plan.solve.survivors
-    return apart.chosen(context, state, plan, {offer.vehicle: plan.solve.given}, now_s)[offer.vehicle]
+    return apart.choose_low_segments(context, state, plan, {offer.vehicle: plan.solve.given}, now_s)[offer.vehicle]
 
 
-def _given(context: Context, state: FleetState, plan: Replan, why: str, now_s: float) -> Stepped:
+def _assign_plan(context: Context, state: FleetState, plan: Replan, why: str, now_s: float) -> Stepped:
     [offer], revision = plan.solve.survivors, plan.solve.revision
     plan = replace(plan, solve=replace(plan.solve, trigger=why))
     state = replace(state, replanning=replace(state.replanning, revision=revision, replan=plan))
     answer = SolveEnded(revision, (NewRoute(offer.vehicle, plan.solve.given),), (), 0.0, "")
-    state, commands = replanning.solved(context, state, answer, now_s)
+    state, commands = replanning.apply_solution(context, state, answer, now_s)
     return state, (Say(Level.INFO, why), *commands)
 
 
-def _affords(
+def _can_afford(
     context: Context, vehicle: VehicleState, plan: Replan, low: frozenset[int], spare_pct: float = 0.0
 ) -> bool:
     """Return whether what is left of a vehicle's budget takes it down there and home."""
     [offer], board, model = plan.solve.survivors, vehicle.assignment.board, context.pricing.models[vehicle.name]
-    setup, visits, kept = apart.around(context, (offer,)), plan.solve.given, offer.kept if offer.airborne else 0
+    setup, visits, kept = (
+        apart.build_closed_setup(context, (offer,)),
+        plan.solve.given,
+        offer.kept if offer.airborne else 0,
+    )
     if offer.airborne and board is not None:
         path = continue_path(setup, board.path, kept, visits, low)
     else:
-        path = flight_path(setup, vehicle.name, visits, low)
+        path = build_flight_path(setup, vehicle.name, visits, low)
     legs = estimate(path, model).legs[kept:]
     phases = (point.phase for point in path.waypoints[kept:])
-    needs_pct = sum(offer.pace.of(phase) * leg.energy_pct for phase, leg in zip(phases, legs, strict=True))
-    needs_pct = offer.consumption * needs_pct + once_more.turning_pct(vehicle, offer)
+    needs_pct = sum(offer.pace.factor_of(phase) * leg.energy_pct for phase, leg in zip(phases, legs, strict=True))
+    needs_pct = offer.consumption * needs_pct + once_more.turn_back_energy_pct(vehicle, offer)
     return needs_pct + spare_pct <= offer.budget_pct

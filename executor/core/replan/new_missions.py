@@ -8,13 +8,13 @@ from types import MappingProxyType
 from executor.core.commands import Command, Compose, Level, Say, Survivor, Upload
 from executor.core.context import Context
 from executor.core.events import MissionsWanted, NewRoute
-from executor.core.fencing import wider_fence
-from executor.core.homing.homeward import comes_down
-from executor.core.parts import Cause
+from executor.core.fencing import widen_fence
+from executor.core.homing.homeward import is_coming_down
+from executor.core.parts import ModeCause
 from executor.core.replan import apart, survivors
 from executor.core.state import FleetState, NewMission, Replan, ReplanRecord
 from executor.core.vehicle import Stage, VehicleState
-from missions import continue_path, flight_path
+from missions import build_flight_path, continue_path
 
 RETRY_S = 5.0
 OLD_NEED_S = 90.0
@@ -26,17 +26,19 @@ WAYS_AT_ONCE = 500
 Some 10 ms for fifty vehicles, whose missions together would take a third of a second."""
 
 
-def composed(
+def apply_missions_wanted(
     context: Context, state: FleetState, event: MissionsWanted, now_s: float
 ) -> tuple[FleetState, tuple[Command, ...]]:
     """Make some more missions of a re-plan."""
     plan = state.replanning.replan
     if plan is None or plan.solve.revision != event.revision:
         return state, ()
-    return compose(context, state, plan, now_s)
+    return compose_missions(context, state, plan, now_s)
 
 
-def compose(context: Context, state: FleetState, plan: Replan, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+def compose_missions(
+    context: Context, state: FleetState, plan: Replan, now_s: float
+) -> tuple[FleetState, tuple[Command, ...]]:
     """Make and send the next missions, with `WAYS_AT_ONCE` or one vehicle's; the others wait for their turn."""
     commands: list[Command] = []
     offers = {offer.vehicle: offer for offer in plan.solve.survivors}
@@ -47,17 +49,17 @@ def compose(context: Context, state: FleetState, plan: Replan, now_s: float) -> 
         if route.vehicle not in plan.pending:
             continue  # its fault came first
         vehicle, offer = state.vehicles[route.vehicle], offers[route.vehicle]
-        if not survivors.still_fits(vehicle, offer):
-            why = FLEW_ON if vehicle.custody.cause is Cause.OURS else LEFT
-            state, plan, said = let_go(state, plan, route.vehicle, why, now_s)
+        if not survivors.is_offer_valid(vehicle, offer):
+            why = FLEW_ON if vehicle.custody.cause is ModeCause.OURS else LEFT
+            state, plan, said = drop_late_mission(state, plan, route.vehicle, why, now_s)
             commands.append(said)
             continue
-        mission = _new_mission(context, vehicle, offer, route.visits, plan)
+        mission = _build_new_mission(context, vehicle, offer, route.visits, plan)
         if plan.low:
-            waits, near = apart.in_the_way(context, state, plan, route.vehicle, mission.path, now_s)
+            waits, near = apart.find_mission_conflicts(context, state, plan, route.vehicle, mission.path, now_s)
             if near:
                 why = f"its path conflicts with others' parts of the line ({near[0]})"
-                state, plan, said = let_go(state, plan, route.vehicle, why, now_s)
+                state, plan, said = drop_late_mission(state, plan, route.vehicle, why, now_s)
                 state = replace(state, replanning=replace(state.replanning, wait_until_s=now_s + RETRY_S))
                 commands.append(said)
                 continue
@@ -70,22 +72,26 @@ def compose(context: Context, state: FleetState, plan: Replan, now_s: float) -> 
     plan = replace(plan, unmade=(*waiting, *unmade))
     if unmade:
         commands.append(Compose(plan.solve.revision))
-    state, ended = ended_if_done(replace(state, replanning=replace(state.replanning, replan=plan)), now_s)
+    state, ended = end_replan_if_done(replace(state, replanning=replace(state.replanning, replan=plan)), now_s)
     return state, (*commands, *ended)
 
 
-def all_made(context: Context, state: FleetState, plan: Replan) -> Replan:
+def build_all_missions(context: Context, state: FleetState, plan: Replan) -> Replan:
     """Make every mission of a re-plan at once, and send none."""
     offers = {offer.vehicle: offer for offer in plan.solve.survivors}
     missions = {
-        route.vehicle: _new_mission(context, state.vehicles[route.vehicle], offers[route.vehicle], route.visits, plan)
+        route.vehicle: _build_new_mission(
+            context, state.vehicles[route.vehicle], offers[route.vehicle], route.visits, plan
+        )
         for route in plan.unmade
         if route.vehicle in plan.pending
     }
     return replace(plan, unmade=(), missions=MappingProxyType({**plan.missions, **missions}))
 
 
-def let_go(state: FleetState, plan: Replan, name: str, why: str, now_s: float) -> tuple[FleetState, Replan, Say]:
+def drop_late_mission(
+    state: FleetState, plan: Replan, name: str, why: str, now_s: float
+) -> tuple[FleetState, Replan, Say]:
     """Let go of a part of a re-plan that came too late for one vehicle: what it would have flown is planned anew."""
     plan = replace(plan, pending=plan.pending - {name}, let_go=(*plan.let_go, name))
     vehicle = state.vehicles[name]
@@ -96,7 +102,7 @@ def let_go(state: FleetState, plan: Replan, name: str, why: str, now_s: float) -
     return state, plan, Say(Level.INFO, f"{name}: {why}; re-plan {plan.solve.revision} is planned again for it")
 
 
-def wanted_again(state: FleetState, plan: Replan) -> FleetState:
+def request_replan_again(state: FleetState, plan: Replan) -> FleetState:
     """Give a re-plan up; the next one has the same reason and is as old.
 
     A sortie that is given up is asked for again by its turnaround, as long as the crew's word holds.
@@ -112,7 +118,7 @@ def wanted_again(state: FleetState, plan: Replan) -> FleetState:
     return replace(wanted, replanning=replace(wanted.replanning, ordered=plan.ordered))
 
 
-def may_be_given(context: Context, vehicle: VehicleState, *, mixed: bool) -> bool:
+def may_retry_upload(context: Context, vehicle: VehicleState, *, mixed: bool) -> bool:
     """Return whether the upload of a mission that failed is begun again.
 
     Args:
@@ -120,30 +126,30 @@ def may_be_given(context: Context, vehicle: VehicleState, *, mixed: bool) -> boo
         vehicle: Who is given it.
         mixed: Whether a part of it is on board: then it is better whole, also with its pilot.
     """
-    if vehicle.stage in {Stage.RETURNING, Stage.DOWN} or comes_down(context, vehicle):
+    if vehicle.stage in {Stage.RETURNING, Stage.DOWN} or is_coming_down(context, vehicle):
         return False  # it is left to its way home, and to its landing; who lies somewhere flies none
     return mixed or (not vehicle.orders.excluded and vehicle.stage not in {Stage.PILOT, Stage.LOST})
 
 
-def _new_mission(
+def _build_new_mission(
     context: Context, vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...], plan: Replan
 ) -> NewMission:
     """Return a survivor's whole new mission.
 
     In flight the beginning stays as it is, item for item, so that the autopilot's index keeps its meaning.
     """
-    setup, low = apart.around(context, plan.solve.survivors), frozenset(plan.low.get(vehicle.name, ()))
+    setup, low = apart.build_closed_setup(context, plan.solve.survivors), frozenset(plan.low.get(vehicle.name, ()))
     if not offer.airborne or vehicle.assignment.board is None:
-        path = flight_path(setup, vehicle.name, visits, low)
-        return NewMission(path, visits, True, wider_fence(context, vehicle.name, vehicle.assignment.fence, path))
+        path = build_flight_path(setup, vehicle.name, visits, low)
+        return NewMission(path, visits, True, widen_fence(context, vehicle.name, vehicle.assignment.fence, path))
     kept = {waypoint.visit for waypoint in vehicle.assignment.board.path.waypoints[: offer.kept]}
     stay = tuple(visit for index, visit in enumerate(vehicle.assignment.board.visits) if index in kept)
     path = continue_path(setup, vehicle.assignment.board.path, offer.kept, visits, low)
-    fence = wider_fence(context, vehicle.name, vehicle.assignment.fence, path)
+    fence = widen_fence(context, vehicle.name, vehicle.assignment.fence, path)
     return NewMission(path, (*stay, *visits), False, fence)
 
 
-def ended_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+def end_replan_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
     """Close the re-plan once every new mission is on board, or known not to come on board."""
     plan = state.replanning.replan
     if plan is None or plan.solve_s is None or plan.pending:

@@ -10,13 +10,13 @@ from dataclasses import replace
 
 from executor.core.commands import Level, Say
 from executor.core.context import Context
-from executor.core.custody.causes import in_other_hands
+from executor.core.custody.causes import is_under_foreign_control
 from executor.core.endings import Ending
 from executor.core.events import UploadEnded
-from executor.core.parts import Declined
+from executor.core.parts import DeclinedMission
 from executor.core.replan import survivors
 from executor.core.state import FleetState, NewMission, Stepped
-from executor.core.vehicle import Stage, VehicleState, aboard
+from executor.core.vehicle import Stage, VehicleState, build_onboard_mission
 
 OFFERS = 3
 """How often in a row a new mission is offered: who takes none of them is planned around for the rest of the flight."""
@@ -28,7 +28,7 @@ LATER = frozenset({
 """Ends of an upload after which the next may end well; a plain refusal does not become another answer by waiting."""
 
 
-def declined(
+def record_declined_mission(
     context: Context, vehicle: VehicleState, mission: NewMission, event: UploadEnded, now_s: float
 ) -> tuple[VehicleState, str]:
     """Return a vehicle that could not be given its new mission, and for how long it is planned around, in words."""
@@ -38,22 +38,22 @@ def declined(
     tries = 1 + (0 if vehicle.assignment.declined is None else vehicle.assignment.declined.tries)
     maybe = None
     if context.vehicles[vehicle.name].dialect.upload_is_atomic and not mission.fresh:
-        maybe = aboard(context, vehicle.name, event.revision, mission.path, mission.visits)
-    known = replace(known, declined=Declined(now_s, tries, maybe))
+        maybe = build_onboard_mission(context, vehicle.name, event.revision, mission.path, mission.visits)
+    known = replace(known, declined=DeclinedMission(now_s, tries, maybe))
     how_long = " until it answers again" if tries < OFFERS else " for the rest of the flight"
     return replace(vehicle, assignment=known), how_long
 
 
-def offered_again(context: Context, state: FleetState, now_s: float) -> Stepped:
+def retry_declined_missions(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Look who answers again that could not be given a new mission, and plan with it."""
     if state.replanning.replan is not None or state.progress.recalled or state.listening.silent_since_s is not None:
         return state, ()
     for vehicle in state.vehicles.values():
         refused = vehicle.assignment.declined
-        if refused is None or refused.tries >= OFFERS or not _answers(vehicle, refused, now_s):
+        if refused is None or refused.tries >= OFFERS or not _is_answering_again(vehicle, refused, now_s):
             continue
         ready = replace(vehicle, assignment=replace(vehicle.assignment, stubborn=False))
-        if survivors.survivor(context, ready, now_s) is None:
+        if survivors.build_survivor(context, ready, now_s) is None:
             if vehicle.stage is not Stage.FLYING:
                 state = state.put(ready)  # it waits for the crew's word, as others do
             continue
@@ -62,21 +62,21 @@ def offered_again(context: Context, state: FleetState, now_s: float) -> Stepped:
             carried = replace(vehicle.assignment.carried, told_s=now_s)
             state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, carried=carried)))
             continue
-        return _planned_with(state, ready, now_s)
+        return _replan_with(state, ready, now_s)
     return state, ()
 
 
-def _answers(vehicle: VehicleState, refused: Declined, now_s: float) -> bool:
+def _is_answering_again(vehicle: VehicleState, refused: DeclinedMission, now_s: float) -> bool:
     """Return whether it was heard since, and is not in other hands."""
     known, beat_s = vehicle.assignment, vehicle.link.heartbeat_s
-    if not known.stubborn or known.pending is not None or known.before is not None or in_other_hands(vehicle):
+    if not known.stubborn or known.pending is not None or known.before is not None or is_under_foreign_control(vehicle):
         return False
     if vehicle.stage not in {Stage.GROUND, Stage.LANDED, Stage.FLYING}:
         return False
     return beat_s is not None and beat_s > refused.at_s and now_s - refused.at_s >= AGAIN_S
 
 
-def _planned_with(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def _replan_with(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     left = frozenset(state.replanning.records[-1].uncovered) if state.replanning.records else frozenset()
     trigger = f"{vehicle.name}: answers again"
     known = replace(state.replanning, ordered=True)

@@ -17,7 +17,7 @@ from executor.core.context import Context
 from executor.core.replan import survivors
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage, VehicleState
-from missions.asked import visits_at_m
+from missions.asked import visit_distances_m
 from planner import segment_of, visit_of
 
 _DOWN = frozenset({Stage.GROUND, Stage.LANDED, Stage.DOWN, Stage.LOST})
@@ -32,40 +32,42 @@ def has_done_its_part(state: FleetState, vehicle: VehicleState, offer: Survivor)
     return not vehicle.turn.ahead and all(segment_of(visit) in state.coverage.inspected for visit in offer.tail)
 
 
-def all_down(state: FleetState) -> bool:
+def is_fleet_down(state: FleetState) -> bool:
     """Return whether nobody is in the air, or about to be, but for who is lost."""
     return all(vehicle.stage in _DOWN for vehicle in state.vehicles.values())
 
 
-def too_high(context: Context, state: FleetState, vehicle: VehicleState) -> frozenset[int]:
+def find_distant_segments(context: Context, state: FleetState, vehicle: VehicleState) -> frozenset[int]:
     """Return the segments that count from farther away than asked, and that a vehicle may be sent to once more.
 
     Not what somebody has before it, and not what it was sent to already: that was not proven, and may not be again.
     """
     coverage, asked_m = state.coverage, context.setup.inspection.height_m
-    found = {segment for segment in coverage.inspected if coverage.would_be_nearer(segment, asked_m)}
+    found = {segment for segment in coverage.inspected if coverage.is_nearer_than_counted(segment, asked_m)}
     if not found:
         return frozenset()
-    for other in state.on_mission():
+    for other in state.mission_vehicles():
         found -= {segment_of(visit) for visit in other.remaining_visits()}
-    return frozenset(found - _tried(context, state, vehicle) - survivors.barred(context, vehicle))
+    return frozenset(
+        found - _find_tried_segments(context, state, vehicle) - survivors.find_barred_segments(context, vehicle)
+    )
 
 
-def _tried(context: Context, state: FleetState, vehicle: VehicleState) -> set[int]:
+def _find_tried_segments(context: Context, state: FleetState, vehicle: VehicleState) -> set[int]:
     """Return what a vehicle was sent to for a nearer look by the mission on board."""
     board = vehicle.assignment.board
     if board is None:
         return set()
-    at_m = visits_at_m(context.setup, board.path, board.visits)
+    at_m = visit_distances_m(context.setup, board.path, board.visits)
     segments = map(segment_of, board.visits)
     return {
         segment
         for segment, here_m in zip(segments, at_m, strict=True)
-        if state.coverage.would_be_nearer(segment, here_m)
+        if state.coverage.is_nearer_than_counted(segment, here_m)
     }
 
 
-def in_their_order(context: Context, begin_m: tuple[float, float], segments: Iterable[int]) -> tuple[int, ...]:
+def build_nearest_visits(context: Context, begin_m: tuple[float, float], segments: Iterable[int]) -> tuple[int, ...]:
     """Return visits of the nearest segments: each time the one, and the end of it, to which it is nearest."""
     left, here_m = set(segments), begin_m
     visits: list[int] = []
@@ -81,10 +83,10 @@ def in_their_order(context: Context, begin_m: tuple[float, float], segments: Ite
     return tuple(visits)
 
 
-def turning_pct(vehicle: VehicleState, offer: Survivor) -> float:
+def turn_back_energy_pct(vehicle: VehicleState, offer: Survivor) -> float:
     """Return what turning back costs a vehicle on its way home: as much as it has flown of that leg."""
     board = vehicle.assignment.board
     if board is None or not offer.airborne or offer.kept > vehicle.assignment.waypoint:
         return 0.0
-    whole_pct = offer.pace.of(board.path.waypoints[offer.kept].phase) * board.legs[offer.kept].energy_pct
-    return offer.consumption * max(0.0, whole_pct - projection.modelled_to_reach_pct(vehicle, offer.kept))
+    whole_pct = offer.pace.factor_of(board.path.waypoints[offer.kept].phase) * board.legs[offer.kept].energy_pct
+    return offer.consumption * max(0.0, whole_pct - projection.energy_to_reach_pct(vehicle, offer.kept))

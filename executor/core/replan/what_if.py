@@ -6,14 +6,14 @@ from dataclasses import replace
 
 from executor.core.commands import Solve
 from executor.core.context import Context
-from executor.core.hours import within_hours
+from executor.core.hours import limit_to_hours
 from executor.core.replan import apart, replanning, survivors
 from executor.core.state import FleetState
-from executor.core.vehicle import Stage, supposed_lost
+from executor.core.vehicle import Stage, suppose_lost
 from planner import segment_of
 
 
-def worth_judging(state: FleetState) -> tuple[str, ...]:
+def select_vehicles_to_judge(state: FleetState) -> tuple[str, ...]:
     """Return the vehicles whose loss can be judged; none while the plan is about to change anyway."""
     if (
         state.replanning.replan is not None
@@ -23,10 +23,10 @@ def worth_judging(state: FleetState) -> tuple[str, ...]:
         or state.progress.launched_s is None
     ):
         return ()
-    return tuple(vehicle.name for vehicle in state.on_mission() if vehicle.stage is Stage.FLYING)
+    return tuple(vehicle.name for vehicle in state.mission_vehicles() if vehicle.stage is Stage.FLYING)
 
 
-def moment(state: FleetState) -> tuple[object, ...]:
+def build_judgement_key(state: FleetState) -> tuple[object, ...]:
     """Return what a judgement depends on: between two visits, and without a new plan, it stays as it is."""
     doing = tuple(
         (one.name, one.stage.value, one.orders.held_s is None, one.orders.excluded) for one in state.vehicles.values()
@@ -34,21 +34,21 @@ def moment(state: FleetState) -> tuple[object, ...]:
     return (state.replanning.revision, len(state.coverage.inspected), len(state.coverage.given_up), doing)
 
 
-def if_lost(context: Context, state: FleetState, name: str, now_s: float) -> Solve | tuple[int, ...]:
+def build_loss_problem(context: Context, state: FleetState, name: str, now_s: float) -> Solve | tuple[int, ...]:
     """Return the re-plan that the loss of a vehicle would ask for, or what would surely be left over.
 
     A held vehicle is taken to go on: the operator can let it.
     """
-    state = state.put(supposed_lost(state.vehicles[name], now_s))
-    alone = replanning.orphans(context, state)
+    state = state.put(suppose_lost(state.vehicles[name], now_s))
+    alone = replanning.find_orphan_segments(context, state)
     if not alone:
         return ()
     free = (replace(vehicle, orders=replace(vehicle.orders, held_s=None)) for vehicle in state.vehicles.values())
-    asked = (survivors.survivor(context, vehicle, now_s) for vehicle in free)
-    offers = tuple(within_hours(context, state, offer, now_s) for offer in asked if offer)
+    asked = (survivors.build_survivor(context, vehicle, now_s) for vehicle in free)
+    offers = tuple(limit_to_hours(context, state, offer, now_s) for offer in asked if offer)
     if not offers:
         return tuple(sorted(alone))
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}
     wanted = tuple(sorted((alone | freed) - set(state.coverage.inspected) - state.coverage.left_over))
-    offers = apart.kept_apart(context, state, offers, wanted, now_s)
+    offers = apart.close_occupied_segments(context, state, offers, wanted, now_s)
     return Solve(state.replanning.revision, wanted, offers, f"what if {name} were lost")

@@ -5,11 +5,11 @@ from __future__ import annotations
 from executor.core.context import Context
 from executor.core.events import Gain, SolveEnded
 from executor.core.state import FleetState
-from executor.core.words import count_of
+from executor.core.words import format_count
 from planner import segment_of
 
 
-def listed(context: Context, segments: frozenset[int] | tuple[int, ...]) -> str:
+def format_segments(context: Context, segments: frozenset[int] | tuple[int, ...]) -> str:
     """Return segments in words, by the names of the assets where they have any."""
     names = {segment: context.segment_name(segment) for segment in sorted(segments)}
     if len(names) > 1 and all(name == f"segment {segment}" for segment, name in names.items()):
@@ -17,7 +17,7 @@ def listed(context: Context, segments: frozenset[int] | tuple[int, ...]) -> str:
     return ", ".join(names.values())
 
 
-def flown_past(state: FleetState) -> frozenset[int]:
+def find_passed_segments(state: FleetState) -> frozenset[int]:
     """Return the segments that a vehicle has flown past on its mission, proven or not."""
     past: set[int] = set()
     for vehicle in state.vehicles.values():
@@ -28,39 +28,39 @@ def flown_past(state: FleetState) -> frozenset[int]:
     return frozenset(past)
 
 
-def unasked(context: Context, state: FleetState, alone: frozenset[int]) -> str:
+def explain_orphan_segments(context: Context, state: FleetState, alone: frozenset[int]) -> str:
     """Return why segments are without a vehicle that no fault left behind."""
-    past = flown_past(state)
+    past = find_passed_segments(state)
     reasons = {"inspection not proven": alone & past, "assigned to no vehicle": alone - past}
-    return "; ".join(f"{why}: {listed(context, segments)}" for why, segments in reasons.items() if segments)
+    return "; ".join(f"{why}: {format_segments(context, segments)}" for why, segments in reasons.items() if segments)
 
 
-def found_words(event: SolveEnded, names: list[str]) -> str:
+def describe_solution(event: SolveEnded, names: list[str]) -> str:
     """Return what a re-plan came to: what it is better in than what is on board, and who is given a new mission.
 
     Args:
         event: The solver's answer.
         names: Of those who are given one.
     """
-    gained = "" if event.gain is None else f": {_gain_words(event.gain, changed=bool(names))}"
+    gained = "" if event.gain is None else f": {_describe_gain(event.gain, changed=bool(names))}"
     given = ", ".join(sorted(names)) or "no vehicle"
     return f"re-plan {event.revision} found in {event.solve_s:.2f} s{gained}; new missions for {given}"
 
 
-def _gain_words(gain: Gain, *, changed: bool) -> str:
+def _describe_gain(gain: Gain, *, changed: bool) -> str:
     if not changed:
         return "no improvement over the missions on board"
     longest = f"longest route now {gain.longest_s:.0f} s"
     shorter = round(gain.longest_s) < round(gain.carried_s)
     covered = []
     if gain.segments:
-        covered.append(f"{count_of(gain.segments, 'segment')} recovered")
+        covered.append(f"{format_count(gain.segments, 'segment')} recovered")
     elif gain.length_m >= 1.0 and not shorter:
         covered.append(f"{gain.length_m:.0f} m of the line recovered")
     if gain.left_over > 0:
-        covered.append(f"{count_of(gain.left_over, 'segment')} taken over from the next sortie")
+        covered.append(f"{format_count(gain.left_over, 'segment')} taken over from the next sortie")
     if gain.left_over < 0:
-        covered.append(f"{count_of(-gain.left_over, 'segment')} moved back to the next sortie")
+        covered.append(f"{format_count(-gain.left_over, 'segment')} moved back to the next sortie")
     if covered:
         return f"{', '.join(covered)}; {longest}"
     if gain.short:
@@ -70,7 +70,7 @@ def _gain_words(gain: Gain, *, changed: bool) -> str:
     return f"duplicate segments removed; {longest}"
 
 
-def short_words(gain: Gain) -> str:
+def describe_short_budgets(gain: Gain) -> str:
     """Return who cannot go on with what is on board."""
     names = sorted(gain.short)
     if len(names) == 1:

@@ -13,13 +13,13 @@ from dataclasses import replace
 from executor.core.commands import Level, Say
 from executor.core.context import Context, Scene
 from executor.core.coverage import GAP_S
-from executor.core.homing.homeward import on_mission
-from executor.core.parts import OnBoard
-from executor.core.replan.wording import listed
-from executor.core.resume.inference import flown_meanwhile
+from executor.core.homing.homeward import is_on_mission
+from executor.core.parts import OnboardMission
+from executor.core.replan.wording import format_segments
+from executor.core.resume.inference import infer_coverage
 from executor.core.seeing import proof
 from executor.core.state import FleetState, Stepped
-from executor.core.vehicle import VehicleState, before_of
+from executor.core.vehicle import VehicleState, last_known_of
 
 CATCH_UP_S = 5.0
 """So long a vehicle whose link is regained has to say where it is, in which mode, on which item."""
@@ -27,30 +27,30 @@ ENDURES = 1.5
 """Nobody flies longer than this many times what the energy model makes of its battery."""
 
 
-def began(context: Scene, state: FleetState, now_s: float) -> Stepped:  # noqa: ARG001
+def record_blackout(context: Scene, state: FleetState, now_s: float) -> Stepped:  # noqa: ARG001
     """Keep where all vehicles were when all links were lost: a run with such a gap proves nothing."""
     since_s = state.listening.silent_since_s
     if since_s is None or now_s - since_s < GAP_S:
         return state, ()
     for vehicle in state.vehicles.values():
-        before = vehicle.assignment.before or before_of(vehicle, since_s)
+        before = vehicle.assignment.before or last_known_of(vehicle, since_s)
         if before is not vehicle.assignment.before:
             state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=before, run=None)))
     return state, ()
 
 
-def endures_s(context: Scene, vehicle: VehicleState) -> float:
+def max_remaining_flight_s(context: Scene, vehicle: VehicleState) -> float:
     """Return how long a vehicle can fly at most from when it was heard last."""
     percent = vehicle.power.battery.remaining_pct
     return ENDURES * (100.0 if percent is None else percent) / min(context.draws_pct_s)
 
 
-def may_fly(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
+def may_be_airborne(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle that is not heard may still be in the air."""
-    return vehicle.link.spoke_s is not None and now_s - vehicle.link.spoke_s < endures_s(context, vehicle)
+    return vehicle.link.spoke_s is not None and now_s - vehicle.link.spoke_s < max_remaining_flight_s(context, vehicle)
 
 
-def taken_up(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped | None:
+def recover_after_silence(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped | None:
     """Take up a vehicle whose link, or position, is regained; None as long as it has not said enough."""
     before, board, fix = vehicle.assignment.before, vehicle.assignment.board, vehicle.motion.fix
     if before is None:
@@ -66,15 +66,17 @@ def taken_up(context: Context, state: FleetState, vehicle: VehicleState, now_s: 
     item = vehicle.telemetry.item_s is not None and vehicle.telemetry.item_s > since_s
     given = vehicle.assignment.pending is not None or vehicle.assignment.stubborn
     if given:  # what it carries now is known when that is over
-        return state.put(_unproven(vehicle, board)), ()
-    if said and (item or not vehicle.armed or not on_mission(context, vehicle)):
-        return caught_up(context, state, vehicle, board, None)
+        return state.put(_close_gap(vehicle, board)), ()
+    if said and (item or not vehicle.armed or not is_on_mission(context, vehicle)):
+        return catch_up_mission(context, state, vehicle, board, None)
     if now_s - again_s < CATCH_UP_S:
         return None
-    return state.put(_unproven(vehicle, board)), ()
+    return state.put(_close_gap(vehicle, board)), ()
 
 
-def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board: OnBoard, seq: int | None) -> Stepped:
+def catch_up_mission(
+    context: Context, state: FleetState, vehicle: VehicleState, board: OnboardMission, seq: int | None
+) -> Stepped:
     """Take a vehicle on its mission for where it is now, with what it flew on its way there.
 
     Args:
@@ -87,11 +89,11 @@ def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board:
     waypoint = vehicle.assignment.waypoint
     if seq is not None and 0 <= seq < len(board.waypoint_of):
         waypoint = board.waypoint_of[seq] or waypoint
-    found = flown_meanwhile(context, vehicle, board, waypoint)
+    found = infer_coverage(context, vehicle, board, waypoint)
     # What it began meanwhile at the first pylon, and was seen to begin, needs no evidence.
     joins = None if vehicle.assignment.run is not None else found.joins
     proven = {board.tracks[joins].segment} if joins is not None else set()
-    vehicle = _unproven(vehicle, board, {*found.segments, *proven}, told=bool(found.why_not))
+    vehicle = _close_gap(vehicle, board, {*found.segments, *proven}, told=bool(found.why_not))
     known = replace(vehicle.assignment, waypoint=waypoint)
     vehicle = replace(
         vehicle,
@@ -101,7 +103,7 @@ def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board:
     state = state.put(vehicle)
     new = [segment for segment in found.segments if segment not in state.coverage.inspected]
     heard_s = vehicle.link.heard_s or 0.0
-    state = proof.was_flown(context, state, vehicle.name, [(segment, None) for segment in new], heard_s)
+    state = proof.record_flown_segments(context, state, vehicle.name, [(segment, None) for segment in new], heard_s)
     inferred = state.coverage.inferred | {*new, *proven}
     state = replace(state, coverage=replace(state.coverage, inferred=inferred))
     if found.why_not:
@@ -109,14 +111,14 @@ def caught_up(context: Context, state: FleetState, vehicle: VehicleState, board:
         return state, (Say(Level.WARNING, text),)
     if not new:
         return state, ()
-    names = listed(context, tuple(new))
+    names = format_segments(context, tuple(new))
     return state, (
         Say(Level.INFO, f"{vehicle.name}: flew {names} during the outage, inferred from its clock and position"),
     )
 
 
-def _unproven(
-    vehicle: VehicleState, board: OnBoard, counted: Collection[int] = (), *, told: bool = False
+def _close_gap(
+    vehicle: VehicleState, board: OnboardMission, counted: Collection[int] = (), *, told: bool = False
 ) -> VehicleState:
     """Return a vehicle whose gap is judged: the inspection that it broke is over, unless it counts all the same.
 

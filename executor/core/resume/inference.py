@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from executor.core.context import Context
-from executor.core.coverage import NOISE_M, SPEED_FACTOR, Run, Sample, run_joined
-from executor.core.parts import Before, Cause, Fix, OnBoard
+from executor.core.coverage import NOISE_M, SPEED_FACTOR, InspectionRun, PositionSample, join_run
+from executor.core.parts import LastKnown, ModeCause, OnboardMission, PositionFix
 from executor.core.vehicle import VehicleState
 from missions import Pace, Phase
 from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode
-from missions.geometry import locate
+from missions.geometry import locate_on_leg
 from missions.pace import AS_MODELLED
 from planner import segment_of
 
@@ -33,23 +33,23 @@ ENERGY_TOLERANCE_PCT = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Inferred:
+class InferredCoverage:
     """What is taken to have been flown."""
 
     segments: tuple[int, ...] = ()
     """From end to end, in their order."""
     joins: int | None = None
     """The visit under way now, if its beginning is taken to have been flown as well."""
-    run: Run | None = None
+    run: InspectionRun | None = None
     """That visit's run."""
     why_not: str = ""
     """What does not fit, in words; empty if everything does."""
 
 
-NOTHING = Inferred()
+NOTHING = InferredCoverage()
 
 
-def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypoint: int) -> Inferred:
+def infer_coverage(context: Context, state: VehicleState, board: OnboardMission, waypoint: int) -> InferredCoverage:
     """Return what a vehicle inspected between the last position before the silence and its newest one.
 
     Args:
@@ -63,32 +63,32 @@ def flown_meanwhile(context: Context, state: VehicleState, board: OnBoard, waypo
         return NOTHING
     if not state.armed and state.orders.start_owed_s is not None:
         return NOTHING  # it was not told to start yet
-    if not _at_stake(before, board, waypoint if state.armed else len(board.legs)):
+    if not _may_have_inspected(before, board, waypoint if state.armed else len(board.legs)):
         return NOTHING
     if not context.infers:
-        return Inferred(why_not="the site asks for proof by positions")
+        return InferredCoverage(why_not="the site asks for proof by positions")
     if why_not := _no_evidence(before.fix, fix):
-        return Inferred(why_not=why_not)
+        return InferredCoverage(why_not=why_not)
     if not state.armed:
-        return _landed(context, state, before, fix, board)
-    if why_not := _elsewhere(context, state, before, fix, board, waypoint):
-        return Inferred(why_not=why_not)
-    return _in_time(context, before, fix, board, waypoint, _pace(state))
+        return _infer_after_landing(context, state, before, fix, board)
+    if why_not := _describe_deviation(context, state, before, fix, board, waypoint):
+        return InferredCoverage(why_not=why_not)
+    return _infer_in_flight(context, before, fix, board, waypoint, _pace_of(state))
 
 
-def _no_evidence(before: Fix, fix: Fix) -> str:
+def _no_evidence(before: PositionFix, fix: PositionFix) -> str:
     """Return why two positions say nothing of the way between them; empty if they may."""
     if fix.boot_s <= before.boot_s:
         return "its clock was reset"
     return "its GPS was lost: its position is dead-reckoned" if before.reckoned or fix.reckoned else ""
 
 
-def _in_time(
-    context: Context, before: Before, fix: Fix, board: OnBoard, waypoint: int, pace: Pace
-) -> Inferred:  # fmt: skip
+def _infer_in_flight(
+    context: Context, before: LastKnown, fix: PositionFix, board: OnboardMission, waypoint: int, pace: Pace
+) -> InferredCoverage:  # fmt: skip
     """Look at a vehicle in the air that is where its mission leads: whether it took the time for it."""
     elapsed_s = fix.boot_s - before.fix.boot_s
-    visits = _passed(before, board, waypoint)
+    visits = _select_passed_visits(before, board, waypoint)
     joins = board.path.waypoints[waypoint].visit
     if board.path.waypoints[waypoint].phase is not Phase.INSPECT or (
         waypoint == before.waypoint and before.run is None
@@ -96,8 +96,10 @@ def _in_time(
         joins = None
     if not visits and joins is None:
         return NOTHING
-    expected_s = _left_s(board, before.waypoint, before.fix, pace) - _left_s(board, waypoint, fix, pace)
-    expected_s += sum(_leg_s(board, leg, pace) for leg in range(before.waypoint + 1, waypoint + 1))
+    expected_s = _remaining_leg_s(board, before.waypoint, before.fix, pace) - _remaining_leg_s(
+        board, waypoint, fix, pace
+    )
+    expected_s += sum(_leg_duration_s(board, leg, pace) for leg in range(before.waypoint + 1, waypoint + 1))
     tolerance_s = _tolerance_s(context, board, (*visits, *(() if joins is None else (joins,))))
     early_s = tolerance_s
     if waypoint == before.waypoint:
@@ -106,21 +108,23 @@ def _in_time(
         between_m = math.dist(before.fix.place_m, fix.place_m)
         early_s = expected_s - (between_m - NOISE_M) / (SPEED_FACTOR * context.inspection_speed_m_s)
     if not -early_s <= elapsed_s - expected_s <= tolerance_s:
-        return Inferred(why_not=f"it took {elapsed_s:.0f} s, expected {expected_s:.0f} s")
+        return InferredCoverage(why_not=f"it took {elapsed_s:.0f} s, expected {expected_s:.0f} s")
     segments = tuple(segment_of(board.visits[visit]) for visit in visits)
     if joins is None:
-        return Inferred(segments)
-    sample = Sample(fix.boot_s, fix.place_m, math.hypot(*fix.velocity_m_s[:2]))
-    return Inferred(segments, joins, run_joined(board.tracks[joins], sample, context.inspection_speed_m_s))
+        return InferredCoverage(segments)
+    sample = PositionSample(fix.boot_s, fix.place_m, math.hypot(*fix.velocity_m_s[:2]))
+    return InferredCoverage(segments, joins, join_run(board.tracks[joins], sample, context.inspection_speed_m_s))
 
 
-def _at_stake(before: Before, board: OnBoard, waypoint: int) -> bool:
+def _may_have_inspected(before: LastKnown, board: OnboardMission, waypoint: int) -> bool:
     """Return whether there is anything that may have been inspected."""
     ahead = board.path.waypoints[before.waypoint + 1 : waypoint + 1]
     return before.run is not None or any(point.phase is Phase.INSPECT for point in ahead)
 
 
-def _elsewhere(context: Context, state: VehicleState, before: Before, fix: Fix, board: OnBoard, waypoint: int) -> str:
+def _describe_deviation(
+    context: Context, state: VehicleState, before: LastKnown, fix: PositionFix, board: OnboardMission, waypoint: int
+) -> str:
     """Return why a vehicle in the air is not where its mission leads; empty if it is."""
     dialect, beat = context.vehicles[state.name].dialect, state.telemetry.heartbeat
     if beat is None or not is_mission_mode(dialect, beat.custom_mode):
@@ -129,43 +133,49 @@ def _elsewhere(context: Context, state: VehicleState, before: Before, fix: Fix, 
         return "its mission went back"
     if state.telemetry.mode_since_s > before.fix.at_s:
         return "its mode changed meanwhile"
-    away_m = _beside_m(board, waypoint, fix.place_m)
-    return _touched(state, before.fix.at_s) or (
+    away_m = _lateral_offset_m(board, waypoint, fix.place_m)
+    return _describe_interference(state, before.fix.at_s) or (
         f"it is {away_m:.0f} m off its track" if away_m > context.corridor_m else ""
     )
 
 
-def _touched(state: VehicleState, since_s: float) -> str:
+def _describe_interference(state: VehicleState, since_s: float) -> str:
     """Return what else happened to a vehicle than that it flew its mission; empty if nothing did."""
-    if state.custody.taken is not None or state.custody.cause is Cause.PERSON:
+    if state.custody.taken is not None or state.custody.cause is ModeCause.PERSON:
         return "it is under other control"
-    if state.assignment.carried.doubted():
+    if state.assignment.carried.may_be_foreign():
         return "it may carry another mission"
     return "its position jumped" if state.motion.jump[1] > since_s else ""
 
 
-def _landed(context: Context, state: VehicleState, before: Before, fix: Fix, board: OnBoard) -> Inferred:
+def _infer_after_landing(
+    context: Context, state: VehicleState, before: LastKnown, fix: PositionFix, board: OnboardMission
+) -> InferredCoverage:
     """Look at a vehicle that is on the ground again: when it landed nobody knows, but what it used tells how far."""
     elapsed_s = fix.boot_s - before.fix.boot_s
-    if why_not := _otherwise(context, state, before, fix):
-        return Inferred(why_not=why_not)
-    pace, rest = _pace(state), range(before.waypoint + 1, len(board.legs))
-    expected_s = _left_s(board, before.waypoint, before.fix, pace) + sum(_leg_s(board, leg, pace) for leg in rest)
-    visits = _passed(before, board, len(board.legs))
+    if why_not := _describe_other_landing(context, state, before, fix):
+        return InferredCoverage(why_not=why_not)
+    pace, rest = _pace_of(state), range(before.waypoint + 1, len(board.legs))
+    expected_s = _remaining_leg_s(board, before.waypoint, before.fix, pace) + sum(
+        _leg_duration_s(board, leg, pace) for leg in rest
+    )
+    visits = _select_passed_visits(before, board, len(board.legs))
     if elapsed_s < expected_s - _tolerance_s(context, board, visits):
-        return Inferred(why_not=f"{elapsed_s:.0f} s is too short for its leg of {expected_s:.0f} s")
+        return InferredCoverage(why_not=f"{elapsed_s:.0f} s is too short for its leg of {expected_s:.0f} s")
     if before.remaining_pct is None or state.power.battery.remaining_pct is None:
-        return Inferred(why_not="its consumption is not known")
-    modelled_pct = _share_left(board, before.waypoint, before.fix) * _leg_pct(board, before.waypoint, pace)
-    modelled_pct += sum(_leg_pct(board, leg, pace) for leg in rest)
+        return InferredCoverage(why_not="its consumption is not known")
+    modelled_pct = _remaining_leg_share(board, before.waypoint, before.fix) * _leg_energy_pct(
+        board, before.waypoint, pace
+    )
+    modelled_pct += sum(_leg_energy_pct(board, leg, pace) for leg in rest)
     expected_pct = before.factor * modelled_pct
     used_pct = before.remaining_pct - state.power.battery.remaining_pct
     if abs(used_pct - expected_pct) > max(ENERGY_TOLERANCE_PCT, ENERGY_TOLERANCE * expected_pct):
-        return Inferred(why_not=f"it used {used_pct:.0f} %, expected {expected_pct:.0f} %")
-    return Inferred(tuple(segment_of(board.visits[visit]) for visit in visits))
+        return InferredCoverage(why_not=f"it used {used_pct:.0f} %, expected {expected_pct:.0f} %")
+    return InferredCoverage(tuple(segment_of(board.visits[visit]) for visit in visits))
 
 
-def _otherwise(context: Context, state: VehicleState, before: Before, fix: Fix) -> str:
+def _describe_other_landing(context: Context, state: VehicleState, before: LastKnown, fix: PositionFix) -> str:
     """Return how else than by its mission a vehicle may have come to the ground; empty if there is no other way."""
     setup, beat = context.vehicles[state.name], state.telemetry.heartbeat
     if math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
@@ -177,10 +187,10 @@ def _otherwise(context: Context, state: VehicleState, before: Before, fix: Fix) 
     if setup.failsafe_s is not None and fix.boot_s - before.fix.boot_s >= setup.failsafe_s:
         # PX4 goes back to its mission mode once it has disarmed, however it came home.
         return "its own failsafe may have brought it home"
-    return _touched(state, before.fix.at_s)
+    return _describe_interference(state, before.fix.at_s)
 
 
-def _passed(before: Before, board: OnBoard, waypoint: int) -> tuple[int, ...]:
+def _select_passed_visits(before: LastKnown, board: OnboardMission, waypoint: int) -> tuple[int, ...]:
     """Return the visits that end before the leg under way, without one whose beginning is known not to count."""
     visits = []
     for index in range(before.waypoint, waypoint):
@@ -192,7 +202,7 @@ def _passed(before: Before, board: OnBoard, waypoint: int) -> tuple[int, ...]:
     return tuple(visits)
 
 
-def _tolerance_s(context: Context, board: OnBoard, visits: tuple[int, ...]) -> float:
+def _tolerance_s(context: Context, board: OnboardMission, visits: tuple[int, ...]) -> float:
     """Return how far a time may be off: less than any one of the segments flown too fast would make it.
 
     Their holds, and what it takes to reach their speed and to lose it, are as long at any speed, or longer.
@@ -206,25 +216,25 @@ def _tolerance_s(context: Context, board: OnBoard, visits: tuple[int, ...]) -> f
     return max(performance.settle_s + performance.hold_s + INDEX_S, float(usual_s - fast_s))
 
 
-def _pace(state: VehicleState) -> Pace:
+def _pace_of(state: VehicleState) -> Pace:
     """Return the factors on the times of legs that were seen of it in this flight."""
     return AS_MODELLED if state.assignment.learned is None else state.assignment.learned.pace
 
 
-def _leg_s(board: OnBoard, leg: int, pace: Pace) -> float:
-    return pace.of(board.path.waypoints[leg].phase) * board.legs[leg].duration_s
+def _leg_duration_s(board: OnboardMission, leg: int, pace: Pace) -> float:
+    return pace.factor_of(board.path.waypoints[leg].phase) * board.legs[leg].duration_s
 
 
-def _leg_pct(board: OnBoard, leg: int, pace: Pace) -> float:
-    return pace.of(board.path.waypoints[leg].phase) * board.legs[leg].energy_pct
+def _leg_energy_pct(board: OnboardMission, leg: int, pace: Pace) -> float:
+    return pace.factor_of(board.path.waypoints[leg].phase) * board.legs[leg].energy_pct
 
 
-def _left_s(board: OnBoard, waypoint: int, fix: Fix, pace: Pace) -> float:
+def _remaining_leg_s(board: OnboardMission, waypoint: int, fix: PositionFix, pace: Pace) -> float:
     """Return how long the rest of a leg takes from a place on it."""
-    return _share_left(board, waypoint, fix) * _leg_s(board, waypoint, pace)
+    return _remaining_leg_share(board, waypoint, fix) * _leg_duration_s(board, waypoint, pace)
 
 
-def _share_left(board: OnBoard, waypoint: int, fix: Fix) -> float:
+def _remaining_leg_share(board: OnboardMission, waypoint: int, fix: PositionFix) -> float:
     end, end_up_m = board.places_m[waypoint], board.path.waypoints[waypoint].alt_rel_m
     begin, begin_up_m = end, 0.0  # the climb from the pad
     if waypoint > 0:
@@ -236,6 +246,6 @@ def _share_left(board: OnBoard, waypoint: int, fix: Fix) -> float:
     return min(1.0, left / length) if length >= 1.0 else 1.0
 
 
-def _beside_m(board: OnBoard, waypoint: int, place_m: tuple[float, float]) -> float:
+def _lateral_offset_m(board: OnboardMission, waypoint: int, place_m: tuple[float, float]) -> float:
     """Return how far beside the leg to a waypoint a place lies."""
-    return locate(board.places_m[max(0, waypoint - 1)], board.places_m[waypoint], place_m)[1]
+    return locate_on_leg(board.places_m[max(0, waypoint - 1)], board.places_m[waypoint], place_m)[1]

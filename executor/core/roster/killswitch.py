@@ -10,28 +10,28 @@ from dataclasses import replace
 
 from executor.core.commands import Command, HandsOff, Level, Say
 from executor.core.messages import StatusText
-from executor.core.places import kill_switch_on
-from executor.core.roster.withdraw import left_plan, withdrawn
+from executor.core.places import is_kill_switch_text
+from executor.core.roster.withdraw import leave_plan, withdraw_vehicle
 from executor.core.state import FleetState, Stepped
 from executor.core.vehicle import Stage, VehicleState
 
 _STANDS = frozenset({Stage.GROUND, Stage.LANDED, Stage.STARTING})
 
 
-def kill_heard(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Stepped:
+def apply_kill_switch_text(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Stepped:
     """Leave a vehicle on the ground that says that its kill switch is on."""
     stands = vehicle.stage in _STANDS and not vehicle.armed and not vehicle.orders.excluded
-    if state.progress.launched_s is None or not stands or not kill_switch_on(text.text):
+    if state.progress.launched_s is None or not stands or not is_kill_switch_text(text.text):
         return state, ()
-    return left_alone(state, vehicle, now_s)
+    return stand_down_vehicle(state, vehicle, now_s)
 
 
-def left_alone(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def stand_down_vehicle(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Leave a vehicle that stands with its kill switch on."""
     name, starting = vehicle.name, vehicle.stage is Stage.STARTING
     commands: tuple[Command, ...] = (HandsOff(name),)
     if starting:
-        vehicle = left_plan(vehicle, Stage.LANDED, now_s)
+        vehicle = leave_plan(vehicle, Stage.LANDED, now_s)
     given = starting or vehicle.assignment.pending is not None
     state = state.put(
         replace(
@@ -41,7 +41,7 @@ def left_alone(state: FleetState, vehicle: VehicleState, now_s: float) -> Steppe
         )
     )
     if given:
-        state, more = withdrawn(state, name, f"{name}: its kill switch is on", now_s)
+        state, more = withdraw_vehicle(state, name, f"{name}: its kill switch is on", now_s)
         commands = (*commands, *more)
     line = f"{name}: its kill switch is on; no start until included"
     return state, (Say(Level.FAULT, line), *commands)

@@ -6,16 +6,16 @@ from dataclasses import replace
 
 from executor.core.replan import replanning
 from executor.core.state import FleetState
-from executor.core.vehicle import Stage, VehicleState, moved_to
+from executor.core.vehicle import Stage, VehicleState, change_stage
 
 
-def back_in_service(state: FleetState, vehicle: VehicleState) -> tuple[FleetState, VehicleState]:
+def return_to_service(state: FleetState, vehicle: VehicleState) -> tuple[FleetState, VehicleState]:
     """Return a vehicle on the ground with nothing held against it, and the state that remembers what was."""
     mended = state.replanning.mended
     if vehicle.fault is not None:
         mended = (*mended, (vehicle.name, vehicle.fault))
     ready = replace(
-        moved_to(vehicle, Stage.GROUND),
+        change_stage(vehicle, Stage.GROUND),
         fault=None,
         watches=(),
         orders=replace(vehicle.orders, excluded=False, lands=False, held_s=None, cleared_s=None),
@@ -27,9 +27,9 @@ def back_in_service(state: FleetState, vehicle: VehicleState) -> tuple[FleetStat
     return replace(state.put(ready), replanning=replace(state.replanning, mended=mended)), ready
 
 
-def cleared(state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
+def clear_for_takeoff(state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
     """Return the state in which everything open is planned with a vehicle that may take off now."""
-    left = replanning.left_over(state)
+    left = replanning.find_left_over_segments(state)
     trigger = f"{vehicle.name}: back in service with {vehicle.power.battery.remaining_pct or 0.0:.0f} % in its battery"
     state = state.put(replace(vehicle, orders=replace(vehicle.orders, cleared_s=now_s)))
     return replace(

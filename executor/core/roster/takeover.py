@@ -10,16 +10,22 @@ from dataclasses import replace
 from executor.core import sorties
 from executor.core.commands import CancelSolve, Command, HandsOff, Level, Resume, Say
 from executor.core.context import Context
-from executor.core.custody.actors import changed_by
-from executor.core.custody.causes import held_long, held_unseen, holds_most_s
-from executor.core.homing.homeward import on_mission
+from executor.core.custody.actors import attribute_mode_change
+from executor.core.custody.causes import is_long_hold, is_unseen_hold, max_failsafe_hold_s
+from executor.core.homing.homeward import is_on_mission
 from executor.core.messages import Actor
-from executor.core.parts import Cause, TakenOver
-from executor.core.places import killed, last_heard, lean_words, over_its_pad, place_words
+from executor.core.parts import ModeCause, Takeover
+from executor.core.places import (
+    describe_down_place,
+    describe_last_position,
+    describe_lean,
+    has_used_kill_switch,
+    is_over_pad,
+)
 from executor.core.replan import new_missions
-from executor.core.roster.withdraw import withdrawn
+from executor.core.roster.withdraw import withdraw_vehicle
 from executor.core.state import FleetState
-from executor.core.vehicle import Stage, VehicleState, moved_to
+from executor.core.vehicle import Stage, VehicleState, change_stage
 from missions.autopilots.modes import mode_name
 
 Stepped = tuple[FleetState, tuple[Command, ...]]
@@ -28,7 +34,7 @@ RETURNED_AFTER_S = 1.0
 """So long it is on its mission again before anybody says so: a switch goes through other positions on its way."""
 
 
-def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
+def apply_takeover(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
     """Let go of a vehicle that a person has taken; its segments are kept for it for a while."""
     beat = vehicle.telemetry.heartbeat
     mode = "unknown" if beat is None else mode_name(context.vehicles[vehicle.name].dialect, beat.custom_mode)
@@ -37,17 +43,17 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped
     # Another station's mission is flown in the mode that ours was.
     since_s = max(vehicle.telemetry.mode_since_s, vehicle.assignment.carried.foreign_s or 0.0)
     since_s = since_s if vehicle.custody.taken is None else vehicle.custody.taken.since_s
-    hold = replace(vehicle.custody.taken or TakenOver(since_s, given_away=not had_work), returned_s=None)
+    hold = replace(vehicle.custody.taken or Takeover(since_s, given_away=not had_work), returned_s=None)
     if vehicle.fault is not None:
         hold = replace(hold, given_away=True)
     vehicle = replace(
-        moved_to(vehicle, Stage.PILOT),
-        custody=replace(vehicle.custody, taken=hold, cause=Cause.PERSON),
+        change_stage(vehicle, Stage.PILOT),
+        custody=replace(vehicle.custody, taken=hold, cause=ModeCause.PERSON),
         orders=replace(vehicle.orders, errand=None, held_s=None, cleared_s=None),
         assignment=replace(vehicle.assignment, run=None, before=None),
         motion=replace(vehicle.motion, anchor=None),
     )
-    state, more = _unsolved(state.put(vehicle), vehicle.name)
+    state, more = _cancel_solve_with(state.put(vehicle), vehicle.name)
     if on_ground:
         text = f"{vehicle.name}: armed on the ground by another source, mode {mode}: keep clear"
         return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
@@ -56,19 +62,20 @@ def taken(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped
         what = f"{vehicle.name}: carries another mission than ours ({vehicle.assignment.carried.words})"
         text = f"{what}: another station's; it may leave its layer; not commanded from here{kept}"
         return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
-    text = f"{vehicle.name}: {_whose(context, vehicle, mode)}; not commanded from here{kept}"
-    if held_unseen(context, vehicle):
+    text = f"{vehicle.name}: {_describe_new_controller(context, vehicle, mode)}; not commanded from here{kept}"
+    if is_unseen_hold(context, vehicle):
         whose = f"mode {mode} set while there was no link, by its pilot or a failsafe"
         text = f"{vehicle.name}: {whose}; not commanded from here{kept}"
-    elif held_long(context, vehicle):
-        whose = f"mode {mode} for {holds_most_s(context, vehicle.name):g} s, by its own failsafe or by its pilot since"
+    elif is_long_hold(context, vehicle):
+        held_s = max_failsafe_hold_s(context, vehicle.name)
+        whose = f"mode {mode} for {held_s:g} s, by its own failsafe or by its pilot since"
         text = f"{vehicle.name}: {whose}; not commanded from here{kept}"
     return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
 
 
-def _whose(context: Context, vehicle: VehicleState, mode: str) -> str:
+def _describe_new_controller(context: Context, vehicle: VehicleState, mode: str) -> str:
     """Return in words who has taken a vehicle, as far as anything says so."""
-    match changed_by(context.vehicles[vehicle.name], vehicle).by:
+    match attribute_mode_change(context.vehicles[vehicle.name], vehicle).by:
         case Actor.PILOT:
             return f"its pilot has switched it to {mode}"
         case Actor.GROUND_STATION:
@@ -77,30 +84,30 @@ def _whose(context: Context, vehicle: VehicleState, mode: str) -> str:
             return f"with its pilot, mode {mode}"
 
 
-def _unsolved(state: FleetState, name: str) -> Stepped:
+def _cancel_solve_with(state: FleetState, name: str) -> Stepped:
     """Plan anew without a vehicle if it is part of what is being solved; what goes on board already goes on."""
     plan = state.replanning.replan
     if plan is None or plan.solve_s is not None or name not in {offer.vehicle for offer in plan.solve.survivors}:
         return state, ()
-    return new_missions.wanted_again(state, plan), (CancelSolve(plan.solve.revision),)
+    return new_missions.request_replan_again(state, plan), (CancelSolve(plan.solve.revision),)
 
 
-def attended(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def monitor_taken_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Look at a vehicle that is with its pilot."""
-    hold = vehicle.custody.taken or TakenOver(now_s)
+    hold = vehicle.custody.taken or Takeover(now_s)
     if not vehicle.armed:
-        return _landed(context, state, vehicle, now_s)
+        return _apply_pilot_landing(context, state, vehicle, now_s)
     ours = vehicle.assignment.carried.foreign_s is None
-    returned = ours and on_mission(context, vehicle) and now_s - vehicle.telemetry.mode_since_s >= RETURNED_AFTER_S
+    returned = ours and is_on_mission(context, vehicle) and now_s - vehicle.telemetry.mode_since_s >= RETURNED_AFTER_S
     if returned is not (hold.returned_s is not None):
-        return _returned(context, state, vehicle, hold, now_s, returned=returned)
+        return _apply_pilot_return(context, state, vehicle, hold, now_s, returned=returned)
     if hold.returned_s is None and not hold.given_away and now_s - hold.since_s >= context.pilot_grace_s:
-        return _given_away(context, state, vehicle, hold, now_s)
+        return _reassign_segments(context, state, vehicle, hold, now_s)
     return state, ()
 
 
-def _returned(
-    context: Context, state: FleetState, vehicle: VehicleState, hold: TakenOver, now_s: float, *, returned: bool
+def _apply_pilot_return(
+    context: Context, state: FleetState, vehicle: VehicleState, hold: Takeover, now_s: float, *, returned: bool
 ) -> Stepped:
     state = state.put(
         replace(vehicle, custody=replace(vehicle.custody, taken=replace(hold, returned_s=now_s if returned else None)))
@@ -118,31 +125,33 @@ def _returned(
         text = f"{vehicle.name}: its pilot has set mission mode, but the flight was aborted; not commanded from here"
         return state, (Say(Level.WARNING, text),)
     if context.pilot_returns:
-        return given_back(context, state, state.vehicles[vehicle.name], now_s)
+        return take_back_from_pilot(context, state, state.vehicles[vehicle.name], now_s)
     text = f"{vehicle.name}: its pilot has set mission mode again; use include to put it back in the plan"
     return state, (Say(Level.FAULT, text),)
 
 
-def _given_away(context: Context, state: FleetState, vehicle: VehicleState, hold: TakenOver, now_s: float) -> Stepped:
+def _reassign_segments(
+    context: Context, state: FleetState, vehicle: VehicleState, hold: Takeover, now_s: float
+) -> Stepped:
     state = state.put(replace(vehicle, custody=replace(vehicle.custody, taken=replace(hold, given_away=True))))
     who = "with its pilot" if vehicle.assignment.carried.foreign_s is None else "on another station's mission"
     trigger = f"{vehicle.name}: {who} for {context.pilot_grace_s:g} s"
-    state, more = withdrawn(state, vehicle.name, trigger, now_s)
+    state, more = withdraw_vehicle(state, vehicle.name, trigger, now_s)
     return state, (Say(Level.WARNING, f"{trigger}; its segments are released to the others"), *more)
 
 
-def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def _apply_pilot_landing(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     fix = vehicle.motion.fix
     # Who has landed may be switched off by its kill switch too.
-    in_the_air = killed(context, vehicle) and vehicle.telemetry.on_ground is False
-    lean = lean_words(vehicle) if vehicle.sortie.took_off else ""
+    in_the_air = has_used_kill_switch(context, vehicle) and vehicle.telemetry.on_ground is False
+    lean = describe_lean(vehicle) if vehicle.sortie.took_off else ""
     fell = bool(lean) or (fix is not None and (fix.alt_rel_m > context.limits.off_pad_up_m or in_the_air))
-    place = "" if over_its_pad(context, vehicle) and not fell else f", {place_words(context, vehicle)}"
+    place = "" if is_over_pad(context, vehicle) and not fell else f", {describe_down_place(context, vehicle)}"
     stage = Stage.DOWN if place else Stage.LANDED
-    vehicle = vehicle if place else sorties.sortie_ended(vehicle, vehicle.link.heard_s or 0.0)
+    vehicle = vehicle if place else sorties.end_sortie(vehicle, vehicle.link.heard_s or 0.0)
     state = state.put(
         replace(
-            moved_to(vehicle, stage),
+            change_stage(vehicle, stage),
             custody=replace(vehicle.custody, taken=None),
             orders=replace(vehicle.orders, excluded=True),
             assignment=replace(vehicle.assignment, run=None),
@@ -153,7 +162,7 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
     if fell:
         # A landing on a hill, or motors that were stopped in the air: the position of that moment does not tell.
         leans = f"; {lean}" if lean else ""
-        text = f"{vehicle.name}: disarmed with its pilot{leans}; {last_heard(context, vehicle, now_s)}"
+        text = f"{vehicle.name}: disarmed with its pilot{leans}; {describe_last_position(context, vehicle, now_s)}"
     if not place and not vehicle.sortie.took_off:
         text = f"{vehicle.name}: disarmed by its pilot on its pad; stays there until included"
     elif not place and vehicle.sortie.rebooted_s is not None:
@@ -170,7 +179,7 @@ def _landed(context: Context, state: FleetState, vehicle: VehicleState, now_s: f
     return state, (Say(Level.FAULT if place else Level.INFO, text),)
 
 
-def given_back(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def take_back_from_pilot(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Take a vehicle back into the plan that its pilot has returned to its mission.
 
     Both autopilots forget the speed of a leg when the mode changes, so it is told that again.
@@ -179,8 +188,8 @@ def given_back(context: Context, state: FleetState, vehicle: VehicleState, now_s
     speed_m_s = vehicle.leg.speed_m_s if vehicle.leg is not None else 0.0
     hold = vehicle.custody.taken
     back = replace(
-        moved_to(vehicle, Stage.FLYING),
-        custody=replace(vehicle.custody, taken=None, cause=Cause.OURS),
+        change_stage(vehicle, Stage.FLYING),
+        custody=replace(vehicle.custody, taken=None, cause=ModeCause.OURS),
         assignment=replace(vehicle.assignment, run=None),
         motion=replace(vehicle.motion, anchor=None),
         orders=replace(

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 from executor.core.context import Context
-from executor.core.replan.replanning import left_over
-from executor.core.seeing.proof import missed
+from executor.core.replan.replanning import find_left_over_segments
+from executor.core.seeing.proof import find_missed_segments
 from executor.core.state import Coverage, FleetState
 
 ROUNDED = 0.01
@@ -46,27 +46,27 @@ class AssetView:
     """Who has seen it, or flew it last; None where nobody did."""
 
 
-Asked = Mapping[int, Mapping[str, int]]
+AskedPictures = Mapping[int, Mapping[str, int]]
 """By segment: how many pictures it asks of each camera."""
 
 
-def asked_of(context: Context) -> Asked:
+def list_asked_pictures(context: Context) -> AskedPictures:
     """Return the assets that there are to show, with what each asks for; the same during a whole flight."""
     looks = context.setup.looks
     wanted = context.wanted & {*looks.spans, *looks.pylons} if looks else context.wanted
-    return {segment: _asked(context, segment) for segment in sorted(wanted)}
+    return {segment: _count_asked_pictures(context, segment) for segment in sorted(wanted)}
 
 
-def asset_views(context: Context, state: FleetState, asked: Asked) -> tuple[AssetView, ...]:
+def build_asset_views(context: Context, state: FleetState, asked: AskedPictures) -> tuple[AssetView, ...]:
     """Return what became of each of them, by their numbers."""
-    gone, left = missed(context, state), left_over(state)
+    gone, left = find_missed_segments(context, state), find_left_over_segments(state)
     flew = {one.segment: one.vehicle for one in state.coverage.not_seen}
     flew |= {segment: waits.vehicle for segment, waits in state.coverage.unseen.items()}
     return tuple(
         AssetView(
             segment,
-            _state(state.coverage, segment, gone, left),
-            _pictures(state.coverage, segment, most),
+            _classify_asset(state.coverage, segment, gone, left),
+            _count_pictures(state.coverage, segment, most),
             sum(most.values()),
             state.coverage.inspected.get(segment, flew.get(segment)),
         )
@@ -74,7 +74,7 @@ def asset_views(context: Context, state: FleetState, asked: Asked) -> tuple[Asse
     )
 
 
-def _state(coverage: Coverage, segment: int, gone: frozenset[int], left: frozenset[int]) -> AssetState:
+def _classify_asset(coverage: Coverage, segment: int, gone: frozenset[int], left: frozenset[int]) -> AssetState:
     if segment in coverage.inspected:
         return AssetState.INFERRED if segment in coverage.inferred else AssetState.SEEN
     if segment in coverage.given_up:
@@ -84,7 +84,7 @@ def _state(coverage: Coverage, segment: int, gone: frozenset[int], left: frozens
     return AssetState.LEFT_OVER if segment in left else AssetState.OPEN
 
 
-def _asked(context: Context, segment: int) -> dict[str, int]:
+def _count_asked_pictures(context: Context, segment: int) -> dict[str, int]:
     """Return how many pictures a segment asks of each camera."""
     looks = context.setup.looks
     pylon = looks.pylons.get(segment)
@@ -100,7 +100,7 @@ def _asked(context: Context, segment: int) -> dict[str, int]:
     }
 
 
-def _pictures(coverage: Coverage, segment: int, asked: Mapping[str, int]) -> int:
+def _count_pictures(coverage: Coverage, segment: int, asked: Mapping[str, int]) -> int:
     """Return how many of them there are: more of one camera do not stand for those that another lacks."""
     caught = set(coverage.caught.get(segment, ()))
     return sum(min(most, sum(one == camera for one, _ in caught)) for camera, most in asked.items()) if caught else 0

@@ -13,12 +13,12 @@ from types import MappingProxyType
 from executor.core.commands import AskPicture, Command, Level, Say
 from executor.core.context import Context
 from executor.core.coverage import SegmentPass
-from executor.core.payload.pictures import NotSeen, Unseen, WantedPicture
-from executor.core.payload.spans import most_apart_m, unseen_m
+from executor.core.payload.pictures import AwaitedPictures, MissingPictures, WantedPicture
+from executor.core.payload.spans import find_unseen_stretches, max_picture_spacing_m
 from executor.core.state import FleetState
 from executor.core.vehicle import IN_THE_AIR, VehicleState
 from missions import Phase
-from missions.asked import visits_at_m
+from missions.asked import visit_distances_m
 from missions.cameras import FIRST_COMPONENT
 from planner import segment_of
 
@@ -33,12 +33,12 @@ AT_ONCE = 5
 """Pictures that are asked for in one turn."""
 
 
-def asks(context: Context, segment: int) -> bool:
+def needs_pictures(context: Context, segment: int) -> bool:
     """Return whether a segment asks for pictures."""
     return segment in context.setup.looks.spans or segment in context.setup.looks.pylons
 
 
-def was_flown(
+def record_flown_segments(
     context: Context, state: FleetState, vehicle: str, segments: Iterable[tuple[int, SegmentPass | None]], now_s: float
 ) -> FleetState:
     """Take what was flown: it is inspected, or waits for its pictures.
@@ -47,23 +47,23 @@ def was_flown(
     """
     coverage = state.coverage
     inspected, passes, unseen = dict(coverage.inspected), dict(coverage.flown), dict(coverage.unseen)
-    distances_m, by_mission_m = dict(coverage.inspected_at_m), _distances_m(context, state.vehicles[vehicle])
+    distances_m, by_mission_m = dict(coverage.inspected_at_m), _inspection_distances_m(context, state.vehicles[vehicle])
     again: set[int] = set()
     for segment, how in segments:
         at_m = by_mission_m.get(segment)
         if segment in inspected:
-            if not coverage.would_be_nearer(segment, at_m):
+            if not coverage.is_nearer_than_counted(segment, at_m):
                 continue
-            if asks(context, segment):
-                unseen[segment] = Unseen(vehicle, now_s, at_m)
+            if needs_pictures(context, segment):
+                unseen[segment] = AwaitedPictures(vehicle, now_s, at_m)
                 continue
             again.add(segment)
         if at_m is not None:
             distances_m[segment] = at_m
         if how is not None:
             passes[segment] = how
-        if asks(context, segment):
-            unseen[segment] = Unseen(vehicle, now_s)
+        if needs_pictures(context, segment):
+            unseen[segment] = AwaitedPictures(vehicle, now_s)
         else:
             inspected[segment] = vehicle
     coverage = replace(
@@ -77,7 +77,7 @@ def was_flown(
     return replace(state, coverage=coverage)
 
 
-def _distances_m(context: Context, vehicle: VehicleState) -> Mapping[int, float]:
+def _inspection_distances_m(context: Context, vehicle: VehicleState) -> Mapping[int, float]:
     """Return at which distances the mission on board inspects; nothing where every vehicle does so in its layer.
 
     Of a segment that it has before it once more, from where it was the first time.
@@ -86,14 +86,14 @@ def _distances_m(context: Context, vehicle: VehicleState) -> Mapping[int, float]
     if board is None or not context.setup.inspection.same_distance:
         return found
     come_to = {point.visit for point in board.path.waypoints[: vehicle.assignment.waypoint + 1]}
-    for number, at_m in enumerate(visits_at_m(context.setup, board.path, board.visits)):
+    for number, at_m in enumerate(visit_distances_m(context.setup, board.path, board.visits)):
         segment = segment_of(board.visits[number])
         if segment not in found or number in come_to:
             found[segment] = at_m
     return found
 
 
-def passed_pylons(context: Context, state: FleetState, before: VehicleState, now_s: float) -> FleetState:
+def record_passed_pylons(context: Context, state: FleetState, before: VehicleState, now_s: float) -> FleetState:
     """Take pylons for flown once their last viewpoint is behind the vehicle, by its own report.
 
     Of viewpoints that were passed while nothing was heard, one counts as left behind without a picture.
@@ -109,19 +109,19 @@ def passed_pylons(context: Context, state: FleetState, before: VehicleState, now
     ]
     passed = {capture for point in board.path.waypoints[was:now] for capture in point.captures if capture.points}
     for camera, component in sorted({(one.camera, one.camera_id) for one in passed}):
-        memory = vehicle.payload.camera(camera, component)
+        memory = vehicle.payload.camera_of(camera, component)
         memory = replace(memory, left_behind=memory.left_behind + 1)
         vehicle = replace(vehicle, payload=vehicle.payload.with_camera(memory))
     state = state.put(vehicle) if passed else state
-    return was_flown(context, state, vehicle.name, done, now_s) if done else state
+    return record_flown_segments(context, state, vehicle.name, done, now_s) if done else state
 
 
-def unshown(context: Context, state: FleetState, segment: int) -> list[str]:
+def describe_unseen_parts(context: Context, state: FleetState, segment: int) -> list[str]:
     """Return in words what pictures do not show of a segment; nothing where they show all of it."""
-    return _not_in(context, segment, state.coverage.caught.get(segment, ()))
+    return _describe_missing_pictures(context, segment, state.coverage.caught.get(segment, ()))
 
 
-def _not_in(context: Context, segment: int, caught: Iterable[tuple[str, float]]) -> list[str]:
+def _describe_missing_pictures(context: Context, segment: int, caught: Iterable[tuple[str, float]]) -> list[str]:
     pylon = context.setup.looks.pylons.get(segment)
     if pylon is not None:
         had = {int(at_m) for camera, at_m in caught if camera == pylon.camera}
@@ -132,43 +132,49 @@ def _not_in(context: Context, segment: int, caught: Iterable[tuple[str, float]])
     words = []
     for look in context.setup.looks.spans.get(segment, ()):
         places = [at_m for camera, at_m in caught if camera == look.camera]
-        stretches = unseen_m(length_m, places, most_apart_m(look, context.inspection_speed_m_s))
+        stretches = find_unseen_stretches(length_m, places, max_picture_spacing_m(look, context.inspection_speed_m_s))
         if stretches:
             where = ", ".join(f"{begin:.0f} to {end:.0f} m" for begin, end in stretches)
             words.append(f"{look.camera} does not show {where} of {length_m:.0f} m")
     return words
 
 
-def missed(context: Context, state: FleetState) -> frozenset[int]:
+def find_missed_segments(context: Context, state: FleetState) -> frozenset[int]:
     """Return what was flown and is not seen: at once, while the words of pictures may still come."""
     waiting = {
         segment
         for segment in set(state.coverage.unseen) - set(state.coverage.inspected)
-        if unshown(context, state, segment)
+        if describe_unseen_parts(context, state, segment)
     }
     return frozenset(waiting | {one.segment for one in state.coverage.not_seen} - set(state.coverage.inspected))
 
 
-def pictures_judged(context: Context, state: FleetState, now_s: float) -> Stepped:
+def judge_pictures(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Ask again for lost words, and judge what was flown."""
     if not context.setup.looks:
         return state, ()
-    state, asked = _asked_again(state, now_s)
+    state, asked = _request_lost_pictures(state, now_s)
     commands: list[Command] = list(asked)
     for segment, waits in state.coverage.unseen.items():
         nearer = state.coverage.caught_nearer.get(segment, ())
-        why = unshown(context, state, segment) if waits.nearer_m is None else _not_in(context, segment, nearer)
+        why = (
+            describe_unseen_parts(context, state, segment)
+            if waits.nearer_m is None
+            else _describe_missing_pictures(context, segment, nearer)
+        )
         if why and now_s - waits.since_s < WAITS_S:
             continue
         if waits.nearer_m is None:
-            state, more = _judged(context, state, segment, waits, why, now_s)
+            state, more = _judge_segment(context, state, segment, waits, why, now_s)
         else:
-            state, more = _judged_again(context, state, segment, waits, waits.nearer_m, why)
+            state, more = _judge_nearer_pictures(context, state, segment, waits, waits.nearer_m, why)
         commands.extend(more)
     return state, tuple(commands)
 
 
-def _judged(context: Context, state: FleetState, segment: int, waits: Unseen, why: list[str], now_s: float) -> Stepped:
+def _judge_segment(
+    context: Context, state: FleetState, segment: int, waits: AwaitedPictures, why: list[str], now_s: float
+) -> Stepped:
     coverage = state.coverage
     unseen = MappingProxyType({one: other for one, other in coverage.unseen.items() if one != segment})
     if not why:
@@ -176,14 +182,14 @@ def _judged(context: Context, state: FleetState, segment: int, waits: Unseen, wh
         return replace(state, coverage=replace(coverage, unseen=unseen, inspected=inspected)), ()
     words = "; ".join(why)
     passes = MappingProxyType({one: how for one, how in coverage.flown.items() if one != segment})
-    found = NotSeen(waits.vehicle, segment, now_s, words)
+    found = MissingPictures(waits.vehicle, segment, now_s, words)
     coverage = replace(coverage, unseen=unseen, flown=passes, not_seen=(*coverage.not_seen, found))
     text = f"{waits.vehicle}: {context.segment_name(segment)} flown, but pictures are missing: {words}"
     return replace(state, coverage=coverage), (Say(Level.WARNING, text),)
 
 
-def _judged_again(
-    context: Context, state: FleetState, segment: int, waits: Unseen, at_m: float, why: list[str]
+def _judge_nearer_pictures(
+    context: Context, state: FleetState, segment: int, waits: AwaitedPictures, at_m: float, why: list[str]
 ) -> Stepped:
     """Judge what counted already: by pictures from nearer, where they show all of it."""
     coverage = state.coverage
@@ -210,17 +216,17 @@ def _judged_again(
     return replace(state, coverage=coverage), ()
 
 
-def _asked_again(state: FleetState, now_s: float) -> Stepped:
+def _request_lost_pictures(state: FleetState, now_s: float) -> Stepped:
     commands: list[Command] = []
     for vehicle in state.vehicles.values():
         if vehicle.stage not in IN_THE_AIR or vehicle.link.stale:
             continue
-        state, more = _of_one(state, vehicle, now_s)
+        state, more = _request_pictures_from(state, vehicle, now_s)
         commands.extend(more)
     return state, tuple(commands)
 
 
-def _of_one(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+def _request_pictures_from(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     commands: list[Command] = []
     payload = vehicle.payload
     for camera in payload.cameras:

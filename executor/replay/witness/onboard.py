@@ -17,26 +17,32 @@ from pymavlink import DFReader
 
 from executor.replay.witness.testimony import (
     SECOND,
-    Failing,
-    Hand,
+    Controller,
+    FailsafeEntry,
+    LogEvidence,
     LogLine,
     ModeSet,
-    Move,
+    MotionSample,
     PowerReport,
-    Testimony,
-    Whereabouts,
+    TransmitterMove,
     note_change,
 )
 
 TYPES = ("MODE", "EV", "ERR", "ARM", "MSG", "BAT", "CURR", "POS", "GPS", "CTUN", "ATT", "RCIN", "PARM", "CMD", "XKF1",
          "NKF1", "NTUN", "BARO")  # fmt: skip
 REASONS = {
-    1: Hand.PILOT, 2: Hand.STATION, 3: Hand.FAILSAFE, 4: Hand.FAILSAFE, 5: Hand.FAILSAFE, 6: Hand.FAILSAFE,
-    7: Hand.FAILSAFE, 8: Hand.MISSION, 9: Hand.PILOT, 10: Hand.FAILSAFE, 11: Hand.FAILSAFE, 12: Hand.MISSION,
-    13: Hand.MISSION, 14: Hand.FAILSAFE, 15: Hand.FAILSAFE, 16: Hand.MISSION, 17: Hand.FAILSAFE, 18: Hand.PILOT,
-    19: Hand.FAILSAFE, 25: Hand.FAILSAFE, 26: Hand.MISSION, 31: Hand.MISSION, 32: Hand.STATION, 34: Hand.PILOT,
-    35: Hand.FAILSAFE, 39: Hand.MISSION, 41: Hand.MISSION, 42: Hand.STATION, 43: Hand.FAILSAFE, 45: Hand.MISSION,
-    48: Hand.FAILSAFE, 50: Hand.FAILSAFE, 51: Hand.FAILSAFE, 52: Hand.STATION, 53: Hand.PILOT,
+    1: Controller.PILOT, 2: Controller.STATION, 3: Controller.FAILSAFE, 4: Controller.FAILSAFE,
+    5: Controller.FAILSAFE, 6: Controller.FAILSAFE,
+    7: Controller.FAILSAFE, 8: Controller.MISSION, 9: Controller.PILOT, 10: Controller.FAILSAFE,
+    11: Controller.FAILSAFE, 12: Controller.MISSION,
+    13: Controller.MISSION, 14: Controller.FAILSAFE, 15: Controller.FAILSAFE, 16: Controller.MISSION,
+    17: Controller.FAILSAFE, 18: Controller.PILOT,
+    19: Controller.FAILSAFE, 25: Controller.FAILSAFE, 26: Controller.MISSION, 31: Controller.MISSION,
+    32: Controller.STATION, 34: Controller.PILOT,
+    35: Controller.FAILSAFE, 39: Controller.MISSION, 41: Controller.MISSION, 42: Controller.STATION,
+    43: Controller.FAILSAFE, 45: Controller.MISSION,
+    48: Controller.FAILSAFE, 50: Controller.FAILSAFE, 51: Controller.FAILSAFE, 52: Controller.STATION,
+    53: Controller.PILOT,
 }  # fmt: skip
 """ModeReason of AP_Vehicle."""
 SUBSYSTEMS = {
@@ -64,13 +70,13 @@ class _State:
     percent: float | None = None
 
 
-def read_onboard(path: Path) -> dict[int, Testimony]:
+def read_onboard(path: Path) -> dict[int, LogEvidence]:
     """Return what ArduPilot's own log says; nothing if it is none."""
-    told, state, log = Testimony(1, on_board=True), _State(), _opened(path)
+    told, state, log = LogEvidence(1, on_board=True), _State(), _opened(path)
     if log is None:
         return {}
     own = any(OWN_TIMES & set(one.columns) for one in log.formats.values() if one.name in TYPES and one.name != "GPS")
-    for t_usec, message in _timed(_messages(log), by_satellites=not own):
+    for t_usec, message in _attach_times(_read_messages(log), by_satellites=not own):
         told.began_usec = told.began_usec or t_usec
         told.ended_usec = max(told.ended_usec, t_usec)
         try:
@@ -84,7 +90,7 @@ def read_onboard(path: Path) -> dict[int, Testimony]:
     return {number: told} if told.ended_usec else {}
 
 
-def _timed(messages: Iterator[Any], *, by_satellites: bool) -> Iterator[tuple[int, Any]]:
+def _attach_times(messages: Iterator[Any], *, by_satellites: bool) -> Iterator[tuple[int, Any]]:
     """Yield messages with their times: old firmware wrote events and modes without, as old as what is before.
 
     That of 2013 wrote no time of its own at all: then the satellites' is the log's, from the first fix on.
@@ -113,7 +119,7 @@ def _satellites_usec(message: Any, last: int) -> int | None:  # noqa: ANN401 - p
 
 
 def _opened(path: Path) -> Any:  # noqa: ANN401
-    with quiet():
+    with silence_c_stderr():
         try:
             text = path.read_bytes()[:2] != b"\xa3\x95"
             return DFReader.DFReader_text(str(path)) if text else DFReader.DFReader_binary(str(path))
@@ -121,16 +127,16 @@ def _opened(path: Path) -> Any:  # noqa: ANN401
             return None
 
 
-def _messages(log: Any) -> Iterator[Any]:  # noqa: ANN401
+def _read_messages(log: Any) -> Iterator[Any]:  # noqa: ANN401
     try:
-        yield from _every(log)
+        yield from _read_all(log)
     finally:
         for one in ("data_map", "filehandle"):
             if hasattr(log, one):
                 getattr(log, one).close()
 
 
-def _every(log: Any) -> Iterator[Any]:  # noqa: ANN401 - pymavlink is untyped
+def _read_all(log: Any) -> Iterator[Any]:  # noqa: ANN401 - pymavlink is untyped
     broken = 0
     while broken < MOST_BROKEN:
         try:
@@ -145,7 +151,7 @@ def _every(log: Any) -> Iterator[Any]:  # noqa: ANN401 - pymavlink is untyped
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
+def silence_c_stderr() -> Iterator[None]:
     """Have C's standard error, on which pymavlink tells of each byte it passes over, go nowhere."""
     sys.stderr.flush()
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
@@ -172,7 +178,7 @@ def stamp_of(message: Any) -> int | None:  # noqa: ANN401 - pymavlink is untyped
     return None
 
 
-def _mode(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+def _record_mode(told: LogEvidence, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     number = int(getattr(row, "ModeNum", getattr(row, "Mode", 0)))
     reason = getattr(row, "Rsn", getattr(row, "Reason", None))
     by = None if reason is None else REASONS.get(int(reason))
@@ -181,29 +187,29 @@ def _mode(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: A
         told.modes.append(ModeSet(t_usec, number, by, words))
 
 
-def _event(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+def _record_event(told: LogEvidence, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     if row.Id in EV_ARMED or row.Id == EV_DISARMED:
         note_change(told.armed, t_usec, row.Id != EV_DISARMED)
 
 
-def _arming(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+def _record_arming(told: LogEvidence, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     note_change(told.armed, t_usec, bool(row.ArmState))
 
 
-def _error(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+def _record_error(told: LogEvidence, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     kind = SUBSYSTEMS.get(int(row.Subsys))
     code = int(row.ECode)
     if kind is not None and code and (kind != "crash" or code in CRASHES):
-        told.failings.append(Failing(t_usec, kind, f"ERR {int(row.Subsys)} {code}"))
+        told.failings.append(FailsafeEntry(t_usec, kind, f"ERR {int(row.Subsys)} {code}"))
 
 
-def _text(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+def _record_text(told: LogEvidence, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     if row.Message == "Arming motors":
         note_change(told.armed, t_usec, True)
     told.texts.append(LogLine(t_usec, str(row.Message).strip()))
 
 
-def _battery(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+def _record_battery(told: LogEvidence, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     if int(getattr(row, "Inst", getattr(row, "Instance", 0))):
         return
     volts = float(row.Volt)
@@ -217,7 +223,7 @@ def _battery(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa
     )  # fmt: skip
 
 
-def _fix(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+def _record_fix(told: LogEvidence, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     if int(getattr(row, "I", 0)):
         return  # a second receiver
     if int(row.Status) >= FIXED:
@@ -228,26 +234,26 @@ def _fix(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # noqa
     height = getattr(row, "RelAlt", getattr(row, "RAlt", None))
     state.height_m = float(height) if height is not None and not told.streams.get("position") else state.height_m
     if not told.streams.get("position"):
-        told.moments.append(Whereabouts(t_usec, float(row.Lat), float(row.Lng), state.height_m, state.speed_m_s,
+        told.moments.append(MotionSample(t_usec, float(row.Lat), float(row.Lng), state.height_m, state.speed_m_s,
                                    state.climb_m_s))  # fmt: skip
 
 
-def _pressed(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+def _pressed(told: LogEvidence, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     if not int(getattr(row, "I", 0)):
         told.note_height("BARO.Alt", t_usec, float(row.Alt))
 
 
-def _place(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+def _record_place(told: LogEvidence, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     told.note_height("POS.Alt", t_usec, float(row.Alt))
     told.streams.setdefault("position", []).append(t_usec)
     height = float(getattr(row, "RelHomeAlt", math.nan))
     told.moments.append(
-        Whereabouts(t_usec, float(row.Lat), float(row.Lng), height if math.isfinite(height) else state.height_m,
+        MotionSample(t_usec, float(row.Lat), float(row.Lng), height if math.isfinite(height) else state.height_m,
                state.speed_m_s, state.climb_m_s)
     )  # fmt: skip
 
 
-def _tuned(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+def _record_control_tuning(told: LogEvidence, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     height = getattr(row, "BAlt", getattr(row, "BarAlt", None))
     climb = getattr(row, "CRt", getattr(row, "CRate", None))
     if height is not None:
@@ -259,35 +265,39 @@ def _tuned(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # no
         state.climb_m_s = float(climb) / 100 if isinstance(climb, int) else float(climb)
 
 
-def _attitude(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+def _record_attitude(told: LogEvidence, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     if told.tilts and t_usec - told.tilts[-1][0] < SECOND // 5:
         return
     upright = math.cos(math.radians(float(row.Roll))) * math.cos(math.radians(float(row.Pitch)))
     told.tilts.append((t_usec, math.degrees(math.acos(max(-1.0, min(1.0, upright))))))
 
 
-def _transmitter(told: Testimony, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+def _record_mode_switch(told: LogEvidence, state: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     number = int(told.settings.get("FLTMODE_CH", 5) or 5)
     value = int(getattr(row, f"C{number}", getattr(row, f"Ch{number}", 0)))
     before, state.switch_us = state.switch_us, value
     if before and value and sum(before >= edge for edge in BANDS) != sum(value >= edge for edge in BANDS):
-        told.switches.append(Move(t_usec, f"mode switch (channel {number}) from {before} to {value}", number))
+        told.switches.append(
+            TransmitterMove(t_usec, f"mode switch (channel {number}) from {before} to {value}", number)
+        )
 
 
-def _parameter(told: Testimony, _: _State, __: int, row: Any) -> None:  # noqa: ANN401
+def _record_parameter(told: LogEvidence, _: _State, __: int, row: Any) -> None:  # noqa: ANN401
     told.settings[str(row.Name)] = float(row.Value)
 
 
-def _command(told: Testimony, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+def _record_mission_item(told: LogEvidence, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     told.items.append((t_usec, int(row.CNum)))
 
 
-def _nothing(_: Testimony, __: _State, ___: int, ____: Any) -> None:  # noqa: ANN401
+def _ignore_message(_: LogEvidence, __: _State, ___: int, ____: Any) -> None:  # noqa: ANN401
     return
 
 
-_TELLS: dict[str, Callable[[Testimony, _State, int, Any], None]] = dict.fromkeys(TYPES, _nothing) | {
-    "MODE": _mode, "EV": _event, "ERR": _error, "ARM": _arming, "MSG": _text, "BAT": _battery, "CURR": _battery,
-    "GPS": _fix, "POS": _place, "CTUN": _tuned, "ATT": _attitude, "RCIN": _transmitter, "PARM": _parameter,
-    "CMD": _command, "BARO": _pressed,
+_TELLS: dict[str, Callable[[LogEvidence, _State, int, Any], None]] = dict.fromkeys(TYPES, _ignore_message) | {
+    "MODE": _record_mode, "EV": _record_event, "ERR": _record_error, "ARM": _record_arming, "MSG": _record_text,
+    "BAT": _record_battery, "CURR": _record_battery,
+    "GPS": _record_fix, "POS": _record_place, "CTUN": _record_control_tuning, "ATT": _record_attitude,
+    "RCIN": _record_mode_switch, "PARM": _record_parameter,
+    "CMD": _record_mission_item, "BARO": _pressed,
 }  # fmt: skip

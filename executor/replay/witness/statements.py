@@ -8,12 +8,12 @@ from enum import StrEnum
 from pathlib import Path
 
 from executor.core.vehicle import FaultKind
-from executor.replay.witness.testimony import SECOND, Testimony
+from executor.replay.witness.testimony import SECOND, LogEvidence
 
 DATAFLASH, ULOG = b"\xa3\x95", b"ULog"
 
 
-class Stated(StrEnum):
+class StatementKind(StrEnum):
     """What a log may state."""
 
     CRASH = "crash"
@@ -22,9 +22,9 @@ class Stated(StrEnum):
 
 
 RIGHT = {
-    Stated.CRASH: frozenset({FaultKind.INTERRUPTION, FaultKind.DOWN}),
-    Stated.BATTERY: frozenset({FaultKind.BATTERY}),
-    Stated.SILENCE: frozenset({FaultKind.LINK}),
+    StatementKind.CRASH: frozenset({FaultKind.INTERRUPTION, FaultKind.DOWN}),
+    StatementKind.BATTERY: frozenset({FaultKind.BATTERY}),
+    StatementKind.SILENCE: frozenset({FaultKind.LINK}),
 }
 CRASH = re.compile(
     r"crash: disarm|crash: emergency|parachute: crash|crash detected|attitude failure|flight terminat", re.IGNORECASE
@@ -37,7 +37,7 @@ BATTERY = re.compile(
 """ArduPilot 3.3 "Low Battery!", 3.4 "Low battery", 3.6 on "Battery 1 is low 10.2V used 900 mAh" and "Battery Failsafe";
 PX4 "Critical battery, return now". PX4's "Low battery level" is a warning, upon which it does nothing by itself."""
 EKF = re.compile(r"EKF (variance|failsafe|primary)|DCM bad|bad ahrs|compass variance|position lost", re.IGNORECASE)
-SAME_S = {Stated.CRASH: 20.0, Stated.BATTERY: 120.0, Stated.SILENCE: 0.0}
+SAME_S = {StatementKind.CRASH: 20.0, StatementKind.BATTERY: 120.0, StatementKind.SILENCE: 0.0}
 """What is said again within this is said once."""
 EMERGENCY_STATES = frozenset({6, 8})
 
@@ -46,14 +46,14 @@ EMERGENCY_STATES = frozenset({6, 8})
 class Statement:
     """One thing that a log states of one vehicle."""
 
-    what: Stated
+    what: StatementKind
     t_usec: int
     """When it is stated; of a silence, when it began."""
     words: str
     until_usec: int | None = None
 
 
-def read_testimony(path: Path) -> dict[int, Testimony]:
+def read_log_evidence(path: Path) -> dict[int, LogEvidence]:
     """Return what a log says by itself, by system; nothing of what is no log.
 
     Raises:
@@ -74,19 +74,19 @@ def read_testimony(path: Path) -> dict[int, Testimony]:
     return read_onboard(path) if path.suffix.lower() in {".log", ".bin"} else {}
 
 
-def statements(told: Testimony, link_timeout_s: float) -> list[Statement]:
+def find_statements(told: LogEvidence, link_timeout_s: float) -> list[Statement]:
     """Return what a log states of a vehicle that is armed, in the order of time."""
     found = [
-        *((Stated.CRASH, one.t_usec, one.words) for one in told.texts if CRASH.search(one.words)),
-        *((Stated.BATTERY, one.t_usec, one.words) for one in told.texts if BATTERY.search(one.words)),
-        *((Stated.CRASH, one.t_usec, one.words) for one in told.failings if one.kind == "crash"),
-        *((Stated.BATTERY, one.t_usec, one.words) for one in told.failings if one.kind == "battery"),
+        *((StatementKind.CRASH, one.t_usec, one.words) for one in told.texts if CRASH.search(one.words)),
+        *((StatementKind.BATTERY, one.t_usec, one.words) for one in told.texts if BATTERY.search(one.words)),
+        *((StatementKind.CRASH, one.t_usec, one.words) for one in told.failings if one.kind == "crash"),
+        *((StatementKind.BATTERY, one.t_usec, one.words) for one in told.failings if one.kind == "battery"),
     ]
     once: list[Statement] = []
-    last: dict[Stated, int] = {}
+    last: dict[StatementKind, int] = {}
     for what, t_usec, words in sorted(found, key=lambda one: one[1]):
         # A crash check disarms at once: its text may come after the heartbeat that says so.
-        if not (told.is_armed(t_usec) or (what is Stated.CRASH and told.is_armed(t_usec - 3 * SECOND))):
+        if not (told.is_armed(t_usec) or (what is StatementKind.CRASH and told.is_armed(t_usec - 3 * SECOND))):
             continue
         if what in last and t_usec - last[what] < SAME_S[what] * SECOND:
             last[what] = t_usec
@@ -94,14 +94,14 @@ def statements(told: Testimony, link_timeout_s: float) -> list[Statement]:
         last[what] = t_usec
         once.append(Statement(what, t_usec, words))
     if not told.on_board:
-        once += _gaps(told, link_timeout_s)
+        once += _find_link_silences(told, link_timeout_s)
     return sorted(once, key=lambda one: one.t_usec)
 
 
-def _gaps(told: Testimony, link_timeout_s: float) -> list[Statement]:
+def _find_link_silences(told: LogEvidence, link_timeout_s: float) -> list[Statement]:
     """Return silences that were the link's: others were heard meanwhile, or nobody else is ever heard."""
     return [
-        Statement(Stated.SILENCE, one.from_usec, f"nothing of it for {one.lasted_s:.1f} s", one.to_usec)
+        Statement(StatementKind.SILENCE, one.from_usec, f"nothing of it for {one.lasted_s:.1f} s", one.to_usec)
         for one in told.silences
         if one.lasted_s >= link_timeout_s + MARGIN_S and one.others is True and told.is_armed(one.from_usec)
     ]

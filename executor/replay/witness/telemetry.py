@@ -14,13 +14,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.replay.witness.testimony import (
     SECOND,
+    LogEvidence,
     LogLine,
     ModeSet,
-    Move,
+    MotionSample,
     PowerReport,
     Silence,
-    Testimony,
-    Whereabouts,
+    TransmitterMove,
     note_change,
 )
 
@@ -49,22 +49,22 @@ OVERTAKEN, SAME = 128, 255
 """A sequence number that is ahead by more is one that was overtaken, or comes again."""
 
 
-def read_telemetry(path: Path) -> dict[int, Testimony]:
+def read_telemetry(path: Path) -> dict[int, LogEvidence]:
     """Return what a telemetry log says, by system."""
     reading = _Reading()
-    for t_usec, frame in on_vehicles_clocks(list(frames(path.read_bytes()))):
-        reading.take(t_usec, frame)
-    return reading.result()
+    for t_usec, frame in on_vehicles_clocks(list(read_tlog_frames(path.read_bytes()))):
+        reading.read_frame(t_usec, frame)
+    return reading.build_result()
 
 
-def frames(data: bytes) -> Iterator[tuple[int, bytes]]:
+def read_tlog_frames(data: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield the records of a log; what lies between them is passed over."""
     at, end, last = 0, len(data), 0
     while at + STAMP + 8 <= end:
-        size = _size(data, at + STAMP)
+        size = _find_frame_size(data, at + STAMP)
         t_usec = int(struct.unpack_from(">Q", data, at)[0])
         after = at + STAMP + size
-        following = after + STAMP >= end or _size(data, after + STAMP)
+        following = after + STAMP >= end or _find_frame_size(data, after + STAMP)
         near_it = not last or abs(t_usec - last) < DAYS_USEC or _goes_on(data, after, t_usec)
         if size and after <= end and following and near_it:
             last = t_usec
@@ -122,7 +122,7 @@ def _boot_usec(frame: bytes) -> tuple[int, int] | None:
     return frame[3 if first else 5], 1000 * int.from_bytes(frame[begins : begins + min(4, frame[1])], "little")
 
 
-def _size(data: bytes, at: int) -> int:
+def _find_frame_size(data: bytes, at: int) -> int:
     """Return the length of the frame that begins there; 0 if none does."""
     if data[at] == 0xFE and at + 8 <= len(data):
         return data[at + 1] + 8
@@ -135,7 +135,7 @@ def _size(data: bytes, at: int) -> int:
 class _Vehicle:
     """What is remembered of one between its messages."""
 
-    told: Testimony
+    told: LogEvidence
     heard_usec: int = 0
     channels: tuple[int, ...] = ()
     percent: float | None = None
@@ -151,57 +151,61 @@ class _Reading:
     """When ground stations were heard."""
     last_usec: int = 0
 
-    def take(self, t_usec: int, frame: bytes) -> None:
+    def read_frame(self, t_usec: int, frame: bytes) -> None:
         first = frame[0] == 0xFE
         system, component = (frame[3], frame[4]) if first else (frame[5], frame[6])
         number = frame[5] if first else int.from_bytes(frame[7:10], "little")
         self.last_usec = t_usec
         if number not in _READ and system not in self.vehicles:
             return
-        message = self._decoded(frame) if number in _READ else None
+        message = self._decode_frame(frame) if number in _READ else None
         if number in _READ and message is None:
             return
-        if message is not None and number == mav.MAVLINK_MSG_ID_HEARTBEAT and not self._known(system, message):
+        if (
+            message is not None
+            and number == mav.MAVLINK_MSG_ID_HEARTBEAT
+            and not self._register_vehicle(system, message)
+        ):
             if message.type == STATION:
                 self.stations.append(t_usec)
             return
         if message is not None and number in _ORDERED:
-            self._ordered(t_usec, system, message)
+            self._record_order(t_usec, system, message)
         vehicle = self.vehicles.get(system)
         if vehicle is None or component not in {0, 1}:
             return
-        self._heard(vehicle, t_usec)
-        self._counted(vehicle, t_usec, frame[2] if first else frame[4])
+        self._record_heard_time(vehicle, t_usec)
+        self._count_frames(vehicle, t_usec, frame[2] if first else frame[4])
         if message is not None and number in _TELLS:
             _TELLS[number](vehicle, t_usec, message)
 
-    def _decoded(self, frame: bytes) -> Any:  # noqa: ANN401 - pymavlink is untyped
+    def _decode_frame(self, frame: bytes) -> Any:  # noqa: ANN401 - pymavlink is untyped
         try:
             return self.decoder.decode(bytearray(frame))
         except Exception:  # noqa: BLE001 - a damaged frame, whatever the library thinks of it
             return None
 
-    def _known(self, system: int, beat: Any) -> bool:  # noqa: ANN401
+    def _register_vehicle(self, system: int, beat: Any) -> bool:  # noqa: ANN401
         if beat.autopilot not in AUTOPILOTS or beat.type not in COPTERS:
             return False
         if system not in self.vehicles:
-            told = Testimony(system, ardupilot=beat.autopilot == 3, began_usec=self.last_usec)
+            told = LogEvidence(system, ardupilot=beat.autopilot == 3, began_usec=self.last_usec)
             self.vehicles[system] = _Vehicle(told, heard_usec=self.last_usec)
         return True
 
-    def _heard(self, vehicle: _Vehicle, t_usec: int) -> None:
+    def _record_heard_time(self, vehicle: _Vehicle, t_usec: int) -> None:
         if t_usec - vehicle.heard_usec >= SILENT_USEC:
-            vehicle.told.silences.append(self._silence(vehicle.heard_usec, t_usec))
+            vehicle.told.silences.append(self._build_silence(vehicle.heard_usec, t_usec))
         vehicle.heard_usec = vehicle.told.ended_usec = t_usec
 
-    def _silence(self, from_usec: int, to_usec: int) -> Silence:
+    def _build_silence(self, from_usec: int, to_usec: int) -> Silence:
         """Return a silence, and whether a station was heard in the midst of it: else the recorder may have paused."""
         first = bisect_left(self.stations, from_usec + MIDST_USEC)
         midst = first < len(self.stations) and self.stations[first] <= to_usec - MIDST_USEC
         return Silence(from_usec, to_usec, midst if self.stations else None)
 
     @staticmethod
-    def _counted(vehicle: _Vehicle, t_usec: int, sequence: int) -> None:
+    def _count_frames(vehicle: _Vehicle, t_usec: int, sequence: int) -> None:
         """Count what came and what is missing, by the sequence numbers of frames."""
         minute = vehicle.told.frames.setdefault((t_usec - vehicle.told.began_usec) // (60 * SECOND), [0, 0])
         minute[0] += 1
@@ -213,7 +217,7 @@ class _Reading:
                 return  # overtaken on its way: it was counted as missing
         vehicle.sequence = sequence
 
-    def _ordered(self, t_usec: int, system: int, message: Any) -> None:  # noqa: ANN401
+    def _record_order(self, t_usec: int, system: int, message: Any) -> None:  # noqa: ANN401
         """Take an order to a vehicle, or a vehicle's answer to one."""
         number = message.get_msgId()
         if number == mav.MAVLINK_MSG_ID_COMMAND_ACK:
@@ -229,41 +233,41 @@ class _Reading:
             if target in {0, known} and system != known:
                 vehicle.told.orders.append(LogLine(t_usec, f"{what} of system {system}"))
 
-    def result(self) -> dict[int, Testimony]:
+    def build_result(self) -> dict[int, LogEvidence]:
         found = {}
         for system, vehicle in self.vehicles.items():
             told = vehicle.told
             if self.last_usec - vehicle.heard_usec >= SILENT_USEC:
-                told.silences.append(self._silence(vehicle.heard_usec, self.last_usec))
+                told.silences.append(self._build_silence(vehicle.heard_usec, self.last_usec))
             found[system] = told
         return found
 
 
-def _noted(vehicle: _Vehicle, stream: str, t_usec: int) -> None:
+def _record_stream_time(vehicle: _Vehicle, stream: str, t_usec: int) -> None:
     vehicle.told.streams.setdefault(stream, []).append(t_usec)
 
 
-def _beat(vehicle: _Vehicle, t_usec: int, beat: Any) -> None:  # noqa: ANN401
+def _record_heartbeat(vehicle: _Vehicle, t_usec: int, beat: Any) -> None:  # noqa: ANN401
     if beat.autopilot not in AUTOPILOTS or beat.type == STATION:
         return
     told = vehicle.told
-    _noted(vehicle, "HEARTBEAT", t_usec)
+    _record_stream_time(vehicle, "HEARTBEAT", t_usec)
     note_change(told.armed, t_usec, bool(beat.base_mode & 128))
     if not told.modes or told.modes[-1].mode != beat.custom_mode:
         told.modes.append(ModeSet(t_usec, int(beat.custom_mode)))
     note_change(told.statuses, t_usec, int(beat.system_status))
 
 
-def _text(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+def _record_text(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
     words = message.text.rstrip("\0").strip()
     vehicle.told.texts.append(LogLine(t_usec, words, int(message.severity)))
 
 
-def _place(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
-    _noted(vehicle, "position", t_usec)
+def _record_place(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    _record_stream_time(vehicle, "position", t_usec)
     vehicle.told.note_height("GLOBAL_POSITION_INT", t_usec, message.alt / 1e3)
     vehicle.told.moments.append(
-        Whereabouts(t_usec, message.lat / 1e7, message.lon / 1e7, message.relative_alt / 1e3,
+        MotionSample(t_usec, message.lat / 1e7, message.lon / 1e7, message.relative_alt / 1e3,
                math.hypot(message.vx, message.vy) / 100, -message.vz / 100)
     )  # fmt: skip
 
@@ -283,13 +287,13 @@ def _shown(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN40
     vehicle.told.note_height("VFR_HUD", t_usec, float(message.alt))
 
 
-def _attitude(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+def _record_attitude(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
     upright = math.cos(message.roll) * math.cos(message.pitch)
     vehicle.told.tilts.append((t_usec, math.degrees(math.acos(max(-1.0, min(1.0, upright))))))
 
 
-def _status(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
-    _noted(vehicle, "battery", t_usec)
+def _record_status(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    _record_stream_time(vehicle, "battery", t_usec)
     percent = message.battery_remaining
     vehicle.percent = float(percent) if 0 <= percent <= 100 else None
     vehicle.told.powers.append(
@@ -299,13 +303,13 @@ def _status(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN4
     )  # fmt: skip
 
 
-def _battery(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
-    _noted(vehicle, "battery", t_usec)
+def _record_battery(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    _record_stream_time(vehicle, "battery", t_usec)
     if message.id == 0 and message.current_consumed >= 0:
         vehicle.consumed_mah = float(message.current_consumed)
 
 
-def _channels(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+def _record_channels(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
     told = vehicle.told
     now = tuple(getattr(message, f"chan{number}_raw") for number in range(1, CHANNELS + 1))
     if not any(now):
@@ -318,39 +322,41 @@ def _channels(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: AN
         was, is_ = before[number - 1], now[number - 1]
         if not (800 < was < 2200 and 800 < is_ < 2200):
             continue
-        turned = _band(was) != _band(is_) and abs(was - is_) > 20 if number == chosen else abs(was - is_) > MOVED_US
+        turned = (
+            _band_of(was) != _band_of(is_) and abs(was - is_) > 20 if number == chosen else abs(was - is_) > MOVED_US
+        )
         if turned:
             name = "mode switch" if number == chosen else "a switch"
-            told.switches.append(Move(t_usec, f"{name} (channel {number}) from {was} to {is_}", number))
+            told.switches.append(TransmitterMove(t_usec, f"{name} (channel {number}) from {was} to {is_}", number))
 
 
-def _band(value: int) -> int:
+def _band_of(value: int) -> int:
     return sum(value >= edge for edge in SWITCH_BANDS)
 
 
-def _current(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
-    _noted(vehicle, "item", t_usec)
+def _record_mission_current(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+    _record_stream_time(vehicle, "item", t_usec)
     note_change(vehicle.told.items, t_usec, int(message.seq))
 
 
-def _parameter(vehicle: _Vehicle, _: int, message: Any) -> None:  # noqa: ANN401
+def _record_parameter(vehicle: _Vehicle, _: int, message: Any) -> None:  # noqa: ANN401
     vehicle.told.settings[message.param_id.rstrip("\0")] = float(message.param_value)
 
 
 _TELLS: dict[int, Callable[[_Vehicle, int, Any], None]] = {
-    mav.MAVLINK_MSG_ID_HEARTBEAT: _beat,
-    mav.MAVLINK_MSG_ID_STATUSTEXT: _text,
-    mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _place,
+    mav.MAVLINK_MSG_ID_HEARTBEAT: _record_heartbeat,
+    mav.MAVLINK_MSG_ID_STATUSTEXT: _record_text,
+    mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _record_place,
     mav.MAVLINK_MSG_ID_GPS_RAW_INT: _fix,
     mav.MAVLINK_MSG_ID_SCALED_PRESSURE: _pressed,
     mav.MAVLINK_MSG_ID_VFR_HUD: _shown,
-    mav.MAVLINK_MSG_ID_ATTITUDE: _attitude,
-    mav.MAVLINK_MSG_ID_SYS_STATUS: _status,
-    mav.MAVLINK_MSG_ID_BATTERY_STATUS: _battery,
-    mav.MAVLINK_MSG_ID_RC_CHANNELS: _channels,
-    mav.MAVLINK_MSG_ID_RC_CHANNELS_RAW: _channels,
-    mav.MAVLINK_MSG_ID_MISSION_CURRENT: _current,
-    mav.MAVLINK_MSG_ID_PARAM_VALUE: _parameter,
+    mav.MAVLINK_MSG_ID_ATTITUDE: _record_attitude,
+    mav.MAVLINK_MSG_ID_SYS_STATUS: _record_status,
+    mav.MAVLINK_MSG_ID_BATTERY_STATUS: _record_battery,
+    mav.MAVLINK_MSG_ID_RC_CHANNELS: _record_channels,
+    mav.MAVLINK_MSG_ID_RC_CHANNELS_RAW: _record_channels,
+    mav.MAVLINK_MSG_ID_MISSION_CURRENT: _record_mission_current,
+    mav.MAVLINK_MSG_ID_PARAM_VALUE: _record_parameter,
 }
 _ORDERED = frozenset({
     mav.MAVLINK_MSG_ID_COMMAND_ACK, mav.MAVLINK_MSG_ID_SET_MODE, mav.MAVLINK_MSG_ID_COMMAND_LONG,

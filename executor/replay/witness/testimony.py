@@ -12,7 +12,7 @@ from typing import Any
 SECOND = 1_000_000
 
 
-class Hand(Enum):
+class Controller(Enum):
     """Who changed a mode, by what the log says beside the change."""
 
     PILOT = "its pilot"
@@ -33,7 +33,7 @@ class LogLine:
 
 
 @dataclass(frozen=True, slots=True)
-class Move:
+class TransmitterMove:
     """A switch of the pilot's transmitter was moved."""
 
     t_usec: int
@@ -42,7 +42,7 @@ class Move:
 
 
 @dataclass(frozen=True, slots=True)
-class Failing:
+class FailsafeEntry:
     """The autopilot's own record of a failsafe."""
 
     t_usec: int
@@ -57,12 +57,12 @@ class ModeSet:
 
     t_usec: int
     mode: int
-    by: Hand | None = None
+    by: Controller | None = None
     words: str = ""
 
 
 @dataclass(frozen=True, slots=True)
-class Whereabouts:
+class MotionSample:
     """Where it was and how it moved."""
 
     t_usec: int
@@ -101,7 +101,7 @@ class Silence:
 
 
 @dataclass(slots=True)
-class Testimony:
+class LogEvidence:
     """Everything that a log says of one vehicle."""
 
     system: int
@@ -118,12 +118,12 @@ class Testimony:
     texts: list[LogLine] = field(default_factory=list)
     orders: list[LogLine] = field(default_factory=list)
     """Accepted by the vehicle, or sent to it."""
-    switches: list[Move] = field(default_factory=list)
+    switches: list[TransmitterMove] = field(default_factory=list)
     """Of the pilot's transmitter."""
-    failings: list[Failing] = field(default_factory=list)
+    failings: list[FailsafeEntry] = field(default_factory=list)
     tilts: list[tuple[int, float]] = field(default_factory=list)
     """Degrees from upright."""
-    moments: list[Whereabouts] = field(default_factory=list)
+    moments: list[MotionSample] = field(default_factory=list)
     heights: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
     """By the instrument: metres above anything that stays."""
     powers: list[PowerReport] = field(default_factory=list)
@@ -144,47 +144,47 @@ class Testimony:
 
     def is_armed(self, at_usec: int) -> bool:
         """Return whether it was armed then."""
-        known = last_before(self.armed, at_usec)
+        known = find_last_before(self.armed, at_usec)
         return known is not None and known[1]
 
-    def armed_since(self, at_usec: int) -> int | None:
+    def find_arming_usec(self, at_usec: int) -> int | None:
         """Return when the arming began that a moment lies in."""
-        known = last_before(self.armed, at_usec)
+        known = find_last_before(self.armed, at_usec)
         return known[0] if known is not None and known[1] else None
 
-    def disarmed_after(self, at_usec: int) -> int:
+    def find_disarm_usec(self, at_usec: int) -> int:
         """Return when it was disarmed next, or the log's end."""
         return next((t_usec for t_usec, armed in self.armed if t_usec > at_usec and not armed), self.ended_usec)
 
-    def moment_at(self, at_usec: int, *, within_s: float = 4.0) -> Whereabouts | None:
+    def find_motion(self, at_usec: int, *, within_s: float = 4.0) -> MotionSample | None:
         """Return where it was then, if that was said not long before."""
-        index = bisect_right(self.moments, at_usec, key=_time) - 1
+        index = bisect_right(self.moments, at_usec, key=_time_of) - 1
         if index < 0 or at_usec - self.moments[index].t_usec > within_s * SECOND:
             return None
         return self.moments[index]
 
 
-def _time(one: Any) -> int:  # noqa: ANN401 - anything with a time
+def _time_of(one: Any) -> int:  # noqa: ANN401 - anything with a time
     return int(one.t_usec)
 
 
-def _first(pair: tuple[int, Any]) -> int:
+def _first_of(pair: tuple[int, Any]) -> int:
     return pair[0]
 
 
-def between(rows: Sequence[Any], from_usec: int, to_usec: int) -> Sequence[Any]:
+def select_between(rows: Sequence[Any], from_usec: int, to_usec: int) -> Sequence[Any]:
     """Return what lies in a time, of rows with `t_usec` in the order of it."""
-    return rows[bisect_left(rows, from_usec, key=_time) : bisect_right(rows, to_usec, key=_time)]
+    return rows[bisect_left(rows, from_usec, key=_time_of) : bisect_right(rows, to_usec, key=_time_of)]
 
 
-def pairs_between(rows: Sequence[tuple[int, Any]], from_usec: int, to_usec: int) -> Sequence[tuple[int, Any]]:
+def select_pairs_between(rows: Sequence[tuple[int, Any]], from_usec: int, to_usec: int) -> Sequence[tuple[int, Any]]:
     """Return what lies in a time, of pairs that begin with it."""
-    return rows[bisect_left(rows, from_usec, key=_first) : bisect_right(rows, to_usec, key=_first)]
+    return rows[bisect_left(rows, from_usec, key=_first_of) : bisect_right(rows, to_usec, key=_first_of)]
 
 
-def last_before(rows: Sequence[tuple[int, Any]], at_usec: int) -> tuple[int, Any] | None:
+def find_last_before(rows: Sequence[tuple[int, Any]], at_usec: int) -> tuple[int, Any] | None:
     """Return the last pair that is not later."""
-    index = bisect_right(rows, at_usec, key=_first) - 1
+    index = bisect_right(rows, at_usec, key=_first_of) - 1
     return rows[index] if index >= 0 else None
 
 
@@ -194,6 +194,6 @@ def note_change(rows: list[tuple[int, Any]], t_usec: int, value: Any) -> None:  
         rows.append((t_usec, value))
 
 
-def near(rows: Sequence[Any], at_usec: int, before_s: float, after_s: float) -> Sequence[Any]:
+def select_near(rows: Sequence[Any], at_usec: int, before_s: float, after_s: float) -> Sequence[Any]:
     """Return what lies around a moment."""
-    return between(rows, at_usec - round(before_s * SECOND), at_usec + round(after_s * SECOND))
+    return select_between(rows, at_usec - round(before_s * SECOND), at_usec + round(after_s * SECOND))

@@ -39,13 +39,13 @@ class EnergyTable(SiteTable):
     """Efficiency of propeller times motor."""
 
     @model_validator(mode="after")
-    def _known(self) -> EnergyTable:
+    def _check_drone(self) -> EnergyTable:
         if self.drone not in PRESETS:
             raise ValueError(f"drone: expected one of {', '.join(PRESETS)}, got '{self.drone}'")
         return self
 
 
-def _known_autopilot(name: str) -> str:
+def _check_autopilot(name: str) -> str:
     names = [dialect.name for dialect in AUTOPILOTS]
     if name not in names:
         raise PydanticCustomError("literal_error", "expected {expected}", {"expected": " or ".join(map(repr, names))})
@@ -54,7 +54,7 @@ def _known_autopilot(name: str) -> str:
 
 AutopilotKey = Annotated[
     str,
-    AfterValidator(_known_autopilot),
+    AfterValidator(_check_autopilot),
     WithJsonSchema({"type": "string", "enum": [dialect.name for dialect in AUTOPILOTS]}),
 ]
 """The name of an autopilot that is known."""
@@ -85,7 +85,7 @@ class VehicleTable(SiteTable):
     """The `[[place]]` where it starts and lands; without it a pad is chosen around the depot."""
 
     @model_validator(mode="after")
-    def _sane(self) -> VehicleTable:
+    def _check_vehicle(self) -> VehicleTable:
         if self.budget_pct + self.reserve_pct > 100:
             raise ValueError(
                 f"budget_pct: expected at most {100 - self.reserve_pct:g} beside a reserve_pct of "

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from executor.site.tables.fields import FileName, LayerName, SiteTable
-from executor.site.tables.ground import where_text
+from executor.site.tables.ground import check_where
 
 LatLon = tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]]
 PlaceName = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[^\x00-\x1f]+$")]
@@ -32,7 +32,7 @@ class AreaTable(SiteTable):
     `max_agl_m` and `max_amsl_m` count before those of this table."""
     layer: LayerName | tuple[LayerName, ...] = ()
     """The folders of KML to read; without it all of them."""
-    where: Annotated[str, AfterValidator(where_text), Field(max_length=1000)] | None = None
+    where: Annotated[str, AfterValidator(check_where), Field(max_length=1000)] | None = None
     """Only features of which this holds, such as `class = 'CTR'`."""
     polygon: Annotated[tuple[LatLon, ...], Field(min_length=3)] | None = None
     """Corners as [latitude, longitude], instead of a file."""
@@ -48,7 +48,7 @@ class AreaTable(SiteTable):
     """The same above mean sea level; an airspace that begins at 300 m is one of 300."""
 
     @model_validator(mode="after")
-    def _one_source(self) -> AreaTable:
+    def _check_source(self) -> AreaTable:
         given = [key for key in ("file", "polygon", "line") if getattr(self, key) is not None]
         if len(given) != 1:
             raise ValueError(f"file: expected one of file, polygon and line, got {' and '.join(given) or 'none'}")

@@ -77,7 +77,7 @@ class LookTable(SiteTable):
     """How long a vehicle stays at a viewpoint before the picture is taken."""
 
     @model_validator(mode="after")
-    def _spaced(self) -> LookTable:
+    def _check_spacing(self) -> LookTable:
         if self.of == "pylons":
             if len(self.bearings_deg) * (1 + self.both_sides) < 2:
                 raise ValueError("bearings_deg: expected two viewpoints or more for a pylon")

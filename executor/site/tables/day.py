@@ -13,7 +13,7 @@ Clock = Annotated[str, Field(pattern=r"^([01][0-9]|2[0-3]):[0-5][0-9]$")]
 Seconds = Annotated[float, Field(ge=0, le=86_400, allow_inf_nan=False)]
 
 
-def clock_s(text: str) -> float:
+def parse_clock_s(text: str) -> float:
     """Return the seconds since midnight of a time of the day.
 
     >>> clock_s("08:30")
@@ -64,8 +64,8 @@ class QuietTable(SiteTable):
     """Whom it holds for; without it for all."""
 
     @model_validator(mode="after")
-    def _ordered(self) -> QuietTable:
-        if clock_s(self.begin) >= clock_s(self.end):
+    def _check_times(self) -> QuietTable:
+        if parse_clock_s(self.begin) >= parse_clock_s(self.end):
             raise ValueError(f"end: expected a time after begin, {self.begin}, got '{self.end}'")
         return self
 
@@ -109,8 +109,8 @@ class DayTable(SiteTable):
     """Vehicles that differ."""
 
     @model_validator(mode="after")
-    def _sane(self) -> DayTable:
-        if clock_s(self.begin) >= clock_s(self.end):
+    def _check_day(self) -> DayTable:
+        if parse_clock_s(self.begin) >= parse_clock_s(self.end):
             raise ValueError(f"end: expected a time after begin, {self.begin}, got '{self.end}'")
         if self.lands == "own" and (self.road_m_s is not None or self.road):
             raise ValueError("lands: expected 'any' beside roads: vehicles that land at their own base are not driven")

@@ -22,7 +22,7 @@ class DepotTable(SiteTable):
     """Ground above mean sea level. Needed, here or in the network's file, where the network knows its ground."""
 
 
-def where_text(text: str) -> str:
+def check_where(text: str) -> str:
     """Return a filter if it is one."""
     try:
         parse_where(text)
@@ -39,7 +39,7 @@ class NetworkTable(SiteTable):
     relative to the site file; `default` is faultline's own network."""
     layer: LayerName | tuple[LayerName, ...] = ()
     """The layer, sheet or folder to read, or several; needed where a file has more than one of poles or of lines."""
-    where: Annotated[str, AfterValidator(where_text), Field(max_length=1000)] | None = None
+    where: Annotated[str, AfterValidator(check_where), Field(max_length=1000)] | None = None
     """Only lines of which this holds, such as `voltage >= 110000 and operator = 'CEPS'`; of a table, only such rows."""
     snap_m: Annotated[float, Field(ge=0.01, le=50, allow_inf_nan=False)] = SNAP_M
     """Ends of lines, and lines and poles, that are nearer to each other than this meet."""

@@ -19,7 +19,7 @@ class SigningTable(SiteTable):
     """Environment variable that holds the same. Either `key_file` or `key_env` must be there."""
 
     @model_validator(mode="after")
-    def _one(self) -> SigningTable:
+    def _check_key_source(self) -> SigningTable:
         if (self.key_file is None) is (self.key_env is None):
             raise ValueError("key_file: expected either key_file or key_env")
         return self
@@ -42,7 +42,7 @@ class LinkTable(SiteTable):
     unsigned flight, and none on a signed one."""
 
     @model_validator(mode="after")
-    def _distinct(self) -> LinkTable:
+    def _check_radios(self) -> LinkTable:
         for index, radio in enumerate(self.radios or ()):
             if radio in (self.radios or ())[:index]:
                 raise ValueError(
@@ -82,7 +82,7 @@ class MqttTable(SiteTable):
     """Intents whose timestamp is further than this from the ground station's clock are refused."""
 
     @model_validator(mode="after")
-    def _fitting(self) -> MqttTable:
+    def _check_credentials(self) -> MqttTable:
         if self.ca_file is not None and not self.tls:
             raise ValueError("ca_file: expected none without tls = true")
         if self.password_env is not None and self.username_env is None:
@@ -116,7 +116,7 @@ class WebTable(SiteTable):
     a container, a proxy. It is printed instead."""
 
     @model_validator(mode="after")
-    def _guarded(self) -> WebTable:
+    def _check_exposure(self) -> WebTable:
         try:
             address = ipaddress.ip_address(self.host)
         except ValueError:

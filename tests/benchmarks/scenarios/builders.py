@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.scenarios import Day, DayInstance, DayTask, DayVehicle
-from planner.streets import streets
+from planner.streets import build_road_graph
 
 
 def random_day(seed: int, tasks: int, vehicles: int, depots: int, *, places: int = 7, whole: bool = True) -> Day:
@@ -15,7 +15,7 @@ def random_day(seed: int, tasks: int, vehicles: int, depots: int, *, places: int
     pairs += [tuple(sorted(chance.choice(places, 2, replace=False).tolist())) for _ in range(places)]
     pairs = sorted(set(pairs))
     times = chance.integers(1, 9, len(pairs)) if whole else chance.uniform(0.5, 9.0, len(pairs))
-    ways = streets(places, [(a, b, float(time)) for (a, b), time in zip(pairs, times, strict=True)])
+    ways = build_road_graph(places, [(a, b, float(time)) for (a, b), time in zip(pairs, times, strict=True)])
     wanted = [pairs[number] for number in chance.permutation(len(pairs))[:tasks]]
     farthest = float(ways.times_s.max())
     return Day(

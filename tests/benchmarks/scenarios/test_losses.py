@@ -25,10 +25,10 @@ from benchmarks.scenarios import (
     solve_day,
 )
 from planner import InstanceError, Iterations, PlanError
-from planner.streets import streets
+from planner.streets import build_road_graph
 from tests.benchmarks.scenarios.builders import random_day
 
-ROW = streets(5, [(place, place + 1, 10.0) for place in range(4)])
+ROW = build_road_graph(5, [(place, place + 1, 10.0) for place in range(4)])
 DAY = Day(ROW, tuple(DayTask(place, place + 1, 10.0) for place in range(4)), (0, 4), (0, 4), 80.0, 5.0)
 """Five places in a row, a depot at each end, everything to do; two vehicles."""
 PLAN = (DAY.timed([(0, 1, 0), (0, 1, 2, 1, 0)]), DAY.timed([(4, 3, 4), (4, 3, 2, 3, 4)]))
@@ -157,18 +157,18 @@ def _flies_as_it_can(day: Day, vehicle: int, trips: tuple[TimedTrip, ...]) -> No
 
 
 def test_shortest_ways_lead_along_edges() -> None:
-    ways = streets(4, [(0, 1, 9.0), (1, 0, 4.0), (1, 2, 1.0), (0, 2, 7.0)])
+    ways = build_road_graph(4, [(0, 1, 9.0), (1, 0, 4.0), (1, 2, 1.0), (0, 2, 7.0)])
     assert ways.along_s[0, 1] == 4.0  # of parallel edges the shorter
     assert ways.times_s[0, 2] == 5.0
-    assert ways.way(2, 0) == (2, 1, 0)
-    assert ways.way(3, 3) == (3,)
+    assert ways.find_way(2, 0) == (2, 1, 0)
+    assert ways.find_way(3, 3) == (3,)
     with pytest.raises(InstanceError, match="no way leads"):
-        ways.way(0, 3)
+        ways.find_way(0, 3)
     for edge in ((0, 4, 1.0), (1, 1, 1.0)):
         with pytest.raises(InstanceError, match="expected two places from 0 to 3"):
-            streets(4, [edge])
+            build_road_graph(4, [edge])
     with pytest.raises(InstanceError, match="expected 0 seconds or more"):
-        streets(4, [(0, 1, -1.0)])
+        build_road_graph(4, [(0, 1, -1.0)])
 
 
 def test_a_plan_for_nobody_changes_nothing() -> None:

@@ -15,7 +15,7 @@ from benchmarks.scenarios.kernels.day import NEVER, divide, guide
 from benchmarks.scenarios.kernels.dayinsertion import insert_tasks
 from benchmarks.scenarios.kernels.daysearch import less, measure_day
 from planner import Iterations
-from planner.construct import random_state
+from planner.construct import build_random_state
 from tests.benchmarks.scenarios.builders import instance_of, random_day
 
 SEEDS = st.integers(0, 10**6)
@@ -76,7 +76,7 @@ def test_ends_of_the_kernels_are_those_of_the_definition(instance: DayInstance, 
     problem = day_problem(instance, 0.5, 0.25)
     state, memory = day_state(problem), day_memory(problem)
     able = np.flatnonzero(problem.able.any(axis=0)).astype(np.int64)
-    assert insert_tasks(problem, state, memory, able, len(able), random_state(seed))
+    assert insert_tasks(problem, state, memory, able, len(able), build_random_state(seed))
     assume(state.ends.max() < NEVER)
     plan = day_plan(instance, problem, state)
     found = evaluate_day(instance, plan)

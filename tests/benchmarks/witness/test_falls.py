@@ -11,7 +11,7 @@ from benchmarks.witness.verdicts import Stand, hold_against
 from executor.core.vehicle import FaultKind
 from executor.replay.result import Declaration
 from executor.replay.witness import testimony
-from executor.replay.witness.statements import read_testimony
+from executor.replay.witness.statements import read_log_evidence
 from tests.onboard import DataFlashWriter
 
 SECOND = testimony.SECOND
@@ -25,7 +25,7 @@ def height_m(at_s: float, fall_m_s: float) -> float:
 
 
 def flown(path: Path, *, baro: float = FALL_M_S, gps: float = FALL_M_S, ctun: float = FALL_M_S, mode: float = AUTO,
-          descent_cm_s: float = 150.0) -> testimony.Testimony:  # fmt: skip
+          descent_cm_s: float = 150.0) -> testimony.LogEvidence:  # fmt: skip
     writer = DataFlashWriter()
     writer.say("PARM", "QNf", "TimeUS,Name,Value", SECOND, "WPNAV_SPEED_DN", descent_cm_s)
     writer.say("MODE", "QMBB", "TimeUS,Mode,ModeNum,Rsn", SECOND, int(mode), int(mode), 1)
@@ -40,10 +40,10 @@ def flown(path: Path, *, baro: float = FALL_M_S, gps: float = FALL_M_S, ctun: fl
                        300.0 + height_m(at_s, gps), 3.0, 90.0)  # fmt: skip
             up_m = height_m(at_s, ctun)
             writer.say("POS", "QLLff", "TimeUS,Lat,Lng,Alt,RelHomeAlt", t_usec, 50.0, 13.0, 300.0 + up_m, up_m)
-    return read_testimony(writer.write(path / "a.BIN"))[1]
+    return read_log_evidence(writer.write(path / "a.BIN"))[1]
 
 
-def judged(told: testimony.Testimony) -> Stand:
+def judged(told: testimony.LogEvidence) -> Stand:
     said = Declaration(FaultKind.INTERRUPTION, "falling", round((FALLS_AT_S + 1.2) * SECOND), "falls at 7.0 m/s")
     return hold_against(said, told, 4.5).outcome
 
@@ -73,4 +73,4 @@ def test_a_pilot_may_dive(tmp_path: Path) -> None:
 
 
 def test_nothing_is_said_where_nothing_tells_heights() -> None:
-    assert sank_m_s(testimony.Testimony(1), 0, 100 * SECOND) == (0.0, "nothing that tells heights")
+    assert sank_m_s(testimony.LogEvidence(1), 0, 100 * SECOND) == (0.0, "nothing that tells heights")

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import common as mav
 from benchmarks.witness.verdicts import Stand, hold_against
 from executor.core.vehicle import FaultKind
 from executor.replay.result import Declaration
-from executor.replay.witness.statements import Stated, read_testimony, statements
+from executor.replay.witness.statements import StatementKind, find_statements, read_log_evidence
 from tests.recorded import BEGAN_USEC, Writer, heartbeat, position, station, text
 
 AUTO, LOITER, RTL = 3, 5, 6
@@ -197,15 +197,15 @@ def test_a_declaration_against_its_log(
     what: str, written: Callable[[], Writer], claim: tuple[FaultKind, str, str], outcome: Stand, because: str,
     tmp_path: Path,
 ) -> None:  # fmt: skip
-    told = read_testimony(written().write(tmp_path / "a.tlog"))[1]
+    told = read_log_evidence(written().write(tmp_path / "a.tlog"))[1]
     kind, reason, evidence = claim
     verdict = hold_against(Declaration(kind, reason, BEGAN_USEC + round((AT_S + 1.2) * 1e6), evidence), told, TIMEOUT_S)
     assert (verdict.outcome, because in verdict.because) == (outcome, True), verdict
 
 
-def stated(writer: Writer, tmp_path: Path) -> list[tuple[Stated, float]]:
-    told = read_testimony(writer.write(tmp_path / "a.tlog"))[1]
-    return [(one.what, (one.t_usec - BEGAN_USEC) / 1e6) for one in statements(told, TIMEOUT_S)]
+def stated(writer: Writer, tmp_path: Path) -> list[tuple[StatementKind, float]]:
+    told = read_log_evidence(writer.write(tmp_path / "a.tlog"))[1]
+    return [(one.what, (one.t_usec - BEGAN_USEC) / 1e6) for one in find_statements(told, TIMEOUT_S)]
 
 
 def test_what_a_log_states(tmp_path: Path) -> None:
@@ -215,12 +215,12 @@ def test_what_a_log_states(tmp_path: Path) -> None:
     writer.say(100.4, 1, text("Crash: Disarming"))
     writer.say(150.0, 1, text("Crash: Disarming"))
     # Before the arming it is no flight's, said again it is the same, and long after the flight it is nobody's.
-    assert stated(writer, tmp_path) == [(Stated.BATTERY, 50.0), (Stated.CRASH, 100.4)]
+    assert stated(writer, tmp_path) == [(StatementKind.BATTERY, 50.0), (StatementKind.CRASH, 100.4)]
 
 
 def test_a_gap_is_stated_where_others_were_heard_meanwhile(tmp_path: Path) -> None:
     [(what, at_s)] = stated(silent(with_station=True), tmp_path)
-    assert (what, round(at_s, 1)) == (Stated.SILENCE, 54.1)
+    assert (what, round(at_s, 1)) == (StatementKind.SILENCE, 54.1)
     assert stated(silent(with_station=False), tmp_path) == []
 
 

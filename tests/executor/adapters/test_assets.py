@@ -6,7 +6,7 @@ import pytest
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from executor.adapters.assets import NamedAssets
-from missions import first_reason
+from missions import format_first_error
 
 
 class Wanting(BaseModel):
@@ -17,7 +17,7 @@ class Wanting(BaseModel):
 def complaint(assets: object) -> str:
     with pytest.raises(ValidationError) as wrong:
         Wanting.model_validate({"assets": assets})
-    return first_reason(wrong.value, shown=False)
+    return format_first_error(wrong.value, shown=False)
 
 
 def test_names_and_numbers_stay_what_they_are() -> None:

@@ -182,7 +182,7 @@ def test_a_flight_from_its_log_gives_the_same_commands(tmp_path: Path) -> None:
     assert log.lost == 0
     assert len(flight.state.replanning.records) >= 2
 
-    state = fleet.initial(dict(ready.boards))
+    state = fleet.build_initial_state(dict(ready.boards))
     again: list[tuple[float, Command]] = []
     for now_s, event in read_events(tmp_path / "events.jsonl"):
         state, decided = fleet.step(ready.context, state, event, now_s)
@@ -197,7 +197,7 @@ def test_a_flight_resumed_from_its_log_decides_the_same(tmp_path: Path) -> None:
     log = EventLog(tmp_path / "events.jsonl", began_unix_s=0.0, speedup=1.0)
     for now_s, event in flight.events:
         log.write(event, now_s)
-    state = fleet.initial(dict(flight.boards))
+    state = fleet.build_initial_state(dict(flight.boards))
     for now_s, event in read_events(tmp_path / "events.jsonl"):
         state, _ = fleet.step(flight.context, state, event, now_s)
     log.close()

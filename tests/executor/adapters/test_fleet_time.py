@@ -16,9 +16,9 @@ from simulator.common_time import (
     NAME,
     PATIENCE_REAL_S,
     Greeting,
-    greeting_in,
-    time_in,
-    time_line,
+    format_time_line,
+    parse_greeting,
+    parse_time_line,
 )
 
 SPEEDUP = 20.0
@@ -61,22 +61,22 @@ class Pair:
         self.real, self.wire = Real(), Wire()
         self.time = FleetTime(SPEEDUP, self.real, self.real)
         self.time.connection_made(self.wire)
-        self.time.data_received(Greeting(pid, speedup, 100.0, 1.7e9).line())
+        self.time.data_received(Greeting(pid, speedup, 100.0, 1.7e9).to_line())
 
     def lives(self, lived_s: float) -> None:
-        self.time.data_received(time_line(lived_s))
+        self.time.data_received(format_time_line(lived_s))
 
     @property
     def acknowledged(self) -> list[float | None]:
-        return [time_in(line) for line in self.wire.said[1:]]
+        return [parse_time_line(line) for line in self.wire.said[1:]]
 
 
 def test_it_greets_back_and_goes_on_where_it_was() -> None:
     pair = Pair()
-    greeting = greeting_in(pair.wire.said[0].strip())
+    greeting = parse_greeting(pair.wire.said[0].strip())
     assert greeting is not None
     assert (greeting.pid, greeting.speedup) == (os.getpid(), SPEEDUP)
-    assert pair.time.together
+    assert pair.time.is_synchronised
     assert pair.time.steady_s() == 1000.0
     pair.real.now_s += 5.0
     assert pair.time.steady_s() == 1000.0, "the fleet has not lived on"
@@ -87,19 +87,19 @@ def test_time_goes_on_with_the_fleet_when_everything_before_it_was_dealt_with() 
     pair.lives(100.1)
     assert pair.time.steady_s() == 1000.0
     assert pair.acknowledged == []
-    assert pair.time.rested()
+    assert pair.time.note_idle()
     assert pair.time.steady_s() == pytest.approx(1000.0 + 0.1 / SPEEDUP)
     assert pair.acknowledged == [], "the deadlines of this moment are still to come"
-    assert not pair.time.rested()
-    assert not pair.time.rested()
+    assert not pair.time.note_idle()
+    assert not pair.time.note_idle()
     assert pair.acknowledged == [100.1], "once"
 
 
 def test_lines_come_in_any_pieces() -> None:
     pair = Pair()
-    for byte in time_line(100.05) + time_line(100.1):
+    for byte in format_time_line(100.05) + format_time_line(100.1):
         pair.time.data_received(bytes([byte]))
-    pair.time.rested()
+    pair.time.note_idle()
     assert pair.time.steady_s() == pytest.approx(1000.0 + 0.1 / SPEEDUP)
 
 
@@ -113,10 +113,10 @@ def test_what_the_fleet_lived_without_us_has_passed_at_once() -> None:
 def test_a_flood_slows_time_and_does_not_end_it() -> None:
     pair = Pair()
     pair.lives(100.0 + AHEAD_S)
-    pair.time.restless()
+    pair.time.note_busy()
     assert pair.time.steady_s() == 1000.0
     pair.real.now_s += BUSY_REAL_S
-    pair.time.restless()
+    pair.time.note_busy()
     assert pair.time.steady_s() > 1000.0
     assert pair.acknowledged == [100.0 + AHEAD_S]
 
@@ -124,14 +124,14 @@ def test_a_flood_slows_time_and_does_not_end_it() -> None:
 def test_a_fleet_that_says_nothing_for_long_is_gone_on_without_and_found_again() -> None:
     pair = Pair()
     pair.lives(100.1)
-    pair.time.rested()
-    pair.time.rested()
+    pair.time.note_idle()
+    pair.time.note_idle()
     pair.real.now_s += PATIENCE_REAL_S - LOOK_REAL_S
-    pair.time.waited()
-    assert pair.time.together
+    pair.time.note_silence()
+    assert pair.time.is_synchronised
     pair.real.now_s += LOOK_REAL_S
-    pair.time.waited()
-    assert not pair.time.together
+    pair.time.note_silence()
+    assert not pair.time.is_synchronised
     alone_s = pair.time.steady_s()
     assert alone_s == pytest.approx(1000.0 + 0.1 / SPEEDUP)
     pair.real.now_s += 1.0
@@ -144,7 +144,7 @@ def test_a_fleet_that_says_nothing_for_long_is_gone_on_without_and_found_again()
 def test_a_fleet_that_has_ended_leaves_us_the_computers_time() -> None:
     pair = Pair()
     pair.time.connection_lost(None)
-    assert not pair.time.connected
+    assert not pair.time.is_connected
     pair.real.now_s += 2.0
     assert pair.time.steady_s() == 1002.0
 
@@ -155,27 +155,27 @@ def test_a_stranger_at_the_port_is_left_alone(line: bytes) -> None:
     wire = Wire()
     time.connection_made(wire)
     time.data_received(line)
-    assert (time.together, wire.said, wire.open) == (False, [], False)
+    assert (time.is_synchronised, wire.said, wire.open) == (False, [], False)
 
 
 def test_a_fleet_at_another_speed_keeps_its_own_time() -> None:
     pair = Pair(speedup=10.0)
-    assert (pair.time.together, pair.wire.said) == (False, [])
+    assert (pair.time.is_synchronised, pair.wire.said) == (False, [])
 
 
 def test_a_flight_is_taken_up_at_the_date_of_its_fleet() -> None:
     """The flight began at 1.7e9 - 10 s by the fleet's date, and the computer kept half of its speed since."""
     pair = Pair()
     pair.lives(120.0)
-    pair.time.rested()
-    clock = SystemClock.again(SPEEDUP, 1.7e9 - 10.0, 3.0, 0.0, pair.time.steady_s, pair.time.date_unix_s())
+    pair.time.note_idle()
+    clock = SystemClock.resume(SPEEDUP, 1.7e9 - 10.0, 3.0, 0.0, pair.time.steady_s, pair.time.date_unix_s())
     assert clock.now_s() == pytest.approx((10.0 + 1.0) * SPEEDUP)
-    assert clock.dated_s() == pytest.approx(1.7e9 + 1.0)
+    assert clock.steady_unix_s() == pytest.approx(1.7e9 + 1.0)
 
 
 def test_a_flight_that_is_slower_than_asked_for_has_not_set_the_computers_clock() -> None:
     pair = Pair()
-    clock = SystemClock.beside(SPEEDUP, pair.time.steady_s)
+    clock = SystemClock.start_on(SPEEDUP, pair.time.steady_s)
     pair.real.now_s += 60.0
     assert clock.now_s() == 0.0
-    assert clock.set_s() == pytest.approx(0.0, abs=0.5)
+    assert clock.clock_step_s() == pytest.approx(0.0, abs=0.5)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.adapters.interrupts import held_back
+from executor.adapters.interrupts import defer_ctrl_c
 from executor.cli import main
 from tests.executor.cli.test_main import Place, place
 from tests.patience import PATIENCE_S
@@ -84,7 +84,7 @@ def test_ctrl_c_waits_until_processes_are_started() -> None:
     reached = []
 
     def start() -> None:
-        with held_back():
+        with defer_ctrl_c():
             signal.raise_signal(signal.SIGINT)
             reached.append(True)
 

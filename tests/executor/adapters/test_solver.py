@@ -27,7 +27,7 @@ from tests.missions.builders import line_east
 from tests.patience import PATIENCE_S
 
 SETUP = SolverSetup(0.5, 1)
-PRICING = assembly.pricing_of(ground_for(site_of(("uav1", "uav2", "uav3")), line_east(7)))
+PRICING = assembly.build_pricing(ground_for(site_of(("uav1", "uav2", "uav3")), line_east(7)))
 SOURCE = Path(__file__).parents[3]
 
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executor.adapters.solver import SolverSetup, replan_task, solve_for_survivors
+from executor.adapters.solver import SolverSetup, build_replan_task, solve_for_survivors
 from executor.core.commands import Solve, Survivor
 from executor.core.events import SolveEnded
 from executor.site import assembly
 from missions import Network, Pricing
-from planner import Plan, Route, carried_plan, evaluate, segment_of, worth
+from planner import Plan, Route, build_onboard_plan, evaluate, rate_plan, segment_of
 from planner.cost import Cost
 from tests.executor.builders import ground_for, site_of
 from tests.executor.tight import branching
@@ -22,7 +22,7 @@ NAMES = tuple(f"uav{number}" for number in range(5))
 
 
 def priced(network: Network) -> Pricing:
-    return assembly.pricing_of(ground_for(site_of(NAMES), network))
+    return assembly.build_pricing(ground_for(site_of(NAMES), network))
 
 
 LINE = priced(line_east(7))
@@ -72,12 +72,12 @@ def random_problem(seed: int) -> tuple[Pricing, Solve]:
 def test_no_answer_is_worse_than_what_is_carried(seed: int) -> None:
     pricing, problem = random_problem(seed)
     answer = solved(pricing, problem)
-    task, tails = replan_task(pricing, problem)
+    task, tails = build_replan_task(pricing, problem)
     spare = {segment for segment, number in enumerate(task.segment_ids) if number in problem.left_over}
-    carried = worth(task.instance, carried_plan(task.instance, tails).plan, spare)
+    carried = rate_plan(task.instance, build_onboard_plan(task.instance, tails).plan, spare)
     own = routes(answer)
     plan = Plan(tuple(Route(n, task.from_network(own[offer.vehicle])) for n, offer in enumerate(problem.survivors)))
-    found = worth(task.instance, plan, spare)
+    found = rate_plan(task.instance, plan, spare)
     assert found.segments >= carried.segments
     assert found.value >= carried.value - 1e-6
     if found.segments == carried.segments and found.value < carried.value + carried.grain:
@@ -143,7 +143,7 @@ def test_what_the_first_plan_left_over_costs_no_other_segment() -> None:
 def evaluate_pct(visits: tuple[int, ...]) -> float:
     """Return what a route from the first pylon takes."""
     problem = Solve(1, tuple(range(6)), (one(100.0, visits),), "why")
-    task, tails = replan_task(LINE, problem)
+    task, tails = build_replan_task(LINE, problem)
     assert tails == [visits]
     plan = Plan((Route(0, visits),), tuple(n for n in range(6) if n not in {segment_of(visit) for visit in visits}))
     return evaluate(task.instance, plan, Cost.MINMAX).energies_pct[0]

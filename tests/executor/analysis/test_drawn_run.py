@@ -12,9 +12,9 @@ import pytest
 import shapely
 from lxml import etree
 
-from executor.analysis.drawn_run import drawn_run
+from executor.analysis.drawn_run import build_drawn_run
 from executor.errors import LogError
-from missions.exports import DrawnKind, geojson_text, gpx_text, kml_text
+from missions.exports import MapFeatureKind, format_geojson, format_gpx, format_kml
 from tests.executor.flights import LAUNCH_S, write_run
 from tests.missions.builders import FRAME
 from tests.missions.exports.kmlschema import kml_schema
@@ -32,7 +32,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_gpxpy_reads_where_everybody_was_and_when(run: Path) -> None:
-    gpx = gpxpy.parse(gpx_text(drawn_run(run)))
+    gpx = gpxpy.parse(format_gpx(build_drawn_run(run)))
     flown = {one.name: one for one in gpx.tracks if one.type == "flown"}
     assert set(flown) == {"uav1 flown", "uav2 flown", "uav3 flown"}
     points = flown["uav1 flown"].segments[0].points
@@ -48,7 +48,7 @@ def test_gpxpy_reads_where_everybody_was_and_when(run: Path) -> None:
 
 
 def test_a_loss_is_a_point_with_its_time_and_reason(run: Path) -> None:
-    [lost] = [one for one in gpxpy.parse(gpx_text(drawn_run(run))).waypoints if one.type == "event"]
+    [lost] = [one for one in gpxpy.parse(format_gpx(build_drawn_run(run))).waypoints if one.type == "event"]
     assert lost.name == "uav2 lost: link"
     assert lost.time == LAUNCHED + timedelta(seconds=50)
     assert FRAME.to_local_m(lost.latitude, lost.longitude) == pytest.approx((250.0, 0.0), abs=0.06)
@@ -57,7 +57,7 @@ def test_a_loss_is_a_point_with_its_time_and_reason(run: Path) -> None:
 
 
 def test_the_kml_has_tracks_with_a_time_for_every_place(run: Path) -> None:
-    root = etree.fromstring(kml_text(drawn_run(run)).encode())
+    root = etree.fromstring(format_kml(build_drawn_run(run)).encode())
     kml_schema().assertValid(root)
     tracks = {mark.findtext(f"{KML}name"): list(mark.iter(f"{GX}Track")) for mark in root.iter(f"{KML}Placemark")}
     [track] = tracks["uav1 flown"]
@@ -70,7 +70,7 @@ def test_the_kml_has_tracks_with_a_time_for_every_place(run: Path) -> None:
 
 def test_gdal_reads_plans_and_flights_from_the_geojson(run: Path, tmp_path: Path) -> None:
     path = tmp_path / "flight.geojson"
-    path.write_text(geojson_text(drawn_run(run)), encoding="utf-8")
+    path.write_text(format_geojson(build_drawn_run(run)), encoding="utf-8")
     info, _, geometries, fields = pyogrio.raw.read(path)
     columns = dict(zip(info["fields"], fields, strict=True))
     named = dict(zip(columns["name"], shapely.from_wkb(geometries), strict=True))
@@ -93,15 +93,15 @@ def test_a_gap_is_not_drawn_over(run: Path, tmp_path: Path) -> None:
         return LAUNCH_S + 60 < content.get("t_s", 0.0) < LAUNCH_S + 75 and "Position" in line and '"uav1"' in line
 
     (tmp_path / "events.jsonl").write_text("".join(line for line in lines if not in_gap(line)), encoding="utf-8")
-    drawn = drawn_run(tmp_path)
-    [way] = [one for one in drawn.ways if one.kind is DrawnKind.FLOWN and one.vehicle == "uav1"]
+    drawn = build_drawn_run(tmp_path)
+    [way] = [one for one in drawn.ways if one.kind is MapFeatureKind.FLOWN and one.vehicle == "uav1"]
     assert [len(piece.positions) for piece in way.pieces] == [61, 76]
-    assert len(gpxpy.parse(gpx_text(drawn)).tracks[-3].segments) == 2
-    root = etree.fromstring(kml_text(drawn).encode())
+    assert len(gpxpy.parse(format_gpx(drawn)).tracks[-3].segments) == 2
+    root = etree.fromstring(format_kml(drawn).encode())
     kml_schema().assertValid(root)
     assert len(root.findall(f".//{GX}MultiTrack/{GX}Track")) == 2
 
 
 def test_a_directory_without_a_report_is_refused_in_a_line(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"report\.json"):
-        drawn_run(tmp_path)
+        build_drawn_run(tmp_path)

@@ -14,11 +14,11 @@ from executor.analysis.flight_record import (
     FaultRecord,
     FlightRecord,
     PlannedRoute,
-    Revision,
+    PlanRevision,
     SegmentRecord,
     VehicleRecord,
 )
-from executor.core.coverage import Sample, Track
+from executor.core.coverage import PositionSample, Track
 from executor.core.vehicle import FaultKind
 from missions.geo import FloatArray
 from tests.executor.core.steps import rounded
@@ -41,14 +41,14 @@ def passing(*places: tuple[float, float, float]) -> FloatArray:
 
 
 def joins(after_s: float, *places: tuple[float, float, float]) -> float:
-    return recorded.joins_s(passing(*places) if places else NOTHING, (100.0, 0.0), after_s)
+    return recorded.route_join_time_s(passing(*places) if places else NOTHING, (100.0, 0.0), after_s)
 
 
 def inspected(*samples: tuple[float, float], speed_m_s: float = 5.0) -> float | None:
     """Return when a line of 100 m was flown by a vehicle that is at (its own seconds, metres along)."""
     line = Track(3, (0.0, 0.0), (100.0, 0.0))
-    seen = ((boot_s + 1000.0, Sample(boot_s, (along_m, 1.0), speed_m_s)) for boot_s, along_m in samples)
-    return recorded.inspected_s(seen, line, corridor_m=8.0, speed_m_s=5.0)
+    seen = ((boot_s + 1000.0, PositionSample(boot_s, (along_m, 1.0), speed_m_s)) for boot_s, along_m in samples)
+    return recorded.inspection_time_s(seen, line, corridor_m=8.0, speed_m_s=5.0)
 
 
 THERE = tuple((3.0 * step, 15.0 * step) for step in range(8))
@@ -58,8 +58,8 @@ def lost(name: str, at_s: float) -> VehicleRecord:
     return vehicle_of(name, fault=FaultRecord(FaultKind.LINK, "why", at_s, None))
 
 
-def planned(number: int, decided_s: float, **routes: tuple[int, ...]) -> Revision:
-    return Revision(
+def planned(number: int, decided_s: float, **routes: tuple[int, ...]) -> PlanRevision:
+    return PlanRevision(
         number,
         decided_s,
         tuple(
@@ -84,31 +84,31 @@ FLIGHT = FlightRecord(
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what a battery has given",
-        lambda: recorded.used(PACK).tolist(),
+        lambda: recorded.compute_used_pct(PACK).tolist(),
         [[0.0, 0.0], [10.0, 2.0], [20.0, 1.0], [30.0, 40.0], [40.0, 20.0], [50.0, 20.0], [60.0, 20.1]],
     ),
     (
         "a battery that is full again",
         lambda: [
-            recorded.used(np.array([[0.0, 50.0], [1.0, percent], [2.0, percent - 5.0]])).tolist()[-1]
+            recorded.compute_used_pct(np.array([[0.0, 50.0], [1.0, percent], [2.0, percent - 5.0]])).tolist()[-1]
             for percent in (70.0, 70.1)
         ],
         [[2.0, -15.0], [2.0, 5.0]],
     ),
     (
         "what a battery has given at a time",
-        lambda: [recorded.used_at_pct(vehicle_of(), t_s) for t_s in (-5.0, 0.0, 5.0, 25.0, 99.0)],
+        lambda: [recorded.used_pct_at(vehicle_of(), t_s) for t_s in (-5.0, 0.0, 5.0, 25.0, 99.0)],
         [0.0, 0.0, 1.0, 20.5, 20.1],
     ),
-    ("a battery that never reported", lambda: recorded.used_at_pct(vehicle_of(battery=np.empty((0, 2))), 5.0), 0.0),
+    ("a battery that never reported", lambda: recorded.used_pct_at(vehicle_of(battery=np.empty((0, 2))), 5.0), 0.0),
     (
         "where it was last",
-        lambda: [recorded.last_place_m(vehicle_of(), t_s) for t_s in (-0.1, 0.0, 19.9, 20.0, 99.0)],
+        lambda: [recorded.find_last_place_m(vehicle_of(), t_s) for t_s in (-0.1, 0.0, 19.9, 20.0, 99.0)],
         [None, (0.0, 0.0), (0.0, 0.0), (30.0, 0.0), (60.0, 40.0)],
     ),
     (
         "when it takes off",
-        lambda: [recorded.takes_off_s(TRACK, after_s) for after_s in (0.0, 20.0, 20.1, 30.0, 30.1)],
+        lambda: [recorded.take_off_time_s(TRACK, after_s) for after_s in (0.0, 20.0, 20.1, 30.0, 30.1)],
         [20.0, 20.0, 30.0, 30.0, 30.1],
     ),
     (
@@ -167,16 +167,16 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "what was given away",
-        lambda: [(one.segment.id, one.left_by) for one in recorded.given_away(FLIGHT)],
+        lambda: [(one.segment.id, one.left_by) for one in recorded.find_abandoned_segments(FLIGHT)],
         [(4, "uav1")],
     ),
     (
         "who was lost",
-        lambda: [(one.name, fault.detected_s) for one, fault in FLIGHT.lost],
+        lambda: [(one.name, fault.detected_s) for one, fault in FLIGHT.losses],
         [("uav2", 40.0), ("uav1", 60.0)],
     ),
-    ("what was left over", lambda: [one.shown for one in FLIGHT.uncovered], ["3"]),
-    ("what segments are called", lambda: [one.shown for one in FLIGHT.segments], ["1", "mast", "3", "4"]),
+    ("what was left over", lambda: [one.display_name for one in FLIGHT.uncovered_segments], ["3"]),
+    ("what segments are called", lambda: [one.display_name for one in FLIGHT.segments], ["1", "mast", "3", "4"]),
     (
         "the longest route of the first plan",
         lambda: [FLIGHT.longest_route_s, replace(FLIGHT, revisions=(planned(0, 0.0),)).longest_route_s],

@@ -7,8 +7,8 @@ from types import MappingProxyType
 
 import pytest
 
-from executor.analysis.planned_and_flown import error_pct, flown_routes
-from executor.core.parts import Assignment, FlownLeg, LegBegin
+from executor.analysis.planned_and_flown import build_route_rows, error_pct
+from executor.core.parts import Assignment, FlownLeg, LegBoundary
 from executor.core.state import FleetState, FlightProgress
 from executor.core.vehicle import VehicleState
 from missions import LegEstimate, Phase
@@ -18,7 +18,7 @@ KINDS = (Phase.TAKEOFF, Phase.TRANSIT, Phase.INSPECT, Phase.RETURN, Phase.LAND)
 
 def legs_at(*moments: tuple[float, float | None] | None, revision: int = 0, first: int = 0) -> tuple[FlownLeg, ...]:
     """Return legs of 10 s and 1 % each, between these (seconds, percent given); None is not heard."""
-    ends = [None if one is None else LegBegin(*one) for one in moments]
+    ends = [None if one is None else LegBoundary(*one) for one in moments]
     return tuple(
         FlownLeg(
             revision, number, KINDS[number], 7 if KINDS[number] is Phase.INSPECT else None, LegEstimate(10.0, 1.0),
@@ -35,7 +35,7 @@ def state_with(*legs: FlownLeg) -> FleetState:
 
 def test_a_whole_route_is_held_against_its_plan() -> None:
     moments = [(105.0, 0.5), (117.0, 1.5), (127.0, 2.7), (137.0, 3.7), (147.0, 4.7), (160.0, 6.0)]
-    [row] = flown_routes(state_with(*legs_at(*moments)))
+    [row] = build_route_rows(state_with(*legs_at(*moments)))
     assert (row.vehicle, row.revision, row.whole) == ("uav1", 0, True)
     assert (row.began_s, row.ended_s) == (5.0, 60.0)
     assert (row.planned_s, row.flown_s, row.time_error_pct) == (50.0, 55.0, 10.0)
@@ -49,19 +49,19 @@ def test_a_whole_route_is_held_against_its_plan() -> None:
 def test_each_mission_has_its_own_row() -> None:
     first = legs_at((105.0, 0.0), (115.0, 1.0), (125.0, 2.0))
     again = legs_at((125.0, 2.0), (140.0, 3.0), revision=1, first=2)
-    one, two = flown_routes(state_with(*first, *again))
+    one, two = build_route_rows(state_with(*first, *again))
     assert [(row.revision, row.whole, len(row.legs), row.time_error_pct) for row in (one, two)] == [
         (0, False, 2, 0.0), (1, False, 1, 50.0)
     ]  # fmt: skip
 
 
 def test_what_nobody_heard_is_unknown_and_the_route_is_not() -> None:
-    [row] = flown_routes(state_with(*legs_at((105.0, None), (115.0, None), None, (137.0, 4.0), (150.0, 5.0))))
+    [row] = build_route_rows(state_with(*legs_at((105.0, None), (115.0, None), None, (137.0, 4.0), (150.0, 5.0))))
     assert [leg.flown_s for leg in row.legs] == [10.0, None, None, 13.0]
     assert (row.planned_s, row.flown_s, row.flown_pct, row.energy_error_pct) == (40.0, 45.0, None, None)
 
 
 def test_nothing_is_said_of_legs_without_begin_or_end() -> None:
-    assert flown_routes(state_with()) == ()
-    assert flown_routes(state_with(*legs_at(None, None, (130.0, 1.0)))) == ()
+    assert build_route_rows(state_with()) == ()
+    assert build_route_rows(state_with(*legs_at(None, None, (130.0, 1.0)))) == ()
     assert error_pct(1.0, 0.0) is None

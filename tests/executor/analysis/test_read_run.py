@@ -11,17 +11,17 @@ from hypothesis import strategies as st
 
 from executor.analysis.flight_record import (
     FaultRecord,
-    given_away,
-    inspected_s,
-    joins_s,
-    last_place_m,
-    takes_off_s,
-    used,
-    used_at_pct,
+    compute_used_pct,
+    find_abandoned_segments,
+    find_last_place_m,
+    inspection_time_s,
+    route_join_time_s,
+    take_off_time_s,
+    used_pct_at,
 )
 from executor.analysis.read_run import read_run
 from executor.core.commands import Level
-from executor.core.coverage import Sample, Track
+from executor.core.coverage import PositionSample, Track
 from executor.core.vehicle import FaultKind
 from executor.errors import LogError
 from tests.executor.flights import write_run
@@ -34,7 +34,7 @@ def test_who_inspected_what_and_when(tmp_path: Path) -> None:
     # A run counts from 5 m before the far pylon: up to a second before it is passed.
     inspected_s = [segment.inspected_s for segment in record.segments]
     assert inspected_s == [pytest.approx(t_s - 0.5, abs=0.51) for t_s in (30, 102, 120, 60, 80)]
-    assert record.uncovered == ()
+    assert record.uncovered_segments == ()
     assert record.segments[0].a_m == pytest.approx((100.0, 0.0), abs=1e-3)
     assert record.segments[0].b_m == pytest.approx((200.0, 0.0), abs=1e-3)
 
@@ -50,7 +50,7 @@ def test_the_vehicles_as_they_were_heard(tmp_path: Path) -> None:
     assert one.battery.tolist() == [pytest.approx([10.0 * k, 100.0 - k]) for k in range(16)]
     assert two.fault == FaultRecord(FaultKind.LINK, "link lost for 10 s", 50.0, 40.0)
     assert (one.fault, three.fault) == (None, None)
-    assert last_place_m(two, 50.0) == pytest.approx((250.0, 0.0), abs=1e-3)
+    assert find_last_place_m(two, 50.0) == pytest.approx((250.0, 0.0), abs=1e-3)
     assert three.pad_m == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
@@ -83,12 +83,12 @@ def test_a_route_that_never_came_on_board_is_none(tmp_path: Path) -> None:
     write_run(tmp_path, finished=False)
     record = read_run(tmp_path)
     assert [route.vehicle for route in record.revisions[1].routes] == ["uav1"]
-    assert [(segment.id, segment.inspected_s) for segment in record.uncovered] == [(1, None)]
+    assert [(segment.id, segment.inspected_s) for segment in record.uncovered_segments] == [(1, None)]
 
 
 def test_what_the_lost_vehicle_left(tmp_path: Path) -> None:
     write_run(tmp_path)
-    left = given_away(read_run(tmp_path))
+    left = find_abandoned_segments(read_run(tmp_path))
     assert [(one.segment.id, one.left_by, one.segment.inspected_by) for one in left] == [
         (1, "uav2", "uav3"), (2, "uav2", "uav1"),
     ]  # fmt: skip
@@ -141,7 +141,7 @@ def test_a_log_without_a_launch_is_refused(tmp_path: Path) -> None:
 def test_a_restart_is_no_charge() -> None:
     def accounted(*reports: float) -> list[float]:
         seconds = np.arange(len(reports), dtype=np.float64)
-        return used(np.column_stack((seconds, reports)))[:, 1].tolist()  # type: ignore[no-any-return]
+        return compute_used_pct(np.column_stack((seconds, reports)))[:, 1].tolist()  # type: ignore[no-any-return]
 
     # From 70 to 100 is a restart, from 90 to 91 the same pack that recovers.
     assert accounted(99.0, 70.0, 100.0, 97.0) == [0.0, 29.0, 29.0, 32.0]
@@ -151,7 +151,7 @@ def test_a_restart_is_no_charge() -> None:
 @given(st.lists(st.floats(0.0, 100.0), min_size=1, max_size=30))
 def test_what_falls_steadily_is_used_in_full(reports: list[float]) -> None:
     falling = np.array(sorted(reports, reverse=True))
-    account = used(np.column_stack((np.arange(len(falling), dtype=np.float64), falling)))
+    account = compute_used_pct(np.column_stack((np.arange(len(falling), dtype=np.float64), falling)))
     assert account[-1, 1] == pytest.approx(falling[0] - falling[-1])
     assert np.all(np.diff(account[:, 1]) >= 0.0)
 
@@ -159,8 +159,8 @@ def test_what_falls_steadily_is_used_in_full(reports: list[float]) -> None:
 def test_used_between_two_reports(tmp_path: Path) -> None:
     write_run(tmp_path)
     one = read_run(tmp_path).vehicles[0]
-    assert used_at_pct(one, 65.0) == pytest.approx(6.5)
-    assert used_at_pct(one, 1000.0) == pytest.approx(15.0)
+    assert used_pct_at(one, 65.0) == pytest.approx(6.5)
+    assert used_pct_at(one, 1000.0) == pytest.approx(15.0)
 
 
 def _track(east_m: list[float], alt_m: float = 30.0) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
@@ -170,29 +170,31 @@ def _track(east_m: list[float], alt_m: float = 30.0) -> np.ndarray[tuple[int, in
 
 def test_a_route_is_joined_at_the_first_pass() -> None:
     there_and_back = _track([0.0, 20.0, 40.0, 20.0, 0.0, 20.0])
-    assert joins_s(there_and_back, (20.0, 0.0), 0.0) == 1.0
-    assert joins_s(there_and_back, (20.0, 0.0), 2.0) == 3.0
-    assert joins_s(there_and_back, (21.0, 0.0), 3.5) == 5.0
+    assert route_join_time_s(there_and_back, (20.0, 0.0), 0.0) == 1.0
+    assert route_join_time_s(there_and_back, (20.0, 0.0), 2.0) == 3.0
+    assert route_join_time_s(there_and_back, (21.0, 0.0), 3.5) == 5.0
 
 
 def test_a_route_that_is_never_joined_begins_at_the_nearest() -> None:
-    assert joins_s(_track([0.0, 20.0, 40.0, 20.0]), (80.0, 0.0), 0.0) == 2.0
-    assert joins_s(_track([0.0, 20.0]), (80.0, 0.0), 7.0) == 7.0
+    assert route_join_time_s(_track([0.0, 20.0, 40.0, 20.0]), (80.0, 0.0), 0.0) == 2.0
+    assert route_join_time_s(_track([0.0, 20.0]), (80.0, 0.0), 7.0) == 7.0
 
 
 def test_taking_off_is_being_seen_in_the_air() -> None:
     track = _track([0.0, 0.0, 0.0])
     track[:, 3] = [0.0, 0.4, 5.0]
-    assert takes_off_s(track, 0.0) == 2.0
-    assert takes_off_s(track, 2.5) == 2.5
+    assert take_off_time_s(track, 0.0) == 2.0
+    assert take_off_time_s(track, 2.5) == 2.5
 
 
 def test_a_segment_flown_too_fast_was_not_inspected() -> None:
     line = Track(0, (0.0, 0.0), (100.0, 0.0))
 
     def flown(speed_m_s: float) -> float | None:
-        samples = [(second + 0.25, Sample(float(second), (100.0 - speed_m_s * second, 0.0))) for second in range(60)]
-        return inspected_s(samples, line, corridor_m=10.0, speed_m_s=5.0)
+        samples = [
+            (second + 0.25, PositionSample(float(second), (100.0 - speed_m_s * second, 0.0))) for second in range(60)
+        ]
+        return inspection_time_s(samples, line, corridor_m=10.0, speed_m_s=5.0)
 
     # Backwards at 4 m/s: 96 m after 24 s are within the tolerance of 5 m.
     assert flown(4.0) == 24.25
@@ -201,6 +203,6 @@ def test_a_segment_flown_too_fast_was_not_inspected() -> None:
 
 def test_a_position_that_was_overtaken_changes_nothing() -> None:
     line = Track(0, (0.0, 0.0), (100.0, 0.0))
-    samples = [(float(second), Sample(float(second), (5.0 * second, 0.0))) for second in range(30)]
-    late = [*samples[:10], (10.5, Sample(2.0, (10.0, 80.0))), *samples[10:]]
-    assert inspected_s(late, line, corridor_m=10.0, speed_m_s=5.0) == 19.0
+    samples = [(float(second), PositionSample(float(second), (5.0 * second, 0.0))) for second in range(30)]
+    late = [*samples[:10], (10.5, PositionSample(2.0, (10.0, 80.0))), *samples[10:]]
+    assert inspection_time_s(late, line, corridor_m=10.0, speed_m_s=5.0) == 19.0

@@ -6,22 +6,22 @@ from typing import Any
 
 import pytest
 
-from executor.analysis.report import Said, report_of, vehicles_of
+from executor.analysis.report import PreflightRecord, build_report, build_vehicle_answers
 from executor.core.check_codes import CheckCode
 from executor.core.messages import Heartbeat, Position, StationHeard, Version
-from executor.core.preflight.checks import Check, Facts, Severity
-from executor.core.preflight.parameters import ChangeStage, Kept
-from executor.flight.changed_parameters import parameters_report
+from executor.core.preflight.checks import Check, Severity, VehicleFacts
+from executor.core.preflight.parameters import ChangeStage, KeptParameter
+from executor.flight.changed_parameters import build_parameter_rows
 from tests.executor.core.stories import FLEET, under_way
 
 POSITION = Position(60.0, 49.6, 15.6, 450.0, 0.0, 0.0, 0.0, 0.0, None)
-SAID = Said(
+SAID = PreflightRecord(
     {
-        "uav1": Facts(
+        "uav1": VehicleFacts(
             "uav1", Heartbeat(3, 0, False, 3, 2), POSITION, 98.0, Version(4, 7, 0, "dev"), {"FS_GCS_ENABLE": 1.0},
             (StationHeard(254, 190),),
         ),
-        "uav2": Facts("uav2", Heartbeat(3, 0, False, 3, 13), POSITION, 97.0, None, {}),
+        "uav2": VehicleFacts("uav2", Heartbeat(3, 0, False, 3, 13), POSITION, 97.0, None, {}),
     },
     [Check(Severity.WARNING, "uav2", "no battery failsafe", CheckCode.BATTERY_FAILSAFE)],
 )  # fmt: skip
@@ -33,7 +33,7 @@ def report() -> dict[str, Any]:
     flight = under_way()
     flight.crafts["uav2"].mute = True
     flight.finish()
-    content: dict[str, Any] = report_of(FLEET.context, flight.state, flight.now_s, said=SAID).plain()
+    content: dict[str, Any] = build_report(FLEET.context, flight.state, flight.now_s, said=SAID).to_plain()
     return content
 
 
@@ -71,7 +71,7 @@ def test_the_vehicles_are_known_by_what_they_said(report: dict[str, Any]) -> Non
 
 
 def test_what_was_asked_before_the_flight_is_kept() -> None:
-    content: dict[str, Any] = vehicles_of(FLEET.context, SAID).plain()
+    content: dict[str, Any] = build_vehicle_answers(FLEET.context, SAID).to_plain()
     first = content["vehicles"][0]
     assert content["format"] == "faultline-vehicles/1"
     assert (first["name"], first["sysid"], first["remaining_pct"]) == ("uav1", 1, 98.0)
@@ -82,12 +82,12 @@ def test_what_was_asked_before_the_flight_is_kept() -> None:
 
 def test_what_was_changed_on_board_is_named_with_what_became_of_it() -> None:
     flight = under_way()
-    rows = parameters_report([
-        Kept("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "", ChangeStage.RESTORED),
-        Kept("uav2", 2, "ardupilot", "RTL_ALT", 1217.0, 3200.0, 6, "cm", "", ChangeStage.SET),
+    rows = build_parameter_rows([
+        KeptParameter("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "", ChangeStage.RESTORED),
+        KeptParameter("uav2", 2, "ardupilot", "RTL_ALT", 1217.0, 3200.0, 6, "cm", "", ChangeStage.SET),
     ])  # fmt: skip
-    content = report_of(FLEET.context, flight.state, flight.now_s, said=SAID, parameters=rows)
-    assert content.plain()["parameters"] == [
+    content = build_report(FLEET.context, flight.state, flight.now_s, said=SAID, parameters=rows)
+    assert content.to_plain()["parameters"] == [
         {"vehicle": "uav1", "name": "RTL_ALT", "old": 1500.0, "new": 2700.0, "restored": True},
         {"vehicle": "uav2", "name": "RTL_ALT", "old": 1217.0, "new": 3200.0, "restored": False},
     ]

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executor.analysis.documents import FlightReport, LastFix, LastPosition, LegRow, RouteRow, SortieRow
-from executor.analysis.flight_record import Decision, FlightRecord, Revision
+from executor.analysis.flight_record import DecisionLine, FlightRecord, PlanRevision
 from executor.analysis.read_run import read_run
-from executor.analysis.report_page import outcome, page, value_words, write_page
+from executor.analysis.report_page import describe_outcome, format_value, render_report_page, write_report_page
 from executor.core.commands import Level
 from tests.executor.flights import short_report, write_run
 
@@ -69,7 +69,7 @@ def _read(text: str) -> _Reader:
 
 def test_the_outcome_comes_first(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
-    reader = _read(page(record, report, {}))
+    reader = _read(render_report_page(record, report, {}))
     sentence = "All 5 segments were inspected in 2 min 30 s, although uav2 was lost; the others took over 2 of them."
     assert reader.of("title") == [sentence]
     assert reader.of("h1") == [sentence]
@@ -79,20 +79,22 @@ def test_the_outcome_comes_first(flight: tuple[FlightRecord, FlightReport]) -> N
 def test_what_was_not_inspected_is_said_first_too(tmp_path: Path) -> None:
     report = write_run(tmp_path, finished=False)
     record = read_run(tmp_path)
-    assert outcome(record) == "1 of 5 segments was not inspected after uav2 was lost; the flight took 2 min 30 s."
-    assert "not inspected: 1." in _read(page(record, report, {})).of("p")[0]
+    assert (
+        describe_outcome(record) == "1 of 5 segments was not inspected after uav2 was lost; the flight took 2 min 30 s."
+    )
+    assert "not inspected: 1." in _read(render_report_page(record, report, {})).of("p")[0]
 
 
 def test_a_quiet_flight_needs_few_words(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
     quiet = replace(record, vehicles=tuple(replace(vehicle, fault=None) for vehicle in record.vehicles), duration_s=42)
-    assert outcome(quiet) == "All 5 segments were inspected in 42 s."
-    assert "Faults" not in _read(page(quiet, report, {})).of("h2")
+    assert describe_outcome(quiet) == "All 5 segments were inspected in 42 s."
+    assert "Faults" not in _read(render_report_page(quiet, report, {})).of("h2")
 
 
 def test_the_tables_hold_the_figures(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
-    reader = _read(page(record, report, {}))
+    reader = _read(render_report_page(record, report, {}))
     assert reader.of("h2") == [
         "Faults", "Re-plans", "Vehicles", "Before the flight", "How the segments were flown", "Decisions", "Segments"
     ]  # fmt: skip
@@ -123,7 +125,7 @@ def test_planned_and_flown_stand_beside_each_other(flight: tuple[FlightRecord, F
         time_error_pct=20.0, planned_pct=2.0, flown_pct=2.5, energy_error_pct=25.0, legs=legs,
     )  # fmt: skip
     part = row.model_copy(update={"revision": 1, "whole": False, "legs": legs[:1], "flown_pct": None})
-    text = page(record, report.model_copy(update={"routes": (row, part)}), {})
+    text = render_report_page(record, report.model_copy(update={"routes": (row, part)}), {})
     reader = _read(text)
     assert reader.of("h2")[-3:] == ["Planned and flown", "Decisions", "Segments"]
     cells = reader.of("td")
@@ -139,16 +141,16 @@ def test_planned_and_flown_stand_beside_each_other(flight: tuple[FlightRecord, F
 
 def test_speeds_are_summed_up_in_a_sentence(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
-    facts = _read(page(record, report, {})).of("p")[0]
+    facts = _read(render_report_page(record, report, {})).of("p")[0]
     assert "flown at 5.00 m/s on average (5.00 m/s were asked for), at most 5.40 m/s and at most 0.25 m beside" in facts
     without = report.model_copy(update={"inspections": ()})
-    assert "on average" not in _read(page(record, without, {})).of("p")[0]
+    assert "on average" not in _read(render_report_page(record, without, {})).of("p")[0]
 
 
 def test_the_pictures_are_inside_the_file(flight: tuple[FlightRecord, FlightReport], tmp_path: Path) -> None:
     record, report = flight
     (tmp_path / "map.png").write_bytes(b"picture")
-    write_page(record, report, tmp_path / "report.html")
+    write_report_page(record, report, tmp_path / "report.html")
     reader = _read((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert reader.links == ["data:image/png;base64,cGljdHVyZQ=="]
     assert reader.tags.isdisjoint({"script", "link", "iframe", "object"})
@@ -160,12 +162,12 @@ def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, FlightR
     fault = record.vehicles[1].fault
     assert fault is not None
     lost = replace(record.vehicles[1], name=evil, fault=replace(fault, reason=evil))
-    record = replace(record, vehicles=(lost,), decisions=(Decision(1.0, Level.INFO, evil),))
+    record = replace(record, vehicles=(lost,), decisions=(DecisionLine(1.0, Level.INFO, evil),))
     vehicle = report.vehicles[0].model_copy(update={"name": evil, "segments": (3,)})
     replan = report.replans[0].model_copy(update={"trigger": evil})
     names = {"segment_names": {"3": evil}, "inspections": (), "checks": ()}
     report = report.model_copy(update={"vehicles": (vehicle,), "replans": (replan,), **names})
-    reader = _read(page(record, report, {evil: b""}))
+    reader = _read(render_report_page(record, report, {evil: b""}))
     assert "script" not in reader.tags
     assert reader.links == ["data:image/png;base64,"]
     assert reader.of("td").count(evil) == 6
@@ -182,7 +184,7 @@ def test_who_is_not_at_home_can_be_found(flight: tuple[FlightRecord, FlightRepor
         row.model_copy(update={"state": state, "landed": landed, "last_position": place})
         for row, (state, landed, place) in zip(report.vehicles, ends, strict=True)
     )
-    reader = _read(page(record, report.model_copy(update={"vehicles": vehicles}), {}))
+    reader = _read(render_report_page(record, report.model_copy(update={"vehicles": vehicles}), {}))
     assert "Not at home: where to look" in reader.of("h2")
     cells = reader.of("td")
     known = "49.60123, 15.60000 (GPS, 1.8 m)"
@@ -202,7 +204,7 @@ def test_spans_are_called_by_their_names(flight: tuple[FlightRecord, FlightRepor
     names = {str(segment.id): f"P{segment.id}-P{segment.id + 1}" for segment in record.segments}
     named = tuple(replace(segment, name=names[str(segment.id)]) for segment in record.segments)
     report = report.model_copy(update={"segment_names": names})
-    cells = _read(page(replace(record, segments=named), report, {})).of("td")
+    cells = _read(render_report_page(replace(record, segments=named), report, {})).of("td")
     assert "P2-P3, P3-P4, P4-P5" in cells
     row = ["P0-P1", "100.0", "uav2", "uav2"]
     assert any(cells[at : at + 4] == row for at in range(len(cells)))
@@ -221,23 +223,25 @@ def test_spans_are_called_by_their_names(flight: tuple[FlightRecord, FlightRepor
     ],
 )
 def test_values_in_words(value: object, words: str) -> None:
-    assert value_words(value) == words
+    assert format_value(value) == words
 
 
 @given(st.text())
 def test_any_text_comes_back_from_the_page_as_it_was(text: str) -> None:
-    record = FlightRecord((), (), (Revision(0, 0.0, (), ()),), (Decision(0.0, Level.INFO, f"<{text}>"),), 0.0, 0.0)
-    assert f"<{text}>".split() == "".join(_read(page(record, short_report([]), {})).of("td")[2:]).split()
+    record = FlightRecord(
+        (), (), (PlanRevision(0, 0.0, (), ()),), (DecisionLine(0.0, Level.INFO, f"<{text}>"),), 0.0, 0.0
+    )
+    assert f"<{text}>".split() == "".join(_read(render_report_page(record, short_report([]), {})).of("td")[2:]).split()
 
 
 def test_sorties_stand_with_their_packs_where_there_are_several(flight: tuple[FlightRecord, FlightReport]) -> None:
     record, report = flight
-    assert "Sorties" not in page(record, report, {})
-    assert "sorties" not in report.plain()
+    assert "Sorties" not in render_report_page(record, report, {})
+    assert "sorties" not in report.to_plain()
     row = SortieRow(
         vehicle="uav1", number=2, pack="P<7>", began_s=610.0, ended_s=None, began_pct=99.0, ended_pct=None, rest_v=16.7,
         segments=(0,),
     )  # fmt: skip
-    text = page(record, report.model_copy(update={"sorties": (row,)}), {})
+    text = render_report_page(record, report.model_copy(update={"sorties": (row,)}), {})
     assert "<h2>Sorties</h2>" in text
     assert "P&lt;7&gt;" in text

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.flight_record import plan_at_launch
-from executor.analysis.pictures.maps import plan_figure
-from executor.flight.flight_order import Order, keep
-from executor.flight.next_sortie import next_sortie
+from executor.analysis.flight_record import build_launch_revision
+from executor.analysis.pictures.maps import draw_plan_figure
+from executor.flight.flight_order import FlightRequest, write_run_start
+from executor.flight.next_sortie import plan_next_flight
 from executor.site import assembly, planning
 from executor.site.config import read_site
 from missions import PlanFileError, read_plan, write_plan
@@ -83,17 +83,19 @@ def test_a_plan_file_carries_its_areas_and_is_checked_against_them(place: Place)
 def test_a_plan_of_other_areas_is_not_flown(place: Place) -> None:
     plan = read_plan(place.planned(extra=area(name="pond", polygon=box(70, 30, 290, 60))))
 
-    def ground(extra: str) -> assembly.Ground:
+    def ground(extra: str) -> assembly.SiteModel:
         place.site(extra=extra)
-        return assembly.ground_of(read_site(place.folder / "site.toml"), place.folder)
+        return assembly.load_site_model(read_site(place.folder / "site.toml"), place.folder)
 
-    planning.fits(plan, ground(area(name="pond", polygon=box(70, 30, 290, 60))), "plan.json")
+    planning.check_plan_fits(plan, ground(area(name="pond", polygon=box(70, 30, 290, 60))), "plan.json")
     with pytest.raises(PlanFileError, match=r"changed: area\[0\].margin_m is 15, the plan was made with 10"):
-        planning.fits(plan, ground(area(name="pond", polygon=box(70, 30, 290, 60), margin_m=15)), "plan.json")
+        planning.check_plan_fits(
+            plan, ground(area(name="pond", polygon=box(70, 30, 290, 60), margin_m=15)), "plan.json"
+        )
     with pytest.raises(PlanFileError, match="the site has changed: areas is 0, the plan was made with 1"):
-        planning.fits(plan, ground(""), "plan.json")
+        planning.check_plan_fits(plan, ground(""), "plan.json")
     with pytest.raises(PlanFileError, match=r"the site has changed: .* area 'shed'"):
-        planning.fits(plan, ground(SHED), "plan.json")
+        planning.check_plan_fits(plan, ground(SHED), "plan.json")
 
 
 def test_an_export_leads_around_as_well(place: Place) -> None:
@@ -125,28 +127,28 @@ def test_a_run_directory_holds_the_files_of_areas(place: Place) -> None:
         extra=area(file="one.geojson") + area(name="x", polygon=box(70, -70, 80, -50)) + area(file="two.geojson")
     )
     site = read_site(place.folder / "site.toml")
-    ground = assembly.ground_of(site, place.folder)
-    plan = planning.first_plan(ground, planning.Wanted(None, 0.2, 1, usual=True))
+    ground = assembly.load_site_model(site, place.folder)
+    plan = planning.plan_site(ground, planning.PlanRequest(None, 0.2, 1, usual=True))
     run = place.folder / "run"
     run.mkdir()
-    keep(Order(site, place.folder, ground, plan, run, lambda _: ()))
+    write_run_start(FlightRequest(site, place.folder, ground, plan, run, lambda _: ()))
     for name in ("one.geojson", "two.geojson", "line.geojson"):
         (place.folder / name).unlink()
-    again = assembly.ground_of(read_site(RunDirectory(run).site), run)
+    again = assembly.load_site_model(read_site(RunDirectory(run).site), run)
     assert again.setup.areas == ground.setup.areas
     assert [one.name for one in again.setup.areas] == ["pond", "x", "pond"]
-    planning.fits(read_plan(RunDirectory(run).plan(0)), again, "plan-000.json")
+    planning.check_plan_fits(read_plan(RunDirectory(run).plan_path(0)), again, "plan-000.json")
 
 
 def test_the_next_sortie_is_not_about_what_cannot_be_reached(place: Place) -> None:
     place.site(extra=SHED)
-    ground = assembly.ground_of(read_site(place.folder / "site.toml"), place.folder)
+    ground = assembly.load_site_model(read_site(place.folder / "site.toml"), place.folder)
     never = tuple(one.segment for one in ground.setup.unreachable)
     assert never
     report = short_report([]).model_copy(update={"segments_uncovered": never, "faults": ()})
-    assert next_sortie(ground, report, 1) is None
+    assert plan_next_flight(ground, report, 1) is None
     more = report.model_copy(update={"segments_uncovered": (0, *never)})
-    found = next_sortie(ground, more, 1)
+    found = plan_next_flight(ground, more, 1)
     assert found is not None
     assert [segment.id for segment in found.segments] == [0]
     assert tuple(one.segment for one in found.unreachable) == never
@@ -218,7 +220,7 @@ def test_a_height_limit_bars_what_some_vehicle_would_fly_above_it(
     place: Place, limit: dict[str, Any], why: str | None
 ) -> None:
     place.site(extra=area(name="glide path", polygon=box(190, -40, 400, 40), **limit))
-    setup = assembly.ground_of(read_site(place.folder / "site.toml"), place.folder).setup
+    setup = assembly.load_site_model(read_site(place.folder / "site.toml"), place.folder).setup
     found = {one.segment: one.why for one in setup.unreachable}
     if why is None:
         assert (found, setup.kept_out) == ({}, ())
@@ -236,7 +238,7 @@ def test_a_vehicle_stands_on_the_pad_that_the_site_names_and_alternates_are_know
     place.site(extra=places)
     file = place.folder / "site.toml"
     file.write_text(file.read_text().replace("sysid = 2\n", 'sysid = 2\npad = "north field"\n'))
-    setup = assembly.ground_of(read_site(file), place.folder).setup
+    setup = assembly.load_site_model(read_site(file), place.folder).setup
     pad = setup.pad_of("uav2")
     assert (pad.east_m, pad.north_m) == pytest.approx((-40.0, 25.0), abs=0.01)
     [meadow] = setup.alternates
@@ -255,7 +257,7 @@ def test_many_corners_are_simplified_and_more_is_kept_from_them(place: Place) ->
         (2000 + 1500 * math.cos(2 * math.pi * n / 2000), 1500 * math.sin(2 * math.pi * n / 2000)) for n in range(2000)
     ]
     place.site(extra=area(name="town", polygon=corners(*ring)))
-    ground = assembly.ground_of(read_site(place.folder / "site.toml"), place.folder)
+    ground = assembly.load_site_model(read_site(place.folder / "site.toml"), place.folder)
     [town] = ground.setup.areas
     assert len(town.rings_m[0]) <= 400
     assert (town.eased_m, town.keep_m) == (0.5, 10.5)
@@ -264,7 +266,7 @@ def test_many_corners_are_simplified_and_more_is_kept_from_them(place: Place) ->
 
 def test_areas_far_away_are_left_out_and_that_is_said(place: Place) -> None:
     place.site(extra=area(name="far", polygon=box(90_000, 0, 91_000, 1000)))
-    ground = assembly.ground_of(read_site(place.folder / "site.toml"), place.folder)
+    ground = assembly.load_site_model(read_site(place.folder / "site.toml"), place.folder)
     assert ground.setup.areas == ()
     assert ground.worth_a_look == (
         "areas: none of area[0] 'far' is within 20 km of the lines; are latitude and longitude swapped?",
@@ -274,9 +276,9 @@ def test_areas_far_away_are_left_out_and_that_is_said(place: Place) -> None:
 
 def test_a_picture_of_the_plan_shows_areas_and_the_ways_around_them(place: Place) -> None:
     plan = read_plan(place.planned(extra=area(name="yard", polygon=box(25, -14, 50, 14), margin_m=2)))
-    turns = [turn for route in plan_at_launch(plan).routes for leg in route.turns_m for turn in leg]
+    turns = [turn for route in build_launch_revision(plan).routes for leg in route.turns_m for turn in leg]
     assert turns
-    figure = plan_figure(plan)
+    figure = draw_plan_figure(plan)
     [axes] = figure.axes
     assert "yard" in [text.get_text() for text in axes.texts]
     [key] = figure.legends

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from executor.cli import commandline
-from executor.cli.commandline import COMMANDS, NotInstalled, load_command
+from executor.cli.commandline import COMMANDS, CheckoutRequired, load_command
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -35,5 +35,5 @@ def test_the_overview_imports_no_command() -> None:
 
 def test_an_installed_package_says_where_benchmarks_are(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(commandline, "ROOT", tmp_path)
-    with pytest.raises(NotInstalled, match=r"^bench: not part of the installed package; run ./scripts/bench in"):
+    with pytest.raises(CheckoutRequired, match=r"^bench: not part of the installed package; run ./scripts/bench in"):
         load_command("bench")

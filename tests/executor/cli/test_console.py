@@ -17,12 +17,12 @@ from subprocess import PIPE
 import pytest
 from rich.console import Console, Group
 
-from executor.cli.console import TerminalConsole, fleet_on_screen
+from executor.cli.console import TerminalConsole, render_fleet
 from executor.core.check_codes import CheckCode
 from executor.core.commands import Level
 from executor.core.preflight.checks import Check, Severity
-from executor.core.view import OfferView, TakenView, fleet_view
-from executor.supervised import hear
+from executor.core.view import OfferView, TakenView, build_fleet_view
+from executor.supervised import watch_mistakes
 from tests.executor.core.stories import under_way
 
 BELL = "\a"
@@ -67,7 +67,7 @@ def test_before_the_take_off_no_time_is_shown(capsys: pytest.CaptureFixture[str]
 def test_what_a_terminal_would_obey_is_not_passed_on(capsys: pytest.CaptureFixture[str]) -> None:
     console = TerminalConsole(quiet=False, yes=True)
     console.say(Level.INFO, "uav1: \x1b[2Jcrash\r\nuav2: ready\u202e", 0.0)
-    console.checks([Check(Severity.OK, "a\x07b", "[bold]as it is[/bold]", CheckCode.PLAN)])
+    console.show_checks([Check(Severity.OK, "a\x07b", "[bold]as it is[/bold]", CheckCode.PLAN)])
     said = capsys.readouterr().err
     assert not {"\x1b", "\r", "\x07", "\u202e"} & set(said)
     assert "crash uav2: ready" in said
@@ -165,7 +165,7 @@ def test_nobody_to_ask_is_no() -> None:
 
 def test_the_table_speaks_of_spans_states_and_places() -> None:
     flight = under_way()
-    view = fleet_view(flight.context, flight.state, flight.now_s)
+    view = build_fleet_view(flight.context, flight.state, flight.now_s)
     first, second, third = view.vehicles
     first = replace(first, state="holding", gps_fix=3, satellites=14, lands_in_s=187.0)
     first = replace(first, progress=replace(first.progress, done=3, total=7, inspected=10, segment_name="P4-P5"))
@@ -173,7 +173,7 @@ def test_the_table_speaks_of_spans_states_and_places() -> None:
     third = replace(third, state="down", fault="down, armed", fault_kind="down")
     offer = OfferView(("uav4",), (5,), "uav4 can take over 1 span. Is its pad clear of people?")
     terminal = Console(width=140, record=True, file=StringIO())
-    terminal.print(fleet_on_screen(replace(view, vehicles=(first, second, third), offer=offer)))
+    terminal.print(render_fleet(replace(view, vehicles=(first, second, third), offer=offer)))
     shown = terminal.export_text()
     rows = [" ".join(line.split()) for line in shown.splitlines()]
     assert rows[0].startswith("T+1:")
@@ -190,16 +190,16 @@ async def test_a_mistake_in_the_table_is_said_and_the_drawing_goes_on(monkeypatc
     said, flight = list[str](), under_way()
     console = TerminalConsole(quiet=False, yes=True)
     console._view = (flight.context, flight.state, flight.now_s)
-    with hear(said.append, None):
-        monkeypatch.setattr("executor.cli.console.fleet_on_screen", lambda _: 1 // 0)
-        broken = console._drawn()
+    with watch_mistakes(said.append, None):
+        monkeypatch.setattr("executor.cli.console.render_fleet", lambda _: 1 // 0)
+        broken = console._render_view()
         monkeypatch.undo()
         await asyncio.sleep(0)
     assert shown(broken) == "fleet display failed; decisions are still shown\n"
     assert [line.partition(": ")[2] for line in said] == [
         "ZeroDivisionError: integer division or modulo by zero",
     ]
-    assert "uav1" in shown(console._drawn())
+    assert "uav1" in shown(console._render_view())
 
 
 def shown(group: Group) -> str:

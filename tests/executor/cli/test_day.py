@@ -11,7 +11,7 @@ import pytest
 from executor.analysis.documents import SortieRow
 from executor.cli import flights
 from executor.cli.main import main
-from executor.flight.flight_order import Order, keep
+from executor.flight.flight_order import FlightRequest, write_run_start
 from tests.executor.flights import short_report
 
 VEHICLES = "".join(
@@ -144,7 +144,7 @@ def test_quiet_hours_roads_and_cameras_hold(place: Place) -> None:
 
 
 def test_a_day_is_planned_and_flown_and_the_next_one_goes_on(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
-    flown: list[Order] = []
+    flown: list[FlightRequest] = []
     monkeypatch.setattr(flights, "_fly_and_finish", lambda order, *_, **__: flown.append(order))
     place.write(NETWORK, DAY.replace('"any"\nroad_m_s = 8', '"own"'), NORTH, SOUTH, VEHICLES)
     code, _, err = place.call("day", "site.toml", "--seconds", "0.5", "--starts", "1", "--run", "one")
@@ -152,7 +152,7 @@ def test_a_day_is_planned_and_flown_and_the_next_one_goes_on(place: Place, monke
     assert flown[0].day is not None
     planned = {segment.id for segment in flown[0].day.segments}
     assert "sorties" in err
-    keep(flown[0])
+    write_run_start(flown[0])
     left = sorted(planned)[:3]
     report = short_report(left).model_copy(
         update={"sorties": (SortieRow(vehicle="uav1", number=1, pack="", began_s=0, ended_s=9, began_pct=99,

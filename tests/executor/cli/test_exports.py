@@ -11,7 +11,7 @@ import pyogrio
 import pytest
 
 from missions import read_plan
-from missions.fences import fence_around
+from missions.fences import build_fence
 from missions.plansetup import setup_of_plan
 from tests.executor.cli.test_main import Place, place
 from tests.executor.flights import write_run
@@ -122,8 +122,8 @@ def test_the_fence_and_the_pad_that_a_site_asks_for_are_in_the_file(place: Place
         assert polygon["inclusion"] is True
         corners_m = [setup.frame.to_local_m(*corner) for corner in polygon["polygon"]]
         places = [item["params"][4:6] for item in one["mission"]["items"] if item["command"] in {16, 21}]
-        least_m = fence_around([setup.frame.to_local_m(*place_deg) for place_deg in places], 29.9, 0.0)
-        assert fence_around(corners_m, 0.05, 0.0).covers(least_m)
+        least_m = build_fence([setup.frame.to_local_m(*place_deg) for place_deg in places], 29.9, 0.0)
+        assert build_fence(corners_m, 0.05, 0.0).is_covering(least_m)
         pad = setup.pad_of(name)
         [rally] = one["rallyPoints"]["points"]
         assert setup.frame.to_local_m(*rally[:2]) == pytest.approx((pad.east_m, pad.north_m), abs=0.05)

@@ -45,7 +45,7 @@ def test_a_graph_file_needs_a_depot(place: Place) -> None:
     place.run("init", str(graph), "--depot", "49.6,15.6,450", "-o", str(folder / "site.toml"))
     site = read_site(folder / "site.toml")
     assert site.network.file == "../line.graph"
-    assert len(assembly.ground_of(site, folder).network.segments) == 2
+    assert len(assembly.load_site_model(site, folder).network.segments) == 2
     assert '# heights = "flat"' in (folder / "site.toml").read_text()
 
 

@@ -13,14 +13,14 @@ from typing import Any
 
 import pytest
 
-from executor.adapters.run_directory import RunDirectory, locked
-from executor.analysis.learned import document_of
+from executor.adapters.run_directory import RunDirectory, lock_run_directory
+from executor.analysis.learned import build_learned_document
 from executor.cli import commandline
 from executor.cli.main import main
 from executor.core.battery.kalman import Prior
-from executor.core.learning import Known, PaceEstimate
-from executor.core.preflight.parameters import ChangeStage, Kept
-from executor.flight.changed_parameters import write_kept
+from executor.core.learning import KnownVehicle, PaceEstimate
+from executor.core.preflight.parameters import ChangeStage, KeptParameter
+from executor.flight.changed_parameters import write_kept_parameters
 from missions import Pace, parse_qgc_plan, read_plan
 from planner import PRESETS
 from tests.executor.flights import short_report
@@ -370,8 +370,8 @@ def test_a_demo_refuses_its_faults_before_anything_is_started(place: Place) -> N
 def test_a_plan_starts_from_what_a_flight_taught(place: Place) -> None:
     run, factor = place.folder / "before", PaceEstimate(1.2, 0.02**2, 30)
     run.mkdir()
-    known = {"uav1": Known(factor, factor, Prior(1.1, 0.04), 20.0, "ardupilot", PRESETS["mavic3"].name)}
-    document_of(known, "2026-01-02").write(RunDirectory(run).learned)
+    known = {"uav1": KnownVehicle(factor, factor, Prior(1.1, 0.04), 20.0, "ardupilot", PRESETS["mavic3"].name)}
+    build_learned_document(known, "2026-01-02").write(RunDirectory(run).learned)
     usual = read_plan(Path(place.planned()))
     plan = place.path("learned-plan.json")
     code, _, said = place.run(
@@ -432,8 +432,8 @@ def test_a_place_that_cannot_be_written_to(place: Place, option: str) -> None:
     assert reason.startswith(f"{target}: cannot be written: ")
 
 
-def kept(stage: ChangeStage, name: str = "RTL_ALT") -> Kept:
-    return Kept("uav1", 1, "ardupilot", name, 1500.0, 2700.0, 6, "cm", "keeps its RTL in its own layer", stage)
+def kept(stage: ChangeStage, name: str = "RTL_ALT") -> KeptParameter:
+    return KeptParameter("uav1", 1, "ardupilot", name, 1500.0, 2700.0, 6, "cm", "keeps its RTL in its own layer", stage)
 
 
 def test_a_mistake_of_the_program_is_kept_in_a_file_that_nobody_else_could_have_laid_there(
@@ -468,14 +468,14 @@ def test_what_cannot_be_restored_is_refused(place: Place) -> None:
     ):
         path.write_text(text)
         assert place.refused("restore", str(place.folder)).startswith(f"{path}: {words}")
-    write_kept(place.folder, [kept(ChangeStage.SET)])
+    write_kept_parameters(place.folder, [kept(ChangeStage.SET)])
     (place.folder / "site.toml").unlink()
     assert place.refused("restore", str(place.folder)).startswith(str(place.folder / "site.toml"))
 
 
 def test_a_directory_that_is_flown_from_is_not_restored_from(place: Place) -> None:
-    write_kept(place.folder, [kept(ChangeStage.SET)])
-    with locked(place.folder):
+    write_kept_parameters(place.folder, [kept(ChangeStage.SET)])
+    with lock_run_directory(place.folder):
         assert "another faultline flies this directory already" in place.refused(
             "restore", str(place.folder), "--yes", "--quiet"
         )
@@ -483,7 +483,7 @@ def test_a_directory_that_is_flown_from_is_not_restored_from(place: Place) -> No
 
 def test_nothing_to_restore_is_done(place: Place) -> None:
     for rows in ([], [kept(ChangeStage.RESTORED)]):
-        write_kept(place.folder, rows)
+        write_kept_parameters(place.folder, rows)
         assert place.run("restore", str(place.folder)) == (0, f"{place.folder}: all parameters are restored\n", "")
         assert place.run("restore", str(place.folder), "--quiet") == (0, "", "")
         code, out, _ = place.run("restore", str(place.folder), "--json")
@@ -491,7 +491,7 @@ def test_nothing_to_restore_is_done(place: Place) -> None:
 
 
 def test_without_a_yes_nothing_is_told_to_anybody(place: Place) -> None:
-    write_kept(place.folder, [kept(ChangeStage.SET), kept(ChangeStage.RESTORED, "RTL_CONE_SLOPE")])
+    write_kept_parameters(place.folder, [kept(ChangeStage.SET), kept(ChangeStage.RESTORED, "RTL_CONE_SLOPE")])
     code, out, err = place.run("restore", str(place.folder))
     assert (code, out) == (1, "")
     assert [line.strip() for line in err.splitlines()] == [
@@ -502,7 +502,9 @@ def test_without_a_yes_nothing_is_told_to_anybody(place: Place) -> None:
 
 def test_a_vehicle_that_does_not_answer_stays_as_it_is(place: Place) -> None:
     place.site(extra="[flight]\nconnect_timeout_s = 0.1")
-    write_kept(place.folder, [kept(ChangeStage.SET), replace(kept(ChangeStage.SET), vehicle="uav9", sysid=9)])
+    write_kept_parameters(
+        place.folder, [kept(ChangeStage.SET), replace(kept(ChangeStage.SET), vehicle="uav9", sysid=9)]
+    )
     code, out, err = place.run("restore", str(place.folder), "--yes")
     assert (code, out) == (1, f"{place.folder}: 2 of 2 not restored\n")
     assert "uav1: RTL_ALT (was 1500) not restored: does not answer" in err

@@ -14,7 +14,7 @@ import shapefile
 
 from executor.site import assembly
 from executor.site.config import read_site
-from missions import read_network, understand
+from missions import import_network, read_network
 from tests.executor.cli.test_main import Place, place
 from tests.missions.readers import same
 from tests.missions.test_files import room_for
@@ -245,7 +245,10 @@ def test_the_json_says_all_of_it(place: Place) -> None:
 def test_what_is_written_reads_back_and_is_drawn(place: Place) -> None:
     source, written, picture = same.overpass(place.folder), place.path("o.geojson"), Path(place.path("o.png"))
     assert place.run("network", str(source), "-o", written, "--picture", str(picture))[0] == 0
-    assert understand(written, anywhere=True).network.segments == understand(source, anywhere=True).network.segments
+    assert (
+        import_network(written, anywhere=True).network.segments
+        == import_network(source, anywhere=True).network.segments
+    )
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
@@ -307,7 +310,7 @@ def test_a_site_chooses_lines_and_they_keep_their_names(place: Place) -> None:
     source, site = same.overpass(place.folder), Path(place.path("new.toml"))
     words = ("--where", "voltage >= 400000", "--depot", "49.6,15.6,450", "--vehicles", "1", "-o", str(site))
     assert place.run("init", str(source), *words)[0] == 0
-    ground = assembly.ground_of(read_site(site), place.folder)
+    ground = assembly.load_site_model(read_site(site), place.folder)
     assert [segment.label for segment in ground.network.segments] == ["V410.1", "V410.2", "V410.3"]
     assert place.run("plan", str(site), "--seconds", "0.2", "-o", place.path("plan.json"))[0] == 0
     first, *_ = json.loads(Path(place.path("plan.json")).read_text())["segments"]

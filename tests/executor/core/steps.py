@@ -9,14 +9,14 @@ from typing import Any
 
 from executor.core import fleet
 from executor.core.commands import Command, Solve, Survivor, Upload
-from executor.core.context import Context, FlyAgain
+from executor.core.context import Context, RelaunchPolicy
 from executor.core.events import Event, IntentReceived, Tick
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.messages import Heartbeat
-from executor.core.parts import Errand, Fix, OnBoard, TakenOver
-from executor.core.state import FleetState, NewMission, Replan, Told
+from executor.core.parts import HomingOrder, OnboardMission, PositionFix, Takeover
+from executor.core.state import FleetState, NewMission, Replan, ReportedWarnings
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
-from missions import continue_path, flight_path
+from missions import build_flight_path, continue_path
 from tests.executor.builders import flat, vehicle, with_facts
 from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, PAD_E, PAD_N, RTL, at, flying
 
@@ -54,7 +54,7 @@ def changes(before: object, after: object) -> Changes:
         now = held[name]
         if name not in NOT_SHOWN and was is not now and was != now:
             found[name] = dict(now) if isinstance(now, Mapping) else now
-    if all(told == Told() for told in found.get("told", {}).values()):
+    if all(told == ReportedWarnings() for told in found.get("told", {}).values()):
         found.pop("told", None)  # nobody was told anything
     return found
 
@@ -74,7 +74,7 @@ def rounded(value: Any) -> Any:
             return type(value)(rounded(one) for one in value)
         case Mapping():
             return {name: rounded(one) for name, one in value.items()}
-        case OnBoard() | NewMission() | Upload() | Fix():
+        case OnboardMission() | NewMission() | Upload() | PositionFix():
             return value
         case _ if is_dataclass(value) and not isinstance(value, type):
             told = {one.name: (getattr(value, one.name), rounded(getattr(value, one.name))) for one in fields(value)}
@@ -131,7 +131,7 @@ def beat(mode: int = AUTO, *, armed: bool = True, status: int = 4) -> Heartbeat:
     return Heartbeat(3, mode, armed, status)
 
 
-def over_pad(up_m: float = 0.0, *, climbs_m_s: float = 0.0, age_s: float = 0.0, north_m: float = 0.0) -> Fix:
+def over_pad(up_m: float = 0.0, *, climbs_m_s: float = 0.0, age_s: float = 0.0, north_m: float = 0.0) -> PositionFix:
     """Return a position over uav1's pad."""
     place_m, velocity_m_s = (PAD_E, PAD_N + north_m), (0.0, 0.0, climbs_m_s)
     return replace(at(up_m=up_m, age_s=age_s), place_m=place_m, velocity_m_s=velocity_m_s)
@@ -179,11 +179,11 @@ def new_mission(*visits: int, fresh: bool = False) -> NewMission:
     setup, board = FLEET.context.setup, FLEET.boards["uav1"]
     assert board is not None
     if fresh:
-        return NewMission(flight_path(setup, "uav1", visits), visits, fresh=True)
+        return NewMission(build_flight_path(setup, "uav1", visits), visits, fresh=True)
     return NewMission(continue_path(setup, board.path, 3, visits), (0, *visits), fresh=False)
 
 
-CREW = replace(FLEET.context, fly_again=FlyAgain.ASK)
+CREW = replace(FLEET.context, fly_again=RelaunchPolicy.ASK)
 """Where a crew says when somebody takes off."""
 BATTERY_FAULT = Fault(FaultKind.BATTERY, "why", NOW_S - 50.0, FaultCode.BATTERY_LOW)
 LOW = over_pad()
@@ -191,7 +191,7 @@ STILL = replace(at(up_m=0.0), velocity_m_s=(0.0, 0.0, 0.0))
 """Far from the pad."""
 HOMEWARD: Changes = {"stage": Stage.RETURNING, "heartbeat": beat(RTL), "left_s": NOW_S - 50.0}
 TOLD_HOME: Changes = {
-    "ordered_mode_s": NOW_S, "ordered_modes": frozenset({RTL, LAND}), "errand": Errand(NOW_S, told=True)
+    "ordered_mode_s": NOW_S, "ordered_modes": frozenset({RTL, LAND}), "errand": HomingOrder(NOW_S, told=True)
 }  # fmt: skip
 LEAVES: Changes = {"stage": Stage.RETURNING, "left_s": NOW_S, "ordered_mode_s": NOW_S, "anchor": None}
 SENT_HOME = LEAVES | TOLD_HOME
@@ -199,6 +199,6 @@ FAILS = flying(heartbeat=beat(status=8))
 TERMINATED = Fault(FaultKind.INTERRUPTION, "reports that its flight is terminated", NOW_S, FaultCode.TERMINATED)
 WHY: Changes = {"trigger": "uav1: interruption, reports that its flight is terminated", "trigger_s": NOW_S}
 URGENT = {"urgent": True} | WHY
-TAKEN = TakenOver(NOW_S - 10.0)
+TAKEN = Takeover(NOW_S - 10.0)
 SECOND = with_facts(flying(), name="uav2", board=FLEET.boards["uav2"])
 """Another one that flies its mission."""

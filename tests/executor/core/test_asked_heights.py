@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from executor.core.asked_heights import asked_height, begun_anew_here, flown_to, item_of, lies_low, with_item
-from executor.core.carried import Carried
+from executor.core.carried import MissionOwnership
 from executor.core.context import VehicleSetup
 from executor.core.messages import Heartbeat
-from executor.core.parts import Fix, OnBoard, OwnMission
+from executor.core.parts import OnboardMission, OwnMission, PositionFix
 from executor.core.vehicle import VehicleState
 from missions.items import Frame, MissionItem
 from tests.executor.core.vehicles import AUTO, CONTEXT, DISARMED, LIMITS, NOW_S, RTL, SETUP, at, flying, mission
@@ -19,7 +19,7 @@ from tests.executor.core.vehicles import AUTO, CONTEXT, DISARMED, LIMITS, NOW_S,
 UNPLANNED = replace(SETUP, planned=False)
 
 
-def board(*heights_m: float) -> OnBoard:
+def board(*heights_m: float) -> OnboardMission:
     """Return the usual mission with other heights of its waypoints, from the take-off on."""
     one = mission()
     points = tuple(
@@ -29,7 +29,7 @@ def board(*heights_m: float) -> OnBoard:
     return replace(one, path=replace(one.path, waypoints=points))
 
 
-def over(share: float, leg: int, up_m: float) -> Fix:
+def over(share: float, leg: int, up_m: float) -> PositionFix:
     """Return a vehicle over a part of one leg of the mission."""
     (east, north), (x, y) = mission().places_m[leg - 1 : leg + 1]
     place = (east + share * (x - east), north + share * (y - north))
@@ -74,7 +74,7 @@ NOWHERE: list[dict[str, Any]] = [
     {"board": None},
     {"waypoint": 4, "fix": over(1.01, 4, 10.0)},  # over its pad the landing begins
     {"item_s": NOW_S - 5.1},
-    {"carried": replace(Carried(), foreign_s=NOW_S)},
+    {"carried": replace(MissionOwnership(), foreign_s=NOW_S)},
 ]
 
 
@@ -88,7 +88,9 @@ def item(seq: int, up_m: float = 40.0, command: int = 16, frame: int = 3, east_m
     return MissionItem(seq, frame, command, x=round(lat_deg * 1e7), y=round(lon_deg * 1e7), z=up_m)
 
 
-def seen(*items: MissionItem, to: int, came_from: int | None = None, leg_from: Fix | None = None) -> VehicleState:
+def seen(
+    *items: MissionItem, to: int, came_from: int | None = None, leg_from: PositionFix | None = None
+) -> VehicleState:
     listed = tuple(items)
     return flying(listed=listed, leads_to=to, came_from=came_from, leg_from=leg_from, fix=at(up_m=20.0))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from executor.core import carried
-from executor.core.carried import Carried
+from executor.core.carried import MissionOwnership
 from executor.core.commands import HandsOff, Level, ReadMission
 from executor.core.events import Found, Heard, MissionRead
 from executor.core.intents import Action, Outcome
@@ -26,7 +26,10 @@ def honest(autopilot: str = "ardupilot") -> Story:
         assert board is not None
         craft.counts, leg = True, craft.leg
         craft.load(board.path)
-        assert (craft.leg, craft.total) == (leg, carried.items_expected(flight.context, name, len(board.waypoint_of)))
+        assert (craft.leg, craft.total) == (
+            leg,
+            carried.compute_expected_total(flight.context, name, len(board.waypoint_of)),
+        )
         craft.mission_id = 4711 if autopilot == "px4" else None
     flight.pass_s(8.0)
     return flight
@@ -191,12 +194,12 @@ def test_it_is_back_once_it_carries_ours_and_the_operator_says_so() -> None:
 
 
 def test_no_mission_at_all_is_not_ours_either() -> None:
-    known = carried.after_report(Carried(), MissionCurrent(0, NO_ITEM), 12, 100.0)
+    known = carried.apply_mission_report(MissionOwnership(), MissionCurrent(0, NO_ITEM), 12, 100.0)
     assert known.words == "none at all"
-    assert not known.sure(100.5)
-    assert known.sure(101.0)
+    assert not known.is_surely_foreign(100.5)
+    assert known.is_surely_foreign(101.0)
 
 
 @pytest.mark.parametrize("total", [None, 0])
 def test_who_does_not_say_how_many_says_nothing(total: int | None) -> None:
-    assert carried.after_report(Carried(), MissionCurrent(3, total), 12, 100.0) == Carried()
+    assert carried.apply_mission_report(MissionOwnership(), MissionCurrent(3, total), 12, 100.0) == MissionOwnership()

@@ -46,7 +46,7 @@ def test_any_text_is_refused_in_one_line_or_read_into_one_spelling(text: str) ->
     ],
 )
 def test_what_two_connections_must_not_share(one: str, other: str, *, same: bool) -> None:
-    assert (parse_connection(one).place == parse_connection(other).place) is same
+    assert (parse_connection(one).exclusive_resource == parse_connection(other).exclusive_resource) is same
 
 
 RATES = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, 921600, 1000000, 1500000, 2000000, 3000000)
@@ -95,10 +95,10 @@ def test_whether_others_can_send_to_it(text: str, *, others: bool) -> None:
     ],
 )
 def test_who_calls(text: str, *, calls: bool) -> None:
-    assert parse_connection(text).scheme.we_call is calls
+    assert parse_connection(text).scheme.is_outgoing is calls
 
 
 def test_a_place_is_a_port_here_or_an_address_elsewhere() -> None:
-    assert parse_connection("udpin://0.0.0.0:14550").place == "udp port 14550"
-    assert parse_connection("udpout://127.0.0.1:14550").place == "udp port 14550"
-    assert parse_connection("tcpout://10.0.0.9:5760").place == "tcp 10.0.0.9:5760"
+    assert parse_connection("udpin://0.0.0.0:14550").exclusive_resource == "udp port 14550"
+    assert parse_connection("udpout://127.0.0.1:14550").exclusive_resource == "udp port 14550"
+    assert parse_connection("tcpout://10.0.0.9:5760").exclusive_resource == "tcp 10.0.0.9:5760"

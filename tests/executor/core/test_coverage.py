@@ -12,7 +12,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.core.coverage import GAP_S, SPEED_FACTOR, Run, Sample, SegmentPass, Step, Track, follow
+from executor.core.coverage import (
+    GAP_S,
+    SPEED_FACTOR,
+    InspectionRun,
+    PositionSample,
+    RunStep,
+    SegmentPass,
+    Track,
+    advance_run,
+)
 
 SPEED_M_S = 3.0
 CORRIDOR_M = 10.0
@@ -26,9 +35,9 @@ def line(length_m: float = 60.0) -> Track:
 
 def flown(
     places_m: Sequence[Place], speed_m_s: float = SPEED_M_S, *, hz: float = 5.0, hold_s: float = 1.0
-) -> list[Sample]:
+) -> list[PositionSample]:
     """Return the fixes of a flight along places at a constant speed, with a stop of `hold_s` at its beginning."""
-    samples = [Sample(index / hz, places_m[0]) for index in range(round(hold_s * hz))]
+    samples = [PositionSample(index / hz, places_m[0]) for index in range(round(hold_s * hz))]
     now_s = len(samples) / hz
     left_s = 0.0
     for begin, end in itertools.pairwise(places_m):
@@ -36,20 +45,20 @@ def flown(
         while left_s <= takes_s:
             share = left_s / takes_s if takes_s else 0.0
             samples.append(
-                Sample(now_s, (begin[0] + (end[0] - begin[0]) * share, begin[1] + (end[1] - begin[1]) * share))
+                PositionSample(now_s, (begin[0] + (end[0] - begin[0]) * share, begin[1] + (end[1] - begin[1]) * share))
             )
             left_s += 1 / hz
             now_s += 1 / hz
         left_s -= takes_s
-    return [*samples, Sample(now_s, places_m[-1]), Sample(now_s + 1 / hz, places_m[-1])]
+    return [*samples, PositionSample(now_s, places_m[-1]), PositionSample(now_s + 1 / hz, places_m[-1])]
 
 
-def judged(track: Track, samples: Iterable[Sample]) -> list[str]:
+def judged(track: Track, samples: Iterable[PositionSample]) -> list[str]:
     """Return what became of the run: 'done', or why it was broken, in the order in which it happened."""
-    run: Run | None = None
+    run: InspectionRun | None = None
     found = []
     for sample in samples:
-        step: Step = follow(run, track, sample, corridor_m=CORRIDOR_M, speed_m_s=SPEED_M_S)
+        step: RunStep = advance_run(run, track, sample, corridor_m=CORRIDOR_M, speed_m_s=SPEED_M_S)
         run = step.run
         if step.done or step.broken:
             assert run is None, "a run that has ended is over"
@@ -98,7 +107,7 @@ def test_not_faster_than_it_may_be(length_m: float, factor: float, counts: bool)
 def test_too_fast_for_a_moment_in_the_middle() -> None:
     places = [(3.0 * second, 0.0) for second in range(8)] + [(21.0 + 6.0 * second, 0.0) for second in range(1, 5)]
     samples = [
-        Sample(float(second), place)
+        PositionSample(float(second), place)
         for second, place in enumerate([*places, *((45.0 + 3 * n, 0.0) for n in range(1, 6))])
     ]
     assert judged(line(), samples) == ["flown at 4.5 m/s"]
@@ -135,8 +144,8 @@ def test_a_silence_proves_nothing(gap_s: float, found: list[str]) -> None:
 
 
 def test_waiting_at_the_first_pylon_is_no_silence_of_the_run() -> None:
-    waiting = [Sample(float(second), (1.0, 0.5)) for second in range(60)]
-    after = [Sample(sample.boot_s + 60, sample.place_m) for sample in flown([(1.0, 0.5), (60, 0)])]
+    waiting = [PositionSample(float(second), (1.0, 0.5)) for second in range(60)]
+    after = [PositionSample(sample.boot_s + 60, sample.place_m) for sample in flown([(1.0, 0.5), (60, 0)])]
     assert judged(line(), [*waiting, *after]) == ["done"]
 
 
@@ -153,7 +162,7 @@ def test_passing_the_first_pylon_at_transit_speed_does_not_count() -> None:
 def test_the_noise_of_fixes_breaks_no_honest_run(length_m: float, factor: float, hz: float, seed: int) -> None:
     rng = random.Random(seed)
     samples = [
-        Sample(
+        PositionSample(
             sample.boot_s, (sample.place_m[0] + rng.uniform(-0.15, 0.15), sample.place_m[1] + rng.uniform(-0.5, 0.5))
         )
         for sample in flown([(0, 0), (length_m, 0)], factor * SPEED_M_S, hz=hz)
@@ -186,11 +195,11 @@ def test_a_place_is_located_along_and_beside() -> None:
     assert track.locate((10.0, 55.0)) == pytest.approx((45.0, 5.0))
 
 
-def shown(samples: Iterable[Sample], track: Track) -> SegmentPass:
+def shown(samples: Iterable[PositionSample], track: Track) -> SegmentPass:
     """Return how the one run in a flight was flown."""
     run, found = None, list[SegmentPass]()
     for sample in samples:
-        step = follow(run, track, sample, corridor_m=CORRIDOR_M, speed_m_s=SPEED_M_S)
+        step = advance_run(run, track, sample, corridor_m=CORRIDOR_M, speed_m_s=SPEED_M_S)
         run = step.run
         found += [step.flown] if step.flown is not None else []
     [flown_as] = found
@@ -220,7 +229,7 @@ def test_a_wait_at_the_first_pylon_is_no_part_of_the_run() -> None:
 
 
 def test_a_run_past_the_last_pylon_is_not_beside_the_track() -> None:
-    coarse = [Sample(float(second), (3.0 * second, 0.0)) for second in range(30)]
+    coarse = [PositionSample(float(second), (3.0 * second, 0.0)) for second in range(30)]
     assert shown(coarse, line(58.0)).deviation_max_m == pytest.approx(0.0, abs=1e-9)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from executor.core import coverage
-from executor.core.coverage import Run, Sample, SegmentPass, Track, _Pace
+from executor.core.coverage import InspectionRun, PositionSample, SegmentPass, Track, _RunStatistics
 from tests.executor.core.steps import rounded
 
 LINE = Track(3, (10.0, 20.0), (70.0, 100.0))
@@ -21,8 +21,8 @@ def along(*samples: tuple[float, float, float], speed_m_s: float = 5.0) -> list[
     """Return what came of (seconds, metres along, metres beside), one after the other."""
     run, found = None, list[object]()
     for t_s, along_m, beside_m in samples:
-        step = coverage.follow(
-            run, LINE, Sample(t_s, on_line(along_m, beside_m), speed_m_s), corridor_m=8.0, speed_m_s=5.0
+        step = coverage.advance_run(
+            run, LINE, PositionSample(t_s, on_line(along_m, beside_m), speed_m_s), corridor_m=8.0, speed_m_s=5.0
         )
         run = step.run
         found.append(step.flown or step.broken or (None if run is None else (run.furthest_m, len(run.recent))))
@@ -102,7 +102,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "where a place lies on a line",
         lambda: [
-            (*LINE.locate(on_line(*place)), LINE.aside_m(on_line(*place)), LINE.length_m)
+            (*LINE.locate(on_line(*place)), LINE.lateral_offset_m(on_line(*place)), LINE.length_m)
             for place in ((50.0, 3.0), (-4.0, 3.0), (112.0, -5.0), (0.0, 0.0))
         ],
         [(50.0, 3.0, 3.0, 100.0), (-4.0, 5.0, 3.0, 100.0), (112.0, 13.0, 5.0, 100.0), (0.0, 0.0, 0.0, 100.0)],
@@ -121,11 +121,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("an inspection of a moment", lambda: along((0.0, 0.0, 0.0), (0.0, 96.0, 0.0)), [(0.0, 1), "flown too fast"]),
     (
         "who is found on a line",
-        lambda: coverage.run_joined(LINE, Sample(50.0, on_line(30.0, 2.0), 5.0), 5.0),
-        Run(
+        lambda: coverage.join_run(LINE, PositionSample(50.0, on_line(30.0, 2.0), 5.0), 5.0),
+        InspectionRun(
             furthest_m=30.0,
             recent=((50.0, 30.0),),
-            pace=_Pace(began_s=44.0, began_m=0.0, fastest_m_s=5.0, aside_sum_m=2.0, aside_max_m=2.0, samples=1),
+            pace=_RunStatistics(
+                began_s=44.0, began_m=0.0, fastest_m_s=5.0, aside_sum_m=2.0, aside_max_m=2.0, samples=1
+            ),
         ),
     ),
 ]

@@ -8,26 +8,26 @@ import pytest
 
 from executor.core import fencing, fleet
 from executor.core.commands import Upload
-from executor.core.context import Context, Fencing
-from executor.core.custody.causes import cause_of
+from executor.core.context import Context, FenceRules
+from executor.core.custody.causes import determine_mode_cause
 from executor.core.endings import Ending
 from executor.core.events import Found, Heard, MissionsWanted, NewRoute, Resumed, UploadEnded
 from executor.core.faults import watchpoints
-from executor.core.faults.watching import Verdict, View
+from executor.core.faults.watching import Verdict, WatchView
 from executor.core.messages import OwnFailsafe, StatusText
-from executor.core.parts import Cause
+from executor.core.parts import ModeCause
 from executor.core.replan import new_missions
 from executor.core.resume import resuming
 from executor.core.state import FleetState
 from executor.core.vehicle import FaultCode, FaultKind, Stage, VehicleState
-from missions import flight_path
+from missions import build_flight_path
 from missions.fences import Fence
 from tests.executor.core.steps import SECOND, beat, flight_of, new_mission, offer_of, plan_of
 from tests.executor.core.vehicles import FLEET, NOW_S, flying
 
-RULE = Fencing(True, 20.0, 10.0, "keep", "pad")
+RULE = FenceRules(True, 20.0, 10.0, "keep", "pad")
 CONTEXT: Context = replace(FLEET.context, fencing=RULE)
-FENCES = fencing.first_fences(CONTEXT, FLEET.boards)
+FENCES = fencing.build_first_fences(CONTEXT, FLEET.boards)
 WIDE = Fence(((-5000.0, -5000.0), (5000.0, -5000.0), (5000.0, 5000.0), (-5000.0, 5000.0)), 500.0)
 UNMADE = plan_of(unmade=(NewRoute("uav1", (4,)),), pending=frozenset({"uav1"}))
 
@@ -38,52 +38,52 @@ def fenced(fence: Fence | None = FENCES["uav1"], **given: object) -> VehicleStat
 
 
 def test_nothing_is_wanted_where_the_site_does_not_say_so() -> None:
-    assert fencing.first_fences(FLEET.context, FLEET.boards) == {}
+    assert fencing.build_first_fences(FLEET.context, FLEET.boards) == {}
     off = replace(FLEET.context, fencing=replace(RULE, enabled=False))
-    assert fencing.first_fences(off, FLEET.boards) == {}
-    assert fencing.rally_list(off, "uav1") is None
-    assert fencing.rally_list(replace(CONTEXT, fencing=replace(RULE, rally="keep")), "uav1") is None
+    assert fencing.build_first_fences(off, FLEET.boards) == {}
+    assert fencing.build_rally_list(off, "uav1") is None
+    assert fencing.build_rally_list(replace(CONTEXT, fencing=replace(RULE, rally="keep")), "uav1") is None
 
 
 def test_a_fence_holds_all_of_a_flight_and_ends_above_it() -> None:
     board = FLEET.boards["uav1"]
     assert board is not None
     fence = FENCES["uav1"]
-    assert all(fence.outside_m(place) == 0.0 for place in board.places_m)
-    assert fence.outside_m(CONTEXT.vehicles["uav1"].pad_m) == 0.0
+    assert all(fence.distance_outside_m(place) == 0.0 for place in board.places_m)
+    assert fence.distance_outside_m(CONTEXT.vehicles["uav1"].pad_m) == 0.0
     assert fence.top_m >= max(point.alt_rel_m for point in board.path.waypoints) + RULE.height_margin_m
     assert fence.top_m >= CONTEXT.return_height_m("uav1") + RULE.height_margin_m
-    assert fencing.over_its_top_m(CONTEXT, "uav1", board.path) == 0.0
+    assert fencing.height_over_fence_m(CONTEXT, "uav1", board.path) == 0.0
 
 
 def test_the_pad_is_the_one_rally_point() -> None:
-    [item] = fencing.rally_list(CONTEXT, "uav1") or ()
+    [item] = fencing.build_rally_list(CONTEXT, "uav1") or ()
     assert CONTEXT.frame.to_local_m(item.x / 1e7, item.y / 1e7) == pytest.approx(
         CONTEXT.vehicles["uav1"].pad_m, abs=0.02
     )
 
 
 def test_a_mission_inside_needs_no_other_fence() -> None:
-    path = flight_path(CONTEXT.setup, "uav1", (0,))
-    assert fencing.wider_fence(CONTEXT, "uav1", FENCES["uav1"], path) is None
-    assert fencing.wider_fence(FLEET.context, "uav1", None, path) is None
+    path = build_flight_path(CONTEXT.setup, "uav1", (0,))
+    assert fencing.widen_fence(CONTEXT, "uav1", FENCES["uav1"], path) is None
+    assert fencing.widen_fence(FLEET.context, "uav1", None, path) is None
 
 
 def test_a_mission_that_leads_out_needs_one_that_covers_both() -> None:
-    path = flight_path(CONTEXT.setup, "uav1", (0, 8))
+    path = build_flight_path(CONTEXT.setup, "uav1", (0, 8))
     known = fencing.fence_for(CONTEXT, "uav1", None)
-    wider = fencing.wider_fence(CONTEXT, "uav1", known, path)
+    wider = fencing.widen_fence(CONTEXT, "uav1", known, path)
     needed = fencing.fence_for(CONTEXT, "uav1", path)
     assert known is not None
     assert wider is not None
     assert needed is not None
-    assert wider.covers(known)
-    assert wider.covers(needed)
+    assert wider.is_covering(known)
+    assert wider.is_covering(needed)
 
 
 def uploads(one: VehicleState) -> list[Upload]:
     before = flight_of(one, SECOND, replan=UNMADE)
-    _, commands = new_missions.composed(CONTEXT, before, MissionsWanted(4), NOW_S)
+    _, commands = new_missions.apply_missions_wanted(CONTEXT, before, MissionsWanted(4), NOW_S)
     return [command for command in commands if isinstance(command, Upload)]
 
 
@@ -93,7 +93,7 @@ def test_the_wider_fence_goes_with_the_upload() -> None:
     assert inside.fence is None
     assert widened.fence is not None
     assert narrow is not None
-    assert widened.fence.covers(narrow)
+    assert widened.fence.is_covering(narrow)
 
 
 MISSION = replace(new_mission(2), fence=WIDE)
@@ -127,19 +127,19 @@ def test_a_flight_taken_up_between_the_two_sends_the_fence_again_before_the_miss
     before = flight_of(one, SECOND, replan=plan)
     board = one.assignment.board
     assert board is not None
-    found = resuming.found_on(CONTEXT, before, "uav1", None, 3)
+    found = resuming.compare_onboard_mission(CONTEXT, before, "uav1", None, 3)
     assert isinstance(found, Found)
-    resumption = resuming.resumed(CONTEXT, before, Resumed((found,)), NOW_S)
+    resumption = resuming.resume_fleet(CONTEXT, before, Resumed((found,)), NOW_S)
     again = [command for command in resumption.commands if isinstance(command, Upload)]
     assert [command.fence for command in again] == [WIDE]
 
 
 def judged(one: VehicleState) -> watchpoints.Judgement:
-    return watchpoints.judge(CONTEXT, CONTEXT.vehicles["uav1"], one, NOW_S)
+    return watchpoints.judge_watchpoints(CONTEXT, CONTEXT.vehicles["uav1"], one, NOW_S)
 
 
 def breached(one: VehicleState) -> tuple[Verdict, str]:
-    found = watchpoints.fence_breached(View(CONTEXT, CONTEXT.vehicles["uav1"], one, False, NOW_S))
+    found = watchpoints.check_fence_breach(WatchView(CONTEXT, CONTEXT.vehicles["uav1"], one, False, NOW_S))
     return found.verdict, found.evidence
 
 
@@ -211,5 +211,5 @@ def test_outside_its_fence_a_return_is_its_own() -> None:
     out = replace(before, motion=replace(before.motion, fix=fix))
     returns = replace(out, telemetry=replace(out.telemetry, heartbeat=beat(rtl), mode_since_s=NOW_S))
     inside = replace(returns, motion=replace(returns.motion, fix=before.motion.fix))
-    assert cause_of(CONTEXT, (), before, returns, NOW_S) is Cause.FAILSAFE
-    assert cause_of(CONTEXT, (), before, inside, NOW_S) is Cause.PERSON
+    assert determine_mode_cause(CONTEXT, (), before, returns, NOW_S) is ModeCause.FAILSAFE
+    assert determine_mode_cause(CONTEXT, (), before, inside, NOW_S) is ModeCause.PERSON

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 import executor.core
 from executor.core.commands import Start
-from executor.core.flags import EVERYWHERE, FLAGS, breaches
+from executor.core.flags import EVERYWHERE, FLAGS, find_flag_breaches
 from executor.core.intents import FOR_ALL, Action, Outcome
-from executor.core.parts import Errand, LinkState, TakenOver
+from executor.core.parts import HomingOrder, LinkState, Takeover
 from executor.core.state import FleetState
-from executor.core.vehicle import TRANSITIONS, Stage, VehicleState, moved_to
+from executor.core.vehicle import TRANSITIONS, Stage, VehicleState, change_stage
 from tests.executor.builders import THREE, fleet_of, with_facts
 from tests.executor.core.steps import BATTERY_FAULT
 from tests.executor.core.stories import FLEET, story
@@ -27,8 +27,8 @@ from tests.fakes.flight import Story
 CORE = Path(executor.core.__path__[0])
 SET: dict[str, dict[str, object]] = {
     "fault": {"fault": BATTERY_FAULT},
-    "taken": {"taken": TakenOver(NOW_S)},
-    "errand": {"errand": Errand(NOW_S)},
+    "taken": {"taken": Takeover(NOW_S)},
+    "errand": {"errand": HomingOrder(NOW_S)},
     "held": {"held_s": NOW_S},
     "lands": {"lands": True},
     "excluded": {"excluded": True},
@@ -52,7 +52,7 @@ def stage_setters(path: Path) -> list[int]:
 
 
 def test_nothing_but_the_table_gives_a_vehicle_another_stage() -> None:
-    """One of the two is `moved_to`, the other what is only supposed."""
+    """One of the two is `change_stage`, the other what is only supposed."""
     found = {path.name: lines for path in CORE.rglob("*.py") if (lines := stage_setters(path))}
     assert {name: len(lines) for name, lines in found.items()} == {"vehicle.py": 2}
 
@@ -61,10 +61,10 @@ def test_nothing_but_the_table_gives_a_vehicle_another_stage() -> None:
 def test_a_stage_follows_by_the_table(stage: Stage) -> None:
     for other in set(Stage) - {stage}:
         if other in TRANSITIONS[stage]:
-            assert moved_to(flying(stage=stage), other) == flying(stage=other)
+            assert change_stage(flying(stage=stage), other) == flying(stage=other)
         else:
             with pytest.raises(ValueError, match=f"uav1: {stage.value} cannot become {other.value}"):
-                moved_to(flying(stage=stage), other)
+                change_stage(flying(stage=stage), other)
 
 
 @pytest.mark.parametrize("rule", FLAGS, ids=lambda rule: rule.name)
@@ -72,8 +72,8 @@ def test_a_flag_is_seen_where_it_must_not_be(rule: Any) -> None:
     for stage in Stage:
         calm = flying(stage=stage)
         said = [f"uav1: {rule.name} while {stage.value}"] if stage not in rule.stages else []
-        assert list(breaches(calm, with_facts(calm, **SET[rule.name]))) == said
-        assert list(breaches(calm, calm)) == []
+        assert list(find_flag_breaches(calm, with_facts(calm, **SET[rule.name]))) == said
+        assert list(find_flag_breaches(calm, calm)) == []
 
 
 def test_every_flag_is_in_the_table_once_and_somewhere() -> None:
@@ -82,7 +82,7 @@ def test_every_flag_is_in_the_table_once_and_somewhere() -> None:
 
 
 def test_a_change_that_the_table_does_not_know_is_seen() -> None:
-    assert list(breaches(flying(stage=Stage.LOST), flying())) == ["uav1: lost became flying"]
+    assert list(find_flag_breaches(flying(stage=Stage.LOST), flying())) == ["uav1: lost became flying"]
 
 
 def befall(flight: Story, name: str, what: Action | str) -> None:
@@ -128,9 +128,7 @@ def test_who_is_out_of_the_plan_is_not_taken_back_to_hold(out: dict[str, object]
     """From a hold it would be sent on, on a mission that others fly."""
     flight = story()
     flight.pass_s(30.0)
-    theirs = with_facts(
-        flight.vehicle("uav1"), stage=Stage.PILOT, taken=TakenOver(flight.now_s, given_away=True), **out
-    )
+    theirs = with_facts(flight.vehicle("uav1"), stage=Stage.PILOT, taken=Takeover(flight.now_s, given_away=True), **out)
     flight.state = flight.state.put(theirs)
     flight.ask(Action.HOLD, "uav1", "hold", confirmed=True)
     record = flight.state.crew.intents["hold"]

@@ -11,7 +11,7 @@ from executor.core.commands import Disarm, Finish, LandNow, Level, SendHome, Sta
 from executor.core.events import Heard, LaunchOrdered, ReturnAllOrdered, ReturnEnded, StartEnded, Tick
 from executor.core.intents import Action
 from executor.core.messages import StatusText
-from executor.core.vehicle import TRANSITIONS, FaultKind, Stage, VehicleState, moved_to
+from executor.core.vehicle import TRANSITIONS, FaultKind, Stage, VehicleState, change_stage
 from tests.executor.builders import THREE, fleet_of
 from tests.executor.core.stories import EVERYTHING, FLEET, TIMEOUT_S, story, under_way
 from tests.fakes.flight import Story
@@ -397,13 +397,13 @@ def test_nobody_stands_still_in_a_stage_without_a_way_out() -> None:
 def test_a_forbidden_transition_is_a_mistake_of_ours() -> None:
     lost = VehicleState("uav1", stage=Stage.LOST)
     with pytest.raises(ValueError, match="uav1: lost cannot become flying"):
-        moved_to(lost, Stage.FLYING)
-    assert moved_to(lost, Stage.LOST) is lost
+        change_stage(lost, Stage.FLYING)
+    assert change_stage(lost, Stage.LOST) is lost
 
 
 def test_a_step_takes_no_state_of_another_flight() -> None:
     """`step` is a function: the same three arguments give the same answer, and nothing is changed in place."""
-    state = fleet.initial(dict(FLEET.boards))
+    state = fleet.build_initial_state(dict(FLEET.boards))
     kept = replace(state)
     first = fleet.step(FLEET.context, state, LaunchOrdered(), 5.0)
     second = fleet.step(FLEET.context, state, LaunchOrdered(), 5.0)

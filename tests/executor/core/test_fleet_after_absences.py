@@ -8,10 +8,10 @@ import pytest
 
 from executor.core import coverage
 from executor.core.commands import Level, Say
-from executor.core.coverage import Sample
+from executor.core.coverage import PositionSample
 from executor.core.events import Tick
-from executor.core.parts import Cause, Errand, Fix, Watch
-from executor.core.state import Absence
+from executor.core.parts import HomingOrder, ModeCause, PositionFix, WatchpointMemory
+from executor.core.state import GroundStationAbsence
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -29,12 +29,13 @@ from tests.executor.core.vehicles import FLEET, NOW_S, ON_PAD, RTL, flying, miss
 WITH_FAILSAFE = replace(
     FLEET.context, vehicles={**FLEET.context.vehicles, "uav1": replace(FLEET.context.vehicles["uav1"], failsafe_s=5.0)}
 )
-RUN = coverage.run_joined(mission().tracks[0], Sample(5.0, (150.0, -5.0), 3.0), 3.0)
+RUN = coverage.join_run(mission().tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
 CAME_HOME = flying(
-    heartbeat=beat(RTL), cause=Cause.FAILSAFE, mode_since_s=NOW_S - 10.0, watches=(("mode", Watch(NOW_S - 3.0)),),
+    heartbeat=beat(RTL), cause=ModeCause.FAILSAFE, mode_since_s=NOW_S - 10.0,
+    watches=(("mode", WatchpointMemory(NOW_S - 3.0)),),
     run=RUN,
 )  # fmt: skip
-AWAY = Absence(NOW_S - 2.0, 20.0, restarted=False)
+AWAY = GroundStationAbsence(NOW_S - 2.0, 20.0, restarted=False)
 
 ROWS = [
     Row(
@@ -42,7 +43,15 @@ ROWS = [
         CAME_HOME,
         Tick(),
         [Say(Level.WARNING, "uav1: ended its mission while the ground station was offline; returning")],
-        {"uav1": {"stage": Stage.RETURNING, "anchor": None, "run": None, "errand": Errand(NOW_S), "left_s": NOW_S}},
+        {
+            "uav1": {
+                "stage": Stage.RETURNING,
+                "anchor": None,
+                "run": None,
+                "errand": HomingOrder(NOW_S),
+                "left_s": NOW_S,
+            }
+        },
         {"urgent": True, "trigger": "uav1: ended its mission while the ground station was offline", "trigger_s": NOW_S},
         {"absences": (AWAY,)},
         context=WITH_FAILSAFE,
@@ -62,7 +71,7 @@ ROWS = [
             | {
                 "run": None,
                 "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S, FaultCode.MODE_CHANGED),
-                "errand": Errand(NOW_S),
+                "errand": HomingOrder(NOW_S),
             }
         },
         {"urgent": True, "trigger": "uav1: interruption, RTL by its own failsafe", "trigger_s": NOW_S},
@@ -84,7 +93,7 @@ ROWS = [
             | {
                 "run": None,
                 "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S, FaultCode.MODE_CHANGED),
-                "errand": Errand(NOW_S),
+                "errand": HomingOrder(NOW_S),
             }
         },
         {"urgent": True, "trigger": "uav1: interruption, RTL by its own failsafe", "trigger_s": NOW_S},
@@ -106,7 +115,7 @@ ROWS = [
             | {
                 "run": None,
                 "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S, FaultCode.MODE_CHANGED),
-                "errand": Errand(NOW_S),
+                "errand": HomingOrder(NOW_S),
             }
         },
         {"urgent": True, "trigger": "uav1: interruption, RTL by its own failsafe", "trigger_s": NOW_S},
@@ -128,7 +137,7 @@ ROWS = [
             | {
                 "run": None,
                 "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S, FaultCode.MODE_CHANGED),
-                "errand": Errand(NOW_S),
+                "errand": HomingOrder(NOW_S),
             }
         },
         {"urgent": True, "trigger": "uav1: interruption, RTL by its own failsafe", "trigger_s": NOW_S},
@@ -149,7 +158,7 @@ ROWS = [
             | {
                 "run": None,
                 "fault": Fault(FaultKind.INTERRUPTION, "RTL by its own failsafe", NOW_S, FaultCode.MODE_CHANGED),
-                "errand": Errand(NOW_S),
+                "errand": HomingOrder(NOW_S),
             }
         },
         {"urgent": True, "trigger": "uav1: interruption, RTL by its own failsafe", "trigger_s": NOW_S},
@@ -159,7 +168,15 @@ ROWS = [
         with_facts(CAME_HOME, heartbeat=beat(HOLD, status=5)),
         Tick(),
         [Say(Level.WARNING, "uav1: ended its mission while the ground station was offline; returning")],
-        {"uav1": {"stage": Stage.RETURNING, "anchor": None, "run": None, "errand": Errand(NOW_S), "left_s": NOW_S}},
+        {
+            "uav1": {
+                "stage": Stage.RETURNING,
+                "anchor": None,
+                "run": None,
+                "errand": HomingOrder(NOW_S),
+                "left_s": NOW_S,
+            }
+        },
         {"urgent": True, "trigger": "uav1: ended its mission while the ground station was offline", "trigger_s": NOW_S},
         {"absences": (AWAY,)},
         context=WITH_FAILSAFE,
@@ -177,7 +194,7 @@ ROWS = [
         {
             "uav1": {
                 "stage": Stage.DOWN,
-                "anchor": Fix(
+                "anchor": PositionFix(
                     at_s=NOW_S - 1.0,
                     boot_s=NOW_S - 1.0,
                     place_m=(-38.50000000000001, 15.400000000000002),
@@ -199,7 +216,9 @@ ROWS = [
     ),
     Row(
         "who comes home with a fault that shows again and was just seen",
-        flying(**HOMEWARD | {"heartbeat": beat(RTL, status=8)}, fault=BATTERY_FAULT, errand=Errand(NOW_S, told=True)),
+        flying(
+            **HOMEWARD | {"heartbeat": beat(RTL, status=8)}, fault=BATTERY_FAULT, errand=HomingOrder(NOW_S, told=True)
+        ),
         Tick(),
         [],
         {},

@@ -9,7 +9,7 @@ import pytest
 from executor.core.commands import Level, Say, SendHome
 from executor.core.events import OrderEnded, ReturnEnded, Tick
 from executor.core.intents import Action, Outcome
-from executor.core.parts import Errand
+from executor.core.parts import HomingOrder
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -25,7 +25,7 @@ from tests.executor.core.steps import (
 from tests.executor.core.vehicles import NOW_S, OUT_THERE, flying
 
 HOLDS = flying(held_s=NOW_S - 9.0, heartbeat=beat(HOLD), hold_asked_s=NOW_S - 9.0)
-COMES = flying(**HOMEWARD | {"heartbeat": beat()}, errand=Errand(NOW_S - 9.0, told=True))
+COMES = flying(**HOMEWARD | {"heartbeat": beat()}, errand=HomingOrder(NOW_S - 9.0, told=True))
 LIES = flying(stage=Stage.DOWN, fix=STILL)
 SENT_ON = flying(held_s=NOW_S - 90.0, mode_since_s=NOW_S - 20.1, ordered_mode_s=NOW_S - 90.0)
 HELD_LATE = flying(
@@ -133,7 +133,7 @@ ROWS = [
         COMES,
         answer(Action.LAND, accepted=False, reason="no", refused=True),
         [Say(Level.WARNING, "uav1: did not follow the order: land (no)")],
-        {"uav1": {"errand": Errand(NOW_S - 9.0, not_before_s=NOW_S + 5.0)}},
+        {"uav1": {"errand": HomingOrder(NOW_S - 9.0, not_before_s=NOW_S + 5.0)}},
         {"intents": {"wish": wished(Action.LAND, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav1: no")}},
         {"intents": {"wish": wished(Action.LAND, "uav1")}},
     ),
@@ -218,7 +218,7 @@ ROWS = [
         COMES,
         returns(accepted=False, reason="no", refused=True),
         [Say(Level.WARNING, "uav1: refused RTL (no)")],
-        {"uav1": {"errand": Errand(NOW_S - 9.0, not_before_s=NOW_S + 5.0)}},
+        {"uav1": {"errand": HomingOrder(NOW_S - 9.0, not_before_s=NOW_S + 5.0)}},
         {"intents": {"wish": wished(Action.RETURN, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav1: no")}},
         {"intents": {"wish": wished(Action.RETURN, "uav1")}},
     ),
@@ -227,7 +227,7 @@ ROWS = [
         COMES,
         returns(accepted=False, reason="nothing", lost=True),
         [Say(Level.WARNING, "uav1: did not acknowledge RTL (nothing)")],
-        {"uav1": {"errand": Errand(NOW_S - 9.0)}},
+        {"uav1": {"errand": HomingOrder(NOW_S - 9.0)}},
         {"intents": {"wish": wished(Action.RETURN, ended_s=NOW_S, outcome=Outcome.FAILED, text="uav1: nothing")}},
         {"intents": {"wish": wished(Action.RETURN, "uav1")}},
     ),
@@ -271,7 +271,7 @@ ROWS = [
     ),
     Row(
         "it answers what it was not told",
-        with_facts(COMES, errand=Errand(NOW_S)),
+        with_facts(COMES, errand=HomingOrder(NOW_S)),
         returns(accepted=False, reason="no", refused=True),
         [Say(Level.WARNING, "uav1: refused RTL (no)")],
         {},

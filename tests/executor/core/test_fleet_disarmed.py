@@ -8,8 +8,8 @@ from executor.core.battery.account import BatteryState
 from executor.core.commands import AskStreams, Level, Say
 from executor.core.events import Tick
 from executor.core.messages import Attitude, Heartbeat
-from executor.core.parts import Cause, Errand
-from executor.core.state import Told
+from executor.core.parts import HomingOrder, ModeCause
+from executor.core.state import ReportedWarnings
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.core.steps import BATTERY_FAULT, HOMEWARD, LOW, STILL, TAKEN, Row, beat, landed, over_pad
 from tests.executor.core.vehicles import DISARMED, NOW_S, ON_PAD, OUT_THERE, RTL, flying
@@ -106,7 +106,7 @@ ROWS = [
             Say(Level.INFO, "uav1: landed with 90 %"),
         ],
         {"uav1": {"stage": Stage.LANDED, "streams_asked_s": NOW_S}},
-        {"considered": frozenset({"uav1"}), "told": {"uav1": Told(at_s=(("positions", NOW_S),))}},
+        {"considered": frozenset({"uav1"}), "told": {"uav1": ReportedWarnings(at_s=(("positions", NOW_S),))}},
     ),
     Row(
         "a landing whose last position is from before it",
@@ -270,7 +270,11 @@ ROWS = [
     Row(
         "who lies on its back in its pilot's hands has not landed",
         landed(
-            stage=Stage.PILOT, taken=TAKEN, cause=Cause.PERSON, tilted_since_s=NOW_S - 1.0, attitude=Attitude(1.0, 95.0)
+            stage=Stage.PILOT,
+            taken=TAKEN,
+            cause=ModeCause.PERSON,
+            tilted_since_s=NOW_S - 1.0,
+            attitude=Attitude(1.0, 95.0),
         ),
         Tick(),
         [
@@ -329,7 +333,7 @@ ROWS = [
     Row("who was never armed has not landed", landed(stage=Stage.FLYING, armed_once=False), Tick(), [], {}, {}),
     Row(
         "a pilot's landing",
-        landed(stage=Stage.PILOT, taken=TAKEN, cause=Cause.PERSON),
+        landed(stage=Stage.PILOT, taken=TAKEN, cause=ModeCause.PERSON),
         Tick(),
         [Say(Level.INFO, "uav1: landed by its pilot; stays on the ground until included")],
         {"uav1": {"stage": Stage.LANDED, "excluded": True, "taken": None}},
@@ -363,7 +367,7 @@ ROWS = [
     ),
     Row(
         "who disarms off its pad on its way home is down",
-        flying(**HOMEWARD | {"heartbeat": DISARMED}, fault=BATTERY_FAULT, errand=Errand(NOW_S)),
+        flying(**HOMEWARD | {"heartbeat": DISARMED}, fault=BATTERY_FAULT, errand=HomingOrder(NOW_S)),
         Tick(),
         [
             Say(

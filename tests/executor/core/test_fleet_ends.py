@@ -6,8 +6,8 @@ import pytest
 
 from executor.core.commands import Finish, Level, Say
 from executor.core.events import Tick
-from executor.core.parts import Cause
-from executor.core.state import Offer
+from executor.core.parts import ModeCause
+from executor.core.state import TakeoffOffer
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -67,7 +67,10 @@ ROWS = [
             )
         ],
         {},
-        {"offer": Offer(vehicles=("uav1",), segments=(0, 1, 2, 3, 4, 5), since_s=NOW_S), "offer_wanted_s": NOW_S},
+        {
+            "offer": TakeoffOffer(vehicles=("uav1",), segments=(0, 1, 2, 3, 4, 5), since_s=NOW_S),
+            "offer_wanted_s": NOW_S,
+        },
         {"recalled": False, "finished": False, "given_up": frozenset(range(6))},
         context=CREW,
     ),
@@ -102,7 +105,7 @@ ROWS = [
     Row("somebody comes home", flying(**HOMEWARD), Tick(), [], {}, {}, {"finished": False}),
     Row(
         "somebody is with a pilot",
-        flying(stage=Stage.PILOT, taken=TAKEN, heartbeat=beat(HOLD), cause=Cause.PERSON),
+        flying(stage=Stage.PILOT, taken=TAKEN, heartbeat=beat(HOLD), cause=ModeCause.PERSON),
         Tick(),
         [],
         {},

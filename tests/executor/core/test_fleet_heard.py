@@ -11,8 +11,8 @@ from executor.core import fleet
 from executor.core.commands import HandsOff, Level, Say, SendHome
 from executor.core.events import Heard
 from executor.core.messages import FlightMessage, MissionCurrent, Position, StationHeard, StatusText
-from executor.core.parts import Cause, Errand, TakenOver, TextFlow
-from executor.core.state import Separation
+from executor.core.parts import HomingOrder, ModeCause, Takeover, TextWindow
+from executor.core.state import ClosestApproach
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import HOLD, LOW, SECOND, SENT_HOME, TAKEN, Row, beat, flight_of
@@ -100,8 +100,8 @@ ROWS = [
                 "mode_before_s": NOW_S - 50.0,
                 "mode_before": 3,
                 "anchor": None,
-                "cause": Cause.FAILSAFE,
-                "errand": Errand(NOW_S),
+                "cause": ModeCause.FAILSAFE,
+                "errand": HomingOrder(NOW_S),
                 "left_s": NOW_S,
             }
         },
@@ -109,7 +109,7 @@ ROWS = [
     ),
     Row(
         "who was lost and was taken",
-        with_facts(GONE, cause=Cause.PERSON),
+        with_facts(GONE, cause=ModeCause.PERSON),
         said(beat(HOLD)),
         [
             Say(Level.WARNING, "uav1: link regained"),
@@ -126,14 +126,14 @@ ROWS = [
                 "mode_before": 3,
                 "anchor": None,
                 "certain": True,
-                "taken": TakenOver(since_s=NOW_S, given_away=True),
+                "taken": Takeover(since_s=NOW_S, given_away=True),
             }
         },
         {},
     ),
     Row(
         "who was lost, with its pilot all the time",
-        with_facts(GONE, taken=TAKEN, cause=Cause.PERSON, heartbeat=beat(HOLD)),
+        with_facts(GONE, taken=TAKEN, cause=ModeCause.PERSON, heartbeat=beat(HOLD)),
         said(beat(HOLD)),
         [
             Say(Level.WARNING, "uav1: link regained"),
@@ -164,7 +164,7 @@ ROWS = [
     ),
     Row(
         "who was lost in its pilot's hands is not switched",
-        with_facts(LOST_ON_PAD, taken=TakenOver(NOW_S - 90.0)),
+        with_facts(LOST_ON_PAD, taken=Takeover(NOW_S - 90.0)),
         said(beat(armed=False)),
         [
             Say(
@@ -228,7 +228,7 @@ ROWS = [
                 "mode_before_s": NOW_S,
                 "mode_before": 3,
                 "ordered_modes": frozenset(),
-                "cause": Cause.PERSON,
+                "cause": ModeCause.PERSON,
                 "beat_boot_s": NOW_S,
             }
         },
@@ -236,7 +236,7 @@ ROWS = [
     ),
     Row(
         "a person's mode still",
-        flying(heartbeat=beat(0), cause=Cause.PERSON, mode_since_s=NOW_S - 0.5),
+        flying(heartbeat=beat(0), cause=ModeCause.PERSON, mode_since_s=NOW_S - 0.5),
         said(beat(0)),
         [],
         {"uav1": {"spoke_s": NOW_S, "beat_boot_s": NOW_S}},
@@ -267,7 +267,7 @@ ROWS = [
         {
             "uav1": {
                 "spoke_s": NOW_S,
-                "texts": TextFlow(last=("uav1 says: something is wrong", NOW_S), since_s=NOW_S, shown=(1, 0, 0)),
+                "texts": TextWindow(last=("uav1 says: something is wrong", NOW_S), since_s=NOW_S, shown=(1, 0, 0)),
             }
         },
         {},
@@ -332,7 +332,7 @@ SEPARATIONS = [
 def test_how_near_two_came(
     what: str, one: VehicleState, event: Heard, other: VehicleState, least_m: float | None, expected_m: float | None
 ) -> None:
-    before = None if least_m is None else Separation(least_m, ("a", "b"), 0.0)
+    before = None if least_m is None else ClosestApproach(least_m, ("a", "b"), 0.0)
     after, _ = fleet.step(FLEET.context, flight_of(one, other, separation=before), event, NOW_S)
     if expected_m is None:
         assert after.progress.separation is before

@@ -6,7 +6,7 @@ import pytest
 
 from executor.core.commands import LandNow, Level, Say, SendHome, Solve, Survivor
 from executor.core.events import Tick
-from executor.core.parts import Cause, Errand, TakenOver
+from executor.core.parts import HomingOrder, ModeCause, Takeover
 from executor.core.state import Replan
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
@@ -69,7 +69,7 @@ ROWS = [
             Say(Level.FAULT, ("uav1: interruption, reports that its flight is terminated; landing, not commanded")),
             Say(Level.WARNING, "no vehicle in the air can take over segments 0, 1"),
         ],
-        {"uav1": LEAVES | {"fault": TERMINATED, "errand": Errand(NOW_S)}},
+        {"uav1": LEAVES | {"fault": TERMINATED, "errand": HomingOrder(NOW_S)}},
         WHY | {"given_up": frozenset({0, 1, 2, 3, 4, 5}), "orphans_since_s": NOW_S},
         {"recalled": False, "given_up": frozenset(range(2, 6))},
     ),
@@ -134,7 +134,10 @@ ROWS = [
             ),
             LandNow("uav1"),
         ],
-        {"uav1": LEAVES | {"fault": TERMINATED, "ordered_modes": frozenset({9}), "errand": Errand(NOW_S, told=True)}},
+        {
+            "uav1": LEAVES
+            | {"fault": TERMINATED, "ordered_modes": frozenset({9}), "errand": HomingOrder(NOW_S, told=True)}
+        },
         URGENT,
     ),
     Row(
@@ -152,7 +155,7 @@ ROWS = [
                 "stage": Stage.RETURNING,
                 "ordered_mode_s": NOW_S,
                 "fault": TERMINATED,
-                "errand": Errand(NOW_S),
+                "errand": HomingOrder(NOW_S),
                 "left_s": NOW_S,
             }
         },
@@ -160,7 +163,7 @@ ROWS = [
     ),
     Row(
         "a fault while it comes home by itself",
-        flying(heartbeat=beat(RTL, status=8), cause=Cause.FAILSAFE),
+        flying(heartbeat=beat(RTL, status=8), cause=ModeCause.FAILSAFE),
         Tick(),
         [
             Say(
@@ -171,7 +174,7 @@ ROWS = [
                 ),
             )
         ],
-        {"uav1": LEAVES | {"fault": TERMINATED, "errand": Errand(NOW_S)}},
+        {"uav1": LEAVES | {"fault": TERMINATED, "errand": HomingOrder(NOW_S)}},
         URGENT,
     ),
     Row(
@@ -199,10 +202,10 @@ ROWS = [
     ),
     Row(
         "a fault of who is with its pilot",
-        with_facts(FAILS, stage=Stage.PILOT, taken=TakenOver(NOW_S - 5.0), cause=Cause.PERSON),
+        with_facts(FAILS, stage=Stage.PILOT, taken=Takeover(NOW_S - 5.0), cause=ModeCause.PERSON),
         Tick(),
         [Say(Level.FAULT, "uav1: its pilot has set mission mode again; use include to put it back in the plan")],
-        {"uav1": {"taken": TakenOver(since_s=NOW_S - 5.0, returned_s=NOW_S)}},
+        {"uav1": {"taken": Takeover(since_s=NOW_S - 5.0, returned_s=NOW_S)}},
         {},
         {"recalled": False, "given_up": frozenset(range(6))},
     ),
@@ -215,7 +218,7 @@ ROWS = [
             run_visit=0,
             held_s=NOW_S - 5.0,
             cleared_s=NOW_S - 5.0,
-            errand=Errand(NOW_S),
+            errand=HomingOrder(NOW_S),
         ),
         Tick(),
         [

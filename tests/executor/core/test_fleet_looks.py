@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.carried import Carried
+from executor.core.carried import MissionOwnership
 from executor.core.commands import AskStreams, HandsOff, Level, Say, SendHome
 from executor.core.events import Tick
 from executor.core.messages import Attitude
-from executor.core.parts import Cause, Errand, TakenOver
-from executor.core.state import Told
+from executor.core.parts import HomingOrder, ModeCause, Takeover
+from executor.core.state import ReportedWarnings
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.core.steps import BATTERY_FAULT, HOLD, HOMEWARD, LOW, SECOND, SENT_HOME, STILL, Row, beat, over_pad
 from tests.executor.core.vehicles import DISARMED, NOW_S, OUT_THERE, RTL, at, flying
@@ -88,18 +88,18 @@ ROWS = [
     ),
     Row(
         "who is armed on the ground by somebody is kept clear of",
-        flying(stage=Stage.GROUND, fix=LOW, took_off=False, cause=Cause.PERSON, mode_since_s=NOW_S - 1.0),
+        flying(stage=Stage.GROUND, fix=LOW, took_off=False, cause=ModeCause.PERSON, mode_since_s=NOW_S - 1.0),
         Tick(),
         [
             Say(Level.FAULT, "uav1: armed on the ground by another source, mode MISSION: keep clear"),
             HandsOff("uav1"),
         ],
-        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(since_s=NOW_S - 1.0, given_away=True)}},
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": Takeover(since_s=NOW_S - 1.0, given_away=True)}},
         {},
     ),
     Row(
         "who is armed on the ground by somebody a moment ago is waited for",
-        flying(stage=Stage.GROUND, fix=LOW, took_off=False, cause=Cause.PERSON, mode_since_s=NOW_S - 0.9),
+        flying(stage=Stage.GROUND, fix=LOW, took_off=False, cause=ModeCause.PERSON, mode_since_s=NOW_S - 0.9),
         Tick(),
         [],
         {},
@@ -126,7 +126,7 @@ ROWS = [
     Row("who has no position is left to its mission", flying(fix=None), Tick(), [], {}, {}),
     Row(
         "a person's mode is not spoken into for a second",
-        flying(heartbeat=beat(HOLD), cause=Cause.PERSON, mode_since_s=NOW_S - 0.9),
+        flying(heartbeat=beat(HOLD), cause=ModeCause.PERSON, mode_since_s=NOW_S - 0.9),
         Tick(),
         [],
         {},
@@ -134,7 +134,7 @@ ROWS = [
     ),
     Row(
         "a person's mode is a pilot's",
-        flying(heartbeat=beat(HOLD), cause=Cause.PERSON, mode_since_s=NOW_S - 1.0),
+        flying(heartbeat=beat(HOLD), cause=ModeCause.PERSON, mode_since_s=NOW_S - 1.0),
         Tick(),
         [
             Say(
@@ -142,16 +142,16 @@ ROWS = [
             ),
             HandsOff("uav1"),
         ],
-        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(NOW_S - 1.0)}},
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": Takeover(NOW_S - 1.0)}},
         {},
     ),
     Row(
         "a person's mode is a pilot's on the way home too",
         flying(
             **HOMEWARD | {"heartbeat": beat(HOLD)},
-            cause=Cause.PERSON,
+            cause=ModeCause.PERSON,
             mode_since_s=NOW_S - 1.0,
-            errand=Errand(NOW_S - 9.0, told=True),
+            errand=HomingOrder(NOW_S - 9.0, told=True),
         ),
         Tick(),
         [Say(Level.FAULT, "uav1: with its pilot, mode HOLD; not commanded from here"), HandsOff("uav1")],
@@ -159,7 +159,7 @@ ROWS = [
             "uav1": {
                 "stage": Stage.PILOT,
                 "anchor": None,
-                "taken": TakenOver(since_s=NOW_S - 1.0, given_away=True),
+                "taken": Takeover(since_s=NOW_S - 1.0, given_away=True),
                 "errand": None,
             }
         },
@@ -167,7 +167,7 @@ ROWS = [
     ),
     Row(
         "another station's mission is a pilot's",
-        flying(carried=Carried(foreign_s=NOW_S - 1.0, words="none at all")),
+        flying(carried=MissionOwnership(foreign_s=NOW_S - 1.0, words="none at all")),
         Tick(),
         [
             Say(
@@ -179,12 +179,12 @@ ROWS = [
             ),
             HandsOff("uav1"),
         ],
-        {"uav1": {"stage": Stage.PILOT, "anchor": None, "cause": Cause.PERSON, "taken": TakenOver(NOW_S - 1.0)}},
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "cause": ModeCause.PERSON, "taken": Takeover(NOW_S - 1.0)}},
         {},
     ),
     Row(
         "another station's mission is looked at twice",
-        flying(carried=Carried(foreign_s=NOW_S - 0.8, words="none at all")),
+        flying(carried=MissionOwnership(foreign_s=NOW_S - 0.8, words="none at all")),
         Tick(),
         [],
         {},
@@ -192,7 +192,7 @@ ROWS = [
     ),
     Row(
         "another station's mission says nothing of who returns",
-        flying(**HOMEWARD, carried=Carried(foreign_s=NOW_S - 1.0, words="none at all")),
+        flying(**HOMEWARD, carried=MissionOwnership(foreign_s=NOW_S - 1.0, words="none at all")),
         Tick(),
         [],
         {},
@@ -239,7 +239,7 @@ ROWS = [
             fault=BATTERY_FAULT,
             tilted_since_s=NOW_S - 3.0,
             attitude=Attitude(80.0, -90.0),
-            errand=Errand(NOW_S),
+            errand=HomingOrder(NOW_S),
         ),
         Tick(),
         [Say(Level.FAULT, f"uav1: leans by 90 degrees, down at {OUT_THERE}, armed: keep away")],
@@ -253,7 +253,7 @@ ROWS = [
             fault=BATTERY_FAULT,
             tilted_since_s=NOW_S - 3.0,
             attitude=Attitude(80.0, -90.0),
-            errand=Errand(NOW_S),
+            errand=HomingOrder(NOW_S),
         ),
         Tick(),
         [Say(Level.FAULT, f"uav1: leans by 90 degrees, down at {OUT_THERE}, armed: keep away")],
@@ -263,7 +263,11 @@ ROWS = [
     Row(
         "nor that it is silent",
         flying(
-            **EMERGENCY_HOMEWARD, fault=BATTERY_FAULT, heard_s=NOW_S - 10.0, errand=Errand(NOW_S - 20.0), stale=True
+            **EMERGENCY_HOMEWARD,
+            fault=BATTERY_FAULT,
+            heard_s=NOW_S - 10.0,
+            errand=HomingOrder(NOW_S - 20.0),
+            stale=True,
         ),
         Tick(),
         [
@@ -278,7 +282,7 @@ ROWS = [
     ),
     Row(
         "who falls silent on its way home is lost",
-        flying(**HOMEWARD, fault=BATTERY_FAULT, heard_s=NOW_S - 10.0, errand=Errand(NOW_S - 20.0), stale=True),
+        flying(**HOMEWARD, fault=BATTERY_FAULT, heard_s=NOW_S - 10.0, errand=HomingOrder(NOW_S - 20.0), stale=True),
         Tick(),
         [
             Say(
@@ -292,7 +296,9 @@ ROWS = [
     ),
     Row(
         "who falls silent with a pilot's mode is lost, not taken",
-        flying(heartbeat=beat(HOLD), cause=Cause.PERSON, mode_since_s=NOW_S - 12.0, heard_s=NOW_S - 10.0, stale=True),
+        flying(
+            heartbeat=beat(HOLD), cause=ModeCause.PERSON, mode_since_s=NOW_S - 12.0, heard_s=NOW_S - 10.0, stale=True
+        ),
         Tick(),
         [
             Say(
@@ -314,21 +320,21 @@ ROWS = [
     ),
     Row(
         "who is to come home and was not told is told",
-        flying(**HOMEWARD | {"heartbeat": beat()}, errand=Errand(NOW_S - 1.0)),
+        flying(**HOMEWARD | {"heartbeat": beat()}, errand=HomingOrder(NOW_S - 1.0)),
         Tick(),
         [SendHome("uav1")],
         {
             "uav1": {
                 "ordered_mode_s": NOW_S,
                 "ordered_modes": frozenset({6, 9}),
-                "errand": Errand(NOW_S - 1.0, told=True),
+                "errand": HomingOrder(NOW_S - 1.0, told=True),
             }
         },
         {},
     ),
     Row(
         "who flies its mission is to be told nothing",
-        flying(errand=Errand(NOW_S - 9.0)),
+        flying(errand=HomingOrder(NOW_S - 9.0)),
         Tick(),
         [],
         {"uav1": {"errand": None}},
@@ -336,7 +342,7 @@ ROWS = [
     ),
     Row(
         "who is told already is not told again",
-        flying(**HOMEWARD | {"heartbeat": beat()}, errand=Errand(NOW_S - 1.0, told=True)),
+        flying(**HOMEWARD | {"heartbeat": beat()}, errand=HomingOrder(NOW_S - 1.0, told=True)),
         Tick(),
         [],
         {},
@@ -370,7 +376,7 @@ ROWS = [
     ),
     Row(
         "a broken inspection of who is with its pilot may be flown still",
-        flying(stage=Stage.PILOT, taken=TakenOver(NOW_S), heartbeat=beat(HOLD), cause=Cause.PERSON, owed=(0, "why")),
+        flying(stage=Stage.PILOT, taken=Takeover(NOW_S), heartbeat=beat(HOLD), cause=ModeCause.PERSON, owed=(0, "why")),
         Tick(),
         [],
         {},
@@ -382,23 +388,25 @@ ROWS = [
         Tick(),
         [Say(Level.WARNING, "uav1: no position for 5 s, while other messages come"), AskStreams("uav1")],
         {"uav1": {"streams_asked_s": NOW_S}},
-        {"told": {"uav1": Told(at_s=(("positions", NOW_S),))}},
+        {"told": {"uav1": ReportedWarnings(at_s=(("positions", NOW_S),))}},
     ),
     Row(
         "streams of a pilot's are not asked for",
-        flying(fix=at(age_s=5.0), stage=Stage.PILOT, taken=TakenOver(NOW_S), heartbeat=beat(HOLD), cause=Cause.PERSON),
+        flying(
+            fix=at(age_s=5.0), stage=Stage.PILOT, taken=Takeover(NOW_S), heartbeat=beat(HOLD), cause=ModeCause.PERSON
+        ),
         Tick(),
         [Say(Level.WARNING, "uav1: no position for 5 s, while other messages come")],
         {},
-        {"told": {"uav1": Told(at_s=(("positions", NOW_S),))}},
+        {"told": {"uav1": ReportedWarnings(at_s=(("positions", NOW_S),))}},
     ),
     Row(
         "streams of who may be a pilot's are not asked for",
-        flying(fix=at(age_s=5.0), heartbeat=beat(HOLD), cause=Cause.PERSON, mode_since_s=NOW_S - 0.5),
+        flying(fix=at(age_s=5.0), heartbeat=beat(HOLD), cause=ModeCause.PERSON, mode_since_s=NOW_S - 0.5),
         Tick(),
         [Say(Level.WARNING, "uav1: no position for 5 s, while other messages come")],
         {},
-        {"told": {"uav1": Told(at_s=(("positions", NOW_S),))}},
+        {"told": {"uav1": ReportedWarnings(at_s=(("positions", NOW_S),))}},
     ),
 ]
 

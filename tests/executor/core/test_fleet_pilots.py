@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.carried import Carried
+from executor.core.carried import MissionOwnership
 from executor.core.commands import CancelSolve, HandsOff, Level, Resume, Say
 from executor.core.events import Tick
-from executor.core.parts import Cause, Errand, TakenOver
+from executor.core.parts import HomingOrder, ModeCause, Takeover
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -27,12 +27,12 @@ from tests.executor.core.steps import (
 )
 from tests.executor.core.vehicles import FLEET, NOW_S, ON_PAD, OUT_THERE, RTL, flying
 
-PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN, mode_since_s=NOW_S - 10.0)
+PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=ModeCause.PERSON, taken=TAKEN, mode_since_s=NOW_S - 10.0)
 RETURNED = with_facts(PILOTS, heartbeat=beat(), mode_since_s=NOW_S - 1.0)
-DOWN_AGAIN = landed(stage=Stage.PILOT, taken=TAKEN, cause=Cause.PERSON)
-TAKES = flying(heartbeat=beat(HOLD), cause=Cause.PERSON, mode_since_s=NOW_S - 5.0)
+DOWN_AGAIN = landed(stage=Stage.PILOT, taken=TAKEN, cause=ModeCause.PERSON)
+TAKES = flying(heartbeat=beat(HOLD), cause=ModeCause.PERSON, mode_since_s=NOW_S - 5.0)
 SOLVING = plan_of(solve_s=None)
-FOREIGN = Carried(foreign_s=NOW_S - 3.0, words="none at all")
+FOREIGN = MissionOwnership(foreign_s=NOW_S - 3.0, words="none at all")
 UNSEEN = with_facts(TAKES, mode_since_s=NOW_S - 5.0, unseen_until_s=NOW_S - 5.0, unseen_from_boot_s=NOW_S - 90.0)
 ANSWERS = replace(FLEET.context, pilot_returns=True)
 
@@ -41,15 +41,15 @@ ROWS = [
     Row("with a pilot for a while", PILOTS, Tick(), [], {}, {}),
     Row(
         "with a pilot for longer than its work is kept",
-        with_facts(PILOTS, taken=TakenOver(NOW_S - 30.0)),
+        with_facts(PILOTS, taken=Takeover(NOW_S - 30.0)),
         Tick(),
         [Say(Level.WARNING, "uav1: with its pilot for 30 s; its segments are released to the others")],
-        {"uav1": {"taken": TakenOver(since_s=NOW_S - 30.0, given_away=True)}},
+        {"uav1": {"taken": Takeover(since_s=NOW_S - 30.0, given_away=True)}},
         {"urgent": True, "trigger": "uav1: with its pilot for 30 s", "trigger_s": NOW_S},
     ),
     Row(
         "with a pilot for just less than its work is kept",
-        with_facts(PILOTS, taken=TakenOver(NOW_S - 29.9)),
+        with_facts(PILOTS, taken=Takeover(NOW_S - 29.9)),
         Tick(),
         [],
         {},
@@ -57,7 +57,7 @@ ROWS = [
     ),
     Row(
         "with a pilot for long, its work given away",
-        with_facts(PILOTS, taken=TakenOver(NOW_S - 90.0, given_away=True)),
+        with_facts(PILOTS, taken=Takeover(NOW_S - 90.0, given_away=True)),
         Tick(),
         [],
         {},
@@ -69,7 +69,7 @@ ROWS = [
         RETURNED,
         Tick(),
         [Say(Level.FAULT, "uav1: its pilot has set mission mode again; use include to put it back in the plan")],
-        {"uav1": {"taken": TakenOver(since_s=NOW_S - 10.0, returned_s=NOW_S)}},
+        {"uav1": {"taken": Takeover(since_s=NOW_S - 10.0, returned_s=NOW_S)}},
         {},
         {"recalled": False, "given_up": frozenset(range(6))},
     ),
@@ -83,7 +83,7 @@ ROWS = [
                 "uav1: its pilot has set mission mode, but the flight was aborted; not commanded from here",
             )
         ],
-        {"uav1": {"taken": TakenOver(since_s=NOW_S - 10.0, returned_s=NOW_S)}},
+        {"uav1": {"taken": Takeover(since_s=NOW_S - 10.0, returned_s=NOW_S)}},
         {},
         context=ANSWERS,
     ),
@@ -101,7 +101,7 @@ ROWS = [
                 ("uav1: its pilot has set mission mode, but its segments were reassigned; not commanded from here"),
             )
         ],
-        {"uav1": {"taken": TakenOver(since_s=NOW_S - 10.0, returned_s=NOW_S)}},
+        {"uav1": {"taken": Takeover(since_s=NOW_S - 10.0, returned_s=NOW_S)}},
         {},
     ),
     Row(
@@ -115,7 +115,7 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
                 "ordered_modes": frozenset({3}),
-                "cause": Cause.OURS,
+                "cause": ModeCause.OURS,
                 "taken": None,
             }
         },
@@ -135,7 +135,7 @@ ROWS = [
                 "anchor": None,
                 "excluded": False,
                 "ordered_modes": frozenset({3}),
-                "cause": Cause.OURS,
+                "cause": ModeCause.OURS,
                 "taken": None,
             }
         },
@@ -154,7 +154,7 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
                 "ordered_modes": frozenset({3}),
-                "cause": Cause.OURS,
+                "cause": ModeCause.OURS,
                 "taken": None,
             }
         },
@@ -164,7 +164,7 @@ ROWS = [
     ),
     Row(
         "back on its mission for a while, past the time that its work is kept",
-        with_facts(RETURNED, taken=TakenOver(NOW_S - 40.0, returned_s=NOW_S - 20.0)),
+        with_facts(RETURNED, taken=Takeover(NOW_S - 40.0, returned_s=NOW_S - 20.0)),
         Tick(),
         [],
         {},
@@ -275,7 +275,7 @@ ROWS = [
     ),
     Row(
         "taken with everything under way",
-        with_facts(TAKES, errand=Errand(NOW_S), held_s=5.0, cleared_s=5.0),
+        with_facts(TAKES, errand=HomingOrder(NOW_S), held_s=5.0, cleared_s=5.0),
         Tick(),
         [
             Say(
@@ -288,7 +288,7 @@ ROWS = [
                 "stage": Stage.PILOT,
                 "anchor": None,
                 "held_s": None,
-                "taken": TakenOver(NOW_S - 5.0),
+                "taken": Takeover(NOW_S - 5.0),
                 "errand": None,
                 "cleared_s": None,
             }
@@ -300,7 +300,7 @@ ROWS = [
         with_facts(TAKES, waypoint=5),
         Tick(),
         [Say(Level.FAULT, "uav1: with its pilot, mode HOLD; not commanded from here"), HandsOff("uav1")],
-        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(since_s=NOW_S - 5.0, given_away=True)}},
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": Takeover(since_s=NOW_S - 5.0, given_away=True)}},
         {},
     ),
     Row(
@@ -313,7 +313,7 @@ ROWS = [
             ),
             HandsOff("uav1"),
         ],
-        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(NOW_S - 5.0)}},
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": Takeover(NOW_S - 5.0)}},
         {},
     ),
     Row(
@@ -321,7 +321,7 @@ ROWS = [
         replace(TAKES, fault=BATTERY_FAULT, stage=Stage.RETURNING),
         Tick(),
         [Say(Level.FAULT, "uav1: with its pilot, mode HOLD; not commanded from here"), HandsOff("uav1")],
-        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(since_s=NOW_S - 5.0, given_away=True)}},
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": Takeover(since_s=NOW_S - 5.0, given_away=True)}},
         {},
     ),
     Row(
@@ -335,7 +335,7 @@ ROWS = [
             ),
             HandsOff("uav1"),
         ],
-        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(since_s=NOW_S - 15.0, given_away=True)}},
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": Takeover(since_s=NOW_S - 15.0, given_away=True)}},
         {},
     ),
     Row(
@@ -349,7 +349,7 @@ ROWS = [
             HandsOff("uav1"),
             CancelSolve(4),
         ],
-        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(NOW_S - 5.0)}},
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": Takeover(NOW_S - 5.0)}},
         {"urgent": True, "trigger": "uav3: gone", "trigger_s": NOW_S - 5.0, "replan": None, "ordered": True},
         {"replan": replace(SOLVING, ordered=True)},
     ),
@@ -363,7 +363,7 @@ ROWS = [
             ),
             HandsOff("uav1"),
         ],
-        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(NOW_S - 5.0)}},
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": Takeover(NOW_S - 5.0)}},
         {},
         {"replan": plan_of(offer_of("uav2"), solve_s=None)},
     ),
@@ -377,7 +377,7 @@ ROWS = [
             ),
             HandsOff("uav1"),
         ],
-        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(NOW_S - 5.0)}},
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": Takeover(NOW_S - 5.0)}},
         {},
         {"replan": plan_of()},
     ),
@@ -395,7 +395,7 @@ ROWS = [
             ),
             HandsOff("uav1"),
         ],
-        {"uav1": {"stage": Stage.PILOT, "anchor": None, "cause": Cause.PERSON, "taken": TakenOver(NOW_S - 3.0)}},
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "cause": ModeCause.PERSON, "taken": Takeover(NOW_S - 3.0)}},
         {},
     ),
     Row(
@@ -412,7 +412,7 @@ ROWS = [
             ),
             HandsOff("uav1"),
         ],
-        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(NOW_S - 5.0)}},
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": Takeover(NOW_S - 5.0)}},
         {},
     ),
     Row(
@@ -425,12 +425,12 @@ ROWS = [
             ),
             HandsOff("uav1"),
         ],
-        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(NOW_S - 5.0)}},
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": Takeover(NOW_S - 5.0)}},
         {},
     ),
     Row(
         "held by what may be its failsafe in a long silence",
-        with_facts(UNSEEN, cause=Cause.FAILSAFE),
+        with_facts(UNSEEN, cause=ModeCause.FAILSAFE),
         Tick(),
         [
             Say(
@@ -446,9 +446,9 @@ ROWS = [
             "uav1": {
                 "stage": Stage.PILOT,
                 "anchor": None,
-                "cause": Cause.PERSON,
+                "cause": ModeCause.PERSON,
                 "certain": True,
-                "taken": TakenOver(NOW_S - 5.0),
+                "taken": Takeover(NOW_S - 5.0),
             }
         },
         {},
@@ -458,7 +458,7 @@ ROWS = [
         with_facts(TAKES, mode_since_s=NOW_S - 0.5, heartbeat=beat(RTL), alarm=("Radio Failsafe", NOW_S)),
         Tick(),
         [],
-        {"uav1": {"cause": Cause.FAILSAFE}},
+        {"uav1": {"cause": ModeCause.FAILSAFE}},
         {},
     ),
     Row(
@@ -469,7 +469,7 @@ ROWS = [
             Say(Level.FAULT, "uav1: with its pilot, mode RTL; not commanded from here; its segments are kept for 30 s"),
             HandsOff("uav1"),
         ],
-        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": TakenOver(NOW_S - 4.1)}},
+        {"uav1": {"stage": Stage.PILOT, "anchor": None, "taken": Takeover(NOW_S - 4.1)}},
         {},
     ),
     Row(

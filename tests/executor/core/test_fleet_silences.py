@@ -9,10 +9,10 @@ import pytest
 
 from executor.core import coverage
 from executor.core.commands import AskStreams, Level, Say
-from executor.core.coverage import Run, Sample, _Pace
+from executor.core.coverage import InspectionRun, PositionSample, _RunStatistics
 from executor.core.events import Tick
-from executor.core.parts import Before, Cause, Errand, Watch
-from executor.core.state import Absence, Told
+from executor.core.parts import HomingOrder, LastKnown, ModeCause, WatchpointMemory
+from executor.core.state import GroundStationAbsence, ReportedWarnings
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -25,15 +25,16 @@ from tests.executor.core.steps import (
 )
 from tests.executor.core.vehicles import DISARMED, NOW_S, OUT_THERE, RTL, at, flying, mission
 
-RUN = coverage.run_joined(mission().tracks[0], Sample(5.0, (150.0, -5.0), 3.0), 3.0)
+RUN = coverage.join_run(mission().tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
 CAME_HOME = flying(
-    heartbeat=beat(RTL), cause=Cause.FAILSAFE, mode_since_s=NOW_S - 10.0, watches=(("mode", Watch(NOW_S - 3.0)),),
+    heartbeat=beat(RTL), cause=ModeCause.FAILSAFE, mode_since_s=NOW_S - 10.0,
+    watches=(("mode", WatchpointMemory(NOW_S - 3.0)),),
     run=RUN,
 )  # fmt: skip
 ALONE = flying(
     heard_s=NOW_S - 10.0, spoke_s=NOW_S - 10.0, heartbeat_s=NOW_S - 10.0, run=CAME_HOME.assignment.run, run_visit=0
 )
-WAS = Before(at(age_s=70.0), 1, None, None, 95.0, NOW_S - 70.0)
+WAS = LastKnown(at(age_s=70.0), 1, None, None, 95.0, NOW_S - 70.0)
 BACK = flying(before=WAS, regained_s=NOW_S - 1.0, spoke_s=NOW_S, mode_since_s=NOW_S - 90.0)
 
 ROWS = [
@@ -49,13 +50,13 @@ ROWS = [
             "uav1": {
                 "run": None,
                 "stale": True,
-                "before": Before(
+                "before": LastKnown(
                     fix=replace(STILL, alt_rel_m=20.0, alt_msl_m=470.0, velocity_m_s=(3.0, 0.0, 0.0)),
                     waypoint=2,
-                    run=Run(
+                    run=InspectionRun(
                         furthest_m=50.0,
                         recent=((5.0, 50.0),),
-                        pace=_Pace(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                        pace=_RunStatistics(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
                     ),
                     run_visit=0,
                     remaining_pct=90.0,
@@ -75,13 +76,13 @@ ROWS = [
             "uav1": {
                 "run": None,
                 "stale": True,
-                "before": Before(
+                "before": LastKnown(
                     fix=replace(STILL, alt_rel_m=20.0, alt_msl_m=470.0, velocity_m_s=(3.0, 0.0, 0.0)),
                     waypoint=2,
-                    run=Run(
+                    run=InspectionRun(
                         furthest_m=50.0,
                         recent=((5.0, 50.0),),
-                        pace=_Pace(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                        pace=_RunStatistics(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
                     ),
                     run_visit=0,
                     remaining_pct=90.0,
@@ -111,13 +112,13 @@ ROWS = [
             "uav1": {
                 "run": None,
                 "stale": True,
-                "before": Before(
+                "before": LastKnown(
                     fix=replace(STILL, alt_rel_m=20.0, alt_msl_m=470.0, velocity_m_s=(3.0, 0.0, 0.0)),
                     waypoint=2,
-                    run=Run(
+                    run=InspectionRun(
                         furthest_m=50.0,
                         recent=((5.0, 50.0),),
-                        pace=_Pace(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                        pace=_RunStatistics(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
                     ),
                     run_visit=0,
                     remaining_pct=90.0,
@@ -151,13 +152,13 @@ ROWS = [
                 "run": None,
                 "stale": True,
                 "fault": Fault(FaultKind.LINK, "link lost for 9000.0 s, time-out 10 s", NOW_S, FaultCode.LINK_LOST),
-                "before": Before(
+                "before": LastKnown(
                     fix=replace(STILL, alt_rel_m=20.0, alt_msl_m=470.0, velocity_m_s=(3.0, 0.0, 0.0)),
                     waypoint=2,
-                    run=Run(
+                    run=InspectionRun(
                         furthest_m=50.0,
                         recent=((5.0, 50.0),),
-                        pace=_Pace(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                        pace=_RunStatistics(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
                     ),
                     run_visit=0,
                     remaining_pct=90.0,
@@ -179,7 +180,7 @@ ROWS = [
         {
             "silent_since_s": None,
             "silence_told_s": None,
-            "absences": (Absence(until_s=NOW_S, pause_s=60.0, restarted=False, deaf=True),),
+            "absences": (GroundStationAbsence(until_s=NOW_S, pause_s=60.0, restarted=False, deaf=True),),
         },
         {"silent_since_s": NOW_S - 60.0, "silence_told_s": NOW_S - 5.0},
         beside=(with_facts(SECOND, heard_s=NOW_S - 60.0),),
@@ -190,7 +191,7 @@ ROWS = [
         Tick(),
         [Say(Level.WARNING, "uav1: no position for 70 s, while other messages come"), AskStreams("uav1")],
         {"uav1": {"streams_asked_s": NOW_S}},
-        {"told": {"uav1": Told(at_s=(("positions", NOW_S),))}},
+        {"told": {"uav1": ReportedWarnings(at_s=(("positions", NOW_S),))}},
     ),
     Row(
         "who is heard again has not said where it is for five seconds",
@@ -212,14 +213,14 @@ ROWS = [
                 ),
                 "streams_asked_s": NOW_S,
                 "before": None,
-                "errand": Errand(NOW_S),
+                "errand": HomingOrder(NOW_S),
             }
         },
         {
             "urgent": True,
             "trigger": "uav1: interruption, no position for 70 s, while other messages come",
             "trigger_s": NOW_S,
-            "told": {"uav1": Told(at_s=(("positions", NOW_S),))},
+            "told": {"uav1": ReportedWarnings(at_s=(("positions", NOW_S),))},
         },
     ),
     Row(
@@ -228,7 +229,7 @@ ROWS = [
         Tick(),
         [Say(Level.WARNING, "uav1: no HEARTBEAT for 71 s, while other messages come"), AskStreams("uav1")],
         {"uav1": {"streams_asked_s": NOW_S}},
-        {"told": {"uav1": Told(at_s=(("heartbeat", NOW_S),))}},
+        {"told": {"uav1": ReportedWarnings(at_s=(("heartbeat", NOW_S),))}},
     ),
     Row(
         "who is heard again has not said its item",
@@ -239,7 +240,7 @@ ROWS = [
             AskStreams("uav1"),
         ],
         {"uav1": {"streams_asked_s": NOW_S}},
-        {"told": {"uav1": Told(at_s=(("items", NOW_S),))}},
+        {"told": {"uav1": ReportedWarnings(at_s=(("items", NOW_S),))}},
     ),
     Row(
         "who is heard again and stands has no item to say",
@@ -326,10 +327,10 @@ ROWS = [
         [Say(Level.INFO, "uav1: flew segment 0 during the outage, inferred from its clock and position")],
         {
             "uav1": {
-                "run": Run(
+                "run": InspectionRun(
                     furthest_m=50.0,
                     recent=((NOW_S, 50.0),),
-                    pace=_Pace(began_s=NOW_S - 16.667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                    pace=_RunStatistics(began_s=NOW_S - 16.667, began_m=0.0, fastest_m_s=3.0, samples=1),
                 ),
                 "run_visit": 1,
                 "before": None,

@@ -7,14 +7,14 @@ from dataclasses import replace
 import pytest
 
 from executor.core import coverage
-from executor.core.carried import Carried
+from executor.core.carried import MissionOwnership
 from executor.core.commands import Level, Say, Start
-from executor.core.coverage import Sample
+from executor.core.coverage import PositionSample
 from executor.core.endings import Ending
 from executor.core.events import Asked, LaunchOrdered, LossJudged, StartEnded
 from executor.core.messages import Heartbeat
-from executor.core.parts import Errand, SortieFlown
-from executor.core.state import Briefing, Outlook, Question
+from executor.core.parts import FlownSortie, HomingOrder
+from executor.core.state import Briefing, LossOutlook, Question
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.steps import CREW, LOW, Changes, Row, beat
@@ -25,10 +25,10 @@ READY = flying(
 )
 STARTS = replace(READY, stage=Stage.STARTING)
 ARMED = with_facts(STARTS, heartbeat=beat(), armed_once=True)
-RUN = coverage.run_joined(mission().tracks[0], Sample(5.0, (150.0, -5.0), 3.0), 3.0)
+RUN = coverage.join_run(mission().tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
 USED: Changes = {
-    "run": RUN, "took_off": True, "anchor": LOW, "errand": Errand(NOW_S), "owed": (0, "why"),
-    "rebooted_s": 1.0, "away_once": True, "armed_once": True, "waypoint": 5, "carried": Carried(id=7),
+    "run": RUN, "took_off": True, "anchor": LOW, "errand": HomingOrder(NOW_S), "owed": (0, "why"),
+    "rebooted_s": 1.0, "away_once": True, "armed_once": True, "waypoint": 5, "carried": MissionOwnership(id=7),
 }  # fmt: skip
 BARE = with_facts(READY, name="uav2", board=None)
 PX4 = fleet_of(autopilot="px4")
@@ -56,26 +56,26 @@ ROWS = [
                 "took_off": False,
                 "excused_s": NOW_S,
                 "began_pct": 90.0,
-                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
+                "sorties": (FlownSortie(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
                 "errand": None,
                 "away_once": False,
-                "carried": Carried(ours_s=NOW_S),
+                "carried": MissionOwnership(ours_s=NOW_S),
                 "owed": None,
             },
             "uav2": {
                 "stage": Stage.STARTING,
                 "ordered_mode_s": NOW_S,
                 "ordered_modes": frozenset({3, 4}),
-                "carried": Carried(ours_s=NOW_S),
-                "sorties": (SortieFlown(1, "", NOW_S, None, None),),
+                "carried": MissionOwnership(ours_s=NOW_S),
+                "sorties": (FlownSortie(1, "", NOW_S, None, None),),
             },
             "uav3": {
                 "stage": Stage.STARTING,
                 "ordered_mode_s": NOW_S,
                 "ordered_modes": frozenset({3, 4}),
-                "carried": Carried(ours_s=NOW_S),
-                "sorties": (SortieFlown(1, "", NOW_S, None, None),),
+                "carried": MissionOwnership(ours_s=NOW_S),
+                "sorties": (FlownSortie(1, "", NOW_S, None, None),),
             },
         },
         {"launched_s": NOW_S},
@@ -92,23 +92,23 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "excused_s": NOW_S,
                 "began_pct": 90.0,
-                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
+                "sorties": (FlownSortie(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({67371008}),
-                "carried": Carried(ours_s=NOW_S),
+                "carried": MissionOwnership(ours_s=NOW_S),
             },
             "uav2": {
                 "stage": Stage.STARTING,
                 "ordered_mode_s": NOW_S,
                 "ordered_modes": frozenset({67371008}),
-                "carried": Carried(ours_s=NOW_S),
-                "sorties": (SortieFlown(1, "", NOW_S, None, None),),
+                "carried": MissionOwnership(ours_s=NOW_S),
+                "sorties": (FlownSortie(1, "", NOW_S, None, None),),
             },
             "uav3": {
                 "stage": Stage.STARTING,
                 "ordered_mode_s": NOW_S,
                 "ordered_modes": frozenset({67371008}),
-                "carried": Carried(ours_s=NOW_S),
-                "sorties": (SortieFlown(1, "", NOW_S, None, None),),
+                "carried": MissionOwnership(ours_s=NOW_S),
+                "sorties": (FlownSortie(1, "", NOW_S, None, None),),
             },
         },
         {"launched_s": NOW_S},
@@ -133,15 +133,15 @@ ROWS = [
                 "stage": Stage.STARTING,
                 "ordered_mode_s": NOW_S,
                 "ordered_modes": frozenset({3, 4}),
-                "carried": Carried(ours_s=NOW_S),
-                "sorties": (SortieFlown(1, "", NOW_S, None, None),),
+                "carried": MissionOwnership(ours_s=NOW_S),
+                "sorties": (FlownSortie(1, "", NOW_S, None, None),),
             },
             "uav3": {
                 "stage": Stage.STARTING,
                 "ordered_mode_s": NOW_S,
                 "ordered_modes": frozenset({3, 4}),
-                "carried": Carried(ours_s=NOW_S),
-                "sorties": (SortieFlown(1, "", NOW_S, None, None),),
+                "carried": MissionOwnership(ours_s=NOW_S),
+                "sorties": (FlownSortie(1, "", NOW_S, None, None),),
             },
         },
         {"given_up": frozenset({0, 1}), "launched_s": NOW_S},
@@ -158,17 +158,17 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "excused_s": NOW_S,
                 "began_pct": 90.0,
-                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
+                "sorties": (FlownSortie(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
-                "carried": Carried(ours_s=NOW_S),
+                "carried": MissionOwnership(ours_s=NOW_S),
             },
             "uav2": {"excused_s": NOW_S},
             "uav3": {
                 "stage": Stage.STARTING,
                 "ordered_mode_s": NOW_S,
                 "ordered_modes": frozenset({3, 4}),
-                "carried": Carried(ours_s=NOW_S),
-                "sorties": (SortieFlown(1, "", NOW_S, None, None),),
+                "carried": MissionOwnership(ours_s=NOW_S),
+                "sorties": (FlownSortie(1, "", NOW_S, None, None),),
             },
         },
         {"left_over": frozenset({2, 3}), "launched_s": NOW_S},
@@ -187,9 +187,9 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "excused_s": NOW_S,
                 "began_pct": 90.0,
-                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
+                "sorties": (FlownSortie(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
-                "carried": Carried(ours_s=NOW_S),
+                "carried": MissionOwnership(ours_s=NOW_S),
             },
             "uav2": {"excused_s": NOW_S},
             "uav3": {"excused_s": NOW_S},
@@ -207,9 +207,9 @@ ROWS = [
                 "stage": Stage.STARTING,
                 "ordered_mode_s": NOW_S,
                 "began_pct": 90.0,
-                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
+                "sorties": (FlownSortie(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
-                "carried": Carried(ours_s=NOW_S),
+                "carried": MissionOwnership(ours_s=NOW_S),
             },
             "uav3": {"excused_s": NOW_S},
         },
@@ -236,9 +236,9 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "excused_s": NOW_S,
                 "began_pct": 90.0,
-                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
+                "sorties": (FlownSortie(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
-                "carried": Carried(ours_s=NOW_S),
+                "carried": MissionOwnership(ours_s=NOW_S),
             },
             "uav2": {"excused_s": NOW_S},
             "uav3": {"excused_s": NOW_S},
@@ -369,8 +369,8 @@ ROWS = [
         LossJudged("uav1", 3, (2, 4)),
         [],
         {},
-        {"outlook": {"uav2": Outlook(5.0, uncovered=()), "uav1": Outlook(NOW_S, uncovered=(2, 4))}},
-        {"revision": 3, "outlook": {"uav2": Outlook(5.0, ())}},
+        {"outlook": {"uav2": LossOutlook(5.0, uncovered=()), "uav1": LossOutlook(NOW_S, uncovered=(2, 4))}},
+        {"revision": 3, "outlook": {"uav2": LossOutlook(5.0, ())}},
     ),
     Row(
         "a judgement of a loss under an older plan",

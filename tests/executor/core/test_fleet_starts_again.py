@@ -8,7 +8,7 @@ import pytest
 
 from executor.core.commands import Disarm, LandNow, Level, Say, Start
 from executor.core.events import StartEnded
-from executor.core.parts import Cause, Errand
+from executor.core.parts import HomingOrder, ModeCause
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import CREW, HOLD, LAND, LOW, Row, beat, over_pad
@@ -243,7 +243,7 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "fault": Fault(FaultKind.INTERRUPTION, "did not start: arm: denied", NOW_S, FaultCode.NOT_STARTED),
                 "ordered_modes": frozenset({9}),
-                "errand": Errand(NOW_S, told=True),
+                "errand": HomingOrder(NOW_S, told=True),
                 "left_s": NOW_S,
             }
         },
@@ -272,7 +272,7 @@ ROWS = [
     ),
     Row(
         "who is in another's hands is not",
-        with_facts(ARMED, heartbeat=beat(HOLD), cause=Cause.PERSON),
+        with_facts(ARMED, heartbeat=beat(HOLD), cause=ModeCause.PERSON),
         ended(),
         [
             Say(
@@ -295,7 +295,7 @@ ROWS = [
     ),
     Row(
         "who is held by its failsafe is not",
-        with_facts(ARMED, heartbeat=beat(HOLD), cause=Cause.FAILSAFE),
+        with_facts(ARMED, heartbeat=beat(HOLD), cause=ModeCause.FAILSAFE),
         ended(),
         [
             Say(

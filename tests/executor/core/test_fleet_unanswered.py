@@ -8,7 +8,7 @@ import pytest
 
 from executor.core.events import Tick
 from executor.core.intents import Action, IntentReason, Outcome
-from executor.core.parts import Errand
+from executor.core.parts import HomingOrder
 from executor.core.state import ReplanRecord
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
@@ -32,7 +32,7 @@ REPLANNED = ReplanRecord(4, "why", True, (), 0.5, NOW_S - 9.0, NOW_S - 5.0, 1.0)
 ROWS = [
     Row(
         "who holds late on its way home only comes home",
-        with_facts(HELD_LATE, stage=Stage.RETURNING, left_s=NOW_S, errand=Errand(NOW_S, told=True)),
+        with_facts(HELD_LATE, stage=Stage.RETURNING, left_s=NOW_S, errand=HomingOrder(NOW_S, told=True)),
         Tick(),
         [],
         {},

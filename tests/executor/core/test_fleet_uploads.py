@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.carried import Carried
+from executor.core.carried import MissionOwnership
 from executor.core.commands import Disarm, Level, Say, SendHome, Start
-from executor.core.coverage import Sample, run_joined
+from executor.core.coverage import PositionSample, join_run
 from executor.core.events import UploadEnded
-from executor.core.parts import SortieFlown
+from executor.core.parts import FlownSortie
 from executor.core.state import ReplanRecord
-from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, aboard, carrying
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, apply_onboard_mission, build_onboard_mission
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import CREW, HOMEWARD, LOW, SENT_HOME, Row, beat, new_mission, plan_of
 from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, flying
@@ -23,10 +23,12 @@ FRESH = replace(UNDER_WAY, missions={"uav1": new_mission(4, fresh=True)})
 GETS = flying(pending=4)
 STANDS = flying(stage=Stage.GROUND, heartbeat=DISARMED, took_off=False, fix=LOW, pending=4, anchor=None)
 STARTING = with_facts(STANDS, stage=Stage.STARTING, heartbeat=beat())
-NEW = aboard(FLEET.context, "uav1", 4, UNDER_WAY.missions["uav1"].path, UNDER_WAY.missions["uav1"].visits)
-ANEW = aboard(FLEET.context, "uav1", 4, FRESH.missions["uav1"].path, FRESH.missions["uav1"].visits)
+NEW = build_onboard_mission(
+    FLEET.context, "uav1", 4, UNDER_WAY.missions["uav1"].path, UNDER_WAY.missions["uav1"].visits
+)
+ANEW = build_onboard_mission(FLEET.context, "uav1", 4, FRESH.missions["uav1"].path, FRESH.missions["uav1"].visits)
 HOMEWARD_ONLY = replace(UNDER_WAY, missions={"uav1": new_mission()})
-HOME_BOARD = aboard(FLEET.context, "uav1", 4, new_mission().path, (0,))
+HOME_BOARD = build_onboard_mission(FLEET.context, "uav1", 4, new_mission().path, (0,))
 ON_BOARD = ReplanRecord(4, "uav3: gone", True, (), 0.5, NOW_S - 5.0, NOW_S, 3.0)
 
 
@@ -54,7 +56,7 @@ ROWS = [
             Say(Level.INFO, "uav1: new mission on board, 3 segments to go"),
             Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
         ],
-        {"uav1": {"board": NEW, "pending": None, "carried": Carried(ours_s=NOW_S)}},
+        {"uav1": {"board": NEW, "pending": None, "carried": MissionOwnership(ours_s=NOW_S)}},
         {"orphans_since_s": None, "replan": None, "records": (ON_BOARD,)},
         {"replan": UNDER_WAY, "orphans_since_s": NOW_S - 9.0},
     ),
@@ -63,7 +65,7 @@ ROWS = [
         GETS,
         ended(),
         [Say(Level.INFO, "uav1: new mission on board, 3 segments to go")],
-        {"uav1": {"board": NEW, "pending": None, "carried": Carried(ours_s=NOW_S)}},
+        {"uav1": {"board": NEW, "pending": None, "carried": MissionOwnership(ours_s=NOW_S)}},
         {"replan": replace(UNDER_WAY, pending=frozenset({"uav2"}))},
         {"replan": BOTH},
     ),
@@ -75,7 +77,7 @@ ROWS = [
             Say(Level.INFO, "uav1: new mission on board, 1 segment to go"),
             Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
         ],
-        {"uav1": {"board": NEW, "pending": None, "carried": Carried(ours_s=NOW_S)}},
+        {"uav1": {"board": NEW, "pending": None, "carried": MissionOwnership(ours_s=NOW_S)}},
         {"replan": None, "records": (ON_BOARD,)},
         {"replan": UNDER_WAY},
     ),
@@ -87,7 +89,7 @@ ROWS = [
             Say(Level.INFO, "uav1: new mission on board, no segment left, returning"),
             Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
         ],
-        {"uav1": {"board": HOME_BOARD, "pending": None, "carried": Carried(ours_s=NOW_S)}},
+        {"uav1": {"board": HOME_BOARD, "pending": None, "carried": MissionOwnership(ours_s=NOW_S)}},
         {"replan": None, "records": (ON_BOARD,)},
         {"replan": HOMEWARD_ONLY},
     ),
@@ -197,7 +199,7 @@ ROWS = [
         GETS,
         ended(mixed=True),
         [Say(Level.INFO, "uav1: new mission on board, 3 segments to go")],
-        {"uav1": {"board": NEW, "pending": None, "carried": Carried(ours_s=NOW_S)}},
+        {"uav1": {"board": NEW, "pending": None, "carried": MissionOwnership(ours_s=NOW_S)}},
         {"replan": replace(UNDER_WAY, pending=frozenset({"uav2"}))},
         {"replan": BOTH},
     ),
@@ -215,9 +217,9 @@ ROWS = [
                 "waypoint": 0,
                 "pending": None,
                 "began_pct": 90.0,
-                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
+                "sorties": (FlownSortie(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
-                "carried": Carried(ours_s=NOW_S),
+                "carried": MissionOwnership(ours_s=NOW_S),
             }
         },
         {"replan": replace(FRESH, pending=frozenset({"uav2"}))},
@@ -241,9 +243,9 @@ ROWS = [
                 "waypoint": 0,
                 "pending": None,
                 "began_pct": 90.0,
-                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
+                "sorties": (FlownSortie(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
-                "carried": Carried(ours_s=NOW_S),
+                "carried": MissionOwnership(ours_s=NOW_S),
             }
         },
         {"replan": None, "records": (ON_BOARD,)},
@@ -259,7 +261,7 @@ ROWS = [
             Say(Level.WARNING, "uav1: stays on the ground: take-off clearance expired"),
             Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
         ],
-        {"uav1": {"board": ANEW, "waypoint": 0, "pending": None, "carried": Carried(ours_s=NOW_S)}},
+        {"uav1": {"board": ANEW, "waypoint": 0, "pending": None, "carried": MissionOwnership(ours_s=NOW_S)}},
         {"replan": None, "records": (ON_BOARD,)},
         {"replan": FRESH},
         context=CREW,
@@ -273,7 +275,7 @@ ROWS = [
             Say(Level.WARNING, "uav1: stays on the ground: take-off clearance expired"),
             Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
         ],
-        {"uav1": {"board": ANEW, "waypoint": 0, "pending": None, "carried": Carried(ours_s=NOW_S)}},
+        {"uav1": {"board": ANEW, "waypoint": 0, "pending": None, "carried": MissionOwnership(ours_s=NOW_S)}},
         {"replan": None, "records": (ON_BOARD,)},
         {"replan": FRESH},
         context=CREW,
@@ -303,9 +305,9 @@ ROWS = [
                 "waypoint": 0,
                 "pending": None,
                 "began_pct": 90.0,
-                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
+                "sorties": (FlownSortie(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
-                "carried": Carried(ours_s=NOW_S),
+                "carried": MissionOwnership(ours_s=NOW_S),
             }
         },
         {"replan": replace(UNDER_WAY, pending=frozenset({"uav2"}))},
@@ -324,9 +326,9 @@ ROWS = [
                 "pending": None,
                 "stubborn": True,
                 "began_pct": 90.0,
-                "sorties": (SortieFlown(1, "", NOW_S, 90.0, None),),
+                "sorties": (FlownSortie(1, "", NOW_S, 90.0, None),),
                 "ordered_modes": frozenset({3, 4}),
-                "carried": Carried(ours_s=NOW_S),
+                "carried": MissionOwnership(ours_s=NOW_S),
             }
         },
         {
@@ -384,7 +386,7 @@ ROWS = [
                 "board": NEW,
                 "pending": None,
                 "failures": 0,
-                "carried": Carried(ours_s=NOW_S),
+                "carried": MissionOwnership(ours_s=NOW_S),
             }
         },
         {"replan": replace(UNDER_WAY, pending=frozenset({"uav2"}))},
@@ -398,13 +400,13 @@ def test_everything_that_comes_of_it(row: Row) -> None:
     assert row.shows() == row.expected()
 
 
-RUN = run_joined(NEW.tracks[0], Sample(NOW_S, (0.0, 0.0), 5.0), 5.0)
+RUN = join_run(NEW.tracks[0], PositionSample(NOW_S, (0.0, 0.0), 5.0), 5.0)
 
 
 def test_what_was_begun_of_a_visit_that_is_not_there_any_more_is_over() -> None:
     """An upload may take longer than was reckoned: its vehicle may have begun a visit that it has no more."""
     begun = with_facts(GETS, run=RUN, run_visit=1, owed=(1, "flown too far from the line"))
-    carries = carrying(begun, HOME_BOARD, NOW_S).assignment
+    carries = apply_onboard_mission(begun, HOME_BOARD, NOW_S).assignment
     assert (carries.run, carries.run_visit, carries.owed) == (None, None, None)
-    kept = carrying(with_facts(begun, run_visit=0, owed=(0, "why")), HOME_BOARD, NOW_S).assignment
+    kept = apply_onboard_mission(with_facts(begun, run_visit=0, owed=(0, "why")), HOME_BOARD, NOW_S).assignment
     assert (kept.run, kept.run_visit, kept.owed) == (begun.assignment.run, 0, (0, "why"))

@@ -14,9 +14,9 @@ from executor.core.commands import ChangeSpeed, HandsOff, Level
 from executor.core.context import Context
 from executor.core.giving_way import SLOW_M_S, Climb
 from executor.core.intents import Action
-from executor.core.vehicle import Stage, aboard
+from executor.core.vehicle import Stage, build_onboard_mission
 from executor.site import assembly
-from missions import flight_path
+from missions import build_flight_path
 from tests.executor.builders import Fleet, Routes, ground_for, site_of
 from tests.fakes.flight import Story
 from tests.missions.builders import network_of
@@ -38,10 +38,11 @@ def over_a_ridge(autopilot: str = "ardupilot") -> Fleet:
     )
     high: dict[str, object] = {"ceiling_m": 150.0, "return_ceiling_m": 200.0}
     ground = ground_for(site_of(tuple(ROUTES), autopilot, inspection=high), network)
-    setup = assembly.setup_of(ground)
-    context = assembly.context_of(ground, setup, assembly.task_of(ground))
+    setup = assembly.build_flight_setup(ground)
+    context = assembly.build_context(ground, setup, assembly.build_first_task(ground))
     boards = {
-        name: aboard(context, name, 0, flight_path(setup, name, visits), visits) for name, visits in ROUTES.items()
+        name: build_onboard_mission(context, name, 0, build_flight_path(setup, name, visits), visits)
+        for name, visits in ROUTES.items()
     }
     return Fleet(context, dict(boards))
 

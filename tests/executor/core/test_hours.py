@@ -10,9 +10,9 @@ import pytest
 from executor.core import projection
 from executor.core.commands import Solve, Survivor
 from executor.core.context import Context, DayRules
-from executor.core.hours import CLEARED_S, drawn_in, hours_left, within_hours
+from executor.core.hours import CLEARED_S, find_remaining_hours, limit_to_hours, min_draw_pct
 from executor.core.replan import replanning, what_if
-from executor.core.replan.survivors import survivor
+from executor.core.replan.survivors import build_survivor
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
@@ -34,9 +34,9 @@ def until(*windows_s: tuple[float, float]) -> Context:
 
 def offered(context: Context, state: FleetState = STATE) -> tuple[Survivor, Survivor]:
     """Return what uav1 offers by its battery, and what it does within its hours."""
-    offer = survivor(context, state.vehicles["uav1"], NOW_S)
+    offer = build_survivor(context, state.vehicles["uav1"], NOW_S)
     assert offer is not None
-    return offer, within_hours(context, state, offer, NOW_S)
+    return offer, limit_to_hours(context, state, offer, NOW_S)
 
 
 @pytest.mark.parametrize(
@@ -52,12 +52,12 @@ def offered(context: Context, state: FleetState = STATE) -> tuple[Survivor, Surv
     ],
 )
 def test_how_long_a_vehicle_may_fly(context: Context, ahead_s: float, found: tuple[float, float | None]) -> None:
-    assert hours_left(context, STATE, "uav1", NOW_S, ahead_s=ahead_s) == found
+    assert find_remaining_hours(context, STATE, "uav1", NOW_S, ahead_s=ahead_s) == found
 
 
 def test_before_the_launch_the_hours_count_from_now() -> None:
     waiting = flight_of(ON_ITS_WAY, launched_s=None)
-    assert hours_left(until((0.0, 400.0)), waiting, "uav1", NOW_S) == (400.0, None)
+    assert find_remaining_hours(until((0.0, 400.0)), waiting, "uav1", NOW_S) == (400.0, None)
 
 
 def test_who_has_time_offers_what_its_battery_has() -> None:
@@ -72,7 +72,7 @@ def test_near_the_end_of_its_hours_it_offers_what_is_flown_in_them() -> None:
     by_battery, in_hours = offered(context)
     free_s = projection.time_to_reach_s(ON_ITS_WAY, by_battery.kept - 1)
     assert 0.0 < free_s < left_s
-    assert in_hours.budget_pct == pytest.approx(drawn_in(context, left_s - free_s))
+    assert in_hours.budget_pct == pytest.approx(min_draw_pct(context, left_s - free_s))
     assert in_hours.budget_pct < by_battery.budget_pct
     # What it carries ends in time, and stays its own.
     assert in_hours.most_pct == by_battery.most_pct
@@ -92,7 +92,7 @@ def test_who_was_sent_up_for_hours_that_are_about_to_begin_has_them() -> None:
     assert in_hours == by_battery
     _, too_early = offered(until((begins_s + 1.0, 1e5)))
     assert too_early.most_pct == 0.0
-    waits = within_hours(until((begins_s, 1e5)), STATE, replace(by_battery, airborne=False), NOW_S)
+    waits = limit_to_hours(until((begins_s, 1e5)), STATE, replace(by_battery, airborne=False), NOW_S)
     assert waits.most_pct == 0.0  # on the ground it has the time to wait for them
 
 
@@ -101,11 +101,11 @@ def test_re_plans_and_the_window_ask_within_the_hours() -> None:
     flown_s = flight.now_s - (flight.state.progress.launched_s or 0.0)
     windows = dict.fromkeys(flight.context.vehicles, ((0.0, flown_s + 20.0),))
     context = replace(flight.context, day=DayRules(30.0, dict.fromkeys(windows, "depot"), windows))
-    judged = what_if.if_lost(context, flight.state, "uav2", flight.now_s)
+    judged = what_if.build_loss_problem(context, flight.state, "uav2", flight.now_s)
     lost = replace(flight.state.vehicles["uav2"], stage=Stage.LOST)
     needed = with_facts(flight.state.put(lost), urgent=True, trigger="why", trigger_s=flight.now_s)
-    _, commands = replanning.begin(context, needed, flight.now_s)
+    _, commands = replanning.begin_replan(context, needed, flight.now_s)
     for solve in (judged, commands[-1]):
         assert isinstance(solve, Solve)
         assert [offer.vehicle for offer in solve.survivors] == ["uav1", "uav3"]
-        assert all(offer.budget_pct <= drawn_in(context, 20.0) for offer in solve.survivors)
+        assert all(offer.budget_pct <= min_draw_pct(context, 20.0) for offer in solve.survivors)

@@ -11,7 +11,7 @@ from executor.core import fleet
 from executor.core.commands import Command, HandsOff, Level, Say, Start
 from executor.core.context import Context
 from executor.core.events import Event, Heard, StartEnded, Tick
-from executor.core.launching import sent_up, started, started_again, starts_pursued
+from executor.core.launching import apply_start_result, resume_start, retry_waiting_starts, start_from_base
 from executor.core.state import FleetState
 from executor.core.vehicle import FaultCode, Stage, VehicleState
 from tests.executor.builders import with_facts
@@ -27,12 +27,12 @@ OWED = with_facts(STARTS, fix=STALE, start_owed_s=NOW_S)
 
 def failed(vehicle: VehicleState) -> tuple[VehicleState, tuple[Command, ...]]:
     flight = flight_of(vehicle, launched_s=NOW_S - 5.0)
-    state, commands = started(CREW, flight, StartEnded("uav1", False, "no answer"), NOW_S)
+    state, commands = apply_start_result(CREW, flight, StartEnded("uav1", False, "no answer"), NOW_S)
     return state.vehicles["uav1"], commands
 
 
 def pursued(vehicle: VehicleState, at_s: float) -> tuple[FleetState, tuple[Command, ...]]:
-    return starts_pursued(CREW, flight_of(vehicle, launched_s=NOW_S - 5.0), at_s)
+    return retry_waiting_starts(CREW, flight_of(vehicle, launched_s=NOW_S - 5.0), at_s)
 
 
 def test_who_says_where_it_is_is_started_again_at_once() -> None:
@@ -89,7 +89,7 @@ def test_who_is_sent_up_later_starts_when_it_says_where_it_is(
     fix: object, found: Command, owed_s: float | None
 ) -> None:
     vehicle = with_facts(STARTS, stage=Stage.GROUND, fix=fix)
-    state, commands = sent_up(CREW, flight_of(vehicle, launched_s=NOW_S - 90.0), vehicle, NOW_S)
+    state, commands = start_from_base(CREW, flight_of(vehicle, launched_s=NOW_S - 90.0), vehicle, NOW_S)
     assert commands == (found,)
     assert (state.vehicles["uav1"].stage, state.vehicles["uav1"].orders.start_owed_s) == (Stage.STARTING, owed_s)
 
@@ -105,15 +105,15 @@ def test_who_rebooted_while_it_stood_there_is_not_sent_up_until_it_is_included(
     facts: dict[str, float], why: str
 ) -> None:
     vehicle = with_facts(STARTS, stage=Stage.GROUND, fix=LOW, **facts)
-    state, commands = sent_up(CREW, flight_of(vehicle, launched_s=NOW_S - 90.0), vehicle, NOW_S)
+    state, commands = start_from_base(CREW, flight_of(vehicle, launched_s=NOW_S - 90.0), vehicle, NOW_S)
     assert commands == ()
-    state, commands = starts_pursued(CREW, state, NOW_S + 0.5)
+    state, commands = retry_waiting_starts(CREW, state, NOW_S + 0.5)
     fault = state.vehicles["uav1"].fault
     assert fault is not None
     assert fault.reason == f"did not start: {why}"
     assert not [one for one in commands if isinstance(one, Start)]
     included = with_facts(vehicle, cleared_s=NOW_S - 8.0)
-    _, commands = sent_up(CREW, flight_of(included, launched_s=NOW_S - 90.0), included, NOW_S)
+    _, commands = start_from_base(CREW, flight_of(included, launched_s=NOW_S - 90.0), included, NOW_S)
     assert commands == (Start("uav1"),)
 
 
@@ -127,7 +127,7 @@ def test_who_is_not_starting_any_more_owes_nothing() -> None:
 @pytest.mark.parametrize(("after_s", "starts"), [(44.9, True), (45.0, False)])
 def test_a_start_that_an_upload_broke_off_goes_on_while_the_crews_yes_is_of_now(after_s: float, starts: bool) -> None:
     flight = flight_of(STARTS, launched_s=NOW_S - after_s)
-    state, commands = started_again(CREW, flight, flight.vehicles["uav1"], NOW_S)
+    state, commands = resume_start(CREW, flight, flight.vehicles["uav1"], NOW_S)
     assert (Start("uav1") in commands) is starts
     fault = state.vehicles["uav1"].fault
     assert (fault is None) is starts
@@ -192,5 +192,5 @@ def test_who_is_back_on_its_mission_at_once_flies_it_once_it_is_in_the_air(took_
 
 def test_a_start_that_is_ordered_anew_is_pursued_again() -> None:
     vehicle = with_facts(STARTS, start_let_go=True)
-    state, _ = sent_up(CREW, flight_of(vehicle, launched_s=NOW_S), vehicle, NOW_S)
+    state, _ = start_from_base(CREW, flight_of(vehicle, launched_s=NOW_S), vehicle, NOW_S)
     assert not state.vehicles["uav1"].orders.start_let_go

@@ -75,12 +75,12 @@ def at(state: VehicleState, waypoint: int) -> VehicleState:
 def in_the_air() -> VehicleState:
     """Return a vehicle that took off at 10 s."""
     stands = vehicle(FLEET, stage=Stage.FLYING)
-    return leg_times.followed(stands, with_facts(stands, took_off=True), 10.0)
+    return leg_times.track_legs(stands, with_facts(stands, took_off=True), 10.0)
 
 
 def test_on_the_ground_nothing_has_begun() -> None:
     stands = vehicle(FLEET, stage=Stage.FLYING)
-    assert leg_times.followed(stands, stands, 5.0) == stands
+    assert leg_times.track_legs(stands, stands, 5.0) == stands
     began = in_the_air().assignment.leg_began
     assert began is not None
     assert (began.at_s, began.given_pct) == (10.0, None)
@@ -88,7 +88,7 @@ def test_on_the_ground_nothing_has_begun() -> None:
 
 def test_of_legs_that_nobody_heard_pass_only_the_ends_are_known() -> None:
     before = in_the_air()
-    state = leg_times.followed(before, at(before, 3), 60.0)
+    state = leg_times.track_legs(before, at(before, 3), 60.0)
     flown = state.assignment.flown
     assert [(leg.began and leg.began.at_s, leg.ended and leg.ended.at_s) for leg in flown] == [
         (10.0, None), (None, None), (None, 60.0)
@@ -99,7 +99,7 @@ def test_of_legs_that_nobody_heard_pass_only_the_ends_are_known() -> None:
 
 def test_a_mission_that_begins_anew_ends_no_leg() -> None:
     before = at(in_the_air(), 4)
-    state = leg_times.followed(before, at(before, 2), 60.0)
+    state = leg_times.track_legs(before, at(before, 2), 60.0)
     assert state.assignment.flown == ()
     assert state.assignment.leg_began is not None
     assert state.assignment.leg_began.at_s == 60.0
@@ -108,19 +108,19 @@ def test_a_mission_that_begins_anew_ends_no_leg() -> None:
 def test_one_that_comes_home_by_itself_ends_no_leg() -> None:
     before = at(in_the_air(), 4)
     home = replace(before, stage=Stage.RETURNING)
-    assert leg_times.followed(home, at(home, 5), 60.0) == at(home, 5)
-    assert leg_times.landed(home, 70.0) == home
+    assert leg_times.track_legs(home, at(home, 5), 60.0) == at(home, 5)
+    assert leg_times.end_landing_leg(home, 70.0) == home
 
 
 def test_the_climb_begins_with_the_motors_and_anew_if_they_stopped_before_it() -> None:
     stands = vehicle(FLEET, stage=Stage.FLYING)
     armed = with_facts(stands, heartbeat=beat())
-    runs = leg_times.followed(stands, armed, 3.0)
+    runs = leg_times.track_legs(stands, armed, 3.0)
     assert runs.assignment.leg_began is not None
     assert runs.assignment.leg_began.at_s == 3.0
-    stopped = leg_times.followed(runs, with_facts(runs, heartbeat=beat(armed=False)), 9.0)
+    stopped = leg_times.track_legs(runs, with_facts(runs, heartbeat=beat(armed=False)), 9.0)
     assert stopped.assignment.leg_began is None
-    again = leg_times.followed(stopped, with_facts(stopped, heartbeat=beat()), 20.0)
+    again = leg_times.track_legs(stopped, with_facts(stopped, heartbeat=beat()), 20.0)
     assert again.assignment.leg_began is not None
     assert again.assignment.leg_began.at_s == 20.0
 
@@ -129,7 +129,7 @@ def test_the_landing_ends_with_the_motors() -> None:
     board = in_the_air().assignment.board
     assert board is not None
     down = with_facts(at(in_the_air(), len(board.legs) - 1), heartbeat=beat(), on_ground=True)
-    assert leg_times.followed(down, down, 70.0).assignment.flown == ()
-    (landing,) = leg_times.followed(down, with_facts(down, heartbeat=beat(armed=False)), 72.0).assignment.flown
+    assert leg_times.track_legs(down, down, 70.0).assignment.flown == ()
+    (landing,) = leg_times.track_legs(down, with_facts(down, heartbeat=beat(armed=False)), 72.0).assignment.flown
     assert landing.ended is not None
     assert (landing.phase, landing.ended.at_s) == (Phase.LAND, 72.0)

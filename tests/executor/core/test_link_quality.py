@@ -19,7 +19,7 @@ def linked(*counts: tuple[float, int, int]) -> LinkQuality:
     state, now_s = LinkQuality(), 100.0
     for elapsed_s, came, lost in counts:
         now_s += elapsed_s
-        state = link_quality.with_traffic(state, Traffic(came, lost), now_s, 12.0)
+        state = link_quality.add_traffic(state, Traffic(came, lost), now_s, 12.0)
     return state
 
 
@@ -103,7 +103,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a radio",
-        lambda: link_quality.heard_radio(linked((1.0, 30, 1)), radio(), 130.0),
+        lambda: link_quality.apply_radio_report(linked((1.0, 30, 1)), radio(), 130.0),
         LinkQuality(
             window=((101.0, 30, 1),),
             lost=0.0322581,

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from executor.core.messages import Actor, ModeChange, OwnFailsafe
-from executor.core.own_events import EVENTS, event_id, event_said
-from executor.core.own_words import acts
+from executor.core.own_events import EVENTS, compute_event_id, parse_px4_event
+from executor.core.own_words import has_failsafe_action
 
 MISSION = 4 << 24 | 4 << 16
 PX4S_OWN = Path("/opt/sitl/PX4-Autopilot/build/px4_sitl_default/events/all_events.json")
@@ -30,14 +30,14 @@ NUMBERS = {
 
 @pytest.mark.parametrize(("name", "number"), NUMBERS.items())
 def test_a_number_is_the_hash_of_a_name(name: str, number: int) -> None:
-    assert event_id(name) == 1 << 24 | number
+    assert compute_event_id(name) == 1 << 24 | number
 
 
 @pytest.mark.skipif(not PX4S_OWN.exists(), reason="PX4 is not built here")
 def test_every_event_that_is_read_is_one_of_px4s_own_with_its_number_and_its_arguments() -> None:
     groups = json.loads(PX4S_OWN.read_text())["components"]["1"]["event_groups"].values()
     theirs = {event["name"]: (int(number), event) for group in groups for number, event in group["events"].items()}
-    assert {name: event_id(name) & 0xFFFFFF for name in EVENTS} == {name: theirs[name][0] for name in EVENTS}
+    assert {name: compute_event_id(name) & 0xFFFFFF for name in EVENTS} == {name: theirs[name][0] for name in EVENTS}
     kinds = {
         name: [one["type"].removeprefix("px4::") for one in theirs[name][1].get("arguments", ())]
         for name in EVENTS
@@ -53,7 +53,7 @@ def test_every_event_that_is_read_is_one_of_px4s_own_with_its_number_and_its_arg
 
 
 def said(name: str, layout: str = "", *arguments: int) -> OwnFailsafe | ModeChange | None:
-    return event_said(event_id(name), struct.pack("<" + layout, *arguments))
+    return parse_px4_event(compute_event_id(name), struct.pack("<" + layout, *arguments))
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def said(name: str, layout: str = "", *arguments: int) -> OwnFailsafe | ModeChan
 )  # fmt: skip
 def test_what_failed(found: object, kind: str, words: str) -> None:
     assert isinstance(found, OwnFailsafe)
-    assert (found.what, found.words, acts(found)) == (kind, words, True)
+    assert (found.what, found.words, has_failsafe_action(found)) == (kind, words, True)
 
 
 @pytest.mark.parametrize(
@@ -106,12 +106,12 @@ def test_who_chose_a_mode(name: str, by: Actor) -> None:
 @pytest.mark.parametrize(
     ("number", "arguments"),
     [
-        (event_id("commander_failsafe_enter"), struct.pack("<IBB", MISSION, 1, 3)),  # it only warns
-        (event_id("commander_disarmed_by"), b"\x06"),  # its landing does
-        (event_id("commander_failsafe_enter") & 0xFFFFFF, b""),  # another component's
-        (event_id("check_modes_local_pos"), b""),  # on the ground it is always so
+        (compute_event_id("commander_failsafe_enter"), struct.pack("<IBB", MISSION, 1, 3)),  # it only warns
+        (compute_event_id("commander_disarmed_by"), b"\x06"),  # its landing does
+        (compute_event_id("commander_failsafe_enter") & 0xFFFFFF, b""),  # another component's
+        (compute_event_id("check_modes_local_pos"), b""),  # on the ground it is always so
         (0, b""),
     ],
 )
 def test_what_says_nothing_of_it(number: int, arguments: bytes) -> None:
-    assert event_said(number, arguments) is None
+    assert parse_px4_event(number, arguments) is None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.own_words import acts, failure_said
+from executor.core.own_words import has_failsafe_action, parse_failure_text
 
 SAID = {
     # ArduPilot 3.3 to 4.7
@@ -56,19 +56,19 @@ SILENT = (
 
 @pytest.mark.parametrize(("text", "kind"), SAID.items())
 def test_what_failed(text: str, kind: str) -> None:
-    found = failure_said(text, low_acts=True)
+    found = parse_failure_text(text, low_acts=True)
     assert found is not None
     assert (found.what, found.words, found.active) == (kind, text, True)
 
 
 @pytest.mark.parametrize("text", SILENT)
 def test_what_says_of_no_failure(text: str) -> None:
-    assert failure_said(text, low_acts=True) is None
+    assert parse_failure_text(text, low_acts=True) is None
 
 
 def test_low_battery_is_a_failsafe_of_one_autopilot_and_advice_of_the_other() -> None:
-    assert failure_said("Low battery", low_acts=False) is None
-    assert failure_said("Critical battery", low_acts=False) is not None
+    assert parse_failure_text("Low battery", low_acts=False) is None
+    assert parse_failure_text("Critical battery", low_acts=False) is not None
 
 
 @pytest.mark.parametrize(
@@ -83,6 +83,6 @@ def test_low_battery_is_a_failsafe_of_one_autopilot_and_advice_of_the_other() ->
     ],
 )
 def test_whether_it_does_something_about_it(text: str, does: bool) -> None:
-    found = failure_said(text, low_acts=True)
+    found = parse_failure_text(text, low_acts=True)
     assert found is not None
-    assert acts(found) is does
+    assert has_failsafe_action(found) is does

@@ -7,18 +7,18 @@ from collections.abc import Callable
 
 import pytest
 
-from executor.core.battery.counter import Charge
+from executor.core.battery.counter import ChargeCounter
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import Prior
-from executor.core.battery.roundings import Roundings
+from executor.core.battery.roundings import PercentRounding
 from executor.core.battery.voltage import VoltageState
-from executor.core.carried import Carried
-from executor.core.hearing.speaker import Speaker
+from executor.core.carried import MissionOwnership
+from executor.core.hearing.speaker import AutopilotComponent
 from executor.core.link_quality import LinkQuality
-from executor.core.parts import Errand, TakenOver, TextFlow, Watch
+from executor.core.parts import HomingOrder, Takeover, TextWindow, WatchpointMemory
 from executor.core.ports import LinkCounts
-from executor.core.recording import Skipped
-from executor.core.state import Absence, Briefing, Told
+from executor.core.recording import SkippedRecords
+from executor.core.state import Briefing, GroundStationAbsence, ReportedWarnings
 from tests.executor.builders import flat
 from tests.executor.core.steps import rounded
 
@@ -30,20 +30,20 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for one in (
                 VoltageState(),
                 LinkQuality(),
-                Roundings(),
-                Carried(),
+                PercentRounding(),
+                MissionOwnership(),
                 Drift(),
-                Charge(),
-                TextFlow(),
-                Errand(5.0),
-                TakenOver(5.0),
-                Watch(),
+                ChargeCounter(),
+                TextWindow(),
+                HomingOrder(5.0),
+                Takeover(5.0),
+                WatchpointMemory(),
                 Prior(),
-                Absence(5.0, 5.0, restarted=True),
+                GroundStationAbsence(5.0, 5.0, restarted=True),
                 Briefing(),
-                Told(),
-                Skipped(),
-                Speaker(),
+                ReportedWarnings(),
+                SkippedRecords(),
+                AutopilotComponent(),
                 LinkCounts(),
             )
         ],

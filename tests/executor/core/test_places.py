@@ -6,9 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.homing.down import found_down
+from executor.core.homing.down import describe_unexpected_landing
 from executor.core.messages import Heartbeat
-from executor.core.places import at_rest, coordinates, last_heard, place_words, where
+from executor.core.places import (
+    describe_down_place,
+    describe_last_position,
+    describe_position,
+    format_coordinates,
+    is_at_rest,
+)
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.vehicles import CONTEXT, DISARMED, NOW_S, RTL, at, flying
@@ -35,14 +41,20 @@ def stood(seconds: float = 30.0, **changes: object) -> VehicleState:
 
 
 def test_a_place_in_words() -> None:
-    assert coordinates(CONTEXT, flying()) == PLACE
-    assert where(CONTEXT, flying()) == f"{PLACE}, 20 m over its home"
-    assert last_heard(CONTEXT, flying(), NOW_S + 12.0) == f"last position {PLACE}, 20 m over its home, 12 s ago"
-    assert place_words(CONTEXT, flying()) == f"down at {PLACE}, armed: keep away"
-    assert place_words(CONTEXT, flying(heartbeat=DISARMED)) == f"down at {PLACE}, disarmed"
+    assert format_coordinates(CONTEXT, flying()) == PLACE
+    assert describe_position(CONTEXT, flying()) == f"{PLACE}, 20 m over its home"
+    assert (
+        describe_last_position(CONTEXT, flying(), NOW_S + 12.0)
+        == f"last position {PLACE}, 20 m over its home, 12 s ago"
+    )
+    assert describe_down_place(CONTEXT, flying()) == f"down at {PLACE}, armed: keep away"
+    assert describe_down_place(CONTEXT, flying(heartbeat=DISARMED)) == f"down at {PLACE}, disarmed"
     lost = flying(fix=None)
-    assert (coordinates(CONTEXT, lost), where(CONTEXT, lost)) == ("an unknown place", "an unknown place")
-    assert last_heard(CONTEXT, lost, NOW_S) == "its position is not known"
+    assert (format_coordinates(CONTEXT, lost), describe_position(CONTEXT, lost)) == (
+        "an unknown place",
+        "an unknown place",
+    )
+    assert describe_last_position(CONTEXT, lost, NOW_S) == "its position is not known"
 
 
 @pytest.mark.parametrize(
@@ -61,10 +73,10 @@ def test_a_place_in_words() -> None:
     ],
 )
 def test_who_has_disarmed_lies_where_it_is_seen_to_lie(state: VehicleState, *, rests: bool) -> None:
-    assert at_rest(state, NOW_S) is rests
+    assert is_at_rest(state, NOW_S) is rests
 
 
 def test_whether_it_is_armed_is_said_where_that_is_known() -> None:
-    assert found_down(CONTEXT, stood(), NOW_S) == f"does not move, down at {PLACE}, armed: keep away"
-    unsaid = found_down(CONTEXT, stood(heartbeat_s=NOW_S - 10.0), NOW_S)
+    assert describe_unexpected_landing(CONTEXT, stood(), NOW_S) == f"does not move, down at {PLACE}, armed: keep away"
+    unsaid = describe_unexpected_landing(CONTEXT, stood(heartbeat_s=NOW_S - 10.0), NOW_S)
     assert unsaid == f"does not move, down at {PLACE}; no HEARTBEAT says that it is disarmed: keep away"

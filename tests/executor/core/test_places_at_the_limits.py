@@ -18,7 +18,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who fell",
         lambda: [
-            places.fell(CONTEXT, landed(**given))
+            places.has_fallen(CONTEXT, landed(**given))
             for given in (
                 {},
                 {"alarm": ("Kill engaged", NOW_S - 17.0)},
@@ -34,7 +34,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who sank",
         lambda: [
-            places.sank(landed(fix=over_pad(up_m, climbs_m_s=climbs_m_s)))
+            places.has_sinking_fix(landed(fix=over_pad(up_m, climbs_m_s=climbs_m_s)))
             for up_m, climbs_m_s in ((1.0, -1.2), (1.0, -1.3), (1.1, -0.3), (1.1, -0.4))
         ],
         [False, True, False, True],
@@ -42,7 +42,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who rests",
         lambda: [
-            places.at_rest(
+            places.is_at_rest(
                 flying(
                     fix=replace(STILL, at_s=NOW_S - age_s, velocity_m_s=(0.0, speed_m_s, 0.0)),
                     disarmed_s=NOW_S - since_s,
@@ -56,7 +56,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whose mission is over",
         lambda: [
-            places.mission_over(CONTEXT, flying(**{"heartbeat": DISARMED, **given}))
+            places.has_mission_ended(CONTEXT, flying(**{"heartbeat": DISARMED, **given}))
             for given in (
                 {},
                 {"rebooted_s": 5.0, "waypoint": 5},
@@ -76,11 +76,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a place in words",
         lambda: [
-            places.last_heard(CONTEXT, flying(), NOW_S),
-            places.last_heard(CONTEXT, flying(fix=None), NOW_S),
-            places.where(CONTEXT, flying(fix=None)),
-            places.place_words(CONTEXT, flying()),
-            places.place_words(CONTEXT, landed()),
+            places.describe_last_position(CONTEXT, flying(), NOW_S),
+            places.describe_last_position(CONTEXT, flying(fix=None), NOW_S),
+            places.describe_position(CONTEXT, flying(fix=None)),
+            places.describe_down_place(CONTEXT, flying()),
+            places.describe_down_place(CONTEXT, landed()),
         ],
         [
             f"last position {OUT_THERE}, 20 m over its home, 0 s ago",

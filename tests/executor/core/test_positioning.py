@@ -9,10 +9,10 @@ import pytest
 from executor.core.commands import Level
 from executor.core.events import Heard
 from executor.core.faults.warnings import gps_lost
-from executor.core.faults.watching import View
-from executor.core.hearing.fold import WITHOUT_FIX, fold
+from executor.core.faults.watching import WatchView
+from executor.core.hearing.fold import WITHOUT_FIX, apply_message
 from executor.core.messages import EstimatorStatus, FlightMessage, Gps, Position, SystemStatus
-from executor.core.places import coordinates, down_at, last_heard, over_its_pad, place_words
+from executor.core.places import describe_down_place, describe_last_position, down_at, format_coordinates, is_over_pad
 from executor.core.positioning import GPS_SENSOR, accuracy_of, is_adrift
 from executor.core.vehicle import VehicleState
 from executor.core.view import position_view
@@ -34,7 +34,7 @@ def heard(*said: tuple[float, FlightMessage | None], state: VehicleState | None 
         assert fix is not None
         lat_deg, lon_deg = CONTEXT.frame.to_wgs84_deg(*fix.place_m)
         place = Position(at_s, lat_deg, lon_deg, fix.alt_msl_m, fix.alt_rel_m, 0.0, 3.0, 0.0, None)
-        known = fold(CONTEXT, known, message or place, at_s).state
+        known = apply_message(CONTEXT, known, message or place, at_s).state
     return known
 
 
@@ -49,7 +49,7 @@ def test_a_vehicle_that_says_nothing_of_its_gps_is_not_said_to_have_a_fix() -> N
     how = accuracy_of(flying())
     assert how is not None
     assert how.known == "unsaid"
-    assert coordinates(CONTEXT, flying()).endswith("(GPS not reported)")
+    assert format_coordinates(CONTEXT, flying()).endswith("(GPS not reported)")
 
 
 @pytest.mark.parametrize(("accuracy_m", "text"), [
@@ -58,7 +58,7 @@ def test_a_vehicle_that_says_nothing_of_its_gps_is_not_said_to_have_a_fix() -> N
 ])  # fmt: skip
 def test_a_place_has_no_more_digits_than_its_fix_carries(accuracy_m: float | None, text: str) -> None:
     known = heard((NOW_S, Gps(3, 14, accuracy_m=accuracy_m)))
-    assert coordinates(CONTEXT, known) == text
+    assert format_coordinates(CONTEXT, known) == text
     assert down_at(CONTEXT, known) == f"down at {text}"
 
 
@@ -122,17 +122,17 @@ def test_gps_is_regained_when_receiver_and_estimator_say_so() -> None:
     assert lost.sensors.positioning.lost_s == NOW_S + 1.0
     again = heard((NOW_S + 4.0, SURE), (NOW_S + 5.0, GOOD), (NOW_S + 5.2, None), state=lost)
     assert again.sensors.positioning.lost_s is None
-    assert coordinates(CONTEXT, again).endswith("(GPS, 1.8 m)")
+    assert format_coordinates(CONTEXT, again).endswith("(GPS, 1.8 m)")
 
 
 def test_the_place_of_a_wreck_is_its_last_fix_before_what_it_reckons() -> None:
     wreck = heard(state=replace(lost_for(60.0)))
-    words = place_words(CONTEXT, replace(wreck, telemetry=replace(wreck.telemetry, heartbeat=DISARMED)))
+    words = describe_down_place(CONTEXT, replace(wreck, telemetry=replace(wreck.telemetry, heartbeat=DISARMED)))
     assert words == (
         "down: last GPS fix 49.60014, 15.60362, 60 s before, at 3 m/s, "
         "reckoned since to 49.600, 15.604, off by 452 m or more, disarmed"
     )
-    heard_last = last_heard(CONTEXT, wreck, NOW_S + 75.0)
+    heard_last = describe_last_position(CONTEXT, wreck, NOW_S + 75.0)
     assert heard_last.startswith("last GPS fix 49.60014, 15.60362, 60 s before")
     assert heard_last.endswith("20 m over its home, 15 s ago")
 
@@ -156,12 +156,12 @@ def test_programs_are_told_the_same() -> None:
 
 def test_it_is_not_taken_to_stand_on_its_pad_by_what_it_reckons() -> None:
     on_pad = flying(fix=at(east_m=0.0, up_m=0.0))
-    assert over_its_pad(CONTEXT, heard((NOW_S, GOOD), (NOW_S + 1.0, None), state=on_pad))
-    assert not over_its_pad(CONTEXT, heard(*LOST, (NOW_S + 30.0, None), state=on_pad))
+    assert is_over_pad(CONTEXT, heard((NOW_S, GOOD), (NOW_S + 1.0, None), state=on_pad))
+    assert not is_over_pad(CONTEXT, heard(*LOST, (NOW_S + 30.0, None), state=on_pad))
 
 
 def test_the_loss_is_said_with_the_last_fix() -> None:
-    view = View(CONTEXT, SETUP, lost_for(2.0), False, NOW_S + 2.0)
+    view = WatchView(CONTEXT, SETUP, lost_for(2.0), False, NOW_S + 2.0)
     assert gps_lost(view) == (
         "GPS lost (no GPS fix): position is dead-reckoned from now on; "
         "last GPS fix 49.60014, 15.60362, 2 s before, at 3 m/s"
@@ -170,7 +170,9 @@ def test_the_loss_is_said_with_the_last_fix() -> None:
 
 def test_an_estimator_that_leaves_gps_for_one_report_is_not_said() -> None:
     def said(until_s: float) -> str:
-        return gps_lost(View(CONTEXT, SETUP, heard((NOW_S, GOOD), (NOW_S + 1.0, DRIFTING)), False, NOW_S + until_s))
+        return gps_lost(
+            WatchView(CONTEXT, SETUP, heard((NOW_S, GOOD), (NOW_S + 1.0, DRIFTING)), False, NOW_S + until_s)
+        )
 
     assert said(1.5) == ""
     assert said(3.0) != ""

@@ -10,10 +10,10 @@ import pytest
 from executor.core import projection
 from executor.core.battery import account
 from executor.core.battery.kalman import BatteryEstimate
-from executor.core.learning import Learned, PaceEstimate
+from executor.core.learning import LearnedFactors, PaceEstimate
 from executor.core.resume import blackout
 from executor.core.vehicle import Stage, VehicleState
-from missions import Phase, dialect_for, tuned
+from missions import Phase, apply_tunings, dialect_for
 from simulator.config import AutopilotKind
 from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.vehicles import CONTEXT, NOW_S, SETUP, at, flying, mission, pack
@@ -41,19 +41,19 @@ def test_the_rest_of_the_way_is_the_rest_of_its_legs(waypoint: int, share: float
         expected_s = (1.0 - share) * here.duration_s + sum(leg.duration_s for leg in ahead)
         expected_pct = (1.0 - share) * here.energy_pct + sum(leg.energy_pct for leg in ahead)
         assert projection.time_to_reach_s(state, goal) == pytest.approx(expected_s, abs=1e-4)
-        assert projection.modelled_to_reach_pct(state, goal) == pytest.approx(expected_pct, abs=1e-4)
+        assert projection.energy_to_reach_pct(state, goal) == pytest.approx(expected_pct, abs=1e-4)
     assert projection.time_to_reach_s(state, waypoint - 1) == 0.0
-    assert projection.modelled_to_reach_pct(state, waypoint - 1) == 0.0
+    assert projection.energy_to_reach_pct(state, waypoint - 1) == 0.0
 
 
 def test_on_the_pad_the_whole_mission_is_ahead() -> None:
     whole_s, whole_pct = sum(leg.duration_s for leg in BOARD.legs), sum(leg.energy_pct for leg in BOARD.legs)
     for state in (flying(waypoint=0), flying(waypoint=0, fix=None)):
         assert projection.time_to_reach_s(state, LAST) == pytest.approx(whole_s)
-        assert projection.modelled_to_reach_pct(state, LAST) == pytest.approx(whole_pct)
+        assert projection.energy_to_reach_pct(state, LAST) == pytest.approx(whole_pct)
     assert projection.time_to_reach_s(flying(board=None), LAST) == 0.0
-    assert projection.modelled_to_reach_pct(flying(board=None), LAST) == 0.0
-    assert projection.to_finish_pct(flying(board=None)) == 0.0
+    assert projection.energy_to_reach_pct(flying(board=None), LAST) == 0.0
+    assert projection.energy_to_finish_pct(flying(board=None)) == 0.0
 
 
 def test_who_is_beside_its_leg_has_no_more_than_the_leg_to_fly() -> None:
@@ -71,21 +71,21 @@ def test_the_rest_of_a_landing_is_the_rest_of_its_height(share: float) -> None:
 
 def test_the_band_is_as_wide_as_consumption_and_pace_are_unknown() -> None:
     sure = PaceEstimate(var=1e-12)
-    state = with_facts(thirsty(1.5), learned=Learned(sure, sure))
-    known = projection.at_landing(CONTEXT, state, SETUP)
+    state = with_facts(thirsty(1.5), learned=LearnedFactors(sure, sure))
+    known = projection.project_landing(CONTEXT, state, SETUP)
     assert known is not None
     for phases, learned in (
-        ({Phase.INSPECT}, Learned(PaceEstimate(var=0.04), sure)),
-        ({Phase.TRANSIT, Phase.RETURN}, Learned(sure, PaceEstimate(var=0.04))),
+        ({Phase.INSPECT}, LearnedFactors(PaceEstimate(var=0.04), sure)),
+        ({Phase.TRANSIT, Phase.RETURN}, LearnedFactors(sure, PaceEstimate(var=0.04))),
     ):
         legs = zip(BOARD.path.waypoints[LEVEL[0] :], BOARD.legs[LEVEL[0] :], strict=True)
         ahead_pct = [leg.energy_pct for point, leg in legs if point.phase in phases]
         here = thirsty(1.5)
         place_m = BOARD.places_m[LEVEL[0] - 1]
-        unsure = projection.at_landing(
+        unsure = projection.project_landing(
             CONTEXT, with_facts(here, learned=learned, fix=replace(at(), place_m=place_m)), SETUP
         )
-        there = projection.at_landing(CONTEXT, with_facts(state, fix=replace(at(), place_m=place_m)), SETUP)
+        there = projection.project_landing(CONTEXT, with_facts(state, fix=replace(at(), place_m=place_m)), SETUP)
         assert unsure is not None
         assert there is not None
         assert unsure.mean_pct == pytest.approx(there.mean_pct)
@@ -95,8 +95,8 @@ def test_the_band_is_as_wide_as_consumption_and_pace_are_unknown() -> None:
 
 def test_before_any_leg_the_band_is_as_wide_as_the_pace_of_nobody_known() -> None:
     unknown, known = (
-        projection.at_landing(CONTEXT, thirsty(1.0), replace(SETUP, start=start))
-        for start in (Learned(), Learned(PaceEstimate(var=1e-12), PaceEstimate(var=1e-12)))
+        projection.project_landing(CONTEXT, thirsty(1.0), replace(SETUP, start=start))
+        for start in (LearnedFactors(), LearnedFactors(PaceEstimate(var=1e-12), PaceEstimate(var=1e-12)))
     )
     assert unknown is not None
     assert known is not None
@@ -110,10 +110,10 @@ def thirsty(factor: float, remaining_pct: float = 60.0) -> VehicleState:
 
 def test_what_is_learned_of_the_consumption_counts() -> None:
     state = thirsty(1.5)
-    modelled_pct = projection.modelled_to_reach_pct(state, LAST)
-    assert account.factor(state.power.battery) == 1.5
-    assert projection.to_finish_pct(state) == pytest.approx(1.5 * modelled_pct)
-    ahead = projection.at_landing(CONTEXT, state, SETUP)
+    modelled_pct = projection.energy_to_reach_pct(state, LAST)
+    assert account.consumption_factor(state.power.battery) == 1.5
+    assert projection.energy_to_finish_pct(state) == pytest.approx(1.5 * modelled_pct)
+    ahead = projection.project_landing(CONTEXT, state, SETUP)
     assert ahead is not None
     assert ahead.mean_pct == pytest.approx(60.0 - 1.5 * modelled_pct)
 
@@ -141,22 +141,22 @@ RAMP_S = 10.0 / 2.5 + 0.3 + 2.5 / 1.0
 )  # fmt: skip
 def test_the_way_home_is_flown_as_its_autopilot_does(east_m: float, up_m: float, expected: float) -> None:
     state = flying(fix=at(east_m=east_m, up_m=up_m))
-    assert projection.modelled_to_return_pct(CONTEXT, state, SETUP) == pytest.approx(expected, rel=1e-3)
+    assert projection.energy_to_return_pct(CONTEXT, state, SETUP) == pytest.approx(expected, rel=1e-3)
 
 
 def test_no_place_no_way_home() -> None:
-    assert projection.modelled_to_return_pct(CONTEXT, flying(fix=None), SETUP) is None
+    assert projection.energy_to_return_pct(CONTEXT, flying(fix=None), SETUP) is None
 
 
 def test_who_is_slow_or_has_the_wind_against_it_takes_more_to_come_home() -> None:
     state = flying(fix=at(east_m=800.0, up_m=HIGH_M))
-    slow = with_facts(state, learned=Learned(transit=PaceEstimate(1.2)))
-    usual_pct, slow_pct = (projection.modelled_to_return_pct(CONTEXT, one, SETUP) for one in (state, slow))
+    slow = with_facts(state, learned=LearnedFactors(transit=PaceEstimate(1.2)))
+    usual_pct, slow_pct = (projection.energy_to_return_pct(CONTEXT, one, SETUP) for one in (state, slow))
     assert usual_pct is not None
     assert slow_pct is not None
     assert slow_pct - usual_pct == pytest.approx(0.2 * HOME * (80.0 + RAMP_S))
     windy = replace(CONTEXT, wind_m_s=(5.0, 0.0))
-    against_pct = projection.modelled_to_return_pct(windy, state, SETUP)
+    against_pct = projection.energy_to_return_pct(windy, state, SETUP)
     assert against_pct is not None
     assert against_pct > usual_pct + (windy.draw_pct_per_s(-10.0, 0.0) - HOME) * 79.0
 
@@ -168,7 +168,7 @@ def test_a_return_in_simulation_uses_what_was_said(kind: AutopilotKind, home_m_s
     rule, high_m = dialect.return_parameters, context.return_height_m("uav1")
     own = {rule.height: high_m / rule.unit_m, rule.cone: rule.cone_off}
     own |= {"RTL_SPEED": 100.0 * home_m_s} if kind is AutopilotKind.ARDUPILOT else {"MPC_XY_CRUISE": home_m_s}
-    performance = tuned(dialect.performance, dialect.tunings, own)
+    performance = apply_tunings(dialect.performance, dialect.tunings, own)
     model = replace(context.pricing.models["uav1"], performance=performance)
     context = replace(context, pricing=replace(context.pricing, models={"uav1": model}))
     op = Operator(kind, {"parameters": own, "drone": context.drone})
@@ -179,24 +179,24 @@ def test_a_return_in_simulation_uses_what_was_said(kind: AutopilotKind, home_m_s
     began_pct, here = frame.battery.charge_pct, at(east_m=frame.body.east_m, up_m=frame.body.up_m)
     assert op.mode(PX4_RTL if kind is AutopilotKind.PX4 else RTL) == 0
     op.run_until(lambda: not frame.armed)
-    said_pct = projection.modelled_to_return_pct(context, flying(fix=here), context.vehicles["uav1"])
+    said_pct = projection.energy_to_return_pct(context, flying(fix=here), context.vehicles["uav1"])
     assert said_pct == pytest.approx(began_pct - frame.battery.charge_pct, rel=0.03)
 
 
 def test_where_no_mission_is_known_it_is_the_way_home_that_counts() -> None:
     for state in (with_facts(thirsty(1.0), board=None), replace(thirsty(1.0), stage=Stage.RETURNING)):
         ahead, home_pct = (
-            projection.at_landing(CONTEXT, state, SETUP),
-            projection.modelled_to_return_pct(CONTEXT, state, SETUP),
+            projection.project_landing(CONTEXT, state, SETUP),
+            projection.energy_to_return_pct(CONTEXT, state, SETUP),
         )
         assert ahead is not None
         assert home_pct is not None
         assert ahead.mean_pct == pytest.approx(60.0 - home_pct)
-    assert projection.at_landing(CONTEXT, flying(board=None, fix=None), SETUP) is None
+    assert projection.project_landing(CONTEXT, flying(board=None, fix=None), SETUP) is None
 
 
 def test_a_landing_far_above_the_floor_is_no_question_and_one_below_it_is() -> None:
-    home_pct = projection.modelled_to_return_pct(CONTEXT, flying(), SETUP)
+    home_pct = projection.energy_to_return_pct(CONTEXT, flying(), SETUP)
     assert home_pct is not None
 
     def chance(remaining_pct: float, **changes: object) -> float | None:
@@ -213,15 +213,15 @@ def test_a_landing_far_above_the_floor_is_no_question_and_one_below_it_is() -> N
 
 def test_who_has_not_reported_its_battery_is_taken_to_have_a_full_one() -> None:
     unknown, full = flying(battery=account.BatteryState()), flying(battery=pack(100.0))
-    assert blackout.endures_s(CONTEXT, unknown) == blackout.endures_s(CONTEXT, full)
-    assert blackout.endures_s(CONTEXT, flying(battery=pack(50.0))) == pytest.approx(
-        blackout.endures_s(CONTEXT, full) / 2.0
+    assert blackout.max_remaining_flight_s(CONTEXT, unknown) == blackout.max_remaining_flight_s(CONTEXT, full)
+    assert blackout.max_remaining_flight_s(CONTEXT, flying(battery=pack(50.0))) == pytest.approx(
+        blackout.max_remaining_flight_s(CONTEXT, full) / 2.0
     )
-    assert blackout.endures_s(CONTEXT, full) == pytest.approx(1.5 * 100.0 / min(CONTEXT.draws_pct_s))
+    assert blackout.max_remaining_flight_s(CONTEXT, full) == pytest.approx(1.5 * 100.0 / min(CONTEXT.draws_pct_s))
 
 
 def test_nobody_flies_longer_than_its_battery() -> None:
-    lasts_s = blackout.endures_s(CONTEXT, flying())
-    assert blackout.may_fly(CONTEXT, flying(spoke_s=NOW_S - lasts_s + 0.1), NOW_S)
-    assert not blackout.may_fly(CONTEXT, flying(spoke_s=NOW_S - lasts_s), NOW_S)
-    assert not blackout.may_fly(CONTEXT, flying(spoke_s=None), NOW_S)
+    lasts_s = blackout.max_remaining_flight_s(CONTEXT, flying())
+    assert blackout.may_be_airborne(CONTEXT, flying(spoke_s=NOW_S - lasts_s + 0.1), NOW_S)
+    assert not blackout.may_be_airborne(CONTEXT, flying(spoke_s=NOW_S - lasts_s), NOW_S)
+    assert not blackout.may_be_airborne(CONTEXT, flying(spoke_s=None), NOW_S)

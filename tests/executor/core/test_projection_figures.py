@@ -10,7 +10,7 @@ import pytest
 from executor.core import projection
 from executor.core.battery.account import BatteryState
 from executor.core.battery.kalman import Projection
-from executor.core.parts import Fix
+from executor.core.parts import PositionFix
 from executor.core.vehicle import Stage
 from tests.executor.core.steps import (
     rounded,
@@ -20,7 +20,7 @@ from tests.executor.core.vehicles import FLEET, at, flying
 CONTEXT = FLEET.context
 
 
-def far(seconds: float) -> Fix:
+def far(seconds: float) -> PositionFix:
     """Return where the end of the first inspection is so far away, at its speed."""
     return replace(at(), place_m=(200.0 - 3.0 * seconds, -5.0))
 
@@ -33,9 +33,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "the energy to the end of a leg",
-        lambda: [
-            projection.modelled_to_reach_pct(flying(waypoint=2, fix=far(10.0)), waypoint) for waypoint in (1, 2, 3)
-        ],
+        lambda: [projection.energy_to_reach_pct(flying(waypoint=2, fix=far(10.0)), waypoint) for waypoint in (1, 2, 3)],
         [0.0, 0.413082, 1.78984],
     ),
     (
@@ -51,39 +49,39 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "without a mission there is no way to go",
         lambda: [
             projection.time_to_reach_s(flying(board=None), 2),
-            projection.modelled_to_reach_pct(flying(board=None), 2),
-            projection.to_finish_pct(flying(board=None)),
+            projection.energy_to_reach_pct(flying(board=None), 2),
+            projection.energy_to_finish_pct(flying(board=None)),
         ],
         [0.0, 0.0, 0.0],
     ),
     (
         "the energy to finish",
-        lambda: [projection.to_finish_pct(flying()), projection.to_finish_pct(flying(waypoint=5))],
+        lambda: [projection.energy_to_finish_pct(flying()), projection.energy_to_finish_pct(flying(waypoint=5))],
         [5.03665, 1.05818],
     ),
     (
         "the energy to return",
         lambda: [
-            projection.modelled_to_return_pct(CONTEXT, flying(), CONTEXT.vehicles["uav1"]),
-            projection.modelled_to_return_pct(CONTEXT, flying(fix=None), CONTEXT.vehicles["uav1"]),
+            projection.energy_to_return_pct(CONTEXT, flying(), CONTEXT.vehicles["uav1"]),
+            projection.energy_to_return_pct(CONTEXT, flying(fix=None), CONTEXT.vehicles["uav1"]),
         ],
         [2.66429, None],
     ),
     (
         "what is left at the landing",
-        lambda: projection.at_landing(CONTEXT, flying(), CONTEXT.vehicles["uav1"]),
+        lambda: projection.project_landing(CONTEXT, flying(), CONTEXT.vehicles["uav1"]),
         Projection(mean_pct=84.9277, sd_pct=1.65911),
     ),
     (
         "what is left at the landing of who returns",
-        lambda: projection.at_landing(CONTEXT, flying(stage=Stage.RETURNING), CONTEXT.vehicles["uav1"]),
+        lambda: projection.project_landing(CONTEXT, flying(stage=Stage.RETURNING), CONTEXT.vehicles["uav1"]),
         Projection(mean_pct=87.3001, sd_pct=1.57404),
     ),
     (
         "what is left at the landing is not known without a place",
         lambda: [
-            projection.at_landing(CONTEXT, flying(stage=Stage.RETURNING, fix=None), CONTEXT.vehicles["uav1"]),
-            projection.at_landing(CONTEXT, flying(battery=BatteryState()), CONTEXT.vehicles["uav1"]),
+            projection.project_landing(CONTEXT, flying(stage=Stage.RETURNING, fix=None), CONTEXT.vehicles["uav1"]),
+            projection.project_landing(CONTEXT, flying(battery=BatteryState()), CONTEXT.vehicles["uav1"]),
         ],
         [None, None],
     ),

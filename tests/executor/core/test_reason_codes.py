@@ -16,7 +16,7 @@ from executor.core.events import UploadEnded
 from executor.core.faults.watchpoints import TABLE
 from executor.core.intents import Action, Intent, IntentReason
 from executor.core.messages import CommandAck
-from executor.core.operator.refusals import reason
+from executor.core.operator.refusals import find_refusal
 from executor.core.state import Briefing, FleetState, Question
 from executor.core.vehicle import FaultCode, Stage
 from executor.protocols import upload
@@ -33,7 +33,7 @@ R = IntentReason
 
 
 def code_of(action: Action, state: FleetState, vehicle: str | None = "uav1", context: Context = CONTEXT) -> R | None:
-    why = reason(context, state, Intent("wish", action, vehicle, "page", False), NOW_S)
+    why = find_refusal(context, state, Intent("wish", action, vehicle, "page", False), NOW_S)
     return None if why is None else why[0]
 
 
@@ -96,7 +96,7 @@ def test_a_command_that_is_refused_has_the_code_of_its_result(result: int, code:
 
 
 def test_a_mission_that_is_refused_has_the_code_of_its_result() -> None:
-    codes = {result: upload.rejected("mission", result).code for result in (*upload.RESULT_NAMES, 99)}
+    codes = {result: upload.build_rejection("mission", result).code for result in (*upload.RESULT_NAMES, 99)}
     assert [codes[result] for result in (1, 4, 13, 14, 15, 99)] == [
         Ending.ERROR, Ending.NO_SPACE, Ending.INVALID_SEQUENCE, Ending.OTHER_STATION, Ending.CANCELLED,
         Ending.UNKNOWN_RESULT,

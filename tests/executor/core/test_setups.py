@@ -8,8 +8,8 @@ import pytest
 
 from executor.core import projection
 from executor.core.parts import Turnaround
-from executor.core.replan.survivors import survivor
-from executor.core.setups import setup_now
+from executor.core.replan.survivors import build_survivor
+from executor.core.setups import current_setup_of
 from executor.core.vehicle import VehicleState
 from tests.executor.core.vehicles import FLEET, NOW_S, flying
 
@@ -38,13 +38,13 @@ def flown_with(label: str, swaps: int = 1, overstated_pct: float = 0.0) -> Vehic
 def test_the_pack_that_is_in_it_counts(
     label: str, swaps: int, overstated_pct: float, budget_pct: float, reserve_pct: float
 ) -> None:
-    setup = setup_now(SCENE, flown_with(label, swaps, overstated_pct))
+    setup = current_setup_of(SCENE, flown_with(label, swaps, overstated_pct))
     assert (setup.budget_pct, setup.reserve_pct) == (budget_pct, reserve_pct)
 
 
 def test_what_a_percentage_says_too_much_is_offered_to_nobody_and_doubted_in_flight() -> None:
     honest, overstated = flown_with("B1"), flown_with("B1", overstated_pct=70.0)
-    offers = [survivor(SCENE, one, NOW_S) for one in (honest, overstated)]
+    offers = [build_survivor(SCENE, one, NOW_S) for one in (honest, overstated)]
     budgets_pct = [None if offer is None else offer.most_pct for offer in offers]
     assert budgets_pct[0] is not None
     assert budgets_pct[1] is not None
@@ -52,7 +52,7 @@ def test_what_a_percentage_says_too_much_is_offered_to_nobody_and_doubted_in_fli
     chances = [
         projection.landing_chance_below(SCENE, one, setup, setup.reserve_pct)
         for one in (honest, overstated)
-        if (setup := setup_now(SCENE, one))
+        if (setup := current_setup_of(SCENE, one))
     ]
     assert chances[0] is not None
     assert chances[1] is not None

@@ -8,13 +8,13 @@ from collections.abc import Callable
 import pytest
 
 from executor.core.battery.account import BatteryState
-from executor.core.battery.pack import Pack
-from executor.core.battery.roundings import Roundings
+from executor.core.battery.pack import PackState
+from executor.core.battery.roundings import PercentRounding
 from executor.core.battery.voltage import VoltageState
-from executor.core.carried import Carried
+from executor.core.carried import MissionOwnership
 from executor.core.doubles import Twins
 from executor.core.link_quality import LinkQuality
-from executor.core.parts import Cause, Positioning, TextFlow
+from executor.core.parts import ModeCause, Positioning, TextWindow
 from executor.core.payload.pictures import PayloadState
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import flat
@@ -54,7 +54,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "on_ground": None,
             "battery": BatteryState(),
             "packs": (),
-            "roundings": Roundings(),
+            "roundings": PercentRounding(),
             "board": None,
             "waypoint": 0,
             "run": None,
@@ -77,14 +77,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "pending": None,
             "stubborn": False,
             "failures": 0,
-            "texts": TextFlow(),
+            "texts": TextWindow(),
             "took_off": False,
             "alarm": ("", -math.inf),
             "heartbeat_s": None,
             "quality": LinkQuality(),
             "volts": VoltageState(),
             "battery_faults": 0,
-            "pack": Pack(),
+            "pack": PackState(),
             "told_s": -math.inf,
             "unhealthy": 0,
             "item": None,
@@ -126,7 +126,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "below_m": 0.0,
             "below_s": float("-inf"),
             "ordered_modes": frozenset(),
-            "cause": Cause.OURS,
+            "cause": ModeCause.OURS,
             "certain": False,
             "regained_s": None,
             "unseen_until_s": None,
@@ -144,7 +144,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "fell_back_s": -math.inf,
             "reopened": False,
             "doubted": None,
-            "carried": Carried(),
+            "carried": MissionOwnership(),
             "owed": None,
             "leg_began": None,
             "flown": (),

@@ -12,15 +12,15 @@ from executor.core import projection
 from executor.core.battery.account import BatteryState
 from executor.core.battery.kalman import Projection
 from executor.core.commands import Level
-from executor.core.homing.homeward import Answer, advice
+from executor.core.homing.homeward import HomingAction, advise_homing
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Gps, Heartbeat, Wind
-from executor.core.parts import Cause, Errand, TakenOver
-from executor.core.replan.replanning import heard_again
-from executor.core.replan.survivors import survivor
-from executor.core.state import FleetState, Outlook, ReplanRecord, SaidLine
+from executor.core.parts import HomingOrder, ModeCause, Takeover
+from executor.core.replan.replanning import replan_for_regained_link
+from executor.core.replan.survivors import build_survivor
+from executor.core.state import FleetState, LossOutlook, OperatorLine, ReplanRecord
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
-from executor.core.view import FleetView, PositionView, TakenView, VehicleView, WindView, fleet_view
+from executor.core.view import FleetView, PositionView, TakenView, VehicleView, WindView, build_fleet_view
 from missions import Phase
 from tests.executor.builders import vehicle, with_facts
 from tests.executor.core.vehicles import (
@@ -46,7 +46,7 @@ INSPECT = next(index for index, point in enumerate(BOARD.path.waypoints) if poin
 def fleet(one: VehicleState, **changes: object) -> FleetView:
     others = {name: vehicle(FLEET, name) for name in ("uav2", "uav3")}
     state = with_facts(FleetState(MappingProxyType({"uav1": one, **others})), launched_s=NOW_S - 100.004)
-    return fleet_view(CONTEXT, with_facts(state, **changes), NOW_S)
+    return build_fleet_view(CONTEXT, with_facts(state, **changes), NOW_S)
 
 
 def shown(**changes: object) -> VehicleView:
@@ -102,8 +102,8 @@ def test_the_battery_against_the_plan() -> None:
     # As unsure as the prior is of what was spent, and as a whole percent is: nine of ten come within.
     sd_pct = math.hypot(SETUP.prior.sd * spent_pct, math.sqrt(1.0 / 12.0))
     assert view.predicted_band_pct == round(1.5 * sd_pct, 1)
-    assert view.to_finish_pct == round(projection.to_finish_pct(state), 1)
-    ahead = projection.at_landing(CONTEXT, state, SETUP)
+    assert view.to_finish_pct == round(projection.energy_to_finish_pct(state), 1)
+    ahead = projection.project_landing(CONTEXT, state, SETUP)
     assert isinstance(ahead, Projection)
     assert (view.landing_pct, view.landing_band_pct) == (round(ahead.mean_pct, 1), round(1.5 * ahead.sd_pct, 1))
     first = fleet(with_facts(state, began_pct=None)).vehicles[0].battery
@@ -112,10 +112,12 @@ def test_the_battery_against_the_plan() -> None:
 
 
 def test_what_is_still_to_be_spent_is_for_the_mission_or_for_the_way_home() -> None:
-    home_pct = projection.modelled_to_return_pct(CONTEXT, flying(), SETUP)
+    home_pct = projection.energy_to_return_pct(CONTEXT, flying(), SETUP)
     assert home_pct is not None
     assert shown(stage=Stage.RETURNING).battery.to_finish_pct == round(home_pct, 1) > 0.0
-    assert shown(stage=Stage.STARTING).battery.to_finish_pct == round(projection.to_finish_pct(flying()), 1) > 0.0
+    assert (
+        shown(stage=Stage.STARTING).battery.to_finish_pct == round(projection.energy_to_finish_pct(flying()), 1) > 0.0
+    )
     unarmed = Heartbeat(3, AUTO, False, 4)
     assert shown(stage=Stage.STARTING, heartbeat=unarmed).battery.to_finish_pct == 0.0
     assert shown(stage=Stage.PILOT).battery.to_finish_pct == 0.0
@@ -158,13 +160,13 @@ def test_when_it_should_be_back() -> None:
 @pytest.mark.parametrize(
     ("taken", "view"),
     [
-        (TakenOver(NOW_S - 10.0), TakenView(NOW_S - 10.0, 20.0, returned=False)),
-        (TakenOver(NOW_S - 40.0), TakenView(NOW_S - 40.0, 0.0, returned=False)),
-        (TakenOver(NOW_S - 10.0, given_away=True), TakenView(NOW_S - 10.0, 0.0, returned=False)),
-        (TakenOver(NOW_S - 10.0, returned_s=NOW_S), TakenView(NOW_S - 10.0, 20.0, returned=True)),
+        (Takeover(NOW_S - 10.0), TakenView(NOW_S - 10.0, 20.0, returned=False)),
+        (Takeover(NOW_S - 40.0), TakenView(NOW_S - 40.0, 0.0, returned=False)),
+        (Takeover(NOW_S - 10.0, given_away=True), TakenView(NOW_S - 10.0, 0.0, returned=False)),
+        (Takeover(NOW_S - 10.0, returned_s=NOW_S), TakenView(NOW_S - 10.0, 20.0, returned=True)),
     ],
 )
-def test_who_has_it_and_for_how_long_its_work_is_kept(taken: TakenOver, view: TakenView) -> None:
+def test_who_has_it_and_for_how_long_its_work_is_kept(taken: Takeover, view: TakenView) -> None:
     assert shown(stage=Stage.PILOT, taken=taken).taken == view
 
 
@@ -178,11 +180,11 @@ def test_what_it_does_in_one_word() -> None:
 
 
 def test_what_its_loss_would_mean_is_shown_while_it_is_on_its_mission() -> None:
-    outlook = MappingProxyType({"uav1": Outlook(NOW_S - 3.04, (4, 5))})
+    outlook = MappingProxyType({"uav1": LossOutlook(NOW_S - 3.04, (4, 5))})
     loss = fleet(flying(), outlook=outlook).vehicles[0].loss
     assert loss is not None
     assert (loss.inside_window, loss.uncovered, loss.age_s) == (False, (4, 5), 3.0)
-    full = fleet(flying(), outlook=MappingProxyType({"uav1": Outlook(NOW_S, ())})).vehicles[0].loss
+    full = fleet(flying(), outlook=MappingProxyType({"uav1": LossOutlook(NOW_S, ())})).vehicles[0].loss
     assert full is not None
     assert full.inside_window
     for state in (flying(fault=FAULT), flying(stage=Stage.RETURNING), flying(stage=Stage.LANDED)):
@@ -190,7 +192,7 @@ def test_what_its_loss_would_mean_is_shown_while_it_is_on_its_mission() -> None:
 
 
 def test_the_flight_as_a_whole() -> None:
-    lines = tuple(SaidLine(NOW_S + 0.004, Level.INFO, f"line {number}") for number in range(70))
+    lines = tuple(OperatorLine(NOW_S + 0.004, Level.INFO, f"line {number}") for number in range(70))
     view = fleet(flying(), given_up=frozenset({5, 2}), inspected=MappingProxyType({2: "uav1"}), said=lines)
     assert (view.now_s, view.flight_s, view.uncovered, view.segments_total) == (NOW_S, 100.0, (5,), 6)
     assert [one.text for one in view.said] == [f"line {number}" for number in range(10, 70)]
@@ -200,35 +202,35 @@ def test_the_flight_as_a_whole() -> None:
     assert (view.replan, view.offer, view.min_separation_m) == (None, None, None)
 
 
-HOLDS_BY_ITSELF = {"cause": Cause.FAILSAFE, "heartbeat": Heartbeat(3, 17, True, 5), "mode_since_s": NOW_S - 14.9}
+HOLDS_BY_ITSELF = {"cause": ModeCause.FAILSAFE, "heartbeat": Heartbeat(3, 17, True, 5), "mode_since_s": NOW_S - 14.9}
 NEAR_PAD = replace(at(east_m=6.0), velocity_m_s=(0.0, 0.0, 0.0))
-ADVICE: list[tuple[VehicleState, Answer]] = [
-    (flying(), Answer.RETURN),
-    (flying(cause=Cause.PERSON), Answer.LEAVE),
-    (flying(taken=TakenOver(NOW_S)), Answer.LEAVE),
-    (flying(errand=Errand(NOW_S, land=True)), Answer.LAND),
-    (flying(heartbeat=Heartbeat(3, RTL, True, 4)), Answer.LEAVE),
-    (flying(heartbeat=Heartbeat(3, RTL, True, 4), errand=Errand(NOW_S, force=True)), Answer.RETURN),
-    (flying(**HOLDS_BY_ITSELF), Answer.WAIT),
-    (flying(**HOLDS_BY_ITSELF | {"mode_since_s": NOW_S - 15.0}), Answer.RETURN),
-    (flying(**HOLDS_BY_ITSELF | {"errand": Errand(NOW_S, force=True)}), Answer.RETURN),
-    (flying(cause=Cause.FAILSAFE), Answer.LEAVE),
-    (flying(fix=at(age_s=3.0), errand=Errand(NOW_S)), Answer.RETURN),
-    (flying(fix=at(age_s=3.1), errand=Errand(NOW_S - 1.4)), Answer.WAIT),
-    (flying(fix=at(age_s=3.1), errand=Errand(NOW_S - 1.5)), Answer.RETURN),
-    (flying(fix=None, errand=Errand(NOW_S)), Answer.WAIT),
-    (flying(fix=NEAR_PAD), Answer.LAND),
-    (flying(fix=replace(at(east_m=6.1), velocity_m_s=(0.0, 0.0, 0.0))), Answer.RETURN),
-    (flying(fix=NEAR_PAD, waypoint=LAST), Answer.LEAVE),
-    (flying(fix=replace(NEAR_PAD, velocity_m_s=(0.0, 0.0, -0.31))), Answer.LEAVE),
-    (flying(fix=replace(NEAR_PAD, velocity_m_s=(0.0, 0.0, -0.3))), Answer.LAND),
-    (flying(waypoint=LAST), Answer.LEAVE),
+ADVICE: list[tuple[VehicleState, HomingAction]] = [
+    (flying(), HomingAction.RETURN),
+    (flying(cause=ModeCause.PERSON), HomingAction.LEAVE),
+    (flying(taken=Takeover(NOW_S)), HomingAction.LEAVE),
+    (flying(errand=HomingOrder(NOW_S, land=True)), HomingAction.LAND),
+    (flying(heartbeat=Heartbeat(3, RTL, True, 4)), HomingAction.LEAVE),
+    (flying(heartbeat=Heartbeat(3, RTL, True, 4), errand=HomingOrder(NOW_S, force=True)), HomingAction.RETURN),
+    (flying(**HOLDS_BY_ITSELF), HomingAction.WAIT),
+    (flying(**HOLDS_BY_ITSELF | {"mode_since_s": NOW_S - 15.0}), HomingAction.RETURN),
+    (flying(**HOLDS_BY_ITSELF | {"errand": HomingOrder(NOW_S, force=True)}), HomingAction.RETURN),
+    (flying(cause=ModeCause.FAILSAFE), HomingAction.LEAVE),
+    (flying(fix=at(age_s=3.0), errand=HomingOrder(NOW_S)), HomingAction.RETURN),
+    (flying(fix=at(age_s=3.1), errand=HomingOrder(NOW_S - 1.4)), HomingAction.WAIT),
+    (flying(fix=at(age_s=3.1), errand=HomingOrder(NOW_S - 1.5)), HomingAction.RETURN),
+    (flying(fix=None, errand=HomingOrder(NOW_S)), HomingAction.WAIT),
+    (flying(fix=NEAR_PAD), HomingAction.LAND),
+    (flying(fix=replace(at(east_m=6.1), velocity_m_s=(0.0, 0.0, 0.0))), HomingAction.RETURN),
+    (flying(fix=NEAR_PAD, waypoint=LAST), HomingAction.LEAVE),
+    (flying(fix=replace(NEAR_PAD, velocity_m_s=(0.0, 0.0, -0.31))), HomingAction.LEAVE),
+    (flying(fix=replace(NEAR_PAD, velocity_m_s=(0.0, 0.0, -0.3))), HomingAction.LAND),
+    (flying(waypoint=LAST), HomingAction.LEAVE),
 ]
 
 
 @pytest.mark.parametrize(("state", "answer"), ADVICE, ids=[f"{n}-{row[1].value}" for n, row in enumerate(ADVICE)])
-def test_what_to_do_about_one_that_should_come_home(state: VehicleState, answer: Answer) -> None:
-    assert advice(CONTEXT, state, NOW_S).answer is answer
+def test_what_to_do_about_one_that_should_come_home(state: VehicleState, answer: HomingAction) -> None:
+    assert advise_homing(CONTEXT, state, NOW_S).answer is answer
 
 
 OUT: list[tuple[dict[str, object], bool]] = [
@@ -255,27 +257,27 @@ OUT: list[tuple[dict[str, object], bool]] = [
 
 @pytest.mark.parametrize(("changes", "can"), OUT, ids=[str(number) for number in range(len(OUT))])
 def test_who_can_be_given_something(changes: dict[str, object], *, can: bool) -> None:
-    assert (survivor(CONTEXT, flying(**changes), NOW_S) is not None) is can
+    assert (build_survivor(CONTEXT, flying(**changes), NOW_S) is not None) is can
 
 
 def test_what_it_can_still_spend_leaves_the_reserve() -> None:
     """From 60 % with 15 % in reserve, less a percent for the rounding; landings are in the model's ways home."""
-    ground = survivor(CONTEXT, flying(stage=Stage.LANDED, battery=pack(60.0)), NOW_S)
+    ground = build_survivor(CONTEXT, flying(stage=Stage.LANDED, battery=pack(60.0)), NOW_S)
     assert ground is not None
     assert ground.budget_pct == pytest.approx(60.0 - 15.0 - 1.0)
     assert (ground.airborne, ground.tail, ground.kept, ground.start_m) == (False, (), 0, (0.0, 0.0))
-    air = survivor(CONTEXT, flying(battery=pack(60.0)), NOW_S)
+    air = build_survivor(CONTEXT, flying(battery=pack(60.0)), NOW_S)
     assert air is not None
     on_its_way_pct = (
-        projection.modelled_to_reach_pct(flying(), air.kept - 1) if air.kept > flying().assignment.waypoint else 0.0
+        projection.energy_to_reach_pct(flying(), air.kept - 1) if air.kept > flying().assignment.waypoint else 0.0
     )
     assert air.budget_pct == pytest.approx(60.0 - 15.0 - on_its_way_pct - 1.0)
     assert air.airborne
-    empty = survivor(CONTEXT, flying(battery=pack(10.0)), NOW_S)
+    empty = build_survivor(CONTEXT, flying(battery=pack(10.0)), NOW_S)
     assert empty is not None
     assert empty.budget_pct == 0.0
     # A full battery is not the budget: the site allows a route 75 %.
-    full = survivor(CONTEXT, flying(stage=Stage.LANDED, battery=pack(100.0)), NOW_S)
+    full = build_survivor(CONTEXT, flying(stage=Stage.LANDED, battery=pack(100.0)), NOW_S)
     assert full is not None
     assert full.budget_pct == pytest.approx(min(85.0 - 1.0, SETUP.budget_pct))
 
@@ -287,7 +289,7 @@ def left_over(*uncovered: int, **changes: object) -> FleetState:
 
 
 def test_who_is_heard_again_may_reach_what_the_last_re_plan_left_over() -> None:
-    after = heard_again(left_over(2, 3), flying(), NOW_S)
+    after = replan_for_regained_link(left_over(2, 3), flying(), NOW_S)
     assert (after.coverage.given_up, after.replanning.urgent, after.replanning.trigger_s) == (
         frozenset({5}),
         True,
@@ -309,4 +311,4 @@ def test_who_is_heard_again_may_reach_what_the_last_re_plan_left_over() -> None:
     ],
 )
 def test_nothing_is_planned_anew_for_who_changes_nothing(state: FleetState, one: VehicleState) -> None:
-    assert heard_again(state, one, NOW_S) == state
+    assert replan_for_regained_link(state, one, NOW_S) == state

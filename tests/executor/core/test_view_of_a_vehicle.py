@@ -12,8 +12,8 @@ from executor.core import view
 from executor.core.battery.account import BatteryState
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Gps, Wind
-from executor.core.parts import Cause, TakenOver
-from executor.core.state import Offer, Outlook
+from executor.core.parts import ModeCause, Takeover
+from executor.core.state import LossOutlook, TakeoffOffer
 from executor.core.vehicle import FaultCode, Stage, VehicleState
 from executor.core.view import (
     BatteryView,
@@ -37,13 +37,13 @@ from tests.executor.core.steps import (
 from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, at, flying
 
 CONTEXT = FLEET.context
-PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN)
-OPEN = Offer(("uav1",), (0, 2), 5.0)
+PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=ModeCause.PERSON, taken=TAKEN)
+OPEN = TakeoffOffer(("uav1",), (0, 2), 5.0)
 
 
 def seen(one: VehicleState, *names: str, **given: Any) -> Changes:
     """Return what is shown of uav1, all of it or only some."""
-    found = view.fleet_view(CONTEXT, flight_of(one, **given), NOW_S).vehicles[0]
+    found = view.build_fleet_view(CONTEXT, flight_of(one, **given), NOW_S).vehicles[0]
     return {one.name: getattr(found, one.name) for one in fields(found) if not names or one.name in names}
 
 
@@ -116,7 +116,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 excluded=True,
                 fault=BATTERY_FAULT,
             ),
-            outlook={"uav1": Outlook(NOW_S - 5.04, (3,))},
+            outlook={"uav1": LossOutlook(NOW_S - 5.04, (3,))},
             inspected={0: "uav1", 1: "uav2", 2: "uav1"},
             offer=OPEN,
         ),
@@ -164,7 +164,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what its loss would mean",
         lambda: [
-            seen(flying(**given), "loss", outlook={"uav1": Outlook(NOW_S - 5.04, uncovered)})["loss"]
+            seen(flying(**given), "loss", outlook={"uav1": LossOutlook(NOW_S - 5.04, uncovered)})["loss"]
             for given in ({}, {"stage": Stage.STARTING}, {"stage": Stage.RETURNING}, {"fault": BATTERY_FAULT})
             for uncovered in ((), (3,))
         ],
@@ -185,9 +185,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             seen(with_facts(PILOTS, taken=taken), "taken")["taken"]
             for taken in (
                 TAKEN,
-                TakenOver(NOW_S - 40.0),
-                TakenOver(NOW_S - 10.0, given_away=True),
-                TakenOver(NOW_S - 10.006, returned_s=5.0),
+                Takeover(NOW_S - 40.0),
+                Takeover(NOW_S - 10.0, given_away=True),
+                Takeover(NOW_S - 10.006, returned_s=5.0),
                 None,
             )
         ],

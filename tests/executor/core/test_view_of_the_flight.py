@@ -11,7 +11,7 @@ import pytest
 from executor.core import view
 from executor.core.commands import Level
 from executor.core.intents import Action, IntentRecord
-from executor.core.state import Offer, SaidLine, Separation
+from executor.core.state import ClosestApproach, OperatorLine, TakeoffOffer
 from executor.core.vehicle import VehicleState
 from executor.core.view import (
     IntentView,
@@ -29,17 +29,17 @@ from tests.executor.core.steps import (
 from tests.executor.core.vehicles import FLEET, NOW_S, flying
 
 CONTEXT = FLEET.context
-OPEN = Offer(("uav1",), (0, 2), 5.0)
+OPEN = TakeoffOffer(("uav1",), (0, 2), 5.0)
 
 
 def page(*vehicles: VehicleState, **given: Any) -> Changes:
     """Return what is shown of a flight, without its vehicles."""
-    found = view.fleet_view(CONTEXT, flight_of(*vehicles, **given), NOW_S + 0.004)
+    found = view.build_fleet_view(CONTEXT, flight_of(*vehicles, **given), NOW_S + 0.004)
     return {one.name: getattr(found, one.name) for one in fields(found) if one.name != "vehicles"}
 
 
-def lines(count: int) -> tuple[SaidLine, ...]:
-    return tuple(SaidLine(float(number), Level.INFO, str(number)) for number in range(count))
+def lines(count: int) -> tuple[OperatorLine, ...]:
+    return tuple(OperatorLine(float(number), Level.INFO, str(number)) for number in range(count))
 
 
 def wishes(count: int) -> dict[str, IntentRecord]:
@@ -82,7 +82,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             silent_since_s=5.0,
             recalled=True,
             finished=True,
-            separation=Separation(5.126, ("uav1", "uav2"), 5.0),
+            separation=ClosestApproach(5.126, ("uav1", "uav2"), 5.0),
             offer=OPEN,
         ),
         {

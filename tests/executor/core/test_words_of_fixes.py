@@ -11,8 +11,8 @@ FIXES = ["no GPS", "no fix", "2D", "3D", "DGPS", "RTK float", "RTK", "fix 7"]
 
 @pytest.mark.parametrize(("number", "name"), list(enumerate(FIXES)))
 def test_a_gps_fix_in_words(number: int, name: str) -> None:
-    assert words.gps(number, None) == name
-    assert words.gps(number, 0) == f"{name}, 0 sat"
+    assert words.format_gps_fix(number, None) == name
+    assert words.format_gps_fix(number, 0) == f"{name}, 0 sat"
 
 
 @pytest.mark.parametrize(
@@ -20,5 +20,5 @@ def test_a_gps_fix_in_words(number: int, name: str) -> None:
     [(0.0, "0:00"), (59.9, "0:59"), (60.0, "1:00"), (3599.0, "59:59"), (3600.0, "1:00:00"), (-0.1, "0:00")],
 )
 def test_a_time_in_words(seconds: float, shown: str) -> None:
-    assert words.minutes(seconds) == shown
-    assert words.since_take_off(seconds) == ("" if seconds < 0 else f"T+{shown}")
+    assert words.format_duration(seconds) == shown
+    assert words.format_flight_time(seconds) == ("" if seconds < 0 else f"T+{shown}")

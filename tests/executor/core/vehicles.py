@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
-from executor.core.battery.pack import Pack
-from executor.core.battery.sag import Sag
+from executor.core.battery.pack import PackState
+from executor.core.battery.sag import SagEstimate
 from executor.core.battery.voltage import VoltageState
 from executor.core.messages import Heartbeat
-from executor.core.own_words import failure_said
-from executor.core.parts import Fix, OnBoard
+from executor.core.own_words import parse_failure_text
+from executor.core.parts import OnboardMission, PositionFix
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import fleet_of, vehicle
 
@@ -25,9 +25,9 @@ OUT_THERE, ON_PAD = "49.60014, 15.60362 (GPS not reported)", "49.60014, 15.59947
 """Where `at` is, and the pad, in words."""
 
 
-def at(*, east_m: float = 300.0, up_m: float = 20.0, climbs_m_s: float = 0.0, age_s: float = 0.0) -> Fix:
+def at(*, east_m: float = 300.0, up_m: float = 20.0, climbs_m_s: float = 0.0, age_s: float = 0.0) -> PositionFix:
     heard_s = NOW_S - age_s
-    return Fix(heard_s, heard_s, (PAD_E + east_m, PAD_N), up_m, 450.0 + up_m, (3.0, 0.0, climbs_m_s))
+    return PositionFix(heard_s, heard_s, (PAD_E + east_m, PAD_N), up_m, 450.0 + up_m, (3.0, 0.0, climbs_m_s))
 
 
 def pack(*percents: float, apart_s: float = 1.0, age_s: float = 0.0, charge_state: int = 1) -> BatteryState:
@@ -35,7 +35,9 @@ def pack(*percents: float, apart_s: float = 1.0, age_s: float = 0.0, charge_stat
     state = BatteryState()
     for index, percent in enumerate(percents):
         reported_s = NOW_S - age_s - (len(percents) - 1 - index) * apart_s
-        state = account.with_remaining(account.drawn(state, 0.036 * apart_s), percent, charge_state, reported_s)
+        state = account.apply_remaining_report(
+            account.add_modelled_use(state, 0.036 * apart_s), percent, charge_state, reported_s
+        )
     return state
 
 
@@ -54,9 +56,9 @@ def volts(voltage_v: float = 15.0, usual_v: float = 15.2, age_s: float = 0.0, **
     return VoltageState(**(told | changes))  # type: ignore[arg-type]
 
 
-def nearly_empty() -> Pack:
+def nearly_empty() -> PackState:
     """Return a pack whose four cells rest at 3.65 V under their load."""
-    return Pack(sag=Sag(14.5, 0.02, 1e-4, 0.0, 1e-6, NOW_S, 20.0), loaded_s=NOW_S)
+    return PackState(sag=SagEstimate(14.5, 0.02, 1e-4, 0.0, 1e-6, NOW_S, 20.0), loaded_s=NOW_S)
 
 
 def flying(**changes: object) -> VehicleState:
@@ -79,7 +81,7 @@ def flying(**changes: object) -> VehicleState:
     return vehicle(FLEET, "uav1", **(healthy | changes))
 
 
-def mission() -> OnBoard:
+def mission() -> OnboardMission:
     """Return what it carries."""
     board = flying().assignment.board
     assert board is not None
@@ -92,5 +94,5 @@ LOW_TEXT = ("Battery Failsafe", NOW_S)
 
 def says(text: str, at_s: float = NOW_S, **changes: object) -> dict[str, object]:
     """Return what is known of a vehicle that said something of a failure, besides other changes."""
-    failed = failure_said(text, low_acts=True)
+    failed = parse_failure_text(text, low_acts=True)
     return {"alarm": (text, at_s), "failed": () if failed is None else ((failed, at_s),)} | changes

@@ -19,8 +19,8 @@ from executor.adapters.mqtt import client as connection
 from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived
 from executor.core.intents import Action, Intent
-from executor.core.view import fleet_view
-from executor.flight.broker import settings_of
+from executor.core.view import build_fleet_view
+from executor.flight.broker import read_mqtt_settings
 from executor.flight.mqtt import Publication
 from executor.site.tables.links import MqttTable
 from tests.brokers import KIND, RealBroker, running, slowed
@@ -56,10 +56,10 @@ class Published:
     def look(self) -> None:
         """Publish what has happened since it was looked at last."""
         for _, event in self.flight.events[self._events :]:
-            self.publication.applied(event, self.flight.state)
+            self.publication.publish_event(event, self.flight.state)
         for at_s, command in self.flight.commands[self._commands :]:
             if isinstance(command, Say):
-                self.publication.said(command, at_s)
+                self.publication.publish_line(command, at_s)
         self._events, self._commands = len(self.flight.events), len(self.flight.commands)
 
     def accept(self, intent: Intent) -> None:
@@ -80,15 +80,15 @@ class Published:
 
 @asynccontextmanager
 async def published(port: int, folder: Path) -> AsyncIterator[Published]:
-    settings = settings_of(MqttTable(port=port, telemetry_rate_hz=10.0), Path(), "site.toml", {})
+    settings = read_mqtt_settings(MqttTable(port=port, telemetry_rate_hz=10.0), Path(), "site.toml", {})
     assert settings is not None
     here = Published(Publication(settings, folder, SystemClock()))
-    here.publication.plan(0, first_plan_file())
+    here.publication.publish_plan(0, first_plan_file())
 
     def view() -> Any:
-        return fleet_view(here.flight.context, here.flight.state, here.flight.now_s)
+        return build_fleet_view(here.flight.context, here.flight.state, here.flight.now_s)
 
-    async with here.publication.running(view, here.accept, here.tell):
+    async with here.publication.run(view, here.accept, here.tell):
         yield here
 
 

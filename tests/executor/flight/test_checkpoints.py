@@ -25,7 +25,7 @@ from executor.core.vehicle import Stage
 from executor.flight import checkpoints, resume
 from executor.flight.checkpointing import Checkpointer
 from executor.flight.checkpoints import Checkpoint, Planned
-from executor.flight.run_start import beginning
+from executor.flight.run_start import read_run_start
 from tests.executor.builders import with_facts
 from tests.executor.flight.test_resume import Diary, launched, left, prepared
 from tests.fakes.disk import room_for
@@ -67,7 +67,7 @@ def logged(tmp_path_factory: pytest.TempPathFactory) -> Logged:
 
 def every_cut(run: Path) -> list[Checkpoint]:
     """Replay a log on our own, and keep what there is before every event from the launch on."""
-    begun, content = beginning(run), (run / LOG).read_bytes().splitlines(keepends=True)
+    begun, content = read_run_start(run), (run / LOG).read_bytes().splitlines(keepends=True)
     state, at_s, size, set_s = begun.state, 0.0, 0, 0.0
     solves: dict[int, Solve] = {}
     planned: list[Planned] = []
@@ -90,7 +90,7 @@ def every_cut(run: Path) -> list[Checkpoint]:
 
 
 def keep(run: Path, checkpoint: Checkpoint, name: str = FILES[0]) -> None:
-    (run / name).write_bytes(checkpoints.encoded(checkpoint, (run / "plan-000.json").read_bytes()))
+    (run / name).write_bytes(checkpoints.encode_checkpoint(checkpoint, (run / "plan-000.json").read_bytes()))
 
 
 def copied(run: Path, folder: Path) -> Path:
@@ -103,7 +103,7 @@ def copied(run: Path, folder: Path) -> Path:
     return target
 
 
-def alike(one: resume.Left, other: resume.Left) -> bool:
+def alike(one: resume.InterruptedRun, other: resume.InterruptedRun) -> bool:
     """Whether nothing that is done with them could differ."""
     return (one.state, one.last_s, one.lines, one.undone, one.head) == (
         other.state, other.last_s, other.lines, other.undone, other.head,
@@ -119,7 +119,7 @@ def test_what_is_read_is_what_was_written_at_every_place_of_a_flight(logged: Log
     assert states[-1].crew.intents
     for cut in logged.cuts:
         keep(run, cut)
-        found = checkpoints.newest(run, run / LOG)
+        found = checkpoints.find_newest_checkpoint(run, run / LOG)
         assert found.checkpoint == cut
         assert found.notes == ()
 
@@ -148,7 +148,7 @@ def test_state_that_a_flight_seldom_has_is_kept(logged: Logged, tmp_path: Path) 
     )
     state = with_facts(cut.state.put(vehicle), attempts={4: 2, 0: 1}, inferred=frozenset({3, 1}))
     keep(run, replace(cut, state=state))
-    found = checkpoints.newest(run, run / LOG).checkpoint
+    found = checkpoints.find_newest_checkpoint(run, run / LOG).checkpoint
     assert found is not None
     assert found.state == state
     assert list(found.state.coverage.attempts) == [4, 0]
@@ -158,7 +158,7 @@ def test_state_that_a_flight_seldom_has_is_kept(logged: Logged, tmp_path: Path) 
         found.state.vehicles["uav3"] = vehicle  # type: ignore[index]
 
 
-def spoilt(change: Callable[[Path, Checkpoint], object], logged: Logged, folder: Path) -> resume.Left:
+def spoilt(change: Callable[[Path, Checkpoint], object], logged: Logged, folder: Path) -> resume.InterruptedRun:
     """Return what is read where the newer of two checkpoints, or what it is about, was changed."""
     run = copied(logged.run, folder)
     keep(run, logged.cuts[100], FILES[1])
@@ -296,12 +296,12 @@ async def test_a_flight_is_taken_up_again_and_again(tmp_path: Path) -> None:
     for taken in ("", *itertools.islice(itertools.cycle(FILES), 4)):
         writer = Checkpointer(run, diary.log, 1.0, pytest.fail, taken)
         diary.note()
-        assert writer.due(flight.state, flight.now_s)
+        assert writer.is_due(flight.state, flight.now_s)
         writer.begin(flight.now_s, checkpoint_of(diary, flight))
-        assert not writer.due(flight.state, flight.now_s)
+        assert not writer.is_due(flight.state, flight.now_s)
         flight.pass_s(20.0)  # the flight goes on while it is being written
         await writer.settle()
-        assert not writer.due(flight.state, flight.now_s)
+        assert not writer.is_due(flight.state, flight.now_s)
         diary.note()
         diary.log.close()
         with (run / LOG).open("ab") as file:
@@ -364,18 +364,18 @@ async def test_a_disk_that_hangs_holds_up_one_thread(tmp_path: Path, monkeypatch
             writer.begin(flight.now_s, checkpoint_of(diary, flight))
             await writer.settle()
             flight.now_s += 60.0
-            assert not writer.due(flight.state, flight.now_s)
+            assert not writer.is_due(flight.state, flight.now_s)
         assert len(began) == 1
     finally:
         works.set()
     monkeypatch.setattr("executor.flight.checkpointing.DISK_S", 60.0)
     await writer.settle()
-    assert writer.due(flight.state, flight.now_s)
+    assert writer.is_due(flight.state, flight.now_s)
     diary.log.close()
 
 
 def test_before_the_launch_nothing_is_due(tmp_path: Path) -> None:
     run = prepared(tmp_path)
     log = EventLog(run / LOG, began_unix_s=0.0)
-    assert not Checkpointer(run, log, 1.0, pytest.fail).due(beginning(run).state, 100.0)
+    assert not Checkpointer(run, log, 1.0, pytest.fail).is_due(read_run_start(run).state, 100.0)
     log.close()

@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 
 from executor.core.commands import Upload
-from executor.core.context import Fencing
-from executor.core.fencing import fence_list, first_fences
+from executor.core.context import FenceRules
+from executor.core.fencing import build_first_fences, encode_fence
 from executor.core.messages import SendMissionCount
 from executor.errors import LogError, PreflightFailed, VehicleRefused
 from executor.flight import fencing
 from executor.flight.kept_lists import KeptList, ListStage, read_kept_lists
 from missions import MissionItem, MissionKind, dialect_for
-from missions.fences import Fence, place_differences
-from missions.items import Place
+from missions.fences import Fence, find_list_differences
+from missions.items import PlaceCommand
 from tests.executor.builders import fleet_of
 from tests.executor.flight.test_parameter_changes import Terminal
 from tests.fakes.clock import LoopClock
@@ -34,7 +34,7 @@ FENCE, RALLY = MissionKind.FENCE, MissionKind.RALLY
 
 def circle(radius_m: float) -> tuple[MissionItem, ...]:
     """Return a fence that somebody else has put on board."""
-    return (MissionItem(0, 0, Place.INCLUSION_CIRCLE, radius_m, x=496000000, y=156000000),)
+    return (MissionItem(0, 0, PlaceCommand.INCLUSION_CIRCLE, radius_m, x=496000000, y=156000000),)
 
 
 class Pads:
@@ -42,9 +42,9 @@ class Pads:
 
     def __init__(self, run: Path, autopilot: str, air: Air = CLEAN, *, seed: int = 0) -> None:
         ready = fleet_of({"uav1": (2,), "uav2": (4,)}, autopilot=autopilot)
-        self.context = replace(ready.context, fencing=Fencing(True, 20.0, 10.0, "keep", "pad"))
+        self.context = replace(ready.context, fencing=FenceRules(True, 20.0, 10.0, "keep", "pad"))
         self.boards, self.run, self.clock, self.console = ready.boards, run, LoopClock(), Terminal()
-        self.first = first_fences(self.context, ready.boards)
+        self.first = build_first_fences(self.context, ready.boards)
         self.vehicles = {name: FakeAutopilot(dialect_for(autopilot)) for name in self.context.vehicles}
         for vehicle in self.vehicles.values():
             vehicle.beside[FENCE].items = list(circle(5000.0))
@@ -54,11 +54,13 @@ class Pads:
         }
 
     async def put(self) -> None:
-        found = await fencing.read_all(self.context, self.links, self.clock)
-        await fencing.put_lists(self.run, self.context, self.links, self.clock, self.first, found, self.console)
+        found = await fencing.read_fences(self.context, self.links, self.clock)
+        await fencing.upload_wanted_lists(
+            self.run, self.context, self.links, self.clock, self.first, found, self.console
+        )
 
     async def give_back(self) -> tuple[KeptList, ...]:
-        return await fencing.give_lists_back(self.run, self.links, self.clock, self.console)
+        return await fencing.restore_kept_lists(self.run, self.links, self.clock, self.console)
 
     def close(self) -> None:
         for link in self.links.values():
@@ -70,7 +72,7 @@ class Pads:
     @property
     def as_before(self) -> bool:
         rally = all(not vehicle.beside[RALLY].items for vehicle in self.vehicles.values())
-        return rally and all(not place_differences(circle(5000.0), self.fence_of(name)) for name in self.vehicles)
+        return rally and all(not find_list_differences(circle(5000.0), self.fence_of(name)) for name in self.vehicles)
 
 
 @AUTOPILOTS
@@ -78,7 +80,7 @@ async def test_everybody_is_given_a_fence_and_gets_its_own_back(autopilot: str, 
     pads = Pads(tmp_path, autopilot)
     await pads.put()
     for name, fence in pads.first.items():
-        assert place_differences(fence_list(pads.context, fence), pads.fence_of(name)) == ()
+        assert find_list_differences(encode_fence(pads.context, fence), pads.fence_of(name)) == ()
         assert len(pads.vehicles[name].beside[RALLY].items) == 1
     assert {one.stage for one in read_kept_lists(tmp_path)} == {ListStage.SET}
     assert {one.stage for one in await pads.give_back()} == {ListStage.RESTORED}
@@ -94,7 +96,7 @@ async def test_bad_links_take_nothing_from_anybody(autopilot: str, seed: int, tm
     pads = Pads(tmp_path, autopilot, BAD, seed=seed)
     await pads.put()
     for _ in range(5):
-        if not any(one.open for one in await pads.give_back()):
+        if not any(one.is_open for one in await pads.give_back()):
             break
     assert pads.as_before
     pads.close()
@@ -119,7 +121,7 @@ async def test_who_is_armed_is_left_alone(autopilot: str, tmp_path: Path) -> Non
     await pads.put()
     pads.vehicles["uav2"].armed = True
     sent = len(pads.links["uav2"].of_kind(SendMissionCount))
-    open_ = {one.vehicle for one in await pads.give_back() if one.open}
+    open_ = {one.vehicle for one in await pads.give_back() if one.is_open}
     assert open_ == {"uav2"}
     assert len(pads.links["uav2"].of_kind(SendMissionCount)) == sent
     pads.vehicles["uav2"].armed = False
@@ -150,7 +152,9 @@ async def test_who_refuses_its_fence_is_not_flown(autopilot: str, tmp_path: Path
 async def test_a_second_attempt_gives_back_what_the_first_one_found(tmp_path: Path) -> None:
     pads = Pads(tmp_path, "ardupilot")
     await pads.put()
-    pads.first = {name: fence.with_(Fence(((0, 900), (0, 0), (900, 0)), 60.0)) for name, fence in pads.first.items()}
+    pads.first = {
+        name: fence.merge_with(Fence(((0, 900), (0, 0), (900, 0)), 60.0)) for name, fence in pads.first.items()
+    }
     await pads.put()
     await pads.give_back()
     assert pads.as_before
@@ -162,10 +166,10 @@ async def test_a_fence_that_was_widened_in_flight_is_ours(tmp_path: Path) -> Non
     await pads.put()
     board = pads.boards["uav1"]
     assert board is not None
-    wider = pads.first["uav1"].with_(Fence(((0.0, 0.0), (900.0, 0.0), (0.0, 900.0)), 60.0))
-    fencing.lists_noted(tmp_path, pads.context, Upload("uav1", 1, board.path, True, wider))
-    fencing.lists_noted(tmp_path, pads.context, Upload("uav2", 1, board.path, True))
-    pads.vehicles["uav1"].beside[FENCE].items = list(fence_list(pads.context, wider))
+    wider = pads.first["uav1"].merge_with(Fence(((0.0, 0.0), (900.0, 0.0), (0.0, 900.0)), 60.0))
+    fencing.record_wider_fence(tmp_path, pads.context, Upload("uav1", 1, board.path, True, wider))
+    fencing.record_wider_fence(tmp_path, pads.context, Upload("uav2", 1, board.path, True))
+    pads.vehicles["uav1"].beside[FENCE].items = list(encode_fence(pads.context, wider))
     await pads.give_back()
     assert pads.as_before
     pads.close()
@@ -180,7 +184,7 @@ async def test_a_record_that_cannot_be_read_is_said(tmp_path: Path) -> None:
 async def test_nothing_is_read_where_the_site_says_nothing_of_fences(tmp_path: Path) -> None:
     pads = Pads(tmp_path, "px4")
     pads.context = replace(pads.context, fencing=None)
-    assert await fencing.read_all(pads.context, pads.links, pads.clock) == {}
+    assert await fencing.read_fences(pads.context, pads.links, pads.clock) == {}
     assert all(link.sent == [] for link in pads.links.values())
     pads.close()
     await asyncio.sleep(0)

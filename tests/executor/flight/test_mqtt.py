@@ -17,7 +17,7 @@ from executor.core.seeing.assets import AssetView
 from executor.core.state import FleetState
 from executor.core.view import FleetView
 from executor.errors import SiteError
-from executor.flight.broker import Settings, settings_of
+from executor.flight.broker import MqttSettings, read_mqtt_settings
 from executor.flight.mqtt import Publication
 from executor.site.tables.links import MqttTable
 from tests.brokers import secured_in
@@ -28,8 +28,8 @@ DOCUMENT = (Path(__file__).parents[3] / "docs" / "mqtt.md").read_text(encoding="
 SECRETS = {"BROKER_USER": "crew", "BROKER_PASSWORD": "p4ss", "CREW_TOKEN": "t0ken"}
 
 
-def settings(base: Path = Path(), environment: dict[str, str] | None = None, **table: object) -> Settings:
-    made = settings_of(MqttTable.model_validate(table), base, "site.toml", environment or {})
+def settings(base: Path = Path(), environment: dict[str, str] | None = None, **table: object) -> MqttSettings:
+    made = read_mqtt_settings(MqttTable.model_validate(table), base, "site.toml", environment or {})
     assert made is not None
     return made
 
@@ -39,7 +39,7 @@ def documented(language: str) -> list[str]:
 
 
 def test_a_site_without_a_broker() -> None:
-    assert settings_of(None, Path(), "site.toml", {}) is None
+    assert read_mqtt_settings(None, Path(), "site.toml", {}) is None
 
 
 def test_the_documented_table(tmp_path: Path) -> None:
@@ -110,12 +110,12 @@ async def test_no_mistake_reaches_the_flight(tmp_path: Path) -> None:
     def assets() -> tuple[AssetView, ...]:
         raise ZeroDivisionError("a mistake")
 
-    publication.plan(0, first_plan_file())
-    async with publication.running(broken, lambda _: None, lambda *line: said.append(line), assets):
+    publication.publish_plan(0, first_plan_file())
+    async with publication.run(broken, lambda _: None, lambda *line: said.append(line), assets):
         for _ in range(3):
-            publication.applied(Tick(), FleetState({}))
-            publication.said(Say(Level.INFO, "a line"), 1.0)
-            publication.said(Say(Level.INFO, "another"), float("nan"))
+            publication.publish_event(Tick(), FleetState({}))
+            publication.publish_line(Say(Level.INFO, "a line"), 1.0)
+            publication.publish_line(Say(Level.INFO, "another"), float("nan"))
     assert said == [
         (Level.FAULT, "internal error in mqtt: ZeroDivisionError: a mistake"),
         (Level.WARNING, said[-1][1]),

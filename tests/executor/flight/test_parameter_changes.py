@@ -16,11 +16,11 @@ from executor.core.commands import Level
 from executor.core.context import Context
 from executor.core.messages import Outgoing, SendParamRequest, SendParamSet
 from executor.core.preflight.checks import Check, Severity
-from executor.core.preflight.parameters import ChangeStage, Kept
+from executor.core.preflight.parameters import ChangeStage, KeptParameter
 from executor.core.state import FleetState
 from executor.errors import LogError, PreflightFailed
 from executor.flight import parameter_changes
-from executor.flight.changed_parameters import parameters_report, read_kept, write_kept
+from executor.flight.changed_parameters import build_parameter_rows, read_kept_parameters, write_kept_parameters
 from executor.runtime.parameters import HEARD_S, ROUNDS
 from missions import dialect_for
 from tests.executor.builders import Fleet, fleet_of, site_of
@@ -50,7 +50,7 @@ class Terminal:
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
         self.lines.append(f"{level.value} {text}" if at_s is None else text)
 
-    def checks(self, found: Sequence[Check]) -> None:
+    def show_checks(self, found: Sequence[Check]) -> None:
         self.found += found
 
     def confirm(self, question: str) -> bool:
@@ -61,7 +61,7 @@ class Terminal:
 
     def show(self, context: Context, state: FleetState, now_s: float) -> None: ...
 
-    def done(self) -> None: ...
+    def stop_drawing(self) -> None: ...
 
 
 class Pads:
@@ -101,8 +101,8 @@ class Pads:
         proposal = await parameter_changes.read_changes(context, self.links, self.clock)
         return await parameter_changes.apply_changes(self.run, proposal, context, self.links, self.clock, self.console)
 
-    async def give_back(self) -> tuple[Kept, ...]:
-        return await parameter_changes.give_back(self.run, self.links, self.clock, self.console)
+    async def give_back(self) -> tuple[KeptParameter, ...]:
+        return await parameter_changes.restore_kept_parameters(self.run, self.links, self.clock, self.console)
 
     async def give_back_at_last(self) -> None:
         """Give back as often as a crew would have to."""
@@ -139,8 +139,8 @@ async def test_a_flight_and_its_end(autopilot: str, tmp_path: Path) -> None:
     assert first["new"] == pads.on_board[0][first["name"]]
     kept = await pads.give_back()
     assert pads.as_before
-    assert all(row.restored for row in parameters_report(kept))
-    assert {one.stage for one in read_kept(tmp_path) or ()} == {ChangeStage.RESTORED}
+    assert all(row.restored for row in build_parameter_rows(kept))
+    assert {one.stage for one in read_kept_parameters(tmp_path) or ()} == {ChangeStage.RESTORED}
     [said] = [line for line in pads.console.lines if "uav1" in line]
     assert said.startswith("info uav1: RTL_")
     assert said.endswith(" restored")
@@ -154,15 +154,15 @@ async def test_a_flight_and_its_end(autopilot: str, tmp_path: Path) -> None:
 async def test_looking_changes_nothing(autopilot: str, tmp_path: Path) -> None:
     pads = Pads(tmp_path, autopilot)
     proposal = await parameter_changes.read_changes(pads.fleet.context, pads.links, pads.clock)
-    assert parameter_changes.lines(proposal)
-    assert all(" -> " in line for line in parameter_changes.lines(proposal))
+    assert parameter_changes.describe_parameter_changes(proposal)
+    assert all(" -> " in line for line in parameter_changes.describe_parameter_changes(proposal))
     assert (
-        parameter_changes.changes_question(proposal)
+        parameter_changes.compose_changes_question(proposal)
         == f"Change {len(proposal.changes)} parameters on board until the flight is over?"
     )
     assert pads.sets() == []
     assert pads.as_before
-    assert read_kept(tmp_path) is None
+    assert read_kept_parameters(tmp_path) is None
     pads.close()
 
 
@@ -191,7 +191,7 @@ async def test_killed_at_every_step(autopilot: str, tmp_path: Path) -> None:
         pads.connect(CLEAN)
         await pads.give_back()
         assert pads.as_before, f"killed at step {steps}"
-        assert parameter_changes.still_open(run) == []
+        assert parameter_changes.find_open_changes(run) == []
         pads.close()
         steps += 1
     assert steps >= 8
@@ -213,7 +213,7 @@ async def test_any_loss_disorder_and_death(autopilot: str, seed: int, tmp_path: 
     await pads.give_back_at_last()
     await asyncio.sleep(5.0)
     assert pads.as_before, pads.console.lines
-    assert parameter_changes.still_open(tmp_path) == []
+    assert parameter_changes.find_open_changes(tmp_path) == []
     pads.close()
 
 
@@ -247,7 +247,7 @@ async def test_a_flight_again_in_the_same_directory_gives_back_the_oldest_value(
     pads.lines_up(42.0)
     pads.connect(CLEAN)
     await pads.apply()
-    assert {one.earlier for one in read_kept(tmp_path) or () if one.name == "RTL_RETURN_ALT"} != {()}
+    assert {one.earlier for one in read_kept_parameters(tmp_path) or () if one.name == "RTL_RETURN_ALT"} != {()}
     await pads.give_back()
     assert pads.as_before
     pads.close()
@@ -261,7 +261,7 @@ async def test_killed_before_the_second_attempt_has_set_anything(tmp_path: Path)
     pads.connect(CLEAN)
     assert await died(pads, pads.apply, 4), "after it has asked for two parameters of two vehicles"
     pads.connect(CLEAN)
-    assert {one.stage for one in read_kept(tmp_path) or () if one.name == "RTL_ALT"} == {ChangeStage.PLANNED}
+    assert {one.stage for one in read_kept_parameters(tmp_path) or () if one.name == "RTL_ALT"} == {ChangeStage.PLANNED}
     await pads.give_back()
     assert pads.as_before, pads.console.lines
     pads.close()
@@ -348,7 +348,7 @@ async def test_what_somebody_set_since_is_left(tmp_path: Path) -> None:
     pads.vehicles["uav1"].parameters["RTL_ALT"] = 4000.0
     await pads.give_back()
     assert pads.vehicles["uav1"].parameters == {**pads.before, "RTL_ALT": 4000.0}
-    assert {one.name: one.stage for one in read_kept(tmp_path) or ()} == {
+    assert {one.name: one.stage for one in read_kept_parameters(tmp_path) or ()} == {
         "RTL_ALT": ChangeStage.LEFT, "RTL_CONE_SLOPE": ChangeStage.RESTORED,
     }  # fmt: skip
     assert pads.console.lines[-2] == (
@@ -362,7 +362,7 @@ async def test_a_vehicle_that_does_not_take_its_layer_does_not_fly(tmp_path: Pat
     pads.vehicles["uav1"].stubborn.add("RTL_ALT")
     with pytest.raises(PreflightFailed, match=r"uav1: RTL altitude stays 12.2 m \(RTL_ALT\), not the .* RTL_ALT stays"):
         await pads.apply()
-    assert {one.name: one.stage for one in read_kept(tmp_path) or ()} == {
+    assert {one.name: one.stage for one in read_kept_parameters(tmp_path) or ()} == {
         "RTL_ALT": ChangeStage.PLANNED, "RTL_CONE_SLOPE": ChangeStage.SET,
     }  # fmt: skip
     pads.vehicles["uav1"].stubborn = {"RTL_CONE_SLOPE"}
@@ -375,7 +375,7 @@ async def test_a_vehicle_that_does_not_take_its_layer_does_not_fly(tmp_path: Pat
 async def test_another_vehicle_with_that_number_is_not_touched(tmp_path: Path) -> None:
     pads = Pads(tmp_path, "ardupilot", names=1)
     await pads.apply()
-    write_kept(tmp_path, [replace(one, autopilot="px4") for one in read_kept(tmp_path) or ()])
+    write_kept_parameters(tmp_path, [replace(one, autopilot="px4") for one in read_kept_parameters(tmp_path) or ()])
     await pads.give_back()
     assert "is another vehicle now: its autopilot is 3, expected px4" in pads.console.lines[-2]
     assert not pads.as_before
@@ -391,11 +391,11 @@ async def test_a_record_that_cannot_be_kept_up_gives_everything_back_all_the_sam
     assert [line for line in pads.console.lines if "cannot be written" in line] == [
         f"warning {tmp_path / 'parameters.json'}: cannot be written: File too large"
     ]
-    assert parameter_changes.still_open(tmp_path), "the record says less than there is"
+    assert parameter_changes.find_open_changes(tmp_path), "the record says less than there is"
     sent = len(pads.sets())
     await pads.give_back()
     assert len(pads.sets()) == sent, "and asking again finds that nothing is left to do"
-    assert parameter_changes.still_open(tmp_path) == []
+    assert parameter_changes.find_open_changes(tmp_path) == []
     pads.close()
 
 
@@ -414,7 +414,9 @@ async def test_interrupted_while_it_gives_back_it_says_what_stays(tmp_path: Path
 
 
 async def test_a_directory_with_the_record_of_other_vehicles_is_not_flown_from(tmp_path: Path) -> None:
-    write_kept(tmp_path, [Kept("uav9", 9, "px4", "RTL_RETURN_ALT", 30.0, 60.0, 9, "m", "", ChangeStage.SET)])
+    write_kept_parameters(
+        tmp_path, [KeptParameter("uav9", 9, "px4", "RTL_RETURN_ALT", 30.0, 60.0, 9, "m", "", ChangeStage.SET)]
+    )
     with pytest.raises(LogError, match=r"parameters.json: uav9 \(system 9\) has not got its RTL_RETURN_ALT back"):
         parameter_changes.check_run(tmp_path, site_of(("uav1",)))
     parameter_changes.check_run(tmp_path, site_of(tuple(f"uav{number}" for number in range(1, 10))))

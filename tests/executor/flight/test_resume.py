@@ -17,24 +17,24 @@ from pymavlink.dialects.v20 import common
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, read_decisions, read_events, to_plain
-from executor.adapters.run_directory import RunDirectory, keep_site, locked, write_json
-from executor.analysis.learned import document_of, learned_of, read_learned
+from executor.adapters.run_directory import RunDirectory, lock_run_directory, write_json, write_site
+from executor.analysis.learned import build_learned_document, learn_from_flight, read_learned
 from executor.cli.main import main
 from executor.core.battery.kalman import Prior
 from executor.core.commands import Level, Say, Start
 from executor.core.context import Context
 from executor.core.events import Event
-from executor.core.learning import Known, PaceEstimate
+from executor.core.learning import KnownVehicle, PaceEstimate
 from executor.core.preflight.checks import Check
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage
 from executor.errors import LogError
 from executor.flight import resume
-from executor.flight.run_start import beginning
-from executor.replay.run import rerun
+from executor.flight.run_start import read_run_start
+from executor.replay.run import replay_run
 from executor.site import assembly
 from executor.site.config import read_site
-from missions import Solved, make_plan_file, write_plan
+from missions import SolverRecord, make_plan_file, write_plan
 from planner import Cost, Plan, Route
 from tests.e2e.flights import site_file
 from tests.fakes.flight import Story
@@ -48,12 +48,13 @@ def prepared(folder: Path) -> Path:
     path, _ = site_file(folder, pylons=6, vehicles=2, speedup=SPEEDUP)
     site, run = read_site(path), folder / "run"
     run.mkdir()
-    ground = assembly.ground_of(site, folder)
+    ground = assembly.load_site_model(site, folder)
     plan = make_plan_file(
-        ground.network, assembly.task_of(ground), ground.travel, Plan((Route(0, (0, 2)), Route(1, (4, 6, 8))), ()),
-        Cost.MINMAX, Solved("search", 1, 0.1), inspection=ground.inspection,
+        ground.network, assembly.build_first_task(ground), ground.travel,
+        Plan((Route(0, (0, 2)), Route(1, (4, 6, 8))), ()),
+        Cost.MINMAX, SolverRecord("search", 1, 0.1), inspection=ground.inspection,
     )  # fmt: skip
-    keep_site(run, site.model_dump(exclude_none=True, mode="json"), {("network", "file"): folder / "line.yaml"})
+    write_site(run, site.model_dump(exclude_none=True, mode="json"), {("network", "file"): folder / "line.yaml"})
     write_plan(run / "plan-000.json", plan)
     write_json(run / "vehicles.json", {"vehicles": []})
     return run
@@ -85,7 +86,7 @@ class Diary:
 
 def launched(run: Path) -> tuple[Story, Diary]:
     """A flight that has just been launched, and writes its log."""
-    begun = beginning(run)
+    begun = read_run_start(run)
     diary = Diary(EventLog(run / "events.jsonl", began_unix_s=time.time() - 60.0, speedup=SPEEDUP))
     boards = {name: vehicle.assignment.board for name, vehicle in begun.state.vehicles.items()}
     flight = Story(begun.context, boards, sink=diary)
@@ -94,9 +95,9 @@ def launched(run: Path) -> tuple[Story, Diary]:
     return flight, diary
 
 
-def left(run: Path) -> resume.Left:
-    found = resume.read_left(run)
-    assert isinstance(found, resume.Left)
+def left(run: Path) -> resume.InterruptedRun:
+    found = resume.read_interrupted_run(run)
+    assert isinstance(found, resume.InterruptedRun)
     return found
 
 
@@ -119,7 +120,7 @@ def test_the_state_from_the_log_is_the_state_that_was(tmp_path: Path) -> None:
     assert found.state == flight.state
     assert found.last_s == flight.now_s
     assert (found.notes, found.undone) == ((), ())
-    assert "with 1 of 5 segments inspected: uav1 flying, uav2 flying" in resume.how_it_was_left(found)[-1]
+    assert "with 1 of 5 segments inspected: uav1 flying, uav2 flying" in resume.describe_interrupted_run(found)[-1]
 
 
 def test_what_was_learned_in_flight_is_learned_again_from_its_log(tmp_path: Path) -> None:
@@ -130,9 +131,9 @@ def test_what_was_learned_in_flight_is_learned_again_from_its_log(tmp_path: Path
     diary.log.close()
     learned = {name: one.assignment.learned for name, one in flight.state.vehicles.items()}
     assert all(one is not None and one.inspect.legs > 0 and one.transit.legs > 0 for one in learned.values())
-    again = rerun(run)
+    again = replay_run(run)
     assert {name: one.assignment.learned for name, one in again.state.vehicles.items()} == learned
-    documents = [learned_of(flight.context, state, {}, "2026-01-02") for state in (flight.state, again.state)]
+    documents = [learn_from_flight(flight.context, state, {}, "2026-01-02") for state in (flight.state, again.state)]
     assert documents[0] == documents[1]
     assert [row.name for row in documents[0].vehicles] == ["uav1", "uav2"]
 
@@ -142,14 +143,14 @@ async def test_a_flight_that_is_taken_up_leaves_what_it_taught(tmp_path: Path) -
     """Against what it began with: the flight before said that uav1 is slow and thirsty."""
     run = prepared(tmp_path)
     slow, unsure = PaceEstimate(1.2, 0.02**2, 40), Prior(1.1, 0.05)
-    known = Known(slow, slow, unsure, 30.0, "ardupilot", "Mavic 3")
-    document_of({"uav1": known}, "2026-01-02").write(RunDirectory(run).learned_before)
+    known = KnownVehicle(slow, slow, unsure, 30.0, "ardupilot", "Mavic 3")
+    build_learned_document({"uav1": known}, "2026-01-02").write(RunDirectory(run).learned_before)
     finished(run)
     assert not RunDirectory(run).learned.exists()
-    assert (await resume.take_up(run, Watchful())).report.finished
+    assert (await resume.resume_flight(run, Watchful())).report.finished
     kept = read_learned(RunDirectory(run).learned)
     before = left(run)
-    assert kept.vehicles == learned_of(before.begun.context, before.state, {"uav1": known}, kept.date).vehicles
+    assert kept.vehicles == learn_from_flight(before.begun.context, before.state, {"uav1": known}, kept.date).vehicles
     rows = {row.name: row for row in kept.vehicles}
     # The legs of both flights; today it was not slow, which is believed as far as another day may be another one.
     assert rows["uav1"].inspect.legs == 40 + 2
@@ -167,7 +168,7 @@ def test_what_was_decided_and_not_carried_out_is_known(tmp_path: Path) -> None:
     assert all(vehicle.stage is Stage.STARTING for vehicle in found.state.vehicles.values())
     log = EventLog(run / "events.jsonl")
     for command in found.undone:
-        resume._note(log, command, found.last_s)
+        resume._note_undone_command(log, command, found.last_s)
     log.close()
     assert len(list(read_decisions(run / "events.jsonl"))) == 2
     assert left(run).undone == ()
@@ -196,8 +197,8 @@ def test_a_flight_that_was_never_launched_begins_from_its_beginning(tmp_path: Pa
         EventLog(run / "events.jsonl", began_unix_s=0.0, speedup=SPEEDUP).close()
     elif content is not None:
         (run / "events.jsonl").write_bytes(content)
-    found = resume.read_left(run)
-    assert isinstance(found, resume.Ready)
+    found = resume.read_interrupted_run(run)
+    assert isinstance(found, resume.UnlaunchedRun)
     assert found.ground.names == ("uav1", "uav2")
 
 
@@ -234,22 +235,22 @@ def test_without_a_yes_nobody_is_told_anything(tmp_path: Path, capsys: pytest.Ca
 
 def test_one_process_flies_a_directory(tmp_path: Path) -> None:
     with (
-        locked(tmp_path),
+        lock_run_directory(tmp_path),
         pytest.raises(LogError, match="another faultline flies this directory already"),
-        locked(tmp_path),
+        lock_run_directory(tmp_path),
     ):
         pass
-    with locked(tmp_path):
+    with lock_run_directory(tmp_path):
         pass
 
 
 @pytest.mark.parametrize(("began_ago_s", "last_s", "expected_s"), [(60.0, 100.0, 600.0), (-3600.0, 100.0, 100.0)])
 def test_time_goes_on_and_never_goes_back(began_ago_s: float, last_s: float, expected_s: float) -> None:
     """At ten times real time; the second clock was set back by an hour while the ground station was dead."""
-    clock = SystemClock.again(SPEEDUP, time.time() - began_ago_s, last_s)
+    clock = SystemClock.resume(SPEEDUP, time.time() - began_ago_s, last_s)
     assert clock.now_s() == pytest.approx(expected_s, abs=20.0)
     assert clock.now_s() >= last_s
-    assert clock.dated_s() * 1e6 >= (time.time() - began_ago_s) * 1e6
+    assert clock.steady_unix_s() * 1e6 >= (time.time() - began_ago_s) * 1e6
 
 
 def test_a_clock_that_was_set_in_the_flight_is_reckoned_with(tmp_path: Path) -> None:
@@ -259,7 +260,7 @@ def test_a_clock_that_was_set_in_the_flight_is_reckoned_with(tmp_path: Path) -> 
     diary.log.note(5.0, clock_set_s=-3600.0)
     found = left(run)
     assert found.legacy.set_s == -3600.0
-    clock = SystemClock.again(SPEEDUP, time.time() - 60.0 + 3600.0, found.last_s, found.legacy.set_s)
+    clock = SystemClock.resume(SPEEDUP, time.time() - 60.0 + 3600.0, found.last_s, found.legacy.set_s)
     assert clock.now_s() == pytest.approx(600.0, abs=20.0)
 
 
@@ -272,7 +273,7 @@ class Watchful:
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
         self.said.append(text)
 
-    def checks(self, found: Sequence[Check]) -> None:
+    def show_checks(self, found: Sequence[Check]) -> None:
         """Nothing is checked here."""
 
     def confirm(self, question: str) -> bool:
@@ -284,7 +285,7 @@ class Watchful:
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
         """Nobody looks."""
 
-    def done(self) -> None:
+    def stop_drawing(self) -> None:
         """Nothing is drawn."""
 
 
@@ -319,7 +320,7 @@ async def test_the_vehicles_hear_our_heartbeat_before_the_log_is_read(
     async with AsyncExitStack() as stack:
         peers = [await stack.enter_async_context(peer(port, sysid)) for sysid, port in enumerate(ports, start=1)]
         console = Watchful()
-        taking = asyncio.create_task(resume.take_up(run, console))
+        taking = asyncio.create_task(resume.resume_flight(run, console))
         async with asyncio.timeout(PATIENCE_S):
             await asyncio.gather(*(one.answered.wait() for one in peers))
         assert not taking.done()
@@ -355,7 +356,7 @@ async def test_a_flight_that_cannot_be_published_here_is_taken_up_all_the_same(
     finished(run)
     monkeypatch.setitem(sys.modules, "aiomqtt", None)
     console = Watchful()
-    assert (await resume.take_up(run, console)).report.finished
+    assert (await resume.resume_flight(run, console)).report.finished
     why = f"[mqtt] in {run / 'site.toml'} needs the extra mqtt: pip install aiomqtt"
     assert console.said[0] == f"{why}; the flight goes on unpublished"
 

@@ -16,13 +16,13 @@ from executor.adapters.clock import SystemClock
 from executor.core.check_codes import CheckCode
 from executor.core.context import Context
 from executor.core.preflight import failsafes
-from executor.core.preflight.checks import Check, Facts, Severity
-from executor.flight.flight_order import Order
+from executor.core.preflight.checks import Check, Severity, VehicleFacts
+from executor.flight.flight_order import FlightRequest
 from executor.flight.parameter_changes import apply_changes, read_changes
-from executor.flight.preparing import examined, interviews, load_all
-from executor.runtime.flight import keep_heartbeat
+from executor.flight.preparing import build_context_and_checklist, interview_vehicles, upload_first_missions
+from executor.runtime.flight import send_heartbeats
 from executor.simulated.fleet import fleet_of
-from executor.virtual.flight import Quiet
+from executor.virtual.flight import SilentConsole
 from executor.virtual.loop import run_virtual
 from executor.virtual.radio import MemoryRadio
 from missions import dialect_for
@@ -82,7 +82,7 @@ class SharedRadio:
         self.items: Counter[tuple[str, int]] = Counter()
         """How often each item of a mission was sent."""
         for end in self._ends.values():
-            end.spare()
+            end.stop_unread_streams()
 
     def _send(self, name: str, frame: bytes) -> None:
         if int.from_bytes(frame[7:10], "little") == MISSION_ITEM_INT:
@@ -95,7 +95,7 @@ class SharedRadio:
         for name, vehicle in self.vehicles.items():
             vehicle.advance(now_s)
             self._carry(name)
-        for frame in self._air.due(now_s):
+        for frame in self._air.take_due(now_s):
             assert isinstance(frame, _Frame)
             if frame.up:
                 self.vehicles[frame.name].receive(frame)
@@ -112,7 +112,7 @@ class SharedRadio:
 class Prepared:
     """All that is known before a take-off."""
 
-    facts: Mapping[str, Facts]
+    facts: Mapping[str, VehicleFacts]
     context: Context
     found: list[Check]
     radio: SharedRadio
@@ -130,7 +130,7 @@ def prepared(
 ) -> Prepared:
     """Return three vehicles after their checklist, with their RTL heights set and their missions on board."""
     ground = short_ground(folder, 3, autopilot)
-    order = Order(ground.site, folder, ground, shared(ground), folder, lambda _: ())
+    order = FlightRequest(ground.site, folder, ground, shared(ground), folder, lambda _: ())
 
     async def prepare() -> Prepared:
         clock = SystemClock(1.0, 0.0, 0.0, asyncio.get_running_loop().time, (0.0, 0.0))
@@ -141,15 +141,15 @@ def prepared(
             vehicle.autopilot.params.hidden |= {*lacks}
             vehicles[one.name] = (vehicle, one.sysid)
         radio = SharedRadio(vehicles, replace(condition))
-        tasks = [asyncio.create_task(_live(radio)), asyncio.create_task(keep_heartbeat(radio.links, clock))]
+        tasks = [asyncio.create_task(_live(radio)), asyncio.create_task(send_heartbeats(radio.links, clock))]
         try:
-            facts = await interviews(order, radio.links, clock, Quiet())
-            context, boards, found = examined(order, facts)
+            facts = await interview_vehicles(order, radio.links, clock, SilentConsole())
+            context, boards, found = build_context_and_checklist(order, facts)
             proposal = await read_changes(context, radio.links, clock)
             found += proposal.checks
             if not any(check.severity is Severity.STOP for check in found):
-                found += await apply_changes(folder, proposal, context, radio.links, clock, Quiet())
-                await load_all(context, radio.links, clock, boards, Quiet())
+                found += await apply_changes(folder, proposal, context, radio.links, clock, SilentConsole())
+                await upload_first_missions(context, radio.links, clock, boards, SilentConsole())
             return Prepared(facts, context, found, radio)
         finally:
             for task in tasks:
@@ -197,7 +197,7 @@ def test_who_answers_no_question_does_not_fly(autopilot: str, tmp_path: Path) ->
     """Nobody knows whether it is the radio: what its failsafes do, what fences it has, and where its RTL leads."""
     names = defaults_for(SimVehicle("uav1", 1, AutopilotKind(autopilot), "udpin://127.0.0.1:1", 49.6, 15.6, 450.0), 5e3)
     mute = prepared(tmp_path, autopilot, SLOW, {}, *names)
-    asked = len(failsafes.names(dialect_for(autopilot)))
+    asked = len(failsafes.list_preflight_parameters(dialect_for(autopilot)))
     assert all((len(facts.unread), facts.parameters) == (asked, {}) for facts in mute.facts.values())
     codes = {check.code for check in mute.found if check.severity is Severity.STOP}
     assert {CheckCode.LINK_FAILSAFE, CheckCode.BATTERY_FAILSAFE, CheckCode.GEOFENCE, CheckCode.RTL_ALTITUDE} <= codes

@@ -17,12 +17,12 @@ from executor.adapters.clock import SystemClock, steady_s
 from executor.adapters.mavlink.endpoints import open_mavlink_links
 from executor.core.commands import Level
 from executor.core.messages import Heartbeat, Message
-from executor.core.ports import LinkOrder
+from executor.core.ports import LinkRequest
 from executor.flight import together
-from executor.flight.together import slower, time_of
+from executor.flight.together import describe_slow_host, follow_fleet_time
 from executor.runtime import turns
 from executor.runtime.procedures import wait_for
-from executor.simulated.demo_site import demo_site
+from executor.simulated.demo_site import build_demo_site
 from executor.simulated.fleet import fleet_of
 from executor.site import assembly
 from executor.site.config import Site, check_site
@@ -45,14 +45,14 @@ class Lines:
 
 
 def site_at(speedup: float) -> Site:
-    content = demo_site(network=None, radius_m=400, vehicles=2, speedup=speedup, autopilot="ardupilot")
+    content = build_demo_site(network=None, radius_m=400, vehicles=2, speedup=speedup, autopilot="ardupilot")
     return check_site(content, "demo")
 
 
 @contextmanager
 def simulated(site: Site) -> Iterator[list[float]]:
     """Fly the site's fleet in a thread of its own; yields pauses that it is to make, in real seconds."""
-    ground = assembly.ground_of(site, Path())
+    ground = assembly.load_site_model(site, Path())
     fleet = fleet_of(ground, speedup=site.flight.speedup, faults=(), seed=0, wind=1.0, failsafe=True)
     pauses: list[float] = []
     over = threading.Event()
@@ -90,9 +90,9 @@ class Seen:
 async def stalled(site: Site, lines: Lines, pauses: list[float]) -> Seen:
     """Fly beside the fleet, and stand still three times: twice ourselves, once the fleet."""
     seen, last_s = Seen(), list[float]()
-    async with time_of(site, lines) as found:
-        clock = SystemClock.beside(site.flight.speedup, found.steady)
-        order = LinkOrder(site.vehicle[0].link, site.vehicle[0].sysid)
+    async with follow_fleet_time(site, lines) as found:
+        clock = SystemClock.start_on(site.flight.speedup, found.steady)
+        order = LinkRequest(site.vehicle[0].link, site.vehicle[0].sysid)
         async with open_mavlink_links({"uav1": order}) as links:
 
             def heard(message: Message) -> None:
@@ -120,7 +120,7 @@ def test_a_stall_of_either_is_no_time_of_the_flight(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(together, "WINDOW_S", 0.3)
     site, lines = site_at(SPEEDUP), Lines()
     with simulated(site) as pauses:
-        seen = turns.run(stalled(site, lines, pauses))
+        seen = turns.run_on_fair_loop(stalled(site, lines, pauses))
     assert max(seen.passed_s) < 1.0, "of eight seconds each"
     assert max(seen.silences_s) < 2.0, "a HEARTBEAT a second"
     assert len(lines.lines) == 1
@@ -139,25 +139,25 @@ def test_without_a_common_time_the_same_stalls_are_silences() -> None:
 
 def test_real_time_is_the_computers() -> None:
     async def look() -> None:
-        async with time_of(site_at(1.0), Lines()) as found:
+        async with follow_fleet_time(site_at(1.0), Lines()) as found:
             assert found.steady is steady_s
             assert found.date_unix_s() is None
 
-    turns.run(look())
+    turns.run_on_fair_loop(look())
 
 
 def test_without_a_fleet_of_ours_the_time_is_the_computers() -> None:
     """A real autopilot in a simulation, or nobody yet."""
 
     async def look() -> None:
-        async with time_of(site_at(SPEEDUP), Lines()) as found:
+        async with follow_fleet_time(site_at(SPEEDUP), Lines()) as found:
             before_s, least_s, most_s = steady_s(), *(found.steady() for _ in range(2))
             after_s = steady_s()
             # Read between two looks at the computer's own, as slow as it may be.
             assert before_s <= least_s <= most_s <= after_s
             assert found.date_unix_s() is None
 
-    turns.run(look())
+    turns.run_on_fair_loop(look())
 
 
 def test_a_fleet_that_comes_later_and_ends_is_found_and_left(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -165,7 +165,7 @@ def test_a_fleet_that_comes_later_and_ends_is_found_and_left(monkeypatch: pytest
     site = site_at(SPEEDUP)
 
     async def look() -> None:
-        async with time_of(site, Lines()) as found:
+        async with follow_fleet_time(site, Lines()) as found:
             for _ in range(2):
                 with simulated(site):
                     await until(lambda: found.date_unix_s() is not None)
@@ -174,7 +174,7 @@ def test_a_fleet_that_comes_later_and_ends_is_found_and_left(monkeypatch: pytest
                     assert found.steady() > before_s
                 await until(lambda: found.date_unix_s() is None)
 
-    turns.run(look())
+    turns.run_on_fair_loop(look())
 
 
 async def until(so: Callable[[], bool]) -> None:
@@ -183,4 +183,7 @@ async def until(so: Callable[[], bool]) -> None:
 
 
 def test_what_the_crew_is_told() -> None:
-    assert slower(7.34, 20.0) == "host too slow: running at 7.3x instead of 20x real time; results are unaffected"
+    assert (
+        describe_slow_host(7.34, 20.0)
+        == "host too slow: running at 7.3x instead of 20x real time; results are unaffected"
+    )

@@ -10,7 +10,7 @@ import pytest
 
 from executor.adapters.clock import SystemClock
 from executor.core.commands import Level
-from executor.core.fleet import initial
+from executor.core.fleet import build_initial_state
 from executor.core.intents import Action, Intent, Outcome
 from executor.core.state import FleetState
 from executor.errors import SiteError
@@ -56,7 +56,7 @@ def flight_of(clock: SystemClock, launched_s: float | None = None) -> Flight:
     def nothing(*_: object) -> None:
         pass
 
-    state: FleetState = with_facts(initial(dict(ready.boards)), launched_s=launched_s)
+    state: FleetState = with_facts(build_initial_state(dict(ready.boards)), launched_s=launched_s)
     return Flight(ready.context, state, {}, clock, Nowhere(), FakeSolver(), Observer(nothing, nothing))
 
 
@@ -99,7 +99,7 @@ def test_a_token_that_is_missing_or_can_be_guessed(monkeypatch: pytest.MonkeyPat
 async def test_the_address_of_a_published_port_is_what_is_printed_and_answered_to() -> None:
     clock, lines, port = SystemClock(1.0), Lines(), free_port()
     table = WebTable(address="http://ground.example:8123/", port=port)
-    async with web.page_beside(table, flight_of(clock), clock, lines):
+    async with web.serve_page(table, flight_of(clock), clock, lines):
         assert lines.lines == ["page: http://ground.example:8123/"]
         async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}") as client:
             for name, status in (("ground.example:8123", 200), ("elsewhere.example:8123", 421)):
@@ -112,7 +112,7 @@ async def test_a_wish_goes_through_the_flights_own_loop(monkeypatch: pytest.Monk
     monkeypatch.setenv(VARIABLE, token)
     clock, lines = SystemClock(1.0), Lines()
     flight = flight_of(clock, launched_s=0.0)
-    async with web.page_beside(WebTable(token_env=VARIABLE), flight, clock, lines):
+    async with web.serve_page(WebTable(token_env=VARIABLE), flight, clock, lines):
         [line] = lines.lines
         assert line.endswith(f"/?token=${VARIABLE}")
         address = line.removeprefix("page: ").partition("?")[0]
@@ -137,12 +137,12 @@ async def test_before_the_take_off_it_shows_the_plan_and_refuses_every_wish() ->
     """The operator is being asked: nothing asked now, but the answer, may happen after the yes."""
     clock, lines = SystemClock(1.0), Lines()
     flight = flight_of(clock)
-    async with web.page_beside(WebTable(), flight, clock, lines):
+    async with web.serve_page(WebTable(), flight, clock, lines):
         routes, answer = await asyncio.to_thread(looked_at, lines.lines[0].removeprefix("page: "))
     assert routes == [[0, 1], [2, 3], [4, 5]]
     assert (answer.status_code, answer.json()["text"]) == (409, "the flight has not begun")
     assert flight.state.crew.intents["w1"].outcome is Outcome.REFUSED
-    flight.ask(Intent("w2", Action.ABORT, None, "terminal"))
+    flight.submit_intent(Intent("w2", Action.ABORT, None, "terminal"))
     assert flight.state.crew.intents["w2"].text == "the flight has not begun"
 
 
@@ -150,9 +150,9 @@ async def test_before_the_take_off_it_shows_the_plan_and_refuses_every_wish() ->
 async def test_a_port_that_is_taken_does_not_stop_a_flight() -> None:
     clock, lines = SystemClock(1.0), Lines()
     flight = flight_of(clock)
-    async with web.page_beside(WebTable(), flight, clock, lines):
+    async with web.serve_page(WebTable(), flight, clock, lines):
         port = int(lines.lines[0].rstrip("/").rpartition(":")[2])
-        async with web.page_beside(WebTable(port=port), flight, clock, lines):
+        async with web.serve_page(WebTable(port=port), flight, clock, lines):
             await asyncio.sleep(0)
     assert lines.lines[1].endswith("the flight goes on without its page")
 
@@ -166,7 +166,7 @@ async def test_a_page_that_is_not_installed_does_not_stop_a_flight(
     monkeypatch.setitem(sys.modules, missing, None)
     clock, lines = SystemClock(1.0), Lines()
     web.check_web(WebTable())
-    async with web.page_beside(WebTable(), flight_of(clock), clock, lines):
+    async with web.serve_page(WebTable(), flight_of(clock), clock, lines):
         await asyncio.sleep(0)
     assert lines.lines == ["the page needs the extra web: pip install starlette uvicorn; the flight goes on without it"]
 
@@ -175,5 +175,5 @@ async def test_a_page_that_is_not_installed_does_not_stop_a_flight(
 async def test_a_page_that_is_not_wanted_is_not_there() -> None:
     lines = Lines()
     clock = SystemClock(1.0)
-    async with web.page_beside(WebTable(enabled=False), flight_of(clock), clock, lines):
+    async with web.serve_page(WebTable(enabled=False), flight_of(clock), clock, lines):
         assert lines.lines == []

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from executor.cli.main import main
-from executor.images.exif import picture_files, read_picture
+from executor.images.exif import find_picture_files, read_picture
 from executor.images.matching import match_files
-from executor.images.store import index_of, read_index, write_index
-from executor.simulated.cards import Cards
+from executor.images.store import build_image_index, read_index, write_index
+from executor.simulated.cards import SimulatedCards
 from tests.stories.eyes import WIRED, Eyes
 from tests.stories.story import Story
 
@@ -34,11 +34,11 @@ async def flown(folder: Path, run: Path, **made: object) -> Eyes:
     await sky.fly()
     assert sky.flight is not None
     context = sky.flight.context
-    cards = Cards(folder, context.setup.network, BEGAN_S, **made)  # type: ignore[arg-type]
+    cards = SimulatedCards(folder, context.setup.network, BEGAN_S, **made)  # type: ignore[arg-type]
     for name, shots in sky.shots.items():
         for shot in shots:
             cards.write(name, shot)
-    write_index(run, index_of(context, sky.state, BEGAN_S))
+    write_index(run, build_image_index(context, sky.state, BEGAN_S))
     return sky
 
 
@@ -59,11 +59,11 @@ async def test_files_find_their_pictures(
     folder, run = tmp_path / "cards", tmp_path / "run"
     run.mkdir()
     sky = await flown(folder, run, ahead_s=ahead_s, places=places)
-    found = match_files(read_index(run), list(picture_files(folder)), folder)
+    found = match_files(read_index(run), list(find_picture_files(folder)), folder)
     assert not found.missing
     assert not found.strange
     assert not found.doubled
-    assert found.complete
+    assert found.is_complete
     assert {card.name: card.key for card in found.cards} == {
         "uav1-rgb": ("uav1", "rgb"), "uav2-rgb": ("uav2", "rgb"),
     }  # fmt: skip

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from executor.protocols.machine import Machine
+from executor.protocols.machine import DialogueMachine
 
 
-def unanswered(machine: Machine, now_s: float = 100.0) -> tuple[list[float], Machine]:
+def unanswered(machine: DialogueMachine, now_s: float = 100.0) -> tuple[list[float], DialogueMachine]:
     """Return when a dialogue speaks that nobody answers, and how it ends."""
     state, sent = machine.begin(now_s)
     spoken_s = [now_s] * len(sent)

@@ -8,7 +8,7 @@ from executor.core.messages import (
     SendMissionCount,
     SendMissionItem,
 )
-from executor.protocols.machine import Machine
+from executor.protocols.machine import DialogueMachine
 
 LATE = None
 
@@ -24,7 +24,7 @@ def words(sent: Outgoing) -> object:
             return sent
 
 
-def talk(machine: Machine, *heard: tuple[float, Message | str | None]) -> list[object]:
+def talk(machine: DialogueMachine, *heard: tuple[float, Message | str | None]) -> list[object]:
     """Return what is sent, and until when an answer is waited for, after each thing heard; how it ended at last."""
     machine, sent = machine.begin(100.0)
     found: list[object] = [(*map(words, sent), machine.deadline_s)]

@@ -14,7 +14,7 @@ from executor.core.messages import (
 )
 from executor.protocols import orders
 from executor.protocols.command import CommandDialogue
-from executor.protocols.machine import Accepted, BrokenOff, Rejected, TimedOut
+from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
 from tests.executor.core.steps import rounded
 from tests.executor.protocols.talks import LATE, late, talk
 
@@ -81,7 +81,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a command that is given up",
         lambda: talk(COMMAND, (101.0, GIVE_UP), (102.0, GIVE_UP), (103.0, CommandAck(400, 0)), (104.0, LATE)),
-        [(ARM, 101.0), (math.inf,), (math.inf,), (math.inf,), (math.inf,), BrokenOff()],
+        [(ARM, 101.0), (math.inf,), (math.inf,), (math.inf,), (math.inf,), Aborted()],
     ),
 ]
 

@@ -16,7 +16,7 @@ from executor.core.messages import (
     SendMissionRequestList,
 )
 from executor.protocols.download import DownloadDialogue
-from executor.protocols.machine import Accepted, BrokenOff, Rejected, TimedOut
+from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
 from missions import ARDUPILOT, encode
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import flying
@@ -120,7 +120,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             (math.inf,),
             (math.inf,),
             (math.inf,),
-            BrokenOff(),
+            Aborted(),
         ],
     ),
 ]

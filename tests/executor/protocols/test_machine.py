@@ -11,7 +11,7 @@ import pytest
 from executor.protocols import orders, upload
 from executor.protocols.command import CommandDialogue
 from executor.protocols.download import FIRST_TRIP, DownloadDialogue
-from executor.protocols.params import Parameter
+from executor.protocols.params import ParameterDialogue
 from missions import ARDUPILOT, MissionKind, encode
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import flying
@@ -31,7 +31,9 @@ def told(machine: object) -> dict[str, object]:
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "dialogues before they begin",
-        lambda: [told(one) for one in (replace(UPLOAD, items=()), DownloadDialogue(), COMMAND, Parameter("RTL_ALT"))],
+        lambda: [
+            told(one) for one in (replace(UPLOAD, items=()), DownloadDialogue(), COMMAND, ParameterDialogue("RTL_ALT"))
+        ],
         [
             {
                 "items": (),

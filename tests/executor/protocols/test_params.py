@@ -5,15 +5,15 @@ from __future__ import annotations
 import pytest
 
 from executor.core.messages import ParamValue, SendParamRequest, SendParamSet
-from executor.protocols.machine import Accepted, BrokenOff, Rejected, TimedOut
-from executor.protocols.params import Parameter
+from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
+from executor.protocols.params import ParameterDialogue
 
 ASK = SendParamRequest("RTL_ALT")
 SET = SendParamSet("RTL_ALT", 3000.0, 9)
 
 
 def test_a_question_is_asked_more_and_more_seldom() -> None:
-    state, sent = Parameter("RTL_ALT").begin(10.0)
+    state, sent = ParameterDialogue("RTL_ALT").begin(10.0)
     asked = list(sent)
     times_s = [state.deadline_s]
     while state.outcome is None:
@@ -28,7 +28,7 @@ def test_a_question_is_asked_more_and_more_seldom() -> None:
 
 
 def test_the_answer_ends_it_and_another_parameters_does_not() -> None:
-    state, _ = Parameter("RTL_ALT").begin(0.0)
+    state, _ = ParameterDialogue("RTL_ALT").begin(0.0)
     assert state.on_message(ParamValue("RTL_SPEED", 3.0, 9), 0.1) == (state, ())
     answer = ParamValue("RTL_ALT", 1500.0, 9)
     ended, sent = state.on_message(answer, 0.2)
@@ -48,7 +48,7 @@ def test_the_answer_ends_it_and_another_parameters_does_not() -> None:
     ],
 )
 def test_a_set_is_believed_when_its_value_comes_back_as_float32(wanted: float, value: float, *, same: bool) -> None:
-    state, sent = Parameter("RTL_ALT", SendParamSet("RTL_ALT", wanted, 9)).begin(0.0)
+    state, sent = ParameterDialogue("RTL_ALT", SendParamSet("RTL_ALT", wanted, 9)).begin(0.0)
     assert sent == (SendParamSet("RTL_ALT", wanted, 9),)
     state, _ = state.on_message(ParamValue("RTL_ALT", value, 9), 0.1)
     assert (state.outcome == Accepted()) is same
@@ -56,19 +56,19 @@ def test_a_set_is_believed_when_its_value_comes_back_as_float32(wanted: float, v
 
 
 def test_a_value_that_stays_is_a_refusal_and_no_answer_is_none() -> None:
-    state, _ = Parameter("RTL_ALT", SET).begin(0.0)
+    state, _ = ParameterDialogue("RTL_ALT", SET).begin(0.0)
     state, _ = state.on_message(ParamValue("RTL_ALT", 1500.0, 9), 0.1)
     for second in range(1, 5):
         assert state.outcome is None
         state, _ = state.on_deadline(float(second))
     assert state.outcome == Rejected("RTL_ALT stays 1500")
-    silent, _ = Parameter("RTL_ALT", SET).begin(0.0)
+    silent, _ = ParameterDialogue("RTL_ALT", SET).begin(0.0)
     while silent.outcome is None:
         silent, _ = silent.on_deadline(silent.deadline_s)
     assert silent.outcome == TimedOut("RTL_ALT: no answer")
 
 
 def test_a_question_can_be_given_up() -> None:
-    state, _ = Parameter("RTL_ALT").begin(0.0)
+    state, _ = ParameterDialogue("RTL_ALT").begin(0.0)
     ended, sent = state.cancel()
-    assert (ended.outcome, ended.deadline_s, sent) == (BrokenOff(), float("inf"), ())
+    assert (ended.outcome, ended.deadline_s, sent) == (Aborted(), float("inf"), ())

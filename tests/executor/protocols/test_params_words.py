@@ -14,8 +14,8 @@ from executor.core.messages import (
     SendParamRequest,
     SendParamSet,
 )
-from executor.protocols.machine import Accepted, BrokenOff, Rejected, TimedOut
-from executor.protocols.params import Parameter
+from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
+from executor.protocols.params import ParameterDialogue
 from tests.executor.core.steps import rounded
 from tests.executor.protocols.talks import LATE, late, talk
 
@@ -25,12 +25,12 @@ GIVE_UP = "give up"
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a parameter",
-        lambda: talk(Parameter("RTL_ALT"), (101.0, ParamValue("RTL_ALT", 1500.0, 4))),
+        lambda: talk(ParameterDialogue("RTL_ALT"), (101.0, ParamValue("RTL_ALT", 1500.0, 4))),
         [(SendParamRequest(name="RTL_ALT"), 101.0), (math.inf,), Accepted()],
     ),
     (
         "a parameter that nobody answers",
-        lambda: talk(Parameter("RTL_ALT"), *late(101, 103, 107, 111, 115, 119)),
+        lambda: talk(ParameterDialogue("RTL_ALT"), *late(101, 103, 107, 111, 115, 119)),
         [
             (SendParamRequest(name="RTL_ALT"), 101.0),
             (SendParamRequest(name="RTL_ALT"), 103.0),
@@ -44,13 +44,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "another parameter's answer",
-        lambda: talk(Parameter("RTL_ALT"), (101.0, ParamValue("RTL_SPEED", 1500.0, 4)), (102.0, MissionAck(0))),
+        lambda: talk(ParameterDialogue("RTL_ALT"), (101.0, ParamValue("RTL_SPEED", 1500.0, 4)), (102.0, MissionAck(0))),
         [(SendParamRequest(name="RTL_ALT"), 101.0), (101.0,), (101.0,), None],
     ),
     (
         "a parameter that is set",
         lambda: [
-            talk(Parameter("RTL_ALT", WANTED), (101.0, ParamValue("RTL_ALT", value, 4)))[-1]
+            talk(ParameterDialogue("RTL_ALT", WANTED), (101.0, ParamValue("RTL_ALT", value, 4)))[-1]
             for value in (1500.0, 1500.01, 1500.02, 1499.0)
         ],
         [Accepted(), Accepted(), None, None],
@@ -58,14 +58,16 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a parameter of nothing that is set",
         lambda: [
-            talk(Parameter("RTL_ALT", replace(WANTED, value=0.0)), (101.0, ParamValue("RTL_ALT", value, 4)))[-1]
+            talk(ParameterDialogue("RTL_ALT", replace(WANTED, value=0.0)), (101.0, ParamValue("RTL_ALT", value, 4)))[-1]
             for value in (0.0, 0.0000009, 0.0000011)
         ],
         [Accepted(), Accepted(), None],
     ),
     (
         "a parameter that stays",
-        lambda: talk(Parameter("RTL_ALT", WANTED), (100.5, ParamValue("RTL_ALT", 900.0, 4)), *late(*range(101, 105))),
+        lambda: talk(
+            ParameterDialogue("RTL_ALT", WANTED), (100.5, ParamValue("RTL_ALT", 900.0, 4)), *late(*range(101, 105))
+        ),
         [
             (WANTED, 101.0),
             (101.0,),
@@ -78,19 +80,19 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a parameter that is not set",
-        lambda: talk(Parameter("RTL_ALT", WANTED), *late(101, 103, 107, 111, 115, 119))[-1],
+        lambda: talk(ParameterDialogue("RTL_ALT", WANTED), *late(101, 103, 107, 111, 115, 119))[-1],
         TimedOut(reason="RTL_ALT: no answer"),
     ),
     (
         "a parameter that is given up",
         lambda: talk(
-            Parameter("RTL_ALT"),
+            ParameterDialogue("RTL_ALT"),
             (101.0, GIVE_UP),
             (102.0, GIVE_UP),
             (103.0, ParamValue("RTL_ALT", 1.0, 4)),
             (104.0, LATE),
         ),
-        [(SendParamRequest(name="RTL_ALT"), 101.0), (math.inf,), (math.inf,), (math.inf,), (math.inf,), BrokenOff()],
+        [(SendParamRequest(name="RTL_ALT"), 101.0), (math.inf,), (math.inf,), (math.inf,), (math.inf,), Aborted()],
     ),
 ]
 

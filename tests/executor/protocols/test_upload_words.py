@@ -15,7 +15,7 @@ from executor.core.messages import (
     SendMissionAck,
 )
 from executor.protocols import upload
-from executor.protocols.machine import Accepted, BrokenOff, Rejected, TimedOut
+from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
 from missions import ARDUPILOT, encode
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import flying
@@ -161,7 +161,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 (math.inf,),
                 (math.inf,),
                 (math.inf,),
-                BrokenOff(),
+                Aborted(),
             ],
             [
                 ("count 3", 101.5),
@@ -170,7 +170,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 (math.inf,),
                 (math.inf,),
                 (math.inf,),
-                BrokenOff(),
+                Aborted(),
             ],
         ],
     ),
@@ -205,7 +205,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "whether an upload has begun",
-        lambda: [replace(UPLOAD, furthest=furthest).begun for furthest in (-1, 0, 1)],
+        lambda: [replace(UPLOAD, furthest=furthest).is_begun for furthest in (-1, 0, 1)],
         [False, True, True],
     ),
 ]

@@ -11,10 +11,10 @@ from executor.adapters.mavlink.tlog_reader import TelemetryFile
 from executor.cli import main
 from executor.core.battery.resting import Chemistry
 from executor.core.messages import Heartbeat
-from executor.core.recording import Skipped
+from executor.core.recording import SkippedRecords
 from executor.errors import LogError
 from executor.replay.packs import PackFlight, capacity_ah
-from executor.replay.packs_file import pack_lines, packs_of
+from executor.replay.packs_file import format_pack_lines, merge_packs
 from executor.replay.result import LogReplay, VehicleReplay
 from executor.site.packs import read_packs
 from tests.recorded import real_logs
@@ -24,7 +24,7 @@ FLIGHT = PackFlight(10.0, 400.0, 1, 3, 4.18, 3.68, 100.0, 76.0, 0.12, 0.012, 0.0
 
 def replayed(name: str, *flights: PackFlight) -> LogReplay:
     vehicle = VehicleReplay(1, "uav1", "ardupilot", (), (), 390.0, (), packs=flights)
-    return LogReplay(Path(name), (vehicle,), Skipped(), 1_000_000, 500.0)
+    return LogReplay(Path(name), (vehicle,), SkippedRecords(), 1_000_000, 500.0)
 
 
 def test_a_capacity_is_what_was_counted_by_what_the_voltage_says_was_used() -> None:
@@ -36,21 +36,21 @@ def test_a_capacity_is_what_was_counted_by_what_the_voltage_says_was_used() -> N
 
 def test_further_logs_add_to_what_is_known(tmp_path: Path) -> None:
     path = tmp_path / "packs.json"
-    packs_of([replayed("a.tlog", FLIGHT)]).write(path)
-    both = packs_of([replayed("b.tlog", FLIGHT), replayed("a.tlog", FLIGHT)], read_packs(path))
+    merge_packs([replayed("a.tlog", FLIGHT)]).write(path)
+    both = merge_packs([replayed("b.tlog", FLIGHT), replayed("a.tlog", FLIGHT)], read_packs(path))
     assert [one.log for one in both.flights] == ["a.tlog", "b.tlog"]
     assert both.flights[0].minutes == 6.5
     assert both.flights[0].began_usec == 11_000_000
-    assert sum("uav1" in line for line in pack_lines(both)) == 2
+    assert sum("uav1" in line for line in format_pack_lines(both)) == 2
 
 
 def test_flights_are_known_by_the_label_of_their_pack(tmp_path: Path) -> None:
     path, two = tmp_path / "packs.json", replace(FLIGHT, began_s=600.0, number=2)
-    packs_of([replayed("a.tlog", FLIGHT), replayed("b.tlog", FLIGHT, two)], None, {1: "A7", 2: "B1"}).write(path)
+    merge_packs([replayed("a.tlog", FLIGHT), replayed("b.tlog", FLIGHT, two)], None, {1: "A7", 2: "B1"}).write(path)
     known = read_packs(path)
     # Which of two packs has the label, nobody said.
     assert [(one.log, one.label) for one in known.flights] == [("a.tlog", "A7"), ("b.tlog", None), ("b.tlog", None)]
-    again = packs_of([replayed("a.tlog", FLIGHT)], known)
+    again = merge_packs([replayed("a.tlog", FLIGHT)], known)
     assert again.flights[0].label == "A7", "what was written down stays"
 
 
@@ -61,7 +61,7 @@ def test_the_label_is_that_of_the_site_it_is_replayed_with(tmp_path: Path) -> No
         'autopilot = "ardupilot"\npack = "A7"\n'
     )
     log = real_logs() / "nominal.tlog"
-    system = next(system for _, system, said in TelemetryFile(log).records() if isinstance(said, Heartbeat))
+    system = next(system for _, system, said in TelemetryFile(log).read_records() if isinstance(said, Heartbeat))
     site.write_text(site.read_text().replace("sysid = 41", f"sysid = {system}"))
     with pytest.raises(SystemExit):
         main.main(["replay", str(log), "--packs", str(path), "--site", str(site)])

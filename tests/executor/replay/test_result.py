@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from executor.core.recording import Skipped
-from executor.replay.result import MOST_SAMPLES, ReplaySample, Trace
+from executor.core.recording import SkippedRecords
+from executor.replay.result import MOST_SAMPLES, ReplaySample, SampleTrace
 
 
 def at(second: float) -> ReplaySample:
@@ -11,14 +11,14 @@ def at(second: float) -> ReplaySample:
 
 
 def test_a_sample_is_kept_every_three_seconds() -> None:
-    trace = Trace()
+    trace = SampleTrace()
     for tenth in range(100):
         trace.add(at(tenth / 10.0))
     assert [one.at_s for one in trace.samples] == [0.0, 3.0, 6.0, 9.0]
 
 
 def test_a_long_log_is_kept_in_coarser_steps_and_never_in_more_samples() -> None:
-    trace = Trace()
+    trace = SampleTrace()
     for number in range(3 * MOST_SAMPLES):
         trace.add(at(3.0 * number))
         assert len(trace.samples) <= MOST_SAMPLES
@@ -28,9 +28,9 @@ def test_a_long_log_is_kept_in_coarser_steps_and_never_in_more_samples() -> None
 
 
 def test_nothing_was_skipped_until_something_was() -> None:
-    fresh = Skipped()
+    fresh = SkippedRecords()
     assert not fresh
     assert set(fresh.counts().values()) == {0}
     for name in fresh.counts():
-        assert Skipped(**{name: 1}).counts()[name] == 1
-        assert Skipped(**{name: 1})
+        assert SkippedRecords(**{name: 1}).counts()[name] == 1
+        assert SkippedRecords(**{name: 1})

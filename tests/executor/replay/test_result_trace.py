@@ -7,12 +7,12 @@ from collections.abc import Callable
 import pytest
 
 from executor.replay import result
-from executor.replay.result import Trace
+from executor.replay.result import SampleTrace
 from tests.executor.core.steps import rounded
 
 
-def trace(count: int, every_s: float) -> Trace:
-    found = Trace()
+def trace(count: int, every_s: float) -> SampleTrace:
+    found = SampleTrace()
     for number in range(count):
         found.add(result.ReplaySample(number * every_s, None, None, None, None, None, 0.0, 0.0, None, None))
     return found

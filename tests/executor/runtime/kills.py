@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 from executor.core import fleet
 from executor.core.context import Context
-from executor.core.coverage import Run, Sample, Track, follow
+from executor.core.coverage import InspectionRun, PositionSample, Track, advance_run
 from executor.core.events import Event, Reopened, SolveEnded
 from executor.runtime.flight import Flight, Observer
 from tests.executor.builders import THREE, Fleet, fleet_of
@@ -41,15 +41,15 @@ class Judge:
     passed: Counter[tuple[str, int]] = field(default_factory=Counter)
     """How often a vehicle flew along a segment from end to end, slowly enough."""
     nearest_m: float = math.inf
-    runs: dict[tuple[str, Track], Run | None] = field(default_factory=dict)
+    runs: dict[tuple[str, Track], InspectionRun | None] = field(default_factory=dict)
 
     async def watch(self) -> None:
         while True:
             now_s = asyncio.get_running_loop().time()
             for name, flyer in self.flyers.items():
-                sample = Sample(now_s, flyer.place_m)
+                sample = PositionSample(now_s, flyer.place_m)
                 for track in self.tracks if flyer.armed else ():
-                    step = follow(
+                    step = advance_run(
                         self.runs.get((name, track)), track, sample,
                         corridor_m=self.context.corridor_m, speed_m_s=self.context.inspection_speed_m_s,
                     )  # fmt: skip
@@ -93,7 +93,7 @@ class MortalSky(Sky):
 
     def raised(self) -> Flight:
         """Return a new flight with the state that the log gives."""
-        state = fleet.initial(dict(self.ready.boards))
+        state = fleet.build_initial_state(dict(self.ready.boards))
         for now_s, event in self.log:
             state, _ = fleet.step(self.ready.context, state, event, now_s)
         self.solver = FakeSolver()

@@ -19,9 +19,9 @@ from executor.protocols.command import CommandDialogue
 from executor.protocols.machine import Accepted, TimedOut
 from executor.runtime import procedures
 from executor.runtime.awake import BEAT_REAL_S, MOST_REAL_S, Lateness, awake
-from executor.runtime.dialogue import converse
+from executor.runtime.dialogue import run_dialogue
 from executor.virtual.loop import VirtualLoop, run_virtual
-from missions import ARDUPILOT, PX4, Dialect, Inspection, encode, flight_path, flight_setup
+from missions import ARDUPILOT, PX4, Dialect, Inspection, build_flight_path, encode, plan_flight_setup
 from tests.executor.core.stories import under_way
 from tests.fakes.clock import LoopClock
 from tests.fakes.link import Air, FakeLink
@@ -29,7 +29,7 @@ from tests.fakes.vehicle import FakeAutopilot
 from tests.missions.builders import line_east
 
 ARM = CommandDialogue(SendCommand(400), "arm")
-PATH = flight_path(flight_setup(line_east(8), ["uav1", "uav2"], Inspection()), "uav1", (0, 2, 4, 6))
+PATH = build_flight_path(plan_flight_setup(line_east(8), ["uav1", "uav2"], Inspection()), "uav1", (0, 2, 4, 6))
 
 
 def loop() -> VirtualLoop:
@@ -41,7 +41,7 @@ def loop() -> VirtualLoop:
 async def _keeps_stalling(for_s: float, works_s: float) -> None:
     while True:
         await asyncio.sleep(works_s)
-        loop().pass_by(for_s)
+        loop().advance(for_s)
 
 
 async def on_a_host_that_stalls(work: Coroutine[None, None, object], for_s: float, works_s: float = 0.05) -> object:
@@ -62,7 +62,7 @@ def test_a_clock_of_work_stands_still_while_the_program_does() -> None:
             began_s = able.now_s()
             await asyncio.sleep(1.0)
             worked_s = able.now_s() - began_s
-            loop().pass_by(30.0)
+            loop().advance(30.0)
             return worked_s, able.now_s() - began_s
 
     worked_s, after_s = run_virtual(seen)
@@ -77,7 +77,7 @@ def test_it_never_goes_back() -> None:
             for number in range(40):
                 await asyncio.sleep(0.04)
                 times.append(able.now_s())
-                loop().pass_by(0.1 * (number % 7))
+                loop().advance(0.1 * (number % 7))
                 times.append(able.now_s())
         return times
 
@@ -96,12 +96,12 @@ def test_an_upload_comes_to_its_end_however_busy_the_host_is(dialect: Dialect, f
         clock = LoopClock()
         link = FakeLink(FakeAutopilot(dialect), clock, Air(loss=0.2, delay_s=(0.01, 0.03)), seed=seed)
         try:
-            work = procedures.put_on_board(link, clock, dialect, encode(PATH, dialect).items)
+            work = procedures.upload_and_verify(link, clock, dialect, encode(PATH, dialect).items)
             return await on_a_host_that_stalls(work, for_s)
         finally:
             link.close()
 
-    assert run_virtual(flown) == procedures.Done(accepted=True)
+    assert run_virtual(flown) == procedures.ProcedureResult(accepted=True)
 
 
 def test_a_vehicle_is_asked_again_in_its_own_time() -> None:
@@ -111,7 +111,7 @@ def test_a_vehicle_is_asked_again_in_its_own_time() -> None:
         clock = LoopClock()
         link = FakeLink(FakeAutopilot(PX4), clock)
         link.cut = True
-        await on_a_host_that_stalls(converse(ARM, link, clock), 0.9)
+        await on_a_host_that_stalls(run_dialogue(ARM, link, clock), 0.9)
         link.close()
         return [at_s for at_s, _ in link.sent]
 
@@ -126,7 +126,7 @@ def test_a_deadline_that_passed_in_a_stall_waits_for_what_was_said_meanwhile(for
         clock = LoopClock()
         link = FakeLink(FakeAutopilot(PX4), clock)
         try:
-            return (await on_a_host_that_stalls(converse(ARM, link, clock), for_s)).outcome  # type: ignore[attr-defined]
+            return (await on_a_host_that_stalls(run_dialogue(ARM, link, clock), for_s)).outcome  # type: ignore[attr-defined]
         finally:
             link.close()
 
@@ -140,7 +140,7 @@ def test_who_is_silent_is_given_up_after_the_same_work() -> None:
         link.cut = True
         with awake(clock) as able:
             began_s = able.now_s()
-            ended = await on_a_host_that_stalls(converse(ARM, link, clock), 1.0)
+            ended = await on_a_host_that_stalls(run_dialogue(ARM, link, clock), 1.0)
             worked_s = able.now_s() - began_s
         link.close()
         return ended.outcome, worked_s, len(link.sent)  # type: ignore[attr-defined]
@@ -179,7 +179,7 @@ def test_what_a_flight_loses_is_said_once_in_a_while() -> None:
                 late.since_last_s()
                 if text := late.to_be_said():
                     lines.append(text)
-                loop().pass_by(1.0)
+                loop().advance(1.0)
         return lines
 
     lines = run_virtual(said)

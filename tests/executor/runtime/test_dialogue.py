@@ -10,7 +10,7 @@ from executor.core.messages import CommandAck, Heartbeat, Outgoing, SendCommand,
 from executor.protocols.command import CommandDialogue
 from executor.protocols.machine import Accepted, TimedOut
 from executor.protocols.upload import UploadDialogue
-from executor.runtime.dialogue import INBOX, converse
+from executor.runtime.dialogue import INBOX, run_dialogue
 from missions import PX4, MissionItem
 from tests.fakes.clock import LoopClock
 from tests.fakes.link import FakeLink
@@ -28,7 +28,7 @@ def link_of(speedup: float = 1.0) -> tuple[FakeLink, LoopClock]:
 
 async def test_an_answer_ends_it() -> None:
     link, clock = link_of()
-    assert (await converse(ARM, link, clock)).outcome == Accepted()
+    assert (await run_dialogue(ARM, link, clock)).outcome == Accepted()
     link.close()
 
 
@@ -38,7 +38,7 @@ async def test_deadlines_run_on_the_flights_clock(speedup: float) -> None:
     link.cut = True
     began_s, loop = clock.now_s(), asyncio.get_running_loop()
     began_real_s = loop.time()
-    ended = await converse(ARM, link, clock)
+    ended = await run_dialogue(ARM, link, clock)
     assert ended.outcome == TimedOut("arm: no acknowledgement")
     assert clock.now_s() - began_s == pytest.approx(5.0, abs=0.1)
     assert loop.time() - began_real_s == pytest.approx(5.0 / speedup, abs=0.1)
@@ -50,14 +50,14 @@ async def test_deadlines_leave_a_busy_computer_half_a_second() -> None:
     link, clock = link_of(100.0)
     link.cut = True
     began_real_s = asyncio.get_running_loop().time()
-    await converse(ARM, link, clock)
+    await run_dialogue(ARM, link, clock)
     assert asyncio.get_running_loop().time() - began_real_s == pytest.approx(0.5, abs=0.05)
     link.close()
 
 
 async def test_nobody_listens_after_the_end() -> None:
     link, clock = link_of()
-    await converse(ARM, link, clock)
+    await run_dialogue(ARM, link, clock)
     sent = len(link.sent)
     link.say(CommandAck(400, 4))
     async with asyncio.timeout(5):
@@ -71,7 +71,7 @@ async def test_nobody_listens_after_the_end() -> None:
 async def test_a_dialogue_that_is_given_up_tells_the_vehicle() -> None:
     link, clock = link_of()
     link.cut = True
-    upload = asyncio.create_task(converse(UploadDialogue((MissionItem(0, 3, 16),), 6.0, frozenset()), link, clock))
+    upload = asyncio.create_task(run_dialogue(UploadDialogue((MissionItem(0, 3, 16),), 6.0, frozenset()), link, clock))
     await link.spoken_to.wait()
     upload.cancel()
     with pytest.raises(asyncio.CancelledError):
@@ -84,7 +84,7 @@ async def test_a_dialogue_that_is_given_up_tells_the_vehicle() -> None:
 async def test_a_flood_of_telemetry_does_not_hold_it_up() -> None:
     link, clock = link_of()
     link.vehicle.results[400] = [5, 0]  # type: ignore[attr-defined]
-    dialogue = asyncio.create_task(converse(ARM, link, clock))
+    dialogue = asyncio.create_task(run_dialogue(ARM, link, clock))
     await link.spoken_to.wait()
     for _ in range(3 * INBOX):
         link.say(Heartbeat(12, 0, armed=False, system_status=3))

@@ -19,7 +19,7 @@ from executor.core.messages import Heartbeat, Outgoing, SendHeartbeat, SendMissi
 from executor.core.state import FleetState
 from executor.core.vehicle import Stage
 from executor.runtime import procedures
-from executor.runtime.flight import Flight, Observer, keep_heartbeat
+from executor.runtime.flight import Flight, Observer, send_heartbeats
 from missions import Pricing, encode
 from tests.executor.builders import THREE, Fleet, fleet_of
 from tests.fakes.clock import LoopClock
@@ -54,7 +54,7 @@ class Sky:
         self.disk.set()
         self._news = asyncio.Event()
         self.flight = Flight(
-            context, fleet.initial(dict(ready.boards)), self.links, self.clock, self, self.solver,
+            context, fleet.build_initial_state(dict(ready.boards)), self.links, self.clock, self, self.solver,
             Observer(lambda line, _: self.said.append(line), self._applied),
         )  # fmt: skip
 
@@ -77,7 +77,7 @@ class Sky:
         for name, board in self.ready.boards.items():
             if board is not None:
                 dialect = self.ready.context.vehicles[name].dialect
-                done = await procedures.put_on_board(
+                done = await procedures.upload_and_verify(
                     self.links[name], self.clock, dialect, encode(board.path, dialect).items
                 )
                 assert done.accepted
@@ -103,7 +103,7 @@ class Sky:
 async def flying(ready: Fleet, air: Air = CLEAN) -> AsyncIterator[tuple[Sky, asyncio.Task[None]]]:
     """Fly; the flight's task ends inside the block, or is left."""
     sky = Sky(ready, air)
-    beat = asyncio.create_task(keep_heartbeat(sky.links, sky.clock))
+    beat = asyncio.create_task(send_heartbeats(sky.links, sky.clock))
     await sky.load()
     task = asyncio.create_task(sky.flight.run())
     try:
@@ -199,7 +199,7 @@ async def test_who_is_heard_in_the_moment_of_the_flights_end_is_brought_home() -
 async def test_who_leaves_leaves_the_vehicles_on_their_missions() -> None:
     async with flying(fleet_of()) as (sky, task):
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
-        sky.flight.leave()
+        sky.flight.stop_supervising()
         async with asyncio.timeout(5):
             await task
         assert all(flyer.armed and flyer.mode == flyer.dialect.modes.mission for flyer in sky.flyers.values())
@@ -212,7 +212,7 @@ async def test_who_leaves_while_the_solver_works_gives_nobody_another_mission() 
         sky.links["uav2"].cut = True
         await sky.until(lambda: bool(sky.solver.asked))
         counts = {name: len(link.of_kind(SendMissionCount)) for name, link in sky.links.items()}
-        assert sky.flight.leave() == ()
+        assert sky.flight.stop_supervising() == ()
         async with asyncio.timeout(5):
             await task
         assert {name: len(link.of_kind(SendMissionCount)) for name, link in sky.links.items()} == counts
@@ -223,7 +223,7 @@ async def test_who_leaves_during_an_upload_leaves_no_mixture_on_board() -> None:
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         sky.links["uav2"].cut = True
         await sky.until(lambda: any(vehicle.assignment.pending for vehicle in sky.state.vehicles.values()))
-        waits_for = sky.flight.leave()
+        waits_for = sky.flight.stop_supervising()
         assert waits_for
         async with asyncio.timeout(60):
             await task
@@ -236,7 +236,7 @@ async def test_who_leaves_at_once_waits_for_nobody() -> None:
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         sky.links["uav2"].cut = True
         await sky.until(lambda: any(vehicle.assignment.pending for vehicle in sky.state.vehicles.values()))
-        assert sky.flight.leave(at_once=True) == ()
+        assert sky.flight.stop_supervising(at_once=True) == ()
         async with asyncio.timeout(0.1):
             await task
 
@@ -275,9 +275,9 @@ async def test_an_order_that_dies_of_our_mistake_ends_like_a_refusal(monkeypatch
         raise KeyError("speed")
 
     async with flying(fleet_of()) as (sky, _):
-        with supervised.hear(said.append, None):
+        with supervised.watch_mistakes(said.append, None):
             await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
-            monkeypatch.setattr(procedures, "hold", mistaken)
+            monkeypatch.setattr(procedures, "order_hold", mistaken)
             sky.flight.apply(IntentReceived(Intent("w1", Action.HOLD, "uav2", "terminal")))
             await sky.until(lambda: sky.state.crew.intents["w1"].outcome is Outcome.FAILED)
     assert said == ["internal error in an order to uav2: KeyError: 'speed'"]
@@ -310,7 +310,7 @@ async def test_a_tick_that_dies_is_there_again_at_once() -> None:
 
     looks, said = itertools.count(), list[str]()
     async with flying(fleet_of()) as (sky, _):
-        with supervised.hear(said.append, None):
+        with supervised.watch_mistakes(said.append, None):
             sky.flight._clock = Wrong()
             await sky.until(lambda: bool(said))
             ticks = sum(isinstance(event, Tick) for event in sky.written)
@@ -327,9 +327,9 @@ async def test_one_link_that_fails_keeps_no_heartbeat_from_the_others() -> None:
     ready, clock, said = fleet_of(), LoopClock(), list[str]()
     flyer = Flyer(ready.context.vehicles["uav1"].dialect, ready.context.frame, (0, 0), 0.0)
     broken, whole = Broken(flyer, clock), FakeLink(flyer, clock)
-    with supervised.hear(said.append, None), pytest.raises(TimeoutError):
+    with supervised.watch_mistakes(said.append, None), pytest.raises(TimeoutError):
         async with asyncio.timeout(10.5):
-            await keep_heartbeat({"uav1": broken, "uav2": whole}, clock)
+            await send_heartbeats({"uav1": broken, "uav2": whole}, clock)
     for link in (broken, whole):
         link.close()
     assert len(whole.of_kind(SendHeartbeat)) == 11
@@ -357,7 +357,7 @@ async def test_our_heartbeat_keeps_the_vehicles_time(speedup: float) -> None:
     link = FakeLink(Flyer(fleet_of().context.vehicles["uav1"].dialect, fleet_of().context.frame, (0, 0), 0.0), clock)
     with pytest.raises(TimeoutError):
         async with asyncio.timeout(10.5 / speedup):
-            await keep_heartbeat({"uav1": link}, clock)
+            await send_heartbeats({"uav1": link}, clock)
     link.close()
     assert len(link.of_kind(SendHeartbeat)) == 11
 

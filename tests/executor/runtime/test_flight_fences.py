@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.context import Fencing
+from executor.core.context import FenceRules
 from executor.core.messages import SendMissionCount
 from executor.core.vehicle import Stage
 from missions import MissionKind, ModeNumber
-from missions.fences import outlines
+from missions.fences import parse_outlines
 from tests.executor.builders import Fleet, fleet_of
 from tests.executor.runtime.test_flight import LOSSY, Sky, flying
 from tests.fakes.link import CLEAN, Air
@@ -26,7 +26,7 @@ STICKS = {"ardupilot": ModeNumber(5, 5), "px4": ModeNumber(3 << 16, 3)}
 
 def fenced(autopilot: str) -> Fleet:
     ready = fleet_of(autopilot=autopilot)
-    return replace(ready, context=replace(ready.context, fencing=Fencing(True, 20.0, 10.0, "keep", "pad")))
+    return replace(ready, context=replace(ready.context, fencing=FenceRules(True, 20.0, 10.0, "keep", "pad")))
 
 
 def uploads(sky: Sky, name: str, kind: MissionKind) -> list[int]:
@@ -48,7 +48,7 @@ async def test_the_fence_is_on_board_and_read_back_before_the_mission(autopilot:
                 continue
             fence = sky.state.vehicles[name].assignment.fence
             assert fence is not None
-            on_board = outlines(sky.flyers[name].beside[FENCE].items, sky.flight.context.frame)
+            on_board = parse_outlines(sky.flyers[name].beside[FENCE].items, sky.flight.context.frame)
             assert [len(shape.corners_m) for shape in on_board] == [len(fence.corners_m)]
             assert uploads(sky, name, FENCE)[0] < uploads(sky, name, MissionKind.MISSION)[first[name] :][0]
         assert any(uploads(sky, name, FENCE) for name in ("uav1", "uav3"))
@@ -88,5 +88,5 @@ async def test_a_fence_is_broken_off_when_a_pilot_takes_the_vehicle(autopilot: s
         assert len(uploads(sky, name, FENCE)) == sent
         assert len(uploads(sky, name, MissionKind.MISSION)) == first[name]
         assert sky.flyers[name].beside[FENCE].items == []
-        sky.flight.leave()
+        sky.flight.stop_supervising()
         await task

@@ -22,11 +22,11 @@ from executor.core.messages import (
     Version,
 )
 from executor.core.preflight import failsafes
-from executor.core.preflight.checks import Facts
+from executor.core.preflight.checks import VehicleFacts
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import orders
 from executor.runtime import preflight, streams
-from missions import ARDUPILOT, PX4, Dialect, Inspection, encode, flight_path, flight_setup
+from missions import ARDUPILOT, PX4, Dialect, Inspection, build_flight_path, encode, plan_flight_setup
 from tests.fakes.clock import LoopClock
 from tests.fakes.flyer import Flyer
 from tests.fakes.link import Air, FakeLink
@@ -51,9 +51,9 @@ class Ready:
     def says(self, message: Message, after_s: float) -> None:
         asyncio.get_running_loop().call_later(after_s, self.link.say, message)
 
-    async def interview(self, timeout_s: float = 30.0) -> Facts:
+    async def interview(self, timeout_s: float = 30.0) -> VehicleFacts:
         try:
-            return await preflight.interview(
+            return await preflight.interview_vehicle(
                 "uav1", self.link, self.clock, self.dialect, timeout_s, self.waited_for.append
             )
         finally:
@@ -77,7 +77,9 @@ async def test_a_vehicle_that_is_ready(dialect: Dialect) -> None:
 async def test_what_a_vehicle_does_not_say_is_not_made_up() -> None:
     facts = await Ready(PX4).interview()
     assert (facts.version, facts.parameters, facts.stations) == (None, {}, ())
-    assert facts.unread == {*failsafes.names(PX4)}, "nobody knows whether it is the link or the vehicle"
+    assert facts.unread == {*failsafes.list_preflight_parameters(PX4)}, (
+        "nobody knows whether it is the link or the vehicle"
+    )
     assert facts.words == "quadrotor, PX4 of unknown version"
 
 
@@ -129,7 +131,7 @@ async def test_a_thousand_reasons_are_told_once_a_second() -> None:
 
 async def test_what_a_firmware_does_not_have_costs_a_moment() -> None:
     """It takes several questions to know that it is not the link."""
-    known = dict.fromkeys(failsafes.names(ARDUPILOT), 1.0)
+    known = dict.fromkeys(failsafes.list_preflight_parameters(ARDUPILOT), 1.0)
     del known["WPNAV_JERK"], known["FENCE_AUTOENABLE"]
     ready = Ready(ARDUPILOT, **known)
     ready.says(Version(4, 7, 2), 0.5)
@@ -189,13 +191,13 @@ async def test_nobody_there() -> None:
     ready = Ready(PX4)
     ready.link.cut = True
     with pytest.raises(ConnectionFailed, match=r"uav1: no heartbeat of system 7 on udpin://:14550 within 15 s"):
-        await preflight.answer("uav1", "udpin://:14550", 7, ready.link, 15.0, ready.clock)
+        await preflight.wait_for_vehicle("uav1", "udpin://:14550", 7, ready.link, 15.0, ready.clock)
     ready.link.close()
 
 
 async def test_a_heartbeat_is_an_answer() -> None:
     ready = Ready(PX4)
-    await preflight.answer("uav1", "udpin://:14550", 7, ready.link, 15.0, ready.clock)
+    await preflight.wait_for_vehicle("uav1", "udpin://:14550", 7, ready.link, 15.0, ready.clock)
     assert ready.clock.now_s() < 2.0
     ready.link.close()
 
@@ -203,8 +205,8 @@ async def test_a_heartbeat_is_an_answer() -> None:
 @DIALECTS
 async def test_a_mission_that_does_not_come_on_board_stops_the_flight(dialect: Dialect) -> None:
     ready = Ready(dialect)
-    setup = flight_setup(line_east(3), ["uav1"], Inspection())
-    mission = encode(flight_path(setup, "uav1", (0, 2)), dialect)
+    setup = plan_flight_setup(line_east(3), ["uav1"], Inspection())
+    mission = encode(build_flight_path(setup, "uav1", (0, 2)), dialect)
     await preflight.load_mission("uav1", ready.link, ready.clock, dialect, mission)
     ready.vehicle.missions.spoils = 3
     with pytest.raises(PreflightFailed, match="uav1: the mission is not on board: read-back differs: item 3"):
@@ -216,8 +218,8 @@ async def test_a_mission_that_does_not_come_on_board_stops_the_flight(dialect: D
 async def test_an_upload_that_was_broken_off_is_tried_again_before_anybody_is_refused(dialect: Dialect) -> None:
     """A radio that drops out in the midst of an upload, for longer than one upload is repeated in flight."""
     ready, told = Ready(dialect), list[str]()
-    setup = flight_setup(line_east(3), ["uav1"], Inspection())
-    mission = encode(flight_path(setup, "uav1", (0, 2)), dialect)
+    setup = plan_flight_setup(line_east(3), ["uav1"], Inspection())
+    mission = encode(build_flight_path(setup, "uav1", (0, 2)), dialect)
     ready.vehicle.missions.stops_at = 4
 
     def tell(line: str) -> None:
@@ -236,8 +238,8 @@ async def test_a_radio_that_is_gone_from_the_midst_of_an_upload_on_is_waited_for
     """Nobody answers the tries that follow: that ends nothing, and is no vehicle's refusal."""
     ready, told = Ready(dialect), list[str]()
     ready.link.air = Air(delay_s=(0.05, 0.05))
-    setup = flight_setup(line_east(3), ["uav1"], Inspection())
-    mission = encode(flight_path(setup, "uav1", (0, 2)), dialect)
+    setup = plan_flight_setup(line_east(3), ["uav1"], Inspection())
+    mission = encode(build_flight_path(setup, "uav1", (0, 2)), dialect)
 
     def cut() -> None:
         items = sum(isinstance(message, SendMissionItem) for _, message in ready.link.sent)
@@ -259,8 +261,8 @@ async def test_a_radio_that_is_gone_from_the_midst_of_an_upload_on_is_waited_for
 @DIALECTS
 async def test_an_upload_that_is_always_broken_off_is_a_refusal(dialect: Dialect) -> None:
     ready = Ready(dialect)
-    setup = flight_setup(line_east(3), ["uav1"], Inspection())
-    mission = encode(flight_path(setup, "uav1", (0, 2)), dialect)
+    setup = plan_flight_setup(line_east(3), ["uav1"], Inspection())
+    mission = encode(build_flight_path(setup, "uav1", (0, 2)), dialect)
     ready.vehicle.missions.stops_at = 4
     with pytest.raises(VehicleRefused, match="uav1: the mission is not on board: "):
         await preflight.load_mission("uav1", ready.link, ready.clock, dialect, mission)

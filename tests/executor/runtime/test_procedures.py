@@ -10,7 +10,7 @@ from executor.core.endings import Ending
 from executor.core.messages import ParamValue, StatusText
 from executor.protocols import orders
 from executor.runtime import procedures
-from executor.runtime.procedures import Done
+from executor.runtime.procedures import ProcedureResult
 from missions import ARDUPILOT, PX4, Dialect
 from tests.fakes.clock import LoopClock
 from tests.fakes.link import Air, FakeLink
@@ -33,13 +33,13 @@ class Pad:
         self.vehicle = FakeAutopilot(dialect, parameters=parameters)
         self.link = FakeLink(self.vehicle, self.clock, air or Air(), seed=3)
 
-    async def start(self) -> Done:
-        done = await procedures.start(self.link, self.clock, self.dialect)
+    async def start(self) -> ProcedureResult:
+        done = await procedures.arm_and_start(self.link, self.clock, self.dialect)
         self.link.close()
         return done
 
-    async def send_home(self) -> Done:
-        done = await procedures.send_home(self.link, self.clock, self.dialect)
+    async def send_home(self) -> ProcedureResult:
+        done = await procedures.order_rtl(self.link, self.clock, self.dialect)
         self.link.close()
         return done
 
@@ -47,7 +47,7 @@ class Pad:
 @DIALECTS
 async def test_a_start(dialect: Dialect) -> None:
     pad = Pad(dialect)
-    assert await pad.start() == Done(accepted=True)
+    assert await pad.start() == ProcedureResult(accepted=True)
     assert pad.vehicle.commands == ORDER_OF_START[dialect.name]
     assert (pad.vehicle.armed, pad.vehicle.mode) == (True, dialect.modes.mission)
 
@@ -55,7 +55,7 @@ async def test_a_start(dialect: Dialect) -> None:
 @DIALECTS
 async def test_a_start_over_a_bad_link(dialect: Dialect) -> None:
     pad = Pad(dialect, Air(loss=0.2, duplicate=0.2, delay_s=(0.01, 0.3)))
-    assert await pad.start() == Done(accepted=True)
+    assert await pad.start() == ProcedureResult(accepted=True)
     assert (pad.vehicle.armed, pad.vehicle.mode) == (True, dialect.modes.mission)
 
 
@@ -67,7 +67,7 @@ async def test_a_start_while_the_computer_is_busy(dialect: Dialect) -> None:
     pad.link.cut = True
     await asyncio.sleep(1.0)
     pad.link.cut = False
-    assert await start == Done(accepted=True)
+    assert await start == ProcedureResult(accepted=True)
 
 
 class SleepyClock:
@@ -87,7 +87,7 @@ class SleepyClock:
 async def test_a_computer_that_slept_starts_nobody_by_an_old_word(dialect: Dialect, answers: list[int]) -> None:
     pad, clock = Pad(dialect), SleepyClock()
     pad.vehicle.results[orders.COMPONENT_ARM_DISARM] = answers
-    start = asyncio.ensure_future(procedures.start(pad.link, clock, dialect))
+    start = asyncio.ensure_future(procedures.arm_and_start(pad.link, clock, dialect))
     for _ in range(300):
         if orders.COMPONENT_ARM_DISARM in pad.vehicle.commands:
             break
@@ -105,7 +105,7 @@ async def test_a_computer_that_slept_starts_nobody_by_an_old_word(dialect: Diale
 async def test_arming_is_tried_with_patience(dialect: Dialect) -> None:
     pad = Pad(dialect)
     pad.vehicle.results[orders.COMPONENT_ARM_DISARM] = [4, 4, 0]
-    assert await pad.start() == Done(accepted=True)
+    assert await pad.start() == ProcedureResult(accepted=True)
     assert pad.vehicle.commands.count(orders.COMPONENT_ARM_DISARM) == 3
 
 
@@ -116,7 +116,7 @@ async def test_a_vehicle_that_cannot_be_armed_says_why(dialect: Dialect) -> None
     pad.link.say(StatusText(4, "Arm: compass not calibrated"))
     pad.link.say(StatusText(6, "a mere remark"))
     done = await pad.start()
-    assert done == Done(accepted=False, reason="arm: failed; it says: Arm: compass not calibrated")
+    assert done == ProcedureResult(accepted=False, reason="arm: failed; it says: Arm: compass not calibrated")
     assert not pad.vehicle.armed
 
 
@@ -128,7 +128,7 @@ async def test_who_changes_its_mode_while_it_is_armed_wants_something_else_of_it
     await asyncio.sleep(5.0)
     pad.vehicle.mode = dialect.modes.return_home
     done = await start
-    assert done == Done(accepted=False, reason="somebody else changed its mode")
+    assert done == ProcedureResult(accepted=False, reason="somebody else changed its mode")
     assert done.code is Ending.MODE_CHANGED
     armings = pad.vehicle.commands.count(orders.COMPONENT_ARM_DISARM)
     await asyncio.sleep(30.0)
@@ -139,43 +139,45 @@ async def test_who_changes_its_mode_while_it_is_armed_wants_something_else_of_it
 async def test_an_acknowledgement_is_no_arming(dialect: Dialect) -> None:
     pad = Pad(dialect)
     pad.vehicle.deaf.add(orders.COMPONENT_ARM_DISARM)
-    assert await pad.start() == Done(accepted=False, reason="does not report that it is armed", armed=True)
+    assert await pad.start() == ProcedureResult(accepted=False, reason="does not report that it is armed", armed=True)
 
 
 async def test_ardupilot_that_denies_the_mission_has_not_started() -> None:
     pad = Pad(ARDUPILOT)
     pad.vehicle.results[orders.MISSION_START] = [4]
-    assert await pad.start() == Done(accepted=False, reason="start the mission: failed", armed=True)
+    assert await pad.start() == ProcedureResult(accepted=False, reason="start the mission: failed", armed=True)
 
 
 async def test_ardupilot_that_disarmed_before_the_order_came_has_not_started() -> None:
     """It stands on its pad in mission mode, and takes off no more: the start is tried again from its beginning."""
     pad = Pad(ARDUPILOT)
     pad.vehicle.tires = True
-    assert await pad.start() == Done(accepted=False, reason="is not armed in mission mode", armed=True)
+    assert await pad.start() == ProcedureResult(accepted=False, reason="is not armed in mission mode", armed=True)
 
 
 async def test_px4_that_stays_in_its_mode_has_not_started() -> None:
     pad = Pad(PX4)
     pad.vehicle.deaf.add(orders.DO_SET_MODE)
-    assert await pad.start() == Done(accepted=False, reason="does not report the new mode", armed=True)
+    assert await pad.start() == ProcedureResult(accepted=False, reason="does not report the new mode", armed=True)
 
 
 @DIALECTS
 async def test_a_return_is_seen_in_the_heartbeat(dialect: Dialect) -> None:
     pad = Pad(dialect)
-    assert await pad.send_home() == Done(accepted=True)
+    assert await pad.send_home() == ProcedureResult(accepted=True)
     assert pad.vehicle.mode == dialect.modes.return_home
     deaf = Pad(dialect)
     deaf.vehicle.deaf.add(orders.DO_SET_MODE)
-    assert await deaf.send_home() == Done(accepted=False, reason="does not report the new mode")
+    assert await deaf.send_home() == ProcedureResult(accepted=False, reason="does not report the new mode")
 
 
 @DIALECTS
 async def test_a_return_that_nobody_hears(dialect: Dialect) -> None:
     pad = Pad(dialect)
     pad.link.cut = True
-    assert await pad.send_home() == Done(accepted=False, reason="change of mode: no acknowledgement", lost=True)
+    assert await pad.send_home() == ProcedureResult(
+        accepted=False, reason="change of mode: no acknowledgement", lost=True
+    )
 
 
 @DIALECTS
@@ -183,17 +185,17 @@ async def test_a_landing_vehicle_needs_no_return(dialect: Dialect) -> None:
     pad = Pad(dialect)
     pad.vehicle.mode = dialect.modes.land
     pad.vehicle.deaf.add(orders.DO_SET_MODE)
-    assert await pad.send_home() == Done(accepted=True)
+    assert await pad.send_home() == ProcedureResult(accepted=True)
 
 
 async def test_parameters_are_read_and_set() -> None:
     pad = Pad(ARDUPILOT, RTL_ALT=1500.0)
     read = await procedures.read_parameter(pad.link, pad.clock, "RTL_ALT")
     assert read.value == ParamValue("RTL_ALT", 1500.0, 9)
-    assert await procedures.set_parameter(pad.link, pad.clock, "RTL_ALT", 2500.0, 4) == Done(accepted=True)
+    assert await procedures.set_parameter(pad.link, pad.clock, "RTL_ALT", 2500.0, 4) == ProcedureResult(accepted=True)
     assert pad.vehicle.parameters["RTL_ALT"] == 2500.0
     unknown = await procedures.set_parameter(pad.link, pad.clock, "NO_SUCH", 1.0, 4)
-    assert unknown == Done(accepted=False, reason="NO_SUCH: no answer")
+    assert unknown == ProcedureResult(accepted=False, reason="NO_SUCH: no answer")
     pad.link.close()
 
 

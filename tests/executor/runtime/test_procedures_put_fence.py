@@ -9,9 +9,9 @@ import pytest
 from executor.core.endings import Ending
 from executor.core.messages import SendMissionCount, StatusText
 from executor.runtime import procedures
-from executor.runtime.procedures import Done
+from executor.runtime.procedures import ProcedureResult
 from missions import ARDUPILOT, PX4, Dialect, LocalFrame, MissionKind
-from missions.fences import fence_around, fence_items, place_differences, rally_items
+from missions.fences import build_fence, build_fence_items, build_rally_items, find_list_differences
 from tests.fakes.clock import LoopClock
 from tests.fakes.link import CLEAN, Air, FakeLink
 from tests.fakes.vehicle import DENIED, FakeAutopilot
@@ -21,8 +21,8 @@ pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
 DIALECTS = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda dialect: str(dialect.name))
 LOSSY = Air(loss=0.2, duplicate=0.2, delay_s=(0.01, 0.4))
 FRAME = LocalFrame(49.6, 15.6, 460.0)
-OLD = fence_items(fence_around([(0.0, 0.0)], 20.0, 60.0), FRAME)
-NEW = fence_items(fence_around([(0.0, 0.0), (200.0, 40.0), (90.0, 300.0)], 20.0, 60.0), FRAME)
+OLD = build_fence_items(build_fence([(0.0, 0.0)], 20.0, 60.0), FRAME)
+NEW = build_fence_items(build_fence([(0.0, 0.0), (200.0, 40.0), (90.0, 300.0)], 20.0, 60.0), FRAME)
 
 
 class Board:
@@ -36,8 +36,8 @@ class Board:
         self.fence.items = list(OLD)
         self.link = FakeLink(self.vehicle, self.clock, air, seed=seed)
 
-    async def put(self, *, wanted: bool = True) -> Done:
-        done = await procedures.put_fence(self.link, self.clock, self.dialect, NEW, lambda _: wanted)
+    async def put(self, *, wanted: bool = True) -> ProcedureResult:
+        done = await procedures.upload_and_verify_fence(self.link, self.clock, self.dialect, NEW, lambda _: wanted)
         self.link.close()
         return done
 
@@ -45,8 +45,8 @@ class Board:
 @DIALECTS
 async def test_the_fence_alone_is_replaced(dialect: Dialect) -> None:
     board = Board(dialect)
-    assert await board.put() == Done(accepted=True)
-    assert place_differences(NEW, board.fence.items) == ()
+    assert await board.put() == ProcedureResult(accepted=True)
+    assert find_list_differences(NEW, board.fence.items) == ()
     assert board.vehicle.missions.items == []
     assert board.vehicle.beside[MissionKind.RALLY].items == []
 
@@ -55,8 +55,8 @@ async def test_the_fence_alone_is_replaced(dialect: Dialect) -> None:
 @pytest.mark.parametrize("seed", range(25))
 async def test_a_fifth_lost_and_a_fifth_doubled_each_way(dialect: Dialect, seed: int) -> None:
     board = Board(dialect, LOSSY, seed=seed)
-    assert await board.put() == Done(accepted=True)
-    assert place_differences(NEW, board.fence.items) == ()
+    assert await board.put() == ProcedureResult(accepted=True)
+    assert find_list_differences(NEW, board.fence.items) == ()
 
 
 @DIALECTS
@@ -114,8 +114,8 @@ async def test_a_fence_that_px4_drops_with_a_text_is_not_on_board(dialect: Diale
 async def test_a_list_of_nothing_clears_what_is_there(dialect: Dialect) -> None:
     board = Board(dialect)
     rally = board.vehicle.beside[MissionKind.RALLY]
-    rally.items = list(rally_items([(3.0, 4.0)], FRAME))
+    rally.items = list(build_rally_items([(3.0, 4.0)], FRAME))
     board.fence.items = []
-    assert (await procedures.put_on_board(board.link, board.clock, dialect, (), kind=MissionKind.RALLY)).accepted
+    assert (await procedures.upload_and_verify(board.link, board.clock, dialect, (), kind=MissionKind.RALLY)).accepted
     assert await procedures.read_list(board.link, board.clock, MissionKind.RALLY) == ()
     board.link.close()

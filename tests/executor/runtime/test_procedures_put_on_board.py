@@ -8,8 +8,18 @@ import pytest
 
 from executor.core.messages import Message, MissionAck, SendMissionCount, SendMissionItem, SendMissionRequestList
 from executor.runtime import procedures
-from executor.runtime.procedures import Done
-from missions import ARDUPILOT, PX4, Dialect, Inspection, MissionItem, differences, encode, flight_path, flight_setup
+from executor.runtime.procedures import ProcedureResult
+from missions import (
+    ARDUPILOT,
+    PX4,
+    Dialect,
+    Inspection,
+    MissionItem,
+    build_flight_path,
+    encode,
+    find_mission_differences,
+    plan_flight_setup,
+)
 from tests.fakes.clock import LoopClock
 from tests.fakes.link import CLEAN, Air, FakeLink
 from tests.fakes.vehicle import FakeAutopilot
@@ -18,13 +28,13 @@ from tests.missions.builders import line_east
 pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
 
 DIALECTS = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda dialect: str(dialect.name))
-SETUP = flight_setup(line_east(8), ["uav1", "uav2"], Inspection())
+SETUP = plan_flight_setup(line_east(8), ["uav1", "uav2"], Inspection())
 LOSSY = Air(loss=0.2, duplicate=0.2, delay_s=(0.01, 0.4))
 """A fifth is lost and a fifth comes twice, each way; a message may be overtaken by several that come after it."""
 
 
 def mission(dialect: Dialect, visits: tuple[int, ...] = (0, 2, 4, 6)) -> tuple[MissionItem, ...]:
-    return encode(flight_path(SETUP, "uav1", visits), dialect).items
+    return encode(build_flight_path(SETUP, "uav1", visits), dialect).items
 
 
 class Board:
@@ -37,21 +47,21 @@ class Board:
         self.dialect = dialect
         self.items = mission(dialect)
 
-    async def put(self, *, wanted: bool = True) -> Done:
-        done = await procedures.put_on_board(self.link, self.clock, self.dialect, self.items, lambda _: wanted)
+    async def put(self, *, wanted: bool = True) -> ProcedureResult:
+        done = await procedures.upload_and_verify(self.link, self.clock, self.dialect, self.items, lambda _: wanted)
         self.link.close()
         return done
 
     @property
     def missing(self) -> tuple[str, ...]:
         """How the mission in the vehicle's memory differs from the one that was sent."""
-        return differences(self.items, self.vehicle.missions.items, self.dialect)
+        return find_mission_differences(self.items, self.vehicle.missions.items, self.dialect)
 
 
 @DIALECTS
 async def test_a_clean_link(dialect: Dialect) -> None:
     board = Board(dialect)
-    assert await board.put() == Done(accepted=True)
+    assert await board.put() == ProcedureResult(accepted=True)
     assert board.missing == ()
     assert len(board.link.of_kind(SendMissionItem)) == len(board.items), "every item is sent once"
 
@@ -60,7 +70,7 @@ async def test_a_clean_link(dialect: Dialect) -> None:
 @pytest.mark.parametrize("seed", range(25))
 async def test_a_fifth_lost_and_a_fifth_doubled_each_way(dialect: Dialect, seed: int) -> None:
     board = Board(dialect, LOSSY, seed=seed)
-    assert await board.put() == Done(accepted=True)
+    assert await board.put() == ProcedureResult(accepted=True)
     assert board.missing == ()
 
 
@@ -86,7 +96,7 @@ async def test_a_dead_link_has_begun_nothing(dialect: Dialect) -> None:
     board = Board(dialect)
     board.link.cut = True
     done = await board.put()
-    assert done == Done(accepted=False, reason="the vehicle did not ask for the first item", mixed=False)
+    assert done == ProcedureResult(accepted=False, reason="the vehicle did not ask for the first item", mixed=False)
 
 
 @DIALECTS
@@ -111,7 +121,7 @@ async def test_a_part_on_board_is_told_to_who_decides_and_in_the_end() -> None:
         board.link.cut |= len(board.link.of_kind(SendMissionItem)) >= 3
 
     board.link.listen(cut)
-    done = await procedures.put_on_board(board.link, board.clock, board.dialect, board.items, wanted)
+    done = await procedures.upload_and_verify(board.link, board.clock, board.dialect, board.items, wanted)
     board.link.close()
     assert asked == [True]
     assert (done.accepted, done.mixed, done.reason) == (False, True, "it has left its mission")
@@ -146,7 +156,7 @@ async def test_a_refusal_has_begun_nothing(dialect: Dialect) -> None:
     board = Board(dialect)
     board.vehicle.missions.refuses = 4
     done = await board.put()
-    assert done == Done(accepted=False, reason="mission refused: no space", mixed=False)
+    assert done == ProcedureResult(accepted=False, reason="mission refused: no space", mixed=False)
     assert len(board.link.of_kind(SendMissionCount)) == procedures.UPLOAD_TRIES
 
 
@@ -187,11 +197,13 @@ async def test_a_transfer_that_another_station_left_is_outwaited(dialect: Dialec
     """ArduPilot frees it after eight seconds; PX4 after five in which nobody asked, not even in vain."""
     board, told = Board(dialect), list[str]()
     board.vehicle.missions.other_until_s = dead_s
-    done = await procedures.put_on_board(board.link, board.clock, dialect, board.items, tell=told.append)
+    done = await procedures.upload_and_verify(board.link, board.clock, dialect, board.items, tell=told.append)
     board.link.close()
-    assert done == Done(accepted=True)
+    assert done == ProcedureResult(accepted=True)
     assert board.missing == ()
-    assert told == [f"busy with another mission transfer; uploading again for up to {procedures.busy_s(dialect):g} s"]
+    assert told == [
+        f"busy with another mission transfer; uploading again for up to {procedures.busy_patience_s(dialect):g} s"
+    ]
 
 
 @DIALECTS
@@ -200,8 +212,8 @@ async def test_a_transfer_that_never_ends_is_told_and_believed(dialect: Dialect)
     board.vehicle.missions.other_until_s = float("inf")
     done = await board.put()
     why = "error, or busy with another transfer" if dialect is PX4 else "denied: another ground station is uploading"
-    assert done == Done(accepted=False, reason=f"mission refused: {why}", mixed=False)
-    assert board.clock.now_s() == pytest.approx(procedures.busy_s(dialect), abs=1.0)
+    assert done == ProcedureResult(accepted=False, reason=f"mission refused: {why}", mixed=False)
+    assert board.clock.now_s() == pytest.approx(procedures.busy_patience_s(dialect), abs=1.0)
 
 
 async def test_the_next_upload_waits_until_a_transfer_that_was_left_is_over() -> None:

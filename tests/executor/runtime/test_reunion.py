@@ -59,7 +59,7 @@ class Speaker:
 
 
 def known(stage: Stage) -> FleetState:
-    state = fleet.initial(READY.boards)
+    state = fleet.build_initial_state(READY.boards)
     return state.put(with_facts(state.vehicles["uav1"], stage=stage))
 
 
@@ -67,7 +67,7 @@ async def asked(state: FleetState, air: Air) -> tuple[Found, float, FakeLink]:
     """Ask the one vehicle; returns what was found, how long it took, and the link."""
     clock = LoopClock()
     link = FakeLink(Speaker(ITEMS), clock, air, seed=5)
-    [found] = (await reunion.asked(READY.context, lambda: state, {"uav1": link}, clock, 10.0)).found
+    [found] = (await reunion.reconnect_vehicles(READY.context, lambda: state, {"uav1": link}, clock, 10.0)).found
     link.close()
     return found, asyncio.get_running_loop().time(), link
 

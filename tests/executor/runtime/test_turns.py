@@ -10,7 +10,7 @@ from selectors import EVENT_READ
 
 import pytest
 
-from executor.runtime.turns import AT_ONCE, InTurns, Loop, run
+from executor.runtime.turns import AT_ONCE, FairEventLoop, FairSelector, run_on_fair_loop
 
 VEHICLES = 20
 MESSAGES = 5
@@ -33,7 +33,7 @@ def ports() -> Iterator[list[socket.socket]]:
 
 
 def test_nobody_waits_longer_than_it_takes_to_hear_all(ports: list[socket.socket]) -> None:
-    with InTurns() as selector:
+    with FairSelector() as selector:
         for port in ports:
             selector.register(port, EVENT_READ)
         rounds = [{key.fd for key, _ in selector.select(0)} for _ in range(12)]
@@ -44,7 +44,7 @@ def test_nobody_waits_longer_than_it_takes_to_hear_all(ports: list[socket.socket
 
 
 def test_fewer_are_taken_together(ports: list[socket.socket]) -> None:
-    with InTurns() as selector:
+    with FairSelector() as selector:
         for port in ports[:AT_ONCE]:
             selector.register(port, EVENT_READ)
         assert len(selector.select(0)) == AT_ONCE
@@ -77,7 +77,7 @@ def test_others_have_their_turn_between_the_messages_of_a_fleet(ports: list[sock
         for port in ports:
             loop.remove_reader(port)
 
-    run(listen())
+    run_on_fair_loop(listen())
     most = max(len(one) for one in "".join("m" if what == "message" else "o" for what in heard).split("o"))
     assert heard.count("message") == VEHICLES * MESSAGES
     assert most <= 2 * AT_ONCE  # a deadline that comes due in a round is seen to in the next one
@@ -87,7 +87,7 @@ class Slow:
     """A time that somebody else makes, in steps, each when everything before it was dealt with."""
 
     def __init__(self, said: socket.socket, at_s: float) -> None:
-        self.together = True
+        self.is_synchronised = True
         self.at_s = at_s
         self.steps: list[float] = []
         self.rests = 0
@@ -96,7 +96,7 @@ class Slow:
     def steady_s(self) -> float:
         return self.at_s
 
-    def rested(self) -> bool:
+    def note_idle(self) -> bool:
         if self.steps:
             self.at_s += self.steps.pop(0)
             return True
@@ -104,11 +104,11 @@ class Slow:
         self._said.send(b"more")
         return False
 
-    def restless(self) -> None:
+    def note_busy(self) -> None:
         return
 
-    def waited(self) -> None:
-        self.together = False
+    def note_silence(self) -> None:
+        self.is_synchronised = False
 
 
 def test_deadlines_go_by_another_time_after_everything_that_came_before_it() -> None:
@@ -119,7 +119,7 @@ def test_deadlines_go_by_another_time_after_everything_that_came_before_it() -> 
 
     async def fly() -> None:
         loop = asyncio.get_running_loop()
-        assert isinstance(loop, Loop)
+        assert isinstance(loop, FairEventLoop)
         pace = Slow(there, 500.0)
 
         def more() -> None:
@@ -130,7 +130,7 @@ def test_deadlines_go_by_another_time_after_everything_that_came_before_it() -> 
 
         loop.add_reader(here, more)
         loop.add_reader(heard, lambda: happened.append(heard.recv(100).decode()))
-        with loop.at_the_pace_of(pace):
+        with loop.follow_pacemaker(pace):
             before_s = loop.time()
             for _ in range(3):
                 await asyncio.sleep(1.0)
@@ -139,22 +139,22 @@ def test_deadlines_go_by_another_time_after_everything_that_came_before_it() -> 
         loop.remove_reader(heard)
 
     with here, there, heard, speaks:
-        run(fly())
+        run_on_fair_loop(fly())
     assert happened == [*["heard"] * 10, "1.0 s", *["heard"] * 10, "2.0 s", *["heard"] * 10, "3.0 s"]
 
 
 def test_without_another_time_the_computers_goes_on() -> None:
     async def fly() -> float:
         loop = asyncio.get_running_loop()
-        assert isinstance(loop, Loop)
+        assert isinstance(loop, FairEventLoop)
         here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         with here, there:
             pace = Slow(there, 7.0)
-            with loop.at_the_pace_of(pace):
-                pace.together = False
+            with loop.follow_pacemaker(pace):
+                pace.is_synchronised = False
                 await asyncio.sleep(0)
             before_s = loop.time()
             await asyncio.sleep(0.01)
             return loop.time() - before_s
 
-    assert run(fly()) >= 0.01
+    assert run_on_fair_loop(fly()) >= 0.01

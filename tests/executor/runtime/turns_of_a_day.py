@@ -14,13 +14,13 @@ from executor.core.commands import Say, Solve
 from executor.core.context import Context, DayRules
 from executor.core.events import Reopened, SolveEnded
 from executor.core.intents import IntentRecord
-from executor.core.parts import OnBoard, SortieAhead
-from executor.core.preflight.checks import Facts
+from executor.core.parts import OnboardMission, PlannedSortie
+from executor.core.preflight.checks import VehicleFacts
 from executor.core.state import FleetState
 from executor.runtime.flight import Flight, Observer
 from executor.virtual.crew import PadCrew
-from executor.virtual.radio import MemoryRadio, live
-from executor.virtual.solver import SolverHere
+from executor.virtual.radio import MemoryRadio, run_radios
+from executor.virtual.solver import InProcessSolver
 from missions import Network, Pricing
 from tests.fakes.solver import FakeSolver
 from tests.missions.builders import line_east
@@ -74,7 +74,7 @@ class _Solver(FakeSolver):
 
     def __init__(self) -> None:
         super().__init__()
-        self._here = SolverHere(1, takes_s=1.0, settled=500)
+        self._here = InProcessSolver(1, takes_s=1.0, settled=500)
 
     async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
         self.asked.append(problem)
@@ -99,7 +99,7 @@ class DaySky(Sky):
         self._crew = PadCrew(vehicles, self._next_pack, confirms=day.crew.confirms)
         self.solver = _Solver()
         for radio in self.radios.values():
-            radio.spare()
+            radio.stop_unread_streams()
 
     def _next_pack(self, name: str) -> tuple[str, float] | None:
         for parameter, value in self.day.forgets.items():
@@ -127,7 +127,7 @@ class DaySky(Sky):
         self.return_m = self._setup.return_height_m(name)  # as the flight would have set it
         return super()._radio(name, sysid)
 
-    def _context(self, facts: Mapping[str, Facts]) -> tuple[Context, dict[str, OnBoard | None]]:
+    def _context(self, facts: Mapping[str, VehicleFacts]) -> tuple[Context, dict[str, OnboardMission | None]]:
         context, self._boards = super()._context(facts)
         known = {label: replace(HISTORY, label=label) for label in self.day.budgets_pct}
         setups = {
@@ -148,15 +148,15 @@ class DaySky(Sky):
             context = replace(context, day=DayRules(STAGGER_S, bases, windows))
         return context, self._boards
 
-    def _initial(self, boards: Mapping[str, OnBoard | None]) -> FleetState:
+    def _initial(self, boards: Mapping[str, OnboardMission | None]) -> FleetState:
         if not self.day.ruled:
-            return fleet.initial(boards)
+            return fleet.build_initial_state(boards)
         sorties = {name: (visits, *self.day.later.get(name, ())) for name, visits in self.day.first.items()}
-        ahead = {name: tuple(SortieAhead(one, 0.0) for one in own) for name, own in sorties.items()}
-        return fleet.initial(boards, ahead=ahead)
+        ahead = {name: tuple(PlannedSortie(one, 0.0) for one in own) for name, own in sorties.items()}
+        return fleet.build_initial_state(boards, ahead=ahead)
 
     async def _live(self) -> None:
-        await live(self.radios.values(), self._lived, every_s=0.1)
+        await run_radios(self.radios.values(), self._lived, every_s=0.1)
 
     async def _run(self, flight: Flight, until_s: float) -> float | None:
         if self.day.dies is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from executor.simulated.demo_site import demo_site, free_ports
+from executor.simulated.demo_site import build_demo_site, find_free_ports
 from executor.site import assembly
 from executor.site.config import check_site
 from missions import default_network_path, read_network
@@ -13,9 +13,9 @@ from missions import default_network_path, read_network
 SYDNEY = (-33.86, 151.21)
 
 
-def site_over(network: Path | None, *, flat: bool = False) -> assembly.Ground:
-    content = demo_site(network=network, radius_m=700, vehicles=3, speedup=10, autopilot="px4", flat=flat)
-    return assembly.ground_of(check_site(content, "demo"), Path())
+def site_over(network: Path | None, *, flat: bool = False) -> assembly.SiteModel:
+    content = build_demo_site(network=network, radius_m=700, vehicles=3, speedup=10, autopilot="px4", flat=flat)
+    return assembly.load_site_model(check_site(content, "demo"), Path())
 
 
 def test_the_default_network_lies_where_it_says() -> None:
@@ -54,14 +54,14 @@ def test_a_graph_file_is_put_where_the_default_network_is(tmp_path: Path) -> Non
 
 
 def test_the_ports_of_a_fleet_are_none_that_the_system_chooses() -> None:
-    ports = free_ports(200)
+    ports = find_free_ports(200)
     assert len(set(ports)) == 200
     assert max(ports) < 32_768
 
 
 def test_only_the_usual_demo_has_budgets_of_its_own() -> None:
     def budgets(radius_m: float) -> set[float]:
-        content = demo_site(network=None, radius_m=radius_m, vehicles=4, speedup=10, autopilot="px4")
+        content = build_demo_site(network=None, radius_m=radius_m, vehicles=4, speedup=10, autopilot="px4")
         return {vehicle.budget_pct for vehicle in check_site(content, "demo").vehicle}
 
     assert budgets(700.0) == {28.0} != budgets(900.0)

@@ -11,7 +11,7 @@ import pytest
 
 from executor.core.connection import EXPECTED
 from executor.errors import SiteError
-from executor.site.config import Site, check_site, read_secret, read_site, signing_key
+from executor.site.config import Site, check_site, read_secret, read_signing_key, read_site
 
 Content = dict[str, Any]
 
@@ -297,20 +297,20 @@ def test_a_key_comes_from_a_file_or_from_the_environment(tmp_path: Path, monkeyp
     digits = "0f" * 32
     (tmp_path / "key").write_text(f"{digits}\n")
     from_file = check_site(content(signing={"key_file": "key"}), "site.toml")
-    assert signing_key(from_file, tmp_path) == bytes.fromhex(digits)
+    assert read_signing_key(from_file, tmp_path) == bytes.fromhex(digits)
     from_environment = check_site(content(signing={"key_env": "LINE_KEY"}), "site.toml")
     monkeypatch.setenv("LINE_KEY", "a passphrase")
-    assert signing_key(from_environment, tmp_path) == hashlib.sha256(b"a passphrase").digest()
-    assert signing_key(check_site(content(), "site.toml"), tmp_path) is None
+    assert read_signing_key(from_environment, tmp_path) == hashlib.sha256(b"a passphrase").digest()
+    assert read_signing_key(check_site(content(), "site.toml"), tmp_path) is None
     monkeypatch.delenv("LINE_KEY")
     with pytest.raises(SiteError, match=r"signing\.key_env: expected a value in the environment variable LINE_KEY"):
-        signing_key(from_environment, tmp_path)
+        read_signing_key(from_environment, tmp_path)
     (tmp_path / "key").write_text(" \n")
     with pytest.raises(SiteError, match="expected 64 hexadecimal digits or a passphrase"):
-        signing_key(from_file, tmp_path)
+        read_signing_key(from_file, tmp_path)
     (tmp_path / "key").unlink()
     with pytest.raises(SiteError, match=r"signing\.key_file: .*key: cannot be read"):
-        signing_key(from_file, tmp_path)
+        read_signing_key(from_file, tmp_path)
 
 
 def test_what_cannot_be_signed_is_refused() -> None:

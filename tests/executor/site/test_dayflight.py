@@ -11,18 +11,18 @@ from typing import Any
 import pytest
 
 from executor.simulated.fleet import fleet_of
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.site.config import check_site
 from executor.site.dayflight import (
-    ahead_of,
-    bases_m,
-    day_rules,
-    first_sorties,
-    later_segments,
-    morning_pads,
-    sortie_lines,
+    base_places_m,
+    build_day_rules,
+    build_first_sorties_plan,
+    describe_later_sorties,
+    find_later_segments,
+    find_morning_pads,
+    sorties_ahead_of,
 )
-from executor.site.sorties import DayWanted, planned_day, site_day
+from executor.site.sorties import DayPlanRequest, build_day_problem, solve_day
 from missions import DayPlanFile, PlanFileError, check_plan
 from planner import Iterations, segment_of
 from planner.sorties import Objective
@@ -33,48 +33,48 @@ HOURS = {"begin": "08:00", "end": "10:00", "quiet": [{"begin": "09:00", "end": "
 BATTERY = {"capacity_ah": 1.2}
 
 
-def ground_of(**tables: Mapping[str, object]) -> Ground:
+def ground_of(**tables: Mapping[str, object]) -> SiteModel:
     return ground_for(site_of(("uav1", "uav2"), day=HOURS, energy=BATTERY, **tables), line_east(13))
 
 
 @pytest.fixture(scope="module")
-def ground() -> Ground:
+def ground() -> SiteModel:
     return ground_of()
 
 
 @pytest.fixture(scope="module")
-def day(ground: Ground) -> DayPlanFile:
+def day(ground: SiteModel) -> DayPlanFile:
     """A day of several sorties each."""
-    found = planned_day(site_day(ground), DayWanted(Objective.FINISH, Iterations(2000), 1, 1))
+    found = solve_day(build_day_problem(ground), DayPlanRequest(Objective.FINISH, Iterations(2000), 1, 1))
     assert not found.plan.uncovered
     assert max(map(len, found.plan.sorties)) >= 2
     return replace(found, source="day.json")
 
 
-def test_the_first_sorties_are_the_plan_and_the_others_wait_behind_them(ground: Ground, day: DayPlanFile) -> None:
-    plan, ahead = first_sorties(day, ground), ahead_of(day)
+def test_the_first_sorties_are_the_plan_and_the_others_wait_behind_them(ground: SiteModel, day: DayPlanFile) -> None:
+    plan, ahead = build_first_sorties_plan(day, ground), sorties_ahead_of(day)
     assert not [line for line in check_plan(plan, search_window=False) if "uncovered" in line]
-    task = plan.task()
+    task = plan.build_task()
     routes = task.plan_to_network(plan.plan).routes
     for name, route in zip(ground.names, routes, strict=True):
         assert route.visits == (ahead[name][0].visits if ahead[name] else ())
     everything = [segment_of(visit) for own in ahead.values() for one in own for visit in one.visits]
     assert sorted(everything) == list(range(12))
     first = {segment_of(visit) for route in routes for visit in route.visits}
-    assert later_segments(day) == set(range(12)) - first == {plan.segments[one].id for one in plan.plan.uncovered}
+    assert find_later_segments(day) == set(range(12)) - first == {plan.segments[one].id for one in plan.plan.uncovered}
     assert min(one.start_s for own in ahead.values() for one in own) == 0.0
-    assert [line.partition(":")[0] for line in sortie_lines(day)] == [
+    assert [line.partition(":")[0] for line in describe_later_sorties(day)] == [
         name for name, own in ahead.items() if len(own) > 1
     ]
 
 
-def test_the_days_clock_begins_with_its_first_take_off(ground: Ground, day: DayPlanFile) -> None:
-    rules = day_rules(day)
+def test_the_days_clock_begins_with_its_first_take_off(ground: SiteModel, day: DayPlanFile) -> None:
+    rules = build_day_rules(day)
     assert rules.bases == {"uav1": "depot", "uav2": "depot"}
     assert rules.stagger_s == 30.0
     assert rules.windows_s["uav1"] == ((0.0, 3600.0), (5400.0, 7200.0))
     assert rules.ends_s == 7200.0
-    assert bases_m(day, ground.network.frame)["uav1"] == pytest.approx((0.0, 0.0), abs=0.01)
+    assert base_places_m(day, ground.network.frame)["uav1"] == pytest.approx((0.0, 0.0), abs=0.01)
 
 
 def test_simulated_vehicles_stand_at_their_bases_in_the_morning() -> None:
@@ -84,7 +84,7 @@ def test_simulated_vehicles_stand_at_their_bases_in_the_morning() -> None:
     bases: dict[str, Any] = {"base": [at_depot, north]}
     site = site_of(("uav1", "uav2", "uav3"), day=HOURS, energy=BATTERY, **bases)
     ground = ground_for(site, line_east(13))
-    stands = morning_pads(ground)
+    stands = find_morning_pads(ground)
     assert set(stands) == {"uav1", "uav3"}
     places = [(pad.east_m, pad.north_m) for pad in stands.values()]
     assert all(math.dist(place, (600.0, 400.0)) < 40.0 for place in places)
@@ -108,9 +108,9 @@ def test_who_has_a_pad_of_its_own_is_planned_from_there() -> None:
     first, second = tables["vehicle"]
     moved = check_site({**tables, "place": [hill], "vehicle": [{**first, "pad": "hill"}, second]}, "test")
     ground = ground_for(moved, line_east(13))
-    day = planned_day(site_day(ground), DayWanted(Objective.FINISH, Iterations(200), 1, 1))
+    day = solve_day(build_day_problem(ground), DayPlanRequest(Objective.FINISH, Iterations(200), 1, 1))
     assert [own[0].place_m[:2] for own in day.pads] == [pytest.approx((300.0, -200.0), abs=0.01), (0.0, 0.0)]
-    first_sorties(day, ground)
+    build_first_sorties_plan(day, ground)
     assert "the pad of uav1 is elsewhere" in refused(replace(day, source="day.json"), ground_for(site, line_east(13)))
 
 
@@ -119,21 +119,21 @@ def test_what_a_camera_is_not_good_for_is_barred_in_flight_too() -> None:
     names = [lines.segment_name(number) for number in range(12)]
     hours: dict[str, Any] = {**HOURS, "vehicle": [{"name": "uav2", "segments": names[:4]}]}
     ground = ground_for(site_of(("uav1", "uav2"), day=hours, energy=BATTERY), lines)
-    found = planned_day(site_day(ground, range(2, 12)), DayWanted(Objective.FINISH, Iterations(200), 1, 1))
-    assert day_rules(found).barred == {"uav2": frozenset(range(4, 12))}
+    found = solve_day(build_day_problem(ground, range(2, 12)), DayPlanRequest(Objective.FINISH, Iterations(200), 1, 1))
+    assert build_day_rules(found).barred == {"uav2": frozenset(range(4, 12))}
 
 
 def test_a_day_of_other_speeds_is_planned_and_not_flown() -> None:
     hours: dict[str, Any] = {**HOURS, "vehicle": [{"name": "uav2", "speed_m_s": 4.0}]}
     ground = ground_for(site_of(("uav1", "uav2"), day=hours, energy=BATTERY), line_east(13))
-    found = planned_day(site_day(ground), DayWanted(Objective.FINISH, Iterations(200), 1, 1))
+    found = solve_day(build_day_problem(ground), DayPlanRequest(Objective.FINISH, Iterations(200), 1, 1))
     said = refused(replace(found, source="day.json"), ground)
     assert "uav2: expected speed_m_s 3 of [inspection], at which everybody flies, got 4" in said
 
 
-def refused(day: DayPlanFile, ground: Ground) -> str:
+def refused(day: DayPlanFile, ground: SiteModel) -> str:
     with pytest.raises(PlanFileError) as error:
-        first_sorties(day, ground)
+        build_first_sorties_plan(day, ground)
     text = str(error.value)
     assert "\n" not in text
     assert text.startswith("day.json: ")
@@ -150,15 +150,15 @@ def test_a_day_of_another_line_is_refused(day: DayPlanFile) -> None:
     assert re.search("expected one of the site's 4 segments", refused(day, other))
 
 
-def test_a_day_whose_figures_are_not_its_own_is_refused(ground: Ground, day: DayPlanFile) -> None:
+def test_a_day_whose_figures_are_not_its_own_is_refused(ground: SiteModel, day: DayPlanFile) -> None:
     wrong = replace(day, evaluation=replace(day.evaluation, finish_s=1.0))
     assert "finish_s is 1, its content gives" in refused(wrong, ground)
 
 
-def test_a_day_goes_on_with_what_another_one_left(ground: Ground) -> None:
+def test_a_day_goes_on_with_what_another_one_left(ground: SiteModel) -> None:
     left = (2, 7, 9)
-    found = planned_day(site_day(ground, left), DayWanted(Objective.FINISH, Iterations(500), 1, 1))
+    found = solve_day(build_day_problem(ground, left), DayPlanRequest(Objective.FINISH, Iterations(500), 1, 1))
     assert [segment.id for segment in found.segments] == list(left)
-    flown = {segment_of(visit) for own in ahead_of(found).values() for one in own for visit in one.visits}
+    flown = {segment_of(visit) for own in sorties_ahead_of(found).values() for one in own for visit in one.visits}
     assert flown == set(left)
-    assert {segment.id for segment in first_sorties(found, ground).segments} == set(left)
+    assert {segment.id for segment in build_first_sorties_plan(found, ground).segments} == set(left)

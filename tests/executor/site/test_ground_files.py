@@ -15,10 +15,10 @@ from executor.site.ground_files import (
     PHOTO,
     PHOTO_BYTES,
     RELIEF,
-    ground_files,
-    keep_ground,
-    kept_files,
+    encode_ground,
     read_ground,
+    read_ground_files,
+    write_ground,
 )
 from executor.site.ground_view import GroundView
 from missions.background import Background
@@ -30,7 +30,7 @@ PLACES_M = np.array([(100.0, 0.0), (700.0, 250.0)])
 
 def test_what_was_kept_is_read_back(tmp_path: Path) -> None:
     view = ground_about(PLACES_M, hills=Hills(unknown_east_m=800.0))
-    keep_ground(tmp_path, view, FRAME)
+    write_ground(tmp_path, view, FRAME)
     assert {path.name for path in tmp_path.iterdir()} == {DOCUMENT, PHOTO, RELIEF}
     found = read_ground(tmp_path)
     assert found is not None
@@ -51,12 +51,12 @@ def test_what_was_kept_is_read_back(tmp_path: Path) -> None:
     known = ~np.isnan(found.relief.heights_m)
     assert found.relief.heights_m[known] == pytest.approx(hills.grid_m(east_m, north_m)[known], abs=4.0)
     assert not known.all()
-    assert kept_files(tmp_path) == ground_files(view, FRAME)
+    assert read_ground_files(tmp_path) == encode_ground(view, FRAME)
 
 
 def test_where_the_local_metres_are_is_known_between_the_lattice_to_a_tenth_of_a_metre() -> None:
     view = GroundView((-12_000.0, -9_000.0), (11_000.0, 14_000.0))
-    degrees = json.loads(ground_files(view, FRAME)[DOCUMENT])["degrees"]
+    degrees = json.loads(encode_ground(view, FRAME)[DOCUMENT])["degrees"]
     lat_deg, lon_deg = (
         np.array(degrees[key]).reshape(degrees["rows"], degrees["columns"]) for key in ("lat_deg", "lon_deg")
     )
@@ -71,10 +71,10 @@ def test_where_the_local_metres_are_is_known_between_the_lattice_to_a_tenth_of_a
 
 
 def test_nothing_is_kept_where_nothing_is_known(tmp_path: Path) -> None:
-    keep_ground(tmp_path, GroundView((0.0, 0.0), (10.0, 10.0)), FRAME)
+    write_ground(tmp_path, GroundView((0.0, 0.0), (10.0, 10.0)), FRAME)
     assert list(tmp_path.iterdir()) == []
     assert read_ground(tmp_path) is None
-    assert kept_files(tmp_path) == {}
+    assert read_ground_files(tmp_path) == {}
 
 
 def test_a_picture_that_does_not_shrink_is_made_smaller() -> None:
@@ -83,7 +83,7 @@ def test_a_picture_that_does_not_shrink_is_made_smaller() -> None:
     pixels = rng.integers(0, 256, (1500, 2000, 4), dtype=np.uint8)
     pixels[..., 3] = 255
     view = GroundView((0.0, 0.0), (2000.0, 1500.0), Background(pixels, (0.0, 0.0), (2000.0, 1500.0)))
-    assert len(ground_files(view, FRAME)[PHOTO]) <= PHOTO_BYTES
+    assert len(encode_ground(view, FRAME)[PHOTO]) <= PHOTO_BYTES
 
 
 def _cut(run: Path) -> None:
@@ -120,7 +120,7 @@ def _another_file(run: Path) -> None:
     ],
 )
 def test_damage_is_said_in_one_line(spoil: Callable[[Path], None], words: str, tmp_path: Path) -> None:
-    keep_ground(tmp_path, ground_about(PLACES_M, hills=Hills()), FRAME)
+    write_ground(tmp_path, ground_about(PLACES_M, hills=Hills()), FRAME)
     spoil(tmp_path)
     with pytest.raises(LogError) as refusal:
         read_ground(tmp_path)

@@ -9,7 +9,7 @@ import pytest
 
 from executor.errors import SiteError
 from executor.site.config import check_site
-from executor.site.ground_view import BESIDE_M, MOST_PIXELS, area_of, ground_view
+from executor.site.ground_view import BESIDE_M, MOST_PIXELS, build_ground_view, shown_area_of
 from executor.site.tables.map import MapTable
 from missions.errors import BackgroundError
 from tests.executor.grounds import Hills
@@ -24,25 +24,25 @@ LEAST = {
 
 
 def test_the_area_holds_the_depot_and_the_line_with_room_around_them() -> None:
-    low_m, high_m = area_of(PLACES_M)
+    low_m, high_m = shown_area_of(PLACES_M)
     assert low_m == (-400.0, -400.0)
     assert high_m == (800.0, 450.0)
-    assert area_of(np.zeros((1, 2))) == ((-BESIDE_M, -BESIDE_M), (BESIDE_M, BESIDE_M))
+    assert shown_area_of(np.zeros((1, 2))) == ((-BESIDE_M, -BESIDE_M), (BESIDE_M, BESIDE_M))
 
 
 def test_without_anything_said_nothing_lies_below(tmp_path: Path) -> None:
     for table in (None, MapTable()):
-        view = ground_view(table, tmp_path, FRAME, PLACES_M)
+        view = build_ground_view(table, tmp_path, FRAME, PLACES_M)
         assert (view.background, view.relief, view.attribution) == (None, None, "")
 
 
 def test_a_picture_and_heights_are_read_around_the_line(tmp_path: Path) -> None:
     write_tiff(tmp_path / "ortho.tif", FRAME, tags={"TIFFTAG_COPYRIGHT": "Land survey"})
-    view = ground_view(MapTable(background="ortho.tif", contour_m=25.0), tmp_path, FRAME, PLACES_M, Hills())
+    view = build_ground_view(MapTable(background="ortho.tif", contour_m=25.0), tmp_path, FRAME, PLACES_M, Hills())
     assert view.background is not None
     assert view.relief is not None
     assert view.background.pixels.size <= 4 * MOST_PIXELS
-    assert (view.background.low_m, view.background.high_m) == (view.low_m, view.high_m) == area_of(PLACES_M)
+    assert (view.background.low_m, view.background.high_m) == (view.low_m, view.high_m) == shown_area_of(PLACES_M)
     assert view.relief.interval_m == 25.0
     assert view.attribution == "Land survey"
 
@@ -50,12 +50,12 @@ def test_a_picture_and_heights_are_read_around_the_line(tmp_path: Path) -> None:
 def test_the_site_has_the_last_word_on_whom_a_picture_is_by(tmp_path: Path) -> None:
     write_mbtiles(tmp_path / "area.mbtiles", FRAME, facts={"format": "png", "attribution": "somebody"})
     table = MapTable(background="area.mbtiles", attribution="© Crew")
-    assert ground_view(table, tmp_path, FRAME, PLACES_M).attribution == "© Crew"
+    assert build_ground_view(table, tmp_path, FRAME, PLACES_M).attribution == "© Crew"
 
 
 def test_a_picture_that_is_none_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BackgroundError, match=r"missing\.tif: file: expected a GeoTIFF or MBTiles; there is none$"):
-        ground_view(MapTable(background="missing.tif"), tmp_path, FRAME, PLACES_M)
+        build_ground_view(MapTable(background="missing.tif"), tmp_path, FRAME, PLACES_M)
 
 
 @pytest.mark.parametrize(

@@ -10,23 +10,23 @@ from executor.core.check_codes import CheckCode
 from executor.core.preflight import heights
 from executor.core.preflight.checks import Check, Severity
 from executor.errors import SiteError
-from executor.simulated.demo_site import demo_site
+from executor.simulated.demo_site import build_demo_site
 from executor.site import assembly
 from executor.site.config import check_site
-from executor.site.heights import planned_heights
-from executor.site.planning import Wanted, first_plan
-from missions import NetworkError, flight_path
+from executor.site.heights import compute_planned_heights
+from executor.site.planning import PlanRequest, plan_site
+from missions import NetworkError, build_flight_path
 from planner import Cost
 from tests.executor.builders import fleet_of, ground_for, site_of
 from tests.missions.builders import FLEET, default_setup, network_of
 
-WANTED = Wanted(Cost.MINMAX, 0.05, 1, starts=1)
+WANTED = PlanRequest(Cost.MINMAX, 0.05, 1, starts=1)
 
 
 def test_the_checklist_says_over_what_and_how_high() -> None:
     setup = default_setup()
-    paths = [flight_path(setup, name, range(2 * index, 66, 8)) for index, name in enumerate(FLEET)]
-    [check] = heights.checks(setup, paths)
+    paths = [build_flight_path(setup, name, range(2 * index, 66, 8)) for index, name in enumerate(FLEET)]
+    [check] = heights.check_flight_heights(setup, paths)
     assert check.severity is Severity.OK
     assert check.text.startswith("over the pylon tops, by 1")
     assert check.text.endswith(" m over the ground, RTL up to 115 m; ceiling 120 m")
@@ -35,7 +35,7 @@ def test_the_checklist_says_over_what_and_how_high() -> None:
 def test_flat_ground_is_said_to_be_taken_for_that() -> None:
     fleet = fleet_of()
     paths = [board.path for board in fleet.boards.values() if board is not None]
-    assert heights.checks(fleet.context.setup, paths, ("look here",)) == [
+    assert heights.check_flight_heights(fleet.context.setup, paths, ("look here",)) == [
         Check(
             Severity.OK, "heights",
             "over the depot's ground, taken to be flat; 15 to 27 m over the ground, RTL up to 27 m; ceiling 120 m",
@@ -48,7 +48,11 @@ def test_flat_ground_is_said_to_be_taken_for_that() -> None:
 def test_over_the_ceiling_nobody_flies() -> None:
     fleet = fleet_of(inspection={"ceiling_m": 20.0})
     paths = [board.path for board in fleet.boards.values() if board is not None]
-    stops = [check.text for check in heights.checks(fleet.context.setup, paths) if check.severity is Severity.STOP]
+    stops = [
+        check.text
+        for check in heights.check_flight_heights(fleet.context.setup, paths)
+        if check.severity is Severity.STOP
+    ]
     assert [text.split(",")[0] for text in stops] == [
         "the mission of uav3 goes 27 m over the ground near segment 0",
         "the RTL of uav3 is level",
@@ -65,12 +69,12 @@ def test_a_plan_over_a_taller_line_that_crosses_is_refused() -> None:
     with pytest.raises(
         SiteError, match=r"^test network: heights: uav1 on leg \d \(inspect\) comes 23\.0 m below the top"
     ):
-        planned_heights(ground, first_plan(ground, WANTED))
+        compute_planned_heights(ground, plan_site(ground, WANTED))
 
 
 def test_the_report_has_the_figures() -> None:
     setup = default_setup()
-    document = heights.heights_document(setup, [flight_path(setup, "uav1", [0, 2])])
+    document = heights.build_heights_document(setup, [build_flight_path(setup, "uav1", [0, 2])])
     assert document == {
         "over": "the pylon tops",
         "flat": False,
@@ -91,9 +95,9 @@ def test_a_site_claims_that_its_ground_is_flat(tmp_path: Path) -> None:
         encoding="utf-8",
     )
 
-    def ground(*, flat: bool) -> assembly.Ground:
-        content = demo_site(network=network, radius_m=700, vehicles=1, speedup=1, autopilot="px4", flat=flat)
-        return assembly.ground_of(check_site(content, "demo"), Path())
+    def ground(*, flat: bool) -> assembly.SiteModel:
+        content = build_demo_site(network=network, radius_m=700, vehicles=1, speedup=1, autopilot="px4", flat=flat)
+        return assembly.load_site_model(check_site(content, "demo"), Path())
 
     assert ground(flat=True).inspection.flat
     with pytest.raises(NetworkError, match=r"line\.geojson: heights: expected elevation_m and height_m of every pylon"):

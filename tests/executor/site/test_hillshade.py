@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.site.hillshade import MOST_CELLS, Hillshade, hillshade_of, interval_for, shaded
+from executor.site.hillshade import MOST_CELLS, Hillshade, compute_hillshade, interval_for, shade_heights
 from tests.executor.grounds import Hills
 
 LOW_M, HIGH_M = (-1000.0, -800.0), (1200.0, 1000.0)
 
 
 def shown(hills: Hills, contour_m: float | None = None) -> Hillshade:
-    found = hillshade_of(hills, LOW_M, HIGH_M, contour_m)
+    found = compute_hillshade(hills, LOW_M, HIGH_M, contour_m)
     assert found is not None
     return found
 
@@ -70,15 +70,15 @@ def test_where_no_height_is_known_nothing_is_shown() -> None:
     assert 0.4 < known.mean() < 0.55
     assert not found.shade[~known].any()
     assert max(east for one in found.contours for east, _ in one.places_m) <= 100.0
-    assert hillshade_of(Hills(unknown_east_m=-5000.0), LOW_M, HIGH_M) is None
+    assert compute_hillshade(Hills(unknown_east_m=-5000.0), LOW_M, HIGH_M) is None
 
 
 def test_the_grid_is_bounded_however_fine_the_raster() -> None:
-    found = hillshade_of(Hills(cell_m=0.1), (-20_000.0, -20_000.0), (20_000.0, 20_000.0))
+    found = compute_hillshade(Hills(cell_m=0.1), (-20_000.0, -20_000.0), (20_000.0, 20_000.0))
     assert found is not None
     assert found.heights_m.size <= 1.01 * MOST_CELLS
 
 
 def test_a_grid_of_a_single_slope_is_even() -> None:
     heights_m = np.add.outer(np.arange(5.0), np.arange(7.0)).astype(np.float32)
-    assert np.unique(shaded(heights_m, (10.0, 10.0))[..., 0]).size == 1
+    assert np.unique(shade_heights(heights_m, (10.0, 10.0))[..., 0]).size == 1

@@ -11,10 +11,10 @@ import pytest
 
 from executor.errors import SiteError
 from executor.site import assembly, planning
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from missions import estimate, make_plan_file, read_plan, write_plan
-from missions.asked import inspected_at_m, low_segments
-from missions.planfile import Solved
+from missions.asked import find_low_segments, segment_distances_m
+from missions.planfile import SolverRecord
 from planner import Cost, Plan, Route, route_duration_s, segment_of, solve
 from planner.stop import Iterations
 from tests.executor.builders import ground_for, site_of
@@ -26,7 +26,7 @@ FULL: Table = {"name": "rgb", "focal_mm": 24, "sensor_mm": [36, 24], "image_px":
 EVERY: Table = {"camera": "rgb", "every_m": 8}
 
 
-def ground(cameras: Sequence[Table], looks: Sequence[Table], **tables: Mapping[str, object]) -> Ground:
+def ground(cameras: Sequence[Table], looks: Sequence[Table], **tables: Mapping[str, object]) -> SiteModel:
     site = site_of(("uav1", "uav2"), camera=list(cameras), look=list(looks), **tables)  # type: ignore[arg-type]
     return ground_for(site, line_east(5))
 
@@ -70,25 +70,25 @@ def test_overlap_follows_from_the_lens_and_the_distance() -> None:
 
 def test_a_plan_gives_spans_to_those_who_can_see_them_and_its_file_says_so(tmp_path: Path) -> None:
     made = ground([{**RGB, "vehicles": ["uav2"]}], [{**EVERY, "segments": ["segment 1", "segment 2"]}])
-    task = assembly.task_of(made)
+    task = assembly.build_first_task(made)
     plan = solve(task.instance, cost=Cost.MINMAX, stop=Iterations(2000), seed=1).plan
     assert plan.uncovered == ()
     seen = {segment_of(visit) for visit in plan.routes[0].visits}
     assert not seen & {1, 2}
-    solved = Solved(seed=1, solver="search", seconds=0.0)
+    solved = SolverRecord(seed=1, solver="search", seconds=0.0)
     kept = make_plan_file(made.network, task, made.travel, plan, Cost.MINMAX, solved, inspection=made.inspection)
     write_plan(tmp_path / "plan.json", kept)
-    assert read_plan(tmp_path / "plan.json").instance().start_pct.tolist() == task.instance.start_pct.tolist()
+    assert read_plan(tmp_path / "plan.json").build_instance().start_pct.tolist() == task.instance.start_pct.tolist()
 
 
 def test_a_pylon_takes_its_own_time() -> None:
     look = {"camera": "rgb", "of": "pylons", "bearings_deg": [45, 135], "both_sides": True, "hover_s": 10}
     made = ground([RGB], [{**look, "pylons": [line_east(5).pylons[2].id]}])
     assert [made.network.segment_name(segment) for segment in (3, 4)][1].startswith("pylon")
-    task = assembly.task_of(made)
+    task = assembly.build_first_task(made)
     [besides_s] = made.setup.looks.pylons
     assert besides_s == 4
-    pricing = assembly.pricing_of(made)
+    pricing = assembly.build_pricing(made)
     assert pricing.besides_s[4] > 30.0  # four times ten seconds, less the holds
     flown_s = task.instance.start_s[0]
     assert flown_s[8] > 40.0
@@ -105,19 +105,21 @@ def test_a_plan_knows_how_long_pylons_take_from_below_and_from_the_layer(autopil
     first, second = made.setup.looks.pylons
     # The lower one flies along all of the line: the higher one's pylon is never free.
     routes = (Route(0, (0, 2, 4, 6, 2 * first)), Route(1, (2 * second,)))
-    task = assembly.task_of(made)
+    task = assembly.build_first_task(made)
     plan = Plan(routes)
-    flown = assembly.asked_task(made, task, plan)
-    paths = assembly.paths_of(made.setup, assembly.routes_of(made, flown, plan))
-    assert first in low_segments(paths["uav1"], routes[0].visits)
-    assert second not in low_segments(paths["uav2"], routes[1].visits)
-    models = assembly.pricing_of(made).models
+    flown = assembly.adjust_task_to_layers(made, task, plan)
+    paths = assembly.build_paths(made.setup, assembly.name_routes(made, flown, plan))
+    assert first in find_low_segments(paths["uav1"], routes[0].visits)
+    assert second not in find_low_segments(paths["uav2"], routes[1].visits)
+    models = assembly.build_pricing(made).models
     for route, name in zip(routes, made.names, strict=True):
         planned_s = route_duration_s(flown.instance, route)
         assert planned_s == pytest.approx(estimate(paths[name], models[name]).duration_s, rel=0.02)
-    pricing = assembly.pricing_of(made)
+    pricing = assembly.build_pricing(made)
     assert pricing.in_layer_s[second] < pricing.besides_s[second] - 60.0
-    kept = planning.site_plan(made, flown, plan, Cost.MINMAX, Solved(seed=1, solver="search", seconds=0.0))
+    kept = planning.build_site_plan_file(
+        made, flown, plan, Cost.MINMAX, SolverRecord(seed=1, solver="search", seconds=0.0)
+    )
     for route, name, segment in zip(routes, made.names, (first, second), strict=True):
-        by_mission_m = inspected_at_m(made.setup, paths[name], route.visits)[segment]
-        assert kept.inspected_at_m(name, segment) == pytest.approx(by_mission_m)
+        by_mission_m = segment_distances_m(made.setup, paths[name], route.visits)[segment]
+        assert kept.inspection_height_m(name, segment) == pytest.approx(by_mission_m)

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 from executor.errors import LogError, SiteError
-from executor.flight.flight_order import Order, keep
+from executor.flight.flight_order import FlightRequest, write_run_start
 from executor.site import assembly
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.site.config import Site, check_site, read_site
-from executor.site.packs import packs_of_site, read_packs
-from missions import Solved, make_plan_file
+from executor.site.packs import load_site_packs, read_packs
+from missions import SolverRecord, make_plan_file
 from planner import Cost, Plan, Route
 from tests.e2e.flights import site_file
 from tests.executor.builders import ground_for
@@ -44,16 +44,16 @@ def site_with(**vehicle: object) -> Site:
     return check_site({"network": {"file": "line"}, "vehicle": tables, "energy": energy}, "test")
 
 
-def ground_with(folder: Path, **vehicle: object) -> Ground:
+def ground_with(folder: Path, **vehicle: object) -> SiteModel:
     site = site_with(**vehicle)
-    return replace(ground_for(site, line_east(7)), packs=packs_of_site(site, folder))
+    return replace(ground_for(site, line_east(7)), packs=load_site_packs(site, folder))
 
 
 def test_a_worn_pack_shortens_the_budget_and_raises_the_reserve_of_its_vehicle_alone(tmp_path: Path) -> None:
     written(tmp_path, ENTRY, {**ENTRY, "label": "B1", "most_ah": 2.0}, {**ENTRY, "label": None, "most_ah": 1.0})
     ground = ground_with(tmp_path, pack="A7")
-    task = assembly.task_of(ground)
-    context = assembly.context_of(ground, assembly.setup_of(ground), task)
+    task = assembly.build_first_task(ground)
+    context = assembly.build_context(ground, assembly.build_flight_setup(ground), task)
     assert [one.budget_pct for one in task.instance.vehicles] == pytest.approx([55.0, 75.0])
     first, second = (context.vehicles[name] for name in ("uav1", "uav2"))
     assert (first.budget_pct, first.reserve_pct, first.empty_pct) == pytest.approx((55.0, 45.0, 30.0))
@@ -66,7 +66,7 @@ def test_a_worn_pack_shortens_the_budget_and_raises_the_reserve_of_its_vehicle_a
 def test_a_pack_that_is_put_in_later_is_known_by_its_label(tmp_path: Path) -> None:
     written(tmp_path, ENTRY, {**ENTRY, "label": "B1", "most_ah": 4.0})
     ground = ground_with(tmp_path, pack="A7")
-    context = assembly.context_of(ground, assembly.setup_of(ground), assembly.task_of(ground))
+    context = assembly.build_context(ground, assembly.build_flight_setup(ground), assembly.build_first_task(ground))
     for setup in context.vehicles.values():
         found = {label: setup.with_pack(label) for label in ("A7", "B1", "", "C3")}
         budgets = {label: (one.budget_pct, one.reserve_pct) for label, one in found.items()}
@@ -79,7 +79,7 @@ def test_a_pack_that_is_put_in_later_is_known_by_its_label(tmp_path: Path) -> No
 def test_without_a_label_nothing_is_reckoned_with(tmp_path: Path) -> None:
     written(tmp_path, ENTRY)
     ground = ground_with(tmp_path)
-    assert [one.budget_pct for one in assembly.task_of(ground).instance.vehicles] == [75.0, 75.0]
+    assert [one.budget_pct for one in assembly.build_first_task(ground).instance.vehicles] == [75.0, 75.0]
 
 
 def test_its_last_flights_count_by_their_dates(tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_its_last_flights_count_by_their_dates(tmp_path: Path) -> None:
     new = [{**ENTRY, "began_usec": ENTRY["began_usec"] + one * day} for one in range(5)]
     undated = {**ENTRY, "most_ah": 5.0, "began_usec": 61_000_000}
     written(tmp_path, *new, undated, *old)
-    known = packs_of_site(site_with(pack="A7"), tmp_path).fitted["uav1"]
+    known = load_site_packs(site_with(pack="A7"), tmp_path).fitted["uav1"]
     assert known.flights == 15
     assert known.capacity_ah is not None
     assert known.capacity_ah[0] == 3.5
@@ -107,10 +107,10 @@ def test_a_label_is_letters_and_digits(label: str) -> None:
 
 def test_a_file_that_is_missing_or_wrong_is_named(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"packs\.json: cannot be read"):
-        packs_of_site(site_with(pack="A7"), tmp_path)
+        load_site_packs(site_with(pack="A7"), tmp_path)
     (tmp_path / "packs.json").write_text('{"format": "faultline-packs/1", "flights": [{"log": 5}]}')
     with pytest.raises(LogError, match=r"packs\.json: flights"):
-        packs_of_site(site_with(pack="A7"), tmp_path)
+        load_site_packs(site_with(pack="A7"), tmp_path)
 
 
 def test_a_flight_keeps_what_it_reckoned_with(tmp_path: Path) -> None:
@@ -123,16 +123,16 @@ def test_a_flight_keeps_what_it_reckoned_with(tmp_path: Path) -> None:
     written(tmp_path, ENTRY)
     site, run = read_site(path), tmp_path / "run"
     run.mkdir()
-    ground = assembly.ground_of(site, tmp_path)
-    task = assembly.task_of(ground)
+    ground = assembly.load_site_model(site, tmp_path)
+    task = assembly.build_first_task(ground)
     plan = make_plan_file(
         ground.network, task, ground.travel, Plan((Route(0, (0, 2)), Route(1, (4, 6, 8))), ()), Cost.MINMAX,
-        Solved("search", 1, 0.1), inspection=ground.inspection,
+        SolverRecord("search", 1, 0.1), inspection=ground.inspection,
     )  # fmt: skip
-    assert [one.budget_pct for one in plan.task().instance.vehicles] == pytest.approx([55.0, 75.0])
-    keep(Order(site, tmp_path, ground, plan, run, lambda _: ()))
+    assert [one.budget_pct for one in plan.build_task().instance.vehicles] == pytest.approx([55.0, 75.0])
+    write_run_start(FlightRequest(site, tmp_path, ground, plan, run, lambda _: ()))
     (tmp_path / "packs.json").unlink()
-    again = assembly.ground_of(read_site(run / "site.toml"), run)
+    again = assembly.load_site_model(read_site(run / "site.toml"), run)
     assert again.packs == ground.packs
-    context = assembly.context_of(again, assembly.setup_of(again), assembly.task_of(again))
+    context = assembly.build_context(again, assembly.build_flight_setup(again), assembly.build_first_task(again))
     assert context.vehicles["uav1"].budget_pct == pytest.approx(55.0)

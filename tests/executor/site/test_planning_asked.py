@@ -12,9 +12,9 @@ import pytest
 from executor.adapters.solver import REPLAN_COST
 from executor.cli.options import DEFAULT_REPLAN_COST
 from executor.core.preflight.checks import Severity
-from executor.site.assembly import task_of
-from executor.site.plan_words import left_words, plan_checks, summary
-from executor.site.planning import DEFAULT, changes, first_plan, fits
+from executor.site.assembly import build_first_task
+from executor.site.plan_words import build_plan_checks, describe_left_over, summarise_plan
+from executor.site.planning import DEFAULT, check_plan_fits, describe_site_changes, plan_site
 from missions import PlanFile, PlanFileError
 from tests.executor.builders import ground_for, site_of
 from tests.executor.cli.test_main import Place, place
@@ -24,7 +24,7 @@ __all__ = ["place"]
 
 NAMES = ("uav1", "uav2")
 GROUND = ground_for(site_of(NAMES), line_east(7))
-PLAN = first_plan(GROUND, replace(DEFAULT, seconds=0.2))
+PLAN = plan_site(GROUND, replace(DEFAULT, seconds=0.2))
 
 
 @pytest.mark.parametrize("command", ["plan", "preflight", "fly"])
@@ -37,8 +37,8 @@ def test_every_command_plans_by_the_same_default(place: Place, command: str) -> 
 
 
 def test_a_re_plan_is_chosen_by_the_same_cost_as_a_plan_that_can_have_no_window() -> None:
-    assert DEFAULT.for_task(task_of(GROUND)).cost is None
-    assert DEFAULT.for_task(task_of(ground_for(site_of(("uav1",)), line_east(7)))).cost is REPLAN_COST
+    assert DEFAULT.adapt_to_task(build_first_task(GROUND)).cost is None
+    assert DEFAULT.adapt_to_task(build_first_task(ground_for(site_of(("uav1",)), line_east(7)))).cost is REPLAN_COST
     assert DEFAULT_REPLAN_COST.value == REPLAN_COST.value
 
 
@@ -77,7 +77,7 @@ CHANGED: dict[str, tuple[dict[str, Mapping[str, object]], str]] = {
 def test_a_plan_whose_site_has_changed_is_refused(tables: dict[str, Mapping[str, object]], expected: str) -> None:
     other = ground_for(site_of(NAMES, "ardupilot", **tables), line_east(7))
     with pytest.raises(PlanFileError, match=r"^plan\.json: the site has changed: .*: plan again$") as refused:
-        fits(PLAN, other, "plan.json")
+        check_plan_fits(PLAN, other, "plan.json")
     assert expected in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -102,13 +102,13 @@ def test_a_plan_with_wrong_figures_is_not_flown(place: Place) -> None:
 
 
 def test_a_plan_of_the_site_as_it_is_fits() -> None:
-    assert changes(PLAN, GROUND) == []
-    fits(PLAN, GROUND, "plan.json")
-    fits(replace(PLAN, inspection=None), GROUND, "plan.json")
+    assert describe_site_changes(PLAN, GROUND) == []
+    check_plan_fits(PLAN, GROUND, "plan.json")
+    check_plan_fits(replace(PLAN, inspection=None), GROUND, "plan.json")
 
 
 def test_the_checklist_shows_what_is_asked() -> None:
-    lines = plan_checks(PLAN, segments=6)
+    lines = build_plan_checks(PLAN, segments=6)
     assert [line.severity for line in lines] == [Severity.OK] * 4
     flown = [len(route.visits) for route in PLAN.plan.routes]
     assert [line.text.split(",")[0] for line in lines] == [
@@ -119,7 +119,7 @@ def test_the_checklist_shows_what_is_asked() -> None:
 
 
 def test_a_part_of_the_site_is_said_to_be_one() -> None:
-    (warning,) = (line for line in plan_checks(PLAN, segments=9) if line.severity is Severity.WARNING)
+    (warning,) = (line for line in build_plan_checks(PLAN, segments=9) if line.severity is Severity.WARNING)
     assert warning.text == "it is about 6 of the site's 9 segments; the others are not flown"
 
 
@@ -136,11 +136,11 @@ def poor(budgets: dict[str, float], step: int = 7) -> PlanFile:
     site = site_of(tuple(budgets))
     vehicles = tuple(table.model_copy(update={"budget_pct": budgets[table.name]}) for table in site.vehicle)
     ground = ground_for(site.model_copy(update={"vehicle": vehicles}), line_east(step))
-    return first_plan(ground, replace(DEFAULT, seconds=0.2))
+    return plan_site(ground, replace(DEFAULT, seconds=0.2))
 
 
 def test_what_is_left_over_is_named_with_its_reason() -> None:
-    lines = left_words(poor({"uav1": 8.5}))
+    lines = describe_left_over(poor({"uav1": 8.5}))
     assert [line.split(":")[0] for line in lines] == [
         "left over, reachable, but no battery left after the other segments",
         "left over, out of range of every vehicle's budget",
@@ -149,12 +149,12 @@ def test_what_is_left_over_is_named_with_its_reason() -> None:
 
 
 def test_of_many_that_are_left_over_some_are_named() -> None:
-    (line,) = left_words(poor({"uav1": 0.1}, step=40), most=3)
+    (line,) = describe_left_over(poor({"uav1": 0.1}, step=40), most=3)
     assert line.endswith("and 36 more")
 
 
 def test_nobody_flies() -> None:
-    assert summary(poor({"uav1": 0.1})) == "none of 6 segments, nobody flies"
+    assert summarise_plan(poor({"uav1": 0.1})) == "none of 6 segments, nobody flies"
 
 
 ORDERS: list[Callable[[str], list[str]]] = [

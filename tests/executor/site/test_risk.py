@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executor.analysis.pictures import risk_figure
+from executor.analysis.pictures import draw_risk_figure
 from executor.cli.main import main
-from executor.site.crew import crew
-from executor.site.risk import SWEEP, risks, sweep_mtbf
+from executor.site.crew import open_campaign_runner
+from executor.site.risk import SWEEP, compute_campaign_risks, sweep_mtbf
 from missions import write_plan
-from planner import Campaign, flight_chunks
+from planner import RiskCampaign, split_flights
 from tests.executor.flights import first_campaign, first_plan_file
 from tests.ports import free_port
 
-PARTS = flight_chunks(300, 1, per_chunk=100)
+PARTS = split_flights(300, 1, per_chunk=100)
 
 
 @pytest.fixture(scope="module")
-def content() -> Campaign:
+def content() -> RiskCampaign:
     return first_campaign()
 
 
@@ -100,12 +100,15 @@ def test_bad_figures_are_one_line(
     assert reason in err
 
 
-def test_a_sweep_has_a_curve_for_each_number_of_replans(content: Campaign) -> None:
+def test_a_sweep_has_a_curve_for_each_number_of_replans(content: RiskCampaign) -> None:
     campaign, parts = sweep_mtbf(content, 1, flights=50)
-    with crew(jobs=1, dask=None) as fly:
-        swept, given = risks(fly, campaign, parts, ignored), risks(fly, content, PARTS, ignored)[0]
+    with open_campaign_runner(jobs=1, dask=None) as fly:
+        swept, given = (
+            compute_campaign_risks(fly, campaign, parts, ignored),
+            compute_campaign_risks(fly, content, PARTS, ignored)[0],
+        )
     assert [risk.mtbf_h for risk in swept] == [0.1 * factor for factor in SWEEP]
-    (axes,) = risk_figure(swept, given).axes
+    (axes,) = draw_risk_figure(swept, given).axes
     curves = [line for line in axes.lines if np.size(line.get_xdata()) == len(SWEEP)]
     assert [np.asarray(curve.get_ydata()).tolist() for curve in curves] == [
         [100 * risk.finished[replans].estimate for risk in swept] for replans in range(3)

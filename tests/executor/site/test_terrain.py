@@ -10,25 +10,25 @@ import numpy as np
 import pytest
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.pictures import profile_figure, save
-from executor.analysis.profile import profiles
+from executor.analysis.pictures import draw_profile_figure, save_figure
+from executor.analysis.profile import build_profiles
 from executor.core.preflight import heights
 from executor.core.preflight.checks import Severity
 from executor.errors import SiteError
-from executor.flight.flight_order import Order, keep
+from executor.flight.flight_order import FlightRequest, write_run_start
 from executor.site import assembly
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.site.config import read_site
-from executor.site.heights import planned_heights
-from executor.site.planning import Wanted, after_loss, changes, first_plan, fits
-from executor.site.sorties import site_day
+from executor.site.heights import compute_planned_heights
+from executor.site.planning import PlanRequest, check_plan_fits, describe_site_changes, plan_site, preview_loss
+from executor.site.sorties import build_day_problem
 from missions import MissionsError, PlanFile, PlanFileError, check_plan, read_plan, write_plan
 from planner import Cost
 from tests.mountains import LAT_DEG, LON_DEG, Mountain, write_raster
 from tests.terrain_judge import Judge, lines_over
 
 MOUNTAIN = Mountain(2, relief_m=90.0, gorge_m=30.0, step_m=10.0)
-WANTED = Wanted(Cost.MINMAX, 0.2, 1, starts=1)
+WANTED = PlanRequest(Cost.MINMAX, 0.2, 1, starts=1)
 RASTER = "Copernicus_DSM_COG_10_N46.tif"
 SITE = f"""
 [depot]
@@ -80,8 +80,8 @@ def write_site(folder: Path, text: str = SITE) -> Path:
     return folder / "site.toml"
 
 
-def ground_at(site: Path) -> Ground:
-    return assembly.ground_of(read_site(site), site.parent)
+def ground_at(site: Path) -> SiteModel:
+    return assembly.load_site_model(read_site(site), site.parent)
 
 
 @pytest.fixture(scope="module")
@@ -92,18 +92,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def ground(folder: Path) -> Ground:
+def ground(folder: Path) -> SiteModel:
     return ground_at(folder / "site.toml")
 
 
 @pytest.fixture(scope="module")
-def plan(ground: Ground) -> PlanFile:
-    return first_plan(ground, WANTED)
+def plan(ground: SiteModel) -> PlanFile:
+    return plan_site(ground, WANTED)
 
 
-def test_a_site_without_any_height_is_flown_by_the_raster(ground: Ground, plan: PlanFile, folder: Path) -> None:
-    setup = assembly.setup_of(ground)
-    paths = assembly.paths_of(setup, assembly.routes_of(ground, plan.task(), plan.plan)).values()
+def test_a_site_without_any_height_is_flown_by_the_raster(ground: SiteModel, plan: PlanFile, folder: Path) -> None:
+    setup = assembly.build_flight_setup(ground)
+    paths = assembly.build_paths(setup, assembly.name_routes(ground, plan.build_task(), plan.plan)).values()
     assert setup.terrain is not None
     assert setup.terrain.kept_m == 18.0 + 5.0
     judge = Judge((folder / RASTER,))
@@ -113,8 +113,8 @@ def test_a_site_without_any_height_is_flown_by_the_raster(ground: Ground, plan: 
     assert f"the ground of 18 of 18 pylons is that of {RASTER}" in ground.worth_a_look
 
 
-def test_plan_and_checklist_say_the_margin_and_how_sure_it_is(ground: Ground, plan: PlanFile) -> None:
-    planned = planned_heights(ground, plan)
+def test_plan_and_checklist_say_the_margin_and_how_sure_it_is(ground: SiteModel, plan: PlanFile) -> None:
+    planned = compute_planned_heights(ground, plan)
     assert f"; ground +-5 m by {RASTER}, and 18 m over that are kept" in planned.words
     assert ", lowest " in planned.words
     assert planned.document is not None
@@ -131,20 +131,20 @@ def test_a_plan_file_needs_nothing_else_to_be_checked(plan: PlanFile, tmp_path: 
     assert again.terrain == plan.terrain
     assert again.durations_s == plan.durations_s
     assert check_plan(again) == []
-    lost = after_loss(again, "uav2", 60.0, cost=Cost.MINMAX, seconds=0.2, seed=1).plan
+    lost = preview_loss(again, "uav2", 60.0, cost=Cost.MINMAX, seconds=0.2, seed=1).plan
     assert lost.terrain == plan.terrain
     assert check_plan(lost, search_window=False) == []
 
 
-def test_a_run_needs_no_raster_any_more(ground: Ground, plan: PlanFile, folder: Path, tmp_path: Path) -> None:
-    order = Order(ground.site, folder, ground, plan, tmp_path, lambda _: ())
-    keep(order)
+def test_a_run_needs_no_raster_any_more(ground: SiteModel, plan: PlanFile, folder: Path, tmp_path: Path) -> None:
+    order = FlightRequest(ground.site, folder, ground, plan, tmp_path, lambda _: ())
+    write_run_start(order)
     assert RunDirectory(tmp_path).terrain.stat().st_size < 200_000
     again = ground_at(RunDirectory(tmp_path).site)
     assert again.terrain is not None
     assert again.terrain.elevation.digest == (ground.terrain and ground.terrain.elevation.digest)
     assert again.network.pylons == ground.network.pylons
-    assert changes(read_plan(RunDirectory(tmp_path).plan(0)), again) == []
+    assert describe_site_changes(read_plan(RunDirectory(tmp_path).plan_path(0)), again) == []
     places = np.random.default_rng(1).uniform(-600, 600, (200, 2))
     np.testing.assert_array_equal(again.setup.layers.surface.at_m(places), ground.setup.layers.surface.at_m(places))
 
@@ -153,37 +153,37 @@ def test_a_plan_over_another_ground_is_not_flown(plan: PlanFile, folder: Path, t
     site = shutil.copytree(folder, tmp_path / "later") / "site.toml"
     write_raster(site.parent / RASTER, Mountain(2, relief_m=90.0, gorge_m=30.0, step_m=12.0))
     with pytest.raises(PlanFileError, match=r"the site has changed: .*"):
-        fits(plan, ground_at(site), "plan.json")
+        check_plan_fits(plan, ground_at(site), "plan.json")
     site.write_text(SITE.replace("margin_m = 18", "margin_m = 30"), encoding="utf-8")
     write_raster(site.parent / RASTER, MOUNTAIN)
     with pytest.raises(PlanFileError, match=r"terrain\.margin_m is 30, the plan was made with 18"):
-        fits(plan, ground_at(site), "plan.json")
+        check_plan_fits(plan, ground_at(site), "plan.json")
 
 
-def test_a_day_of_sorties_is_not_planned_over_the_ground_between_the_lines(ground: Ground) -> None:
+def test_a_day_of_sorties_is_not_planned_over_the_ground_between_the_lines(ground: SiteModel) -> None:
     with pytest.raises(SiteError, match=r"^\[terrain\]: expected none in the site of a day plan"):
-        site_day(ground)
+        build_day_problem(ground)
 
 
-def test_profiles_are_drawn_over_the_ground(ground: Ground, plan: PlanFile, tmp_path: Path) -> None:
-    setup = assembly.setup_of(ground)
-    paths = list(assembly.paths_of(setup, assembly.routes_of(ground, plan.task(), plan.plan)).values())
-    drawn = profiles(setup, paths)
+def test_profiles_are_drawn_over_the_ground(ground: SiteModel, plan: PlanFile, tmp_path: Path) -> None:
+    setup = assembly.build_flight_setup(ground)
+    paths = list(assembly.build_paths(setup, assembly.name_routes(ground, plan.build_task(), plan.plan)).values())
+    drawn = build_profiles(setup, paths)
     assert [one.vehicle for one in drawn] == [path.vehicle for path in paths]
     for one in drawn:
         flying = (one.along_m > 0) & (one.along_m < one.along_m[-1])
         assert (one.flown_m[flying] >= one.least_m[flying] - 0.05).all()
-        assert one.lowest[2] > 23.0
+        assert one.lowest_point[2] > 23.0
         assert one.return_m >= one.flown_m.max() - 0.01
         assert len(one.waypoints_m) > 4
-    save(profile_figure(drawn), tmp_path / "profile.png")
+    save_figure(draw_profile_figure(drawn), tmp_path / "profile.png")
     assert (tmp_path / "profile.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_flight_that_is_too_low_stops(ground: Ground, plan: PlanFile) -> None:
-    setup = assembly.setup_of(ground)
-    paths = list(assembly.paths_of(setup, assembly.routes_of(ground, plan.task(), plan.plan)).values())
-    assert all(check.severity is not Severity.STOP for check in heights.checks(setup, paths))
+def test_a_flight_that_is_too_low_stops(ground: SiteModel, plan: PlanFile) -> None:
+    setup = assembly.build_flight_setup(ground)
+    paths = list(assembly.build_paths(setup, assembly.name_routes(ground, plan.build_task(), plan.plan)).values())
+    assert all(check.severity is not Severity.STOP for check in heights.check_flight_heights(setup, paths))
 
 
 REFUSED = {

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.profile import profiles
-from executor.flight.flight_order import Order, keep
+from executor.analysis.profile import build_profiles
+from executor.flight.flight_order import FlightRequest, write_run_start
 from executor.site import assembly
-from executor.site.assembly import Ground
-from executor.site.planning import after_loss, changes, first_plan
+from executor.site.assembly import SiteModel
+from executor.site.planning import describe_site_changes, plan_site, preview_loss
 from missions import FlightPath, PlanFile, check_plan, continue_path, estimate, read_plan, write_plan
 from missions.areacheck import check_areas
 from missions.geo import LocalFrame
@@ -53,22 +53,22 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def ground(folder: Path) -> Ground:
+def ground(folder: Path) -> SiteModel:
     return ground_at(folder / "site.toml")
 
 
 @pytest.fixture(scope="module")
-def plan(ground: Ground) -> PlanFile:
-    return first_plan(ground, WANTED)
+def plan(ground: SiteModel) -> PlanFile:
+    return plan_site(ground, WANTED)
 
 
-def paths_of(ground: Ground, plan: PlanFile) -> list[FlightPath]:
-    setup = assembly.setup_of(ground)
-    return list(assembly.paths_of(setup, assembly.routes_of(ground, plan.task(), plan.plan)).values())
+def paths_of(ground: SiteModel, plan: PlanFile) -> list[FlightPath]:
+    setup = assembly.build_flight_setup(ground)
+    return list(assembly.build_paths(setup, assembly.name_routes(ground, plan.build_task(), plan.plan)).values())
 
 
-def judged(ground: Ground, folder: Path, paths: list[FlightPath]) -> None:
-    setup, judge = assembly.setup_of(ground), Judge((folder / RASTER,))
+def judged(ground: SiteModel, folder: Path, paths: list[FlightPath]) -> None:
+    setup, judge = assembly.build_flight_setup(ground), Judge((folder / RASTER,))
     assert len(setup.areas) == 2
     for path in paths:
         assert judge.least_over_m(setup, path) >= KEPT_M - NEAR_M
@@ -78,7 +78,7 @@ def judged(ground: Ground, folder: Path, paths: list[FlightPath]) -> None:
     assert check_areas(setup, paths) == []
 
 
-def test_a_plan_leads_around_areas_and_over_hills(ground: Ground, plan: PlanFile, folder: Path) -> None:
+def test_a_plan_leads_around_areas_and_over_hills(ground: SiteModel, plan: PlanFile, folder: Path) -> None:
     paths = paths_of(ground, plan)
     judged(ground, folder, paths)
     open_folder = folder / "open"
@@ -90,8 +90,8 @@ def test_a_plan_leads_around_areas_and_over_hills(ground: Ground, plan: PlanFile
     assert sum(len(path.waypoints) for path in paths) > sum(len(path.waypoints) for path in straight)
 
 
-def test_its_times_are_about_those_that_it_was_chosen_by(ground: Ground, plan: PlanFile) -> None:
-    priced = assembly.pricing_of(ground)
+def test_its_times_are_about_those_that_it_was_chosen_by(ground: SiteModel, plan: PlanFile) -> None:
+    priced = assembly.build_pricing(ground)
     for path in paths_of(ground, plan):
         flown_s = estimate(path, priced.models[path.vehicle]).duration_s
         planned_s = plan.durations_s[[one.name for one in plan.vehicles].index(path.vehicle)]
@@ -99,30 +99,30 @@ def test_its_times_are_about_those_that_it_was_chosen_by(ground: Ground, plan: P
         assert 0.99 * flown_s <= planned_s <= 1.06 * flown_s
 
 
-def test_the_profile_of_a_way_around_is_over_what_is_asked(ground: Ground, plan: PlanFile) -> None:
-    setup = assembly.setup_of(ground)
-    for one in profiles(setup, paths_of(ground, plan)):
+def test_the_profile_of_a_way_around_is_over_what_is_asked(ground: SiteModel, plan: PlanFile) -> None:
+    setup = assembly.build_flight_setup(ground)
+    for one in build_profiles(setup, paths_of(ground, plan)):
         flying = (one.along_m > 0) & (one.along_m < one.along_m[-1])
         assert (one.flown_m[flying] >= one.least_m[flying] - 0.05).all()
-        assert one.lowest[2] > KEPT_M - NEAR_M
+        assert one.lowest_point[2] > KEPT_M - NEAR_M
 
 
-def test_a_re_plan_leads_around_them_as_well(ground: Ground, plan: PlanFile, folder: Path, tmp_path: Path) -> None:
+def test_a_re_plan_leads_around_them_as_well(ground: SiteModel, plan: PlanFile, folder: Path, tmp_path: Path) -> None:
     write_plan(tmp_path / "plan.json", plan)
     again = read_plan(tmp_path / "plan.json")
     assert check_plan(again) == []
     assert again.areas == plan.areas
-    lost = after_loss(again, "uav2", 60.0, cost=Cost.MINMAX, seconds=0.2, seed=1).plan
+    lost = preview_loss(again, "uav2", 60.0, cost=Cost.MINMAX, seconds=0.2, seed=1).plan
     assert check_plan(lost, search_window=False) == []
-    setup, [path, *_] = assembly.setup_of(ground), paths_of(ground, plan)
+    setup, [path, *_] = assembly.build_flight_setup(ground), paths_of(ground, plan)
     rng = np.random.default_rng(4)
     for keep_waypoints in range(1, len(path.waypoints), 3):
         visits = [2 * int(one) + int(rng.integers(2)) for one in rng.permutation(len(ground.network.segments))[:5]]
         judged(ground, folder, [continue_path(setup, path, keep_waypoints, visits)])
 
 
-def test_a_run_needs_neither_raster_nor_site(ground: Ground, plan: PlanFile, folder: Path, tmp_path: Path) -> None:
-    keep(Order(ground.site, folder, ground, plan, tmp_path, lambda _: ()))
+def test_a_run_needs_neither_raster_nor_site(ground: SiteModel, plan: PlanFile, folder: Path, tmp_path: Path) -> None:
+    write_run_start(FlightRequest(ground.site, folder, ground, plan, tmp_path, lambda _: ()))
     again = ground_at(RunDirectory(tmp_path).site)
-    assert changes(read_plan(RunDirectory(tmp_path).plan(0)), again) == []
+    assert describe_site_changes(read_plan(RunDirectory(tmp_path).plan_path(0)), again) == []
     assert [path.waypoints for path in paths_of(again, plan)] == [path.waypoints for path in paths_of(ground, plan)]

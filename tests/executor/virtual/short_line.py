@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from executor.site.assembly import Ground
-from executor.virtual.site import virtual_ground
+from executor.site.assembly import SiteModel
+from executor.virtual.site import build_virtual_site
 from missions import PlanFile
 from tests.missions.builders import FRAME
 
@@ -30,12 +30,12 @@ def _feature(kind: str, places: object, properties: dict[str, object]) -> dict[s
     return {"type": "Feature", "geometry": {"type": kind, "coordinates": places}, "properties": properties}
 
 
-def short_ground(folder: Path, vehicles: int, autopilot: str) -> Ground:
+def short_ground(folder: Path, vehicles: int, autopilot: str) -> SiteModel:
     """Return a site over it."""
-    return virtual_ground(write_line(folder / "line.geojson"), None, vehicles, autopilot)
+    return build_virtual_site(write_line(folder / "line.geojson"), None, vehicles, autopilot)
 
 
-def shared(ground: Ground) -> PlanFile:
+def shared(ground: SiteModel) -> PlanFile:
     """Return a plan in which every vehicle has a run of two segments."""
     from benchmarks.prediction import plan_with
 

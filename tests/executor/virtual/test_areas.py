@@ -12,12 +12,12 @@ from shapely.geometry import Point, Polygon
 
 from benchmarks.prediction import plan_with
 from executor.core.check_codes import CheckCode
-from executor.simulated.demo_site import SIMULATED_CEILING_M, demo_site
+from executor.simulated.demo_site import SIMULATED_CEILING_M, build_demo_site
 from executor.site import assembly
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.site.config import check_site
-from executor.site.planning import Wanted, first_plan
-from executor.virtual.flight import Onlookers, VirtualFlight, fly_virtual
+from executor.site.planning import PlanRequest, plan_site
+from executor.virtual.flight import FlightObservers, VirtualFlight, fly_virtual
 from missions import PlanFile
 from missions.areacheck import check_areas
 from simulator.vehicle import SimulatedVehicle
@@ -35,10 +35,10 @@ FOREST = ((120.0, 75.0), (250.0, 45.0), (250.0, 160.0), (120.0, 160.0))
 
 def ground(
     folder: Path, autopilot: str, *, areas: bool = True, more: Mapping[str, tuple[tuple[float, float], ...]] = NO_MORE
-) -> Ground:
+) -> SiteModel:
     """Return three vehicles over a line of ten spans of 40 m, with areas on both sides of it."""
     line = write_line(folder / "line.geojson")
-    content = demo_site(
+    content = build_demo_site(
         network=line, radius_m=1e6, vehicles=3, speedup=1.0, autopilot=autopilot, ports=range(20_000, 20_003)
     )  # fmt: skip
     content["inspection"] = {"ceiling_m": SIMULATED_CEILING_M}
@@ -47,10 +47,10 @@ def ground(
             {"name": name, "polygon": [FRAME.to_wgs84_deg(*corner) for corner in ring], "margin_m": MARGIN_M}
             for name, ring in (("yard", YARD), ("forest", FOREST), *more.items())
         ]
-    return assembly.ground_of(check_site(content, "test"), folder)
+    return assembly.load_site_model(check_site(content, "test"), folder)
 
 
-def flown(chosen: Ground, *faults: str, plan: PlanFile | None = None) -> tuple[VirtualFlight, dict[str, float]]:
+def flown(chosen: SiteModel, *faults: str, plan: PlanFile | None = None) -> tuple[VirtualFlight, dict[str, float]]:
     """Return a flight, and how near each vehicle truly came to one of the two areas."""
     least_m: dict[str, float] = {}
     shapes = [Polygon(YARD), Polygon(FOREST)]
@@ -63,7 +63,7 @@ def flown(chosen: Ground, *faults: str, plan: PlanFile | None = None) -> tuple[V
             least_m[name] = min(away_m, least_m.get(name, 1e9))
 
     plan = plan or plan_with(chosen, {"uav1": (0, 2), "uav2": (16, 14, 12, 10), "uav3": (18,)})
-    return fly_virtual(chosen, plan, faults=faults, seed=1, onlookers=Onlookers(lived=lived)), least_m
+    return fly_virtual(chosen, plan, faults=faults, seed=1, onlookers=FlightObservers(lived=lived)), least_m
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
@@ -109,7 +109,7 @@ def test_the_checklist_says_what_keeps_out_and_whose_own_return_does_not(tmp_pat
 def test_what_lies_in_an_area_is_not_flown_and_the_report_says_why(tmp_path: Path) -> None:
     station = ((420.0, 0.0), (480.0, 0.0), (480.0, 60.0), (420.0, 60.0))
     chosen = ground(tmp_path, "px4", more={"station": station})
-    flight, least_m = flown(chosen, plan=first_plan(chosen, Wanted(None, 0.2, 1, iterations=200, usual=True)))
+    flight, least_m = flown(chosen, plan=plan_site(chosen, PlanRequest(None, 0.2, 1, iterations=200, usual=True)))
     report = flight.report
     assert (report.segments_total, report.segments_inspected, report.finished) == (10, 9, False)
     assert (report.segments_uncovered, report.uncovered_names) == ((9,), ("line.10",))

@@ -10,7 +10,7 @@ import pytest
 from executor.core.events import Event, Heard, LaunchOrdered
 from executor.errors import FlightNotFlown
 from executor.site.tables.fence import FenceTable
-from executor.virtual.flight import Onlookers, VirtualFlight, fly_virtual
+from executor.virtual.flight import FlightObservers, VirtualFlight, fly_virtual
 from simulator.errors import FaultSpecError
 from tests.executor.virtual.short_line import shared, short_ground
 
@@ -30,7 +30,7 @@ class Kept:
 
 def flown(folder: Path, autopilot: str, *faults: str, sink: Kept | None = None) -> VirtualFlight:
     ground = short_ground(folder, 2, autopilot)
-    onlookers = None if sink is None else Onlookers(sink=sink)
+    onlookers = None if sink is None else FlightObservers(sink=sink)
     return fly_virtual(ground, shared(ground), faults=faults, seed=1, onlookers=onlookers)
 
 

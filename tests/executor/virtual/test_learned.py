@@ -9,20 +9,20 @@ import pytest
 
 from benchmarks.prediction import plan_with
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.learned import learned_of, read_learned
+from executor.analysis.learned import learn_from_flight, read_learned
 from executor.core import projection
 from executor.core.context import Context
 from executor.core.events import Event
 from executor.core.state import FleetState
 from executor.errors import LogError
-from executor.site.assembly import Ground
-from executor.virtual.flight import Onlookers, VirtualFlight, fly_virtual
+from executor.site.assembly import SiteModel
+from executor.virtual.flight import FlightObservers, VirtualFlight, fly_virtual
 from missions import PlanFile, check_plan, read_plan, write_plan
 from simulator.config import SimVehicle
 from tests.executor.virtual.short_line import short_ground
 
 
-def planned(ground: Ground) -> PlanFile:
+def planned(ground: SiteModel) -> PlanFile:
     return plan_with(ground, {"uav1": tuple(range(0, 20, 2))})
 
 
@@ -30,19 +30,19 @@ def thirsty(vehicle: SimVehicle) -> SimVehicle:
     return replace(vehicle, consumption=1.15)
 
 
-def flown(ground: Ground) -> VirtualFlight:
+def flown(ground: SiteModel) -> VirtualFlight:
     return fly_virtual(ground, planned(ground), seed=1, craft=thirsty)
 
 
 def test_the_next_flight_is_predicted_better(tmp_path: Path) -> None:
     ground = short_ground(tmp_path, 1, "ardupilot")
     first = flown(ground)
-    learned_of(first.context, first.state, {}, "2026-01-02").write(RunDirectory(tmp_path).learned)
+    learn_from_flight(first.context, first.state, {}, "2026-01-02").write(RunDirectory(tmp_path).learned)
     document = read_learned(RunDirectory(tmp_path).learned)
     [row] = document.vehicles
     assert row.consumption.mean == pytest.approx(1.15, abs=0.06)
     assert row.inspect.legs == 10
-    known = replace(ground, learned=document.known)
+    known = replace(ground, learned=document.known_by_name)
     second = flown(known)
     [before], [after] = first.report.routes, second.report.routes
     assert before.energy_error_pct is not None
@@ -73,16 +73,16 @@ def test_a_slow_vehicle_is_foreseen_in_its_flight_and_in_the_next_one(tmp_path: 
         half["at"], half["left"] = now_s, projection.time_to_reach_s(vehicle, len(board.legs) - 1)
         half["planned"] = sum(leg.duration_s for leg in board.legs[waypoint:])
 
-    first = fly_virtual(ground, planned(ground), seed=1, craft=slow, onlookers=Onlookers(applied=halfway))
+    first = fly_virtual(ground, planned(ground), seed=1, craft=slow, onlookers=FlightObservers(applied=halfway))
     [disarmed_s] = [truth.t_s for truth in first.truths if truth.what == "disarmed"]
     took_s = disarmed_s - half["at"]
     assert took_s > 1.04 * half["planned"], "by the plan it would have been faster"
     assert half["left"] == pytest.approx(took_s, rel=0.03)
-    learned_of(first.context, first.state, {}, "2026-01-02").write(RunDirectory(tmp_path).learned)
+    learn_from_flight(first.context, first.state, {}, "2026-01-02").write(RunDirectory(tmp_path).learned)
     document = read_learned(RunDirectory(tmp_path).learned)
     # A tenth slower, but for its stops.
     assert 1.06 < document.vehicles[0].inspect.mean < 1.11
-    known = replace(ground, learned=document.known)
+    known = replace(ground, learned=document.known_by_name)
     second = fly_virtual(known, planned(known), seed=2, craft=slow)
     [before], [after] = first.report.routes, second.report.routes
     assert before.time_error_pct is not None
@@ -104,7 +104,7 @@ def test_a_wrong_file_is_named_with_its_key(tmp_path: Path, old: str, new: str, 
         '"consumption": {"mean": 1.0, "sd": 0.1, "minutes": 1.0}}]}',
         encoding="utf-8",
     )
-    assert read_learned(path).known["a"].inspect.legs == 1
+    assert read_learned(path).known_by_name["a"].inspect.legs == 1
     path.write_text(path.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
     with pytest.raises(LogError, match=said) as error:
         read_learned(path)

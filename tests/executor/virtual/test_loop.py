@@ -51,7 +51,7 @@ def test_who_keeps_the_loop_from_running_lets_time_pass_for_all() -> None:
         assert isinstance(loop, VirtualLoop)
         woken: list[float] = []
         loop.call_later(5.0, lambda: woken.append(loop.time()))
-        loop.pass_by(20.0)
+        loop.advance(20.0)
         await asyncio.sleep(1.0)
         return woken
 

@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 
 from benchmarks.prediction import plan_with
-from executor.simulated.demo_site import SIMULATED_CEILING_M, demo_site
+from executor.simulated.demo_site import SIMULATED_CEILING_M, build_demo_site
 from executor.site import assembly
-from executor.site.assembly import Ground
+from executor.site.assembly import SiteModel
 from executor.site.config import check_site
-from executor.virtual.flight import Onlookers, VirtualFlight, fly_virtual
+from executor.virtual.flight import FlightObservers, VirtualFlight, fly_virtual
 from missions import PlanFile
-from missions.geometry import locate
+from missions.geometry import locate_on_leg
 from planner import segment_of
 from simulator.vehicle import SimulatedVehicle
 from tests.missions.builders import FRAME
@@ -53,14 +53,14 @@ def write_star(path: Path) -> Path:
     return path
 
 
-def ground(folder: Path, autopilot: str, *, same: bool = True) -> Ground:
+def ground(folder: Path, autopilot: str, *, same: bool = True) -> SiteModel:
     """Return three vehicles over it; the ground is as high as the depot's."""
-    content = demo_site(
+    content = build_demo_site(
         network=write_star(folder / "star.geojson"), radius_m=1e6, vehicles=3, speedup=1.0, autopilot=autopilot,
         ports=range(20_000, 20_003),
     )  # fmt: skip
     content["inspection"] = {"ceiling_m": SIMULATED_CEILING_M, "heights": "flat", "same_distance": same}
-    return assembly.ground_of(check_site(content, "test"), folder)
+    return assembly.load_site_model(check_site(content, "test"), folder)
 
 
 @dataclass
@@ -72,7 +72,7 @@ class Seen:
     """East, north, up over the depot's ground, and the speed over ground."""
 
 
-def own_ways(chosen: Ground) -> PlanFile:
+def own_ways(chosen: SiteModel) -> PlanFile:
     """Return a plan in which every vehicle has a line of its own."""
     return plan_with(
         chosen,
@@ -80,7 +80,7 @@ def own_ways(chosen: Ground) -> PlanFile:
     )
 
 
-def flown(chosen: Ground, plan: PlanFile, *faults: str) -> tuple[VirtualFlight, Seen]:
+def flown(chosen: SiteModel, plan: PlanFile, *faults: str) -> tuple[VirtualFlight, Seen]:
     """Fly it, and look at where everybody truly is ten times a second."""
     seen = Seen()
 
@@ -96,22 +96,22 @@ def flown(chosen: Ground, plan: PlanFile, *faults: str) -> tuple[VirtualFlight, 
         for one, other in itertools.combinations(now.values(), 2):
             seen.least_m = min(seen.least_m, math.dist(one[:3], other[:3]))
 
-    return fly_virtual(chosen, plan, faults=faults, seed=1, onlookers=Onlookers(lived=lived)), seen
+    return fly_virtual(chosen, plan, faults=faults, seed=1, onlookers=FlightObservers(lived=lived)), seen
 
 
-def heights_m(chosen: Ground, seen: Seen, vehicle: str, segment: int) -> list[float]:
+def heights_m(chosen: SiteModel, seen: Seen, vehicle: str, segment: int) -> list[float]:
     """Return at which heights a vehicle was where it flew along the middle of a segment at inspection speed."""
     begin, end = chosen.setup.tracks_m[segment].tolist()
     found = []
     for east, north, up, speed in seen.places_m[vehicle]:
-        along, aside = locate(tuple(begin), tuple(end), (east, north))
+        along, aside = locate_on_leg(tuple(begin), tuple(end), (east, north))
         length = math.dist(begin, end)
         if 0.3 * length < along < 0.7 * length and aside < 2.0 and 1.0 < speed < 1.3 * 3.0:
             found.append(up)
     return found
 
 
-def judged(chosen: Ground, flight: VirtualFlight, seen: Seen) -> list[float]:
+def judged(chosen: SiteModel, flight: VirtualFlight, seen: Seen) -> list[float]:
     """Hold a flight against the truth, and return at which distances its segments were inspected."""
     assert flight.ended
     assert seen.least_m >= LAYER_M
@@ -152,7 +152,7 @@ def test_what_is_inspected_from_a_layer_is_flown_again_before_the_way_home(tmp_p
         segment_of(visit)
         for own, route in zip(plan.vehicles, plan.plan.routes, strict=True)
         for visit in route.visits
-        if plan.inspected_at_m(own.name, segment_of(visit)) != 15.0
+        if plan.inspection_height_m(own.name, segment_of(visit)) != 15.0
     }
     assert from_layers
     flight, seen = flown(chosen, plan)

@@ -12,18 +12,27 @@ import pytest
 import shapely
 from lxml import etree
 
-from missions import Inspection, Selection, Solved, flight_path, flight_setup, make_plan_file, parse_where, understand
+from missions import (
+    Inspection,
+    Selection,
+    SolverRecord,
+    build_flight_path,
+    import_network,
+    make_plan_file,
+    parse_where,
+    plan_flight_setup,
+)
 from missions.exports import (
-    Drawn,
-    DrawnKind,
-    DrawnPlace,
-    DrawnWay,
-    Piece,
+    MapFeatureKind,
+    MapFeatures,
+    MapLine,
+    MapLinePiece,
+    MapPoint,
     Reference,
-    drawn_plan,
-    geojson_text,
-    gpx_text,
-    kml_text,
+    build_plan_features,
+    format_geojson,
+    format_gpx,
+    format_kml,
 )
 from missions.planfile import PlanFile
 from missions.setup import FlightSetup
@@ -36,7 +45,7 @@ GX = "{http://www.google.com/kml/ext/2.2}"
 NAMES = ("uav1", "uav2")
 PLACES_M = [(100.0, 0.0), (200.0, 0.0), (300.0, 0.0), (300.0, 120.0)]
 HEIGHTS_M = [(460.0, 20.0), (470.0, 20.0), (480.0, 25.0), (470.0, 20.0)]
-WRITERS = {"kml": kml_text, "geojson": geojson_text, "gpx": gpx_text}
+WRITERS = {"kml": format_kml, "geojson": format_geojson, "gpx": format_gpx}
 
 
 def planned(heights_m: list[tuple[float, float]] | None = HEIGHTS_M) -> tuple[PlanFile, FlightSetup]:
@@ -45,11 +54,13 @@ def planned(heights_m: list[tuple[float, float]] | None = HEIGHTS_M) -> tuple[Pl
     travel, inspection = Travel(10.0, 5.0, 0.1, 0.1), Inspection()
     task = paper_task(network, range(3), [Vehicle(name, (0.0, 0.0), 75.0) for name in NAMES], travel)
     plan = Plan((Route(0, (0, 2)), Route(1, (5,))))
-    content = make_plan_file(network, task, travel, plan, Cost.MINMAX, Solved("search", 1, 0.1), inspection=inspection)
-    return content, flight_setup(content.network(), NAMES, content.inspection or inspection)
+    content = make_plan_file(
+        network, task, travel, plan, Cost.MINMAX, SolverRecord("search", 1, 0.1), inspection=inspection
+    )
+    return content, plan_flight_setup(content.build_network(), NAMES, content.inspection or inspection)
 
 
-def written(drawn: Drawn, folder: Path) -> dict[str, Path]:
+def written(drawn: MapFeatures, folder: Path) -> dict[str, Path]:
     """Write all formats."""
     paths = {name: folder / f"plan.{name}" for name in WRITERS}
     for name, path in paths.items():
@@ -60,7 +71,7 @@ def written(drawn: Drawn, folder: Path) -> dict[str, Path]:
 def expected_m(setup: FlightSetup, name: str, visits: tuple[int, ...]) -> list[tuple[float, float, float]]:
     """Return a vehicle's path as latitude, longitude and height above the sea, from its pad on."""
     pad = setup.pad_of(name)
-    path = flight_path(setup, name, visits)
+    path = build_flight_path(setup, name, visits)
     begin = (*setup.frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m)
     return [begin, *((one.lat_deg, one.lon_deg, one.alt_rel_m + pad.alt_m) for one in path.waypoints)]
 
@@ -73,7 +84,7 @@ def features_of(path: Path, layer: str) -> list[tuple[str, shapely.Geometry]]:
 
 def test_gdal_reads_every_path_of_the_kml_with_its_heights_above_the_sea(tmp_path: Path) -> None:
     content, setup = planned()
-    path = written(drawn_plan(content, setup, "plan"), tmp_path)["kml"]
+    path = written(build_plan_features(content, setup, "plan"), tmp_path)["kml"]
     assert set(pyogrio.list_layers(path)[:, 0]) == {"line", "uav1", "uav2"}
     for name, visits in (("uav1", (0, 2)), ("uav2", (5,))):
         found = dict(features_of(path, name))
@@ -91,7 +102,7 @@ def test_gdal_reads_every_path_of_the_kml_with_its_heights_above_the_sea(tmp_pat
 
 def test_gdal_reads_the_same_from_the_geojson(tmp_path: Path) -> None:
     content, setup = planned()
-    path = written(drawn_plan(content, setup, "plan"), tmp_path)["geojson"]
+    path = written(build_plan_features(content, setup, "plan"), tmp_path)["geojson"]
     info, _, geometries, fields = pyogrio.raw.read(path)
     columns = dict(zip(info["fields"], fields, strict=True))
     assert info["crs"] == "EPSG:4326"
@@ -110,7 +121,7 @@ def test_gdal_reads_the_same_from_the_geojson(tmp_path: Path) -> None:
 
 def test_gpxpy_reads_routes_pads_and_the_line(tmp_path: Path) -> None:
     content, setup = planned()
-    path = written(drawn_plan(content, setup, "plan"), tmp_path)["gpx"]
+    path = written(build_plan_features(content, setup, "plan"), tmp_path)["gpx"]
     gpx = gpxpy.parse(path.read_text(encoding="utf-8"))
     assert [(one.name, len(one.points)) for one in gpx.routes] == [
         (f"{name} planned", len(expected_m(setup, name, visits))) for name, visits in (("uav1", (0, 2)), ("uav2", (5,)))
@@ -123,7 +134,7 @@ def test_gpxpy_reads_routes_pads_and_the_line(tmp_path: Path) -> None:
 
 def test_over_flat_ground_heights_are_over_the_ground_and_said_to_be(tmp_path: Path) -> None:
     content, setup = planned(None)
-    paths = written(drawn_plan(content, setup, "plan"), tmp_path)
+    paths = written(build_plan_features(content, setup, "plan"), tmp_path)
     root = etree.parse(paths["kml"]).getroot()
     modes = {
         mark.findtext(f"{KML}name"): next(mark.iter(f"{KML}altitudeMode")).text for mark in root.iter(f"{KML}Placemark")
@@ -143,43 +154,45 @@ def test_over_flat_ground_heights_are_over_the_ground_and_said_to_be(tmp_path: P
 
 def test_names_that_xml_has_no_letters_for_do_not_break_a_file(tmp_path: Path) -> None:
     odd = 'a\x00<b> & "c"\ud83d'
-    spot = DrawnPlace(DrawnKind.EVENT, odd, (49.0, 15.0, 1.0), Reference.SEA, None, None, {"reason": odd})
-    way = DrawnWay(DrawnKind.SEGMENT, odd, (Piece(((49.0, 15.0, None), (49.1, 15.0, None))),), Reference.NONE)
-    drawn = Drawn(odd, (), [way], [spot])
+    spot = MapPoint(MapFeatureKind.EVENT, odd, (49.0, 15.0, 1.0), Reference.SEA, None, None, {"reason": odd})
+    way = MapLine(
+        MapFeatureKind.SEGMENT, odd, (MapLinePiece(((49.0, 15.0, None), (49.1, 15.0, None))),), Reference.NONE
+    )
+    drawn = MapFeatures(odd, (), [way], [spot])
     name = 'a <b> & "c" '
-    assert [one.text for one in etree.fromstring(kml_text(drawn).encode()).iter(f"{KML}name")] == [
+    assert [one.text for one in etree.fromstring(format_kml(drawn).encode()).iter(f"{KML}name")] == [
         name,
         "line",
         name,
         name,
     ]
-    assert gpxpy.parse(gpx_text(drawn)).waypoints[0].name == name
-    assert json.loads(geojson_text(drawn))["features"][1]["properties"]["reason"] == odd
+    assert gpxpy.parse(format_gpx(drawn)).waypoints[0].name == name
+    assert json.loads(format_geojson(drawn))["features"][1]["properties"]["reason"] == odd
 
 
 def test_each_vehicle_has_a_colour_of_its_own_in_kml_and_geojson(tmp_path: Path) -> None:
     content, setup = planned()
-    drawn = drawn_plan(content, setup, "plan")
-    root = etree.fromstring(kml_text(drawn).encode())
+    drawn = build_plan_features(content, setup, "plan")
+    root = etree.fromstring(format_kml(drawn).encode())
     styles = {one.get("id"): one.findtext(f"{KML}LineStyle/{KML}color") for one in root.iter(f"{KML}Style")}
     used = [one.findtext(f"{KML}styleUrl") for one in root.iter(f"{KML}Placemark")]
     assert {url.removeprefix("#") for url in used if url} <= set(styles)
     assert styles["planned-0"] == "b2e9b456"
     assert styles["planned-0"] != styles["planned-1"]
-    strokes = [one["properties"].get("stroke") for one in json.loads(geojson_text(drawn))["features"]]
+    strokes = [one["properties"].get("stroke") for one in json.loads(format_geojson(drawn))["features"]]
     assert strokes[3:5] == ["#56b4e9", "#e69f00"]
 
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_the_programs_own_reader_finds_the_line_again(name: str, tmp_path: Path) -> None:
     content, setup = planned()
-    path = written(drawn_plan(content, setup, "plan"), tmp_path)[name]
+    path = written(build_plan_features(content, setup, "plan"), tmp_path)[name]
     chosen = {
         "kml": Selection(layers=("line",)),
         "geojson": Selection(where=parse_where("kind = 'segment'")),
         "gpx": Selection(where=parse_where("type = 'segment'")),
     }
-    found = understand(path, chosen[name], depot=(FRAME.lat_deg, FRAME.lon_deg, FRAME.alt_m)).network
+    found = import_network(path, chosen[name], depot=(FRAME.lat_deg, FRAME.lon_deg, FRAME.alt_m)).network
     assert sorted(round(length_m) for length_m in found.lengths_m.tolist()) == [100, 100, 120]
 
 
@@ -188,4 +201,4 @@ def test_the_kml_is_valid_by_the_schemas_of_the_ogc_and_of_google(
     heights_m: list[tuple[float, float]] | None,
 ) -> None:
     content, setup = planned(heights_m)
-    kml_schema().assertValid(etree.fromstring(kml_text(drawn_plan(content, setup, "plan")).encode()))
+    kml_schema().assertValid(etree.fromstring(format_kml(build_plan_features(content, setup, "plan")).encode()))

@@ -16,12 +16,12 @@ from missions import LocalFrame
 from missions.background import Background
 from missions.errors import BackgroundError
 from missions.readers.background import read_background
-from missions.readers.picture import AreaWanted
+from missions.readers.picture import PictureArea
 from tests.missions.builders import FRAME
 from tests.missions.readers.pictures import STRIPE_M, Colours, encoded, write_mbtiles, write_tiff
 
 LOW_M, HIGH_M = (-300.0, -200.0), (350.0, 300.0)
-WANTED = AreaWanted(FRAME, LOW_M, HIGH_M, 250_000)
+WANTED = PictureArea(FRAME, LOW_M, HIGH_M, 250_000)
 
 
 def off_m(found: Background) -> float:
@@ -57,13 +57,13 @@ def test_of_mbtiles_the_zoom_is_taken_that_fits(tmp_path: Path) -> None:
     path = write_mbtiles(tmp_path / "area.mbtiles", FRAME, zooms=(14, 16))
     fine = read_background(path, WANTED)
     assert fine.pixels.shape[1] == pytest.approx(650 / 1.55, rel=0.05)
-    coarse = read_background(path, AreaWanted(FRAME, LOW_M, HIGH_M, 2_000))
+    coarse = read_background(path, PictureArea(FRAME, LOW_M, HIGH_M, 2_000))
     assert coarse.pixels.shape[0] * coarse.pixels.shape[1] <= 2_100
     assert off_m(coarse) < 20.0
     with sqlite3.connect(path) as database:
         database.execute("UPDATE tiles SET tile_data = x'00' WHERE zoom_level = 16")
     database.close()
-    assert read_background(path, AreaWanted(FRAME, (-900.0, -900.0), (900.0, 900.0), 40_000)).pixels[..., 3].any()
+    assert read_background(path, PictureArea(FRAME, (-900.0, -900.0), (900.0, 900.0), 40_000)).pixels[..., 3].any()
 
 
 def test_no_finer_grid_is_made_than_the_file_has_pixels(tmp_path: Path) -> None:
@@ -127,7 +127,7 @@ def test_a_large_picture_is_read_from_its_overviews_in_little_memory(tmp_path: P
         block = rasterio.windows.Window(16_000, 16_000, 512, 512)
         dataset.write(np.full((3, 512, 512), 200, np.uint8), window=block)
     before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    found = read_background(path, AreaWanted(FRAME, (-3000.0, -3000.0), (3000.0, 3000.0), 1_000_000))
+    found = read_background(path, PictureArea(FRAME, (-3000.0, -3000.0), (3000.0, 3000.0), 1_000_000))
     more_mb = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb) / 1000
     assert found.pixels.shape[:2] == (1000, 1000)
     assert found.pixels[..., 0].max() > 150

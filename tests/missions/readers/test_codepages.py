@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import shapefile
 
-from missions import Matter, NetworkError, Selection, Understood, understand
+from missions import NetworkError, NetworkImport, RemarkTopic, Selection, import_network
 from missions.readers.codepages import code_page_of
 from tests.missions.readers.tagged import WGS84
 
@@ -31,7 +31,7 @@ def written(folder: Path, encoding: str, *, byte: int = 0, cpg: str | None = Non
     return path
 
 
-def names_of(understood: Understood) -> set[str]:
+def names_of(understood: NetworkImport) -> set[str]:
     return set(understood.lines.values())
 
 
@@ -46,14 +46,14 @@ def names_of(understood: Understood) -> set[str]:
 def test_names_are_read_by_the_code_page_that_the_file_says(
     encoding: str, byte: int, cpg: str | None, tmp_path: Path
 ) -> None:
-    understood = understand(written(tmp_path, encoding, byte=byte, cpg=cpg), anywhere=True)
+    understood = import_network(written(tmp_path, encoding, byte=byte, cpg=cpg), anywhere=True)
     assert names_of(understood) == {NAME}
     assert understood.found == ()
 
 
 @pytest.mark.parametrize("cpg", [None, "UTF-8", "65001", "utf8\r\n"])
 def test_utf_8_needs_no_word_even_where_a_field_ends_within_a_letter(cpg: str | None, tmp_path: Path) -> None:
-    understood = understand(written(tmp_path, "utf-8", byte=0x57, cpg=cpg, name="Příštpo-Žďárů"), anywhere=True)
+    understood = import_network(written(tmp_path, "utf-8", byte=0x57, cpg=cpg, name="Příštpo-Žďárů"), anywhere=True)
     assert names_of(understood) == {"Příštpo-Ž"} or names_of(understood) == {"Příštpo-Žď"}
     assert understood.found == ()
 
@@ -69,19 +69,19 @@ def test_utf_8_needs_no_word_even_where_a_field_ends_within_a_letter(cpg: str | 
     ("encoding", "name"), [("cp1252", "Fürth-Süd"), ("cp1250", "Žďár-Šíře"), ("cp1251", "Київ-Мир")]
 )
 def test_what_is_guessed_is_said(cpg: str | None, words: str, encoding: str, name: str, tmp_path: Path) -> None:
-    understood = understand(written(tmp_path, encoding, cpg=cpg, name=name), anywhere=True)
+    understood = import_network(written(tmp_path, encoding, cpg=cpg, name=name), anywhere=True)
     assert names_of(understood) == {name}
     text = words.format(encoding, ", ".join(map(repr, name.split("-"))))
-    assert [(one.matter, one.asset, one.text) for one in understood.found] == [(Matter.FILE, "lines.dbf", text)]
+    assert [(one.matter, one.asset, one.text) for one in understood.found] == [(RemarkTopic.FILE, "lines.dbf", text)]
 
 
 def test_who_knows_better_says_the_encoding_of_a_shapefile(tmp_path: Path) -> None:
     path = written(tmp_path, "cp1250", byte=0x57, cpg="1252")
-    understood = understand(path, Selection(encoding="cp1250"), anywhere=True)
+    understood = import_network(path, Selection(encoding="cp1250"), anywhere=True)
     assert (names_of(understood), understood.found) == ({NAME}, ())
     for encoding in ("cp9", "utf-8", "hex"):
         with pytest.raises(NetworkError, match=f"lines.shp: encoding: expected the table's own, .* got '{encoding}': "):
-            understand(path, Selection(encoding=encoding), anywhere=True)
+            import_network(path, Selection(encoding=encoding), anywhere=True)
 
 
 @pytest.mark.parametrize("content", [b"", b"\x03" * 20, bytes(33), b"\xff" * 200])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from missions import NetworkError, Selection, parse_where, read_network, understand
+from missions import NetworkError, Selection, import_network, parse_where, read_network
 
 DEPOT = (49.599, 15.6, 400.0)
 
@@ -39,7 +39,7 @@ def file_of(tmp_path: Path, *features: dict[str, object]) -> Path:
 
 def test_what_is_near_is_cut_out_of_what_is_too_large(tmp_path: Path) -> None:
     path = file_of(tmp_path, FAR, NEAR)
-    understood = understand(path, depot=DEPOT, radius_m=1500)
+    understood = import_network(path, depot=DEPOT, radius_m=1500)
     assert [segment.label for segment in understood.network.segments] == ["V1.1", "V1.2"]
     assert understood.found == ()
     with pytest.raises(NetworkError, match=r"km away; radius_m, or --radius with --depot, cuts what is near out"):
@@ -59,10 +59,10 @@ def test_poles_and_spans_by_their_names_are_cut_too(tmp_path: Path) -> None:
 
 def test_the_depot_of_the_file_cuts_as_well(tmp_path: Path) -> None:
     path = file_of(tmp_path, FAR, point("base", 49.599, 15.6, role="depot"), NEAR)
-    assert len(understand(path, radius_m=1500).network.segments) == 2
+    assert len(import_network(path, radius_m=1500).network.segments) == 2
     without = file_of(tmp_path, NEAR)
     with pytest.raises(NetworkError, match="radius_m: expected a depot beside it"):
-        understand(without, radius_m=1500, anywhere=True)
+        import_network(without, radius_m=1500, anywhere=True)
 
 
 def test_names_do_not_hang_on_the_radius(tmp_path: Path) -> None:
@@ -114,7 +114,7 @@ def test_figures_with_units_are_compared_and_what_cannot_be_is_said(
     for number, volt in enumerate(VOLTS):
         feature = line(f"L{number}", (49.6 + number / 100, 15.6), (49.6 + number / 100, 15.602))
         features.append({**feature, "properties": {"name": f"L{number}", "volt": volt}})
-    understood = understand(file_of(tmp_path, *features), Selection(where=parse_where(where)), anywhere=True)
+    understood = import_network(file_of(tmp_path, *features), Selection(where=parse_where(where)), anywhere=True)
     assert sorted(set(understood.lines.values())) == [f"L{number}" for number in taken]
     said = [one.text for one in understood.found]
     assert said[-1] == "4 such as '132 kV' are read as figures with a unit"
@@ -127,7 +127,7 @@ def test_a_filter_of_what_is_nested_or_blank_is_no_fault(tmp_path: Path) -> None
     blank = {**NEAR, "properties": {"name": "V2", "volt": "<Null>"}}
     known = {**NEAR, "properties": {"name": "V3", "volt": 110}}
     path = file_of(tmp_path, nested, blank, known)
-    understood = understand(path, Selection(where=parse_where("volt >= 110")), anywhere=True)
+    understood = import_network(path, Selection(where=parse_where("volt >= 110")), anywhere=True)
     assert [one.text for one in understood.found[:2]] == [
         "1 without a value: left out", "1 such as \"{'of': 110}\" are no numbers: left out",
     ]  # fmt: skip
@@ -144,6 +144,6 @@ def test_a_track_with_a_lost_fix_far_away_is_cut_as_well(tmp_path: Path) -> None
 def test_a_filter_that_could_compare_nothing_says_so(tmp_path: Path) -> None:
     path = file_of(tmp_path, {**NEAR, "properties": {"name": "V1", "volt": "high"}})
     with pytest.raises(NetworkError, match=r"found none of 1; volt: 1 such as 'high' are no numbers: left out"):
-        understand(path, Selection(where=parse_where("volt >= 110")), anywhere=True)
+        import_network(path, Selection(where=parse_where("volt >= 110")), anywhere=True)
     with pytest.raises(ValueError, match="expected a number behind >="):
         parse_where("volt >= high")

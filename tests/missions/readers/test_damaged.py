@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from missions import NetworkError, understand
+from missions import NetworkError, import_network
 from tests.missions.readers import same
 from tests.missions.readers.test_formats import FILES
 
@@ -37,7 +37,7 @@ def test_a_damaged_file_is_read_or_refused_in_a_line(name: str, tmp_path: Path) 
     for _ in range(COPIES):
         path.write_bytes(damaged(content, chance))
         try:
-            understand(path, wanted, anywhere=True)
+            import_network(path, wanted, anywhere=True)
         except NetworkError as error:
             reasons.append(str(error))
     assert reasons

@@ -16,7 +16,7 @@ from missions.elevation import Elevation
 from missions.errors import ElevationError
 from missions.geo import FloatArray, LocalFrame
 from missions.readers import elevation as reader
-from missions.readers.elevation import Reading, read_elevation
+from missions.readers.elevation import RasterOptions, read_elevation
 from missions.readers.kept_elevation import read_kept_ground, write_kept_ground
 from tests.mountains import LAT_DEG, LON_DEG, Mountain, write_raster
 
@@ -25,8 +25,8 @@ SMOOTH = Mountain(gorge_m=0.0, step_m=0.0, relief_m=60.0)
 AREA = ((-1500.0, -1500.0), (1500.0, 1500.0))
 
 
-def reading(vertical: str = "egm96", uncertainty_m: float | None = 4.0) -> Reading:
-    return Reading(FRAME, *AREA, vertical, uncertainty_m)
+def reading(vertical: str = "egm96", uncertainty_m: float | None = 4.0) -> RasterOptions:
+    return RasterOptions(FRAME, *AREA, vertical, uncertainty_m)
 
 
 def places_m(count: int = 500) -> FloatArray:
@@ -69,7 +69,7 @@ def test_small_cells_are_combined_and_the_highest_kept(tmp_path: Path) -> None:
 
     path = write_raster(tmp_path / "lidar.tif", Spiked(gorge_m=0, step_m=0), crs="EPSG:32632", cell=1.0,
                         bounds_m=(-300, -300, 300, 300))  # fmt: skip
-    found = read_elevation([path], Reading(FRAME, (-200, -200), (200, 200), "egm96", 0.5))
+    found = read_elevation([path], RasterOptions(FRAME, (-200, -200), (200, 200), "egm96", 0.5))
     assert found.cell_m == pytest.approx(5.0, rel=0.01)
     at = np.array([[100.0, 50.0]])
     truth = Mountain(gorge_m=0, step_m=0).at_m(at[:, 0], at[:, 1])[0]
@@ -330,7 +330,7 @@ def test_a_lattice_finds_cells_as_exactly_as_a_transformation_of_each_place(tmp_
     path = write_raster(tmp_path / "ground.tif", SMOOTH, crs="EPSG:32632", cell=10.0)
     (tile,) = read_elevation([path], reading()).tiles
     with rasterio.open(path) as dataset:
-        at = reader._cells_at(dataset, pyproj.CRS("EPSG:32632"), FRAME, places_m())
-        first = reader._cells_at(dataset, pyproj.CRS("EPSG:32632"), FRAME, np.zeros((1, 2)))
-    moved = at - first - (tile.rows_columns(places_m()) - tile.rows_columns(np.zeros((1, 2))))
+        at = reader._locate_cells(dataset, pyproj.CRS("EPSG:32632"), FRAME, places_m())
+        first = reader._locate_cells(dataset, pyproj.CRS("EPSG:32632"), FRAME, np.zeros((1, 2)))
+    moved = at - first - (tile.to_rows_columns(places_m()) - tile.to_rows_columns(np.zeros((1, 2))))
     assert np.abs(moved).max() < 0.01

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from missions import Selection, Understood, network_document, parse_where, understand
+from missions import NetworkImport, Selection, build_network_document, import_network, parse_where
 from tests.missions.readers import same
 
 ROOT = Path(__file__).parents[3]
@@ -31,9 +31,9 @@ FILES: dict[str, tuple[Callable[[Path], Path], Selection]] = {
 }
 
 
-def read(name: str, folder: Path) -> Understood:
+def read(name: str, folder: Path) -> NetworkImport:
     write, wanted = FILES[name]
-    return understand(write(folder), wanted, anywhere=True)
+    return import_network(write(folder), wanted, anywhere=True)
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -48,21 +48,21 @@ def test_the_same_network_comes_out_of_every_format(name: str, tmp_path: Path) -
 def test_what_was_understood_reads_back_to_the_same_network(name: str, tmp_path: Path) -> None:
     first = read(name, tmp_path)
     path = tmp_path / "understood.geojson"
-    path.write_text(json.dumps(network_document(first)), encoding="utf-8")
-    again = understand(path, anywhere=True)
+    path.write_text(json.dumps(build_network_document(first)), encoding="utf-8")
+    again = import_network(path, anywhere=True)
     assert again.network.pylons == first.network.pylons
     assert again.network.segments == first.network.segments
     assert again.lines == first.lines
 
 
 def test_waypoints_of_a_receiver_are_poles_and_its_routes_lines(tmp_path: Path) -> None:
-    same.assert_same(understand(same.gpx(tmp_path), anywhere=True).network, heights=False)
+    same.assert_same(import_network(same.gpx(tmp_path), anywhere=True).network, heights=False)
 
 
 @pytest.mark.parametrize("crs", ["EPSG:4326", KROVAK])
 def test_lines_alone_have_their_poles_at_their_positions(crs: str, tmp_path: Path) -> None:
     """An older GeoJSON names its system; a name of QGIS."""
-    understood = understand(same.geojson(tmp_path, crs), anywhere=True)
+    understood = import_network(same.geojson(tmp_path, crs), anywhere=True)
     same.assert_same(understood.network, names=False, heights=False)
     assert understood.crs == ("WGS 84" if crs == "EPSG:4326" else "S-JTSK / Krovak East North (EPSG:5514)")
 
@@ -92,7 +92,7 @@ def test_files_as_programs_leave_them_are_read(name: str, tmp_path: Path) -> Non
     file, content = AS_FOUND[name]
     path = tmp_path / file
     path.write_bytes(content)
-    understood = understand(path, anywhere=True)
+    understood = import_network(path, anywhere=True)
     assert [segment.label for segment in understood.network.segments] == ["V1.1"]
     assert understood.network.lengths_m == pytest.approx([144.6], abs=0.1)
 
@@ -105,7 +105,7 @@ def test_what_an_altitude_is_above_is_said(tmp_path: Path) -> None:
         ("relativeToGround", None, "above the ground (relativeToGround), of wire or top is not said: not used"),
     ):
         path.write_text(MARK.replace("<LineString>", f"<LineString><altitudeMode>{mode}</altitudeMode>"))
-        understood = understand(path, anywhere=True)
+        understood = import_network(path, anywhere=True)
         assert [pylon.third_m for pylon in understood.network.pylons] == [None, third_m]
         assert [remark.text for remark in understood.found] == [f"1 position has an altitude {words}"]
 
@@ -115,7 +115,7 @@ def test_heights_of_some_poles_of_openstreetmap_are_used_for_none(tmp_path: Path
     document = json.loads(path.read_text())
     del document["elements"][-1]["tags"]["height"]
     path.write_text(json.dumps(document))
-    understood = understand(path, anywhere=True)
+    understood = import_network(path, anywhere=True)
     same.assert_same(understood.network, heights=False)
     assert {pylon.height_m for pylon in understood.network.pylons} == {None}
     assert [remark.text for remark in understood.found] == ["height is known of 5 of 6 poles: not used"]
@@ -123,9 +123,9 @@ def test_heights_of_some_poles_of_openstreetmap_are_used_for_none(tmp_path: Path
 
 def test_a_layer_is_asked_for_where_several_could_be_meant(tmp_path: Path) -> None:
     path = same.geopackage(tmp_path, UTM)
-    lines = understand(path, Selection(layers=("lines",)), anywhere=True)
+    lines = import_network(path, Selection(layers=("lines",)), anywhere=True)
     same.assert_same(lines.network, names=False, heights=False)
-    chosen = understand(path, Selection(where=parse_where("voltage > 200000")), anywhere=True)
+    chosen = import_network(path, Selection(where=parse_where("voltage > 200000")), anywhere=True)
     assert set(chosen.lines.values()) == {"V410"}
     assert sorted(remark.asset for remark in chosen.found) == ["B1", "B2"]
 

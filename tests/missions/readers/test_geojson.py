@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from missions import NetworkError, read_network
-from missions.readers import Matter, Mending, Selection, default_network_path, understand
+from missions.readers import MendingLimits, RemarkTopic, Selection, default_network_path, import_network
 
 
 def point(name: str | int, lon: float, lat: float | None, **properties: object) -> dict[str, object]:
@@ -174,14 +174,14 @@ def test_a_depot_at_a_pole_in_the_file_is_named(tmp_path: Path) -> None:
 
 def test_a_line_that_ends_without_a_pylon_gets_one_and_it_is_said(tmp_path: Path) -> None:
     path = geojson_file(tmp_path, depot_point(), *PYLONS, line((15.602, 49.601), (15.604, 49.60102), id="V1"))
-    understood = understand(path)
+    understood = import_network(path)
     assert [pylon.id for pylon in understood.network.pylons] == ["A", "P4"]
-    (made,) = (finding.words for finding in understood.found if finding.matter is Matter.MADE)
+    (made,) = (finding.words for finding in understood.found if finding.matter is RemarkTopic.MADE)
     assert made == (
         "V1: ends at 49.601020, 15.604000 without a pole of the file: 'P4' is made there; 'B' is 2.2 m away, "
         "snap_m = 2.3 takes it"
     )
-    closer = understand(path, Selection(mending=Mending(snap_m=2.3)))
+    closer = import_network(path, Selection(mending=MendingLimits(snap_m=2.3)))
     assert [pylon.id for pylon in closer.network.pylons] == ["A", "B"]
 
 

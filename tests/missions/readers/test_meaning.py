@@ -12,7 +12,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from missions import Matter, NetworkError, Selection, Understood, parse_where, station_points, understand
+from missions import (
+    NetworkError,
+    NetworkImport,
+    RemarkTopic,
+    Selection,
+    import_network,
+    parse_where,
+    read_station_points,
+)
 from tests.missions.readers import tagged
 from tests.missions.readers.tagged import EXPORTS, TABLES, Extract, MapNode, MapWay
 
@@ -56,7 +64,7 @@ Place = tuple[float, float, float | None, float | None]
 Seen = tuple[list[tuple[str, str, str]], dict[str, Place], list[str]]
 
 
-def seen(understood: Understood) -> Seen:
+def seen(understood: NetworkImport) -> Seen:
     """Return all that a network is: spans by their poles' names, poles by place and height, names of lines."""
     network = understood.network
     names = [pylon.id for pylon in network.pylons]
@@ -68,9 +76,9 @@ def seen(understood: Understood) -> Seen:
     return spans, places, sorted(set(understood.lines.values()))
 
 
-def left(understood: Understood) -> dict[str, int]:
+def left(understood: NetworkImport) -> dict[str, int]:
     """Return how many of each kind were left out."""
-    words = ", ".join(one.text for one in understood.found if one.matter is Matter.LEFT_OUT)
+    words = ", ".join(one.text for one in understood.found if one.matter is RemarkTopic.LEFT_OUT)
     return {what: int(count) for count, what in re.findall(r"(\d+) ([a-z ]+?)s? \(", words)}
 
 
@@ -81,7 +89,7 @@ def test_a_map_means_the_same_in_every_format(extract: Extract) -> None:
     kinds: dict[str, int] = {}
     for name, (write, wanted) in EXPORTS.items():
         with tempfile.TemporaryDirectory() as folder:
-            understood = understand(write(extract, Path(folder)), wanted, anywhere=True)
+            understood = import_network(write(extract, Path(folder)), wanted, anywhere=True)
         expected = expected or seen(understood)
         assert seen(understood) == expected, name
         counts = {what: count for what, count in left(understood).items() if what != "generator"}
@@ -99,9 +107,9 @@ def test_a_table_means_the_same_with_the_tags_of_a_line_at_its_poles(extract: Ex
     found = []
     for write in TABLES.values():
         with tempfile.TemporaryDirectory() as folder:
-            found.append(seen(understand(write(extract, Path(folder)), anywhere=True)))
+            found.append(seen(import_network(write(extract, Path(folder)), anywhere=True)))
     with tempfile.TemporaryDirectory() as folder:
-        spans, _, lines = seen(understand(tagged.overpass(extract, Path(folder)), anywhere=True))
+        spans, _, lines = seen(import_network(tagged.overpass(extract, Path(folder)), anywhere=True))
     assert found[0] == found[1]
     assert (found[0][0], found[0][2]) == (spans, lines)
 
@@ -120,13 +128,13 @@ def document(*lines: dict[str, object], points: Sequence[dict[str, object]] = ()
     return {"type": "FeatureCollection", "features": features}
 
 
-def read(folder: Path, content: str | dict[str, object], file: str = "a.geojson", where: str = "") -> Understood:
+def read(folder: Path, content: str | dict[str, object], file: str = "a.geojson", where: str = "") -> NetworkImport:
     path = folder / file
     path.write_text(content if isinstance(content, str) else json.dumps(content), encoding="utf-8")
-    return understand(path, Selection(where=parse_where(where) if where else ()), anywhere=True)
+    return import_network(path, Selection(where=parse_where(where) if where else ()), anywhere=True)
 
 
-def lines_of(understood: Understood) -> list[str]:
+def lines_of(understood: NetworkImport) -> list[str]:
     return sorted(set(understood.lines.values()))
 
 
@@ -150,7 +158,7 @@ def lines_of(understood: Understood) -> list[str]:
 def test_what_is_not_in_the_air_is_left_out_and_said(says: dict[str, object], tmp_path: Path) -> None:
     understood = read(tmp_path, document({"name": "V1"}, {"name": "V2", **says}))
     assert lines_of(understood) == ["V1"]
-    assert [(one.matter, one.asset) for one in understood.found] == [(Matter.LEFT_OUT, "GeoJSON")]
+    assert [(one.matter, one.asset) for one in understood.found] == [(RemarkTopic.LEFT_OUT, "GeoJSON")]
     assert re.fullmatch(r"1 [a-z ]+ \(V2|1 [a-z ]+ \(way 7\)", understood.found[0].text.removesuffix(")"))
 
 
@@ -194,7 +202,7 @@ def test_a_point_that_is_no_pole_is_left_out_and_said(says: dict[str, object], t
     understood = read(tmp_path, document({"name": "V1"}, points=({"name": "T1"}, {"ref": "X", **says})))
     assert [pylon.id for pylon in understood.network.pylons] == ["T1", "P2"]
     left_out, made = understood.found
-    assert (left_out.asset, made.matter) == ("GeoJSON", Matter.MADE)
+    assert (left_out.asset, made.matter) == ("GeoJSON", RemarkTopic.MADE)
     assert re.fullmatch(r"1 [a-z ]+ \((X|n7)\)", left_out.text)
 
 
@@ -275,7 +283,7 @@ OSM = """<osm version="0.6">
 def test_what_an_editor_has_deleted_is_not_flown(tmp_path: Path) -> None:
     found = read(tmp_path, OSM, "a.osm")
     assert [segment.label for segment in found.network.segments] == ["way 7.1"]
-    assert [one.words for one in found.found if one.matter is Matter.LEFT_OUT] == [
+    assert [one.words for one in found.found if one.matter is RemarkTopic.LEFT_OUT] == [
         "way 7: 1 nodes are not in the file: interrupted there",
         "OpenStreetMap XML: 3 nodes and ways that are deleted",
         "OpenStreetMap XML: 1 substation (way 9)",
@@ -292,7 +300,7 @@ def test_where_nothing_remains_it_is_said_what_was_left_out(tmp_path: Path) -> N
 def test_a_base_may_stand_at_a_point_that_is_no_pole(tmp_path: Path) -> None:
     path = tmp_path / "stations.geojson"
     path.write_text(json.dumps(document({"name": "V1"}, points=({"name": "S1", "power": "substation"},))))
-    assert station_points(path) == {"S1": (49.6, 15.6, None)}
+    assert read_station_points(path) == {"S1": (49.6, 15.6, None)}
 
 
 TABLE = "line;order;pole;lat;lon;status;location\n"
@@ -312,7 +320,7 @@ V1;12A;T12A;49,6005;15.602;31"""
     metres = "order\teasting\tnorthing\n1\t543'355.1 m\t5'494'274.6 m N\n2\t543.498,8\t5.494.386,9\n"
     path = tmp_path / "b.csv"
     path.write_text(metres)
-    network = understand(path, Selection(crs="EPSG:32633"), anywhere=True).network
+    network = import_network(path, Selection(crs="EPSG:32633"), anywhere=True).network
     assert network.lengths_m == pytest.approx([182.4], abs=0.1)
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from missions import NetworkError, Selection, understand
-from missions.readers.text import text_of_table
+from missions import NetworkError, Selection, import_network
+from missions.readers.text import decode_table
 
 NAMES = {
     "cp1250": ("Příbram;Týniště nad Orlicí", "Łódź;Częstochowa", "Győr;Székesfehérvár", "Brašov;Bacău", "Čačak;Užice"),
@@ -28,7 +28,7 @@ NAMES = {
 
 @pytest.mark.parametrize(("page", "names"), [(page, names) for page, own in NAMES.items() for names in own])
 def test_a_code_page_is_tried_by_the_letters_of_its_languages(page: str, names: str) -> None:
-    text, remark = text_of_table(names.encode(page), "a.csv", None)
+    text, remark = decode_table(names.encode(page), "a.csv", None)
     assert text == names
     assert remark.startswith(f"no encoding is said: read as {page}, with names such as ")
 
@@ -41,7 +41,7 @@ def table(name: str) -> str:
 def test_what_excel_calls_unicode_is_read(encoding: str, is_said: bool, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(table("Žďár").encode(encoding))
-    understood = understand(path, anywhere=True)
+    understood = import_network(path, anywhere=True)
     assert set(understood.lines.values()) == {"Žďár"}
     assert [one.text for one in understood.found] == ([] if is_said else ["no encoding is said: read as utf-16-le"])
 
@@ -50,7 +50,7 @@ def test_who_knows_better_says_the_encoding(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(table("Ole\xe8").encode("latin-1"))
     said = {
-        encoding: understand(path, Selection(encoding=encoding), anywhere=True) for encoding in ("cp1250", "cp1252")
+        encoding: import_network(path, Selection(encoding=encoding), anywhere=True) for encoding in ("cp1250", "cp1252")
     }
     assert [set(one.lines.values()) for one in said.values()] == [{"Oleč"}, {"Oleè"}]
     assert [one.found for one in said.values()] == [(), ()]
@@ -60,4 +60,4 @@ def test_bytes_of_no_text_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(b"\xa3\x95\x80\x01\x02\xff")
     with pytest.raises(NetworkError, match=r"a\.csv: encoding: expected text, found other bytes at 0"):
-        understand(path, anywhere=True)
+        import_network(path, anywhere=True)

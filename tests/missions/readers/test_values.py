@@ -10,6 +10,7 @@ from missions.files import is_figure
 from missions.readers.values import (
     EAST_WEST,
     NORTH_SOUTH,
+    build_rank_keys,
     decimal_mark_of,
     degrees_of,
     figure_of,
@@ -17,7 +18,6 @@ from missions.readers.values import (
     measure_of,
     metres_of,
     number_of,
-    rank_keys,
     rank_of,
 )
 
@@ -126,7 +126,7 @@ def test_a_figure_of_another_kind_has_its_unit_too() -> None:
 )  # fmt: skip
 def test_poles_that_were_put_in_later_stand_between(numbers: list[object]) -> None:
     ranks = [rank for rank in map(rank_of, numbers) if rank is not None]
-    keys = rank_keys(ranks)
+    keys = build_rank_keys(ranks)
     assert len(keys) == len(numbers)
     assert keys == sorted(keys)
     assert len(set(keys)) == len(keys)

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 import shapefile
 
-from missions import Matter, NetworkError, Understood, understand
+from missions import NetworkError, NetworkImport, RemarkTopic, import_network
 from missions.errors import AreaError
 from missions.readers.areas import read_areas
 from tests.missions.readers import same
@@ -33,17 +33,17 @@ PRJ = (
 )
 
 
-def read(path: Path, content: bytes | str) -> Understood:
+def read(path: Path, content: bytes | str) -> NetworkImport:
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return understand(path, anywhere=True)
+    return import_network(path, anywhere=True)
 
 
-def lines(understood: Understood) -> list[str]:
+def lines(understood: NetworkImport) -> list[str]:
     return sorted(set(understood.lines.values()))
 
 
-def said_first(understood: Understood) -> str:
-    assert understood.found[0].matter is Matter.WHOLE
+def said_first(understood: NetworkImport) -> str:
+    assert understood.found[0].matter is RemarkTopic.WHOLE
     return understood.found[0].text
 
 
@@ -123,14 +123,14 @@ def test_what_a_program_has_saved_and_not_checkpointed_is_read(project: Path) ->
         program.execute("COMMIT")
         before = {one.name: one.read_bytes() for one in project.parent.glob("grid.gpkg*")}
         assert set(before) == {"grid.gpkg", "grid.gpkg-wal", "grid.gpkg-shm"}
-        assert lines(understand(project, anywhere=True)) == ["drawn today"]
+        assert lines(import_network(project, anywhere=True)) == ["drawn today"]
         assert {one.name: one.read_bytes() for one in project.parent.glob("grid.gpkg*")} == before
 
 
 def test_what_a_program_has_not_saved_yet_is_not_read(project: Path, tmp_path: Path) -> None:
     with closing(edited(project, "DELETE")) as program:
         program.execute("PRAGMA cache_spill = 1")
-        assert lines(understand(project, anywhere=True)) == sorted(same.LINES)
+        assert lines(import_network(project, anywhere=True)) == sorted(same.LINES)
 
 
 def test_a_copy_without_its_wal_is_said_first(project: Path, tmp_path: Path) -> None:
@@ -139,7 +139,7 @@ def test_a_copy_without_its_wal_is_said_first(project: Path, tmp_path: Path) -> 
         copy = tmp_path / "copy.gpkg"
         copy.write_bytes(project.read_bytes())
         assert "copied without its -wal: what was saved last may be missing" in said_first(
-            understand(copy, anywhere=True)
+            import_network(copy, anywhere=True)
         )
 
 
@@ -220,10 +220,10 @@ def moved_to_the_end(files: Files, shape: int) -> Files:
     return {**files, "shp": bytes(shp), "shx": bytes(shx)}
 
 
-def read_shapes(folder: Path, files: Files) -> Understood:
+def read_shapes(folder: Path, files: Files) -> NetworkImport:
     for end, content in files.items():
         (folder / f"hv.{end}").write_bytes(content)
-    return understand(folder / "hv.shp", anywhere=True)
+    return import_network(folder / "hv.shp", anywhere=True)
 
 
 @pytest.mark.parametrize("change", [lambda files: files, without_index])
@@ -273,7 +273,7 @@ def test_parts_of_a_shapefile_of_several_states_are_refused(name: str, tmp_path:
 def test_a_part_of_a_shapefile_is_not_taken_for_all_of_it(tmp_path: Path) -> None:
     read_shapes(tmp_path, shapes("V1"))
     with pytest.raises(NetworkError, match=r"hv\.shx: file: expected the \.shp, of which this is a part"):
-        understand(tmp_path / "hv.shx", anywhere=True)
+        import_network(tmp_path / "hv.shx", anywhere=True)
 
 
 def test_a_feature_a_line_is_read(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ import numba
 import pytest
 
 import planner.kernels
-from planner.kernels.cache import cache_directory, sources_digest
+from planner.kernels.cache import compute_sources_digest, make_cache_directory
 
 REPORT = """
 import importlib, json, pkgutil, sys
@@ -40,7 +40,7 @@ def test_a_second_process_compiles_nothing(tmp_path: Path) -> None:
     # Every kernel, those of the paper's solver and of the window too: whichever of them a test before this one used.
     for module in pkgutil.iter_modules(planner.kernels.__path__):
         importlib.import_module(f"planner.kernels.{module.name}")
-    compiled = cache_directory(numba.__version__)
+    compiled = make_cache_directory(numba.__version__)
     # A copy: other processes may use the cache of all tests meanwhile.
     shutil.copytree(compiled, tmp_path / compiled.name)
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
@@ -58,13 +58,13 @@ def test_the_users_own_cache_is_the_default(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(sys, "platform", "linux")
-    assert cache_directory("1.0").parent == tmp_path / "faultline"
+    assert make_cache_directory("1.0").parent == tmp_path / "faultline"
 
 
 def test_each_numba_has_its_own_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert cache_directory("1.0") != cache_directory("1.1")
-    assert cache_directory("1.0").name == f"kernels-{sources_digest('1.0')}"
+    assert make_cache_directory("1.0") != make_cache_directory("1.1")
+    assert make_cache_directory("1.0").name == f"kernels-{compute_sources_digest('1.0')}"
 
 
 def test_where_nothing_can_be_written_a_private_directory_serves(
@@ -73,7 +73,7 @@ def test_where_nothing_can_be_written_a_private_directory_serves(
     in_the_way = tmp_path / "file"
     in_the_way.write_text("not a directory")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(in_the_way / "below"))
-    private = cache_directory("1.0")
+    private = make_cache_directory("1.0")
     assert private.is_dir()
     assert in_the_way not in private.parents
     assert private.stat().st_mode & 0o077 == 0

@@ -14,7 +14,7 @@ import jsonschema
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from executor.analysis.report import report_of, vehicles_of
+from executor.analysis.report import build_report, build_vehicle_answers
 from executor.cli.main import main
 from missions.planjson import PlanDocument
 from planner import Cost
@@ -40,7 +40,7 @@ def flown() -> Any:
     flight = under_way()
     flight.crafts["uav2"].mute = True
     flight.finish()
-    return report_of(FLEET.context, flight.state, flight.now_s, said=SAID).plain()
+    return build_report(FLEET.context, flight.state, flight.now_s, said=SAID).to_plain()
 
 
 def documents() -> Iterator[tuple[str, Callable[[], Any]]]:
@@ -48,7 +48,7 @@ def documents() -> Iterator[tuple[str, Callable[[], Any]]]:
     for path in PLANS:
         yield "plan", partial(read_json, path)
     yield "report", flown
-    yield "vehicles", lambda: vehicles_of(FLEET.context, SAID).plain()
+    yield "vehicles", lambda: build_vehicle_answers(FLEET.context, SAID).to_plain()
     yield "site", site
 
 

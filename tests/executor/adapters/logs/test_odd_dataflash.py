@@ -15,10 +15,10 @@ from executor.adapters.logs.dataflash import DataFlashFile
 from executor.adapters.logs.dataflash_rows import BinaryRows, WantedColumns
 from executor.adapters.pieces import PIECE
 from executor.core.messages import Battery, Heartbeat, LandedState, Position, StatusText, VehicleSetting
-from executor.core.recording import Record, Skipped
+from executor.core.recording import Record, SkippedRecords
 from executor.errors import LogError
-from executor.replay.logs import replay, rules_of
-from executor.replay.witness.statements import read_testimony
+from executor.replay.logs import replay_log, rules_of
+from executor.replay.witness.statements import read_log_evidence
 from tests.onboard import DataFlashWriter
 from tests.recorded import real_logs
 
@@ -42,7 +42,7 @@ def log(*records: tuple[Any, ...]) -> DataFlashWriter:
 
 def read(path: Path, *, text: bool = False) -> tuple[list[Record], DataFlashFile]:
     file = DataFlashFile(path, text=text)
-    return list(file.records()), file
+    return list(file.read_records()), file
 
 
 def of(records: list[Record], kind: type[M]) -> list[tuple[int, M]]:
@@ -131,7 +131,7 @@ def test_who_else_wrote_it(said: str, words: str, tmp_path: Path) -> None:
     path = log((*MSG, SECOND, said), (*MODE, SECOND, 3, 3, 1), (*BAT, 2 * SECOND, 15.0, 20.0, 1.0)).write(
         tmp_path / "a.BIN"
     )
-    found = replay(DataFlashFile(path), path, rules_of(None), on_board=True)
+    found = replay_log(DataFlashFile(path), path, rules_of(None), on_board=True)
     assert found.vehicles == ()
     assert any(words in note for note in found.notes)
 
@@ -147,7 +147,7 @@ def test_two_boots_in_one_file(tmp_path: Path) -> None:
     again = next(index for index, (t_usec, _) in enumerate(beats) if index and t_usec < beats[index - 1][0])
     assert [beat.armed for _, beat in beats[again - 1 : again + 2]] == [True, False, True]
     assert not file.skipped
-    assert replay(DataFlashFile(path), path, rules_of(None), on_board=True).skipped.time_back == 1
+    assert replay_log(DataFlashFile(path), path, rules_of(None), on_board=True).skipped.time_back == 1
 
 
 def test_one_damaged_time_moves_nothing(tmp_path: Path) -> None:
@@ -252,7 +252,7 @@ def test_it_reads_what_pymavlink_reads(name: str) -> None:
     with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
         theirs = DFReader.DFReader_binary(str(path), zero_time_base=True)
     columns = {one.name: frozenset(one.columns) for one in theirs.formats.values() if one.name in NUMBERS}
-    ours = BinaryRows(path, {kind: WantedColumns(columns[kind]) for kind in columns}, Skipped())
+    ours = BinaryRows(path, {kind: WantedColumns(columns[kind]) for kind in columns}, SkippedRecords())
     compared = 0
     for _, kind, fields in ours:
         message = theirs.recv_match(type=list(columns))
@@ -301,7 +301,7 @@ def copter_of_2013() -> DataFlashWriter:
 def test_a_log_of_2013_goes_by_the_satellites_clock(text: bool, tmp_path: Path) -> None:
     writer = copter_of_2013()
     path = writer.write_text(tmp_path / "a.log") if text else writer.write(tmp_path / "a.BIN")
-    found = replay(DataFlashFile(path, text=text), path, rules_of(None), on_board=True)
+    found = replay_log(DataFlashFile(path, text=text), path, rules_of(None), on_board=True)
     [vehicle] = found.vehicles
     assert found.lasted_s == pytest.approx(70.0, abs=1.0), "from the first fix on"
     assert vehicle.flown_s == pytest.approx(60.0, abs=1.0)
@@ -309,7 +309,7 @@ def test_a_log_of_2013_goes_by_the_satellites_clock(text: bool, tmp_path: Path) 
 
 
 def test_the_judge_reads_a_log_of_2013_too(tmp_path: Path) -> None:
-    told = read_testimony(copter_of_2013().write(tmp_path / "a.BIN"))[1]
+    told = read_log_evidence(copter_of_2013().write(tmp_path / "a.BIN"))[1]
     assert (told.ended_usec - told.began_usec) / SECOND == pytest.approx(70.0, abs=1.0)
     assert [(t_usec - told.began_usec) / SECOND for t_usec, armed in told.armed if armed] == [
         pytest.approx(10.0, abs=1.0)
@@ -318,6 +318,6 @@ def test_the_judge_reads_a_log_of_2013_too(tmp_path: Path) -> None:
 
 def test_the_satellites_time_is_not_taken_for_the_vehicles(tmp_path: Path) -> None:
     """TimeMS of a GPS record of 2014 is that of the week; the judge went by it, and by 0 where there was no fix."""
-    told = read_testimony(copter_of_2014().write(tmp_path / "a.BIN"))[1]
+    told = read_log_evidence(copter_of_2014().write(tmp_path / "a.BIN"))[1]
     assert told.ended_usec == 69 * SECOND
     assert told.moments[0].t_usec == 60 * SECOND

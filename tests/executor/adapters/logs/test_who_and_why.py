@@ -30,7 +30,7 @@ SECOND = 1_000_000
 
 
 def told(file: DataFlashFile | UlogFile, kind: type[M]) -> list[M]:
-    return [said for _, _, said in file.records() if isinstance(said, kind)]
+    return [said for _, _, said in file.read_records() if isinstance(said, kind)]
 
 
 def dataflash(tmp_path: Path, *records: tuple[Any, ...]) -> DataFlashFile:
@@ -194,7 +194,7 @@ WAY = (3, 1, 16, 0.0, 0.0, 0.0, 0.0, 49.6, 15.6, 30.0, 3)
 
 
 def mission_in(file: DataFlashFile) -> list[object]:
-    return [said for _, _, said in file.records() if isinstance(said, ListedItem | MissionCurrent)]
+    return [said for _, _, said in file.read_records() if isinstance(said, ListedItem | MissionCurrent)]
 
 
 def test_a_mission_and_the_item_that_is_flown_to(tmp_path: Path) -> None:

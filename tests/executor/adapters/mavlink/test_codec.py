@@ -12,8 +12,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.adapters.mavlink.codec import Codec
-from executor.adapters.mavlink.texts import GAP, MOST_LETTERS, MOST_SPEAKERS, Texts
+from executor.adapters.mavlink.codec import MavlinkCodec
+from executor.adapters.mavlink.texts import GAP, MOST_LETTERS, MOST_SPEAKERS, StatusTextAssembler
 from executor.core.messages import (
     Attitude,
     Battery,
@@ -54,7 +54,7 @@ from executor.core.messages import (
     Wind,
 )
 from missions import MissionItem, MissionKind
-from simulator.messages import out
+from simulator.messages import build_message
 from simulator.wire import Codec as SimCodec
 
 ARDUPILOT, PX4 = 3, 12
@@ -73,9 +73,9 @@ class Vehicle:
         return frame
 
 
-def heard(*messages: Any, codec: Codec | None = None) -> list[Message | None]:
+def heard(*messages: Any, codec: MavlinkCodec | None = None) -> list[Message | None]:
     """Return what a codec makes of messages."""
-    codec, vehicle = codec or Codec(), Vehicle()
+    codec, vehicle = codec or MavlinkCodec(), Vehicle()
     return [received.message for message in messages for received in codec.decode(vehicle.pack(message))]
 
 
@@ -258,7 +258,7 @@ def test_a_place_that_is_none_is_not_passed_on(lat: int, lon: int) -> None:
     assert heard(mav.MAVLink_home_position_message(lat, lon, 0, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)) == [None]
 
 
-def of_component(component: int, *messages: Any, codec: Codec) -> list[Message | None]:
+def of_component(component: int, *messages: Any, codec: MavlinkCodec) -> list[Message | None]:
     """Return what is heard of messages of another component of system 7."""
     speaker = Vehicle(component)
     return [received.message for message in messages for received in codec.decode(speaker.pack(message))]
@@ -269,7 +269,7 @@ DISARMED = mav.MAVLink_heartbeat_message(26, ARDUPILOT, 0, 0, 4, 3)
 
 
 def test_only_the_autopilot_speaks_for_a_vehicle() -> None:
-    codec = Codec()
+    codec = MavlinkCodec()
     heard(BEAT, codec=codec)
     said_by_a_gimbal = of_component(
         154,
@@ -290,7 +290,7 @@ def test_only_the_autopilot_speaks_for_a_vehicle() -> None:
 
 def test_what_other_components_say_in_words_names_them() -> None:
     text = mav.MAVLink_statustext_message(0, b"Battery Failsafe")
-    assert of_component(154, text, codec=Codec()) == [ComponentText(154, 0, "Battery Failsafe")]
+    assert of_component(154, text, codec=MavlinkCodec()) == [ComponentText(154, 0, "Battery Failsafe")]
 
 
 @pytest.mark.parametrize(
@@ -306,7 +306,7 @@ def test_nothing_that_a_terminal_obeys_is_in_a_text(raw: bytes, shown: str) -> N
 
 
 def test_a_text_has_an_end() -> None:
-    codec, vehicle = Codec(), Vehicle()
+    codec, vehicle = MavlinkCodec(), Vehicle()
     found = list[Message]()
     for part in range(100):
         frame = vehicle.pack(mav.MAVLink_statustext_message(4, b"x" * (50 if part < 99 else 5), 9, part))
@@ -323,15 +323,15 @@ def test_a_parameters_name_is_shown_as_text() -> None:
 
 def test_who_spoke_once_is_forgotten_before_who_speaks_still() -> None:
     """Anybody may begin a text in the name of any system; a vehicle's own is put together all the same."""
-    texts, parts = Texts(), (b"v" * 50, b"the end")
-    texts.passed((7, 1))
-    assert texts.take((7, 1), 4, parts[0], 9, 0) == []
+    texts, parts = StatusTextAssembler(), (b"v" * 50, b"the end")
+    texts.count_frame((7, 1))
+    assert texts.add_part((7, 1), 4, parts[0], 9, 0) == []
     for stranger in range(1000):
-        texts.passed((stranger % 250 + 1, 2 + stranger // 250))
-        texts.take((stranger % 250 + 1, 2 + stranger // 250), 4, b"s" * 50, 9, 0)
+        texts.count_frame((stranger % 250 + 1, 2 + stranger // 250))
+        texts.add_part((stranger % 250 + 1, 2 + stranger // 250), 4, b"s" * 50, 9, 0)
         if stranger % 40 == 0:
-            texts.passed((7, 1))
-    assert texts.take((7, 1), 4, parts[1], 9, 1) == [StatusText(4, "v" * 50 + "the end")]
+            texts.count_frame((7, 1))
+    assert texts.add_part((7, 1), 4, parts[1], 9, 1) == [StatusText(4, "v" * 50 + "the end")]
     assert len(texts._frames) <= MOST_SPEAKERS
 
 
@@ -346,7 +346,7 @@ def test_who_spoke_once_is_forgotten_before_who_speaks_still() -> None:
     ],
 )
 def test_another_stations_order_for_a_mode(order: Any, expected: OrderSeen | None) -> None:
-    codec, other = Codec(), mav.MAVLink(None, srcSystem=254, srcComponent=190)
+    codec, other = MavlinkCodec(), mav.MAVLink(None, srcSystem=254, srcComponent=190)
     assert [received.message for received in codec.decode(bytes(order.pack(other)))] == [expected]
 
 
@@ -368,20 +368,20 @@ def test_another_stations_order_for_a_mode(order: Any, expected: OrderSeen | Non
     ],
 )
 def test_an_answer_is_the_shadow_of_an_order(ack: Any, expected: list[Message]) -> None:
-    [received] = Codec().decode(Vehicle().pack(ack))
+    [received] = MavlinkCodec().decode(Vehicle().pack(ack))
     assert [one for one in (received.message, *received.more) if one is not None] == expected
 
 
 def test_an_order_under_our_own_number_may_be_a_routers_echo() -> None:
     """Most ground stations have the same number as ours: the core knows whether it has given one."""
-    codec, twin = Codec(), mav.MAVLink(None, srcSystem=255, srcComponent=190)
+    codec, twin = MavlinkCodec(), mav.MAVLink(None, srcSystem=255, srcComponent=190)
     orders = (mav.MAVLink_set_mode_message(7, 1, 6), mav.MAVLink_command_long_message(7, 1, 20, 0, *[0.0] * 7))
     found = [received.message for order in orders for received in codec.decode(bytes(order.pack(twin)))]
     assert found == [OrderSeen(176, 6, None, 7), OrderSeen(20, None, None, 7)]
 
 
 def test_the_modes_of_px4_have_two_numbers() -> None:
-    codec, other = Codec(), mav.MAVLink(None, srcSystem=254, srcComponent=190)
+    codec, other = MavlinkCodec(), mav.MAVLink(None, srcSystem=254, srcComponent=190)
     codec.autopilots[7] = mav.MAV_AUTOPILOT_PX4
     order = mav.MAVLink_command_long_message(7, 1, 176, 0, 1.0, 4.0, 5.0, *[0.0] * 4)
     [received] = codec.decode(bytes(order.pack(other)))
@@ -389,14 +389,14 @@ def test_the_modes_of_px4_have_two_numbers() -> None:
 
 
 def test_channels_of_the_transmitter() -> None:
-    codec, vehicle = Codec(), mav.MAVLink(None, srcSystem=7, srcComponent=1)
+    codec, vehicle = MavlinkCodec(), mav.MAVLink(None, srcSystem=7, srcComponent=1)
     list(codec.decode(bytes(mav.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3).pack(vehicle))))
     frame = mav.MAVLink_rc_channels_message(0, 3, 1500, 65535, 1430, *[0] * 15, 100)
     assert [one.message for one in codec.decode(bytes(frame.pack(vehicle)))] == [RcChannels((1500, 0, 1430))]
 
 
 def test_a_ground_stations_heartbeat_names_it() -> None:
-    codec, other = Codec(), mav.MAVLink(None, srcSystem=254, srcComponent=191)
+    codec, other = MavlinkCodec(), mav.MAVLink(None, srcSystem=254, srcComponent=191)
     frame = bytes(mav.MAVLink_heartbeat_message(6, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3).pack(other))
     assert [received.message for received in codec.decode(frame)] == [StationHeard(254, 191)]
 
@@ -432,9 +432,9 @@ def test_the_rest_of_what_is_followed() -> None:
 
 
 def test_which_mission_it_is_stands_behind_what_pymavlink_knows_of_the_message() -> None:
-    vehicle, ground = SimCodec(7), Codec()
+    vehicle, ground = SimCodec(7), MavlinkCodec()
     for number, known in ((0, None), (77, 77), (460575375, 460575375)):
-        body = out("MISSION_CURRENT", seq=5, total=9, mission_state=3, mission_mode=1, mission_id=number)
+        body = build_message("MISSION_CURRENT", seq=5, total=9, mission_state=3, mission_mode=1, mission_id=number)
         [received] = ground.decode(vehicle.encode(body, 1.0))
         assert received.message == MissionCurrent(5, 9, known)
 
@@ -482,7 +482,7 @@ def test_what_is_sent_says_which_list_is_meant(kind: MissionKind) -> None:
         SendMissionCount(2, kind), SendMissionItem(MissionItem(0, 0, 5001), kind), SendMissionRequestList(kind),
         SendMissionRequest(1, kind), SendMissionAck(0, kind),
     ]  # fmt: skip
-    frames = [mav.MAVLink(None).decode(bytearray(Codec().encode(one, 1, 1))) for one in sent]
+    frames = [mav.MAVLink(None).decode(bytearray(MavlinkCodec().encode(one, 1, 1))) for one in sent]
     assert [frame.mission_type for frame in frames] == [kind] * len(sent)
 
 
@@ -503,7 +503,7 @@ def test_what_the_vehicle_says_to_another_ground_station(system: int, component:
 
 
 def param(value: float, kind: int, autopilot: int) -> ParamValue:
-    codec = Codec()
+    codec = MavlinkCodec()
     codec.autopilots = {} if autopilot is None else {7: autopilot}
     [message] = heard(mav.MAVLink_param_value_message(b"SOME_NAME", value, kind, 900, 1), codec=codec)
     assert isinstance(message, ParamValue)
@@ -539,9 +539,9 @@ def test_a_parameter_without_a_value_is_an_answer_all_the_same() -> None:
 
 @given(value=st.integers(-(2**31), 2**31 - 1))
 def test_an_integer_parameter_survives_both_ways_on_px4(value: int) -> None:
-    codec = Codec()
+    codec = MavlinkCodec()
     codec.autopilots[7] = PX4
-    [received] = Codec().decode(codec.encode(SendParamSet("SOME_NAME", float(value), 6), 7, 1))
+    [received] = MavlinkCodec().decode(codec.encode(SendParamSet("SOME_NAME", float(value), 6), 7, 1))
     wire = struct.unpack_from("<f", received.frame, 10)[0]
     # A signalling NaN becomes a quiet one on its way through a float: those bits are the price of the format.
     if not math.isnan(wire):
@@ -549,7 +549,7 @@ def test_an_integer_parameter_survives_both_ways_on_px4(value: int) -> None:
 
 
 def test_a_long_text_is_put_together_from_its_frames() -> None:
-    codec, vehicle = Codec(), Vehicle()
+    codec, vehicle = MavlinkCodec(), Vehicle()
     text = "PreArm: the estimator has not settled yet, and the compass is not calibrated either; wait a while"
     raw, found = text.encode() + b"\t", list[Message | None]()
     for part in range(2):
@@ -559,7 +559,7 @@ def test_a_long_text_is_put_together_from_its_frames() -> None:
 
 
 def test_a_text_that_stays_torn_is_shown_beside_later_frames() -> None:
-    codec, vehicle = Codec(), Vehicle()
+    codec, vehicle = MavlinkCodec(), Vehicle()
     list(codec.decode(vehicle.pack(mav.MAVLink_statustext_message(4, b"x" * 50, 9, 0))))
     later = [received for _ in range(60) for received in codec.decode(vehicle.pack(GOOD))]
     assert [received.more for received in later if received.more] == [(StatusText(4, "x" * 50),)]
@@ -576,7 +576,7 @@ OUTGOING: tuple[Outgoing, ...] = (
 
 @pytest.mark.parametrize("message", OUTGOING, ids=lambda message: type(message).__name__)
 def test_what_we_send_is_understood_by_pymavlink(message: Outgoing) -> None:
-    frame = Codec().encode(message, 7, 1)
+    frame = MavlinkCodec().encode(message, 7, 1)
     [parsed] = mav.MAVLink(None).parse_buffer(frame)
     assert (parsed.get_srcSystem(), parsed.get_srcComponent()) == (255, 190)
     if not isinstance(message, SendHeartbeat):
@@ -584,14 +584,14 @@ def test_what_we_send_is_understood_by_pymavlink(message: Outgoing) -> None:
 
 
 def test_the_fields_of_an_item_on_the_wire() -> None:
-    [parsed] = mav.MAVLink(None).parse_buffer(Codec().encode(OUTGOING[-1], 7, 1))
+    [parsed] = mav.MAVLink(None).parse_buffer(MavlinkCodec().encode(OUTGOING[-1], 7, 1))
     assert (parsed.seq, parsed.frame, parsed.command, parsed.current, parsed.autocontinue) == (3, 6, 16, 1, 1)
     assert (parsed.param1, parsed.param2, parsed.x, parsed.y, parsed.z) == (1.0, 2.0, 496000000, -156000000, 20.5)
     assert math.isnan(parsed.param4)
 
 
 def test_our_sequence_numbers_count_on_for_each_vehicle() -> None:
-    codec = Codec()
+    codec = MavlinkCodec()
     frames = [codec.encode(SendHeartbeat(), sysid, 1) for _ in range(300) for sysid in (7, 8)]
     assert [frame[4] for frame in frames] == [index % 256 for index in range(300) for _ in (7, 8)]
 
@@ -603,7 +603,7 @@ GOOD = mav.MAVLink_mission_ack_message(255, 190, 0)
 @example(data=b"\xfd" * 40)
 @example(data=b"\xfe\x09\x00\x01\x01\x00" + b"\x00" * 11)
 def test_garbage_never_raises_and_is_got_over(data: bytes) -> None:
-    codec, vehicle = Codec(), Vehicle()
+    codec, vehicle = MavlinkCodec(), Vehicle()
     list(codec.decode(data))
     # A frame that garbage seems to begin takes at most 280 bytes with it.
     after = [received.message for _ in range(40) for received in codec.decode(vehicle.pack(GOOD))]
@@ -612,7 +612,7 @@ def test_garbage_never_raises_and_is_got_over(data: bytes) -> None:
 
 
 def test_garbage_around_a_frame_costs_only_itself() -> None:
-    codec = Codec()
+    codec = MavlinkCodec()
     found = list(codec.decode(b"\x00\x01garbage" + Vehicle().pack(GOOD) + b"\x00\x02"))
     assert [received.message for received in found] == [MissionAck(0)]
     assert codec.garbage > 0
@@ -620,7 +620,7 @@ def test_garbage_around_a_frame_costs_only_itself() -> None:
 
 @pytest.mark.parametrize("cut", [1, 5, 9, 12])
 def test_a_truncated_frame_is_counted_and_got_over(cut: int) -> None:
-    codec, vehicle = Codec(), Vehicle()
+    codec, vehicle = MavlinkCodec(), Vehicle()
     assert list(codec.decode(vehicle.pack(GOOD)[:-cut])) == []
     after = [received.message for _ in range(10) for received in codec.decode(vehicle.pack(GOOD))]
     assert MissionAck(0) in after
@@ -628,7 +628,7 @@ def test_a_truncated_frame_is_counted_and_got_over(cut: int) -> None:
 
 
 def test_a_wrong_checksum_is_counted() -> None:
-    codec, frame = Codec(), bytearray(Vehicle().pack(GOOD))
+    codec, frame = MavlinkCodec(), bytearray(Vehicle().pack(GOOD))
     frame[-1] ^= 0xFF
     assert list(codec.decode(bytes(frame))) == []
     assert codec.garbage == 1
@@ -642,7 +642,7 @@ def test_any_frame_with_a_good_checksum_is_read_without_a_fault(
     number: int, payload: bytes, autopilot: int | None
 ) -> None:
     """Whatever a faulty vehicle puts into its fields: NaN, undecodable names, numbers outside of their enums."""
-    codec = Codec()
+    codec = MavlinkCodec()
     codec.autopilots = {} if autopilot is None else {7: autopilot}
     size = struct.calcsize(mav.mavlink_map[number].unpacker.format)
     body = payload[:size].ljust(size, b"\xff")
@@ -672,12 +672,12 @@ def test_what_another_parser_took_apart_says_the_same(number: int, payload: byte
         text = frame._text_raw.partition(b"\0")[0]
         hypothesis.assume(text.decode(errors="ignore").encode() == text)
         fields["text"] = text.decode()
-    [direct] = Codec().decode(bytes(frame.get_msgbuf()))
-    read = Codec().read_fields(kind.msgname, 7, 1, fields)
+    [direct] = MavlinkCodec().decode(bytes(frame.get_msgbuf()))
+    read = MavlinkCodec().read_fields(kind.msgname, 7, 1, fields)
     assert read is not None
     assert read[1] == tuple(message for message in (direct.message, *direct.more) if message is not None)
 
 
 def test_fields_that_are_none_of_ours_say_nothing() -> None:
-    assert Codec().read_fields("NO_SUCH_MESSAGE", 7, 1, {}) is None
-    assert Codec().read_fields("MISSION_ACK", 7, 1, {"type": "accepted"}) is None
+    assert MavlinkCodec().read_fields("NO_SUCH_MESSAGE", 7, 1, {}) is None
+    assert MavlinkCodec().read_fields("MISSION_ACK", 7, 1, {"type": "accepted"}) is None

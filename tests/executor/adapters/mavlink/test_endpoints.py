@@ -14,14 +14,14 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
-from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import MOST_PEERS, Router, _Datagrams, open_mavlink_links
 from executor.adapters.mavlink.link import VehicleLink
 from executor.core.connection import parse_connection
 from executor.core.messages import Heartbeat, Message, MissionAck, SendHeartbeat
-from executor.core.ports import LinkOrder
+from executor.core.ports import LinkRequest
 from executor.errors import ConnectionFailed
-from executor.supervised import hear
+from executor.supervised import watch_mistakes
 from tests.executor.adapters.mavlink.test_codec import ARDUPILOT, Vehicle
 from tests.executor.adapters.mavlink.test_link import Frames
 from tests.patience import PATIENCE_S
@@ -42,7 +42,7 @@ def socket_on_loopback() -> socket.socket:
 
 @asynccontextmanager
 async def opened(connection: str, *, log: Frames | None = None) -> AsyncIterator[VehicleLink]:
-    async with open_mavlink_links({"uav1": LinkOrder(parse_connection(connection), 7, log)}) as links:
+    async with open_mavlink_links({"uav1": LinkRequest(parse_connection(connection), 7, log)}) as links:
         yield links["uav1"]
 
 
@@ -208,7 +208,7 @@ async def test_tcpout_calls_until_the_vehicle_is_there_and_again_when_it_went_aw
 async def test_tcpin_serves_several_vehicles_and_those_that_come_back() -> None:
     port = free_port()
     connection = parse_connection(f"tcpin://127.0.0.1:{port}")
-    async with open_mavlink_links({f"uav{sysid}": LinkOrder(connection, sysid) for sysid in (7, 8)}) as links:
+    async with open_mavlink_links({f"uav{sysid}": LinkRequest(connection, sysid) for sysid in (7, 8)}) as links:
         for sysid in (7, 8, 7):
             link = links[f"uav{sysid}"]
             heard = inbox(link)
@@ -302,8 +302,8 @@ async def test_a_serial_device_that_is_unplugged_is_opened_again_when_it_is_back
 
 
 async def test_datagrams_from_ever_new_addresses_fill_no_memory() -> None:
-    link = VehicleLink(7, Codec())
-    port = _Datagrams(Router([link], Codec()))
+    link = VehicleLink(7, MavlinkCodec())
+    port = _Datagrams(Router([link], MavlinkCodec()))
     beat = Vehicle().pack(BEAT)
     for number in range(3 * MOST_PEERS):
         port.datagram_received(beat, (f"10.0.{number % 7}.1", number))
@@ -324,7 +324,7 @@ async def test_a_mistake_in_reading_closes_no_port(scheme: str) -> None:
     def mistaken(_: Message) -> None:
         raise KeyError("speed")
 
-    with hear(say, None):
+    with watch_mistakes(say, None):
         async with opened(f"{scheme}://127.0.0.1:{port}") as link:
             stop = link.listen(mistaken)
             with socket.socket(socket.AF_INET, kind) as plug:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mav
 
-from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink, Write
 from executor.core.messages import (
@@ -54,7 +54,7 @@ class Behind:
     """Links behind one endpoint that is fed by hand."""
 
     def __init__(self, *sysids: int, log: Frames | None = None) -> None:
-        self.codec = Codec()
+        self.codec = MavlinkCodec()
         self.links = [VehicleLink(sysid, self.codec, log) for sysid in sysids]
         self.router = Router(self.links, self.codec)
 
@@ -66,7 +66,7 @@ class Behind:
                 sent.append(frame)
             return sent is not None
 
-        self.router.take(self.codec.decode(data), write)
+        self.router.route_frames(self.codec.decode(data), write)
 
 
 def link_of(*, log: Frames | None = None) -> tuple[Behind, VehicleLink, list[Message]]:
@@ -189,7 +189,7 @@ def test_a_radio_is_believed_from_where_the_vehicles_heartbeats_come() -> None:
     ]
     counts = []
     for sender, message, place in told:
-        behind.router.take(behind.codec.decode(bytes(message.pack(sender))), lambda _: True, place)
+        behind.router.route_frames(behind.codec.decode(bytes(message.pack(sender))), lambda _: True, place)
         counts.append(sum(isinstance(one, Radio) for one in heard))
     assert counts == [0, 0, 0, 1]
 
@@ -272,7 +272,7 @@ def test_another_component_moves_nobody_and_is_no_second_vehicle() -> None:
         (first, here, "A"), (computer.pack(current(5)), there, "B"), (second, here, "A"),
         (computer.pack(mav.MAVLink_heartbeat_message(18, 3, 0, 0, 4, 3)), there, "B"),
     ):  # fmt: skip
-        behind.router.take(behind.codec.decode(frame), into(sent), place)
+        behind.router.route_frames(behind.codec.decode(frame), into(sent), place)
     link.send(SendHeartbeat())
     assert answered((here, there)) == [1, 0]
     assert heard == [MissionCurrent(0, None), MissionCurrent(1, None)]
@@ -354,7 +354,7 @@ def test_two_vehicles_with_one_number_are_named_with_both_addresses() -> None:
     for frame, place in zip(
         (first[0], second[0], first[1], second[1], first[2]), ("A", "B", "A", "B", "A"), strict=True
     ):
-        behind.router.take(behind.codec.decode(frame), lambda _: True, place)
+        behind.router.route_frames(behind.codec.decode(frame), lambda _: True, place)
     assert [one for one in heard if isinstance(one, DoubleHeard)] == [DoubleHeard(7, ("A", "B"))]
     assert link.counts.received == 5
 
@@ -362,11 +362,11 @@ def test_two_vehicles_with_one_number_are_named_with_both_addresses() -> None:
 def test_a_vehicle_that_moved_to_another_address_is_one_vehicle() -> None:
     behind, _, heard = link_of()
     for frame, place in zip(frames([0, 1, 2, 3]), ("A", "A", "B", "B"), strict=True):
-        behind.router.take(behind.codec.decode(frame), lambda _: True, place)
+        behind.router.route_frames(behind.codec.decode(frame), lambda _: True, place)
     assert not any(isinstance(one, DoubleHeard) for one in heard)
 
 
 def test_strange_systems_are_remembered_with_where_they_are() -> None:
     behind = Behind(9)
-    behind.router.take(behind.codec.decode(frames([0])[0]), lambda _: True, "10.0.0.7:14550")
+    behind.router.route_frames(behind.codec.decode(frames([0])[0]), lambda _: True, "10.0.0.7:14550")
     assert behind.links[0].counts.strangers == {7: "10.0.0.7:14550"}

@@ -10,9 +10,9 @@ import pytest
 
 from executor.adapters.mavlink.own_clocks import BootTime, was_set_by_usec
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
-from executor.replay.logs import replay, rules_of
+from executor.replay.logs import replay_log, rules_of
 from executor.replay.result import LogReplay
-from executor.replay.witness.statements import read_testimony
+from executor.replay.witness.statements import read_log_evidence
 from tests.recorded import Writer, battery, heartbeat, position, station
 
 SECOND = 1_000_000
@@ -37,7 +37,7 @@ def log(stamped: Callable[[float], float], path: Path, *, drops: float = 0.0) ->
 
 
 def replayed(path: Path) -> LogReplay:
-    return replay(TelemetryFile(path), path, rules_of(None))
+    return replay_log(TelemetryFile(path), path, rules_of(None))
 
 
 def set_at(at_s: float, by_s: float) -> Callable[[float], float]:
@@ -54,7 +54,7 @@ def test_a_clock_that_is_set_in_flight_changes_no_time(by_s: float, tmp_path: Pa
     assert [note for note in found.notes if "clock" in note] == [
         f"the recorder's clock was set by {by_s:+.1f} s at 40.0 s: times go on by the vehicles' own"
     ]
-    told = read_testimony(tmp_path / "a.tlog")[1]
+    told = read_log_evidence(tmp_path / "a.tlog")[1]
     assert (told.ended_usec - told.began_usec) / 1e6 == pytest.approx(99.5, abs=1.5)
     assert not told.silences
 

@@ -12,11 +12,11 @@ from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.logs.ulog import UlogFile
 from executor.adapters.mavlink import px4_events
-from executor.adapters.mavlink.codec import Codec, Received
-from executor.adapters.mavlink.cutter import Cutter
+from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec
+from executor.adapters.mavlink.cutter import FrameParser
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
 from executor.core.messages import Actor, Heartbeat, Message, ModeChange, OwnFailsafe
-from executor.core.own_events import event_id
+from executor.core.own_events import compute_event_id
 from tests.onboard import UlogWriter
 from tests.recorded import BEGAN_USEC, real_logs
 
@@ -27,13 +27,13 @@ FAILED = OwnFailsafe("battery", active=True, words="failsafe: critical battery l
 
 def fields(name: str, arguments: bytes = b"", sequence: int = 5) -> dict[str, Any]:
     return {
-        "id": event_id(name), "event_time_boot_ms": 61500, "sequence": sequence, "destination_component": 0,
+        "id": compute_event_id(name), "event_time_boot_ms": 61500, "sequence": sequence, "destination_component": 0,
         "destination_system": 0, "log_levels": 36, "arguments": list(arguments),
     }  # fmt: skip
 
 
 def event(name: str, arguments: bytes = b"", sequence: int = 5, component: int = 1) -> bytes:
-    frame = px4_events.packed(fields(name, arguments, sequence), 7, component)
+    frame = px4_events.build_event_frame(fields(name, arguments, sequence), 7, component)
     assert frame is not None
     return frame
 
@@ -48,12 +48,12 @@ ENTERS = event("commander_failsafe_enter", BATTERY)
 CURRENT = bytes(mav.MAVLink_mission_current_message(3).pack(mav.MAVLink(None, 7, 1)))
 
 
-def evidence(*datagrams: bytes, codec: Codec | None = None) -> list[Message]:
-    codec = codec or Codec()
+def evidence(*datagrams: bytes, codec: MavlinkCodec | None = None) -> list[Message]:
+    codec = codec or MavlinkCodec()
     return told([received for datagram in datagrams for received in codec.decode(datagram)])
 
 
-def told(frames: Iterable[Received]) -> list[Message]:
+def told(frames: Iterable[DecodedFrame]) -> list[Message]:
     said = [one for received in frames for one in (received.message, *received.more)]
     return [one for one in said if isinstance(one, OwnFailsafe | ModeChange)]
 
@@ -61,9 +61,9 @@ def told(frames: Iterable[Received]) -> list[Message]:
 def test_what_a_recorded_one_looks_like() -> None:
     """As PX4 1.17 sent it: commander_armed_by, by a mission's start; zeros at the end are left out."""
     recorded = bytes.fromhex("fd0e00009329019a0100f3ca9001a4140000040000006605d2bf")
-    [frame] = Cutter().feed(recorded)
-    assert px4_events.is_whole(frame.get_msgbuf())
-    assert recorded[10:14] == struct.pack("<I", event_id("commander_armed_by"))
+    [frame] = FrameParser().feed(recorded)
+    assert px4_events.is_whole_event(frame.get_msgbuf())
+    assert recorded[10:14] == struct.pack("<I", compute_event_id("commander_armed_by"))
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_what_is_heard(datagrams: list[bytes], found: list[Message]) -> None:
 def test_one_whose_checksum_is_wrong_is_noise() -> None:
     torn = bytearray(ENTERS)
     torn[20] ^= 1
-    codec = Codec()
+    codec = MavlinkCodec()
     assert evidence(beat(), bytes(torn) + CURRENT, codec=codec) == []
     assert codec.garbage == 1
 
@@ -95,13 +95,13 @@ def test_one_whose_checksum_is_wrong_is_noise() -> None:
 def test_it_is_read_out_of_a_stream_that_is_cut_anywhere() -> None:
     stream = beat() + b"\x00\xfd\x00" + ENTERS + CURRENT
     for size in (1, 7, 40):
-        cutter, codec = Cutter(), Codec()
+        cutter, codec = FrameParser(), MavlinkCodec()
         frames = [one for at in range(0, len(stream), size) for one in cutter.feed(stream[at : at + size])]
         assert told(codec.read(frames)) == [FAILED]
 
 
 def test_another_parser_takes_it_apart() -> None:
-    codec = Codec()
+    codec = MavlinkCodec()
     list(codec.decode(beat()))
     read = codec.read_fields("EVENT", 7, 1, fields("commander_failsafe_enter", BATTERY))
     assert read == (ENTERS, (FAILED,))
@@ -115,7 +115,7 @@ def test_in_a_telemetry_log(tmp_path: Path) -> None:
     path = tmp_path / "a.tlog"
     path.write_bytes(b"".join(stamp + frame for stamp, frame in zip(stamps, frames, strict=True)))
     file = TelemetryFile(path)
-    said = [(system, one) for _, system, one in file.records() if isinstance(one, OwnFailsafe | ModeChange)]
+    said = [(system, one) for _, system, one in file.read_records() if isinstance(one, OwnFailsafe | ModeChange)]
     assert said == [(7, FAILED), (7, ModeChange(None, Actor.PILOT))]
     assert not file.skipped
 
@@ -129,9 +129,9 @@ def test_in_its_own_log(tmp_path: Path) -> None:
     for second, mode in ((1, 3), (2, 3), (3, 5), (4, 5), (9, 2)):
         writer.say(second * 1_000_000, "vehicle_status", nav_state=mode, arming_state=2, failsafe=mode == 5)
     arguments = {f"arguments[{place}]": byte for place, byte in enumerate(BATTERY)}
-    writer.say(2_900_000, "event", id=event_id("commander_failsafe_enter"), **arguments)
-    writer.say(8_900_000, "event", id=event_id("failsafe_rc_override"))
-    said = [one for _, _, one in UlogFile(writer.write(tmp_path / "a.ulg")).records()]
+    writer.say(2_900_000, "event", id=compute_event_id("commander_failsafe_enter"), **arguments)
+    writer.say(8_900_000, "event", id=compute_event_id("failsafe_rc_override"))
+    said = [one for _, _, one in UlogFile(writer.write(tmp_path / "a.ulg")).read_records()]
     assert FAILED in said
     assert [one.by for one in said if isinstance(one, ModeChange)] == [Actor.UNKNOWN, Actor.FAILSAFE, Actor.PILOT]
     assert any(isinstance(one, Heartbeat) for one in said)
@@ -141,8 +141,8 @@ def test_in_its_own_log(tmp_path: Path) -> None:
 def test_a_recorded_flight_says_itself_that_its_mission_is_over(name: str) -> None:
     """The telemetry log has the event; the vehicle's own log says by it, or by its mission, who chose Hold."""
     telemetry, own = TelemetryFile(real_logs() / f"{name}.tlog"), UlogFile(real_logs() / f"{name}.ulg")
-    assert [one.by for _, _, one in telemetry.records() if isinstance(one, ModeChange)] == [Actor.MISSION]
-    said = [one for _, _, one in own.records()]
+    assert [one.by for _, _, one in telemetry.read_records() if isinstance(one, ModeChange)] == [Actor.MISSION]
+    said = [one for _, _, one in own.read_records()]
     assert [one for one in said if isinstance(one, OwnFailsafe)] == []
     hold = 3 << 24 | 4 << 16
     assert Actor.MISSION in {one.by for one in said if isinstance(one, ModeChange) and one.custom_mode == hold}

@@ -7,13 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mav
 
-from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
-from executor.adapters.mavlink.signing import EPOCH_UNIX_S, TICKS_PER_S, Distrust, Signing
+from executor.adapters.mavlink.signing import EPOCH_UNIX_S, TICKS_PER_S, FrameRejection, LinkSigning
 from executor.core.messages import Heartbeat, MissionCurrent, OrderSeen, Radio, SendHeartbeat, SendMissionCount
 from simulator.config import Signing as SimSigning
-from simulator.messages import MissionCount, out
+from simulator.messages import MissionCount, build_message
 from simulator.wire import Codec as SimCodec
 from tests.executor.adapters.mavlink.test_link import into
 
@@ -39,11 +39,11 @@ class Peer:
         return frame
 
 
-def ours(unix_s: float = NOW_UNIX_S, key: bytes = KEY) -> Codec:
-    return Codec(Signing(key, 0, lambda: unix_s))
+def ours(unix_s: float = NOW_UNIX_S, key: bytes = KEY) -> MavlinkCodec:
+    return MavlinkCodec(LinkSigning(key, 0, lambda: unix_s))
 
 
-def verdicts(codec: Codec, *frames: bytes) -> list[object]:
+def verdicts(codec: MavlinkCodec, *frames: bytes) -> list[object]:
     """What becomes of frames: a message, or why it is refused."""
     return [received.refused or received.message for frame in frames for received in codec.decode(frame)]
 
@@ -57,13 +57,16 @@ def test_what_pymavlink_signed_is_believed() -> None:
 
 def test_who_does_not_hold_the_key_is_refused() -> None:
     codec = ours()
-    assert verdicts(codec, Peer(None).pack(), Peer(bytes(32)).pack()) == [Distrust.UNSIGNED, Distrust.FORGED]
+    assert verdicts(codec, Peer(None).pack(), Peer(bytes(32)).pack()) == [
+        FrameRejection.UNSIGNED,
+        FrameRejection.FORGED,
+    ]
 
 
 def test_a_forged_time_shuts_nobody_out() -> None:
     """Only a signature that is right tells how far a stream has come."""
     codec = ours()
-    assert verdicts(codec, Peer(bytes(32), ticks=TICKS + 10**9).pack()) == [Distrust.FORGED]
+    assert verdicts(codec, Peer(bytes(32), ticks=TICKS + 10**9).pack()) == [FrameRejection.FORGED]
     assert isinstance(verdicts(codec, Peer().pack())[0], Heartbeat)
 
 
@@ -71,13 +74,13 @@ def test_a_frame_that_is_sent_again_is_refused() -> None:
     codec, peer = ours(), Peer()
     first, second = peer.pack(), peer.pack()
     assert isinstance(verdicts(codec, first)[0], Heartbeat)
-    assert verdicts(codec, first, second, second, first)[0] is Distrust.REPLAYED
-    assert verdicts(codec, first, second) == [Distrust.REPLAYED, Distrust.REPLAYED]
+    assert verdicts(codec, first, second, second, first)[0] is FrameRejection.REPLAYED
+    assert verdicts(codec, first, second) == [FrameRejection.REPLAYED, FrameRejection.REPLAYED]
 
 
 def test_what_was_recorded_yesterday_is_refused_by_a_program_that_has_just_begun() -> None:
     day = 86400 * TICKS_PER_S
-    assert verdicts(ours(), Peer(ticks=TICKS - day).pack()) == [Distrust.REPLAYED]
+    assert verdicts(ours(), Peer(ticks=TICKS - day).pack()) == [FrameRejection.REPLAYED]
     assert isinstance(verdicts(ours(), Peer(ticks=TICKS - 30 * TICKS_PER_S).pack())[0], Heartbeat)
     assert isinstance(verdicts(ours(), Peer(ticks=TICKS + day).pack())[0], Heartbeat)
 
@@ -98,19 +101,19 @@ def report(system: int = 51, component: int = 68) -> bytes:
     return bytes(REPORT.pack(mav.MAVLink(None, srcSystem=system, srcComponent=component)))
 
 
-def with_radios(*radios: tuple[int, int]) -> Codec:
-    return Codec(Signing(KEY, 0, lambda: NOW_UNIX_S), frozenset(radios))
+def with_radios(*radios: tuple[int, int]) -> MavlinkCodec:
+    return MavlinkCodec(LinkSigning(KEY, 0, lambda: NOW_UNIX_S), frozenset(radios))
 
 
 def test_a_radios_own_report_needs_no_key_if_the_radio_is_named() -> None:
-    assert verdicts(ours(), report()) == [Distrust.UNSIGNED]
-    assert verdicts(with_radios(SIK), report(), report(7, 1)) == [HEARD, Distrust.UNSIGNED]
+    assert verdicts(ours(), report()) == [FrameRejection.UNSIGNED]
+    assert verdicts(with_radios(SIK), report(), report(7, 1)) == [HEARD, FrameRejection.UNSIGNED]
     assert isinstance(verdicts(ours(), Peer().pack(REPORT))[0], Radio)
 
 
 def test_where_nothing_is_signed_only_named_radios_are_heard_if_any_are() -> None:
-    assert isinstance(verdicts(Codec(), report())[0], Radio)
-    assert verdicts(Codec(radios=frozenset({SIK})), report(), report(52)) == [HEARD, None]
+    assert isinstance(verdicts(MavlinkCodec(), report())[0], Radio)
+    assert verdicts(MavlinkCodec(radios=frozenset({SIK})), report(), report(52)) == [HEARD, None]
 
 
 def test_a_text_without_a_signature_is_dropped_and_counted() -> None:
@@ -118,7 +121,7 @@ def test_a_text_without_a_signature_is_dropped_and_counted() -> None:
     link, heard = VehicleLink(7, codec), list[object]()
     link.listen(heard.append)
     text = mav.MAVLink_statustext_message(0, b"Crash: Disarming")
-    Router([link], codec).take(codec.decode(Peer(None).pack(text)), lambda _: True)
+    Router([link], codec).route_frames(codec.decode(Peer(None).pack(text)), lambda _: True)
     assert (heard, link.counts.refused, link.counts.received) == ([], {"unsigned": 1}, 0)
 
 
@@ -134,9 +137,9 @@ def test_where_frames_are_signed_an_order_or_its_answer_without_a_signature_is_c
         bytes(order.pack(station)),
         bytes(mav.MAVLink_set_mode_message(7, 1, 6).pack(station)),
     ):
-        Router([link], codec).take(codec.decode(frame), lambda _: True)
+        Router([link], codec).route_frames(codec.decode(frame), lambda _: True)
     assert (heard, link.counts.refused) == ([], {"unsigned": 3})
-    Router([link], codec).take(codec.decode(Peer().pack(answer)), lambda _: True)
+    Router([link], codec).route_frames(codec.decode(Peer().pack(answer)), lambda _: True)
     assert heard == [OrderSeen(20, None, 254, 7)]
 
 
@@ -144,17 +147,17 @@ def test_where_frames_are_signed_an_order_or_its_answer_without_a_signature_is_c
 @pytest.mark.parametrize("signed", [True, False])
 def test_a_radios_report_never_decides_where_a_vehicle_is(sender: tuple[int, int], *, signed: bool) -> None:
     """Not even in the vehicle's own name, as anybody may send it."""
-    codec = with_radios(SIK, sender) if signed else Codec()
+    codec = with_radios(SIK, sender) if signed else MavlinkCodec()
     link, here, there = VehicleLink(7, codec), list[bytes](), list[bytes]()
     router, heard = Router([link], codec), list[object]()
-    router.take(codec.decode(Peer(KEY if signed else None).pack()), into(here), "here")
+    router.route_frames(codec.decode(Peer(KEY if signed else None).pack()), into(here), "here")
     link.listen(heard.append)
     for _ in range(3):
-        router.take(codec.decode(report(*sender)), into(there), "there")
+        router.route_frames(codec.decode(report(*sender)), into(there), "there")
     link.send(SendHeartbeat())
     assert (len(here), len(there)) == (1, 0)
     assert heard == ([] if sender == SIK else [HEARD] * 3), "a radio speaks from where its vehicle does"
-    router.take(codec.decode(report(*sender)), into(here), "here")
+    router.route_frames(codec.decode(report(*sender)), into(here), "here")
     assert heard[-1:] == [HEARD]
     assert link.counts.missing == 0
 
@@ -181,13 +184,13 @@ def test_after_a_restart_with_the_clock_set_back_we_are_still_believed() -> None
 
 def test_the_simulated_vehicle_signs_and_asks_for_signatures() -> None:
     vehicle, codec = SimCodec(7, signing=SimSigning(KEY, TICKS)), ours()
-    plain = out("MISSION_CURRENT", seq=4, total=9, mission_state=3, mission_mode=1)
-    extended = out("MISSION_CURRENT", seq=5, total=9, mission_state=3, mission_mode=1, mission_id=77)
+    plain = build_message("MISSION_CURRENT", seq=4, total=9, mission_state=3, mission_mode=1)
+    extended = build_message("MISSION_CURRENT", seq=5, total=9, mission_state=3, mission_mode=1, mission_id=77)
     said = verdicts(codec, vehicle.encode(plain, 1.0), vehicle.encode(extended, 1.0), vehicle.encode(plain, 1.0))
     assert said == [MissionCurrent(4, 9), MissionCurrent(5, 9, 77), MissionCurrent(4, 9)]
     [received] = vehicle.decode(codec.encode(SendMissionCount(3), 7, 1))
     assert isinstance(received.body, MissionCount)
-    assert vehicle.decode(Codec().encode(SendMissionCount(3), 7, 1)) == []
+    assert vehicle.decode(MavlinkCodec().encode(SendMissionCount(3), 7, 1)) == []
     assert vehicle.decode(ours(key=bytes(32)).encode(SendMissionCount(3), 7, 1)) == []
 
 
@@ -199,7 +202,7 @@ def test_what_is_refused_is_counted_and_goes_nowhere() -> None:
     peer = Peer()
     good = peer.pack()
     for frame in (good, good, Peer(None).pack(), Peer(bytes(32)).pack()):
-        router.take(codec.decode(frame), lambda _: True)
+        router.route_frames(codec.decode(frame), lambda _: True)
     assert links[0].counts.refused == {"replayed": 1, "unsigned": 1, "forged": 1}
     assert links[1].counts.refused == {}
     assert len([one for one in heard if isinstance(one, Heartbeat)]) == 1

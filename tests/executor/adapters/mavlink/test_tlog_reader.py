@@ -14,8 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega
 from pymavlink.dialects.v20 import common as mav
 from pymavlink.generator.mavcrc import x25crc
 
-from executor.adapters.mavlink.checksum import checksum
-from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.checksum import compute_checksum
+from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.px4_events import EVENT
 from executor.adapters.mavlink.tlog_kinds import KINDS, ORDERS, STATUSTEXT
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
@@ -34,13 +34,13 @@ from executor.core.messages import (
     Traffic,
     VehicleSetting,
 )
-from executor.core.recording import Skipped
+from executor.core.recording import SkippedRecords
 from tests.recorded import BEGAN_USEC, Writer, battery, flight, heartbeat, position, station, text
 
 
 def read(path: Path) -> tuple[list[tuple[int, int, Any]], TelemetryFile]:
     file = TelemetryFile(path)
-    return list(file.records()), file
+    return list(file.read_records()), file
 
 
 def written(tmp_path: Path, *messages: Any, system: int = 7) -> Path:
@@ -53,7 +53,7 @@ def written(tmp_path: Path, *messages: Any, system: int = 7) -> Path:
 
 @given(st.binary(max_size=280))
 def test_the_checksum_is_mavlinks(data: bytes) -> None:
-    assert checksum(data) == x25crc(data).crc
+    assert compute_checksum(data) == x25crc(data).crc
 
 
 @pytest.mark.parametrize("number", KINDS.keys() - {EVENT})
@@ -85,7 +85,7 @@ SAID = [
 @pytest.mark.parametrize("message", SAID, ids=lambda one: str(one.get_type()))
 def test_it_reads_what_the_codec_reads(message: Any, tmp_path: Path) -> None:
     records, _ = read(written(tmp_path, heartbeat(), message))
-    codec = Codec()
+    codec = MavlinkCodec()
     [received] = codec.decode(Writer().frame(7, message))
     assert received.message in [said for _, system, said in records if system == 7]
 
@@ -183,7 +183,7 @@ def test_a_vehicle_of_which_nothing_is_read_is_heard(tmp_path: Path) -> None:
     for tenth in (*range(1, 50), *range(100, 150)):
         writer.say(tenth / 10, 7, mav.MAVLink_attitude_message(tenth, 0, 0, 0, 0, 0, 0))
     file, passed = TelemetryFile(writer.write(tmp_path / "a.tlog")), []
-    for usec, _, said in file.records():
+    for usec, _, said in file.read_records():
         if said is None:
             passed.append(((usec - BEGAN_USEC) / 1e6, (file.heard.get(7, usec) - BEGAN_USEC) / 1e6))
     assert passed[-1] == (10.0, 4.9), "what is heard again is told before it counts as heard"
@@ -245,8 +245,10 @@ def test_a_file_longer_than_a_piece_is_read_the_same(tmp_path: Path) -> None:
     path = tmp_path / "a.tlog"
     path.write_bytes(once * copies)
     file = TelemetryFile(path)
-    assert sum(isinstance(said, Heartbeat) for _, _, said in file.records()) == 2000 * copies
-    assert file.skipped.counts() == Skipped(time_back=copies - 1).counts(), "each copy begins where the last one began"
+    assert sum(isinstance(said, Heartbeat) for _, _, said in file.read_records()) == 2000 * copies
+    assert file.skipped.counts() == SkippedRecords(time_back=copies - 1).counts(), (
+        "each copy begins where the last one began"
+    )
 
 
 def test_the_older_version_of_mavlink(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import common as mav
 
-from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.tlog_writer import TelemetryLog
 from executor.core.messages import SendMissionCount
 from tests.executor.adapters.mavlink.test_codec import Vehicle
@@ -22,7 +22,7 @@ def test_pymavlink_reads_both_directions_with_their_times(tmp_path: Path) -> Non
     log = TelemetryLog(tmp_path / "uav1.tlog", lambda: next(stamps))
     vehicle = Vehicle()
     log.write(vehicle.pack(mav.MAVLink_heartbeat_message(2, 3, 0, 0, 3, 3)))
-    log.write(Codec().encode(SendMissionCount(4), 7, 1))
+    log.write(MavlinkCodec().encode(SendMissionCount(4), 7, 1))
     log.write(vehicle.pack(mav.MAVLink_mission_request_message(255, 190, 0)))
     log.close()
 

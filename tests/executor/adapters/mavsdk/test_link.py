@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
-from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavsdk.link import MavsdkLink, open_mavsdk_links
 from executor.core.connection import parse_connection
 from executor.core.messages import (
@@ -31,7 +31,7 @@ from executor.core.messages import (
     StatusText,
     Version,
 )
-from executor.core.ports import LinkOrder
+from executor.core.ports import LinkRequest
 from executor.errors import ConnectionFailed, ExtraMissing
 from missions import MissionItem
 from tests.executor.adapters.mavlink.test_codec import PX4, Vehicle, bits
@@ -83,12 +83,12 @@ class Air:
 @asynccontextmanager
 async def found(log: Frames | None = None) -> AsyncIterator[Air]:
     port = free_port()
-    order = LinkOrder(parse_connection(f"udpin://127.0.0.1:{port}"), 7, log)
+    order = LinkRequest(parse_connection(f"udpin://127.0.0.1:{port}"), 7, log)
     with socket_on_loopback() as plug:
-        async with open_mavsdk_links({"uav1": order}, Codec()) as links:
+        async with open_mavsdk_links({"uav1": order}, MavlinkCodec()) as links:
             air = Air(links["uav1"], plug, port)
             async with asyncio.timeout(PATIENCE_S):
-                while not air.link.found:
+                while not air.link.is_found:
                     air.say(BEAT)
                     await asyncio.sleep(0.02)
             await air.passed(BEAT)
@@ -189,15 +189,15 @@ async def test_both_directions_are_logged() -> None:
 
 async def test_before_the_vehicle_is_found_there_is_nowhere_to_send_to() -> None:
     log = Frames()
-    order = LinkOrder(parse_connection(f"udpin://127.0.0.1:{free_port()}"), 7, log)
-    async with open_mavsdk_links({"uav1": order}, Codec()) as links:
+    order = LinkRequest(parse_connection(f"udpin://127.0.0.1:{free_port()}"), 7, log)
+    async with open_mavsdk_links({"uav1": order}, MavlinkCodec()) as links:
         links["uav1"].send(SendHeartbeat())
     assert log.frames == []
 
 
 async def refusal(connection: str) -> str:
     with pytest.raises(ConnectionFailed) as raised:
-        async with open_mavsdk_links({"uav1": LinkOrder(parse_connection(connection), 7)}, Codec()):
+        async with open_mavsdk_links({"uav1": LinkRequest(parse_connection(connection), 7)}, MavlinkCodec()):
             pass
     return str(raised.value)
 
@@ -221,7 +221,7 @@ async def test_without_mavsdk_its_backend_is_refused_in_one_line(monkeypatch: py
 
 async def test_nothing_of_mavsdk_is_loaded_for_a_fleet_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mavsdk", None)
-    async with open_mavsdk_links({}, Codec()) as links:
+    async with open_mavsdk_links({}, MavlinkCodec()) as links:
         assert links == {}
 
 

@@ -12,9 +12,9 @@ import aiomqtt
 import pytest
 
 from executor.adapters.mqtt import client as connection
-from executor.adapters.mqtt.broker import Broker
-from executor.adapters.mqtt.client import Client, Presence, Subscriber
-from executor.adapters.mqtt.outbox import Letter, Outbox
+from executor.adapters.mqtt.broker import BrokerAddress
+from executor.adapters.mqtt.client import MqttClient, Presence, Subscriber
+from executor.adapters.mqtt.outbox import MqttMessage, Outbox
 from executor.core.commands import Level
 from tests.brokers import KIND, PASSWORD, USER, RealBroker, running, secured_in
 from tests.patience import PATIENCE_S
@@ -29,7 +29,7 @@ KINDS = [pytest.param("mosquitto", marks=pytest.mark.needs("mosquitto")), "amqtt
 class Station:
     """A client at work, and what it said and got."""
 
-    def __init__(self, broker: Broker) -> None:
+    def __init__(self, broker: BrokerAddress) -> None:
         self.said: list[str] = []
         self.got: asyncio.Queue[tuple[bytes, bool]] = asyncio.Queue()
         self.outbox = Outbox()
@@ -38,10 +38,10 @@ class Station:
         def take(payload: bytes, retained: bool) -> None:
             self.got.put_nowait((payload, retained))
 
-        def presence(state: Presence) -> Letter:
-            return Letter(THERE, state.value.encode(), retain=True)
+        def presence(state: Presence) -> MqttMessage:
+            return MqttMessage(THERE, state.value.encode(), retain=True)
 
-        self.client = Client(broker, self.outbox, presence, Subscriber("t/orders", take), self._say)
+        self.client = MqttClient(broker, self.outbox, presence, Subscriber("t/orders", take), self._say)
 
     def _say(self, level: Level, text: str) -> None:
         self.said.append(text)
@@ -55,7 +55,7 @@ class Station:
 
 
 @asynccontextmanager
-async def station(broker: Broker) -> AsyncIterator[Station]:
+async def station(broker: BrokerAddress) -> AsyncIterator[Station]:
     made = Station(broker)
     task = asyncio.create_task(made.client.run())
     try:
@@ -66,8 +66,8 @@ async def station(broker: Broker) -> AsyncIterator[Station]:
             await task
 
 
-def at(port: int, **more: object) -> Broker:
-    return Broker("127.0.0.1", port, "faultline-test", **more)  # type: ignore[arg-type]
+def at(port: int, **more: object) -> BrokerAddress:
+    return BrokerAddress("127.0.0.1", port, "faultline-test", **more)  # type: ignore[arg-type]
 
 
 @asynccontextmanager
@@ -94,9 +94,9 @@ async def test_what_waits_is_sent_and_what_comes_is_taken(kind: str, tmp_path: P
         async with station(at(broker.port)) as here:
             assert await following(THERE) == b"ONLINE"
             for number in range(30):
-                here.outbox.keep(Letter("t/events", b"%d" % number))
+                here.outbox.enqueue(MqttMessage("t/events", b"%d" % number))
             assert [await following("t/events") for _ in range(30)] == [b"%d" % number for number in range(30)]
-            here.outbox.renew(Letter("t/state", b"now"))
+            here.outbox.put_latest(MqttMessage("t/state", b"now"))
             assert await following("t/state") == b"now"
             async with aiomqtt.Client("127.0.0.1", broker.port) as other:
                 await other.publish("t/orders", b"hold", qos=1)
@@ -119,8 +119,8 @@ async def test_a_broker_that_comes_late_and_one_that_forgets(tmp_path: Path, mon
     broker = RealBroker(KIND, tmp_path / "broker")
     try:
         async with station(at(broker.port)) as here:
-            here.outbox.renew(Letter("t/plan", b"plan", retain=True))
-            here.outbox.keep(Letter("t/events", b"first"))
+            here.outbox.put_latest(MqttMessage("t/plan", b"plan", retain=True))
+            here.outbox.enqueue(MqttMessage("t/events", b"first"))
             await here.has_said(1)
             assert "Connection refused" in here.said[0]
             assert "the flight goes on" in here.said[0]
@@ -131,7 +131,7 @@ async def test_a_broker_that_comes_late_and_one_that_forgets(tmp_path: Path, mon
             await broker.stop()
             await here.has_said(3)
             assert here.said[2].startswith("mqtt: lost the connection")
-            here.outbox.keep(Letter("t/events", b"second"))
+            here.outbox.enqueue(MqttMessage("t/events", b"second"))
             await broker.start()
             await here.has_said(4)
             assert here.said[3].endswith("again")
@@ -149,7 +149,7 @@ async def test_a_broker_that_is_suspended(tmp_path: Path, monkeypatch: pytest.Mo
     async with running(KIND, tmp_path / "broker") as broker, station(at(broker.port)) as here:
         await here.has_said(1)
         broker.suspend()
-        here.outbox.keep(Letter("t/events", b"while it slept", retain=True))
+        here.outbox.enqueue(MqttMessage("t/events", b"while it slept", retain=True))
         await here.has_said(2)
         assert "lost the connection" in here.said[1]
         assert "timed out" in here.said[1]
@@ -195,7 +195,7 @@ async def test_a_password_and_tls(kind: str, tmp_path: Path) -> None:
 async def test_nobody_there_at_all_holds_nobody_up() -> None:
     async with station(at(free_port())) as here:
         for number in range(2000):
-            here.outbox.keep(Letter("t/events", b"%d" % number))
+            here.outbox.enqueue(MqttMessage("t/events", b"%d" % number))
         await here.has_said(1)
     assert here.outbox.dropped == {"t/events": 1500}
 
@@ -233,9 +233,9 @@ async def test_a_broker_that_talks_nonsense(said: bytes, monkeypatch: pytest.Mon
 
     server = await asyncio.start_server(answer, "127.0.0.1", 0)
     async with server, station(at(server.sockets[0].getsockname()[1])) as here:
-        here.outbox.keep(Letter("t/events", b"kept"))
+        here.outbox.enqueue(MqttMessage("t/events", b"kept"))
         async with asyncio.timeout(PATIENCE_S):
             for _ in range(3):
                 await calls.get()
         assert "mqtt: " in here.said[0]
-    assert [taken.letter.payload for taken in here.outbox.take(9)] == [b"kept"]
+    assert [taken.letter.payload for taken in here.outbox.take_batch(9)] == [b"kept"]

@@ -8,7 +8,7 @@ from typing import get_args
 import pytest
 
 from executor.adapters.mqtt.broker import IntakeRules
-from executor.adapters.mqtt.intake import BURST, MOST_BYTES, Gate, Intake, RefusedMessage, read_intent
+from executor.adapters.mqtt.intake import BURST, MOST_BYTES, IntentIntake, RateLimiter, RefusedMessage, read_intent
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.commands import Level
 from executor.core.intents import Action, ActionName, Intent
@@ -110,10 +110,10 @@ def test_where_none_are_taken_the_answer_says_why() -> None:
 
 
 def test_a_gate_lets_a_burst_through_and_then_so_many_a_second() -> None:
-    gate = Gate(0.0)
-    assert sum(gate.passes(0.0) for _ in range(100)) == BURST
-    assert sum(gate.passes(2.0) for _ in range(100)) == 10
-    assert sum(gate.passes(1000.0) for _ in range(100)) == BURST
+    gate = RateLimiter(0.0)
+    assert sum(gate.may_pass(0.0) for _ in range(100)) == BURST
+    assert sum(gate.may_pass(2.0) for _ in range(100)) == 10
+    assert sum(gate.may_pass(1000.0) for _ in range(100)) == BURST
 
 
 def test_a_flood_is_counted_and_neither_answered_nor_told_in_full() -> None:
@@ -121,18 +121,18 @@ def test_a_flood_is_counted_and_neither_answered_nor_told_in_full() -> None:
     refused: list[RefusedMessage] = []
     said: list[tuple[Level, str]] = []
     now_s = [0.0]
-    intake = Intake(
+    intake = IntentIntake(
         OPEN, lambda: NOW_UNIX_S, lambda: now_s[0], accepted.append, refused.append, lambda *it: said.append(it)
     )
-    intake.take(b"", retained=True)
+    intake.handle_message(b"", retained=True)
     assert (intake.refused, refused) == (0, [])
     for _ in range(1000):
-        intake.take(b"no", retained=False)
-        intake.take(json.dumps(GOOD).encode(), retained=False)
+        intake.handle_message(b"no", retained=False)
+        intake.handle_message(json.dumps(GOOD).encode(), retained=False)
     assert len(accepted) == BURST
     assert len(refused) == BURST
     assert intake.refused == 2000 - BURST
     assert len(said) == 1
     now_s[0] = 11.0
-    intake.take(b"no", retained=False)
+    intake.handle_message(b"no", retained=False)
     assert f"{intake.refused} in all" in said[-1][1]

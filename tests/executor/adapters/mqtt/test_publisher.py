@@ -9,18 +9,18 @@ from typing import Any
 import jsonschema
 import pytest
 
-from executor.adapters.mqtt.broker import Topics
+from executor.adapters.mqtt.broker import MqttTopics
 from executor.adapters.mqtt.client import Presence
 from executor.adapters.mqtt.intake import RefusedMessage
-from executor.adapters.mqtt.outbox import Letter, Outbox
+from executor.adapters.mqtt.outbox import MqttMessage, Outbox
 from executor.adapters.mqtt.publisher import ASSETS_EVERY_S, AT_LEAST_EVERY_S, Publisher
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.commands import Level, Say
 from executor.core.events import IntentReceived, Tick
 from executor.core.intents import Action, Outcome
 from executor.core.seeing.assets import AssetState, AssetView
-from executor.core.view import fleet_view
-from missions import plan_document
+from executor.core.view import build_fleet_view
+from missions import build_plan_document
 from scripts.pages.schemas import schemas
 from tests.executor.core.stories import story, under_way
 from tests.executor.flights import first_plan_file
@@ -44,19 +44,19 @@ class Desk:
         self.flight = flight
         self.outbox = Outbox(10_000)
         self.unix_s = 1_790_000_000.0
-        self.publisher = Publisher(Topics("site/north"), self.outbox, "run-7", lambda: self.unix_s)
+        self.publisher = Publisher(MqttTopics("site/north"), self.outbox, "run-7", lambda: self.unix_s)
 
-    def look(self, after_s: float = 1.0) -> list[Letter]:
+    def look(self, after_s: float = 1.0) -> list[MqttMessage]:
         """Publish the present; returns what was written."""
         self.unix_s += after_s
-        self.publisher.view(fleet_view(self.flight.context, self.flight.state, self.flight.now_s))
+        self.publisher.publish_view(build_fleet_view(self.flight.context, self.flight.state, self.flight.now_s))
         return self.written()
 
-    def written(self) -> list[Letter]:
-        return [taken.letter for taken in self.outbox.take(10_000)]
+    def written(self) -> list[MqttMessage]:
+        return [taken.letter for taken in self.outbox.take_batch(10_000)]
 
 
-def content(letter: Letter) -> dict[str, Any]:
+def content(letter: MqttMessage) -> dict[str, Any]:
     """Return a message that keeps to its schema."""
     read: dict[str, Any] = json.loads(letter.payload)
     last = letter.topic.rsplit("/", 1)[-1]
@@ -70,7 +70,7 @@ def validator(name: str) -> jsonschema.Draft202012Validator:
     return jsonschema.Draft202012Validator(json.loads(schemas()[f"mqtt/{name}.schema.json"]))
 
 
-def on(letters: list[Letter], topic: str) -> list[dict[str, Any]]:
+def on(letters: list[MqttMessage], topic: str) -> list[dict[str, Any]]:
     """Return the messages on a topic; every one of them keeps to its schema."""
     return [content(letter) for letter in letters if letter.topic == f"site/north/v1/{topic}"]
 
@@ -102,7 +102,7 @@ def test_what_became_of_assets_is_published_when_it_changes_and_not_with_every_p
 
     def told(views: tuple[AssetView, ...], after_s: float, *, last: bool = False) -> list[dict[str, Any]]:
         desk.unix_s += after_s
-        desk.publisher.assets(lambda: views, last=last)
+        desk.publisher.publish_assets(lambda: views, last=last)
         return on(desk.written(), "fleet/assets")
 
     [first] = told(rows, 0.0)
@@ -125,10 +125,10 @@ def test_a_flight_with_a_loss_is_published_whole() -> None:
     desk = Desk(flight)
     flight.run(lambda: len(flight.state.coverage.inspected) == 1)
     flight.crafts["uav3"].mute = True
-    letters: list[Letter] = []
+    letters: list[MqttMessage] = []
     while not flight.over:
         flight.step()
-        desk.publisher.applied(Tick(), flight.state)
+        desk.publisher.publish_event(Tick(), flight.state)
         letters += desk.look(0.4)
     [fault] = on(letters, "fleet/fault")
     assert (fault["vehicle"], fault["kind"]) == ("uav3", "link")
@@ -147,34 +147,34 @@ def test_an_intent_is_answered_and_answered_again() -> None:
     desk = Desk(flight)
     record = flight.ask(Action.HOLD, "uav2")
     asked = IntentReceived(record.intent)
-    desk.publisher.applied(asked, flight.state)
+    desk.publisher.publish_event(asked, flight.state)
     [answer] = on(desk.written(), "intent/ack")
     assert (answer["id"], answer["action"], answer["vehicle"]) == (record.intent.id, "hold", "uav2")
     assert answer["outcome"] == "accepted"
     flight.run(lambda: flight.outcome(record).outcome is Outcome.DONE)
-    desk.publisher.applied(Tick(), flight.state)
+    desk.publisher.publish_event(Tick(), flight.state)
     assert [one["outcome"] for one in on(desk.written(), "intent/ack")] == ["done"]
     flight.happen(asked)
-    desk.publisher.applied(asked, flight.state)
-    desk.publisher.applied(Tick(), flight.state)
+    desk.publisher.publish_event(asked, flight.state)
+    desk.publisher.publish_event(Tick(), flight.state)
     assert [one["text"] for one in on(desk.written(), "intent/ack")] == ["it holds"]
-    desk.publisher.refused(RefusedMessage(None, "not JSON", IntakeReason.INVALID))
+    desk.publisher.publish_refusal(RefusedMessage(None, "not JSON", IntakeReason.INVALID))
     assert [(one["outcome"], one["code"]) for one in on(desk.written(), "intent/ack")] == [("refused", "invalid")]
 
 
 @pytest.mark.parametrize("state", list(Presence))
 def test_presence(state: Presence) -> None:
-    letter = Desk(story()).publisher.presence(state)
+    letter = Desk(story()).publisher.build_presence(state)
     assert (letter.topic, letter.retain) == ("site/north/v1/fleet/connection", True)
     assert content(letter)["connectionState"] == state.value
 
 
 def test_lines_and_plans() -> None:
     desk = Desk(story())
-    desk.publisher.said(Say(Level.FAULT, "uav2: lost"), 12.5)
-    desk.publisher.said(Say(Level.INFO, "re-plan 1"), 13.0)
-    document = plan_document(first_plan_file())
-    desk.publisher.plan(0, document)
+    desk.publisher.publish_line(Say(Level.FAULT, "uav2: lost"), 12.5)
+    desk.publisher.publish_line(Say(Level.INFO, "re-plan 1"), 13.0)
+    document = build_plan_document(first_plan_file())
+    desk.publisher.publish_plan(0, document)
     letters = desk.written()
     assert [(one["level"], one["at_s"]) for one in on(letters, "fleet/event")] == [("fault", 12.5), ("info", 13.0)]
     [plan] = on(letters, "fleet/plan")

@@ -10,11 +10,11 @@ from contextlib import ExitStack, contextmanager
 import pytest
 
 from executor.adapters.web import door, stream
-from executor.adapters.web.door import HERE, DoorLimits, Places, origin_of
+from executor.adapters.web.door import HERE, ConnectionLimits, ConnectionQuota, origin_of
 from tests.executor.adapters.web.test_server import TOKEN, Beside
 from tests.patience import PATIENCE_S
 
-QUICK = DoorLimits(request_s=0.4, answer_s=0.4)
+QUICK = ConnectionLimits(request_s=0.4, answer_s=0.4)
 ABROAD = "127.0.0.9"
 """A second address of this computer, which stands for another computer."""
 
@@ -31,7 +31,7 @@ def abroad(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @contextmanager
-def listening(limits: DoorLimits | None = None, token: str | None = None) -> Iterator[Beside]:
+def listening(limits: ConnectionLimits | None = None, token: str | None = None) -> Iterator[Beside]:
     beside = Beside(token, limits=limits)
     with beside.server:
         yield beside
@@ -91,8 +91,8 @@ def test_connections_from_elsewhere_never_use_up_the_places_of_this_computer() -
 
 @pytest.mark.usefixtures("abroad")
 def test_of_one_address_those_make_room_that_were_silent_longest() -> None:
-    places = Places(here=64, elsewhere=96, address=4)
-    with listening(DoorLimits(connections=places, request_s=PATIENCE_S)) as beside, ExitStack() as stack:
+    places = ConnectionQuota(here=64, elsewhere=96, address=4)
+    with listening(ConnectionLimits(connections=places, request_s=PATIENCE_S)) as beside, ExitStack() as stack:
         silent = [connected(stack, beside, ABROAD) for _ in range(6)]
         assert [ended(one) for one in silent[:2]] == [b"", b""]
         asks = connected(stack, beside, ABROAD, b"GET /clock HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
@@ -104,7 +104,10 @@ def test_of_one_address_those_make_room_that_were_silent_longest() -> None:
 @pytest.mark.usefixtures("abroad")
 def test_where_everybody_is_being_answered_it_is_said_that_there_is_no_room() -> None:
     looks = b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n"
-    with listening(DoorLimits(connections=Places(here=64, elsewhere=2, address=2))) as beside, ExitStack() as stack:
+    with (
+        listening(ConnectionLimits(connections=ConnectionQuota(here=64, elsewhere=2, address=2))) as beside,
+        ExitStack() as stack,
+    ):
         for _ in range(2):
             assert b"data: " in _until(connected(stack, beside, ABROAD, looks), b"data: ")
         assert b"503 Service Unavailable" in ended(connected(stack, beside, ABROAD))
@@ -163,7 +166,10 @@ def test_who_takes_nothing_of_an_answer_is_hung_up_on() -> None:
 
 def test_a_stream_too_many_takes_the_place_of_the_one_that_has_looked_longest() -> None:
     looks = b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n"
-    with listening(DoorLimits(streams=Places(here=3, elsewhere=3, address=3))) as beside, ExitStack() as stack:
+    with (
+        listening(ConnectionLimits(streams=ConnectionQuota(here=3, elsewhere=3, address=3))) as beside,
+        ExitStack() as stack,
+    ):
         followers = list[socket.socket]()
         for _ in range(5):
             followers.append(connected(stack, beside, said=looks))

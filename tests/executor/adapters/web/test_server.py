@@ -18,14 +18,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executor.adapters.web import WebServer, WebSettings
-from executor.adapters.web.door import DoorLimits
-from executor.adapters.web.guard import cookie_name
+from executor.adapters.web.door import ConnectionLimits
+from executor.adapters.web.guard import cookie_name_for
 from executor.adapters.web.present import Describe
-from executor.adapters.web.server import FILES, _read
-from executor.adapters.web.stream import EventStream, Newest
+from executor.adapters.web.server import FILES, _read_resource
+from executor.adapters.web.stream import EventStream, LatestValue
 from executor.core.events import IntentReceived
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
-from executor.core.view import FleetView, fleet_view
+from executor.core.view import FleetView, build_fleet_view
 from executor.errors import ConnectionFailed
 from tests.executor.core.stories import under_way
 from tests.fakes.flight import Story
@@ -44,8 +44,8 @@ class Beside:
         *,
         port: int = 0,
         decides: bool = True,
-        describe: Describe = fleet_view,
-        limits: DoorLimits | None = None,
+        describe: Describe = build_fleet_view,
+        limits: ConnectionLimits | None = None,
     ) -> None:
         self.mistakes: list[str] = []
         self.flight: Story = under_way()
@@ -105,7 +105,7 @@ def test_the_page_and_its_files(open_one: Beside) -> None:
             assert (answer.status_code, answer.headers["content-type"]) == (200, kind)
         assert client.get("/files/server.py").status_code == 404
         assert client.get("/files/..%2fserver.py").status_code == 404
-    named = [_read(name).decode() for name in (*FILES, "page.html")]
+    named = [_read_resource(name).decode() for name in (*FILES, "page.html")]
     assert not any("http://" in text.replace("http://www.w3.org/2000/svg", "") or "https://" in text for text in named)
 
 
@@ -270,7 +270,7 @@ def test_without_the_token_nothing_is_shown(guarded: Beside, path: str) -> None:
         for answer in (
             client.get(path),
             client.get(path, headers={"authorization": "Bearer wrong"}),
-            client.get(path, headers={"cookie": f"{cookie_name(TOKEN)}=wrong"}),
+            client.get(path, headers={"cookie": f"{cookie_name_for(TOKEN)}=wrong"}),
             client.get(f"{path}?token=wrong"),
         ):
             assert answer.status_code == 401
@@ -325,7 +325,7 @@ def test_garbage_on_the_wire_harms_nobody(open_one: Beside) -> None:
 @pytest.mark.asyncio
 @pytest.mark.looptime
 async def test_who_does_not_follow_gets_the_newest_and_then_is_let_go() -> None:
-    newest, taken = Newest(), list[bytes]()
+    newest, taken = LatestValue(), list[bytes]()
     stuck = asyncio.Event()
 
     async def send(message: Mapping[str, object]) -> None:
@@ -368,7 +368,7 @@ def test_two_flights_on_one_computer_in_one_browser() -> None:
 
 
 def test_other_programs_cookies_on_this_computer_do_not_matter(guarded: Beside) -> None:
-    with guarded.client(cookie=f'a={{"b":1}}; =; c; {cookie_name(TOKEN)}={TOKEN}; d="') as client:
+    with guarded.client(cookie=f'a={{"b":1}}; =; c; {cookie_name_for(TOKEN)}={TOKEN}; d="') as client:
         assert client.get("/state").status_code == 200
 
 
@@ -378,7 +378,7 @@ def test_a_stream_that_dies_is_begun_again_and_no_trace_is_shown(capfd: pytest.C
     def mistaken(*what: Any) -> FleetView:
         if next(looks) in {2, 4}:
             raise ZeroDivisionError("a mistake")
-        return fleet_view(*what)
+        return build_fleet_view(*what)
 
     beside = Beside(describe=mistaken)
     with beside.server, beside.client() as client, client.stream("GET", "/events") as stream:

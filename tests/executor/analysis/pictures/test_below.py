@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from executor.analysis.flight_record import FlightRecord
-from executor.analysis.pictures import map_figure, plan_figure, save
-from executor.analysis.pictures.below import words_of
+from executor.analysis.pictures import draw_flight_figure, draw_plan_figure, save_figure
+from executor.analysis.pictures.below import describe_ground
 from executor.analysis.pictures.style import DPI
 from executor.analysis.read_run import read_run
-from executor.site.ground_view import GroundView, area_of
+from executor.site.ground_view import GroundView, shown_area_of
 from missions.background import Background
 from tests.executor.flights import first_plan_file, write_run
 from tests.executor.grounds import Hills, ground_about
@@ -50,7 +50,7 @@ def colour_at(figure: Figure, axes: Axes, place_m: tuple[float, float]) -> list[
 
 def halves() -> GroundView:
     """Return ground that is red in the north and blue in the south."""
-    low_m, high_m = area_of(PLACES_M)
+    low_m, high_m = shown_area_of(PLACES_M)
     pixels = np.full((100, 100, 4), 255, dtype=np.uint8)
     north = np.linspace(high_m[1], low_m[1], 201)[1::2] > 0.0
     pixels[north, :, 1:3] = 0
@@ -59,7 +59,7 @@ def halves() -> GroundView:
 
 
 def test_a_picture_lies_where_it_belongs_under_a_veil() -> None:
-    figure = plan_figure(first_plan_file(), halves())
+    figure = draw_plan_figure(first_plan_file(), halves())
     [axes] = figure.axes
     red, blue = (colour_at(figure, axes, (350.0, north_m)) for north_m in (60.0, -60.0))
     assert red[0] > red[2] + 100
@@ -69,15 +69,15 @@ def test_a_picture_lies_where_it_belongs_under_a_veil() -> None:
 
 def test_the_view_stays_as_it_is_without_ground(record: FlightRecord) -> None:
     for view in (ground_about(PLACES_M, hills=Hills()), ground_about(PLACES_M, photo=False, hills=Hills())):
-        plain, over = map_figure(record), map_figure(record, view)
+        plain, over = draw_flight_figure(record), draw_flight_figure(record, view)
         for one, other in zip(plain.axes, over.axes, strict=True):
             assert (one.get_xlim(), one.get_ylim()) == (other.get_xlim(), other.get_ylim())
-    nothing = GroundView(*area_of(PLACES_M))
-    assert (drawn(map_figure(record)) == drawn(map_figure(record, nothing))).all()
+    nothing = GroundView(*shown_area_of(PLACES_M))
+    assert (drawn(draw_flight_figure(record)) == drawn(draw_flight_figure(record, nothing))).all()
 
 
 def test_the_strip_with_scale_and_north_stays_white(record: FlightRecord) -> None:
-    figure = map_figure(record, halves())
+    figure = draw_flight_figure(record, halves())
     for axes in figure.axes:
         west, east = axes.get_xlim()
         south, _ = axes.get_ylim()
@@ -87,7 +87,7 @@ def test_the_strip_with_scale_and_north_stays_white(record: FlightRecord) -> Non
 def test_contour_lines_are_drawn_with_their_heights(record: FlightRecord) -> None:
     view = ground_about(PLACES_M, photo=False, hills=Hills())
     assert view.relief is not None
-    figure = map_figure(record, view)
+    figure = draw_flight_figure(record, view)
     for axes in figure.axes:
         counts = [len(one.get_segments()) for one in axes.collections if isinstance(one, LineCollection)]
         assert sum(counts) >= len(view.relief.contours)
@@ -97,8 +97,8 @@ def test_contour_lines_are_drawn_with_their_heights(record: FlightRecord) -> Non
 
 
 def test_whom_the_ground_is_by_has_room_in_the_strip(record: FlightRecord) -> None:
-    long = GroundView(*area_of(PLACES_M), halves().background, attribution="© " + "a very long name " * 30)
-    figure = map_figure(record, long)
+    long = GroundView(*shown_area_of(PLACES_M), halves().background, attribution="© " + "a very long name " * 30)
+    figure = draw_flight_figure(record, long)
     drawn(figure)
     for axes in figure.axes:
         [text] = [one for one in axes.texts if "©" in one.get_text()]
@@ -106,9 +106,9 @@ def test_whom_the_ground_is_by_has_room_in_the_strip(record: FlightRecord) -> No
         assert box.x0 > scale.get_window_extent().x1
         assert box.x1 < axes.get_window_extent().x1
         assert text.get_text().endswith("...")
-    assert words_of(halves()) == "© Land survey"
+    assert describe_ground(halves()) == "© Land survey"
 
 
 def test_a_large_picture_is_drawn_into_a_file(record: FlightRecord, tmp_path: Path) -> None:
-    save(map_figure(record, ground_about(PLACES_M, hills=Hills())), tmp_path / "map.png")
+    save_figure(draw_flight_figure(record, ground_about(PLACES_M, hills=Hills())), tmp_path / "map.png")
     assert (tmp_path / "map.png").stat().st_size > 100_000

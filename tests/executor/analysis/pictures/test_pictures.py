@@ -20,21 +20,21 @@ from matplotlib.transforms import Bbox, BboxBase
 from executor.analysis.flight_record import FlightRecord, SegmentRecord
 from executor.analysis.pictures import (
     FrontPoint,
-    battery_figure,
-    front_figure,
-    map_figure,
-    plan_figure,
-    save,
-    window_figure,
+    draw_battery_figure,
+    draw_flight_figure,
+    draw_front_figure,
+    draw_plan_figure,
+    draw_window_figure,
+    save_figure,
 )
-from executor.analysis.pictures.battery import spread
-from executor.analysis.pictures.maps import connected
-from executor.analysis.pictures.placing import Placer, along, calmest
+from executor.analysis.pictures.battery import spread_heights
+from executor.analysis.pictures.maps import group_connected
+from executor.analysis.pictures.placing import LabelPlacer, find_farthest, sample_line_m
 from executor.analysis.pictures.sheet import round_length_m
 from executor.analysis.pictures.style import COLOURS, DPI, INK, LOSS, style_of
 from executor.analysis.read_run import read_run
 from missions.geo import FloatArray
-from planner import repairs_at, replan_window
+from planner import find_repairs_at, replan_window
 from tests.executor.flights import first_plan_file, write_run
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -61,7 +61,12 @@ def unfinished(tmp_path_factory: pytest.TempPathFactory) -> FlightRecord:
 @pytest.fixture(scope="module")
 def drawn(record: FlightRecord, unfinished: FlightRecord) -> list[Figure]:
     """Return all kinds of figures as they are when they have been drawn."""
-    figures = [map_figure(record), map_figure(unfinished), battery_figure(record), plan_figure(first_plan_file())]
+    figures = [
+        draw_flight_figure(record),
+        draw_flight_figure(unfinished),
+        draw_battery_figure(record),
+        draw_plan_figure(first_plan_file()),
+    ]
     for figure in figures:
         figure.set_dpi(DPI)
         figure.draw_without_rendering()
@@ -69,9 +74,9 @@ def drawn(record: FlightRecord, unfinished: FlightRecord) -> list[Figure]:
 
 
 def test_three_files_of_the_promised_size(record: FlightRecord, tmp_path: Path) -> None:
-    save(plan_figure(first_plan_file()), tmp_path / "plan.png")
-    save(map_figure(record), tmp_path / "map.png")
-    save(battery_figure(record), tmp_path / "battery.png")
+    save_figure(draw_plan_figure(first_plan_file()), tmp_path / "plan.png")
+    save_figure(draw_flight_figure(record), tmp_path / "map.png")
+    save_figure(draw_battery_figure(record), tmp_path / "battery.png")
     for name in ("plan.png", "map.png", "battery.png"):
         content = (tmp_path / name).read_bytes()
         assert content.startswith(PNG)
@@ -80,11 +85,11 @@ def test_three_files_of_the_promised_size(record: FlightRecord, tmp_path: Path) 
 
 def test_a_picture_that_cannot_be_written_says_so(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="nowhere"):
-        save(plan_figure(first_plan_file()), tmp_path / "nowhere" / "plan.png")
+        save_figure(draw_plan_figure(first_plan_file()), tmp_path / "nowhere" / "plan.png")
 
 
 def test_the_map_says_who_was_lost_and_who_took_over(record: FlightRecord) -> None:
-    first, flown = map_figure(record).axes
+    first, flown = draw_flight_figure(record).axes
     assert (first.get_title(loc="left"), flown.get_title(loc="left")) == ("First plan", "As flown")
     assert _words(first) == {"uav1", "uav2"}
     assert _words(flown) == {
@@ -96,7 +101,7 @@ def test_the_map_says_who_was_lost_and_who_took_over(record: FlightRecord) -> No
 
 
 def test_on_the_map_plans_are_solid_and_replans_dashed(record: FlightRecord) -> None:
-    first, flown = map_figure(record).axes
+    first, flown = draw_flight_figure(record).axes
     for axes, solid, dashed in ((first, 4, 0), (flown, 3, 4)):
         # A route is two lines, its inspections and its transits; a track is one.
         lines = [line for line in axes.lines if line.get_color() in COLOURS]
@@ -105,7 +110,7 @@ def test_on_the_map_plans_are_solid_and_replans_dashed(record: FlightRecord) -> 
 
 
 def test_the_map_names_what_was_not_inspected(unfinished: FlightRecord) -> None:
-    figure = map_figure(unfinished)
+    figure = draw_flight_figure(unfinished)
     assert "not inspected:\n1" in _words(figure.axes[1])
     assert _legend_words(figure) >= {"lost", "re-planned", "not inspected", "left by a lost vehicle"}
     red = [line for line in figure.axes[1].lines if line.get_color() == LOSS and len(_x(line)) == 2]
@@ -130,13 +135,13 @@ def test_no_words_lie_on_other_words(drawn: list[Figure]) -> None:
 
 
 def test_a_line_due_east_is_drawn_in_panels_above_each_other(record: FlightRecord) -> None:
-    first, flown = (axes.get_position() for axes in map_figure(record).axes)
+    first, flown = (axes.get_position() for axes in draw_flight_figure(record).axes)
     assert flown.y1 < first.y0
     assert (first.x0, first.x1) == (flown.x0, flown.x1)
 
 
 def test_a_metre_is_as_long_to_the_north_as_to_the_east(record: FlightRecord) -> None:
-    for figure in (map_figure(record), plan_figure(first_plan_file())):
+    for figure in (draw_flight_figure(record), draw_plan_figure(first_plan_file())):
         for axes in figure.axes:
             box = axes.get_window_extent()
             per_m = (box.width / np.ptp(axes.get_xlim()), box.height / np.ptp(axes.get_ylim()))
@@ -144,7 +149,7 @@ def test_a_metre_is_as_long_to_the_north_as_to_the_east(record: FlightRecord) ->
 
 
 def test_the_battery_figure_has_plans_replans_and_measurements(record: FlightRecord) -> None:
-    limits, axes = sorted(battery_figure(record).axes, key=lambda one: -one.get_position().y0)
+    limits, axes = sorted(draw_battery_figure(record).axes, key=lambda one: -one.get_position().y0)
     lines = [line for line in axes.lines if line.get_color() in COLOURS and len(_x(line)) > 1]
     measured = [line for line in lines if line.get_marker() != "None"]
     assert [line.get_linestyle() for line in lines if line not in measured] == ["-", "-", "--", "--"]
@@ -156,7 +161,7 @@ def test_the_battery_figure_has_plans_replans_and_measurements(record: FlightRec
 
 
 def test_the_battery_figure_marks_the_loss_and_the_longest_route(record: FlightRecord) -> None:
-    for axes in battery_figure(record).axes:
+    for axes in draw_battery_figure(record).axes:
         upright = {
             (round(float(_x(line)[0]), 1), line.get_color(), line.get_linestyle())
             for line in axes.lines
@@ -166,7 +171,7 @@ def test_the_battery_figure_marks_the_loss_and_the_longest_route(record: FlightR
 
 
 def test_the_ends_of_the_lines_say_what_was_planned_and_used(record: FlightRecord) -> None:
-    words = set().union(*map(_words, battery_figure(record).axes))
+    words = set().union(*map(_words, draw_battery_figure(record).axes))
     assert words >= {"uav2: planned 11 %, used 4 %", "uav1: planned 15 %, used 15 %", "uav2 lost (link), T+0:50"}
 
 
@@ -186,7 +191,7 @@ def test_the_first_vehicles_differ_in_lightness_alone() -> None:
 @given(st.lists(st.floats(0.0, 1.0), max_size=20), st.floats(0.001, 0.2))
 def test_spread_heights_keep_their_order_their_mean_and_their_distance(heights: list[float], least: float) -> None:
     heights.sort()
-    moved = spread(heights, least)
+    moved = spread_heights(heights, least)
     assert len(moved) == len(heights)
     assert all(upper - lower >= least - 1e-9 for lower, upper in itertools.pairwise(moved))
     assert sum(moved) == pytest.approx(sum(heights), abs=1e-9)
@@ -200,11 +205,11 @@ def test_a_scale_is_round_and_fills_at_least_two_fifths(most_m: float) -> None:
 
 
 def test_labels_find_room_off_the_lines_and_off_each_other() -> None:
-    line = along((0.0, 0.0), (100.0, 0.0), 1.0)
-    placer = Placer(line, (-50.0, -50.0), (150.0, 50.0))
+    line = sample_line_m((0.0, 0.0), (100.0, 0.0), 1.0)
+    placer = LabelPlacer(line, (-50.0, -50.0), (150.0, 50.0))
     boxes = []
     for _ in range(6):
-        anchor, (east, north) = placer.place(line[::10], (30.0, 8.0))
+        anchor, (east, north) = placer.place_label(line[::10], (30.0, 8.0))
         assert math.dist(anchor, (east, north)) < 60.0
         assert anchor[1] == 0.0
         boxes.append(Bbox.from_extents(east - 15.0, north - 4.0, east + 15.0, north + 4.0))
@@ -216,14 +221,14 @@ def test_labels_find_room_off_the_lines_and_off_each_other() -> None:
 
 def test_the_calmest_place_is_the_farthest_from_the_nearest_other() -> None:
     places = np.array([(0.0, 0.0), (10.0, 0.0), (20.0, 0.0)])
-    assert calmest(places, np.array([(1.0, 0.0), (21.0, 0.0)])) == 1
-    assert calmest(places, np.zeros((0, 2))) == 0
+    assert find_farthest(places, np.array([(1.0, 0.0), (21.0, 0.0)])) == 1
+    assert find_farthest(places, np.zeros((0, 2))) == 0
 
 
 def test_segments_that_share_a_pylon_hang_together() -> None:
     places = {1: (0, 100), 2: (200, 300), 3: (100, 200), 4: (500, 600)}
     segments = [SegmentRecord(n, (float(a), 0.0), (float(b), 0.0), None, None) for n, (a, b) in places.items()]
-    assert [[one.id for one in group] for group in connected(segments)] == [[1, 2, 3], [4]]
+    assert [[one.id for one in group] for group in group_connected(segments)] == [[1, 2, 3], [4]]
 
 
 def _texts(axes: Axes) -> list[Annotation]:
@@ -255,9 +260,9 @@ def _lightness(colour: str) -> float:
 
 def test_the_window_figure_has_the_plan_and_the_replans_at_its_beginning(tmp_path: Path) -> None:
     content = first_plan_file()
-    found = replan_window(content.instance(), content.plan, effort=100)
-    repairs = repairs_at(content.instance(), content.plan, found.earliest_s, effort=100)
-    figure = window_figure(content, found, repairs)
+    found = replan_window(content.build_instance(), content.plan, effort=100)
+    repairs = find_repairs_at(content.build_instance(), content.plan, found.earliest_s, effort=100)
+    figure = draw_window_figure(content, found, repairs)
     (axes,) = figure.axes
     assert {repair.remainder.lost for repair in repairs} == {0, 1}
     solid = [line for line in axes.lines if line.get_color() in COLOURS and line.get_linestyle() == "-"]
@@ -268,14 +273,14 @@ def test_the_window_figure_has_the_plan_and_the_replans_at_its_beginning(tmp_pat
     }  # fmt: skip
     assert _legend_words(figure) >= {"plan", "re-plan without uav1", "re-plan without uav2", "re-plan window"}
     assert f"{found.window_pct:.1f} %" in figure.texts[0].get_text()
-    save(window_figure(content, found, repairs), tmp_path / "window.png")
+    save_figure(draw_window_figure(content, found, repairs), tmp_path / "window.png")
     assert (tmp_path / "window.png").read_bytes().startswith(PNG)
 
 
 def test_the_front_is_numbered_and_has_the_others_beside_it(tmp_path: Path) -> None:
     front = [FrontPoint(100.0 + 20 * number, 90.0 - 15 * number, 50.0 + number % 3) for number in range(6)]
     others = {"minmax": FrontPoint(100.0, 95.0, 55.0), "mincomb": FrontPoint(160.0, 80.0, 49.0)}
-    figure = front_figure(front, others)
+    figure = draw_front_figure(front, others)
     axes, _ = figure.axes
     assert [text.get_text() for text in axes.texts] == ["1", "2", "3", "4", "5", "6"]
     assert _legend_words(figure) == {"minmax", "mincomb"}
@@ -285,5 +290,5 @@ def test_the_front_is_numbered_and_has_the_others_beside_it(tmp_path: Path) -> N
     figure.draw_without_rendering()
     boxes = [Text.get_window_extent(text) for text in axes.texts]
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
-    save(front_figure(front[:1], {}), tmp_path / "front.png")
+    save_figure(draw_front_figure(front[:1], {}), tmp_path / "front.png")
     assert (tmp_path / "front.png").read_bytes().startswith(PNG)

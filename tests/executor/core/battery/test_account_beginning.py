@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from executor.core.battery.account import BatteryState
-from executor.core.battery.counter import Charge
+from executor.core.battery.counter import ChargeCounter
 from executor.core.battery.cusum import Drift
 from tests.executor.builders import flat
 from tests.executor.core.steps import rounded
@@ -35,7 +35,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "drift": Drift(),
             "usual_long": 1.0,
             "slow": Drift(),
-            "charge": Charge(),
+            "charge": ChargeCounter(),
             "still_pct": 0.0,
             "stood": False,
             "anew_s": -math.inf,

@@ -10,7 +10,7 @@ import pytest
 
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
-from executor.core.battery.counter import Charge, PercentEnd, counted_pct
+from executor.core.battery.counter import ChargeCounter, PercentTransition, counter_remaining_pct
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import BatteryEstimate
 from tests.executor.core.steps import rounded
@@ -23,10 +23,10 @@ def used(
     state, now_s = state or BatteryState(), 100.0
     for number, (elapsed_s, modelled_pct, left_pct) in enumerate(reports):
         now_s += elapsed_s
-        state = account.drawn(state, modelled_pct)
+        state = account.add_modelled_use(state, modelled_pct)
         if charges and number in charges:
-            state = account.with_consumed(state, charges[number], now_s)
-        state = account.with_remaining(state, left_pct, 1, now_s)
+            state = account.apply_consumed_report(state, charges[number], now_s)
+        state = account.apply_remaining_report(state, left_pct, 1, now_s)
     return state
 
 
@@ -84,7 +84,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(),
             Drift(),
-            Charge(),
+            ChargeCounter(),
             7,
             110.0,
         ),
@@ -107,7 +107,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(),
             Drift(excess_pct=1.82737, used_pct=8.8, expected_pct=5.70651, since_s=105.0, reports=11, biggest_pct=0.3),
-            Charge(),
+            ChargeCounter(),
             7,
             110.0,
         ),
@@ -130,7 +130,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(),
             Drift(),
-            Charge(),
+            ChargeCounter(),
             2,
             180.0,
         ),
@@ -149,13 +149,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 excess_pct=0.327665, used_pct=1.0, expected_pct=0.49686, since_s=155.0, reports=1, biggest_pct=0.50314
             ),
             SLOW_OF_WHOLE_PERCENTS,
-            Charge(
+            ChargeCounter(
                 consumed_ah=1.2,
                 at_s=160.0,
                 modelled_pct=6.0,
                 began_ah=0.2,
-                first=PercentEnd(remaining_pct=98.5, consumed_ah=0.2),
-                last=PercentEnd(remaining_pct=93.5, consumed_ah=1.2),
+                first=PercentTransition(remaining_pct=98.5, consumed_ah=0.2),
+                last=PercentTransition(remaining_pct=93.5, consumed_ah=1.2),
                 capacity_ah=20.0,
                 began_s=110.0,
                 mark=(94.0, 1.0),
@@ -179,13 +179,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 excess_pct=0.321803, used_pct=1.0, expected_pct=0.50155, since_s=155.0, reports=1, biggest_pct=0.49845
             ),
             SLOW_OF_WHOLE_PERCENTS,
-            Charge(
+            ChargeCounter(
                 consumed_ah=1.7,
                 at_s=160.0,
                 modelled_pct=6.0,
                 began_ah=0.2,
-                first=PercentEnd(remaining_pct=98.5, consumed_ah=0.2),
-                last=PercentEnd(remaining_pct=93.5, consumed_ah=1.7),
+                first=PercentTransition(remaining_pct=98.5, consumed_ah=0.2),
+                last=PercentTransition(remaining_pct=93.5, consumed_ah=1.7),
                 capacity_ah=20.0,
                 began_s=110.0,
                 mark=(94.0, 1.5),
@@ -223,13 +223,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             Drift(
                 excess_pct=0.391292, used_pct=1.0, expected_pct=0.507256, since_s=155.0, reports=1, biggest_pct=0.492744
             ),
-            Charge(
+            ChargeCounter(
                 consumed_ah=0.4,
                 at_s=160.0,
                 modelled_pct=6.0,
                 began_ah=0.4,
-                first=PercentEnd(remaining_pct=98.5, consumed_ah=0.4),
-                last=PercentEnd(remaining_pct=93.5, consumed_ah=0.4),
+                first=PercentTransition(remaining_pct=98.5, consumed_ah=0.4),
+                last=PercentTransition(remaining_pct=93.5, consumed_ah=0.4),
                 began_s=110.0,
                 mark=(94.0, 0.4),
                 per_pct_ah=0.0,
@@ -260,13 +260,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             Drift(
                 excess_pct=0.397486, used_pct=1.0, expected_pct=0.502095, since_s=155.0, reports=1, biggest_pct=0.497905
             ),
-            Charge(
+            ChargeCounter(
                 consumed_ah=0.02,
                 at_s=160.0,
                 modelled_pct=6.0,
                 began_ah=0.01,
-                first=PercentEnd(remaining_pct=93.5, consumed_ah=0.02),
-                last=PercentEnd(remaining_pct=93.5, consumed_ah=0.02),
+                first=PercentTransition(remaining_pct=93.5, consumed_ah=0.02),
+                last=PercentTransition(remaining_pct=93.5, consumed_ah=0.02),
                 began_s=155.0,
                 mark=(94.0, 0.01),
             ),
@@ -292,7 +292,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(),
             Drift(),
-            Charge(),
+            ChargeCounter(),
             2,
             110.0,
         ),
@@ -311,7 +311,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(),
             Drift(),
-            Charge(),
+            ChargeCounter(),
             2,
             110.0,
         ),
@@ -334,7 +334,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(excess_pct=0.263884, used_pct=1.0, expected_pct=0.1, since_s=165.0, reports=1, biggest_pct=0.9),
             Drift(excess_pct=0.88, used_pct=1.0, expected_pct=0.1, since_s=165.0, reports=1, biggest_pct=0.9),
-            Charge(),
+            ChargeCounter(),
             6,
             110.0,
         ),
@@ -357,7 +357,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(),
             Drift(excess_pct=0.8, used_pct=2.0, expected_pct=1.0, since_s=160.0, reports=1, biggest_pct=1.0),
-            Charge(),
+            ChargeCounter(),
             6,
             110.0,
         ),
@@ -376,7 +376,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(),
             Drift(excess_pct=3.4, used_pct=4.0, expected_pct=0.5, since_s=105.0, reports=1, biggest_pct=3.5),
-            Charge(),
+            ChargeCounter(),
             2,
             165.0,
         ),
@@ -395,7 +395,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(),
             Drift(),
-            Charge(),
+            ChargeCounter(),
             4,
             110.0,
         ),
@@ -412,7 +412,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             BatteryEstimate(remaining_pct=99.0, factor=1.0, var_remaining=0.0790825, covariance=0.0, var_factor=0.0144),
             Drift(),
             Drift(),
-            Charge(),
+            ChargeCounter(),
             2,
             None,
         ),
@@ -431,7 +431,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(jumped_s=165.0, jumped_pct=9.5),
             Drift(jumped_s=165.0, jumped_pct=9.5),
-            Charge(),
+            ChargeCounter(),
             7,
             110.0,
         ),
@@ -443,12 +443,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a counter before any percentage",
-        lambda: account.with_consumed(BatteryState(), 0.5, 100.0) == BatteryState(),
+        lambda: account.apply_consumed_report(BatteryState(), 0.5, 100.0) == BatteryState(),
         True,
     ),
     (
         "another pack",
-        lambda: brief(account.swapped(used(*STEADY), 100.0, 2, 200.0)),
+        lambda: brief(account.restart_account(used(*STEADY), 100.0, 2, 200.0)),
         (
             100.0,
             100.0,
@@ -460,7 +460,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             Drift(),
             Drift(),
-            Charge(),
+            ChargeCounter(),
             1,
             None,
         ),
@@ -472,7 +472,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for state in (
                 BatteryState(),
                 used(*STEADY),
-                account.swapped(used(*STEADY), 100.0, 2, 200.0),
+                account.restart_account(used(*STEADY), 100.0, 2, 200.0),
                 used(*STEADY, (5.0, 0.0, 96.0)),
             )
         ],
@@ -487,12 +487,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a factor stays within reason",
         lambda: [
-            account.factor(replace(used(STEADY[0]), estimate=replace(ESTIMATE, factor=factor)))
+            account.consumption_factor(replace(used(STEADY[0]), estimate=replace(ESTIMATE, factor=factor)))
             for factor in (0.6, 0.8, 1.9, 2.1)
         ],
         [0.7, 0.8, 1.9, 2.0],
     ),
-    ("nobody knows a factor", lambda: account.factor(BatteryState()), 1.0),
+    ("nobody knows a factor", lambda: account.consumption_factor(BatteryState()), 1.0),
     (
         "who has no counter is blind",
         lambda: [
@@ -507,7 +507,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a counter that agrees is finer than the percentage",
-        lambda: [counted_pct(used(*WHOLE, charges=AH).charge, percent) for percent in (93.0, 95.0, 92.0, 95.1)],
+        lambda: [
+            counter_remaining_pct(used(*WHOLE, charges=AH).charge, percent) for percent in (93.0, 95.0, 92.0, 95.1)
+        ],
         [93.5, 93.5, 93.5, None],
     ),
 ]

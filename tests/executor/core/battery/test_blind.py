@@ -19,10 +19,10 @@ def fed(state: BatteryState, percents: list[float], *, from_s: float, period_s: 
     """Return a battery after reports, one a period; its counter runs by `ah_s` a second."""
     for index, percent in enumerate(percents):
         now_s = from_s + index * period_s
-        state = account.drawn(state, RATE_PCT_S * period_s)
+        state = account.add_modelled_use(state, RATE_PCT_S * period_s)
         if ah_s is not None:
-            state = account.with_consumed(state, from_ah + index * period_s * ah_s, now_s)
-        state = account.with_remaining(state, percent, 1, now_s, ANY)
+            state = account.apply_consumed_report(state, from_ah + index * period_s * ah_s, now_s)
+        state = account.apply_remaining_report(state, percent, 1, now_s, ANY)
     return state
 
 
@@ -34,7 +34,7 @@ def test_what_is_usual_is_unknown_while_a_percentage_stands_still() -> None:
     assert stood.usual == ANY.factor
     moved = fed(stood, [99.0, 98.0, 98.0, 97.0], from_s=110.0, period_s=5.0, ah_s=0.003, from_ah=0.33)
     assert moved.drift.excess_pct < LIMITS.blind_excess_pct
-    assert account.runs(moved)
+    assert account.has_running_counter(moved)
 
 
 @pytest.mark.parametrize("per_report", [0.0, 0.01])
@@ -61,9 +61,9 @@ def test_a_learned_capacity_stays_near_the_one_that_is_set() -> None:
     falling = [90.0 - n // 10 for n in range(80)]
     free = fed(BatteryState(), falling, from_s=0.0, ah_s=0.004)
     assert free.charge.capacity_ah == pytest.approx(4.0, rel=0.1)
-    bound = fed(account.with_setting(BatteryState(), 10.0), falling, from_s=0.0, ah_s=0.004)
+    bound = fed(account.apply_capacity_setting(BatteryState(), 10.0), falling, from_s=0.0, ah_s=0.004)
     assert bound.charge.capacity_ah is None  # its percentage is not this counter by this capacity
-    fits = fed(account.with_setting(BatteryState(), 4.2), falling, from_s=0.0, ah_s=0.004)
+    fits = fed(account.apply_capacity_setting(BatteryState(), 4.2), falling, from_s=0.0, ah_s=0.004)
     assert fits.charge.capacity_ah == pytest.approx(4.0, rel=0.1)
 
 
@@ -76,7 +76,7 @@ def test_no_pack_lasts_for_seconds() -> None:
 def test_a_second_flight_begins_anew_with_what_was_learned() -> None:
     first = fed(BatteryState(), [90.0 - 0.08 * n for n in range(200)], from_s=0.0, ah_s=0.003)
     assert not account.is_blind(first)
-    anew = account.begun_anew(first, 84.0, 1, 300.0, ANY)
+    anew = account.rebase_account(first, 84.0, 1, 300.0, ANY)
     assert anew.drift.excess_pct == 0.0
     assert anew.estimate is not None
     assert first.estimate is not None
@@ -84,7 +84,7 @@ def test_a_second_flight_begins_anew_with_what_was_learned() -> None:
     assert anew.given_pct == first.given_pct
     assert anew.charge.mark == (84.0, anew.charge.consumed_ah)
     blind = fed(BatteryState(), [90.0 - 0.08 * n for n in range(200)], from_s=0.0)
-    again = account.begun_anew(blind, 84.0, 1, 300.0, ANY)
+    again = account.rebase_account(blind, 84.0, 1, 300.0, ANY)
     assert again.estimate is not None
     assert again.estimate.factor == ANY.factor  # what a blind percentage taught is no knowledge
 

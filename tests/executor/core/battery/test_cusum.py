@@ -17,7 +17,7 @@ DRIFT = Drift(1.0, 3.0, 2.0, 90.0, 2, 95.0, 2.5, 0.7)
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "an excess that grows",
-        lambda: cusum.with_usage(DRIFT, 2.0, 1.0, slack_pct=0.25, elapsed_s=5.0, now_s=100.0, memory_s=90.0),
+        lambda: cusum.add_usage(DRIFT, 2.0, 1.0, slack_pct=0.25, elapsed_s=5.0, now_s=100.0, memory_s=90.0),
         Drift(
             excess_pct=1.69596,
             used_pct=5.0,
@@ -31,18 +31,18 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "an excess that begins",
-        lambda: cusum.with_usage(Drift(), 2.0, 1.0, slack_pct=0.25, elapsed_s=5.0, now_s=100.0, memory_s=90.0),
+        lambda: cusum.add_usage(Drift(), 2.0, 1.0, slack_pct=0.25, elapsed_s=5.0, now_s=100.0, memory_s=90.0),
         Drift(excess_pct=0.75, used_pct=2.0, expected_pct=1.0, since_s=95.0, reports=1, biggest_pct=1.0),
     ),
     (
         "an excess that is over",
-        lambda: cusum.with_usage(DRIFT, 0.0, 1.5, slack_pct=0.25, elapsed_s=5.0, now_s=100.0, memory_s=90.0),
+        lambda: cusum.add_usage(DRIFT, 0.0, 1.5, slack_pct=0.25, elapsed_s=5.0, now_s=100.0, memory_s=90.0),
         Drift(jumped_s=95.0, jumped_pct=2.5),
     ),
     (
         "a jump is set aside",
         lambda: [
-            cusum.with_usage(
+            cusum.add_usage(
                 replace(DRIFT, jumped_s=jumped_s), 7.5, 1.0, slack_pct=0.25, elapsed_s=5.0, now_s=100.0, memory_s=90.0
             )
             for jumped_s in (-math.inf, 39.9, 40.0)
@@ -64,7 +64,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a second jump at once counts with the first",
         lambda: [
-            cusum.with_usage(
+            cusum.add_usage(
                 replace(one, jumped_s=jumped_s), 7.5, 1.0, slack_pct=0.25, elapsed_s=5.0, now_s=100.0, memory_s=90.0
             )
             for one in (DRIFT, replace(DRIFT, since_s=None))
@@ -112,18 +112,18 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what is no jump",
         lambda: [
-            cusum.with_usage(
+            cusum.add_usage(
                 Drift(), used_pct, 1.0, slack_pct=0.0, elapsed_s=elapsed_s, now_s=100.0, memory_s=90.0
             ).reports
             for used_pct, elapsed_s in ((3.0, 1.0), (3.1, 1.0), (6.0, 5.0), (6.1, 5.0), (8.0, 6.0), (8.0, 6.1))
         ],
         [1, 0, 1, 0, 0, 1],
     ),
-    ("how long an excess lasts", lambda: [one.lasted_s(100.0) for one in (Drift(), DRIFT)], [0.0, 10.0]),
+    ("how long an excess lasts", lambda: [one.duration_s(100.0) for one in (Drift(), DRIFT)], [0.0, 10.0]),
     (
         "what is a drain",
         lambda: [
-            cusum.exceeds(Drift(excess, reports=reports, biggest_pct=biggest), 2.0, 8.0)
+            cusum.is_drain(Drift(excess, reports=reports, biggest_pct=biggest), 2.0, 8.0)
             for excess, reports, biggest in (
                 (1.9, 9, 0.0),
                 (2.0, 3, 0.8),

@@ -16,13 +16,13 @@ ESTIMATE = BatteryEstimate(80.0, 1.2, 0.3, 0.02, 0.01)
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "the first estimate",
-        lambda: kalman.first_estimate(87.0, Prior(1.1, 0.2)),
+        lambda: kalman.initialise_estimate(87.0, Prior(1.1, 0.2)),
         BatteryEstimate(remaining_pct=87.0, factor=1.1, var_remaining=0.0833333, covariance=0.0, var_factor=0.04),
     ),
     (
         "an estimate carried on",
         lambda: [
-            kalman.flown(ESTIMATE, modelled_pct, elapsed_s)
+            kalman.predict_estimate(ESTIMATE, modelled_pct, elapsed_s)
             for modelled_pct, elapsed_s in ((0.0, 10.0), (2.0, 30.0), (2.0, -1.0))
         ],
         [
@@ -36,7 +36,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "an estimate corrected",
         lambda: [
-            kalman.corrected(ESTIMATE, percent, since_s, rough)
+            kalman.correct_with_report(ESTIMATE, percent, since_s, rough)
             for percent, since_s, rough in (
                 (79.0, 1.0, 0.0),
                 (79.0, 30.0, 0.0),
@@ -89,7 +89,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "an estimate refined",
-        lambda: [kalman.refined(ESTIMATE, percent) for percent in (79.5, 82.0, 82.1, 77.9)],
+        lambda: [kalman.correct_with_counter(ESTIMATE, percent) for percent in (79.5, 82.0, 82.1, 77.9)],
         [
             BatteryEstimate(
                 remaining_pct=79.5349,
@@ -109,7 +109,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             replace(ESTIMATE, remaining_pct=77.9, var_remaining=0.0833333, covariance=0.0),
         ],
     ),
-    ("an estimate projected", lambda: kalman.projected(ESTIMATE, 20.0), Projection(mean_pct=56.0, sd_pct=1.88361)),
+    (
+        "an estimate projected",
+        lambda: kalman.project_remaining(ESTIMATE, 20.0),
+        Projection(mean_pct=56.0, sd_pct=1.88361),
+    ),
     (
         "how likely less is left",
         lambda: [Projection(20.0, 2.0).chance_below(floor_pct) for floor_pct in (16.0, 20.0, 22.0)],

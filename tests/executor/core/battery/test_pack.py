@@ -7,9 +7,9 @@ import random
 import pytest
 
 from executor.core.battery import pack, resting, sag
-from executor.core.battery.pack import Pack, Standing
+from executor.core.battery.pack import PackCondition, PackState
 from executor.core.battery.resting import NO_FACTS, Chemistry, PackFacts
-from executor.core.battery.sag import Sag
+from executor.core.battery.sag import SagEstimate
 
 CELLS, OHM = 3, 0.03
 HOVER_A = 20.0
@@ -23,7 +23,7 @@ def flown(
     said: Chemistry | None = None,
     seed: int = 1,
     share: float = 1.0,
-) -> Standing | None:
+) -> PackCondition | None:
     """Return how a pack stands after so many counted points of flight.
 
     Args:
@@ -34,7 +34,7 @@ def flown(
         seed: Of the noise and the gusts.
         share: What earlier flights say of its capacity.
     """
-    chance, known, claimed, now_s = random.Random(seed), Pack(), 100.0, 0.0
+    chance, known, claimed, now_s = random.Random(seed), PackState(), 100.0, 0.0
     for second in range(round(points / 0.1) + 20):
         flies = second >= 20
         amps = HOVER_A * (1 + 0.08 * chance.gauss(0, 1)) if flies else 0.4
@@ -42,8 +42,8 @@ def flown(
         rest_v = CELLS * resting.rest_cell_v(100.0 - (100.0 - claimed) / capacity, chemistry)
         volts = rest_v - amps * OHM + 0.01 * chance.gauss(0, 1)
         now_s = float(second)
-        known = pack.with_voltage(known, volts, amps, round(claimed), now_s, idle=not flies)
-    return pack.standing(known, CELLS, PackFacts(chemistry=said, share=share), round(claimed), now_s)
+        known = pack.apply_pack_voltage(known, volts, amps, round(claimed), now_s, idle=not flies)
+    return pack.assess_pack(known, CELLS, PackFacts(chemistry=said, share=share), round(claimed), now_s)
 
 
 @pytest.mark.parametrize("said", [True, False])
@@ -89,15 +89,15 @@ def test_a_worn_pack_that_is_known_is_not_found_again_and_one_that_is_worse_is(c
 
 def test_a_resistance_that_is_known_is_there_before_any_load_step() -> None:
     """A first report under load: without it nobody knows what the pack would rest at."""
-    first = [sag.with_pair(None, 10.8, HOVER_A, 0.0, ohm) for ohm in (None, (0.03, 0.006))]
+    first = [sag.update_sag(None, 10.8, HOVER_A, 0.0, ohm) for ohm in (None, (0.03, 0.006))]
     assert [one.rest_sd_v < 0.2 for one in first] == [False, True]
     assert first[1].rest_v == pytest.approx(10.8 + HOVER_A * OHM, abs=0.1)
 
 
 def test_a_pack_that_was_put_in_half_empty_shows_before_it_arms() -> None:
     """Recorded: 3.70 V a cell at rest beside 76 %; the failsafe acted 105 s after the take-off."""
-    rests = pack.with_voltage(Pack(), 11.1, 0.4, 76.0, 0.0, idle=True)
-    found = pack.standing(rests, 3, NO_FACTS, 76.0, 0.0)
+    rests = pack.apply_pack_voltage(PackState(), 11.1, 0.4, 76.0, 0.0, idle=True)
+    found = pack.assess_pack(rests, 3, NO_FACTS, 76.0, 0.0)
     assert found is not None
     assert found.doubtful
     assert found.words == "rests at 3.70 V a cell, about 12 %, and reports 76 %"
@@ -105,37 +105,37 @@ def test_a_pack_that_was_put_in_half_empty_shows_before_it_arms() -> None:
 
 
 def test_a_pack_that_has_just_been_flown_still_recovers() -> None:
-    loaded = pack.with_voltage(Pack(), 10.2, 20.0, 70.0, 0.0, idle=False)
-    young = pack.with_voltage(loaded, 10.9, 0.4, 70.0, 10.0, idle=True)
-    assert pack.standing(young, 3, NO_FACTS, 70.0, 10.0) is None
-    old = pack.with_voltage(young, 11.1, 0.4, 70.0, 61.0, idle=True)
-    assert pack.standing(old, 3, NO_FACTS, 70.0, 61.0) is not None
+    loaded = pack.apply_pack_voltage(PackState(), 10.2, 20.0, 70.0, 0.0, idle=False)
+    young = pack.apply_pack_voltage(loaded, 10.9, 0.4, 70.0, 10.0, idle=True)
+    assert pack.assess_pack(young, 3, NO_FACTS, 70.0, 10.0) is None
+    old = pack.apply_pack_voltage(young, 11.1, 0.4, 70.0, 61.0, idle=True)
+    assert pack.assess_pack(old, 3, NO_FACTS, 70.0, 61.0) is not None
 
 
 def test_without_a_current_nothing_is_said_in_flight() -> None:
-    flying = pack.with_voltage(Pack(), 10.2, None, 70.0, 0.0, idle=False)
-    assert pack.standing(flying, 3, NO_FACTS, 70.0, 0.0) is None
+    flying = pack.apply_pack_voltage(PackState(), 10.2, None, 70.0, 0.0, idle=False)
+    assert pack.assess_pack(flying, 3, NO_FACTS, 70.0, 0.0) is None
 
 
 def test_a_pack_at_its_end_is_nearly_empty_whatever_it_counts() -> None:
-    assert Standing(3.65, 62.0, 8.0, 0.14, None, in_flight=True).nearly_empty
-    assert not Standing(3.65, 62.0, 8.0, 0.14).nearly_empty  # on the ground the crew decides
-    assert not Standing(3.72, 62.0, 18.0, 0.14, None, in_flight=True).nearly_empty
-    assert not Standing(3.65, 30.0, 8.0, 0.05, None, in_flight=True).nearly_empty
+    assert PackCondition(3.65, 62.0, 8.0, 0.14, None, in_flight=True).nearly_empty
+    assert not PackCondition(3.65, 62.0, 8.0, 0.14).nearly_empty  # on the ground the crew decides
+    assert not PackCondition(3.72, 62.0, 18.0, 0.14, None, in_flight=True).nearly_empty
+    assert not PackCondition(3.65, 30.0, 8.0, 0.05, None, in_flight=True).nearly_empty
 
 
 def test_a_load_step_tells_the_resistance_and_what_follows_the_resting_voltage() -> None:
-    known: Sag | None = None
+    known: SagEstimate | None = None
     for second in range(10):
-        known = sag.with_pair(known, 12.6, 0.0, float(second))
+        known = sag.update_sag(known, 12.6, 0.0, float(second))
     assert known is not None
     assert known.ohm_sd > 0.1  # at rest nothing is known of it
     for second in range(10, 60):
-        known = sag.with_pair(known, 12.6 - 0.002 * (second - 10) - 20.0 * OHM, 20.0, float(second))
+        known = sag.update_sag(known, 12.6 - 0.002 * (second - 10) - 20.0 * OHM, 20.0, float(second))
     assert known.ohm == pytest.approx(OHM, abs=2.5 * known.ohm_sd)
     assert known.rest_v == pytest.approx(12.5, abs=0.06)
     assert known.rest_sd_v < 0.05
-    gone = sag.with_pair(known, 11.4, 20.0, 200.0)
+    gone = sag.update_sag(known, 11.4, 20.0, 200.0)
     assert gone.rest_sd_v > known.rest_sd_v  # what it rests at after a silence is another thing
     assert gone.ohm == pytest.approx(known.ohm, abs=0.01)
 
@@ -153,19 +153,19 @@ def test_a_load_step_tells_the_resistance_and_what_follows_the_resting_voltage()
     ],
 )
 def test_what_a_parameter_says_of_a_pack(name: str, value: float, expected: PackFacts) -> None:
-    assert resting.with_parameter(NO_FACTS, name, value) == expected
+    assert resting.apply_pack_parameter(NO_FACTS, name, value) == expected
 
 
 def test_the_site_files_word_counts_more_than_a_parameter() -> None:
     said = PackFacts(cells=3, capacity_ah=3.3)
-    assert said.under(PackFacts(cells=4, chemistry=Chemistry.LI_ION)) == PackFacts(4, Chemistry.LI_ION, 3.3)
+    assert said.override_with(PackFacts(cells=4, chemistry=Chemistry.LI_ION)) == PackFacts(4, Chemistry.LI_ION, 3.3)
 
 
 def test_curves_go_both_ways() -> None:
     for chemistry in Chemistry:
         for percent in (0.0, 3.0, 12.0, 47.0, 88.0, 100.0):
             cell_v = resting.rest_cell_v(percent, chemistry)
-            assert resting.held_pct(cell_v, chemistry) == pytest.approx(percent)
+            assert resting.rest_charge_pct(cell_v, chemistry) == pytest.approx(percent)
     assert resting.rest_cell_v(50.0, None) == resting.rest_cell_v(50.0, Chemistry.LI_ION)
-    assert resting.held_pct(5.0, None) == 100.0
-    assert resting.held_pct(1.0, None) == 0.0
+    assert resting.rest_charge_pct(5.0, None) == 100.0
+    assert resting.rest_charge_pct(1.0, None) == 0.0

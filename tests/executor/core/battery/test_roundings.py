@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 import pytest
 
-from executor.core.battery.roundings import Roundings
+from executor.core.battery.roundings import PercentRounding
 from tests.executor.core.steps import rounded
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "two roundings of one percentage",
         lambda: [
-            Roundings(rounded, rounded_s, ceiled, ceiled_s).percent
+            PercentRounding(rounded, rounded_s, ceiled, ceiled_s).percent
             for rounded, rounded_s, ceiled, ceiled_s in (
                 (96.0, 1.0, 96.0, 1.5),
                 (96.0, 1.0, 97.0, 5.0),

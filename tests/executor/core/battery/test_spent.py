@@ -7,7 +7,7 @@ import math
 import pytest
 
 from executor.core.battery import account
-from executor.core.battery.account import BatteryState, drawn_so_far_pct
+from executor.core.battery.account import BatteryState, draw_since_start_pct
 
 CAPACITY_AH = 5.0
 RATE_PCT_S = 0.05
@@ -21,11 +21,11 @@ def flown(until_s: int, *, cut_off: bool, counts: bool = True) -> tuple[BatteryS
         left_pct = 100.0 - given_pct
         reported_pct = math.floor(left_pct + 1e-9) if cut_off else round(left_pct)
         if counts and now_s:
-            state = account.with_consumed(state, CAPACITY_AH * given_pct / 100.0, float(now_s))
-        state = account.with_remaining(state, float(reported_pct), 0, float(now_s))
+            state = account.apply_consumed_report(state, CAPACITY_AH * given_pct / 100.0, float(now_s))
+        state = account.apply_remaining_report(state, float(reported_pct), 0, float(now_s))
         if now_s == 0 and counts:
-            state = account.with_first_count(state, 0.0)
-        state = account.drawn(state, 2 * RATE_PCT_S)
+            state = account.record_first_count(state, 0.0)
+        state = account.add_modelled_use(state, 2 * RATE_PCT_S)
     return state, given_pct
 
 
@@ -33,27 +33,27 @@ def flown(until_s: int, *, cut_off: bool, counts: bool = True) -> tuple[BatteryS
 @pytest.mark.parametrize("until_s", [200, 317, 333, 480])
 def test_it_is_known_to_a_fifth_of_a_percent_however_percents_are_rounded(until_s: int, cut_off: bool) -> None:
     state, given_pct = flown(until_s, cut_off=cut_off)
-    assert drawn_so_far_pct(state) == pytest.approx(given_pct, abs=0.2)
+    assert draw_since_start_pct(state) == pytest.approx(given_pct, abs=0.2)
 
 
 def test_the_capacity_is_learned_from_step_to_step() -> None:
     state, _ = flown(400, cut_off=True)
     assert state.charge.capacity_ah == pytest.approx(CAPACITY_AH, rel=0.01)
-    assert account.factor(state) == pytest.approx(1.0, abs=0.02)
+    assert account.consumption_factor(state) == pytest.approx(1.0, abs=0.02)
 
 
 def test_without_a_counter_it_is_what_the_filter_says() -> None:
     state, given_pct = flown(400, cut_off=False, counts=False)
     assert state.estimate is not None
-    assert drawn_so_far_pct(state) == 100.0 - state.estimate.remaining_pct == pytest.approx(given_pct, abs=0.5)
+    assert draw_since_start_pct(state) == 100.0 - state.estimate.remaining_pct == pytest.approx(given_pct, abs=0.5)
 
 
 def test_nothing_is_spent_before_the_first_report() -> None:
-    assert drawn_so_far_pct(BatteryState()) == 0.0
+    assert draw_since_start_pct(BatteryState()) == 0.0
 
 
 def test_a_counter_that_began_anew_does_not_count() -> None:
     state, _ = flown(400, cut_off=False)
-    state = account.with_consumed(state, 0.01, 401.0)
+    state = account.apply_consumed_report(state, 0.01, 401.0)
     assert state.estimate is not None
-    assert drawn_so_far_pct(state) == 100.0 - state.estimate.remaining_pct
+    assert draw_since_start_pct(state) == 100.0 - state.estimate.remaining_pct

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import pytest
 
 from executor.core.battery import voltage
-from executor.core.battery.sag import Sag, with_pair
-from executor.core.battery.voltage import Report, Thresholds, VoltageState
+from executor.core.battery.sag import SagEstimate, update_sag
+from executor.core.battery.voltage import VoltageReport, VoltageState, VoltageThresholds
 from tests.executor.core.steps import rounded
 
 
@@ -19,8 +19,8 @@ def volted(
     state, now_s = VoltageState(), 100.0
     for elapsed_s, volts_v, current_a in reports:
         now_s += elapsed_s
-        state = voltage.measured(
-            state, Report(volts_v, current_a, cells_v), Thresholds(0.05, 3.5, 0.2), now_s, flying=flying
+        state = voltage.apply_voltage_report(
+            state, VoltageReport(volts_v, current_a, cells_v), VoltageThresholds(0.05, 3.5, 0.2), now_s, flying=flying
         )
     return state
 
@@ -172,17 +172,19 @@ HOVERS_A, FULL_A = 20.0, 58.0
 
 def flown(
     seconds: range, *, ohm: float = 0.05, lost_v: float = 0.0, load_a: float = HOVERS_A,
-    state: VoltageState | None = None, known: Sag | None = None,
-) -> tuple[VoltageState, Sag | None]:  # fmt: skip
+    state: VoltageState | None = None, known: SagEstimate | None = None,
+) -> tuple[VoltageState, SagEstimate | None]:  # fmt: skip
     """Fly on with a pack of four cells, of which one may fail; its take-off has shown its resistance."""
     state = state or VoltageState()
     for second in seconds:
         flies = second >= 10
         current_a = load_a if flies else 0.5
         rest_v = 16.4 - 0.001 * second - lost_v
-        report = Report(rest_v - ohm * current_a, current_a)
-        state = voltage.measured(state, report, Thresholds(0.05, 3.1, 0.2), float(second), flying=flies, sag=known)
-        known = with_pair(known, report.voltage_v, current_a, float(second))
+        report = VoltageReport(rest_v - ohm * current_a, current_a)
+        state = voltage.apply_voltage_report(
+            state, report, VoltageThresholds(0.05, 3.1, 0.2), float(second), flying=flies, sag=known
+        )
+        known = update_sag(known, report.voltage_v, current_a, float(second))
     return state, known
 
 

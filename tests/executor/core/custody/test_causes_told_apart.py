@@ -10,8 +10,8 @@ import pytest
 
 from executor.core.custody import causes
 from executor.core.messages import Actor, Heartbeat, ModeChange, OrderSeen
-from executor.core.parts import Cause, SwitchMoved
-from executor.core.state import Absence
+from executor.core.parts import ModeCause, SwitchMove
+from executor.core.state import GroundStationAbsence
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import fleet_of, vehicle, with_facts
 from tests.executor.core.steps import HOLD, LAND, TAKEN, Changes, beat, rounded
@@ -25,7 +25,7 @@ PX4_HOLD, PX4_MISSION, PX4_RTL, PX4_LAND = (number << 24 | 4 << 16 for number in
 def caused(mode: int, before: VehicleState, **given: Any) -> str:
     """Return the cause of a mode that is new, and whether nothing can change that."""
     after = with_facts(before, **given, heartbeat=beat(mode), mode_since_s=NOW_S)
-    judged = causes.judged(CONTEXT, (), before, after, NOW_S)
+    judged = causes.update_mode_cause(CONTEXT, (), before, after, NOW_S)
     return judged.custody.cause.value + (", for certain" if judged.custody.certain else "")
 
 
@@ -37,7 +37,7 @@ def ends(mode: int, **given: Any) -> str:
         **{"stage": Stage.FLYING, "heartbeat": Heartbeat(12, PX4_MISSION, True, 4), "waypoint": 5, **given},
     )
     after = with_facts(before, heartbeat=Heartbeat(12, mode, True, 4), mode_since_s=NOW_S)
-    return causes.cause_of(PX4_FLEET.context, (), before, after, NOW_S).value
+    return causes.determine_mode_cause(PX4_FLEET.context, (), before, after, NOW_S).value
 
 
 def missed(**given: Any) -> bool:
@@ -46,7 +46,7 @@ def missed(**given: Any) -> bool:
     setup = replace(CONTEXT.vehicles["uav1"], failsafe_s=given.pop("failsafe_s", 5.0))
     one = flying(mode_since_s=given.pop("mode_since_s", NOW_S - 10.0), unseen_until_s=given.pop("unseen_until_s", None))
     context = replace(CONTEXT, vehicles={"uav1": setup})
-    return causes.missed_us(context, (Absence(**absence | given),), one, NOW_S)
+    return causes.is_gcs_absence_failsafe(context, (GroundStationAbsence(**absence | given),), one, NOW_S)
 
 
 def unseen(failsafe_s: float | None = None, **given: Any) -> bool:
@@ -58,7 +58,7 @@ def unseen(failsafe_s: float | None = None, **given: Any) -> bool:
         "unseen_from_boot_s": NOW_S - 17.0,
     }
     context = replace(CONTEXT, vehicles={"uav1": replace(CONTEXT.vehicles["uav1"], failsafe_s=failsafe_s)})
-    return causes.held_unseen(context, flying(**told | given))
+    return causes.is_unseen_hold(context, flying(**told | given))
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
@@ -77,8 +77,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             caused(RTL, flying(**says("Radio Failsafe")), **given)
             for given in (
                 {},
-                {"switched": (SwitchMoved(5, 1430, 1682, NOW_S - 1.5, NOW_S - 1.0),)},
-                {"switched": (SwitchMoved(5, 1430, 1682, NOW_S - 9.5, NOW_S - 9.0),)},
+                {"switched": (SwitchMove(5, 1430, 1682, NOW_S - 1.5, NOW_S - 1.0),)},
+                {"switched": (SwitchMove(5, 1430, 1682, NOW_S - 9.5, NOW_S - 9.0),)},
                 {"others_orders": ((OrderSeen(176, RTL, 254), NOW_S - 1.0),)},
                 {"others_orders": ((OrderSeen(176, AUTO, 254), NOW_S - 1.0),)},
             )
@@ -105,19 +105,19 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a switch that is heard of after the mode that it chose",
         lambda: (
-            causes.looked_at_again(
+            causes.review_mode_cause(
                 CONTEXT,
                 (),
                 flying(
                     heartbeat=beat(RTL),
                     mode_since_s=NOW_S - 1.0,
-                    cause=Cause.FAILSAFE,
-                    switched=(SwitchMoved(5, 1430, 1682, NOW_S - 1.5, NOW_S),),
+                    cause=ModeCause.FAILSAFE,
+                    switched=(SwitchMove(5, 1430, 1682, NOW_S - 1.5, NOW_S),),
                 ),
                 NOW_S,
             ).custody.cause
         ),
-        Cause.PERSON,
+        ModeCause.PERSON,
     ),
     (
         "its mission's mode",
@@ -126,35 +126,45 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a return that is broken off for a landing at home",
-        lambda: [caused(LAND, flying(heartbeat=beat(RTL), cause=cause, fix=at(east_m=0.0))) for cause in Cause],
+        lambda: [caused(LAND, flying(heartbeat=beat(RTL), cause=cause, fix=at(east_m=0.0))) for cause in ModeCause],
         ["person", "person", "person", "person, for certain"],
     ),
     (
         "a return that is broken off for a landing elsewhere",
-        lambda: [caused(LAND, flying(heartbeat=beat(RTL), cause=cause, fix=at(east_m=300.0))) for cause in Cause],
+        lambda: [caused(LAND, flying(heartbeat=beat(RTL), cause=cause, fix=at(east_m=300.0))) for cause in ModeCause],
         ["person", "person", "person", "person, for certain"],
     ),
-    ("a mode in which it is still", lambda: caused(HOLD, flying(heartbeat=beat(HOLD), cause=Cause.MISSION)), "mission"),
+    (
+        "a mode in which it is still",
+        lambda: caused(HOLD, flying(heartbeat=beat(HOLD), cause=ModeCause.MISSION)),
+        "mission",
+    ),
     (
         "a mode that it was armed in",
         lambda: [
-            caused(HOLD, flying(stage=stage, heartbeat=beat(HOLD, armed=False), cause=Cause.FAILSAFE))
+            caused(HOLD, flying(stage=stage, heartbeat=beat(HOLD, armed=False), cause=ModeCause.FAILSAFE))
             for stage in (Stage.STARTING, Stage.FLYING, Stage.GROUND)
         ],
         ["ours", "person", "person"],
     ),
-    ("the first mode that is heard", lambda: caused(HOLD, flying(heartbeat=None, cause=Cause.FAILSAFE)), "ours"),
+    ("the first mode that is heard", lambda: caused(HOLD, flying(heartbeat=None, cause=ModeCause.FAILSAFE)), "ours"),
     (
         "who disarms is nobody's",
         lambda: (
-            causes.judged(CONTEXT, (), flying(), flying(heartbeat=DISARMED, cause=Cause.PERSON), NOW_S).custody.cause
+            causes.update_mode_cause(
+                CONTEXT, (), flying(), flying(heartbeat=DISARMED, cause=ModeCause.PERSON), NOW_S
+            ).custody.cause
         ),
-        Cause.OURS,
+        ModeCause.OURS,
     ),
     (
         "nobody's mode",
-        lambda: causes.judged(CONTEXT, (), flying(), flying(heartbeat=None, cause=Cause.PERSON), NOW_S).custody.cause,
-        Cause.PERSON,
+        lambda: (
+            causes.update_mode_cause(
+                CONTEXT, (), flying(), flying(heartbeat=None, cause=ModeCause.PERSON), NOW_S
+            ).custody.cause
+        ),
+        ModeCause.PERSON,
     ),
     (
         "what a failsafe's text explains",
@@ -200,19 +210,19 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what its state explains",
         lambda: [
-            causes.judged(
+            causes.update_mode_cause(
                 CONTEXT, (), flying(), flying(heartbeat=beat(RTL, status=status), mode_since_s=NOW_S), NOW_S
             ).custody.cause
             for status in (4, 5, 6)
         ],
-        [Cause.PERSON, Cause.FAILSAFE, Cause.FAILSAFE],
+        [ModeCause.PERSON, ModeCause.FAILSAFE, ModeCause.FAILSAFE],
     ),
     (
         "a person's still",
         lambda: [
             caused(
                 RTL,
-                flying(heartbeat=beat(0), cause=Cause.PERSON, mode_since_s=NOW_S - 9.0),
+                flying(heartbeat=beat(0), cause=ModeCause.PERSON, mode_since_s=NOW_S - 9.0),
                 alarm=(text, NOW_S - age_s),
             )
             for text, age_s in (
@@ -229,7 +239,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "no failsafe holds after it returned",
         lambda: [
             caused(HOLD, flying(heartbeat=beat(RTL), cause=cause), fence_breached=True)
-            for cause in (Cause.FAILSAFE, Cause.OURS)
+            for cause in (ModeCause.FAILSAFE, ModeCause.OURS)
         ],
         ["person, for certain", "failsafe"],
     ),
@@ -237,7 +247,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "an order that was followed and left",
         lambda: [
             sorted(
-                causes.judged(
+                causes.update_mode_cause(
                     CONTEXT,
                     (),
                     flying(heartbeat=beat(before), ordered_modes=frozenset({RTL, LAND})),
@@ -287,7 +297,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who never landed",
         lambda: [
-            causes.never_landed(CONTEXT, flying(**{"stage": Stage.LANDED, **given}))
+            causes.has_never_landed(CONTEXT, flying(**{"stage": Stage.LANDED, **given}))
             for given in (
                 {},
                 {"fix": at(up_m=5.0)},
@@ -325,18 +335,23 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whose failsafe missed us the last time",
         lambda: [
-            causes.missed_us(
+            causes.is_gcs_absence_failsafe(
                 replace(CONTEXT, vehicles={"uav1": replace(CONTEXT.vehicles["uav1"], failsafe_s=5.0)}),
                 absences,
                 flying(mode_since_s=NOW_S - 10.0),
                 NOW_S,
             )
-            for old, last in ((Absence(100.0, 20.0, restarted=False), Absence(NOW_S - 5.0, 20.0, restarted=False)),)
+            for old, last in (
+                (
+                    GroundStationAbsence(100.0, 20.0, restarted=False),
+                    GroundStationAbsence(NOW_S - 5.0, 20.0, restarted=False),
+                ),
+            )
             for absences in ((old, last), (last, old))
         ],
         [True, False],
     ),
-    ("nobody was away", lambda: causes.missed_us(CONTEXT, (), flying(), NOW_S), False),
+    ("nobody was away", lambda: causes.is_gcs_absence_failsafe(CONTEXT, (), flying(), NOW_S), False),
     (
         "a hold that no failsafe explains",
         lambda: [
@@ -362,20 +377,25 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whose hands",
         lambda: [
-            causes.in_other_hands(flying(**given))
-            for given in ({}, {"taken": TAKEN}, {"cause": Cause.PERSON}, {"cause": Cause.PERSON, "heartbeat": DISARMED})
+            causes.is_under_foreign_control(flying(**given))
+            for given in (
+                {},
+                {"taken": TAKEN},
+                {"cause": ModeCause.PERSON},
+                {"cause": ModeCause.PERSON, "heartbeat": DISARMED},
+            )
         ],
         [False, True, True, False],
     ),
     (
         "who is taken for certain",
         lambda: [
-            causes.takes_over(flying(mode_since_s=NOW_S - since_s, **given), NOW_S)
+            causes.is_taken_over(flying(mode_since_s=NOW_S - since_s, **given), NOW_S)
             for since_s, given in (
                 (1.0, {}),
-                (1.0, {"cause": Cause.PERSON}),
-                (0.9, {"cause": Cause.PERSON}),
-                (1.0, {"cause": Cause.PERSON, "heartbeat": DISARMED}),
+                (1.0, {"cause": ModeCause.PERSON}),
+                (0.9, {"cause": ModeCause.PERSON}),
+                (1.0, {"cause": ModeCause.PERSON, "heartbeat": DISARMED}),
             )
         ],
         [False, True, False, False],
@@ -383,12 +403,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a change of mode is looked at again",
         lambda: [
-            causes.looked_at_again(
+            causes.review_mode_cause(
                 CONTEXT,
                 (),
                 flying(
                     heartbeat=beat(RTL),
-                    cause=Cause.PERSON,
+                    cause=ModeCause.PERSON,
                     mode_since_s=NOW_S - since_s,
                     alarm=("Radio Failsafe", NOW_S),
                     certain=certain,
@@ -397,7 +417,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ).custody.cause
             for since_s, certain in ((4.0, False), (4.1, False), (1.0, True))
         ],
-        [Cause.FAILSAFE, Cause.PERSON, Cause.PERSON],
+        [ModeCause.FAILSAFE, ModeCause.PERSON, ModeCause.PERSON],
     ),
 ]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from executor.core.context import VehicleSetup
 from executor.core.faults import warnings, watchpoints
-from executor.core.faults.watching import Verdict, View, Watchpoint
+from executor.core.faults.watching import Verdict, Watchpoint, WatchView
 from executor.core.vehicle import VehicleState
 from tests.executor.core.vehicles import FLEET, NOW_S
 
@@ -17,17 +17,17 @@ def point(name: str) -> Watchpoint:
 
 
 def verdict(name: str, state: VehicleState, *, failing: bool = False) -> Verdict:
-    return point(name).judge(View(CONTEXT, PLANNED, state, failing, NOW_S)).verdict
+    return point(name).judge(WatchView(CONTEXT, PLANNED, state, failing, NOW_S)).verdict
 
 
 def look(name: str, one: VehicleState, setup: VehicleSetup = PLANNED, *, failing: bool = False) -> str:
     """Return what a watchpoint finds: its evidence, ok, or stale."""
     point = next(point for point in watchpoints.TABLE if point.name == name)
-    found = point.judge(View(CONTEXT, setup, one, failing, NOW_S))
+    found = point.judge(WatchView(CONTEXT, setup, one, failing, NOW_S))
     return found.evidence or found.verdict.value
 
 
 def warn(name: str, one: VehicleState, setup: VehicleSetup = PLANNED) -> str:
     """Return what a warning says."""
     row = next(row for row in warnings.TABLE if row.name == name)
-    return row.look(View(CONTEXT, setup, one, False, NOW_S))
+    return row.look(WatchView(CONTEXT, setup, one, False, NOW_S))

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from executor.core.messages import Heartbeat
-from executor.core.parts import Fix
+from executor.core.parts import PositionFix
 from missions.items import MissionItem
 from tests.executor.core.faults.looks import look
 from tests.executor.core.vehicles import NOW_S, RTL, SETUP, at, flying, mission, says
@@ -17,7 +17,7 @@ UNPLANNED = replace(SETUP, planned=False)
 WEAK = "Potential Thrust Loss (3)"
 
 
-def on_leg(up_m: float, *, age_s: float = 0.0, stood_s: float = 0.0) -> Fix:
+def on_leg(up_m: float, *, age_s: float = 0.0, stood_s: float = 0.0) -> PositionFix:
     """Return a vehicle in the middle of its second leg, which leads from 15 m to 15 m."""
     (east, north), (x, y) = mission().places_m[1:3]
     return replace(at(up_m=up_m, age_s=age_s + stood_s), place_m=((east + x) / 2, (north + y) / 2))

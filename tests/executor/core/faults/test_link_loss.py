@@ -8,8 +8,8 @@ from types import MappingProxyType
 import pytest
 
 from executor.core.commands import Level, Say
-from executor.core.faults.link_loss import of_all, of_one, own_sleep
-from executor.core.state import Absence, FleetState
+from executor.core.faults.link_loss import check_all_links, check_link, discount_host_pause
+from executor.core.state import FleetState, GroundStationAbsence
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.vehicles import CONTEXT, NOW_S, flying
@@ -39,7 +39,7 @@ def ages(state: FleetState) -> list[float]:
     ("pause_s", "excused", "noted"), [(2.0, False, False), (2.1, True, False), (5.0, True, False), (5.1, True, True)]
 )
 def test_a_pause_of_our_own_is_held_against_nobody(pause_s: float, *, excused: bool, noted: bool) -> None:
-    state, said = own_sleep(CONTEXT, heard(8.0, 8.0, 1.0, tick_s=NOW_S - pause_s), NOW_S)
+    state, said = discount_host_pause(CONTEXT, heard(8.0, 8.0, 1.0, tick_s=NOW_S - pause_s), NOW_S)
     assert state.listening.tick_s == NOW_S
     rest_s = 8.0 - pause_s if excused else 8.0
     assert ages(state) == pytest.approx([rest_s, rest_s, 0.0 if excused else 1.0])
@@ -54,17 +54,17 @@ def test_a_pause_of_our_own_is_held_against_nobody(pause_s: float, *, excused: b
 
 
 def test_the_first_tick_was_no_pause() -> None:
-    state, said = own_sleep(CONTEXT, heard(8.0), NOW_S)
+    state, said = discount_host_pause(CONTEXT, heard(8.0), NOW_S)
     assert (state.listening.tick_s, said, ages(state)) == (NOW_S, (), [8.0])
 
 
 def test_who_was_never_heard_is_excused_from_nothing() -> None:
-    state, _ = own_sleep(CONTEXT, heard(None, 8.0, tick_s=NOW_S - 4.0), NOW_S)
+    state, _ = discount_host_pause(CONTEXT, heard(None, 8.0, tick_s=NOW_S - 4.0), NOW_S)
     assert state.vehicles["uav1"].link.heard_s is None
 
 
 def fell_silent(state: FleetState, *, least: int = 1) -> list[str]:
-    return [one.text for one in of_all(CONTEXT, state, NOW_S, least=least)[1] if isinstance(one, Say)]
+    return [one.text for one in check_all_links(CONTEXT, state, NOW_S, least=least)[1] if isinstance(one, Say)]
 
 
 IS_IT_OURS = ["all links lost: suspecting the ground radio; re-planning suspended"]
@@ -92,7 +92,7 @@ def test_all_fall_silent_at_once(state: FleetState, said: list[str]) -> None:
 
 
 def test_it_lasts_since_the_last_one_was_heard() -> None:
-    state, _ = of_all(CONTEXT, heard(4.0, 9.0, 5.0), NOW_S)
+    state, _ = check_all_links(CONTEXT, heard(4.0, 9.0, 5.0), NOW_S)
     assert state.listening.silent_since_s == NOW_S - 4.0
 
 
@@ -113,7 +113,7 @@ def test_a_silence_that_lasts_is_told_again(silent_s: float, told_ago_s: float |
         silent_since_s=NOW_S - silent_s,
         silence_told_s=None if told_ago_s is None else NOW_S - told_ago_s,
     )
-    after, said = of_all(CONTEXT, state, NOW_S)
+    after, said = check_all_links(CONTEXT, state, NOW_S)
     text = (
         f"no message from any vehicle for {silent_s:.0f} s; in the air at last contact: uav1, uav2. The "
         "flight stays open and resumes with the first link regained"
@@ -126,23 +126,25 @@ def test_a_silence_that_lasts_is_told_again(silent_s: float, told_ago_s: float |
 @pytest.mark.parametrize(("pause_s", "noted"), [(5.0, False), (5.5, True)])
 def test_the_first_one_that_is_heard_excuses_the_others(pause_s: float, *, noted: bool) -> None:
     silent = heard(1.0, 1.0 + pause_s, silent_since_s=NOW_S - 1.0 - pause_s, silence_told_s=NOW_S - 2.0)
-    state, said = of_all(CONTEXT, silent, NOW_S)
+    state, said = check_all_links(CONTEXT, silent, NOW_S)
     assert said == (Say(Level.INFO, "links regained"),)
     assert (state.listening.silent_since_s, state.listening.silence_told_s) == (None, None)
     assert ages(state) == pytest.approx([0.0, 1.0]), "its time begins anew, and nobody is heard later than now"
-    assert state.listening.absences == ((Absence(NOW_S, pause_s, restarted=False, deaf=True),) if noted else ())
+    assert state.listening.absences == (
+        (GroundStationAbsence(NOW_S, pause_s, restarted=False, deaf=True),) if noted else ()
+    )
 
 
 def test_once_nobody_flies_it_is_over() -> None:
     parked = heard(9.0, 9.0, stages=(Stage.LANDED, Stage.GROUND), silent_since_s=NOW_S - 9.0)
-    state, said = of_all(CONTEXT, parked, NOW_S)
+    state, said = check_all_links(CONTEXT, parked, NOW_S)
     assert (state.listening.silent_since_s, said) == (None, ())
 
 
 @pytest.mark.parametrize(("age_s", "falls"), [(2.9, False), (3.0, True)])
 def test_one_falls_silent(age_s: float, *, falls: bool) -> None:
     before = heard(age_s, 0.0)
-    state, said = of_one(CONTEXT, before, before.vehicles["uav1"], NOW_S)
+    state, said = check_link(CONTEXT, before, before.vehicles["uav1"], NOW_S)
     assert state.vehicles["uav1"].link.stale is falls
     assert said == ((Say(Level.WARNING, f"uav1: no message for {age_s:.1f} s"),) if falls else ())
     assert state.vehicles["uav1"].link.excused_s == before.vehicles["uav1"].link.excused_s
@@ -152,7 +154,7 @@ def test_one_falls_silent(age_s: float, *, falls: bool) -> None:
 def test_only_what_it_says_itself_is_a_link_regained(spoke_ago_s: float, *, regained: bool) -> None:
     silent = heard(0.0)
     vehicle = with_facts(silent.vehicles["uav1"], stale=True, spoke_s=NOW_S - spoke_ago_s)
-    state, said = of_one(CONTEXT, silent, vehicle, NOW_S)
+    state, said = check_link(CONTEXT, silent, vehicle, NOW_S)
     assert said == ((Say(Level.INFO, "uav1: link regained"),) if regained else ())
     if regained:
         assert (state.vehicles["uav1"].link.stale, state.vehicles["uav1"].link.excused_s) == (False, NOW_S)
@@ -160,4 +162,4 @@ def test_only_what_it_says_itself_is_a_link_regained(spoke_ago_s: float, *, rega
 
 def test_who_was_never_heard_has_not_fallen_silent() -> None:
     before = heard(None)
-    assert of_one(CONTEXT, before, before.vehicles["uav1"], NOW_S) == (before, ())
+    assert check_link(CONTEXT, before, before.vehicles["uav1"], NOW_S) == (before, ())

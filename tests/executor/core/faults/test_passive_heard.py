@@ -11,9 +11,9 @@ import pytest
 
 from executor.core.events import Heard
 from executor.core.faults import passive
-from executor.core.faults.passive import Degraded
+from executor.core.faults.passive import Degradation
 from executor.core.messages import FlightMessage, MissionCurrent
-from executor.core.parts import Watch
+from executor.core.parts import WatchpointMemory
 from executor.core.vehicle import FaultKind, Stage, VehicleState
 from tests.executor.core.faults.watched import LOST, seen, watched
 from tests.executor.core.steps import (
@@ -32,16 +32,16 @@ IDLE = flying(stage=Stage.GROUND, heartbeat=DISARMED, armed_once=False)
 
 def heard(one: VehicleState, message: FlightMessage, **given: Any) -> tuple[object, ...]:
     before = watched(one, **given)
-    return seen(before, passive.passive_step(SCENE, before, Heard("uav1", message), NOW_S))
+    return seen(before, passive.step_watch(SCENE, before, Heard("uav1", message), NOW_S))
 
 
-ONCE = Degraded("uav1", FaultKind.LINK, "silence", "no message for 4.0 s", NOW_S - 9.0)
+ONCE = Degradation("uav1", FaultKind.LINK, "silence", "no message for 4.0 s", NOW_S - 9.0)
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
-    ("it is there", lambda: passive.watch_begun(("a", "b")).fleet.vehicles["b"], VehicleState(name="b")),
+    ("it is there", lambda: passive.start_watch(("a", "b")).fleet.vehicles["b"], VehicleState(name="b")),
     (
         "another one is there",
-        lambda: sorted(passive.with_vehicle(passive.watch_begun(("a",)), "b").fleet.vehicles),
+        lambda: sorted(passive.add_watched_vehicle(passive.start_watch(("a",)), "b").fleet.vehicles),
         ["a", "b"],
     ),
     (
@@ -71,7 +71,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 stage=Stage.LANDED,
                 fault=BATTERY_FAULT,
                 flew_mission=True,
-                watches=(("mode", Watch(5.0)),),
+                watches=(("mode", WatchpointMemory(5.0)),),
                 alarm=("crash", 5.0),
                 anchor=LOW,
             ),
@@ -113,7 +113,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a lost one flies on",
-        lambda: heard(replace(LOST, watches=(("link", Watch(5.0)),)), beat()),
+        lambda: heard(replace(LOST, watches=(("link", WatchpointMemory(5.0)),)), beat()),
         (
             (),
             {
@@ -224,20 +224,20 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "what was not well at the end",
-        lambda: passive.closed(watched(flying(), open={("uav1", "silence"): ONCE}), NOW_S),
+        lambda: passive.close_degradations(watched(flying(), open={("uav1", "silence"): ONCE}), NOW_S),
         (replace(ONCE, to_s=NOW_S),),
     ),
     (
         "something was heard",
         lambda: seen(
-            watched(flying(heard_s=5.0)), (passive.passive_heard(watched(flying(heard_s=5.0)), "uav1", 6.0), ())
+            watched(flying(heard_s=5.0)), (passive.record_contact(watched(flying(heard_s=5.0)), "uav1", 6.0), ())
         ),
         ((), {"uav1": {"heard_s": 6.0}}, {}, {}),
     ),
     (
         "something was heard before",
         lambda: [
-            seen(watched(flying(heard_s=5.0)), (passive.passive_heard(watched(flying(heard_s=5.0)), "uav1", at_s), ()))
+            seen(watched(flying(heard_s=5.0)), (passive.record_contact(watched(flying(heard_s=5.0)), "uav1", at_s), ()))
             for at_s in (5.0, 4.0)
         ],
         [((), {}, {}, {}), ((), {}, {}, {})],
@@ -245,7 +245,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "something was heard for the first time",
         lambda: seen(
-            watched(flying(heard_s=None)), (passive.passive_heard(watched(flying(heard_s=None)), "uav1", 6.0), ())
+            watched(flying(heard_s=None)), (passive.record_contact(watched(flying(heard_s=None)), "uav1", 6.0), ())
         ),
         ((), {"uav1": {"heard_s": 6.0}}, {}, {}),
     ),
@@ -254,7 +254,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: [
             seen(
                 watched(flying(heard_s=5.0)),
-                (passive.passive_heard(watched(flying(heard_s=5.0)), "uav1", at_s, at_s), ()),
+                (passive.record_contact(watched(flying(heard_s=5.0)), "uav1", at_s, at_s), ()),
             )
             for at_s in (6.0, 4.0)
         ],

@@ -10,8 +10,8 @@ import pytest
 
 from executor.core.events import Tick
 from executor.core.faults import passive
-from executor.core.faults.passive import Declared, Degraded, Remembered
-from executor.core.state import Absence
+from executor.core.faults.passive import DeclaredFault, Degradation, VehicleReports
+from executor.core.state import GroundStationAbsence
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.faults.watched import LOST, seen, watched
@@ -32,14 +32,14 @@ SCENE = FLEET.context
 
 def ticked(*vehicles: VehicleState, **given: Any) -> tuple[object, ...]:
     before = watched(*vehicles, **given)
-    return seen(before, passive.passive_step(SCENE, before, Tick(), NOW_S))
+    return seen(before, passive.step_watch(SCENE, before, Tick(), NOW_S))
 
 
-ONCE = Degraded("uav1", FaultKind.LINK, "silence", "no message for 4.0 s", NOW_S - 9.0)
+ONCE = Degradation("uav1", FaultKind.LINK, "silence", "no message for 4.0 s", NOW_S - 9.0)
 
-TOLD = {name: Remembered(mode_s=0.0) for name in ("uav1", "uav2")}
-LINK_TOLD = Remembered(declared=frozenset({"link"}), mode_s=0.0)
-DOWN_TOLD = Remembered(declared=frozenset({"down"}), mode_s=0.0)
+TOLD = {name: VehicleReports(mode_s=0.0) for name in ("uav1", "uav2")}
+LINK_TOLD = VehicleReports(declared=frozenset({"link"}), mode_s=0.0)
+DOWN_TOLD = VehicleReports(declared=frozenset({"down"}), mode_s=0.0)
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
@@ -78,7 +78,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: ticked(flying(heard_s=NOW_S - 10.0), SECOND),
         (
             (
-                Declared(
+                DeclaredFault(
                     vehicle="uav1",
                     kind=FaultKind.LINK,
                     reason="link",
@@ -117,7 +117,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {
                 "open": {
                     ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 10.0 s", from_s=NOW_S),
-                    ("uav2", "silent"): Degraded(
+                    ("uav2", "silent"): Degradation(
                         vehicle="uav2",
                         kind=FaultKind.LINK,
                         reason="silent",
@@ -136,14 +136,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
         (
             (
-                Declared(
+                DeclaredFault(
                     vehicle="uav1",
                     kind=FaultKind.LINK,
                     reason="link",
                     evidence="link lost for 60.0 s, time-out 10 s",
                     at_s=NOW_S,
                 ),
-                Declared(
+                DeclaredFault(
                     vehicle="uav2",
                     kind=FaultKind.LINK,
                     reason="link",
@@ -165,7 +165,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {
                 "open": {
                     ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 60.0 s", from_s=NOW_S),
-                    ("uav2", "silent"): Degraded(
+                    ("uav2", "silent"): Degradation(
                         vehicle="uav2",
                         kind=FaultKind.LINK,
                         reason="silent",
@@ -190,7 +190,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {
                 "open": {
                     ("uav1", "silent"): replace(ONCE, reason="silent", evidence="no message for 59.9 s", from_s=NOW_S),
-                    ("uav2", "silent"): Degraded(
+                    ("uav2", "silent"): Degradation(
                         vehicle="uav2",
                         kind=FaultKind.LINK,
                         reason="silent",
@@ -207,7 +207,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: ticked(flying(heard_s=NOW_S - 10.0)),
         (
             (
-                Declared(
+                DeclaredFault(
                     vehicle="uav1",
                     kind=FaultKind.LINK,
                     reason="link",
@@ -236,7 +236,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: ticked(FAILS),
         (
             (
-                Declared(
+                DeclaredFault(
                     vehicle="uav1",
                     kind=FaultKind.INTERRUPTION,
                     reason="terminated",
@@ -254,7 +254,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: ticked(with_facts(FAILS, heartbeat=beat(armed=False, status=8))),
         (
             (
-                Declared(
+                DeclaredFault(
                     vehicle="uav1",
                     kind=FaultKind.INTERRUPTION,
                     reason="off-pad",
@@ -279,7 +279,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: ticked(replace(FAILS, fault=BATTERY_FAULT)),
         (
             (
-                Declared(
+                DeclaredFault(
                     vehicle="uav1",
                     kind=FaultKind.INTERRUPTION,
                     reason="terminated",
@@ -302,7 +302,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: ticked(flying(**HOMEWARD, fault=BATTERY_FAULT, heard_s=NOW_S - 10.0), SECOND),
         (
             (
-                Declared(
+                DeclaredFault(
                     vehicle="uav1",
                     kind=FaultKind.LINK,
                     reason="link",
@@ -333,7 +333,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ),
         (
             (
-                Declared(
+                DeclaredFault(
                     vehicle="uav1",
                     kind=FaultKind.LINK,
                     reason="link",
@@ -373,7 +373,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (
             (),
             {"uav1": {"heard_s": NOW_S, "excused_s": NOW_S}, "uav2": {"excused_s": NOW_S}},
-            {"absences": (Absence(until_s=NOW_S, pause_s=9.0, restarted=False),)},
+            {"absences": (GroundStationAbsence(until_s=NOW_S, pause_s=9.0, restarted=False),)},
             {"warned_s": NOW_S},
         ),
     ),
@@ -386,7 +386,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {},
             {
                 "open": {
-                    ("uav1", "positions"): Degraded(
+                    ("uav1", "positions"): Degradation(
                         vehicle="uav1",
                         kind=FaultKind.INTERRUPTION,
                         reason="positions",

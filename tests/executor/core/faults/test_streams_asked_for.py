@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from executor.core.faults import streams
-from executor.core.faults.watching import View
+from executor.core.faults.watching import WatchView
 from tests.executor.core.faults.looks import CONTEXT, PLANNED
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import NOW_S, at, flying, pack
@@ -16,7 +16,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who is asked for its streams",
         lambda: [
-            streams.to_be_asked(View(CONTEXT, PLANNED, flying(**given), False, NOW_S))
+            streams.needs_stream_request(WatchView(CONTEXT, PLANNED, flying(**given), False, NOW_S))
             for given in (
                 {},
                 {"item_s": NOW_S - 30.0},

@@ -7,12 +7,12 @@ from dataclasses import replace
 import pytest
 
 from executor.core import link_quality
-from executor.core.faults.warnings import TABLE, new_warnings, warnings
-from executor.core.faults.watching import View
+from executor.core.faults.warnings import TABLE, find_new_warnings, find_warnings
+from executor.core.faults.watching import WatchView
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Heartbeat, Radio, Traffic
 from executor.core.parts import Positioning
-from executor.core.state import Told
+from executor.core.state import ReportedWarnings
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.core.vehicles import CONTEXT, NOW_S, SETUP, at, flying, nearly_empty, pack
 
@@ -23,7 +23,7 @@ def lossy(*lost: int, of: int = 20) -> LinkQuality:
     """Return a link after seconds in which so many of its frames were lost."""
     state = LinkQuality()
     for number, missing in enumerate(lost):
-        state = link_quality.with_traffic(state, Traffic(of - missing, missing), NOW_S - len(lost) + number, 10.0)
+        state = link_quality.add_traffic(state, Traffic(of - missing, missing), NOW_S - len(lost) + number, 10.0)
     return state
 
 
@@ -35,7 +35,7 @@ ROWS: list[tuple[str, VehicleState]] = [
     ("positions", flying(fix=at(age_s=4.0))),
     ("items", flying(item_s=NOW_S - 6.0)),
     ("loss", flying(quality=lossy(*[0] * 60, *[10] * 12))),
-    ("radio", flying(quality=link_quality.heard_radio(LinkQuality(), Radio(45, 110, 40, 40, 90), NOW_S))),
+    ("radio", flying(quality=link_quality.apply_radio_report(LinkQuality(), Radio(45, 110, 40, 40, 90), NOW_S))),
     ("battery-silent", flying(battery=pack(90.0, 90.0, age_s=9.0))),
     ("battery-low", flying(battery=pack(20.0, charge_state=2))),
     ("pack", flying(battery=pack(62.0, 62.0), pack=nearly_empty())),
@@ -49,7 +49,7 @@ ROWS: list[tuple[str, VehicleState]] = [
 
 
 def names(state: VehicleState) -> list[str]:
-    return [row.name for row, _ in warnings(View(CONTEXT, SETUP, state, False, NOW_S))]
+    return [row.name for row, _ in find_warnings(WatchView(CONTEXT, SETUP, state, False, NOW_S))]
 
 
 def test_every_warning_has_its_row() -> None:
@@ -57,7 +57,7 @@ def test_every_warning_has_its_row() -> None:
 
 
 def test_nothing_is_wrong_with_a_healthy_vehicle() -> None:
-    assert names(flying(quality=link_quality.heard_radio(LinkQuality(), GOOD, NOW_S))) == []
+    assert names(flying(quality=link_quality.apply_radio_report(LinkQuality(), GOOD, NOW_S))) == []
 
 
 @pytest.mark.parametrize(("name", "state"), ROWS, ids=[name for name, _ in ROWS])
@@ -82,7 +82,7 @@ def test_a_full_buffer_is_the_radios_own_complaint() -> None:
 def radio(
     rssi: int | None = 120, noise: int | None = 40, far: int | None = 110, buffer: int | None = 90
 ) -> LinkQuality:
-    return link_quality.heard_radio(LinkQuality(), Radio(rssi, far, noise, 40, buffer), NOW_S)
+    return link_quality.apply_radio_report(LinkQuality(), Radio(rssi, far, noise, 40, buffer), NOW_S)
 
 
 HOMEWARD: dict[str, object] = {"stage": Stage.RETURNING, "anchor": replace(at(), boot_s=NOW_S - 20.0)}
@@ -142,17 +142,17 @@ WORDS: list[tuple[VehicleState, str]] = [
 
 @pytest.mark.parametrize(("state", "words"), WORDS, ids=[words for _, words in WORDS])
 def test_the_words(state: VehicleState, words: str) -> None:
-    assert words in [new_warnings for _, new_warnings in warnings(View(CONTEXT, SETUP, state, False, NOW_S))]
+    assert words in [new_warnings for _, new_warnings in find_warnings(WatchView(CONTEXT, SETUP, state, False, NOW_S))]
 
 
-def told(state: VehicleState, before: Told, now_s: float) -> tuple[Told, tuple[str, ...]]:
-    return new_warnings(View(CONTEXT, SETUP, state, False, now_s), before)
+def told(state: VehicleState, before: ReportedWarnings, now_s: float) -> tuple[ReportedWarnings, tuple[str, ...]]:
+    return find_new_warnings(WatchView(CONTEXT, SETUP, state, False, now_s), before)
 
 
 def test_what_comes_back_within_half_a_minute_is_the_same() -> None:
     low, well = flying(battery_faults=0, unhealthy=0x2000000), flying()
     line = "uav1: the autopilot reports its battery not healthy"
-    before, lines = told(low, Told(), NOW_S)
+    before, lines = told(low, ReportedWarnings(), NOW_S)
     assert line in lines
     before, lines = told(low, before, NOW_S + 1.0)
     assert line not in lines
@@ -164,7 +164,7 @@ def test_what_comes_back_within_half_a_minute_is_the_same() -> None:
 
 
 def test_a_silence_is_told_elsewhere() -> None:
-    assert told(flying(heard_s=NOW_S - 4.0), Told(), NOW_S)[1] == ()
+    assert told(flying(heard_s=NOW_S - 4.0), ReportedWarnings(), NOW_S)[1] == ()
 
 
 def test_a_loss_is_learned_slowly_and_an_improvement_at_once() -> None:
@@ -178,11 +178,11 @@ def test_a_loss_is_learned_slowly_and_an_improvement_at_once() -> None:
 
 
 def test_a_few_frames_say_nothing() -> None:
-    assert link_quality.with_traffic(LinkQuality(), Traffic(10, 9), NOW_S, 10.0).lost is None
-    assert link_quality.with_traffic(LinkQuality(), Traffic(10, 10), NOW_S, 10.0).lost == 0.5
+    assert link_quality.add_traffic(LinkQuality(), Traffic(10, 9), NOW_S, 10.0).lost is None
+    assert link_quality.add_traffic(LinkQuality(), Traffic(10, 10), NOW_S, 10.0).lost == 0.5
 
 
 def test_frames_are_forgotten_after_the_window() -> None:
-    first = link_quality.with_traffic(LinkQuality(), Traffic(10, 10), NOW_S, 10.0)
-    assert link_quality.with_traffic(first, Traffic(20, 0), NOW_S + 9.9, 10.0).lost == pytest.approx(0.25)
-    assert link_quality.with_traffic(first, Traffic(20, 0), NOW_S + 10.0, 10.0).lost == 0.0
+    first = link_quality.add_traffic(LinkQuality(), Traffic(10, 10), NOW_S, 10.0)
+    assert link_quality.add_traffic(first, Traffic(20, 0), NOW_S + 9.9, 10.0).lost == pytest.approx(0.25)
+    assert link_quality.add_traffic(first, Traffic(20, 0), NOW_S + 10.0, 10.0).lost == 0.0

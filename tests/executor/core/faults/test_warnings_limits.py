@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 
 from executor.core.faults import warnings
-from executor.core.faults.watching import View
+from executor.core.faults.watching import WatchView
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Radio
-from executor.core.state import Told
+from executor.core.state import ReportedWarnings
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.core.faults.looks import CONTEXT, PLANNED, warn
 from tests.executor.core.steps import HOMEWARD, beat, rounded
@@ -179,7 +179,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who is not warned of",
         lambda: [
-            len(warnings.warnings(View(CONTEXT, PLANNED, flying(stage=stage, fix=at(age_s=9.0)), False, NOW_S)))
+            len(
+                warnings.find_warnings(
+                    WatchView(CONTEXT, PLANNED, flying(stage=stage, fix=at(age_s=9.0)), False, NOW_S)
+                )
+            )
             for stage in Stage
         ],
         [0, 1, 1, 1, 1, 0, 0, 1],
@@ -187,16 +191,16 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what was said is said again after a while",
         lambda: [
-            warnings.new_warnings(
-                View(CONTEXT, PLANNED, flying(fix=at(age_s=9.0)), False, NOW_S),
-                Told((("positions", NOW_S - age_s), ("items", NOW_S - 29.0))),
+            warnings.find_new_warnings(
+                WatchView(CONTEXT, PLANNED, flying(fix=at(age_s=9.0)), False, NOW_S),
+                ReportedWarnings((("positions", NOW_S - age_s), ("items", NOW_S - 29.0))),
             )
             for age_s in (29.9, 30.0)
         ],
         [
-            (Told(at_s=(("positions", NOW_S), ("items", NOW_S - 29.0))), ()),
+            (ReportedWarnings(at_s=(("positions", NOW_S), ("items", NOW_S - 29.0))), ()),
             (
-                Told(at_s=(("items", NOW_S - 29.0), ("positions", NOW_S))),
+                ReportedWarnings(at_s=(("items", NOW_S - 29.0), ("positions", NOW_S))),
                 ("uav1: no position for 9 s, while other messages come",),
             ),
         ],
@@ -204,10 +208,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what was said is forgotten",
         lambda: [
-            warnings.new_warnings(View(CONTEXT, PLANNED, flying(), False, NOW_S), told)
-            for told in (Told(), Told((("items", NOW_S - 30.0),)), Told((("items", NOW_S - 29.9),)))
+            warnings.find_new_warnings(WatchView(CONTEXT, PLANNED, flying(), False, NOW_S), told)
+            for told in (
+                ReportedWarnings(),
+                ReportedWarnings((("items", NOW_S - 30.0),)),
+                ReportedWarnings((("items", NOW_S - 29.9),)),
+            )
         ],
-        [(Told(), ()), (Told(), ()), (Told(at_s=(("items", NOW_S - 29.9),)), ())],
+        [(ReportedWarnings(), ()), (ReportedWarnings(), ()), (ReportedWarnings(at_s=(("items", NOW_S - 29.9),)), ())],
     ),
 ]
 

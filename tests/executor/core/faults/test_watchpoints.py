@@ -9,10 +9,10 @@ import pytest
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
 from executor.core.faults import batteries, watchpoints
-from executor.core.faults.watching import Finding, Verdict, View, Watchpoint
-from executor.core.faults.watchpoints import TABLE, judge
+from executor.core.faults.watching import Finding, Verdict, Watchpoint, WatchView
+from executor.core.faults.watchpoints import TABLE, judge_watchpoints
 from executor.core.messages import Heartbeat
-from executor.core.parts import Cause
+from executor.core.parts import ModeCause
 from executor.core.vehicle import Stage, VehicleState
 from missions import Phase
 from tests.executor.builders import with_facts
@@ -179,7 +179,7 @@ ROWS = [
     ),
     Row(
         "mode",
-        flying(heartbeat=Heartbeat(3, RTL, True, 5), cause=Cause.FAILSAFE),
+        flying(heartbeat=Heartbeat(3, RTL, True, 5), cause=ModeCause.FAILSAFE),
         "RTL by its own failsafe",
         unknown=flying(heartbeat=None),
     ),
@@ -198,7 +198,7 @@ def names(rows: list[Row]) -> list[str]:
 
 def raised(state: VehicleState, now_s: float) -> tuple[list[str], VehicleState]:
     """Look at every watchpoint; return what is raised, and the vehicle that remembers it."""
-    judgement = judge(CONTEXT, SETUP, state, now_s)
+    judgement = judge_watchpoints(CONTEXT, SETUP, state, now_s)
     return [watchpoint.name for watchpoint, _ in judgement.raised], replace(state, watches=judgement.watches)
 
 
@@ -233,7 +233,7 @@ def landing(state: VehicleState) -> VehicleState:
 
 
 def off_pad(state: VehicleState) -> Finding:
-    return point("off-pad").judge(View(CONTEXT, SETUP, state, False, NOW_S))
+    return point("off-pad").judge(WatchView(CONTEXT, SETUP, state, False, NOW_S))
 
 
 WAITS_S = {
@@ -254,7 +254,7 @@ def test_a_healthy_vehicle_is_fine(watchpoint: Watchpoint) -> None:
 
 @pytest.mark.parametrize("row", ROWS, ids=names(ROWS))
 def test_it_fails_with_its_evidence(row: Row) -> None:
-    finding = point(row.name).judge(View(CONTEXT, SETUP, row.fails, False, NOW_S))
+    finding = point(row.name).judge(WatchView(CONTEXT, SETUP, row.fails, False, NOW_S))
     assert (finding.verdict, finding.evidence) == (Verdict.FAIL, row.evidence)
 
 
@@ -312,7 +312,7 @@ def test_it_is_looked_at_in_its_stages_only(row: Row) -> None:
 
 def test_the_most_important_reason_comes_first() -> None:
     state = flying(heartbeat=Heartbeat(3, RTL, False, 3), heard_s=NOW_S - 30.0)
-    judgement = judge(CONTEXT, SETUP, state, NOW_S)
+    judgement = judge_watchpoints(CONTEXT, SETUP, state, NOW_S)
     assert [watchpoint.name for watchpoint, _ in judgement.raised] == ["off-pad", "link"]
 
 
@@ -344,8 +344,12 @@ def test_a_vehicle_that_disarms_before_it_took_off_did_not_fly_its_mission() -> 
 def test_what_the_vehicle_said_of_it_is_part_of_the_evidence(age_s: float, shown: bool) -> None:
     said = ("Battery Failsafe", NOW_S - age_s)
     went = point("mode").judge(
-        View(
-            CONTEXT, SETUP, flying(heartbeat=Heartbeat(3, RTL, True, 5), alarm=said, cause=Cause.FAILSAFE), False, NOW_S
+        WatchView(
+            CONTEXT,
+            SETUP,
+            flying(heartbeat=Heartbeat(3, RTL, True, 5), alarm=said, cause=ModeCause.FAILSAFE),
+            False,
+            NOW_S,
         )
     )
     assert went.evidence == "RTL by its own failsafe" + ("; it says: Battery Failsafe" if shown else "")
@@ -362,8 +366,8 @@ def test_a_vehicle_that_never_armed_is_not_down() -> None:
     assert verdict("off-pad", flying(heartbeat=Heartbeat(3, AUTO, False, 3), armed_once=False)) is Verdict.OK
 
 
-@pytest.mark.parametrize("cause", [Cause.OURS, Cause.MISSION, Cause.PERSON])
-def test_only_a_failsafe_of_its_own_is_a_fault(cause: Cause) -> None:
+@pytest.mark.parametrize("cause", [ModeCause.OURS, ModeCause.MISSION, ModeCause.PERSON])
+def test_only_a_failsafe_of_its_own_is_a_fault(cause: ModeCause) -> None:
     assert verdict("mode", flying(heartbeat=Heartbeat(3, RTL, True, 4), cause=cause)) is Verdict.OK
 
 
@@ -396,12 +400,12 @@ def test_a_drain_by_the_counter_of_charge() -> None:
     for second in range(400):
         rate_pct_s = 0.04 if second < 300 else 0.1
         used_ah += rate_pct_s / 100 * 5.0
-        state = account.drawn(state, 0.04)
+        state = account.add_modelled_use(state, 0.04)
         at_s = NOW_S - 400 + second
-        state = account.with_consumed(state, used_ah, at_s)
-        state = account.with_remaining(state, round(100 - used_ah / 5.0 * 100), 1, at_s)
+        state = account.apply_consumed_report(state, used_ah, at_s)
+        state = account.apply_remaining_report(state, round(100 - used_ah / 5.0 * 100), 1, at_s)
         known = flying(battery=state)
-        finding = batteries.battery_drains(View(CONTEXT, SETUP, known, False, at_s))
+        finding = batteries.check_battery_drain(WatchView(CONTEXT, SETUP, known, False, at_s))
         if finding.verdict is Verdict.FAIL:
             break
     assert 300 < second < 340
@@ -409,8 +413,8 @@ def test_a_drain_by_the_counter_of_charge() -> None:
 
 
 def test_the_modes_words() -> None:
-    strange = flying(heartbeat=Heartbeat(3, 77, True, 4), cause=Cause.FAILSAFE)
-    finding = watchpoints.left_mission(View(CONTEXT, SETUP, strange, False, NOW_S))
+    strange = flying(heartbeat=Heartbeat(3, 77, True, 4), cause=ModeCause.FAILSAFE)
+    finding = watchpoints.check_mission_mode(WatchView(CONTEXT, SETUP, strange, False, NOW_S))
     assert finding.evidence == "number 77 by its own failsafe"
 
 

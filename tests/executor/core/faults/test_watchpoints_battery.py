@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from executor.core.battery.account import BatteryState
-from executor.core.battery.counter import Charge
+from executor.core.battery.counter import ChargeCounter
 from executor.core.battery.cusum import Drift
 from executor.core.vehicle import VehicleState
 from tests.executor.builders import with_facts
@@ -28,7 +28,7 @@ KNOWN: list[Changes] = [
 ]
 SAYS = flying(**says("Battery Failsafe", NOW_S - 15.0))
 DRAIN = Drift(2.5, 5.0, 2.5, NOW_S - 30.0, 4, 0.0, 0.0, 0.2)
-COUNTS = Charge(consumed_ah=2.0, began_ah=1.0)
+COUNTS = ChargeCounter(consumed_ah=2.0, began_ah=1.0)
 
 
 def drained(**given: Any) -> VehicleState:
@@ -143,7 +143,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "a slow drain",
         lambda: [
             look("battery-drain", drained(slow=replace(DRAIN, excess_pct=excess_pct), charge=charge))
-            for excess_pct, charge in ((5.4, Charge()), (5.5, Charge()), (3.9, COUNTS), (4.0, COUNTS))
+            for excess_pct, charge in ((5.4, ChargeCounter()), (5.5, ChargeCounter()), (3.9, COUNTS), (4.0, COUNTS))
         ],
         [
             "ok",
@@ -161,7 +161,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     drift=replace(DRAIN, excess_pct=excess_pct), slow=replace(DRAIN, excess_pct=9.0), charge=charge
                 ),
             )
-            for excess_pct, charge in ((2.3, Charge()), (2.4, Charge()), (3.3, COUNTS), (3.4, COUNTS))
+            for excess_pct, charge in ((2.3, ChargeCounter()), (2.4, ChargeCounter()), (3.3, COUNTS), (3.4, COUNTS))
         ],
         ["ok", "used 5.0 % in 30 s where 2.5 % is usual", "ok", "used 5.0 % in 30 s where 2.5 % is usual"],
     ),

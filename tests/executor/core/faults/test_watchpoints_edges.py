@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from executor.core.faults.watching import Verdict, View
+from executor.core.faults.watching import Verdict, WatchView
 from executor.core.messages import Heartbeat
-from executor.core.parts import Fix
+from executor.core.parts import PositionFix
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.core.faults.looks import point, verdict
 from tests.executor.core.vehicles import AUTO, CONTEXT, DISARMED, LOW_TEXT, NOW_S, SETUP, at, flying, pack, says, volts
@@ -20,7 +20,7 @@ def parted(**changes: object) -> VehicleState:
     return flying(**(healthy | changes))
 
 
-def sinking(up_m: float, climbs_m_s: float) -> Fix:
+def sinking(up_m: float, climbs_m_s: float) -> PositionFix:
     return at(east_m=5.0, up_m=up_m, climbs_m_s=climbs_m_s)
 
 
@@ -161,9 +161,9 @@ def test_neither_heartbeat_nor_position_for_a_minute_is_a_lost_link() -> None:
 
 @pytest.mark.parametrize(("bits", "words"), FAULTS)
 def test_the_faults_of_a_battery_in_words(bits: int, words: str) -> None:
-    finding = point("battery-critical").judge(View(CONTEXT, SETUP, flying(battery_faults=bits), False, NOW_S))
+    finding = point("battery-critical").judge(WatchView(CONTEXT, SETUP, flying(battery_faults=bits), False, NOW_S))
     assert finding.evidence == f"its battery reports {words}"
     states = {3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
     for number, name in states.items():
-        view = View(CONTEXT, SETUP, flying(battery=pack(20.0, charge_state=number)), False, NOW_S)
+        view = WatchView(CONTEXT, SETUP, flying(battery=pack(20.0, charge_state=number)), False, NOW_S)
         assert point("battery-critical").judge(view).evidence == f"the autopilot reports its battery {name}"

@@ -7,7 +7,7 @@ import pytest
 from executor.core.commands import Level
 from executor.core.events import Heard
 from executor.core.messages import OwnFailsafe, StatusText
-from executor.core.own_events import event_id, event_said
+from executor.core.own_events import compute_event_id, parse_px4_event
 from executor.core.vehicle import FaultKind
 from tests.executor.builders import fleet_of
 from tests.executor.core.stories import under_way
@@ -16,7 +16,7 @@ RTL = 5 << 24 | 4 << 16
 
 
 def enters() -> OwnFailsafe:
-    said = event_said(event_id("commander_failsafe_enter"), b"\0\0\0\0\x06\x04")
+    said = parse_px4_event(compute_event_id("commander_failsafe_enter"), b"\0\0\0\0\x06\x04")
     assert isinstance(said, OwnFailsafe)
     return said
 

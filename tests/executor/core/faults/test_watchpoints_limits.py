@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from executor.core.messages import Heartbeat, OwnFailsafe
-from executor.core.parts import Cause
+from executor.core.parts import ModeCause
 from executor.core.vehicle import Stage, VehicleState
 from missions import PX4
 from tests.executor.core.faults.looks import PLANNED, look, warn
@@ -165,7 +165,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: [
             look("mode", flying(heartbeat=beat(RTL, armed=armed), cause=cause, alarm=("Radio Failsafe", NOW_S)))
             for armed in (True, False)
-            for cause in Cause
+            for cause in ModeCause
         ],
         ["ok", "ok", "RTL by its own failsafe; it says: Radio Failsafe", "ok", "ok", "ok", "ok", "ok"],
     ),

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.faults.watching import Verdict, View
+from executor.core.faults.watching import Verdict, WatchView
 from executor.core.messages import Actor, Attitude, Heartbeat, ModeChange, OrderSeen, OwnFailsafe
-from executor.core.parts import SwitchMoved
+from executor.core.parts import SwitchMove
 from tests.executor.core.faults.looks import point
 from tests.executor.core.vehicles import CONTEXT, DISARMED, LOW_TEXT, NOW_S, RTL, SETUP, at, flying, pack, says
 
@@ -19,7 +19,7 @@ LOITER, LAND = 5, 9
 def unplanned(name: str, **changes: object) -> Verdict:
     """Look at a vehicle of which nobody knows the plan, as a recorded one."""
     state = flying(**({"flew_mission": True, "mode_since_s": NOW_S - 60.0} | changes))
-    return point(name).judge(View(CONTEXT, UNPLANNED, state, False, NOW_S)).verdict
+    return point(name).judge(WatchView(CONTEXT, UNPLANNED, state, False, NOW_S)).verdict
 
 
 def rtl(**changes: object) -> dict[str, object]:
@@ -38,8 +38,8 @@ def ordered(mode: int | None, late_s: float) -> tuple[tuple[OrderSeen, float], .
     return ((OrderSeen(176, mode), CHANGED_S + late_s),)
 
 
-def moved(late_s: float) -> tuple[SwitchMoved, ...]:
-    return (SwitchMoved(5, 1430, 1682, CHANGED_S + late_s - 0.5, CHANGED_S + late_s),)
+def moved(late_s: float) -> tuple[SwitchMove, ...]:
+    return (SwitchMove(5, 1430, 1682, CHANGED_S + late_s - 0.5, CHANGED_S + late_s),)
 
 
 def passed(said_s: float, over_s: float) -> tuple[tuple[OwnFailsafe, float, float], ...]:

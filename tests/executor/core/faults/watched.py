@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from executor.core.faults.passive import Finding, Remembered, Watched
+from executor.core.faults.passive import Finding, PassiveWatch, VehicleReports
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.core.steps import (
     changes,
@@ -15,16 +15,16 @@ from tests.executor.core.steps import (
 from tests.executor.core.vehicles import NOW_S, flying
 
 
-def watched(*vehicles: VehicleState, **given: Any) -> Watched:
+def watched(*vehicles: VehicleState, **given: Any) -> PassiveWatch:
     """Return vehicles that are watched, whose modes were told."""
     known: dict[str, Any] = {name: given.pop(name) for name in ("open", "warned_s", "told") if name in given}
     state = flight_of(*vehicles, **given)
     there = {one.name: one for one in vehicles}
-    told = {one.name: Remembered(mode_s=one.telemetry.mode_since_s) for one in vehicles}
-    return replace(Watched(replace(state, vehicles=there)), **{"told": told, **known})
+    told = {one.name: VehicleReports(mode_s=one.telemetry.mode_since_s) for one in vehicles}
+    return replace(PassiveWatch(replace(state, vehicles=there)), **{"told": told, **known})
 
 
-def seen(before: Watched, of: tuple[Watched, tuple[Finding, ...]]) -> tuple[object, ...]:
+def seen(before: PassiveWatch, of: tuple[PassiveWatch, tuple[Finding, ...]]) -> tuple[object, ...]:
     """Return what was found, what changed of each vehicle and of the flight, and what is open."""
     after, found = of
     return (found, *differences(before.fleet, after.fleet), changes(before, replace(after, fleet=before.fleet)))

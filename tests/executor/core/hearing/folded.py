@@ -25,7 +25,7 @@ CONTEXT = FLEET.context
 
 def folded(one: VehicleState, message: FlightMessage, context: Context = CONTEXT) -> tuple[Any, ...]:
     """Return what a message changes, what it proves to be inspected, and its words."""
-    found = fold.fold(context, one, message, NOW_S)
+    found = fold.apply_message(context, one, message, NOW_S)
     changed = changes(one, found.state)
     for name in ("battery", "volts", "quality", "carried", "roundings"):
         if name in changed:
@@ -52,7 +52,7 @@ def placed(
 
 def moved(one: VehicleState, message: Position) -> Changes:
     """Return what a position changes but the position itself, as far as that is worth a word."""
-    changed = changes(one, fold.fold(CONTEXT, one, message, NOW_S).state)
+    changed = changes(one, fold.apply_message(CONTEXT, one, message, NOW_S).state)
     for name in ("spoke_s", "heard_s", "fix"):
         changed.pop(name, None)
     if "battery" in changed:

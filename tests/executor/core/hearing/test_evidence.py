@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.hearing.evidence import Told, beaten, evident, may_be_ours
+from executor.core.hearing.evidence import EvidenceMessage, may_be_ours, record_critical_heartbeat, record_evidence
 from executor.core.messages import Heartbeat, OrderSeen, OwnFailsafe, RcChannels, VehicleSetting
-from executor.core.parts import Evidence, Orders, SwitchMoved
+from executor.core.parts import ModeEvidence, Orders, SwitchMove
 
 STICKS = (1500, 1500, 1600, 1500)
 
 
-def kept(*messages: Told) -> Evidence:
+def kept(*messages: EvidenceMessage) -> ModeEvidence:
     """Return what is known after messages a second apart."""
-    known = Evidence()
+    known = ModeEvidence()
     for second, message in enumerate(messages):
-        known = evident(known, message, float(second))
+        known = record_evidence(known, message, float(second))
     return known
 
 
@@ -23,13 +23,13 @@ def channels(*switches_us: int, sticks_us: tuple[int, ...] = STICKS) -> RcChanne
     return RcChannels((*sticks_us, *switches_us))
 
 
-def moved(*messages: Told) -> list[int]:
+def moved(*messages: EvidenceMessage) -> list[int]:
     return [one.channel for one in kept(*messages).switched]
 
 
 def test_a_switch_that_is_moved() -> None:
     known = kept(channels(1430, 1000), channels(1326, 1000))
-    assert known.switched == (SwitchMoved(5, 1430, 1326, 0.0, 1.0),)
+    assert known.switched == (SwitchMove(5, 1430, 1326, 0.0, 1.0),)
 
 
 @pytest.mark.parametrize(
@@ -58,9 +58,9 @@ def test_settings_name_the_switch_and_the_lost_transmitter() -> None:
 
 
 def test_an_order_that_is_sent_again_is_kept_once_and_not_for_long() -> None:
-    known = Evidence()
+    known = ModeEvidence()
     for tenth in range(400):
-        known = evident(known, OrderSeen(176, 4), tenth / 10)
+        known = record_evidence(known, OrderSeen(176, 4), tenth / 10)
     times = [at_s for _, at_s in known.others_orders]
     assert len(times) <= 24
     assert min(times) > 15.0
@@ -83,10 +83,10 @@ def test_a_failure_is_over_when_it_says_so() -> None:
 
 def test_a_heartbeat_becomes_critical_once() -> None:
     fine, critical = Heartbeat(3, 3, True, 4), Heartbeat(3, 6, True, 5)
-    known = beaten(Evidence(), fine, critical, 5.0)
+    known = record_critical_heartbeat(ModeEvidence(), fine, critical, 5.0)
     assert known.critical_s == 5.0
-    assert beaten(known, critical, critical, 6.0).critical_s == 5.0
-    assert beaten(Evidence(), None, critical, 6.0) == Evidence()  # nobody knows since when
+    assert record_critical_heartbeat(known, critical, critical, 6.0).critical_s == 5.0
+    assert record_critical_heartbeat(ModeEvidence(), None, critical, 6.0) == ModeEvidence()  # nobody knows since when
 
 
 def test_what_is_over_again_is_kept_with_its_time() -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
-from executor.core.hearing.firmware import AUTOPILOT_NAMES, MULTICOPTERS, OTHERS, banner_version
-from executor.core.preflight.prearm import SENSORS, reason_in
+from executor.core.hearing.firmware import AUTOPILOT_NAMES, MULTICOPTERS, OTHERS, parse_banner_version
+from executor.core.preflight.prearm import SENSORS, parse_prearm_reason
 
 
 @pytest.mark.parametrize(
@@ -18,7 +18,7 @@ from executor.core.preflight.prearm import SENSORS, reason_in
     ],
 )  # fmt: skip
 def test_the_version_in_a_banner(text: str, version: str | None) -> None:
-    found = banner_version(text)
+    found = parse_banner_version(text)
     assert (None if found is None else str(found)) == version
 
 
@@ -42,4 +42,4 @@ def test_types_autopilots_and_sensors_have_pymavlinks_numbers() -> None:
     ],
 )  # fmt: skip
 def test_the_reason_in_a_text(text: str, reason: str | None) -> None:
-    assert reason_in(text) == reason
+    assert parse_prearm_reason(text) == reason

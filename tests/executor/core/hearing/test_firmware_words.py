@@ -12,7 +12,7 @@ from tests.executor.core.steps import rounded
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "kinds of vehicles in words",
-        lambda: {number: firmware.vehicle_words(number) for number in range(36)},
+        lambda: {number: firmware.describe_vehicle_type(number) for number in range(36)},
         {
             0: "generic vehicle",
             1: "fixed wing",
@@ -55,10 +55,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "vehicles without a kind, autopilots, versions",
         lambda: [
-            firmware.vehicle_words(None),
-            *map(firmware.autopilot_words, (3, 8, 12, 4)),
+            firmware.describe_vehicle_type(None),
+            *map(firmware.describe_autopilot, (3, 8, 12, 4)),
             *(
-                str(firmware.banner_version(text))
+                str(firmware.parse_banner_version(text))
                 for text in (
                     "ArduCopter V4.7",
                     "ArduCopter V4.7.2-rc1",

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from executor.core.battery.account import BatteryState
-from executor.core.hearing.fold import fold
+from executor.core.hearing.fold import apply_message
 from executor.core.messages import (
     Attitude,
     Battery,
@@ -37,7 +37,7 @@ QUIET_S = NOW_S - 4.0
 
 def after(state: VehicleState, *messages: FlightMessage, at_s: float = NOW_S) -> VehicleState:
     for message in messages:
-        state = fold(CONTEXT, state, message, at_s).state
+        state = apply_message(CONTEXT, state, message, at_s).state
     return state
 
 

@@ -8,12 +8,12 @@ from dataclasses import replace
 import pytest
 
 from executor.core.battery.account import BatterySample
-from executor.core.battery.counter import Charge, PercentEnd
+from executor.core.battery.counter import ChargeCounter, PercentTransition
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import BatteryEstimate
-from executor.core.battery.pack import Pack
-from executor.core.battery.roundings import Roundings
-from executor.core.battery.sag import Sag
+from executor.core.battery.pack import PackState
+from executor.core.battery.roundings import PercentRounding
+from executor.core.battery.sag import SagEstimate
 from executor.core.hearing import fold
 from executor.core.messages import (
     Battery,
@@ -34,12 +34,12 @@ from tests.executor.core.vehicles import (
 
 PX4_FLEET = fleet_of(autopilot="px4")
 PX4_CONTEXT = PX4_FLEET.context
-UNDER_LOAD = Pack(loaded_s=NOW_S)
+UNDER_LOAD = PackState(loaded_s=NOW_S)
 """A voltage without its current says no more than that."""
-FIRST_PAIR = replace(UNDER_LOAD, sag=Sag(15.0, 0.0, 4.5009, 0.224955, 0.0112522, NOW_S, 20.0))
+FIRST_PAIR = replace(UNDER_LOAD, sag=SagEstimate(15.0, 0.0, 4.5009, 0.224955, 0.0112522, NOW_S, 20.0))
 """Of 15 V and 20 A: as good as nothing is known of the resistance yet."""
 RESTS = landed(stage=Stage.LANDED)
-BLIND = replace(pack(90.0, 90.0), charge=Charge())
+BLIND = replace(pack(90.0, 90.0), charge=ChargeCounter())
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
@@ -100,13 +100,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     "drift": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
                     "slow": Drift(excess_pct=1.0, used_pct=1.0, since_s=NOW_S, reports=1, biggest_pct=1.0),
                     "still_pct": 0.0,
-                    "charge": Charge(
+                    "charge": ChargeCounter(
                         consumed_ah=1.5,
                         at_s=NOW_S,
                         modelled_pct=0.072,
                         began_ah=1.5,
-                        first=PercentEnd(remaining_pct=90.0, consumed_ah=1.5),
-                        last=PercentEnd(remaining_pct=90.0, consumed_ah=1.5),
+                        first=PercentTransition(remaining_pct=90.0, consumed_ah=1.5),
+                        last=PercentTransition(remaining_pct=90.0, consumed_ah=1.5),
                         began_s=NOW_S,
                         mark=(90.0, 1.5),
                     ),
@@ -213,7 +213,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a battery of PX4's",
         lambda: folded(
-            flying(battery=BLIND, roundings=Roundings(ceiled=90.0, ceiled_s=NOW_S - 1.0)),
+            flying(battery=BLIND, roundings=PercentRounding(ceiled=90.0, ceiled_s=NOW_S - 1.0)),
             Battery(0, 89.0, None, None, None, 1, 0),
             PX4_CONTEXT,
         ),
@@ -248,7 +248,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a status of PX4's",
         lambda: folded(
-            flying(battery=BLIND, packs=((0, 89.0),), roundings=Roundings(rounded=89.0, rounded_s=NOW_S - 1.0)),
+            flying(battery=BLIND, packs=((0, 89.0),), roundings=PercentRounding(rounded=89.0, rounded_s=NOW_S - 1.0)),
             SystemStatus(90.0, None, 0, None),
             PX4_CONTEXT,
         ),
@@ -339,9 +339,11 @@ def test_everything_that_comes_of_it(what: str, found: Callable[[], object], exp
 
 def test_what_it_held_in_the_air_stays_when_its_pack_is_full_again() -> None:
     """As PX4's simulated pack is, as soon as it disarms; the HEARTBEAT that says so comes later."""
-    flies = fold.fold(CONTEXT, flying(battery=pack(30.0)), Battery(0, 24.9, None, None, None, 1, 0), NOW_S).state
+    flies = fold.apply_message(
+        CONTEXT, flying(battery=pack(30.0)), Battery(0, 24.9, None, None, None, 1, 0), NOW_S
+    ).state
     stands = with_facts(flies, on_ground=True, fix=at(up_m=0.0))
-    filled = fold.fold(CONTEXT, stands, Battery(0, 58.0, None, None, None, 1, 0), NOW_S + 2.0).state
+    filled = fold.apply_message(CONTEXT, stands, Battery(0, 58.0, None, None, None, 1, 0), NOW_S + 2.0).state
     assert (filled.power.battery.remaining_pct, filled.power.landed_pct) == (58.0, 24.9)
     another = with_facts(filled, aloft_pct=None)
     assert another.power.landed_pct == 58.0, "a pack that was changed is what it is"

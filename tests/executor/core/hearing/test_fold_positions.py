@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from executor.core.carried import Carried
+from executor.core.carried import MissionOwnership
 from executor.core.hearing import fold
-from executor.core.parts import Fix
+from executor.core.parts import PositionFix
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.hearing.folded import CONTEXT, folded, moved, placed
@@ -30,7 +30,7 @@ def inspects(*places: tuple[float, float], later: Changes | None = None, **given
     one, found = flying(fix=None, **given), list[object]()
     for t_s, east_m in places:
         message = placed(100.0 - PAD_E + east_m, 15.0, boot_s=NOW_S + t_s, north_m=-5.0)
-        step = fold.fold(CONTEXT, one, message, NOW_S + t_s)
+        step = fold.apply_message(CONTEXT, one, message, NOW_S + t_s)
         one = with_facts(step.state, **(later or {})) if t_s > 16.0 else step.state
         found += [(t_s, step.inspected)] if step.inspected is not None else []
     return found, one.assignment.run_visit, one.assignment.runs_broken, one.assignment.owed
@@ -46,7 +46,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: folded(flying(fix=at(age_s=1.0)), placed()),
         (
             {
-                "fix": Fix(
+                "fix": PositionFix(
                     at_s=NOW_S,
                     boot_s=NOW_S,
                     place_m=(261.50000000008964, 15.400000001049465),
@@ -168,7 +168,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: inspects(*ALONG, stage=Stage.PILOT, heartbeat=beat(HOLD))[0],
         [],
     ),
-    ("an inspection of another mission", lambda: inspects(*ALONG, carried=Carried(foreign_s=5.0))[0], []),
+    ("an inspection of another mission", lambda: inspects(*ALONG, carried=MissionOwnership(foreign_s=5.0))[0], []),
     ("an inspection whose item is ahead", lambda: inspects(*ALONG, waypoint=3), ([], 1, (), None)),
     ("an inspection on the way home", lambda: inspects(*ALONG, waypoint=4), ([], None, (), None)),
     ("an inspection on the way to it", lambda: inspects(*ALONG, waypoint=1), ([(36.0, 0)], 0, (), None)),

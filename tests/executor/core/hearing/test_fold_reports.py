@@ -38,7 +38,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "items",
         lambda: [
-            fold.fold(CONTEXT, flying(waypoint=waypoint), MissionCurrent(seq, None), NOW_S).state.assignment.waypoint
+            fold.apply_message(
+                CONTEXT, flying(waypoint=waypoint), MissionCurrent(seq, None), NOW_S
+            ).state.assignment.waypoint
             for waypoint, seq in ((2, 0), (2, 1), (2, 9), (2, 10), (2, -1), (5, 4), (4, 4), (5, 9))
         ],
         [2, 0, 5, 2, 2, 5, 2, 5],
@@ -46,7 +48,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "items of PX4's",
         lambda: [
-            fold.fold(
+            fold.apply_message(
                 PX4_CONTEXT,
                 vehicle(PX4_FLEET, "uav1", stage=Stage.FLYING, waypoint=1),
                 MissionCurrent(seq, None),
@@ -59,7 +61,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "items in other stages",
         lambda: [
-            fold.fold(CONTEXT, flying(stage=stage), MissionCurrent(7, None), NOW_S).state.assignment.waypoint
+            fold.apply_message(CONTEXT, flying(stage=stage), MissionCurrent(7, None), NOW_S).state.assignment.waypoint
             for stage in Stage
         ],
         [2, 4, 4, 2, 4, 2, 2, 4],

@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 
 from executor.core.context import Context
-from executor.core.hearing.pictures import payload_heard
+from executor.core.hearing.pictures import apply_payload_message
 from executor.core.messages import CameraStatus, PictureTaken
-from executor.core.parts import Fix
+from executor.core.parts import PositionFix
 from executor.core.payload.pictures import Picture, WantedPicture
 from executor.core.state import FleetState
-from executor.core.vehicle import Stage, VehicleState, aboard
+from executor.core.vehicle import Stage, VehicleState, build_onboard_mission
 from executor.site import assembly
-from missions import Phase, flight_path
-from missions.asked import first_paths
+from missions import Phase, build_flight_path
+from missions.asked import build_first_paths
 from missions.cameras import PictureProof
 from tests.executor.builders import ground_for, site_of, with_facts
 from tests.missions.builders import tall_line_east
@@ -32,9 +32,13 @@ def flying(*, low: bool, camera: Mapping[str, object] = FIXED, **look: object) -
     tables: dict[str, Any] = {"camera": [camera], "look": [{**LOOK, **look}], "inspection": {"same_distance": True}}
     site = site_of(("uav1", "uav2"), **tables)
     ground = ground_for(site, tall_line_east(3))
-    context = assembly.context_of(ground, ground.setup, assembly.task_of(ground))
-    path = first_paths(ground.setup, {"uav1": (4,)})["uav1"] if low else flight_path(ground.setup, "uav1", (4,))
-    board = aboard(context, "uav1", 0, path, (4,))
+    context = assembly.build_context(ground, ground.setup, assembly.build_first_task(ground))
+    path = (
+        build_first_paths(ground.setup, {"uav1": (4,)})["uav1"]
+        if low
+        else build_flight_path(ground.setup, "uav1", (4,))
+    )
+    board = build_onboard_mission(context, "uav1", 0, path, (4,))
     last = max(index for index, point in enumerate(path.waypoints) if point.phase is Phase.INSPECT)
     return context, with_facts(VehicleState("uav1"), board=board, stage=Stage.FLYING, waypoint=last + 1)
 
@@ -45,14 +49,14 @@ def heard(
 ) -> FleetState:  # fmt: skip
     """Return the state after a picture from over a viewpoint: a line due east, seen from the south."""
     place_m = context.setup.looks.pylons[2].points[point].place_m
-    fix = Fix(at_s, at_s, place_m, up_m, up_m + 450.0, (0.0, 0.0, 0.0), yaw_deg)
+    fix = PositionFix(at_s, at_s, place_m, up_m, up_m + 450.0, (0.0, 0.0, 0.0), yaw_deg)
     vehicle = replace(vehicle, motion=replace(vehicle.motion, fix=fix))
     state = (FleetState(vehicles={"uav1": vehicle}) if known is None else known).put(vehicle)
     message = PictureTaken(
         PictureProof.FEEDBACK, 1, 1, sequence, True, at_s, None, alt_rel_m=up_m, roll_deg=0.0, pitch_deg=0.0,
         yaw_deg=yaw_deg if word else None,
     )  # fmt: skip
-    return payload_heard(context, state, state.vehicles["uav1"], message, at_s)
+    return apply_payload_message(context, state, state.vehicles["uav1"], message, at_s)
 
 
 def taken(
@@ -98,7 +102,7 @@ def test_of_two_pictures_of_a_stop_in_one_pass_the_last_counts(apart_s: float, f
     first = heard(context, vehicle, up_m=45.0, yaw_deg=0.0, at_s=NOW_S + (apart_s if late else 0.0), sequence=int(late))
     own = first.vehicles["uav1"]
     if late:  # it was passed over, and asked for again
-        memory = replace(own.payload.camera("rgb", 1), wanted=(WantedPicture(0),))
+        memory = replace(own.payload.camera_of("rgb", 1), wanted=(WantedPicture(0),))
         own = replace(own, payload=own.payload.with_camera(memory))
     both = heard(
         context, own, up_m=45.0, yaw_deg=0.0, at_s=NOW_S + (0.0 if late else apart_s), sequence=int(not late)
@@ -114,5 +118,5 @@ def test_a_card_that_never_had_room_is_not_known_to_be_full(said: list[float | N
     state = FleetState(vehicles={"uav1": vehicle})
     for free_mib in said:
         message = CameraStatus(100, films=False, images=0, free_mib=free_mib)
-        state = payload_heard(context, state, state.vehicles["uav1"], message, NOW_S)
-    assert state.vehicles["uav1"].payload.camera("rgb", 100).free_mib == known
+        state = apply_payload_message(context, state, state.vehicles["uav1"], message, NOW_S)
+    assert state.vehicles["uav1"].payload.camera_of("rgb", 100).free_mib == known

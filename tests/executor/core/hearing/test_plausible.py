@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from executor.core.hearing.plausible import plausible
+from executor.core.hearing.plausible import filter_implausible
 from executor.core.messages import (
     Attitude,
     Battery,
@@ -41,30 +41,30 @@ NO_NUMBERS = (math.nan, math.inf, -math.inf, 1e30, -1e30)
     ],
 )  # fmt: skip
 def test_what_may_be_true_is_left_as_it_is(message: Message) -> None:
-    assert plausible(message) is message
+    assert filter_implausible(message) is message
 
 
 @pytest.mark.parametrize("value", [*NO_NUMBERS, -(2**31) / 1e7, 200.1])
 @pytest.mark.parametrize("field", ["lat_deg", "lon_deg"])
 def test_a_place_off_the_globe_is_none(field: str, value: float) -> None:
-    assert plausible(replace(PLACE, **{field: value})) is None
-    assert plausible(replace(Home(50.0, 13.0, 300.0), **{field: value})) is None
+    assert filter_implausible(replace(PLACE, **{field: value})) is None
+    assert filter_implausible(replace(Home(50.0, 13.0, 300.0), **{field: value})) is None
 
 
 def test_the_place_that_stands_for_none_is_none() -> None:
-    assert plausible(replace(PLACE, lat_deg=0.0, lon_deg=0.0)) is None
-    assert plausible(Home(0.0, 0.0, 0.0)) is None
+    assert filter_implausible(replace(PLACE, lat_deg=0.0, lon_deg=0.0)) is None
+    assert filter_implausible(Home(0.0, 0.0, 0.0)) is None
 
 
 @pytest.mark.parametrize("value", [*NO_NUMBERS, -(2**31) / 1e3, 20_001.0])
 @pytest.mark.parametrize("field", ["alt_msl_m", "alt_rel_m", "north_m_s", "east_m_s", "down_m_s"])
 def test_a_height_or_a_speed_of_no_multicopter_is_no_position(field: str, value: float) -> None:
-    assert plausible(replace(PLACE, **{field: value})) is None
+    assert filter_implausible(replace(PLACE, **{field: value})) is None
 
 
 @pytest.mark.parametrize("value", [math.nan, -1.0, 654.0])
 def test_a_heading_that_is_none_costs_the_heading_alone(value: float) -> None:
-    assert plausible(replace(PLACE, heading_deg=value)) == replace(PLACE, heading_deg=None)
+    assert filter_implausible(replace(PLACE, heading_deg=value)) == replace(PLACE, heading_deg=None)
 
 
 @pytest.mark.parametrize("value", [*NO_NUMBERS, -1.0])
@@ -72,12 +72,12 @@ def test_a_heading_that_is_none_costs_the_heading_alone(value: float) -> None:
 def test_of_a_battery_what_is_wrong_is_unknown_and_the_rest_is_known(field: str, value: float) -> None:
     wrong: dict[str, Any] = {field: value}
     unknown: dict[str, Any] = {field: None}
-    assert plausible(replace(PACK, **wrong)) == replace(PACK, **unknown)
+    assert filter_implausible(replace(PACK, **wrong)) == replace(PACK, **unknown)
 
 
 @pytest.mark.parametrize("cell", [math.nan, 0.0, 65.5])
 def test_cells_that_are_none(cell: float) -> None:
-    assert plausible(replace(PACK, cells_v=(4.0, cell))) == replace(PACK, cells_v=())
+    assert filter_implausible(replace(PACK, cells_v=(4.0, cell))) == replace(PACK, cells_v=())
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_cells_that_are_none(cell: float) -> None:
     ],
 )
 def test_everything_else(said: Message, known: Message | None) -> None:
-    assert plausible(said) == known
+    assert filter_implausible(said) == known
 
 
 PLACED = Position(1.0, 49.6, 15.6, 450.0, 20.0, 1.0, 2.0, 3.0, 90.0)
@@ -149,14 +149,14 @@ CASES = [(said, name, good, bad) for said, edges in EDGES for name, (good, bad) 
 
 @pytest.mark.parametrize(("said", "name", "good", "bad"), CASES)
 def test_the_range_of_each_field_ends_where_it_should(said: Any, name: str, good: Any, bad: Any) -> None:
-    assert getattr(plausible(replace(said, **{name: good})), name) == good
-    found = plausible(replace(said, **{name: bad}))
+    assert getattr(filter_implausible(replace(said, **{name: good})), name) == good
+    found = filter_implausible(replace(said, **{name: bad}))
     assert found is None or getattr(found, name) in {None, ()}
     if found is not None:
         assert replace(found, **{name: good}) == replace(said, **{name: good}), "the other fields stay"
 
 
 def test_an_item_beyond_the_number_of_items_is_one_of_another_mission() -> None:
-    assert plausible(MissionCurrent(9, 9, None)) == MissionCurrent(9, 9, None)
-    assert plausible(MissionCurrent(10, 9, None)) == MissionCurrent(10, 9, None)
-    assert plausible(MissionCurrent(10, 65535, None)) == MissionCurrent(10, 65535, None)
+    assert filter_implausible(MissionCurrent(9, 9, None)) == MissionCurrent(9, 9, None)
+    assert filter_implausible(MissionCurrent(10, 9, None)) == MissionCurrent(10, 9, None)
+    assert filter_implausible(MissionCurrent(10, 65535, None)) == MissionCurrent(10, 65535, None)

@@ -24,7 +24,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what may be true of a place",
         lambda: [
-            plausible.plausible(Position(1.0, lat_deg, lon_deg, alt_m, rel_m, speed_m_s, 0.0, 0.0, heading_deg))
+            plausible.filter_implausible(
+                Position(1.0, lat_deg, lon_deg, alt_m, rel_m, speed_m_s, 0.0, 0.0, heading_deg)
+            )
             is not None
             for lat_deg, lon_deg, alt_m, rel_m, speed_m_s, heading_deg in (
                 (90.0, 180.0, -1000.0, 20000.0, 150.0, 360.0),
@@ -41,7 +43,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "what may be true of a heading",
         lambda: [
             getattr(
-                plausible.plausible(Position(1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, heading_deg)), "heading_deg", None
+                plausible.filter_implausible(Position(1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, heading_deg)),
+                "heading_deg",
+                None,
             )
             for heading_deg in (0.0, -0.1, 360.0, 360.1)
         ],
@@ -50,7 +54,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what may be true of a battery",
         lambda: [
-            plausible.plausible(Battery(0, percent, volts_v, current_a, consumed_ah, 1, 0, cells_v))
+            plausible.filter_implausible(Battery(0, percent, volts_v, current_a, consumed_ah, 1, 0, cells_v))
             for percent, volts_v, current_a, consumed_ah, cells_v in (
                 (0.0, 1.0, 0.0, 0.0, (0.5,)),
                 (100.0, 500.0, 1000.0, 1000.0, (4.9,)),
@@ -102,7 +106,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what may be true of a status",
         lambda: [
-            plausible.plausible(SystemStatus(percent, volts_v, 0, None))
+            plausible.filter_implausible(SystemStatus(percent, volts_v, 0, None))
             for percent, volts_v in ((0.0, 1.0), (100.0, 500.0), (-0.1, 0.9), (100.1, 1.0), (1.0, 500.1))
         ],
         [
@@ -116,7 +120,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what may be true of an attitude",
         lambda: [
-            plausible.plausible(Attitude(roll_deg, pitch_deg)) is not None
+            plausible.filter_implausible(Attitude(roll_deg, pitch_deg)) is not None
             for roll_deg, pitch_deg in ((360.0, -360.0), (360.1, 0.0), (0.0, -360.1))
         ],
         [True, False, False],
@@ -124,7 +128,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what may be true of the rest",
         lambda: [
-            plausible.plausible(one) is not None
+            plausible.filter_implausible(one) is not None
             for one in (
                 Gps(0, None),
                 Gps(8, None),

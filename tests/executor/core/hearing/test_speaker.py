@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.hearing.speaker import Speaker, heard_of, speaker_after
+from executor.core.hearing.speaker import AutopilotComponent, select_component_message, update_autopilot_component
 from executor.core.messages import ComponentText, Heartbeat, Radio, StationHeard, StatusText
 
 BEAT = Heartbeat(3, 0, armed=True, system_status=4, vehicle_type=2)
@@ -12,9 +12,9 @@ GIMBAL, COMPUTER = 154, 191
 
 
 def after(*beats: tuple[int, Heartbeat]) -> int:
-    speaker = Speaker()
+    speaker = AutopilotComponent()
     for component, beat in beats:
-        speaker = speaker_after(speaker, component, beat)
+        speaker = update_autopilot_component(speaker, component, beat)
     return speaker.component
 
 
@@ -35,8 +35,10 @@ def test_what_is_no_autopilot_of_a_vehicle_does_not_speak(autopilot: int, kind: 
 
 
 def test_of_others_words_are_heard_as_theirs_and_nothing_else_is() -> None:
-    assert heard_of(Speaker(), GIMBAL, BEAT) is None
-    assert heard_of(Speaker(), GIMBAL, StatusText(0, "no motor")) == ComponentText(GIMBAL, 0, "no motor")
+    assert select_component_message(AutopilotComponent(), GIMBAL, BEAT) is None
+    assert select_component_message(AutopilotComponent(), GIMBAL, StatusText(0, "no motor")) == ComponentText(
+        GIMBAL, 0, "no motor"
+    )
     for about_the_link in (Radio(1, 2, 3, 4, 5), StationHeard(254, 190)):
-        assert heard_of(Speaker(), GIMBAL, about_the_link) == about_the_link
-    assert heard_of(Speaker(GIMBAL), GIMBAL, BEAT) == BEAT
+        assert select_component_message(AutopilotComponent(), GIMBAL, about_the_link) == about_the_link
+    assert select_component_message(AutopilotComponent(GIMBAL), GIMBAL, BEAT) == BEAT

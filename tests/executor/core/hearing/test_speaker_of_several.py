@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from executor.core.hearing import speaker
-from executor.core.hearing.speaker import Speaker
+from executor.core.hearing.speaker import AutopilotComponent
 from executor.core.messages import (
     Heartbeat,
 )
@@ -17,35 +17,40 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who speaks for a system",
         lambda: [
-            speaker.speaker_after(known, component, Heartbeat(autopilot, 0, False, 4, kind))
-            for known in (Speaker(), Speaker(1, heard=True), Speaker(5), Speaker(5, heard=True))
+            speaker.update_autopilot_component(known, component, Heartbeat(autopilot, 0, False, 4, kind))
+            for known in (
+                AutopilotComponent(),
+                AutopilotComponent(1, heard=True),
+                AutopilotComponent(5),
+                AutopilotComponent(5, heard=True),
+            )
             for component, autopilot, kind in ((1, 3, 2), (5, 3, 2), (7, 12, 13), (7, 8, 26), (7, 3, 26), (7, 0, 2))
         ],
         [
-            Speaker(heard=True),
-            Speaker(component=5, heard=True),
-            Speaker(component=7, heard=True),
-            Speaker(),
-            Speaker(),
-            Speaker(),
-            Speaker(heard=True),
-            Speaker(heard=True),
-            Speaker(heard=True),
-            Speaker(heard=True),
-            Speaker(heard=True),
-            Speaker(heard=True),
-            Speaker(heard=True),
-            Speaker(component=5, heard=True),
-            Speaker(component=7, heard=True),
-            Speaker(component=5),
-            Speaker(component=5),
-            Speaker(component=5),
-            Speaker(heard=True),
-            Speaker(component=5, heard=True),
-            Speaker(component=5, heard=True),
-            Speaker(component=5, heard=True),
-            Speaker(component=5, heard=True),
-            Speaker(component=5, heard=True),
+            AutopilotComponent(heard=True),
+            AutopilotComponent(component=5, heard=True),
+            AutopilotComponent(component=7, heard=True),
+            AutopilotComponent(),
+            AutopilotComponent(),
+            AutopilotComponent(),
+            AutopilotComponent(heard=True),
+            AutopilotComponent(heard=True),
+            AutopilotComponent(heard=True),
+            AutopilotComponent(heard=True),
+            AutopilotComponent(heard=True),
+            AutopilotComponent(heard=True),
+            AutopilotComponent(heard=True),
+            AutopilotComponent(component=5, heard=True),
+            AutopilotComponent(component=7, heard=True),
+            AutopilotComponent(component=5),
+            AutopilotComponent(component=5),
+            AutopilotComponent(component=5),
+            AutopilotComponent(heard=True),
+            AutopilotComponent(component=5, heard=True),
+            AutopilotComponent(component=5, heard=True),
+            AutopilotComponent(component=5, heard=True),
+            AutopilotComponent(component=5, heard=True),
+            AutopilotComponent(component=5, heard=True),
         ],
     ),
 ]

@@ -19,7 +19,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "strangers are named until they are many",
         lambda: [
-            len(strangers.noted(STATIONS, one))
+            len(strangers.add_foreign_system(STATIONS, one))
             for one in (StationHeard(1, 190), StationHeard(9, 190), DoubleHeard(3, ("a", "b")))
         ],
         [7, 8, 8],
@@ -27,7 +27,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "the last stranger that is named",
         lambda: [
-            sorted(strangers.stranger_lines(known, strangers.noted(known, StationHeard(9, 190))))
+            sorted(
+                strangers.describe_new_foreign_systems(known, strangers.add_foreign_system(known, StationHeard(9, 190)))
+            )
             for known in (STATIONS, STATIONS - {StationHeard(1, 190)}, STATIONS | {StationHeard(8, 190)})
         ],
         [
@@ -38,7 +40,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "two with one number",
-        lambda: list(strangers.stranger_lines(frozenset(), frozenset({DoubleHeard(3, ("a", "b"))}))),
+        lambda: list(strangers.describe_new_foreign_systems(frozenset(), frozenset({DoubleHeard(3, ("a", "b"))}))),
         ["sysid 3 is used at a and b: duplicate system id"],
     ),
 ]

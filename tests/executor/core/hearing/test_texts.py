@@ -6,20 +6,20 @@ from executor.core import fleet
 from executor.core.commands import Level, Say
 from executor.core.events import Heard, Tick
 from executor.core.hearing.strangers import MOST_NAMED
-from executor.core.hearing.texts import MOST_LINES, WINDOW_S, Rank
+from executor.core.hearing.texts import MOST_LINES, WINDOW_S, TextRank
 from executor.core.messages import ComponentText, DoubleHeard, StationHeard, StatusText
 from tests.executor.builders import with_facts
 from tests.executor.core.stories import FLEET, story
 from tests.fakes.flight import Story
 
-WARNINGS, IMPORTANT = MOST_LINES[Rank.WARNING], MOST_LINES[Rank.IMPORTANT]
+WARNINGS, IMPORTANT = MOST_LINES[TextRank.WARNING], MOST_LINES[TextRank.IMPORTANT]
 
 
 class Words:
     """The lines about uav1, as time passes by hand."""
 
     def __init__(self) -> None:
-        self.state, self.now_s = fleet.initial(FLEET.boards), 100.0
+        self.state, self.now_s = fleet.build_initial_state(FLEET.boards), 100.0
         self.lines: list[str] = []
 
     def say(self, *texts: StatusText | ComponentText) -> None:

@@ -9,7 +9,7 @@ import pytest
 from executor.core.commands import Command, Say
 from executor.core.hearing import texts
 from executor.core.messages import ComponentText, StatusText
-from executor.core.parts import TextFlow
+from executor.core.parts import TextWindow
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import flight_of, rounded
 from tests.executor.core.vehicles import CONTEXT, flying
@@ -21,11 +21,11 @@ def shown(*said: tuple[float, int, str], alarmed: bool = False, aboard: bool = F
     for at_s, severity, what in said:
         one = with_facts(state.vehicles["uav1"], alarm=(what, at_s)) if alarmed else state.vehicles["uav1"]
         if aboard:
-            state, more = texts.said_aboard(state, one, ComponentText(100, severity, what), at_s)
+            state, more = texts.show_component_text(state, one, ComponentText(100, severity, what), at_s)
         else:
-            state, more = texts.tell_text(state, one, StatusText(severity, what), at_s)
+            state, more = texts.show_status_text(state, one, StatusText(severity, what), at_s)
         found += more
-    found += texts.tell_passed_over(CONTEXT, state, 110.0)[1]
+    found += texts.report_suppressed_texts(CONTEXT, state, 110.0)[1]
     return [one.text for one in found if isinstance(one, Say)]
 
 
@@ -142,9 +142,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a window that has not ended",
-        lambda: texts.tell_passed_over(CONTEXT, flight_of(flying(texts=TextFlow(since_s=100.1, passed_over=3))), 110.0)[
-            1
-        ],
+        lambda: texts.report_suppressed_texts(
+            CONTEXT, flight_of(flying(texts=TextWindow(since_s=100.1, passed_over=3))), 110.0
+        )[1],
         (),
     ),
 ]

@@ -19,7 +19,7 @@ CONTEXT = FLEET.context
 
 def down_words(**given: Any) -> str:
     told: Changes = {**HOMEWARD, "fix": at(up_m=1.0), "anchor": at(up_m=1.0, age_s=30.0)}
-    return down.found_down(CONTEXT, flying(**told | given), NOW_S)
+    return down.describe_unexpected_landing(CONTEXT, flying(**told | given), NOW_S)
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
@@ -115,7 +115,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who flies again",
         lambda: [
-            down.flies_again(flying(**{"fix": STILL, "anchor": STILL, **given}))
+            down.is_flying_again(flying(**{"fix": STILL, "anchor": STILL, **given}))
             for given in (
                 {},
                 {"fix": replace(STILL, alt_rel_m=5.0)},

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.homing.down import flies_again, found_down
+from executor.core.homing.down import describe_unexpected_landing, is_flying_again
 from executor.core.messages import Heartbeat
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
@@ -57,8 +57,8 @@ DOWN = [
 
 @pytest.mark.parametrize(("not_yet", "down"), DOWN, ids=map(str, range(len(DOWN))))
 def test_who_has_stopped_on_its_way_home_is_down(not_yet: VehicleState, down: VehicleState) -> None:
-    assert found_down(CONTEXT, not_yet, NOW_S) == ""
-    assert found_down(CONTEXT, down, NOW_S).startswith("does not move, down at ")
+    assert describe_unexpected_landing(CONTEXT, not_yet, NOW_S) == ""
+    assert describe_unexpected_landing(CONTEXT, down, NOW_S).startswith("does not move, down at ")
 
 
 @pytest.mark.parametrize(
@@ -83,4 +83,4 @@ def test_who_was_found_down_and_flies(state: VehicleState, *, flies: bool) -> No
         state = with_facts(state, fix=replace(fix, velocity_m_s=(0.0, 0.0, 0.0)))
     if state.motion.anchor is not None:
         state = with_facts(state, anchor=still)
-    assert flies_again(state) is flies
+    assert is_flying_again(state) is flies

@@ -9,19 +9,19 @@ import pytest
 
 from executor.core.homing import homeward
 from executor.core.messages import Heartbeat
-from executor.core.parts import Cause, Errand
+from executor.core.parts import HomingOrder, ModeCause
 from executor.core.vehicle import Fault, FaultCode, FaultKind
 from tests.executor.builders import fleet_of, with_facts
 from tests.executor.core.steps import HOLD, HOMEWARD, LAND, TAKEN, beat, over_pad, rounded
 from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, RTL, at, flying
 
 CONTEXT = FLEET.context
-COMES = flying(**{**HOMEWARD, "heartbeat": beat()}, errand=Errand(NOW_S))
+COMES = flying(**{**HOMEWARD, "heartbeat": beat()}, errand=HomingOrder(NOW_S))
 
 
 def advice(**given: Any) -> str:
     """Return what is to be done, and why."""
-    found = homeward.advice(CONTEXT, with_facts(COMES, **given), NOW_S)
+    found = homeward.advise_homing(CONTEXT, with_facts(COMES, **given), NOW_S)
     return f"{found.answer.value}: {found.words}"
 
 
@@ -32,7 +32,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("the way home", lambda: advice(waypoint=2), "return: "),
     (
         "a pilot's",
-        lambda: [advice(taken=TAKEN), advice(cause=Cause.PERSON), advice(cause=Cause.PERSON, heartbeat=DISARMED)],
+        lambda: [
+            advice(taken=TAKEN),
+            advice(cause=ModeCause.PERSON),
+            advice(cause=ModeCause.PERSON, heartbeat=DISARMED),
+        ],
         [
             "leave: with its pilot, not commanded",
             "leave: with its pilot, not commanded",
@@ -41,7 +45,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "an order to land",
-        lambda: [advice(errand=Errand(NOW_S, land=True)), advice(errand=Errand(NOW_S, land=True), heartbeat=beat(RTL))],
+        lambda: [
+            advice(errand=HomingOrder(NOW_S, land=True)),
+            advice(errand=HomingOrder(NOW_S, land=True), heartbeat=beat(RTL)),
+        ],
         ["land: ", "land: "],
     ),
     (
@@ -56,17 +63,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "who comes home by itself, and the order is to be forced",
-        lambda: advice(heartbeat=beat(RTL), errand=Errand(NOW_S, force=True)),
+        lambda: advice(heartbeat=beat(RTL), errand=HomingOrder(NOW_S, force=True)),
         "return: ",
     ),
     (
         "whose failsafe acts",
         lambda: [
             advice(
-                cause=Cause.FAILSAFE,
+                cause=ModeCause.FAILSAFE,
                 heartbeat=beat(mode),
                 mode_since_s=NOW_S - since_s,
-                errand=Errand(NOW_S, force=force),
+                errand=HomingOrder(NOW_S, force=force),
             )
             for mode, since_s, force in ((4, 0.0, False), (HOLD, 14.9, False), (HOLD, 15.0, False), (HOLD, 14.9, True))
         ],
@@ -80,7 +87,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whose failsafe holds, and was heard again",
         lambda: [
-            advice(cause=Cause.FAILSAFE, heartbeat=beat(HOLD), mode_since_s=NOW_S - 40.0, **{key: NOW_S - since_s})
+            advice(cause=ModeCause.FAILSAFE, heartbeat=beat(HOLD), mode_since_s=NOW_S - 40.0, **{key: NOW_S - since_s})
             for key in ("regained_s", "excused_s")
             for since_s in (14.9, 15.0)
         ],
@@ -89,7 +96,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whose failsafe holds, and whose HEARTBEATs do not come",
         lambda: [
-            advice(cause=Cause.FAILSAFE, heartbeat=beat(HOLD), mode_since_s=NOW_S - 20.0, heartbeat_s=NOW_S - age_s)
+            advice(cause=ModeCause.FAILSAFE, heartbeat=beat(HOLD), mode_since_s=NOW_S - 20.0, heartbeat_s=NOW_S - age_s)
             for age_s in (5.0, 5.1)
         ],
         ["return: ", "wait: holding in its own failsafe; waiting for it to act"],
@@ -97,7 +104,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "where nobody knows it to be",
         lambda: [
-            advice(fix=fix, errand=Errand(NOW_S - since_s))
+            advice(fix=fix, errand=HomingOrder(NOW_S - since_s))
             for fix, since_s in ((None, 1.4), (None, 1.5), (at(age_s=3.0), 0.0), (at(age_s=3.1), 0.0))
         ],
         ["wait: ", "return: ", "return: ", "wait: "],
@@ -139,7 +146,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who has just said that its kill switch is on",
         lambda: [
-            advice(alarm=(text, NOW_S - since_s), errand=Errand(NOW_S, force=force))
+            advice(alarm=(text, NOW_S - since_s), errand=HomingOrder(NOW_S, force=force))
             for text, since_s, force in (
                 ("RC: Motors Emergency Stopped", 4.9, False),
                 ("RC: Motors Emergency Stopped", 5.0, False),
@@ -169,8 +176,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 {"sinks_s": NOW_S - 10.0, "anchor": at(age_s=10.0)},
                 {"fix": at(age_s=3.1)},
                 {"fix": over_pad(20.0)},
-                {"errand": Errand(NOW_S, land=True)},
-                {"errand": Errand(NOW_S, force=True)},
+                {"errand": HomingOrder(NOW_S, land=True)},
+                {"errand": HomingOrder(NOW_S, force=True)},
                 {"heartbeat": beat(RTL)},
             )
         ],
@@ -199,13 +206,13 @@ WAITS = "wait: holding in its own failsafe; waiting for it to act"
         ({"alarm": (EMPTY, NOW_S - 40.0), "critical_since_s": NOW_S - 1.0}, WAITS),
         ({"alarm": (EMPTY, NOW_S - 1.0), "mode_since_s": NOW_S - 0.5}, "return: "),
         ({"alarm": (EMPTY, NOW_S - 1.0), "heartbeat": Heartbeat(12, 67371008, True, 5)}, "return: "),
-        ({"alarm": (EMPTY, NOW_S - 1.0), "errand": Errand(NOW_S, force=True)}, "return: "),
+        ({"alarm": (EMPTY, NOW_S - 1.0), "errand": HomingOrder(NOW_S, force=True)}, "return: "),
     ],
 )
 def test_a_failsafe_that_begins_in_a_hold_of_ours_is_waited_for(given: dict[str, object], expected: str) -> None:
     """PX4 holds before it lands: the mode is the one that the crew chose, and an order would take its place."""
     held = {"heartbeat": Heartbeat(12, PX4_HOLD, True, 4), "mode_since_s": NOW_S - 30.0}
-    found = homeward.advice(PX4, with_facts(COMES, **(held | given)), NOW_S)
+    found = homeward.advise_homing(PX4, with_facts(COMES, **(held | given)), NOW_S)
     assert f"{found.answer.value}: {found.words}" == expected
 
 

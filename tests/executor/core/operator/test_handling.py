@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from executor.analysis.report import report_of
+from executor.analysis.report import build_report
 from executor.core.commands import Hold, LandNow, Level, Resume, SendHome
 from executor.core.events import Heard, IntentReceived, OrderEnded
 from executor.core.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.messages import StatusText
 from executor.core.vehicle import FaultKind, Stage
-from executor.core.view import fleet_view
+from executor.core.view import build_fleet_view
 from missions import Phase
 from tests.executor.builders import THREE, fleet_of
 from tests.executor.core.stories import EVERYTHING, story, under_way
@@ -346,7 +346,7 @@ def test_the_view_says_what_is() -> None:
     ends(flight, flight.ask(Action.HOLD, "uav2"))
     flight.ask(Action.RESUME, "uav1")
     flight.ask(Action.EXCLUDE, "uav3")
-    view = fleet_view(flight.context, flight.state, flight.now_s)
+    view = build_fleet_view(flight.context, flight.state, flight.now_s)
     one, two, three = view.vehicles
     assert [vehicle.state for vehicle in view.vehicles] == ["flying", "holding", "returning"]
     assert (two.progress.segment, two.progress.phase, two.progress.total) == (2, "inspect", 2)
@@ -365,7 +365,7 @@ def test_the_view_says_what_is() -> None:
     assert [intent.outcome for intent in view.intents][:2] == ["done", "refused"]
     assert view.replan is None
     flight.run(lambda: flight.state.replanning.replan is not None)
-    again = fleet_view(flight.context, flight.state, flight.now_s)
+    again = build_fleet_view(flight.context, flight.state, flight.now_s)
     assert again.replan is not None
     assert again.replan.solving
 
@@ -375,5 +375,5 @@ def test_the_report_keeps_the_faults_of_who_came_back() -> None:
     flight.ask(Action.EXCLUDE, "uav3")
     flight.run(lambda: flight.stage("uav3") is Stage.LANDED)
     flight.ask(Action.INCLUDE, "uav3")
-    report = report_of(flight.context, flight.state, flight.now_s)
+    report = build_report(flight.context, flight.state, flight.now_s)
     assert [(fault.vehicle, fault.kind) for fault in report.faults] == [("uav3", FaultKind.OPERATOR)]

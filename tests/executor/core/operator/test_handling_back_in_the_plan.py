@@ -10,8 +10,8 @@ import pytest
 
 from executor.core.commands import Level, Resume, Say
 from executor.core.intents import Action, Outcome
-from executor.core.parts import Cause, Watch
-from executor.core.state import Offer
+from executor.core.parts import ModeCause, WatchpointMemory
+from executor.core.state import TakeoffOffer
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -26,14 +26,15 @@ from tests.executor.core.steps import (
 )
 from tests.executor.core.vehicles import NOW_S, flying
 
-PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN)
+PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=ModeCause.PERSON, taken=TAKEN)
 GIVES_BACK = with_facts(PILOTS, heartbeat=beat(), taken=replace(TAKEN, returned_s=NOW_S - 5.0))
 
 
 def again(**given: Any) -> VehicleState:
     """Return a vehicle on its pad of which all that a flight leaves is still known."""
     left = {
-        "fault": BATTERY_FAULT, "stubborn": True, "lands": True, "held_s": 5.0, "watches": (("mode", Watch(5.0)),),
+        "fault": BATTERY_FAULT, "stubborn": True, "lands": True, "held_s": 5.0,
+        "watches": (("mode", WatchpointMemory(5.0)),),
         "alarm": ("crash", 5.0), "failures": 2, "armed_once": True, "taken": TAKEN, "excluded": True,
     }  # fmt: skip
     return landed(stage=Stage.LANDED, **{**left, **given})
@@ -113,7 +114,7 @@ ROWS = [
                 )
             },
         },
-        {"offer": Offer(("uav1",), (4,), 5.0)},
+        {"offer": TakeoffOffer(("uav1",), (4,), 5.0)},
     ),
     Row(
         "back in the plan, one of two that were offered",
@@ -149,7 +150,7 @@ ROWS = [
                 )
             },
         },
-        {"offer": Offer(("uav1", "uav2"), (4,), 5.0)},
+        {"offer": TakeoffOffer(("uav1", "uav2"), (4,), 5.0)},
     ),
     Row(
         "back in the plan, one of two, while there is a longer wait",
@@ -184,7 +185,7 @@ ROWS = [
                 )
             },
         },
-        {"offer": Offer(("uav1", "uav2"), (4,), 5.0), "wait_until_s": NOW_S + 60.0},
+        {"offer": TakeoffOffer(("uav1", "uav2"), (4,), 5.0), "wait_until_s": NOW_S + 60.0},
     ),
     Row(
         "back in the plan with nothing to do",
@@ -241,7 +242,7 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
                 "ordered_modes": frozenset({3}),
-                "cause": Cause.OURS,
+                "cause": ModeCause.OURS,
                 "taken": None,
             }
         },
@@ -262,7 +263,7 @@ ROWS = [
                 "ordered_mode_s": NOW_S,
                 "anchor": None,
                 "ordered_modes": frozenset({3}),
-                "cause": Cause.OURS,
+                "cause": ModeCause.OURS,
                 "taken": None,
             }
         },

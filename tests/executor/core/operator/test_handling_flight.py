@@ -10,8 +10,8 @@ from executor.core import fleet
 from executor.core.commands import CancelSolve, Disarm, Level, Say, SendHome
 from executor.core.events import ReturnAllOrdered
 from executor.core.intents import Action, IntentReason, Outcome
-from executor.core.parts import Cause
-from executor.core.state import Briefing, Offer, Question
+from executor.core.parts import ModeCause
+from executor.core.state import Briefing, Question, TakeoffOffer
 from executor.core.vehicle import Stage
 from tests.executor.core.steps import (
     HOLD,
@@ -30,7 +30,7 @@ from tests.executor.core.steps import (
 )
 from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, flying
 
-PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN)
+PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=ModeCause.PERSON, taken=TAKEN)
 STARTS = flying(stage=Stage.STARTING, heartbeat=DISARMED, took_off=False, armed_once=False, fix=LOW, waypoint=0)
 BEFORE_LAUNCH = Briefing(question=Question("take-off", "go?", ()))
 SOLVING = plan_of(solve_s=None)
@@ -100,7 +100,7 @@ ROWS = [
             },
             "offer": None,
         },
-        {"replan": plan_of(pending=frozenset({"uav1"})), "offer": Offer(("uav3",), (4,), 5.0)},
+        {"replan": plan_of(pending=frozenset({"uav1"})), "offer": TakeoffOffer(("uav3",), (4,), 5.0)},
     ),
     Row(
         "everybody home but who is with a pilot",
@@ -121,9 +121,9 @@ ROWS = [
         },
         beside=(
             replace(PILOTS, name="uav2"),
-            flying(name="uav3", cause=Cause.PERSON, heartbeat=beat(HOLD))
+            flying(name="uav3", cause=ModeCause.PERSON, heartbeat=beat(HOLD))
             if False
-            else replace(flying(cause=Cause.PERSON, heartbeat=beat(HOLD)), name="uav3"),
+            else replace(flying(cause=ModeCause.PERSON, heartbeat=beat(HOLD)), name="uav3"),
         ),
     ),
     Row(

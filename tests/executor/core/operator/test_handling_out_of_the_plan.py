@@ -8,7 +8,7 @@ import pytest
 
 from executor.core.commands import Level, Say, SendHome
 from executor.core.intents import Action, Outcome
-from executor.core.parts import Cause, Errand, TakenOver
+from executor.core.parts import HomingOrder, ModeCause, Takeover
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -27,9 +27,9 @@ from tests.executor.core.steps import (
 )
 from tests.executor.core.vehicles import DISARMED, NOW_S, flying
 
-PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN)
+PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=ModeCause.PERSON, taken=TAKEN)
 STARTS = flying(stage=Stage.STARTING, heartbeat=DISARMED, took_off=False, armed_once=False, fix=LOW, waypoint=0)
-BUSY = flying(held_s=NOW_S - 9.0, errand=Errand(NOW_S - 9.0), owed=(0, "why"), cleared_s=NOW_S - 9.0)
+BUSY = flying(held_s=NOW_S - 9.0, errand=HomingOrder(NOW_S - 9.0), owed=(0, "why"), cleared_s=NOW_S - 9.0)
 
 ROWS = [
     Row(
@@ -231,7 +231,7 @@ ROWS = [
         PILOTS,
         wish(Action.EXCLUDE),
         [Say(Level.INFO, "page asks: exclude uav1; it stays with its pilot; its segments are to be reassigned")],
-        {"uav1": {"excluded": True, "taken": TakenOver(since_s=NOW_S - 10.0, given_away=True)}},
+        {"uav1": {"excluded": True, "taken": Takeover(since_s=NOW_S - 10.0, given_away=True)}},
         {
             "urgent": True,
             "trigger": "uav1: excluded, with its pilot",
@@ -283,7 +283,7 @@ ROWS = [
                 "anchor": None,
                 "fault": Fault(FaultKind.OPERATOR, "excluded by the operator", NOW_S, FaultCode.OPERATOR_EXCLUDE),
                 "excluded": True,
-                "errand": Errand(NOW_S),
+                "errand": HomingOrder(NOW_S),
                 "left_s": NOW_S,
             }
         },

@@ -8,7 +8,7 @@ import pytest
 
 from executor.core.commands import CancelSolve, Hold, LandNow, Level, Resume, Say, SendHome
 from executor.core.intents import Action, IntentReason, Outcome
-from executor.core.parts import Cause, Errand
+from executor.core.parts import HomingOrder, ModeCause
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -30,16 +30,16 @@ from tests.executor.core.steps import (
 from tests.executor.core.vehicles import DISARMED, NOW_S, flying
 
 HOLDS = flying(held_s=NOW_S - 9.0, heartbeat=beat(HOLD), hold_asked_s=NOW_S - 9.0)
-PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=TAKEN)
+PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=ModeCause.PERSON, taken=TAKEN)
 STARTS = flying(stage=Stage.STARTING, heartbeat=DISARMED, took_off=False, armed_once=False, fix=LOW, waypoint=0)
-BUSY = flying(held_s=NOW_S - 9.0, errand=Errand(NOW_S - 9.0), owed=(0, "why"), cleared_s=NOW_S - 9.0)
+BUSY = flying(held_s=NOW_S - 9.0, errand=HomingOrder(NOW_S - 9.0), owed=(0, "why"), cleared_s=NOW_S - 9.0)
 SOLVING = plan_of(solve_s=None)
 
 
 ROWS = [
     Row(
         "an order to hold",
-        flying(anchor=LOW, cause=Cause.MISSION),
+        flying(anchor=LOW, cause=ModeCause.MISSION),
         wish(Action.HOLD),
         [Say(Level.INFO, "page asks: hold uav1; hold commanded"), Hold("uav1")],
         {
@@ -48,7 +48,7 @@ ROWS = [
                 "held_s": NOW_S,
                 "hold_asked_s": NOW_S,
                 "ordered_modes": frozenset({17}),
-                "cause": Cause.OURS,
+                "cause": ModeCause.OURS,
             }
         },
         {"intents": {"wish": noted(Action.HOLD, Outcome.ACCEPTED, "hold commanded", "uav1")}},
@@ -65,7 +65,7 @@ ROWS = [
                 "held_s": NOW_S,
                 "hold_asked_s": NOW_S,
                 "ordered_modes": frozenset({17}),
-                "cause": Cause.OURS,
+                "cause": ModeCause.OURS,
                 "taken": None,
             }
         },
@@ -155,9 +155,9 @@ ROWS = [
             | {
                 "excluded": True,
                 "ordered_modes": frozenset({6, 9}),
-                "cause": Cause.OURS,
+                "cause": ModeCause.OURS,
                 "taken": None,
-                "errand": Errand(NOW_S, told=True, force=True),
+                "errand": HomingOrder(NOW_S, told=True, force=True),
             }
         },
         {
@@ -218,7 +218,7 @@ ROWS = [
             ),
             LandNow("uav1"),
         ],
-        {"uav1": LEAVES | {"excluded": True, "ordered_modes": frozenset({9}), "errand": Errand(NOW_S, told=True)}},
+        {"uav1": LEAVES | {"excluded": True, "ordered_modes": frozenset({9}), "errand": HomingOrder(NOW_S, told=True)}},
         {
             "urgent": True,
             "trigger": "uav1: returns by the operator's order",
@@ -316,7 +316,7 @@ ROWS = [
                 "excluded": True,
                 "lands": True,
                 "ordered_modes": frozenset({9}),
-                "errand": Errand(NOW_S, land=True, told=True),
+                "errand": HomingOrder(NOW_S, land=True, told=True),
                 "cleared_s": None,
                 "owed": None,
             }
@@ -355,7 +355,7 @@ ROWS = [
                 "excluded": True,
                 "lands": True,
                 "ordered_modes": frozenset({9}),
-                "errand": Errand(NOW_S, land=True, told=True),
+                "errand": HomingOrder(NOW_S, land=True, told=True),
                 "left_s": NOW_S,
             }
         },
@@ -387,7 +387,7 @@ ROWS = [
                 "excluded": True,
                 "lands": True,
                 "ordered_modes": frozenset({9}),
-                "errand": Errand(NOW_S, land=True, told=True),
+                "errand": HomingOrder(NOW_S, land=True, told=True),
                 "left_s": NOW_S,
             }
         },
@@ -421,9 +421,9 @@ ROWS = [
                 "excluded": True,
                 "lands": True,
                 "ordered_modes": frozenset({9}),
-                "cause": Cause.OURS,
+                "cause": ModeCause.OURS,
                 "taken": None,
-                "errand": Errand(NOW_S, land=True, told=True, force=True),
+                "errand": HomingOrder(NOW_S, land=True, told=True, force=True),
             }
         },
         {

@@ -9,8 +9,8 @@ import pytest
 
 from executor.core.intents import Action, Intent
 from executor.core.messages import Heartbeat
-from executor.core.operator.refusals import question, reason
-from executor.core.parts import Cause, Fix, TakenOver
+from executor.core.operator.refusals import build_confirmation_question, find_refusal
+from executor.core.parts import ModeCause, PositionFix, Takeover
 from executor.core.state import FleetState
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from missions import Phase
@@ -40,7 +40,7 @@ def state_of(one: VehicleState, **changes: object) -> FleetState:
 
 
 def words(state: FleetState, intent: Intent) -> str:
-    why = reason(CONTEXT, state, intent, NOW_S)
+    why = find_refusal(CONTEXT, state, intent, NOW_S)
     return "" if why is None else why[1]
 
 
@@ -54,7 +54,7 @@ def leg(phase: Phase) -> VehicleState:
     return flying(waypoint=next(n for n, point in enumerate(board.path.waypoints) if point.phase is phase))
 
 
-def placed(east_m: float, north_m: float, age_s: float = 0.0) -> Fix:
+def placed(east_m: float, north_m: float, age_s: float = 0.0) -> PositionFix:
     return replace(at(age_s=age_s), place_m=(east_m, north_m))
 
 
@@ -152,13 +152,13 @@ ROWS: list[tuple[Action, VehicleState, str]] = [
     (Action.INCLUDE, flying(stage=Stage.PILOT), "it is with its pilot: the pilot must set mission mode first"),
     (
         Action.INCLUDE,
-        flying(stage=Stage.PILOT, taken=TakenOver(NOW_S - 9.0)),
+        flying(stage=Stage.PILOT, taken=Takeover(NOW_S - 9.0)),
         "it is with its pilot: the pilot must set mission mode first",
     ),
-    (Action.INCLUDE, flying(stage=Stage.PILOT, taken=TakenOver(NOW_S - 9.0, returned_s=NOW_S)), ""),
+    (Action.INCLUDE, flying(stage=Stage.PILOT, taken=Takeover(NOW_S - 9.0, returned_s=NOW_S)), ""),
     (
         Action.INCLUDE,
-        flying(stage=Stage.PILOT, taken=TakenOver(NOW_S - 9.0, returned_s=NOW_S), fault=FAULT),
+        flying(stage=Stage.PILOT, taken=Takeover(NOW_S - 9.0, returned_s=NOW_S), fault=FAULT),
         "it is out of the plan: why",
     ),
     (Action.DISARM, DOWN, ""),
@@ -180,7 +180,7 @@ def test_what_is_refused_and_why(action: Action, one: VehicleState, why: str) ->
     [
         (Action.RESUME, HOLDS),
         (Action.INCLUDE, grounded()),
-        (Action.INCLUDE, flying(stage=Stage.PILOT, taken=TakenOver(NOW_S, returned_s=NOW_S))),
+        (Action.INCLUDE, flying(stage=Stage.PILOT, taken=Takeover(NOW_S, returned_s=NOW_S))),
         (Action.REPLAN, flying()),
     ],
 )
@@ -213,12 +213,12 @@ ASKED = [
     (Action.INCLUDE, flying(stage=Stage.PILOT), ""),
     (
         Action.HOLD,
-        flying(stage=Stage.PILOT, cause=Cause.PERSON),
+        flying(stage=Stage.PILOT, cause=ModeCause.PERSON),
         "Take control of it? Speak to the pilot first",
     ),
     (
         Action.LAND,
-        flying(stage=Stage.PILOT, cause=Cause.PERSON),
+        flying(stage=Stage.PILOT, cause=ModeCause.PERSON),
         "Take control of it? Speak to the pilot first",
     ),
     (Action.EXCLUDE, flying(stage=Stage.PILOT), ""),
@@ -229,7 +229,7 @@ ASKED = [
 @pytest.mark.parametrize(("action", "one", "asked"), ASKED)
 def test_what_could_hurt_is_asked_again_until_it_is_confirmed(action: Action, one: VehicleState, asked: str) -> None:
     wish = Intent("wish", action, "uav1", "page", False)
-    told = question(CONTEXT, state_of(one), wish)
+    told = build_confirmation_question(CONTEXT, state_of(one), wish)
     assert told.endswith(asked)
     assert bool(told) is bool(asked)
-    assert question(CONTEXT, state_of(one), replace(wish, confirmed=True)) == ""
+    assert build_confirmation_question(CONTEXT, state_of(one), replace(wish, confirmed=True)) == ""

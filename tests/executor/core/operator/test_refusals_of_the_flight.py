@@ -11,8 +11,8 @@ import pytest
 from executor.core.battery.account import BatteryState
 from executor.core.intents import Action, Intent
 from executor.core.operator import refusals
-from executor.core.parts import Cause
-from executor.core.state import Briefing, Offer, Question
+from executor.core.parts import ModeCause
+from executor.core.state import Briefing, Question, TakeoffOffer
 from executor.core.vehicle import Stage, VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import BATTERY_FAULT, HOLD, TAKEN, beat, flight_of, landed, plan_of, rounded
@@ -24,13 +24,13 @@ SLANTED = replace(
     CONTEXT,
     setup=replace(CONTEXT.setup, network=network_of([(100.0, 50.0), (160.0, 130.0), (400.0, 130.0)], [(0, 1), (1, 2)])),
 )
-PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=Cause.PERSON, taken=replace(TAKEN, returned_s=5.0))
+PILOTS = flying(stage=Stage.PILOT, heartbeat=beat(HOLD), cause=ModeCause.PERSON, taken=replace(TAKEN, returned_s=5.0))
 STANDS = landed(stage=Stage.LANDED)
 
 
 def refused(action: Action, name: str | None, *vehicles: VehicleState, **given: Any) -> str:
     intent = Intent("wish", action, name, "page", False)
-    why = refusals.reason(CONTEXT, flight_of(*vehicles, **given), intent, NOW_S)
+    why = refusals.find_refusal(CONTEXT, flight_of(*vehicles, **given), intent, NOW_S)
     return "" if why is None else why[1]
 
 
@@ -92,7 +92,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 ((flying(stage=Stage.STARTING),), {}),
                 ((flying(stage=Stage.RETURNING),), {}),
                 ((), {}),
-                ((), {"offer": Offer(("uav1",), (0,), 5.0)}),
+                ((), {"offer": TakeoffOffer(("uav1",), (0,), 5.0)}),
             )
         ],
         ["", "", "no vehicle is on a mission", "no vehicle is on a mission", ""],
@@ -198,7 +198,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "how far from slanted lines one may land",
         lambda: [
-            refusals._from_line_m(SLANTED, place_m)
+            refusals._distance_to_line_m(SLANTED, place_m)
             for place_m in (
                 (114.0, 102.0),
                 (100.0, 40.0),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.payload.aim import apart_deg, bearing_deg
+from executor.core.payload.aim import angle_between_deg, bearing_deg
 
 
 @pytest.mark.parametrize(
@@ -19,7 +19,7 @@ from executor.core.payload.aim import apart_deg, bearing_deg
 def test_looks_are_apart_by_their_angle_in_space(
     one: tuple[float, float], other: tuple[float, float], angle: float
 ) -> None:
-    assert apart_deg(*one, *other) == pytest.approx(angle, abs=0.1)
+    assert angle_between_deg(*one, *other) == pytest.approx(angle, abs=0.1)
 
 
 def test_bearings_are_clockwise_from_north() -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.payload.spans import most_apart_m, unseen_m
-from missions.cameras import SpanLook, Trigger
+from executor.core.payload.spans import find_unseen_stretches, max_picture_spacing_m
+from missions.cameras import SpanCameraTask, Trigger
 
 
 @pytest.mark.parametrize(
@@ -22,9 +22,9 @@ from missions.cameras import SpanLook, Trigger
 def test_one_picture_that_is_missing_is_a_stretch_unseen(
     places: list[float], unseen: list[tuple[float, float]]
 ) -> None:
-    most_m = most_apart_m(SpanLook("rgb", Trigger.DISTANCE, 10.0), 3.0)
-    assert unseen_m(100.0, places, most_m) == unseen
+    most_m = max_picture_spacing_m(SpanCameraTask("rgb", Trigger.DISTANCE, 10.0), 3.0)
+    assert find_unseen_stretches(100.0, places, most_m) == unseen
 
 
 def test_a_camera_that_films_says_so_once_a_second() -> None:
-    assert most_apart_m(SpanLook("rgb", Trigger.VIDEO), 3.0) == pytest.approx(11.5)
+    assert max_picture_spacing_m(SpanCameraTask("rgb", Trigger.VIDEO), 3.0) == pytest.approx(11.5)

@@ -9,8 +9,8 @@ import pytest
 from executor.core.check_codes import CheckCode
 from executor.core.preflight import cameras
 from executor.core.preflight.checks import Severity
-from missions import ARDUPILOT, PX4, Dialect, FlightPath, Inspection, flight_path, flight_setup
-from missions.cameras import Camera, Looks, SpanLook, Trigger
+from missions import ARDUPILOT, PX4, Dialect, FlightPath, Inspection, build_flight_path, plan_flight_setup
+from missions.cameras import Camera, CameraTasks, SpanCameraTask, Trigger
 from tests.executor.core.preflight.test_checks import said
 from tests.missions.builders import line_east
 
@@ -20,11 +20,11 @@ BY_DISTANCE = "its autopilot takes no pictures by distance and no single ones"
 
 
 def path_with(trigger: Trigger | None) -> FlightPath:
-    setup = flight_setup(line_east(3), ("uav1",), Inspection(flat=True))
+    setup = plan_flight_setup(line_east(3), ("uav1",), Inspection(flat=True))
     if trigger is not None:
-        looks = Looks({"rgb": Camera("rgb", 1)}, {}, {0: (SpanLook("rgb", trigger, 9.0),)})
+        looks = CameraTasks({"rgb": Camera("rgb", 1)}, {}, {0: (SpanCameraTask("rgb", trigger, 9.0),)})
         setup = replace(setup, looks=looks)
-    return flight_path(setup, "uav1", (0,))
+    return build_flight_path(setup, "uav1", (0,))
 
 
 @pytest.mark.parametrize(("dialect", "value", "severity", "text"), [
@@ -39,16 +39,16 @@ def test_the_crew_is_told_before_a_flight_that_would_see_nothing(
     dialect: Dialect, value: float | None, severity: Severity, text: str
 ) -> None:
     facts = said(dialect, **({} if value is None else {dialect.shutter.parameter: value}))
-    (found,) = cameras.shutter(facts, dialect, path_with(Trigger.DISTANCE))
+    (found,) = cameras.check_shutter(facts, dialect, path_with(Trigger.DISTANCE))
     assert (found.severity, found.text, found.code) == (severity, text, CheckCode.CAMERA)
 
 
 @pytest.mark.parametrize("trigger", [None, Trigger.INTERVAL, Trigger.VIDEO])
 def test_nothing_is_said_of_what_px4_passes_on_to_the_camera(trigger: Trigger | None) -> None:
-    assert cameras.shutter(said(PX4, TRIG_MODE=0.0), PX4, path_with(trigger)) == []
-    assert cameras.shutter(said(PX4, TRIG_MODE=0.0), PX4, None) == []
+    assert cameras.check_shutter(said(PX4, TRIG_MODE=0.0), PX4, path_with(trigger)) == []
+    assert cameras.check_shutter(said(PX4, TRIG_MODE=0.0), PX4, None) == []
 
 
 def test_the_parameter_is_asked_for() -> None:
-    assert cameras.shutter_parameters(PX4) == ("TRIG_MODE",)
-    assert cameras.shutter_parameters(ARDUPILOT) == ("CAM1_TYPE",)
+    assert cameras.list_shutter_parameters(PX4) == ("TRIG_MODE",)
+    assert cameras.list_shutter_parameters(ARDUPILOT) == ("CAM1_TYPE",)

@@ -9,12 +9,12 @@ import pytest
 from executor.core.connection import parse_connection
 from executor.core.messages import Heartbeat, Position, StationHeard, SystemStatus, Version
 from executor.core.preflight import checks, failsafes
-from executor.core.preflight.checks import Check, Facts, Severity
+from executor.core.preflight.checks import Check, Severity, VehicleFacts
 from executor.core.preflight.failsafes import Parameters
-from executor.core.preflight.prearm import complaint
+from executor.core.preflight.prearm import describe_prearm_failure
 from executor.site import assembly
 from missions import ARDUPILOT, PX4, Dialect
-from missions.surface import flat
+from missions.surface import build_flat_surface
 from tests.executor.builders import fleet_of, site_of
 
 FLEET = fleet_of()
@@ -40,18 +40,18 @@ PIXHAWK: Parameters = {
 GOOD = {"ardupilot": COPTER, "px4": PIXHAWK}
 
 
-def said(dialect: Dialect = ARDUPILOT, /, **changes: float) -> Facts:
+def said(dialect: Dialect = ARDUPILOT, /, **changes: float) -> VehicleFacts:
     """Return what a vehicle said that is as it should be, but for these parameters."""
     parameters = {**GOOD[dialect.name], **changes}
     number = dialect.number
     position = Position(60.0, 49.6, 15.6, 450.0, 0.0, 0.0, 0.0, 0.0, None)
-    return Facts("uav1", Heartbeat(number, 0, False, 3, 2), position, 100.0, VERSIONS[dialect.name], parameters)
+    return VehicleFacts("uav1", Heartbeat(number, 0, False, 3, 2), position, 100.0, VERSIONS[dialect.name], parameters)
 
 
 @pytest.mark.parametrize(("free_bytes", "severity"), [(40_000_000_000, Severity.OK), (1_000_000, Severity.WARNING)])
 def test_the_record_of_a_flight_needs_room(free_bytes: int, severity: Severity) -> None:
     paths = {name: board.path for name, board in FLEET.boards.items() if board is not None}
-    found = checks.disk(free_bytes, paths, CONTEXT)
+    found = checks.check_disk_space(free_bytes, paths, CONTEXT)
     assert (found.severity, found.subject) == (severity, "disk")
     assert found.text.startswith(f"{free_bytes / 1e9:.1f} GB free, the record of a flight like this takes about ")
 
@@ -69,31 +69,31 @@ def test_a_pad_is_as_high_as_the_depot(alt_m: float, found: list[Severity]) -> N
     setup = CONTEXT.setup
     pads = tuple(replace(pad, alt_m=alt_m) for pad in setup.pads)
     # The flights would lie below such pads, which no setup allows: the layers are lifted with them.
-    layers = replace(setup.layers, surface=flat(15.0 + 2000.0))
+    layers = replace(setup.layers, surface=build_flat_surface(15.0 + 2000.0))
     context = replace(CONTEXT, setup=replace(setup, pads=pads, layers=layers))
-    said_of_it = checks.pad_height(context, said())
+    said_of_it = checks.check_pad_height(context, said())
     assert [check.severity for check in said_of_it] == found
     assert all(
         f"its pad is {alt_m:.0f} m above sea level by its GPS, the depot 450 m" in one.text for one in said_of_it
     )
 
 
-def lacking(facts: Facts, name: str) -> Facts:
+def lacking(facts: VehicleFacts, name: str) -> VehicleFacts:
     """Return the same without the answer to one question."""
     return replace(facts, parameters={key: value for key, value in facts.parameters.items() if key != name})
 
 
-def waited_s(facts: Facts, dialect: Dialect, wanted_s: float | None = None, speedup: float = 1.0) -> float:
+def waited_s(facts: VehicleFacts, dialect: Dialect, wanted_s: float | None = None, speedup: float = 1.0) -> float:
     tables: dict[str, dict[str, object]] = {"flight": {"speedup": speedup}}
     if wanted_s is not None:
         tables["faults"] = {"link_timeout_s": wanted_s}
     site = site_of(("uav1",), dialect.name, **tables)
-    return assembly.link_timeout_s(site, dialect, failsafes.link_failsafe(dialect, facts.parameters))
+    return assembly.link_timeout_s(site, dialect, failsafes.read_link_failsafe(dialect, facts.parameters))
 
 
-def link(facts: Facts, dialect: Dialect, wanted_s: float | None = None) -> Check:
-    own = failsafes.link_failsafe(dialect, facts.parameters)
-    return checks.link(facts, own, waited_s=waited_s(facts, dialect, wanted_s), wanted_s=wanted_s)
+def link(facts: VehicleFacts, dialect: Dialect, wanted_s: float | None = None) -> Check:
+    own = failsafes.read_link_failsafe(dialect, facts.parameters)
+    return checks.check_link_failsafe(facts, own, waited_s=waited_s(facts, dialect, wanted_s), wanted_s=wanted_s)
 
 
 def severities(checks: list[Check]) -> list[Severity]:
@@ -101,18 +101,19 @@ def severities(checks: list[Check]) -> list[Severity]:
 
 
 def test_the_names_are_those_of_the_good_examples() -> None:
-    assert {*failsafes.names(ARDUPILOT)} == {*COPTER}
-    assert {*failsafes.names(PX4)} == {*PIXHAWK}
-    assert failsafes.older_names(ARDUPILOT, COPTER) == ()
-    assert failsafes.older_names(ARDUPILOT, lacking(said(), "MAV_GCS_SYSID").parameters) == ("SYSID_MYGCS",)
+    assert {*failsafes.list_preflight_parameters(ARDUPILOT)} == {*COPTER}
+    assert {*failsafes.list_preflight_parameters(PX4)} == {*PIXHAWK}
+    assert failsafes.list_older_parameters(ARDUPILOT, COPTER) == ()
+    assert failsafes.list_older_parameters(ARDUPILOT, lacking(said(), "MAV_GCS_SYSID").parameters) == ("SYSID_MYGCS",)
 
 
 @pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda one: str(one.name))
 def test_a_vehicle_that_is_as_it_should_be_raises_nothing(dialect: Dialect) -> None:
     context, facts = fleet_of(autopilot=dialect.name).context, said(dialect)
     found = [
-        *checks.identity(facts, dialect, AT_HOME), link(facts, dialect), *checks.stations(facts, dialect),
-        *checks.battery_failsafes(facts, dialect, 40.0), *checks.fence(context, facts, None),
+        *checks.check_identity(facts, dialect, AT_HOME), link(facts, dialect),
+        *checks.check_ground_stations(facts, dialect),
+        *checks.check_battery_failsafe_settings(facts, dialect, 40.0), *checks.check_own_geofence(context, facts, None),
     ]  # fmt: skip
     assert {check.severity for check in found} == {Severity.OK}
 
@@ -121,13 +122,13 @@ def test_a_vehicle_that_is_as_it_should_be_raises_nothing(dialect: Dialect) -> N
 def test_what_is_no_multicopter_stops(kind: int | None, words: str) -> None:
     facts = said()
     facts = replace(facts, heartbeat=replace(facts.heartbeat, vehicle_type=kind))
-    [check] = [check for check in checks.identity(facts, ARDUPILOT, AT_HOME) if check.severity is Severity.STOP]
+    [check] = [check for check in checks.check_identity(facts, ARDUPILOT, AT_HOME) if check.severity is Severity.STOP]
     assert words in check.text
     assert check.text.endswith("expected a multicopter")
 
 
 def test_another_autopilot_than_the_site_files_stops() -> None:
-    found = checks.identity(said(PX4), ARDUPILOT, AT_HOME)
+    found = checks.check_identity(said(PX4), ARDUPILOT, AT_HOME)
     stops = [check.text for check in found if check.severity is Severity.STOP]
     assert stops == ["HEARTBEAT autopilot is 12, expected ardupilot (3)"]
 
@@ -143,7 +144,7 @@ def test_another_autopilot_than_the_site_files_stops() -> None:
 def test_an_old_firmware_is_a_warning_that_names_what_was_tested(
     dialect: Dialect, version: Version | None, severity: Severity
 ) -> None:
-    [check] = checks.identity(replace(said(dialect), version=version), dialect, AT_HOME)
+    [check] = checks.check_identity(replace(said(dialect), version=version), dialect, AT_HOME)
     assert check.severity is severity
     assert (f"tested with {dialect.tested_version}" in check.text) is (severity is Severity.WARNING)
 
@@ -174,7 +175,7 @@ def test_what_it_does_without_us_in_words(dialect: Dialect, changes: dict[str, f
         (lacking(said(), "FS_GCS_ENABLE"), ARDUPILOT, "GCS failsafe not known"),
     ],
 )
-def test_a_vehicle_that_does_nothing_without_us_is_a_warning(facts: Facts, dialect: Dialect, words: str) -> None:
+def test_a_vehicle_that_does_nothing_without_us_is_a_warning(facts: VehicleFacts, dialect: Dialect, words: str) -> None:
     check = link(facts, dialect)
     assert check.severity is Severity.WARNING
     assert check.text.startswith(words)
@@ -203,7 +204,7 @@ def test_a_fast_simulation_is_waited_for_no_less_than_a_busy_computer_needs() ->
 
 def test_a_failsafe_that_waits_for_another_station_does_not_watch_us() -> None:
     for facts in (said(MAV_GCS_SYSID=252.0), lacking(said(SYSID_MYGCS=252.0), "MAV_GCS_SYSID")):
-        [check] = checks.stations(facts, ARDUPILOT)
+        [check] = checks.check_ground_stations(facts, ARDUPILOT)
         assert check.severity is Severity.WARNING
         assert "watches system 252" in check.text
         assert "ours is 255" in check.text
@@ -214,7 +215,7 @@ def test_a_failsafe_that_waits_for_another_station_does_not_watch_us() -> None:
 )
 def test_another_ground_station_is_named(dialect: Dialect, system: int, hides: bool) -> None:
     facts = replace(said(dialect), stations=(StationHeard(system, 190),))
-    [check] = checks.stations(facts, dialect)
+    [check] = checks.check_ground_stations(facts, dialect)
     assert check.severity is Severity.WARNING
     assert f"system {system} component 190" in check.text
     assert ("would hide the loss of ours" in check.text) is hides
@@ -229,36 +230,40 @@ def test_another_ground_station_is_named(dialect: Dialect, system: int, hides: b
         (lacking(said(PX4), "COM_LOW_BAT_ACT"), PX4, "battery failsafe not known (COM_LOW_BAT_ACT)"),
     ],
 )
-def test_a_vehicle_that_does_nothing_on_a_low_battery_is_a_warning(facts: Facts, dialect: Dialect, words: str) -> None:
-    [check] = checks.battery_failsafes(facts, dialect, 40.0)
+def test_a_vehicle_that_does_nothing_on_a_low_battery_is_a_warning(
+    facts: VehicleFacts, dialect: Dialect, words: str
+) -> None:
+    [check] = checks.check_battery_failsafe_settings(facts, dialect, 40.0)
     assert check.severity is Severity.WARNING
     assert check.text.startswith(words)
 
 
 def test_what_it_does_on_a_low_battery_in_words() -> None:
-    [check] = checks.battery_failsafes(said(), ARDUPILOT, 40.0)
+    [check] = checks.check_battery_failsafe_settings(said(), ARDUPILOT, 40.0)
     assert check.text == (
         "battery failsafe: RTL below 20 % or 14 V (BATT_FS_LOW_ACT=2), land below 10 % (BATT_FS_CRT_ACT=1)"
     )
-    [check] = checks.battery_failsafes(said(PX4), PX4, 40.0)
+    [check] = checks.check_battery_failsafe_settings(said(PX4), PX4, 40.0)
     assert check.text == ("battery failsafe: RTL below 7 % (COM_LOW_BAT_ACT=3), land below 5 % (COM_LOW_BAT_ACT=3)")
 
 
 def test_a_battery_failsafe_that_would_act_in_the_planned_flight_is_a_warning() -> None:
-    assert severities(checks.battery_failsafes(said(), ARDUPILOT, 21.0)) == [Severity.OK]
-    found = checks.battery_failsafes(said(), ARDUPILOT, 18.0)
+    assert severities(checks.check_battery_failsafe_settings(said(), ARDUPILOT, 21.0)) == [Severity.OK]
+    found = checks.check_battery_failsafe_settings(said(), ARDUPILOT, 18.0)
     assert severities(found) == [Severity.OK, Severity.WARNING]
     assert found[1].text.startswith(
         "battery failsafe: RTL below 20 % or 14 V (BATT_FS_LOW_ACT=2), but its flight ends with 18 %"
     )
-    assert severities(checks.battery_failsafes(said(), ARDUPILOT, None)) == [Severity.OK], "a spare has no flight"
+    assert severities(checks.check_battery_failsafe_settings(said(), ARDUPILOT, None)) == [Severity.OK], (
+        "a spare has no flight"
+    )
 
 
 def fence_of(**changes: float) -> list[str]:
     board = FLEET.boards["uav1"]
     assert board is not None
     changes["FENCE_ENABLE"] = 1.0
-    found = checks.fence(CONTEXT, said(**changes), board.path)
+    found = checks.check_own_geofence(CONTEXT, said(**changes), board.path)
     return [check.text for check in found if check.severity is Severity.WARNING]
 
 
@@ -274,19 +279,22 @@ def test_a_fence_that_is_smaller_than_the_plan_is_a_warning() -> None:
 
 
 def test_a_fence_that_is_off_is_none() -> None:
-    assert failsafes.geofence(ARDUPILOT, said(FENCE_RADIUS=1.0).parameters) is None
-    assert failsafes.geofence(PX4, said(PX4).parameters) is None
-    assert failsafes.geofence(PX4, said(PX4, GF_MAX_HOR_DIST=500.0).parameters) == failsafes.Cylinder(None, 500.0)
+    assert failsafes.read_geofence(ARDUPILOT, said(FENCE_RADIUS=1.0).parameters) is None
+    assert failsafes.read_geofence(PX4, said(PX4).parameters) is None
+    assert failsafes.read_geofence(PX4, said(PX4, GF_MAX_HOR_DIST=500.0).parameters) == failsafes.GeofenceCylinder(
+        None, 500.0
+    )
 
 
 def test_pre_arm_checks_in_words() -> None:
     status = SystemStatus(90.0, 16.0, 0x10000024, prearm_ok=False)
     assert (
-        complaint({"GPS: no fix": 95.0, "compass": 60.0}, status, 100.0) == "its own pre-arm checks fail: GPS: no fix"
+        describe_prearm_failure({"GPS: no fix": 95.0, "compass": 60.0}, status, 100.0)
+        == "its own pre-arm checks fail: GPS: no fix"
     )
-    assert complaint({}, status, 100.0) == "its own pre-arm checks fail: not healthy: compass, GPS"
-    assert complaint({}, None, 100.0) == "its own pre-arm checks fail, no reason reported"
-    many = complaint(dict.fromkeys("abcde", 99.0), status, 100.0)
+    assert describe_prearm_failure({}, status, 100.0) == "its own pre-arm checks fail: not healthy: compass, GPS"
+    assert describe_prearm_failure({}, None, 100.0) == "its own pre-arm checks fail, no reason reported"
+    many = describe_prearm_failure(dict.fromkeys("abcde", 99.0), status, 100.0)
     assert many == "its own pre-arm checks fail: a; b; c; 2 more"
 
 
@@ -299,15 +307,15 @@ def test_pre_arm_checks_in_words() -> None:
 )  # fmt: skip
 def test_who_may_talk_is_said(connection: str, warned: bool) -> None:
     links = {"uav1": parse_connection(connection), "uav2": parse_connection("udpin://127.0.0.1:14551")}
-    check = checks.talkers(links, signed=False)
+    check = checks.check_signing(links, signed=False)
     assert check.severity is (Severity.WARNING if warned else Severity.OK)
     if warned:
         assert check.text.startswith("frames are not signed, and uav1 is reached over a network: any sender")
-    assert checks.talkers(links, signed=True).severity is Severity.OK
+    assert checks.check_signing(links, signed=True).severity is Severity.OK
 
 
 @pytest.mark.parametrize(("waited", "severity"), [(19.9, Severity.OK), (20.0, Severity.OK), (20.1, Severity.WARNING)])
 def test_a_time_out_that_is_as_long_as_the_vehicles_own_is_kept(waited: float, severity: Severity) -> None:
-    own = failsafes.link_failsafe(ARDUPILOT, said().parameters)
-    assert checks.link(said(), own, waited_s=waited, wanted_s=20.0).severity is severity
-    assert checks.link(said(), own, waited_s=waited, wanted_s=None).severity is Severity.OK
+    own = failsafes.read_link_failsafe(ARDUPILOT, said().parameters)
+    assert checks.check_link_failsafe(said(), own, waited_s=waited, wanted_s=20.0).severity is severity
+    assert checks.check_link_failsafe(said(), own, waited_s=waited, wanted_s=None).severity is Severity.OK

@@ -13,7 +13,7 @@ from executor.core.messages import DoubleHeard, Position, StationHeard, Version
 from executor.core.preflight import checks
 from executor.core.preflight.checks import (
     Check,
-    Facts,
+    VehicleFacts,
 )
 from executor.core.preflight.failsafes import LinkFailsafe
 from missions import ARDUPILOT, PX4, Pad
@@ -22,7 +22,7 @@ from tests.executor.core.vehicles import DISARMED, FLEET, flying
 
 CONTEXT = FLEET.context
 PLACE = Position(5.0, 49.6, 15.6, 450.0, 0.0, 0.0, 0.0, 0.0, None)
-FACTS = Facts("uav1", replace(DISARMED, vehicle_type=2), PLACE, 95.0, Version(4, 7, 0), {})
+FACTS = VehicleFacts("uav1", replace(DISARMED, vehicle_type=2), PLACE, 95.0, Version(4, 7, 0), {})
 BOARD = flying().assignment.board
 assert BOARD is not None
 PATH = BOARD.path
@@ -37,7 +37,7 @@ def lines(checks: Check | Sequence[Check]) -> list[str]:
 def stood(**pad: Any) -> list[str]:
     """Return what is said of the height of a pad, so far from the depot's."""
     pads = tuple(replace(one, **pad) if one.vehicle == "uav1" else one for one in CONTEXT.setup.pads)
-    return lines(checks.pad_height(replace(CONTEXT, setup=replace(CONTEXT.setup, pads=pads)), FACTS))
+    return lines(checks.check_pad_height(replace(CONTEXT, setup=replace(CONTEXT.setup, pads=pads)), FACTS))
 
 
 NOBODYS = "warning: whose HEARTBEATs its GCS failsafe watches is not known: it has no MAV_GCS_SYSID or SYSID_MYGCS"
@@ -47,7 +47,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who it is",
         lambda: [
-            lines(checks.identity(replace(FACTS, **given), ARDUPILOT, place_m))
+            lines(checks.check_identity(replace(FACTS, **given), ARDUPILOT, place_m))
             for given, place_m in (
                 ({}, (3.0, 4.0)),
                 ({"version": None}, (0.0, 0.0)),
@@ -80,7 +80,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who it is of PX4's",
         lambda: lines(
-            checks.identity(
+            checks.check_identity(
                 replace(FACTS, heartbeat=replace(FACTS.heartbeat, autopilot=12), version=Version(1, 10, 0)),
                 PX4,
                 (0.0, 0.0),
@@ -160,7 +160,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "how long it is waited for",
         lambda: [
-            lines(checks.link(FACTS, LinkFailsafe(acts, 5.0, "words"), waited_s=waited_s, wanted_s=wanted_s))
+            lines(
+                checks.check_link_failsafe(
+                    FACTS, LinkFailsafe(acts, 5.0, "words"), waited_s=waited_s, wanted_s=wanted_s
+                )
+            )
             for acts, waited_s, wanted_s in (
                 (True, 10.0, None),
                 (False, 10.0, None),
@@ -183,7 +187,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whose heartbeats it waits for",
         lambda: [
-            lines(checks.stations(replace(FACTS, parameters=parameters_, stations=others), ARDUPILOT))
+            lines(checks.check_ground_stations(replace(FACTS, parameters=parameters_, stations=others), ARDUPILOT))
             for parameters_, others in (
                 ({}, ()),
                 ({"SYSID_MYGCS": 255.0}, ()),
@@ -214,7 +218,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what it does on a low battery",
         lambda: [
-            lines(checks.battery_failsafes(replace(FACTS, parameters=parameters_), ARDUPILOT, left_pct))
+            lines(checks.check_battery_failsafe_settings(replace(FACTS, parameters=parameters_), ARDUPILOT, left_pct))
             for parameters_, left_pct in (
                 ({}, 50.0),
                 ({"BATT_FS_LOW_ACT": 0.0}, 50.0),
@@ -251,7 +255,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "its fence",
         lambda: [
-            lines(checks.fence(CONTEXT, replace(FACTS, parameters=parameters_), path))
+            lines(checks.check_own_geofence(CONTEXT, replace(FACTS, parameters=parameters_), path))
             for parameters_ in (
                 {},
                 FENCE,
@@ -290,13 +294,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "what is left after the flight",
-        lambda: [checks.left_pct(CONTEXT, path, 50.0) for path in (None, PATH)],
+        lambda: [checks.charge_after_flight_pct(CONTEXT, path, 50.0) for path in (None, PATH)],
         [None, 43.1177],
     ),
     (
         "whether its battery is enough",
         lambda: [
-            lines(checks.energy_for_flight(CONTEXT, "uav1", path, percent))
+            lines(checks.check_energy(CONTEXT, "uav1", path, percent))
             for path, percent in ((None, 80.0), (PATH, 80.0), (PATH, 18.0), (PATH, 22.0))
         ],
         [
@@ -309,7 +313,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who may speak",
         lambda: [
-            lines(checks.talkers({name: parse_connection(text) for name, text in connections}, signed=signed))
+            lines(checks.check_signing({name: parse_connection(text) for name, text in connections}, signed=signed))
             for connections, signed in (
                 ((("uav1", "udpin://0.0.0.0:14550"),), True),
                 ((("uav1", "udpin://0.0.0.0:14550"),), False),
@@ -339,7 +343,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whether there is room",
         lambda: [
-            lines(checks.disk(free, {"uav1": PATH}, CONTEXT)) for free in (10**9, 1_500_000, 1_450_000, 1_400_000, 10)
+            lines(checks.check_disk_space(free, {"uav1": PATH}, CONTEXT))
+            for free in (10**9, 1_500_000, 1_450_000, 1_400_000, 10)
         ],
         [
             ["ok: 1.0 GB free, the record of a flight like this takes about 0 MB"],
@@ -352,7 +357,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whether anybody is near another",
         lambda: [
-            lines(checks.separation([PATH, replace(PATH, vehicle="uav2")], layer_m, {"uav1": 450.0, "uav2": alt_m}))
+            lines(
+                checks.check_layer_separation(
+                    [PATH, replace(PATH, vehicle="uav2")], layer_m, {"uav1": 450.0, "uav2": alt_m}
+                )
+            )
             for layer_m, alt_m in ((5.0, 450.0), (5.0, 490.0))
         ],
         [

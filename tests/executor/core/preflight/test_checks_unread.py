@@ -11,8 +11,8 @@ import pytest
 
 from executor.core.messages import ParamValue, Version
 from executor.core.preflight import cameras, checks, failsafes, packs, terrain
-from executor.core.preflight.checks import Check, Facts, Severity
-from executor.core.preflight.parameters import Answers, propose
+from executor.core.preflight.checks import Check, Severity, VehicleFacts
+from executor.core.preflight.parameters import Answers, propose_return_changes
 from missions import ARDUPILOT, PX4, Dialect, FlightPath
 from missions.cameras import Trigger
 from tests.executor.builders import fleet_of
@@ -25,35 +25,43 @@ assert BOARD is not None
 PATH = BOARD.path
 
 
-def unread(facts: Facts, *names: str) -> Facts:
+def unread(facts: VehicleFacts, *names: str) -> VehicleFacts:
     """Return what is known of a vehicle that may have these parameters, and did not answer."""
     for name in names:
         facts = lacking(facts, name)
     return replace(facts, unread=frozenset(names))
 
 
-def link_lines(facts: Facts, dialect: Dialect) -> list[Check]:
-    own = failsafes.link_failsafe(dialect, facts.parameters, facts.unread)
-    return [checks.link(facts, own, waited_s=failsafes.declared_lost_after_s(dialect, None, 0.0, own), wanted_s=None)]
+def link_lines(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
+    own = failsafes.read_link_failsafe(dialect, facts.parameters, facts.unread)
+    return [
+        checks.check_link_failsafe(
+            facts, own, waited_s=failsafes.effective_link_timeout_s(dialect, None, 0.0, own), wanted_s=None
+        )
+    ]
 
 
-READERS: list[tuple[str, Callable[[Dialect], tuple[str, ...]], Callable[[Facts, Dialect], list[Check]]]] = [
+READERS: list[tuple[str, Callable[[Dialect], tuple[str, ...]], Callable[[VehicleFacts, Dialect], list[Check]]]] = [
     ("the link failsafe", failsafes.link_names, link_lines),
-    ("the watched station", lambda dialect: dialect.ground_station_failsafe.station_sysid[:1], checks.stations),
+    (
+        "the watched station",
+        lambda dialect: dialect.ground_station_failsafe.station_sysid[:1],
+        checks.check_ground_stations,
+    ),
     (
         "the battery failsafe",
         failsafes.battery_names,
-        lambda facts, known: checks.battery_failsafes(facts, known, 40.0),
+        lambda facts, known: checks.check_battery_failsafe_settings(facts, known, 40.0),
     ),
     ("the flight times", lambda known: tuple(one.parameter for one in known.tunings), checks.flight_times),
-    ("the ground", terrain.named_parameters, terrain.following),
+    ("the ground", terrain.list_terrain_parameters, terrain.check_terrain_following),
 ]
 
 
 @BOTH
 @pytest.mark.parametrize(("what", "names", "lines"), READERS, ids=[row[0] for row in READERS])
 def test_whatever_was_not_read_is_a_reason_not_to_fly(
-    what: str, names: Callable[[Dialect], tuple[str, ...]], lines: Callable[[Facts, Dialect], list[Check]],
+    what: str, names: Callable[[Dialect], tuple[str, ...]], lines: Callable[[VehicleFacts, Dialect], list[Check]],
     dialect: Dialect,
 ) -> None:  # fmt: skip
     for name in names(dialect):
@@ -66,8 +74,8 @@ def test_whatever_was_not_read_is_a_reason_not_to_fly(
 def test_a_fence_of_which_a_half_was_read_is_not_said_to_be_left_alone(name: str) -> None:
     """Over a bad link six warnings had become one: what was not read counted as no limit."""
     facts = said(FENCE_ENABLE=1.0, FENCE_ALT_MAX=10.0, FENCE_RADIUS=60.0)
-    assert [check.severity for check in checks.fence(CONTEXT, facts, PATH)] == [Severity.WARNING] * 2
-    [check] = checks.fence(CONTEXT, unread(facts, name), PATH)
+    assert [check.severity for check in checks.check_own_geofence(CONTEXT, facts, PATH)] == [Severity.WARNING] * 2
+    [check] = checks.check_own_geofence(CONTEXT, unread(facts, name), PATH)
     assert (check.severity, check.text) == (
         Severity.STOP,
         f"its geofence is not known: {name} was not read; is the link too bad?",
@@ -75,21 +83,21 @@ def test_a_fence_of_which_a_half_was_read_is_not_said_to_be_left_alone(name: str
 
 
 def test_a_pack_that_is_not_known_is_not_taken_for_the_planned_one() -> None:
-    [check] = packs.pack_checks(CONTEXT, unread(said(), "BATT_CAPACITY"))
+    [check] = packs.check_pack(CONTEXT, unread(said(), "BATT_CAPACITY"))
     assert check.severity is Severity.STOP
 
 
 def test_a_camera_of_which_nobody_knows_is_a_reason_not_to_fly_where_pictures_are_asked_for() -> None:
     capture = SimpleNamespace(trigger=Trigger.DISTANCE)
     asked = cast("FlightPath", SimpleNamespace(waypoints=[SimpleNamespace(captures=[capture])]))
-    [check] = cameras.shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, asked)
+    [check] = cameras.check_shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, asked)
     assert check.severity is Severity.STOP
-    assert cameras.shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, PATH) == [], "it is asked for none"
+    assert cameras.check_shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, PATH) == [], "it is asked for none"
 
 
 def test_an_rtl_that_was_not_read_is_a_reason_not_to_fly_and_nothing_is_set() -> None:
     known = {"RTL_ALT": ParamValue("RTL_ALT", 1200.0, 6)}
-    found = propose(CONTEXT, {"uav1": Answers(known, frozenset({"RTL_CONE_SLOPE"}))})
+    found = propose_return_changes(CONTEXT, {"uav1": Answers(known, frozenset({"RTL_CONE_SLOPE"}))})
     [check] = found.checks
     assert (found.changes, check.severity) == ((), Severity.STOP)
     assert "RTL_CONE_SLOPE was not read" in check.text
@@ -98,12 +106,12 @@ def test_an_rtl_that_was_not_read_is_a_reason_not_to_fly_and_nothing_is_set() ->
 @BOTH
 def test_a_silence_is_borne_for_as_long_as_what_was_not_read_may_be(dialect: Dialect) -> None:
     rule = dialect.ground_station_failsafe
-    own = failsafes.link_failsafe(dialect, {rule.action: 1.0}, {rule.timeout})
+    own = failsafes.read_link_failsafe(dialect, {rule.action: 1.0}, {rule.timeout})
     assert (own.acts, own.after_s >= rule.timeout_most_s) == (None, True)
-    assert failsafes.declared_lost_after_s(dialect, None, 0.0, own) >= rule.timeout_most_s
-    assert failsafes.declared_lost_after_s(dialect, 20.0, 0.0, own) >= rule.timeout_most_s
-    nothing = failsafes.link_failsafe(dialect, {rule.action: 0.0}, ())
-    assert failsafes.declared_lost_after_s(dialect, 20.0, 0.0, nothing) == 20.0
+    assert failsafes.effective_link_timeout_s(dialect, None, 0.0, own) >= rule.timeout_most_s
+    assert failsafes.effective_link_timeout_s(dialect, 20.0, 0.0, own) >= rule.timeout_most_s
+    nothing = failsafes.read_link_failsafe(dialect, {rule.action: 0.0}, ())
+    assert failsafes.effective_link_timeout_s(dialect, 20.0, 0.0, nothing) == 20.0
 
 
 @pytest.mark.parametrize(
@@ -114,8 +122,8 @@ def test_a_silence_is_borne_for_as_long_as_what_was_not_read_may_be(dialect: Dia
         (said(PX4, COM_LOW_BAT_ACT=9.0), PX4),
     ],
 )
-def test_a_battery_failsafe_that_nobody_here_knows_is_a_warning(facts: Facts, dialect: Dialect) -> None:
-    [check] = checks.battery_failsafes(facts, dialect, 40.0)
+def test_a_battery_failsafe_that_nobody_here_knows_is_a_warning(facts: VehicleFacts, dialect: Dialect) -> None:
+    [check] = checks.check_battery_failsafe_settings(facts, dialect, 40.0)
     assert check.severity is Severity.WARNING
     assert "unknown action" in check.text
 
@@ -133,14 +141,16 @@ def test_a_link_failsafe_that_nobody_here_knows_is_a_warning(dialect: Dialect, n
         (said(PX4, GF_ACTION=9.0, GF_MAX_HOR_DIST=1e4), "at a breach of its geofence: unknown action (GF_ACTION=9)"),
     ],
 )
-def test_a_breach_of_which_nobody_here_knows_the_end_is_a_warning(facts: Facts, text: str) -> None:
+def test_a_breach_of_which_nobody_here_knows_the_end_is_a_warning(facts: VehicleFacts, text: str) -> None:
     context = CONTEXT if "FENCE_ENABLE" in facts.parameters else PIXHAWKS
-    assert (Severity.WARNING, text) in [(one.severity, one.text) for one in checks.fence(context, facts, None)]
+    assert (Severity.WARNING, text) in [
+        (one.severity, one.text) for one in checks.check_own_geofence(context, facts, None)
+    ]
 
 
 @pytest.mark.parametrize(("dialect", "name"), [(ARDUPILOT, "RTL_ALT_TYPE"), (PX4, "MPC_ALT_MODE")])
 def test_a_way_to_follow_the_ground_that_nobody_here_knows_is_a_warning(dialect: Dialect, name: str) -> None:
-    [check] = terrain.following(said(dialect, **{name: 9.0}), dialect)
+    [check] = terrain.check_terrain_following(said(dialect, **{name: 9.0}), dialect)
     assert (check.severity, check.text) == (
         Severity.WARNING,
         f"may follow the ground by itself: {name} 9 is unknown",
@@ -175,7 +185,7 @@ def test_a_return_long_before_the_battery_is_low(
     version: tuple[int, int, int] | None, changes: dict[str, float], early: list[str]
 ) -> None:
     facts = replace(said(PX4, **changes), version=None if version is None else Version(*version))
-    found = checks.battery_failsafes(facts, PX4, 40.0)
+    found = checks.check_battery_failsafe_settings(facts, PX4, 40.0)
     assert [check.text for check in found[1:]] == [
         f"battery failsafe: {one}: it may leave its mission" for one in early
     ]
@@ -184,7 +194,7 @@ def test_a_return_long_before_the_battery_is_low(
 
 @pytest.mark.parametrize(("value", "last"), [(4.0, "flight termination"), (5.0, "land")])
 def test_what_newer_px4_does_on_a_low_battery_has_words(value: float, last: str) -> None:
-    [check] = checks.battery_failsafes(said(PX4, COM_LOW_BAT_ACT=value), PX4, 40.0)
+    [check] = checks.check_battery_failsafe_settings(said(PX4, COM_LOW_BAT_ACT=value), PX4, 40.0)
     assert check.severity is Severity.OK
     assert check.text == (
         f"battery failsafe: RTL below 7 % (COM_LOW_BAT_ACT={value:g}), {last} below 5 % (COM_LOW_BAT_ACT={value:g})"

@@ -10,7 +10,7 @@ from executor.core.preflight import failsafes
 from executor.core.preflight.failsafes import (
     BatteryAction,
     BatteryRule,
-    Cylinder,
+    GeofenceCylinder,
     LinkFailsafe,
 )
 from missions import ARDUPILOT, PX4
@@ -24,7 +24,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what a vehicle does without us",
         lambda: [
-            failsafes.link_failsafe(ARDUPILOT, parameters)
+            failsafes.read_link_failsafe(ARDUPILOT, parameters)
             for parameters in (
                 {},
                 ARDU,
@@ -58,7 +58,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what PX4 does without us",
         lambda: [
-            failsafes.link_failsafe(PX4, parameters)
+            failsafes.read_link_failsafe(PX4, parameters)
             for parameters in (
                 {},
                 {"NAV_DLL_ACT": 2.0},
@@ -92,13 +92,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whose heartbeats count",
         lambda: [
-            failsafes.counted_station(ARDUPILOT, parameters) for parameters in ({}, ARDU, ARDU | {"MAV_GCS_SYSID": 3.0})
+            failsafes.find_watched_station(ARDUPILOT, parameters)
+            for parameters in ({}, ARDU, ARDU | {"MAV_GCS_SYSID": 3.0})
         ],
         [None, ("SYSID_MYGCS", 254), ("MAV_GCS_SYSID", 3)],
     ),
     (
         "what is asked for",
-        lambda: [failsafes.names(dialect) for dialect in (ARDUPILOT, PX4)],
+        lambda: [failsafes.list_preflight_parameters(dialect) for dialect in (ARDUPILOT, PX4)],
         [
             (
                 "FS_GCS_ENABLE",
@@ -154,13 +155,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "what is asked for by its older name",
-        lambda: [failsafes.older_names(ARDUPILOT, parameters) for parameters in ({}, {"MAV_GCS_SYSID": 3.0}, ARDU)],
+        lambda: [
+            failsafes.list_older_parameters(ARDUPILOT, parameters) for parameters in ({}, {"MAV_GCS_SYSID": 3.0}, ARDU)
+        ],
         [("SYSID_MYGCS",), (), ()],
     ),
     (
         "what a vehicle does on a low battery",
         lambda: [
-            failsafes.battery_rule(ARDUPILOT, parameters)
+            failsafes.read_battery_rule(ARDUPILOT, parameters)
             for parameters in (
                 {},
                 {"BATT_LOW_MAH": 1000.0, "BATT_CRT_MAH": 500.0, "BATT_CAPACITY": 5000.0},
@@ -226,7 +229,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what PX4 does on a low battery",
         lambda: [
-            failsafes.battery_rule(PX4, parameters)
+            failsafes.read_battery_rule(PX4, parameters)
             for parameters in (
                 {},
                 {"COM_LOW_BAT_ACT": 3.0, "BAT_CRIT_THR": 0.07, "BAT_EMERGEN_THR": 0.05},
@@ -248,7 +251,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "which fence a vehicle keeps to",
         lambda: [
-            failsafes.geofence(ARDUPILOT, parameters)
+            failsafes.read_geofence(ARDUPILOT, parameters)
             for parameters in (
                 {},
                 FENCE,
@@ -266,23 +269,23 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
         [
             None,
-            Cylinder(height_m=80.0, radius_m=300.0),
+            GeofenceCylinder(height_m=80.0, radius_m=300.0),
             None,
-            Cylinder(height_m=80.0, radius_m=300.0),
-            Cylinder(height_m=80.0, radius_m=None),
-            Cylinder(height_m=None, radius_m=300.0),
+            GeofenceCylinder(height_m=80.0, radius_m=300.0),
+            GeofenceCylinder(height_m=80.0, radius_m=None),
+            GeofenceCylinder(height_m=None, radius_m=300.0),
             None,
-            Cylinder(height_m=80.0, radius_m=None),
-            Cylinder(height_m=None, radius_m=300.0),
+            GeofenceCylinder(height_m=80.0, radius_m=None),
+            GeofenceCylinder(height_m=None, radius_m=300.0),
             None,
-            Cylinder(height_m=None, radius_m=1.0),
-            Cylinder(height_m=1.0, radius_m=None),
+            GeofenceCylinder(height_m=None, radius_m=1.0),
+            GeofenceCylinder(height_m=1.0, radius_m=None),
         ],
     ),
     (
         "which fence PX4 keeps to",
         lambda: [
-            failsafes.geofence(PX4, parameters)
+            failsafes.read_geofence(PX4, parameters)
             for parameters in (
                 {},
                 {"GF_ACTION": 3.0, "GF_MAX_VER_DIST": 60.0},
@@ -290,7 +293,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 {"GF_ACTION": 0.0, "GF_MAX_HOR_DIST": 200.0},
             )
         ],
-        [None, Cylinder(height_m=60.0, radius_m=None), Cylinder(height_m=None, radius_m=200.0), None],
+        [None, GeofenceCylinder(height_m=60.0, radius_m=None), GeofenceCylinder(height_m=None, radius_m=200.0), None],
     ),
 ]
 

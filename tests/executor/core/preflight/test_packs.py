@@ -6,26 +6,28 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.battery.history import PackFlown, PackHistory, history_of
+from executor.core.battery.history import PackFlightRecord, PackHistory, build_pack_history
 from executor.core.battery.resting import Chemistry, PackFacts
 from executor.core.check_codes import CheckCode
 from executor.core.context import Context
 from executor.core.messages import Position
 from executor.core.preflight import packs
-from executor.core.preflight.checks import Facts, Severity
+from executor.core.preflight.checks import Severity, VehicleFacts
 from missions import PX4
 from tests.executor.core.vehicles import DISARMED, FLEET
 
 PLACE = Position(5.0, 49.6, 15.6, 450.0, 0.0, 0.0, 0.0, 0.0, None)
-FACTS = Facts("uav1", DISARMED, PLACE, 76.0, None, {}, voltage_v=11.1)
+FACTS = VehicleFacts("uav1", DISARMED, PLACE, 76.0, None, {}, voltage_v=11.1)
 FOUR = replace(FACTS, cells=4)
 SOUND = replace(FOUR, remaining_pct=98.0, voltage_v=16.6)
 
 
-def said(facts: Facts, site: PackFacts | None = None, context: Context = FLEET.context) -> list[tuple[Severity, str]]:
+def said(
+    facts: VehicleFacts, site: PackFacts | None = None, context: Context = FLEET.context
+) -> list[tuple[Severity, str]]:
     setup = replace(context.vehicles["uav1"], pack=site or PackFacts())
     context = replace(context, vehicles={**context.vehicles, "uav1": setup})
-    found = packs.pack_checks(context, facts)
+    found = packs.check_pack(context, facts)
     assert {one.code for one in found} <= {CheckCode.PACK}
     return [(one.severity, one.text) for one in found]
 
@@ -43,7 +45,7 @@ def test_a_pack_that_is_emptier_than_it_counts() -> None:
         (replace(FACTS, cells=3), None),
     ],
 )
-def test_cells_are_said_by_a_parameter_or_the_site_or_itself(facts: Facts, site: PackFacts | None) -> None:
+def test_cells_are_said_by_a_parameter_or_the_site_or_itself(facts: VehicleFacts, site: PackFacts | None) -> None:
     text = "its pack rests at 3.70 V a cell, about 12 %, and reports 76 % (3 cells)"
     assert said(facts, site) == [(Severity.WARNING, text)]
 
@@ -84,7 +86,7 @@ def test_a_vehicle_without_a_voltage() -> None:
     assert said(replace(FACTS, voltage_v=None))[0][0] is Severity.OK
 
 
-WORN = history_of("A7", [PackFlown(3.5, 0.024, 5.0)] * 4)
+WORN = build_pack_history("A7", [PackFlightRecord(3.5, 0.024, 5.0)] * 4)
 
 
 def of_history(known: PackHistory | None, budget_pct: float, reserve_pct: float, empty_pct: float) -> list[object]:
@@ -93,7 +95,7 @@ def of_history(known: PackHistory | None, budget_pct: float, reserve_pct: float,
         empty_pct=empty_pct,
     )  # fmt: skip
     context = replace(FLEET.context, vehicles={**FLEET.context.vehicles, "uav1": setup})
-    return [(one.severity, one.text) for one in packs.pack_checks(context, SOUND)[:-1]]
+    return [(one.severity, one.text) for one in packs.check_pack(context, SOUND)[:-1]]
 
 
 def test_a_worn_pack_is_told_with_what_is_reckoned_with_for_it() -> None:
@@ -105,14 +107,14 @@ def test_a_worn_pack_is_told_with_what_is_reckoned_with_for_it() -> None:
 
 
 def test_a_pack_that_is_as_it_should_be_or_that_nobody_knows_is_told_without_a_warning() -> None:
-    sound = history_of("B1", [PackFlown(4.9, None, 5.0)])
+    sound = build_pack_history("B1", [PackFlightRecord(4.9, None, 5.0)])
     assert of_history(sound, 75.0, 15.0, 0.0) == [
         (Severity.OK, "its pack B1 has 4.9 Ah, 98 % of the plan's 5 Ah, by 1 flight")
     ]
-    assert of_history(history_of("new", []), 75.0, 15.0, 0.0) == [
+    assert of_history(build_pack_history("new", []), 75.0, 15.0, 0.0) == [
         (Severity.OK, "its pack new: no flight of it is known; the plan reckons with 5 Ah")
     ]
-    assert of_history(history_of("C2", [PackFlown(None, None, None)]), 75.0, 15.0, 0.0) == [
+    assert of_history(build_pack_history("C2", [PackFlightRecord(None, None, None)]), 75.0, 15.0, 0.0) == [
         (Severity.OK, "its pack C2: 1 flight did not say; the plan reckons with 5 Ah")
     ]
     assert of_history(None, 75.0, 15.0, 0.0) == []

@@ -12,16 +12,16 @@ from executor.core.preflight.checks import Severity
 from executor.core.preflight.parameters import (
     KEPT_HIGHER_M,
     Answers,
-    Change,
     ChangeStage,
-    FoundParameters,
-    Kept,
-    Proposal,
-    found,
-    kept_record,
-    on_record,
-    propose,
-    return_heights,
+    KeptParameter,
+    ParameterChange,
+    ParameterProposal,
+    ValueOrigin,
+    build_kept_parameter,
+    build_parameter_record,
+    check_return_height,
+    classify_value,
+    propose_return_changes,
 )
 from tests.executor.builders import fleet_of
 
@@ -36,12 +36,12 @@ def said(kind: int = REAL32, **values: float) -> dict[str, ParamValue]:
     return {name: ParamValue(name, value, kind) for name, value in values.items()}
 
 
-def proposed(context: Context, vehicle: str, kind: int = REAL32, **values: float) -> Proposal:
+def proposed(context: Context, vehicle: str, kind: int = REAL32, **values: float) -> ParameterProposal:
     """Return what is proposed for one vehicle that has these parameters."""
-    return propose(context, {vehicle: Answers(said(kind, **values))})
+    return propose_return_changes(context, {vehicle: Answers(said(kind, **values))})
 
 
-def new_values(proposal: Proposal) -> dict[str, float]:
+def new_values(proposal: ParameterProposal) -> dict[str, float]:
     """Return what is to be set."""
     return {change.name: change.new for change in proposal.changes}
 
@@ -115,7 +115,9 @@ def test_the_highest_may_return_higher_and_nobody_else() -> None:
     assert proposed(COPTERS, "uav3", RTL_ALT=100 * (height_m + 20.0)).changes == ()
     assert proposed(COPTERS, "uav2", RTL_ALT=100 * (height_m + 20.0)).changes
     assert proposed(COPTERS, "uav3", RTL_ALT=100 * (height_m + KEPT_HIGHER_M + 1.0)).changes, "it would cost too much"
-    low = propose(COPTERS, {"uav3": Answers(said(RTL_ALT=100 * (height_m + 20.0)))}, ceiling_m=height_m + 10.0)
+    low = propose_return_changes(
+        COPTERS, {"uav3": Answers(said(RTL_ALT=100 * (height_m + 20.0)))}, ceiling_m=height_m + 10.0
+    )
     assert new_values(low) == {"RTL_ALT": 100 * height_m}, "it would be above the ceiling"
 
 
@@ -139,27 +141,27 @@ def test_a_return_whose_height_is_not_known_is_a_reason_not_to_fly() -> None:
 def test_what_became_of_it() -> None:
     proposal = proposed(COPTERS, "uav1", RTL_ALT=1200.0, RTL_CONE_SLOPE=3.0)
     height_m = COPTERS.return_height_m("uav1")
-    good = return_heights(COPTERS, "uav1", proposal, {"RTL_ALT": "", "RTL_CONE_SLOPE": ""})
+    good = check_return_height(COPTERS, "uav1", proposal, {"RTL_ALT": "", "RTL_CONE_SLOPE": ""})
     assert (good.severity, good.text) == (Severity.OK, f"RTL altitude set to {height_m:g} m (RTL_ALT)")
-    low = return_heights(COPTERS, "uav1", proposal, {"RTL_ALT": "RTL_ALT stays 1200", "RTL_CONE_SLOPE": ""})
+    low = check_return_height(COPTERS, "uav1", proposal, {"RTL_ALT": "RTL_ALT stays 1200", "RTL_CONE_SLOPE": ""})
     assert low.severity is Severity.STOP
     assert low.text == (
         f"RTL altitude stays 12 m (RTL_ALT), not the {height_m:.0f} m that keep it clear of the others: "
         "RTL_ALT stays 1200"
     )
-    beside = return_heights(COPTERS, "uav1", proposal, {"RTL_ALT": "", "RTL_CONE_SLOPE": "RTL_CONE_SLOPE stays 3"})
+    beside = check_return_height(COPTERS, "uav1", proposal, {"RTL_ALT": "", "RTL_CONE_SLOPE": "RTL_CONE_SLOPE stays 3"})
     assert (beside.severity, beside.text) == (
         Severity.WARNING,
         f"RTL altitude set to {height_m:g} m, but RTL_CONE_SLOPE stays 3",
     )
 
 
-def change(old: float, new: float) -> Change:
-    return Change("uav1", "RTL_ALT", old, new, INT32, "cm", "keeps its RTL in its own layer")
+def change(old: float, new: float) -> ParameterChange:
+    return ParameterChange("uav1", "RTL_ALT", old, new, INT32, "cm", "keeps its RTL in its own layer")
 
 
-def record(old: float, new: float, before: Kept | None = None) -> Kept:
-    return kept_record(change(old, new), 1, "ardupilot", before)
+def record(old: float, new: float, before: KeptParameter | None = None) -> KeptParameter:
+    return build_kept_parameter(change(old, new), 1, "ardupilot", before)
 
 
 def test_the_oldest_value_is_given_back() -> None:
@@ -167,10 +169,10 @@ def test_the_oldest_value_is_given_back() -> None:
     second = record(2700.0, 3200.0, replace(first, stage=ChangeStage.SET))
     third = record(3200.0, 2700.0, second)
     assert [one.old for one in (first, second, third)] == [1500.0, 1500.0, 1500.0]
-    assert [found(second, value) for value in (1500.0, 2700.0, 3200.0)] == [
-        FoundParameters.OLD,
-        FoundParameters.OURS,
-        FoundParameters.OURS,
+    assert [classify_value(second, value) for value in (1500.0, 2700.0, 3200.0)] == [
+        ValueOrigin.OLD,
+        ValueOrigin.OURS,
+        ValueOrigin.OURS,
     ]
     assert all(one.stage is ChangeStage.PLANNED for one in (first, second, third))
     assert third.earlier == (3200.0,)
@@ -182,14 +184,14 @@ def test_what_was_planned_and_never_sent_is_no_older_value() -> None:
 
 def test_what_somebody_set_since_is_what_was_there() -> None:
     assert record(4000.0, 2700.0, record(1500.0, 3200.0)).old == 4000.0
-    assert found(record(1500.0, 3200.0), 4000.0) is FoundParameters.OTHER
+    assert classify_value(record(1500.0, 3200.0), 4000.0) is ValueOrigin.OTHER
     given_back = replace(record(1500.0, 2700.0), stage=ChangeStage.RESTORED)
     assert record(2700.0, 3200.0, given_back).old == 2700.0, "it was given back, so somebody else set that"
 
 
 def test_what_is_not_set_again_stays_on_record() -> None:
     before = [record(1500.0, 2700.0), replace(record(3.0, 0.0), name="RTL_CONE_SLOPE", stage=ChangeStage.SET)]
-    now = on_record([change(2700.0, 3200.0)], {"uav1": (1, "ardupilot")}, before)
+    now = build_parameter_record([change(2700.0, 3200.0)], {"uav1": (1, "ardupilot")}, before)
     assert [(one.name, one.old, one.new, one.stage) for one in now] == [
         ("RTL_ALT", 1500.0, 3200.0, ChangeStage.PLANNED),
         ("RTL_CONE_SLOPE", 3.0, 0.0, ChangeStage.SET),

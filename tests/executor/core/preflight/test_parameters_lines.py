@@ -14,8 +14,8 @@ from executor.core.preflight.checks import (
     Check,
 )
 from executor.core.preflight.parameters import (
-    Change,
-    Kept,
+    KeptParameter,
+    ParameterChange,
 )
 from missions import ARDUPILOT, PX4
 from tests.executor.builders import fleet_of
@@ -24,8 +24,8 @@ from tests.executor.core.vehicles import FLEET, NOW_S
 
 CONTEXT = FLEET.context
 UNEVEN = fleet_of(autopilot="px4").context
-CHANGE = Change("uav1", "RTL_ALT", 3000.0, 1500.0, 4, "cm", "why")
-KEPT = Kept("uav1", 1, "ardupilot", "RTL_ALT", 3000.0, 1500.0, 4, "cm", "why")
+CHANGE = ParameterChange("uav1", "RTL_ALT", 3000.0, 1500.0, 4, "cm", "why")
+KEPT = KeptParameter("uav1", 1, "ardupilot", "RTL_ALT", 3000.0, 1500.0, 4, "cm", "why")
 
 
 def lines(checks: Check | Sequence[Check]) -> list[str]:
@@ -39,13 +39,13 @@ def known(**values: float) -> Mapping[str, ParamValue]:
 def proposed(
     said: Mapping[str, ParamValue], name: str = "uav1", context: Context = CONTEXT, ceiling_m: float | None = None
 ) -> list[str]:
-    found = parameters.propose(context, {name: parameters.Answers(said)}, ceiling_m=ceiling_m)
+    found = parameters.propose_return_changes(context, {name: parameters.Answers(said)}, ceiling_m=ceiling_m)
     return [one.words for one in found.changes] + lines(found.checks)
 
 
 def settled(ends: Mapping[str, str], said: Mapping[str, ParamValue]) -> list[str]:
-    found = parameters.propose(CONTEXT, {"uav1": parameters.Answers(said)})
-    return lines(parameters.return_heights(CONTEXT, "uav1", found, ends))
+    found = parameters.propose_return_changes(CONTEXT, {"uav1": parameters.Answers(said)})
+    return lines(parameters.check_return_height(CONTEXT, "uav1", found, ends))
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
@@ -190,9 +190,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "what is asked for",
         lambda: [
             (
-                parameters.first_names(dialect),
-                parameters.newer_names(dialect, {}),
-                parameters.newer_names(dialect, known(RTL_ALT=1.0)),
+                parameters.list_return_parameters(dialect),
+                parameters.list_newer_return_parameters(dialect, {}),
+                parameters.list_newer_return_parameters(dialect, known(RTL_ALT=1.0)),
             )
             for dialect in (ARDUPILOT, PX4)
         ],
@@ -203,13 +203,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a value in words",
-        lambda: [parameters.number(value) for value in (1500.0, 27.299999, 0.0, -1.5)],
+        lambda: [parameters.format_number(value) for value in (1500.0, 27.299999, 0.0, -1.5)],
         ["1500", "27.3", "0", "-1.5"],
     ),
     (
         "values that are the same",
         lambda: [
-            parameters.same(one, other)
+            parameters.is_same_value(one, other)
             for one, other in ((1500.0, 1500.014), (1500.0, 1500.016), (0.0, 9e-7), (0.0, 1.1e-6))
         ],
         [True, False, True, False],
@@ -217,7 +217,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "heights are rounded up",
         lambda: [
-            parameters._rounded_up(height_m, unit_m, kind)
+            parameters._round_up_height(height_m, unit_m, kind)
             for height_m, unit_m, kind in (
                 (15.001, 0.01, 4),
                 (15.0, 0.01, 4),
@@ -230,13 +230,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "why a height is set",
-        lambda: [parameters._why_so_high(context) for context in (CONTEXT, fleet_of({"uav1": (0,)}).context)],
+        lambda: [parameters._explain_return_height(context) for context in (CONTEXT, fleet_of({"uav1": (0,)}).context)],
         ["keeps its RTL in its own layer", "keeps its RTL above the line"],
     ),
     (
         "what is on record",
         lambda: [
-            parameters.kept_record(replace(CHANGE, old=old), 1, "ardupilot", before)
+            parameters.build_kept_parameter(replace(CHANGE, old=old), 1, "ardupilot", before)
             for old, before in (
                 (3000.0, None),
                 (1500.0, KEPT),
@@ -257,7 +257,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "the whole record",
-        lambda: parameters.on_record(
+        lambda: parameters.build_parameter_record(
             [CHANGE],
             {"uav1": (1, "ardupilot")},
             [replace(KEPT, name="RTL_CONE_SLOPE"), replace(KEPT, old=2500.0, new=3000.0)],
@@ -266,7 +266,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "what is found on board",
-        lambda: [parameters.found(KEPT, value).value for value in (3000.0, 1500.0, 1400.0)],
+        lambda: [parameters.classify_value(KEPT, value).value for value in (3000.0, 1500.0, 1400.0)],
         ["old", "ours", "other"],
     ),
     (

@@ -16,7 +16,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "why it does not arm",
         lambda: [
-            prearm.complaint(reasons_s, status, 100.0)
+            prearm.describe_prearm_failure(reasons_s, status, 100.0)
             for reasons_s, status in (
                 ({}, None),
                 ({"a": 65.0}, None),
@@ -36,7 +36,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "which sensors are not healthy",
         lambda: [
-            prearm.complaint({}, SystemStatus(None, None, bit, None), 100.0) for bit in (0, *prearm.SENSORS, 0x40, 0x3)
+            prearm.describe_prearm_failure({}, SystemStatus(None, None, bit, None), 100.0)
+            for bit in (0, *prearm.SENSORS, 0x40, 0x3)
         ],
         [
             "its own pre-arm checks fail, no reason reported",
@@ -63,7 +64,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what gives a reason",
         lambda: [
-            prearm.reason_in(text)
+            prearm.parse_prearm_reason(text)
             for text in (
                 "PreArm: a",
                 "Arm: b",

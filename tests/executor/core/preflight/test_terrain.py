@@ -31,13 +31,13 @@ def test_the_crew_is_told_where_an_autopilot_follows_the_ground_by_itself(
     dialect: object, changes: dict[str, float], severity: Severity, text: str
 ) -> None:
     known = ARDUPILOT if dialect is ARDUPILOT else PX4
-    (found,) = terrain.following(said(known, **changes), known)
+    (found,) = terrain.check_terrain_following(said(known, **changes), known)
     assert (found.severity, found.text) == (severity, text)
 
 
 def test_each_of_its_parameters_is_asked_for() -> None:
-    assert set(terrain.named_parameters(ARDUPILOT)) >= {"RTL_ALT_TYPE", "TERRAIN_ENABLE", "WPNAV_RFND_USE"}
-    assert terrain.named_parameters(PX4) == ("MPC_ALT_MODE",)
+    assert set(terrain.list_terrain_parameters(ARDUPILOT)) >= {"RTL_ALT_TYPE", "TERRAIN_ENABLE", "WPNAV_RFND_USE"}
+    assert terrain.list_terrain_parameters(PX4) == ("MPC_ALT_MODE",)
 
 
 def test_a_gps_that_is_too_high_flies_low_over_the_ground(tmp_path: Path) -> None:
@@ -51,7 +51,7 @@ def test_a_gps_that_is_too_high_flies_low_over_the_ground(tmp_path: Path) -> Non
         east_m, north_m = setup.tracks_m[0, 0].tolist()
         pads = (Pad(first.vehicle, east_m, north_m, ground_m + by_m), *others)
         context = cast("Context", SimpleNamespace(setup=SimpleNamespace(terrain=known, pad_of=lambda _: pads[0])))
-        checks = terrain.pad_ground(context, replace(said(), name=first.vehicle))
+        checks = terrain.check_pad_ground(context, replace(said(), name=first.vehicle))
         return [(check.severity, check.text) for check in checks]
 
     assert found(2.0) == []

@@ -16,14 +16,14 @@ from executor.core.commands import Command, Solve, Upload
 from executor.core.context import Context
 from executor.core.events import NewRoute, SolveEnded, UploadEnded
 from executor.core.messages import Heartbeat
-from executor.core.parts import Fix
+from executor.core.parts import PositionFix
 from executor.core.preflight.failsafes import LinkFailsafe
 from executor.core.replan import apart, replanning
 from executor.core.state import FleetState
-from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, aboard
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, build_onboard_mission
 from executor.site import assembly
 from missions import FlightPath
-from missions.asked import airway, check_asked, first_paths, inspected_at_m
+from missions.asked import build_airway, build_first_paths, check_inspection_airspace, segment_distances_m
 from missions.geometry import leg_distances_m
 from tests.executor.builders import ground_for, site_of, with_facts
 from tests.executor.core.vehicles import AUTO, RTL, pack
@@ -45,7 +45,7 @@ def context(*, rises: bool) -> Context:
     site = site_of(NAMES, "ardupilot", inspection={"same_distance": True, "ceiling_m": 400.0})
     ground = ground_for(site, network_of(places, pairs, heights))
     own = {name: LinkFailsafe(True, 5.0, "", returns=True) for name in NAMES}
-    return assembly.context_of(ground, assembly.setup_of(ground), assembly.task_of(ground), own)
+    return assembly.build_context(ground, assembly.build_flight_setup(ground), assembly.build_first_task(ground), own)
 
 
 CONTEXTS = {rises: context(rises=rises) for rises in (False, True)}
@@ -69,7 +69,7 @@ def flying_to(vehicle: VehicleState, waypoint: int, now_s: float = NOW_S) -> Veh
     facts = {
         "stage": Stage.FLYING, "heard_s": now_s, "heartbeat": Heartbeat(3, AUTO, True, 4), "heartbeat_s": now_s,
         "armed_once": True, "took_off": True, "battery": pack(90.0, 90.0), "waypoint": waypoint,
-        "fix": Fix(now_s, now_s, place, alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0)),
+        "fix": PositionFix(now_s, now_s, place, alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0)),
     }  # fmt: skip
     return with_facts(vehicle, **facts)
 
@@ -77,9 +77,12 @@ def flying_to(vehicle: VehicleState, waypoint: int, now_s: float = NOW_S) -> Veh
 def in_flight(chosen: Context, rng: random.Random) -> FleetState:
     """Return a fleet in the midst of its missions."""
     routes = dealt(rng, list(range(4 * SPANS)))
-    paths = first_paths(chosen.setup, routes)
-    boards = {name: aboard(chosen, name, 0, paths[name], routes[name]) if name in paths else None for name in NAMES}
-    state = fleet.initial(boards)
+    paths = build_first_paths(chosen.setup, routes)
+    boards = {
+        name: build_onboard_mission(chosen, name, 0, paths[name], routes[name]) if name in paths else None
+        for name in NAMES
+    }
+    state = fleet.build_initial_state(boards)
     for name, board in boards.items():
         if board is None:
             continue
@@ -111,7 +114,9 @@ def is_low(chosen: Context, state: FleetState, name: str) -> bool:
     """Return whether a vehicle has some of its way below its layer left."""
     vehicle = state.vehicles[name]
     board = vehicle.assignment.board
-    return board is not None and bool(airway(chosen.setup, board.path, vehicle.assignment.waypoint).walled.any())
+    return board is not None and bool(
+        build_airway(chosen.setup, board.path, vehicle.assignment.waypoint).has_wall.any()
+    )
 
 
 def with_somebody_low(chosen: Context) -> tuple[FleetState, str]:
@@ -149,11 +154,11 @@ def nobody_meets(chosen: Context, state: FleetState, new: dict[str, FlightPath])
         board = vehicle.assignment.board
         if board is None:
             continue
-        rest = airway(setup, board.path, vehicle.assignment.waypoint)
-        taken.append(rest.in_layer() if vehicle.stage is Stage.LOST else rest)
+        rest = build_airway(setup, board.path, vehicle.assignment.waypoint)
+        taken.append(rest.to_layer() if vehicle.stage is Stage.LOST else rest)
         if name in new:
-            taken.append(airway(setup, new[name], vehicle.assignment.waypoint))
-    assert check_asked(setup, taken) == []
+            taken.append(build_airway(setup, new[name], vehicle.assignment.waypoint))
+    assert check_inspection_airspace(setup, taken) == []
     for one, other in itertools.combinations(taken, 2):
         if one.vehicle != other.vehicle and len(one.legs_m) and len(other.legs_m):
             assert leg_distances_m(one.legs_m, other.legs_m).min() >= LAYER_M - 1e-3
@@ -166,11 +171,11 @@ def test_whatever_is_dealt_out_after_a_loss_nobody_meets(seed: int, rises: bool)
     state = in_flight(chosen, rng)
     flies = [name for name, vehicle in state.vehicles.items() if vehicle.stage is Stage.FLYING]
     nobody_meets(chosen, state, {})
-    state, commands = replanning.begin(chosen, lose(state, rng.choice(flies)), NOW_S)
+    state, commands = replanning.begin_replan(chosen, lose(state, rng.choice(flies)), NOW_S)
     solves = [command for command in commands if isinstance(command, Solve)]
     if not solves:
         return
-    state, commands = replanning.solved(chosen, state, answered(solves[0], rng), NOW_S)
+    state, commands = replanning.apply_solution(chosen, state, answered(solves[0], rng), NOW_S)
     new = {upload.vehicle: upload.path for upload in uploads(commands)}
     nobody_meets(chosen, state, new)
     # One mission after the other comes on board, or is refused; who has waited for it is given its own then.
@@ -181,7 +186,7 @@ def test_whatever_is_dealt_out_after_a_loss_nobody_meets(seed: int, rises: bool)
         state, _ = fleet.step(chosen, state, ended, NOW_S)
         nobody_meets(chosen, state, new)
         if state.replanning.replan is not None:
-            state, commands = replanning.begin(chosen, state, NOW_S)
+            state, commands = replanning.begin_replan(chosen, state, NOW_S)
             new |= {upload.vehicle: upload.path for upload in uploads(commands)}
             nobody_meets(chosen, state, new)
 
@@ -189,18 +194,18 @@ def test_whatever_is_dealt_out_after_a_loss_nobody_meets(seed: int, rises: bool)
 def test_nothing_is_given_away_while_the_lost_one_may_be_on_the_line() -> None:
     chosen = CONTEXTS[False]
     state, lost = with_somebody_low(chosen)
-    rises_s = apart.clears_s(chosen.setup, chosen.pricing.models[lost], lost)
+    rises_s = apart.line_clear_time_s(chosen.setup, chosen.pricing.models[lost], lost)
     soon, later = lose(state, lost, rises_s - 0.1), lose(state, lost, rises_s + 0.1)
-    assert not [one for one in replanning.begin(chosen, soon, NOW_S)[1] if isinstance(one, Solve)]
-    assert [one for one in replanning.begin(chosen, later, NOW_S)[1] if isinstance(one, Solve)]
+    assert not [one for one in replanning.begin_replan(chosen, soon, NOW_S)[1] if isinstance(one, Solve)]
+    assert [one for one in replanning.begin_replan(chosen, later, NOW_S)[1] if isinstance(one, Solve)]
 
 
 def test_who_does_not_return_in_silence_inspects_in_its_layer() -> None:
     chosen = CONTEXTS[False]
     vehicles = {**chosen.vehicles, "uav3": replace(chosen.vehicles["uav3"], returns=False)}
     routes = {name: tuple(2 * SPANS * way + 2 * span for span in range(SPANS)) for way, name in enumerate(NAMES)}
-    paths = assembly.paths_of(chosen.setup, routes, vehicles)
-    distances = {name: set(inspected_at_m(chosen.setup, paths[name], routes[name]).values()) for name in NAMES}
+    paths = assembly.build_paths(chosen.setup, routes, vehicles)
+    distances = {name: set(segment_distances_m(chosen.setup, paths[name], routes[name]).values()) for name in NAMES}
     assert distances == {"uav1": {15.0}, "uav2": {15.0}, "uav3": {15.0 + chosen.setup.layers.offset_m("uav3")},
                          "uav4": {15.0}}  # fmt: skip
 
@@ -215,7 +220,7 @@ def test_a_return_is_waited_for_until_it_is_seen_in_its_layer() -> None:
     assert low is not None
     for up_m, waits in ((15.0, True), (layer_m, False)):
         up = state.put(with_facts(back, fix=replace(low, alt_rel_m=up_m)))
-        assert apart.closing(chosen, up, NOW_S) is waits
+        assert apart.is_line_occupied(chosen, up, NOW_S) is waits
 
 
 @pytest.mark.parametrize(
@@ -250,7 +255,7 @@ def test_who_is_seen_on_its_way_home_closes_that_alone(
             **facts,
         },
     )
-    [taken] = [one for one in apart.taken_by_others(chosen, state.put(back), (), NOW_S) if one.vehicle == name]
+    [taken] = [one for one in apart.find_occupied_airways(chosen, state.put(back), (), NOW_S) if one.vehicle == name]
     pad = chosen.setup.pad_of(name)
     way_m = [[*fix.place_m], [pad.east_m, pad.north_m]]
     assert (taken.over_ground_m.tolist() == [way_m]) is straight
@@ -264,7 +269,7 @@ def test_layers_alone_are_waited_for_by_nobody(stage: Stage) -> None:
     usual = replace(chosen, setup=replace(chosen.setup, inspection=inspection))
     state = lose(in_flight(chosen, random.Random(3)), "uav4", 0.0)
     state = state.put(replace(state.vehicles["uav4"], stage=stage))
-    assert not apart.closing(usual, state, NOW_S)
+    assert not apart.is_line_occupied(usual, state, NOW_S)
 
 
 @pytest.mark.parametrize("returns", [True, False])
@@ -279,7 +284,7 @@ def test_who_is_lost_is_down_when_it_must_have_landed(returns: bool) -> None:
     rest_s = sum(leg.duration_s for leg in board.legs[vehicle.assignment.waypoint :])
 
     def may_be_there(since_s: float) -> bool:
-        taken = apart.taken_by_others(chosen, lose(state, name, since_s), (), NOW_S)
+        taken = apart.find_occupied_airways(chosen, lose(state, name, since_s), (), NOW_S)
         return name in {one.vehicle for one in taken}
 
     assert may_be_there(apart.DOWN_FACTOR * rest_s)

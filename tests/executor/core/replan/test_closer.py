@@ -14,10 +14,10 @@ from executor.core.commands import Say, Upload
 from executor.core.context import Context, DayRules
 from executor.core.events import UploadEnded
 from executor.core.link_quality import LinkQuality
-from executor.core.replan.closer import MOST_LOST, closer
+from executor.core.replan.closer import MOST_LOST, lower_one_vehicle
 from executor.core.state import FleetState
-from executor.core.vehicle import Stage, aboard
-from missions.asked import first_paths, inspected_at_m
+from executor.core.vehicle import Stage, build_onboard_mission
+from missions.asked import build_first_paths, segment_distances_m
 from tests.executor.builders import with_facts
 from tests.executor.core.replan.test_apart import (
     CONTEXTS,
@@ -38,9 +38,12 @@ SHARED = {"uav1": (0, 2), "uav2": (7, 5)}
 
 def sharing(chosen: Context) -> FleetState:
     """Return two vehicles at the beginning of their missions."""
-    paths = first_paths(chosen.setup, SHARED)
-    boards = {name: aboard(chosen, name, 0, paths[name], SHARED[name]) if name in SHARED else None for name in NAMES}
-    state = fleet.initial(boards)
+    paths = build_first_paths(chosen.setup, SHARED)
+    boards = {
+        name: build_onboard_mission(chosen, name, 0, paths[name], SHARED[name]) if name in SHARED else None
+        for name in NAMES
+    }
+    state = fleet.build_initial_state(boards)
     for name in SHARED:
         state = state.put(flying_to(state.vehicles[name], 1))
     return replace(state, progress=replace(state.progress, launched_s=0.0))
@@ -60,32 +63,32 @@ def test_who_shared_a_pylon_comes_down_once_the_other_has_left(rises: bool) -> N
     state = sharing(chosen)
     before = state.vehicles["uav2"].assignment.board
     assert before is not None
-    assert inspected_at_m(chosen.setup, before.path, before.visits)[2] > ASKED_M
-    assert closer(chosen, state, NOW_S - 2.0)[1] == ()
-    state, commands = closer(chosen, down(state), NOW_S)
+    assert segment_distances_m(chosen.setup, before.path, before.visits)[2] > ASKED_M
+    assert lower_one_vehicle(chosen, state, NOW_S - 2.0)[1] == ()
+    state, commands = lower_one_vehicle(chosen, down(state), NOW_S)
     said = [command.text for command in commands if isinstance(command, Say)]
     assert said == ["uav2: airspace at segment 2 is free; new mission at inspection height"]
     [upload] = uploads(commands)
     assert upload.vehicle == "uav2"
     assert upload.path.waypoints[:1] == before.path.waypoints[:1]
-    assert inspected_at_m(chosen.setup, upload.path, SHARED["uav2"]) == {2: ASKED_M, 3: ASKED_M}
+    assert segment_distances_m(chosen.setup, upload.path, SHARED["uav2"]) == {2: ASKED_M, 3: ASKED_M}
     # On board, it is no re-plan, and nothing is left to come down to.
     ended = UploadEnded("uav2", upload.revision, accepted=True, reason="", mixed=False)
     state, _ = fleet.step(chosen, state, ended, NOW_S)
     assert (state.replanning.replan, state.replanning.records) == (None, ())
-    assert closer(chosen, state, NOW_S + 2.0)[1] == ()
+    assert lower_one_vehicle(chosen, state, NOW_S + 2.0)[1] == ()
 
 
 def test_an_upload_that_fails_is_not_begun_again() -> None:
     chosen = CONTEXTS[False]
-    state, commands = closer(chosen, down(sharing(chosen)), NOW_S)
+    state, commands = lower_one_vehicle(chosen, down(sharing(chosen)), NOW_S)
     [upload] = uploads(commands)
     ended = UploadEnded("uav2", upload.revision, accepted=False, reason="refused", mixed=False)
     state, _ = fleet.step(chosen, state, ended, NOW_S)
     assert state.vehicles["uav2"].assignment.board is not None
     assert state.vehicles["uav2"].fault is None
     for after_s in (2.0, 5.0, 9.0):
-        assert closer(chosen, state, NOW_S + after_s)[1] == ()
+        assert lower_one_vehicle(chosen, state, NOW_S + after_s)[1] == ()
 
 
 @pytest.mark.parametrize("why", ["lossy", "poor", "recalled", "late", "returns_not", "evening"])
@@ -111,7 +114,7 @@ def test_it_stays_in_its_layer_where_that_is_better(why: str) -> None:
         case _:
             setup = replace(chosen.vehicles["uav2"], returns=False)
             chosen = replace(chosen, vehicles={**chosen.vehicles, "uav2": setup})
-    assert [one for one in closer(chosen, state, NOW_S)[1] if isinstance(one, Upload)] == []
+    assert [one for one in lower_one_vehicle(chosen, state, NOW_S)[1] if isinstance(one, Upload)] == []
 
 
 @settings(derandomize=True, deadline=None, max_examples=20, phases=[Phase.explicit, Phase.generate])
@@ -121,7 +124,7 @@ def test_whoever_comes_down_on_the_way_meets_nobody(seed: int, rises: bool) -> N
     state = in_flight(chosen, rng)
     for number in range(12):
         now_s = NOW_S + 2.0 * number
-        state, commands = closer(chosen, state, now_s)
+        state, commands = lower_one_vehicle(chosen, state, now_s)
         for upload in uploads(commands):
             nobody_meets(chosen, state, {upload.vehicle: upload.path})
             ended = UploadEnded(upload.vehicle, upload.revision, accepted=rng.random() < 0.8, reason="", mixed=False)

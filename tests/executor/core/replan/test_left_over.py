@@ -6,14 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from executor.adapters.eventlog import EventLog, read_events
-from executor.analysis.report import report_of
+from executor.analysis.report import build_report
 from executor.core import fleet
 from executor.core.commands import Finish, Level, Solve, Start
 from executor.core.events import Gain, NewRoute, SolveEnded
 from executor.core.intents import Action
 from executor.core.replan import replanning
 from executor.core.vehicle import Stage
-from executor.core.view import fleet_view
+from executor.core.view import build_fleet_view
 from tests.executor.builders import THREE, fleet_of
 from tests.executor.core.stories import story
 from tests.fakes.flight import Story
@@ -49,14 +49,14 @@ def test_it_is_known_from_the_take_off_and_nobody_re_plans_for_it() -> None:
     flight = story(READY)
     assert flight.state.coverage.left_over == LEFT
     assert flight.state.coverage.given_up == set()
-    assert replanning.orphans(READY.context, flight.state) == set()
+    assert replanning.find_orphan_segments(READY.context, flight.state) == set()
     assert "planned for the next sortie: segments 6, 7" in flight.said(Level.INFO)
-    assert fleet_view(READY.context, flight.state, flight.now_s).uncovered == (6, 7)
+    assert build_fleet_view(READY.context, flight.state, flight.now_s).uncovered == (6, 7)
     flight.finish()
     assert flight.solves() == []
     assert set(flight.state.coverage.inspected) == set(range(6))
     assert flight.given(Finish) == [Finish("2 segments not inspected, 2 of them planned for the next sortie")]
-    report = report_of(READY.context, flight.state, flight.now_s)
+    report = build_report(READY.context, flight.state, flight.now_s)
     assert (report.segments_uncovered, report.left_over, report.finished) == ((6, 7), (6, 7), False)
 
 
@@ -67,10 +67,10 @@ def test_a_re_plan_is_offered_it_beside_what_it_is_for() -> None:
     assert not LEFT & set(problem.open_segments)
     assert "re-plan 1: 2 segments without a vehicle" in next(line for line in flight.said() if "re-plan 1" in line)
     flight.run(lambda: bool(flight.state.replanning.records))
-    assert replanning.left_over(flight.state) == {7}
+    assert replanning.find_left_over_segments(flight.state) == {7}
     flight.finish()
     assert set(flight.state.coverage.inspected) == set(range(7))
-    report = report_of(READY.context, flight.state, flight.now_s)
+    report = build_report(READY.context, flight.state, flight.now_s)
     assert report.left_over == (7,)
     [row] = report.replans
     assert (row.feasible, row.uncovered, row.gained, row.taken_up) == (True, (), 2, 1)
@@ -79,14 +79,14 @@ def test_a_re_plan_is_offered_it_beside_what_it_is_for() -> None:
 
 def test_what_was_taken_up_is_no_reason_for_a_re_plan_either() -> None:
     flight = lost()
-    flight.run(lambda: replanning.left_over(flight.state) == {7})
-    (name,) = [one.name for one in flight.state.on_mission() if 12 in one.remaining_visits()]
+    flight.run(lambda: replanning.find_left_over_segments(flight.state) == {7})
+    (name,) = [one.name for one in flight.state.mission_vehicles() if 12 in one.remaining_visits()]
     flight.run(lambda: flight.vehicle(name).remaining_visits() == (12,))
     flight.crafts[name].mute = True
     flight.run(lambda: flight.stage(name) is Stage.LOST)
     flight.finish()
     assert len(flight.solves()) == 1
-    assert replanning.left_over(flight.state) == {6, 7}
+    assert replanning.find_left_over_segments(flight.state) == {6, 7}
 
 
 def test_an_operator_may_ask_for_it() -> None:
@@ -140,7 +140,7 @@ def test_a_log_holds_what_a_re_plan_gained(tmp_path: Path) -> None:
     for now_s, event in flight.events:
         log.write(event, now_s)
     log.close()
-    state = fleet.initial(dict(flight.boards))
+    state = fleet.build_initial_state(dict(flight.boards))
     for now_s, event in read_events(tmp_path / "events.jsonl"):
         state, _ = fleet.step(flight.context, state, event, now_s)
     assert state == flight.state

@@ -35,7 +35,9 @@ PASSED = flying(waypoint=5)
 
 def composed(plan: Replan, one: VehicleState = ON_ITS_WAY, revision: int = 4) -> tuple[object, ...]:
     before = flight_of(one, SECOND, replan=plan)
-    return without_paths(outcome(before, new_missions.composed(CONTEXT, before, MissionsWanted(revision), NOW_S)))
+    return without_paths(
+        outcome(before, new_missions.apply_missions_wanted(CONTEXT, before, MissionsWanted(revision), NOW_S))
+    )
 
 
 GIVEN = new_mission(2)
@@ -43,7 +45,7 @@ GIVEN = new_mission(2)
 
 def closed(**given: Any) -> Stepped:
     before = flight_of(replan=plan_of(**{"missions": {"uav1": GIVEN}} | given), orphans_since_s=5.0)
-    return outcome(before, new_missions.ended_if_done(before, NOW_S))
+    return outcome(before, new_missions.end_replan_if_done(before, NOW_S))
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
@@ -127,7 +129,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "all missions at once",
         lambda: {
             name: (mission.visits, mission.fresh)
-            for name, mission in new_missions.all_made(
+            for name, mission in new_missions.build_all_missions(
                 CONTEXT, flight_of(ON_ITS_WAY), replace(UNMADE, unmade=(*UNMADE.unmade, NewRoute("uav2", (6,))))
             ).missions.items()
         },
@@ -135,7 +137,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "all missions at once leave none to make",
-        lambda: new_missions.all_made(CONTEXT, flight_of(ON_ITS_WAY), UNMADE).unmade,
+        lambda: new_missions.build_all_missions(CONTEXT, flight_of(ON_ITS_WAY), UNMADE).unmade,
         (),
     ),
     ("a re-plan that goes on", lambda: closed(pending=frozenset({"uav1"})), ([], {}, {})),
@@ -236,7 +238,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             },
         ),
     ),
-    ("no re-plan", lambda: new_missions.ended_if_done(flight_of(replan=None), NOW_S)[1], ()),
+    ("no re-plan", lambda: new_missions.end_replan_if_done(flight_of(replan=None), NOW_S)[1], ()),
 ]
 
 
@@ -254,7 +256,7 @@ def test_so_many_ways_are_made_in_one_turn(ways: int, made: int, monkeypatch: py
         unmade=tuple(NewRoute(name, (4,)) for name in names), pending=frozenset(names),
     )  # fmt: skip
     before = flight_of(replan=plan)
-    after, commands = new_missions.composed(CONTEXT, before, MissionsWanted(4), NOW_S)
+    after, commands = new_missions.apply_missions_wanted(CONTEXT, before, MissionsWanted(4), NOW_S)
     assert after.replanning.replan is not None
     assert [route.vehicle for route in after.replanning.replan.unmade] == list(names[made:])
     assert [one for one in commands if isinstance(one, Compose)] == [Compose(4)] * (made < 3)

@@ -10,18 +10,18 @@ import pytest
 
 from executor.core import fleet
 from executor.core.commands import Command, Level, Say, Start
-from executor.core.context import Context, FlyAgain
+from executor.core.context import Context, RelaunchPolicy
 from executor.core.events import IntentReceived, Tick, UploadEnded
 from executor.core.intents import Action, Intent
 from executor.core.link_quality import LinkQuality
 from executor.core.messages import Heartbeat
-from executor.core.parts import Fix, SortieAhead
-from executor.core.replan.closer import MOST_LOST, closer
+from executor.core.parts import PlannedSortie, PositionFix
+from executor.core.replan.closer import MOST_LOST, lower_one_vehicle
 from executor.core.replan.once_more import AT_ONCE, SPARE_PCT
 from executor.core.state import FleetState
-from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, aboard
+from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState, build_onboard_mission
 from missions import Phase
-from missions.asked import first_paths, inspected_at_m, visits_at_m
+from missions.asked import build_first_paths, segment_distances_m, visit_distances_m
 from planner import segment_of
 from tests.executor.builders import with_facts
 from tests.executor.core.replan.test_apart import (
@@ -44,9 +44,12 @@ ROUTES = {"uav1": (0, 2), "uav2": (7, 5), "uav3": (8, 10)}
 
 def going_home(chosen: Context, who: str = "uav2", share: float = 0.2) -> FleetState:
     """Return a fleet of which one is on its way home, and the others have landed; segment 2 counts from a layer."""
-    paths = first_paths(chosen.setup, ROUTES)
-    boards = {name: aboard(chosen, name, 0, paths[name], ROUTES[name]) if name in ROUTES else None for name in NAMES}
-    state = fleet.initial(boards)
+    paths = build_first_paths(chosen.setup, ROUTES)
+    boards = {
+        name: build_onboard_mission(chosen, name, 0, paths[name], ROUTES[name]) if name in ROUTES else None
+        for name in NAMES
+    }
+    state = fleet.build_initial_state(boards)
     for name in ROUTES:
         board = boards[name]
         assert board is not None
@@ -72,7 +75,7 @@ def on_leg(vehicle: VehicleState, waypoint: int, share: float, now_s: float = NO
     begin, end = board.places_m[waypoint - 1], board.places_m[waypoint]
     place = (begin[0] + share * (end[0] - begin[0]), begin[1] + share * (end[1] - begin[1]))
     alt_m = board.path.waypoints[waypoint].alt_rel_m
-    return with_facts(vehicle, fix=Fix(now_s, now_s, place, alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0)))
+    return with_facts(vehicle, fix=PositionFix(now_s, now_s, place, alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0)))
 
 
 def said(commands: tuple[Command, ...]) -> list[str]:
@@ -86,7 +89,7 @@ def test_who_is_on_its_way_home_flies_again_what_counts_from_a_layer(who: str, r
     state = going_home(chosen, who)
     before = state.vehicles[who].assignment.board
     assert before is not None
-    state, commands = closer(chosen, state, NOW_S)
+    state, commands = lower_one_vehicle(chosen, state, NOW_S)
     assert said(commands) == [f"{who}: re-inspects segment 2 at inspection height; new mission before it returns"]
     [upload] = uploads(commands)
     assert upload.vehicle == who
@@ -97,11 +100,11 @@ def test_who_is_on_its_way_home_flies_again_what_counts_from_a_layer(who: str, r
     board = state.vehicles[who].assignment.board
     assert board is not None
     assert segment_of(board.visits[-1]) == 2
-    assert visits_at_m(chosen.setup, board.path, board.visits)[-1] == ASKED_M
+    assert visit_distances_m(chosen.setup, board.path, board.visits)[-1] == ASKED_M
     # It is no re-plan, and what counts goes on counting meanwhile.
     assert (state.replanning.replan, state.replanning.records) == (None, ())
     assert state.coverage.inspected[2] == "uav2"
-    assert closer(chosen, state, NOW_S + 2.0)[1] == ()
+    assert lower_one_vehicle(chosen, state, NOW_S + 2.0)[1] == ()
 
 
 @pytest.mark.parametrize("why", [
@@ -119,8 +122,8 @@ def test_it_flies_home_where_that_is_better(why: str) -> None:
             state = replace(state, coverage=replace(state.coverage, inspected=MappingProxyType(open_too)))
         case "another":  # it has that before it already
             route = (4,)
-            path = first_paths(chosen.setup, {"uav4": route})["uav4"]
-            other = with_facts(state.vehicles["uav4"], board=aboard(chosen, "uav4", 0, path, route))
+            path = build_first_paths(chosen.setup, {"uav4": route})["uav4"]
+            other = with_facts(state.vehicles["uav4"], board=build_onboard_mission(chosen, "uav4", 0, path, route))
             state = state.put(flying_to(other, 1))
         case "lossy":
             bad = LinkQuality(lost=2 * MOST_LOST, usual=0.0)
@@ -133,14 +136,16 @@ def test_it_flies_home_where_that_is_better(why: str) -> None:
             state = replace(state, replanning=replace(state.replanning, urgent=True))
         case "tried":  # it flew there at the asked distance, and that was not proven
             longer = (*ROUTES["uav2"], 4)
-            path = first_paths(chosen.setup, {"uav2": longer})["uav2"]
-            assert inspected_at_m(chosen.setup, path, longer)[2] == ASKED_M
+            path = build_first_paths(chosen.setup, {"uav2": longer})["uav2"]
+            assert segment_distances_m(chosen.setup, path, longer)[2] == ASKED_M
             last = max(number for number, point in enumerate(path.waypoints) if point.phase is Phase.RETURN)
-            state = state.put(on_leg(with_facts(own, board=aboard(chosen, "uav2", 0, path, longer)), last, 0.2))
+            state = state.put(
+                on_leg(with_facts(own, board=build_onboard_mission(chosen, "uav2", 0, path, longer)), last, 0.2)
+            )
         case "far":  # it is over its pad
             state = state.put(on_leg(own, len(board.path.waypoints) - 1, 0.2))
         case "sortie":  # it is to come home for its next one
-            ahead = (SortieAhead((6,), 900.0),)
+            ahead = (PlannedSortie((6,), 900.0),)
             state = state.put(replace(own, turn=replace(own.turn, ahead=ahead)))
         case "fault":
             fault = Fault(FaultKind.LINK, "silent", NOW_S - 200.0, FaultCode.LINK_LOST)
@@ -148,7 +153,7 @@ def test_it_flies_home_where_that_is_better(why: str) -> None:
         case "as asked":
             at_m = dict.fromkeys(state.coverage.inspected_at_m, ASKED_M)
             state = replace(state, coverage=replace(state.coverage, inspected_at_m=MappingProxyType(at_m)))
-    assert [line for line in said(closer(chosen, state, NOW_S)[1]) if " again, " in line] == []
+    assert [line for line in said(lower_one_vehicle(chosen, state, NOW_S)[1]) if " again, " in line] == []
 
 
 def test_it_keeps_more_than_its_reserve_and_the_way_back_counts() -> None:
@@ -159,7 +164,7 @@ def test_it_keeps_more_than_its_reserve_and_the_way_back_counts() -> None:
         for left in range(10, 91):
             state = going_home(chosen, share=share)
             state = state.put(with_facts(state.vehicles["uav2"], battery=pack(float(left), float(left))))
-            if uploads(closer(chosen, state, NOW_S)[1]):
+            if uploads(lower_one_vehicle(chosen, state, NOW_S)[1]):
                 return left
         raise AssertionError
 
@@ -174,7 +179,7 @@ def test_of_many_the_nearest_are_flown_first() -> None:
         state.coverage, given_up=frozenset(), inspected=MappingProxyType(dict.fromkeys(everything, "uav4")),
         inspected_at_m=MappingProxyType(dict.fromkeys(everything, FROM_M)),
     )  # fmt: skip
-    state, commands = closer(chosen, replace(state, coverage=coverage), NOW_S)
+    state, commands = lower_one_vehicle(chosen, replace(state, coverage=coverage), NOW_S)
     assert len(uploads(commands)) == 1
     assert state.replanning.replan is not None
     given_again = [segment_of(visit) for visit in state.replanning.replan.solve.given]
@@ -193,7 +198,7 @@ def all_landed(chosen: Context) -> FleetState:
         facts = {
             "stage": Stage.LANDED, "heard_s": NOW_S, "heartbeat": Heartbeat(3, AUTO, False, 4), "heartbeat_s": NOW_S,
             "battery": pack(70.0, 70.0), "waypoint": len(board.path.waypoints), "armed_once": True, "took_off": True,
-            "fix": Fix(NOW_S, NOW_S, pad_m, 0.0, 450.0, (0.0, 0.0, 0.0)),
+            "fix": PositionFix(NOW_S, NOW_S, pad_m, 0.0, 450.0, (0.0, 0.0, 0.0)),
         }  # fmt: skip
         state = state.put(with_facts(own, **facts))
     everything = {segment: state.coverage.inspected.get(segment, "uav3") for segment in chosen.wanted}
@@ -206,7 +211,7 @@ def all_landed(chosen: Context) -> FleetState:
 
 
 def test_where_nobody_is_asked_one_takes_off_for_it_once_everybody_is_down() -> None:
-    chosen = replace(CONTEXTS[False], fly_again=FlyAgain.AUTO)
+    chosen = replace(CONTEXTS[False], fly_again=RelaunchPolicy.AUTO)
     state = all_landed(chosen)
     state, commands = fleet.step(chosen, state, Tick(), NOW_S)
     [upload] = uploads(commands)
@@ -224,15 +229,15 @@ def test_where_nobody_is_asked_one_takes_off_for_it_once_everybody_is_down() -> 
 
 
 def test_nobody_takes_off_for_it_while_others_fly() -> None:
-    chosen = replace(CONTEXTS[False], fly_again=FlyAgain.AUTO)
+    chosen = replace(CONTEXTS[False], fly_again=RelaunchPolicy.AUTO)
     state = going_home(chosen)
     flies = with_facts(state.vehicles["uav2"], battery=pack(18.0, 18.0))  # it has not enough left itself
     state = all_landed(chosen).put(flies)
-    assert uploads(closer(chosen, state, NOW_S)[1]) == []
+    assert uploads(lower_one_vehicle(chosen, state, NOW_S)[1]) == []
 
 
 def test_the_crew_is_asked_and_its_yes_is_what_starts_one() -> None:
-    chosen = replace(CONTEXTS[False], fly_again=FlyAgain.ASK)
+    chosen = replace(CONTEXTS[False], fly_again=RelaunchPolicy.ASK)
     state, commands = fleet.step(chosen, all_landed(chosen), Tick(), NOW_S)
     assert uploads(commands) == []
     [line] = said(commands)
@@ -250,7 +255,7 @@ def test_the_crew_is_asked_and_its_yes_is_what_starts_one() -> None:
 
 
 def test_without_a_yes_the_flight_ends_and_everything_goes_on_counting() -> None:
-    chosen = replace(CONTEXTS[False], fly_again=FlyAgain.ASK, offer_s=20.0)
+    chosen = replace(CONTEXTS[False], fly_again=RelaunchPolicy.ASK, offer_s=20.0)
     state, sent = ticked(chosen, all_landed(chosen), NOW_S, NOW_S + 30.0)
     assert uploads(sent) == []
     late = "no vehicle was cleared for take-off within 20 s; 1 segment was inspected above inspection height only"
@@ -259,11 +264,11 @@ def test_without_a_yes_the_flight_ends_and_everything_goes_on_counting() -> None
     assert state.coverage.inspected[2] == "uav2"
 
 
-@pytest.mark.parametrize("fly_again", [FlyAgain.NEVER, FlyAgain.ASK])
-def test_nobody_is_asked_where_nobody_could(fly_again: FlyAgain) -> None:
+@pytest.mark.parametrize("fly_again", [RelaunchPolicy.NEVER, RelaunchPolicy.ASK])
+def test_nobody_is_asked_where_nobody_could(fly_again: RelaunchPolicy) -> None:
     chosen = replace(CONTEXTS[False], fly_again=fly_again)
     state = all_landed(chosen)
-    if fly_again is FlyAgain.ASK:
+    if fly_again is RelaunchPolicy.ASK:
         for name in ROUTES:
             state = state.put(with_facts(state.vehicles[name], battery=pack(24.0, 24.0)))
     state, commands = fleet.step(chosen, state, Tick(), NOW_S)
@@ -295,7 +300,7 @@ def test_who_flies_again_meets_nobody(rises: bool) -> None:
         state = in_flight(chosen, rng)
         for number in range(16):
             now_s = NOW_S + 2.0 * number
-            state, commands = closer(chosen, flown_by_now(chosen, state), now_s)
+            state, commands = lower_one_vehicle(chosen, flown_by_now(chosen, state), now_s)
             given_again += any(" re-inspects " in line for line in said(commands))
             for upload in uploads(commands):
                 nobody_meets(chosen, state, {upload.vehicle: upload.path})
@@ -315,7 +320,7 @@ def flown_by_now(chosen: Context, state: FleetState) -> FleetState:
         if board is None:
             continue
         ahead = {point.visit for point in board.path.waypoints[vehicle.assignment.waypoint :]}
-        for number, here_m in enumerate(visits_at_m(chosen.setup, board.path, board.visits)):
+        for number, here_m in enumerate(visit_distances_m(chosen.setup, board.path, board.visits)):
             segment = segment_of(board.visits[number])
             if number not in ahead and here_m < at_m.get(segment, 1000.0):
                 inspected[segment], at_m[segment] = name, here_m

@@ -41,7 +41,7 @@ def solved(
     """Return everything that comes of the solver's answer."""
     before = flight_of(one, SECOND, replan=plan, given_up=frozenset({0}))
     event = SolveEnded(revision, None if failed else routes, uncovered, 0.25, "it died" if failed else "")
-    return without_paths(outcome(before, replanning.solved(CONTEXT, before, event, NOW_S)))
+    return without_paths(outcome(before, replanning.apply_solution(CONTEXT, before, event, NOW_S)))
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [

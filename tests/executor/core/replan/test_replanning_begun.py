@@ -41,7 +41,7 @@ UNSOLVED = plan_of(solve_s=None, solved_s=0.0)
 def begun(*vehicles: VehicleState, context: Context = CONTEXT, **given: Any) -> Stepped:
     """Return what comes of the need; of the re-plan beside its question, since when it is needed and who asked."""
     before = flight_of(*vehicles, **given)
-    commands, ones, flight = outcome(before, replanning.begin(context, before, NOW_S))
+    commands, ones, flight = outcome(before, replanning.begin_replan(context, before, NOW_S))
     plan = flight.get("replan")
     if isinstance(plan, Replan):
         assert plan.solve == commands[-1]
@@ -52,7 +52,7 @@ def begun(*vehicles: VehicleState, context: Context = CONTEXT, **given: Any) -> 
 def again(one: VehicleState = ON_ITS_WAY, **given: Any) -> tuple[Changes, Changes]:
     left = ReplanRecord(3, "why", False, (1, 2), 0.5, 5.0, 9.0, 1.0)
     before = flight_of(one, **{"given_up": frozenset({2, 5}), "records": (left,), **given})
-    return differences(before, replanning.heard_again(before, one, NOW_S))
+    return differences(before, replanning.replan_for_regained_link(before, one, NOW_S))
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [

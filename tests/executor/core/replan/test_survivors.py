@@ -12,8 +12,8 @@ from executor.core.battery.account import BatteryState
 from executor.core.battery.kalman import Prior
 from executor.core.commands import Survivor
 from executor.core.context import Context, DayRules
-from executor.core.learning import Learned, PaceEstimate
-from executor.core.parts import Cause, Fix
+from executor.core.learning import LearnedFactors, PaceEstimate
+from executor.core.parts import ModeCause, PositionFix
 from executor.core.replan import replanning, survivors, wording
 from executor.core.roster import offers
 from executor.core.vehicle import Stage, VehicleState
@@ -42,16 +42,16 @@ ON_ITS_WAY = flying(waypoint=1, fix=at(east_m=60.0))
 
 
 def offered(one: VehicleState, context: Context = CONTEXT) -> Survivor | None:
-    return survivors.survivor(context, one, NOW_S)
+    return survivors.build_survivor(context, one, NOW_S)
 
 
-def far(seconds: float) -> Fix:
+def far(seconds: float) -> PositionFix:
     """Return where the end of the first inspection is so far away, at its speed."""
     return replace(at(), place_m=(200.0 - 3.0 * seconds, -5.0))
 
 
 def test_what_a_vehicle_has_shown_of_its_pace_is_a_part_of_its_offer() -> None:
-    slow = Learned(PaceEstimate(1.1), PaceEstimate(1.05))
+    slow = LearnedFactors(PaceEstimate(1.1), PaceEstimate(1.05))
     unknown, known = offered(flying()), offered(flying(learned=slow))
     assert unknown is not None
     assert known is not None
@@ -273,7 +273,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who uses more than the model",
         lambda: offered(
-            flying(battery=replace(pack(90.0, 90.0), estimate=kalman.first_estimate(90.0, Prior(1.5, 0.1))))
+            flying(battery=replace(pack(90.0, 90.0), estimate=kalman.initialise_estimate(90.0, Prior(1.5, 0.1))))
         ),
         Survivor(
             vehicle="uav1",
@@ -290,53 +290,53 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "an offer of the ground fits on the ground",
-        lambda: [stage for stage in Stage if survivors.still_fits(flying(stage=stage), offer_of(airborne=False))],
+        lambda: [stage for stage in Stage if survivors.is_offer_valid(flying(stage=stage), offer_of(airborne=False))],
         [Stage.GROUND, Stage.LANDED],
     ),
     (
         "an offer of the air fits in the air",
-        lambda: [stage for stage in Stage if survivors.still_fits(flying(stage=stage), offer_of())],
+        lambda: [stage for stage in Stage if survivors.is_offer_valid(flying(stage=stage), offer_of())],
         [Stage.STARTING, Stage.FLYING],
     ),
     (
         "an offer fits until it is flown past",
         lambda: [
-            waypoint for waypoint in range(6) if survivors.still_fits(flying(waypoint=waypoint), offer_of(kept=3))
+            waypoint for waypoint in range(6) if survivors.is_offer_valid(flying(waypoint=waypoint), offer_of(kept=3))
         ],
         [0, 1, 2],
     ),
     (
         "an offer of who is on its way home fits until that leg ends",
         lambda: [
-            waypoint for waypoint in range(6) if survivors.still_fits(flying(waypoint=waypoint), offer_of(kept=4))
+            waypoint for waypoint in range(6) if survivors.is_offer_valid(flying(waypoint=waypoint), offer_of(kept=4))
         ],
         [0, 1, 2, 3, 4],
     ),
     (
         "an offer of who is at fault does not fit",
-        lambda: survivors.still_fits(flying(fault=BATTERY_FAULT), offer_of()),
+        lambda: survivors.is_offer_valid(flying(fault=BATTERY_FAULT), offer_of()),
         False,
     ),
     (
         "an offer of who is out of the plan does not fit",
-        lambda: survivors.still_fits(flying(excluded=True), offer_of()),
+        lambda: survivors.is_offer_valid(flying(excluded=True), offer_of()),
         False,
     ),
     (
         "an offer of who has just left its mission does not fit",
-        lambda: [cause for cause in Cause if survivors.still_fits(flying(cause=cause), offer_of())],
-        [Cause.OURS],
+        lambda: [cause for cause in ModeCause if survivors.is_offer_valid(flying(cause=cause), offer_of())],
+        [ModeCause.OURS],
     ),
-    ("an offer of who holds does not fit", lambda: survivors.still_fits(flying(held_s=NOW_S), offer_of()), False),
+    ("an offer of who holds does not fit", lambda: survivors.is_offer_valid(flying(held_s=NOW_S), offer_of()), False),
     (
         "segments without names in words",
-        lambda: [wording.listed(CONTEXT, segments) for segments in ((), (3,), (3, 1), frozenset({5, 0, 2}))],
+        lambda: [wording.format_segments(CONTEXT, segments) for segments in ((), (3,), (3, 1), frozenset({5, 0, 2}))],
         ["", "segment 3", "segments 1, 3", "segments 0, 2, 5"],
     ),
     (
         "what is nobody's",
         lambda: [
-            sorted(replanning.orphans(CONTEXT, flight))
+            sorted(replanning.find_orphan_segments(CONTEXT, flight))
             for flight in (
                 flight_of(),
                 flight_of(flying()),
@@ -358,6 +358,6 @@ def test_everything_that_comes_of_it(what: str, found: Callable[[], object], exp
 
 def test_what_a_days_camera_is_not_good_for_is_not_offered() -> None:
     day = DayRules(30.0, {}, {}, barred={"uav1": frozenset({2, 5})})
-    offer = survivors.survivor(replace(CONTEXT, day=day), flying(), NOW_S)
+    offer = survivors.build_survivor(replace(CONTEXT, day=day), flying(), NOW_S)
     assert offer is not None
     assert offer.barred == (2, 5)

@@ -11,7 +11,7 @@ from executor.core.commands import Solve
 from executor.core.events import LossJudged
 from executor.core.intents import Action
 from executor.core.replan import what_if
-from executor.core.view import fleet_view
+from executor.core.view import build_fleet_view
 from executor.runtime.outlook import keep_judging
 from missions import Pricing
 from tests.executor.builders import THREE, with_facts
@@ -21,8 +21,8 @@ from tests.fakes.flight import Story
 
 def test_the_question_is_the_re_plan_that_would_follow() -> None:
     flight = under_way()
-    assert what_if.worth_judging(flight.state) == tuple(THREE)
-    problem = what_if.if_lost(flight.context, flight.state, "uav2", flight.now_s)
+    assert what_if.select_vehicles_to_judge(flight.state) == tuple(THREE)
+    problem = what_if.build_loss_problem(flight.context, flight.state, "uav2", flight.now_s)
     assert isinstance(problem, Solve)
     flight.crafts["uav2"].mute = True
     flight.run(lambda: bool(flight.solves()))
@@ -39,7 +39,7 @@ def test_the_question_is_the_re_plan_that_would_follow() -> None:
 def test_who_holds_is_taken_to_go_on() -> None:
     flight = under_way()
     flight.ask(Action.HOLD, "uav3")
-    problem = what_if.if_lost(flight.context, flight.state, "uav2", flight.now_s)
+    problem = what_if.build_loss_problem(flight.context, flight.state, "uav2", flight.now_s)
     assert isinstance(problem, Solve)
     assert {offer.vehicle for offer in problem.survivors} == {"uav1", "uav3"}
 
@@ -50,16 +50,16 @@ def test_without_anybody_else_everything_is_left_over() -> None:
         flight.crafts[name].mute = True
         state = flight.state.put(with_facts(flight.vehicle(name), excluded=True))
         flight.state = state
-    assert what_if.if_lost(flight.context, flight.state, "uav2", flight.now_s) == (2, 3)
+    assert what_if.build_loss_problem(flight.context, flight.state, "uav2", flight.now_s) == (2, 3)
 
 
 def test_while_the_plan_changes_nobody_is_asked() -> None:
     flight = under_way()
-    before = what_if.moment(flight.state)
+    before = what_if.build_judgement_key(flight.state)
     flight.crafts["uav2"].mute = True
     flight.run(lambda: flight.state.replanning.replan is not None)
-    assert what_if.worth_judging(flight.state) == ()
-    assert what_if.moment(flight.state) != before
+    assert what_if.select_vehicles_to_judge(flight.state) == ()
+    assert what_if.build_judgement_key(flight.state) != before
 
 
 class Beside:
@@ -99,7 +99,7 @@ async def test_every_loss_is_judged_once_for_each_moment() -> None:
     beside = Beside(under_way(), (3,))
     await judged(beside, 100.0)
     assert len(beside.asked) == 3
-    view = fleet_view(beside.context, beside.story.state, beside.story.now_s)
+    view = build_fleet_view(beside.context, beside.story.state, beside.story.now_s)
     assert [vehicle.loss is not None and vehicle.loss.uncovered for vehicle in view.vehicles] == [(3,)] * 3
     assert not any(vehicle.loss.inside_window for vehicle in view.vehicles if vehicle.loss is not None)
     beside.story.state = with_facts(beside.story.state, inspected=MappingProxyType({9: "uav1"}))

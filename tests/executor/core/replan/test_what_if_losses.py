@@ -26,7 +26,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whose loss is worth a judgement",
         lambda: [
-            what_if.worth_judging(flight_of(flying(), SECOND, **given))
+            what_if.select_vehicles_to_judge(flight_of(flying(), SECOND, **given))
             for given in (
                 {},
                 {"replan": plan_of()},
@@ -41,7 +41,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whose loss is not worth a judgement",
         lambda: [
-            what_if.worth_judging(flight_of(flying(**given)))
+            what_if.select_vehicles_to_judge(flight_of(flying(**given)))
             for given in ({"stage": Stage.STARTING}, {"fault": BATTERY_FAULT}, {"stage": Stage.PILOT, "taken": TAKEN})
         ],
         [(), (), ()],
@@ -49,7 +49,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what a loss would ask for",
         lambda: [
-            what_if.if_lost(CONTEXT, flight_of(*vehicles, revision=4, inspected={5: "uav3"}), "uav1", NOW_S)
+            what_if.build_loss_problem(CONTEXT, flight_of(*vehicles, revision=4, inspected={5: "uav3"}), "uav1", NOW_S)
             for vehicles in (
                 (flying(), SECOND),
                 (flying(), with_facts(SECOND, held_s=5.0)),
@@ -102,12 +102,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a loss that leaves nothing",
-        lambda: what_if.if_lost(CONTEXT, flight_of(flying(), SECOND, given_up=frozenset(range(6))), "uav1", NOW_S),
+        lambda: what_if.build_loss_problem(
+            CONTEXT, flight_of(flying(), SECOND, given_up=frozenset(range(6))), "uav1", NOW_S
+        ),
         (),
     ),
     (
         "what a judgement depends on",
-        lambda: what_if.moment(
+        lambda: what_if.build_judgement_key(
             flight_of(flying(held_s=5.0), revision=4, inspected={5: "uav3"}, given_up=frozenset({1, 2}))
         ),
         (4, 1, 2, (("uav1", "flying", False, False), ("uav2", "ground", True, False), ("uav3", "ground", True, False))),

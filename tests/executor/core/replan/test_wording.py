@@ -8,7 +8,12 @@ import pytest
 
 from executor.core.events import Gain, SolveEnded
 from executor.core.replan import replanning
-from executor.core.replan.wording import flown_past, found_words, short_words, unasked
+from executor.core.replan.wording import (
+    describe_short_budgets,
+    describe_solution,
+    explain_orphan_segments,
+    find_passed_segments,
+)
 from executor.core.vehicle import Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.stories import FLEET, story
@@ -38,12 +43,14 @@ from tests.executor.core.stories import FLEET, story
 )  # fmt: skip
 def test_a_re_plan_says_what_it_gains(gain: Gain | None, names: list[str], words: str) -> None:
     event = SolveEnded(2, (), (), 0.314, "", gain)
-    told = found_words(event, names)
+    told = describe_solution(event, names)
     assert told == f"re-plan 2 found in 0.31 s{'; ' if gain is None else ': '}{words}"
 
 
 def test_one_whose_budget_does_not_last_is_named() -> None:
-    assert short_words(Gain(0, 0.0, 0, 1.0, 1.0, ("uav2",))) == "uav2: not enough battery for its whole mission"
+    assert (
+        describe_short_budgets(Gain(0, 0.0, 0, 1.0, 1.0, ("uav2",))) == "uav2: not enough battery for its whole mission"
+    )
 
 
 def test_only_what_somebody_flew_past_is_not_proven() -> None:
@@ -53,13 +60,13 @@ def test_only_what_somebody_flew_past_is_not_proven() -> None:
     state = with_facts(flight.state, inspected={})
     grounded = replace(state.vehicles["uav2"], stage=Stage.GROUND)
     state = state.put(with_facts(grounded, waypoint=0))
-    alone = replanning.orphans(FLEET.context, state)
+    alone = replanning.find_orphan_segments(FLEET.context, state)
     assert alone == {0, 2, 3}
-    assert flown_past(state) == {0}
+    assert find_passed_segments(state) == {0}
     words = "inspection not proven: segment 0; assigned to no vehicle: segments 2, 3"
-    assert unasked(FLEET.context, state, alone) == words
+    assert explain_orphan_segments(FLEET.context, state, alone) == words
     ready = with_facts(state, orphans_since_s=flight.now_s - 60.0)
-    begun, _ = replanning.begin(FLEET.context, ready, flight.now_s)
+    begun, _ = replanning.begin_replan(FLEET.context, ready, flight.now_s)
     assert begun.replanning.replan is not None
     assert begun.replanning.replan.solve.trigger == words
     assert begun.coverage.attempts == {0: 1}

@@ -28,7 +28,7 @@ def taken_up(
 ) -> tuple[Any, ...]:
     """Return the lines and orders, what came to its end meanwhile, what is strange, and what changed."""
     before = flight_of(one, *beside, **given)
-    taken = resuming.resumed(context, before, Resumed((found,)), NOW_S)
+    taken = resuming.resume_fleet(context, before, Resumed((found,)), NOW_S)
     told = [
         f"upload {one.vehicle} {one.revision} {one.airborne}" if isinstance(one, Upload) else one
         for one in taken.commands

@@ -91,7 +91,7 @@ def test_who_is_never_heard_again_is_lost_once_its_battery_is_empty() -> None:
     flight = under_way()
     silenced(flight)
     silent_s = flight.now_s
-    lasts_s = min(blackout.endures_s(FLEET.context, flight.vehicle(name)) for name in THREE)
+    lasts_s = min(blackout.max_remaining_flight_s(FLEET.context, flight.vehicle(name)) for name in THREE)
     found_s = flight.run(lambda: Stage.LOST in {flight.stage(name) for name in THREE}, limit_s=2.0 * lasts_s)
     assert found_s - silent_s == pytest.approx(lasts_s, abs=2.0)
     flight.run(lambda: flight.over, limit_s=lasts_s)

@@ -10,33 +10,33 @@ import pytest
 
 from executor.core import coverage
 from executor.core.battery.account import BatteryState
-from executor.core.coverage import Run, Sample, _Pace
-from executor.core.parts import Before
+from executor.core.coverage import InspectionRun, PositionSample, _RunStatistics
+from executor.core.parts import LastKnown
 from executor.core.resume import inference
-from executor.core.resume.inference import Inferred
+from executor.core.resume.inference import InferredCoverage
 from tests.executor.core.steps import HOLD, Changes, beat, over_pad, rounded
 from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, RTL, at, flying, mission, pack
 
 CONTEXT = FLEET.context
 BOARD = mission()
-RUN = coverage.run_joined(BOARD.tracks[0], Sample(5.0, (150.0, -5.0), 3.0), 3.0)
+RUN = coverage.join_run(BOARD.tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
 SLANTED = replace(BOARD, places_m=((10.0, 20.0), (70.0, 100.0), (70.0, 100.5), *BOARD.places_m[3:]))
 THERE = replace(at(), place_m=(250.0, -5.0))
 
 
-def before(away_s: float, east_m: float = 150.0, **given: Any) -> Before:
+def before(away_s: float, east_m: float = 150.0, **given: Any) -> LastKnown:
     """Return where it was, so long ago, on its way along the first segment."""
     fix = replace(at(age_s=away_s), place_m=(east_m, -5.0))
-    return replace(Before(fix, 2, RUN, 0, 90.0), **given)
+    return replace(LastKnown(fix, 2, RUN, 0, 90.0), **given)
 
 
-def flew(away_s: float, *, waypoint: int = 3, was: Changes | None = None, **given: Any) -> Inferred:
+def flew(away_s: float, *, waypoint: int = 3, was: Changes | None = None, **given: Any) -> InferredCoverage:
     """Return what is inferred of a vehicle in the midst of its second segment."""
     one = flying(**{"fix": THERE, "before": before(away_s, **was or {}), "waypoint": waypoint, **given})
-    return inference.flown_meanwhile(CONTEXT, one, BOARD, waypoint)
+    return inference.infer_coverage(CONTEXT, one, BOARD, waypoint)
 
 
-def stands(away_s: float, used_pct: float = 4.0, failsafe_s: float | None = None, **given: Any) -> Inferred:
+def stands(away_s: float, used_pct: float = 4.0, failsafe_s: float | None = None, **given: Any) -> InferredCoverage:
     """Return what is inferred of a vehicle that is on its pad again."""
     context = replace(CONTEXT, vehicles={"uav1": replace(CONTEXT.vehicles["uav1"], failsafe_s=failsafe_s)})
     told: Changes = {
@@ -45,20 +45,20 @@ def stands(away_s: float, used_pct: float = 4.0, failsafe_s: float | None = None
         "before": before(away_s),
         "battery": pack(90.0 - used_pct),
     }
-    return inference.flown_meanwhile(context, flying(**told | given), BOARD, 5)
+    return inference.infer_coverage(context, flying(**told | given), BOARD, 5)
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "it is where it leads",
         lambda: flew(36.0),
-        Inferred(
+        InferredCoverage(
             segments=(0,),
             joins=1,
-            run=Run(
+            run=InspectionRun(
                 furthest_m=50.0,
                 recent=((NOW_S, 50.0),),
-                pace=_Pace(began_s=NOW_S - 16.667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                pace=_RunStatistics(began_s=NOW_S - 16.667, began_m=0.0, fastest_m_s=3.0, samples=1),
             ),
         ),
     ),
@@ -87,7 +87,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "nobody knows where it was, or is",
         lambda: [flew(36.0, before=None), flew(36.0, fix=None), flew(36.0, was={"waypoint": 6})],
-        [Inferred(), Inferred(), Inferred()],
+        [InferredCoverage(), InferredCoverage(), InferredCoverage()],
     ),
     (
         "it is no longer on its mission",
@@ -106,7 +106,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "how much of a leg is left",
         lambda: [
-            inference._share_left(board, waypoint, fix)
+            inference._remaining_leg_share(board, waypoint, fix)
             for board, waypoint, fix in (
                 (BOARD, 0, over_pad(6.0)),
                 (BOARD, 0, over_pad(30.0)),
@@ -122,7 +122,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "how far beside a slanted leg one is",
         lambda: [
-            inference._beside_m(SLANTED, waypoint, place_m)
+            inference._lateral_offset_m(SLANTED, waypoint, place_m)
             for waypoint, place_m in (
                 (1, (54.0, 58.0)),
                 (1, (2.0, 10.0)),
@@ -136,24 +136,24 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "it was not inspecting",
         lambda: flew(36.0, was={"run": None}),
-        Inferred(
+        InferredCoverage(
             joins=1,
-            run=Run(
+            run=InspectionRun(
                 furthest_m=50.0,
                 recent=((NOW_S, 50.0),),
-                pace=_Pace(began_s=NOW_S - 16.667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                pace=_RunStatistics(began_s=NOW_S - 16.667, began_m=0.0, fastest_m_s=3.0, samples=1),
             ),
         ),
     ),
     (
         "it inspected another one",
         lambda: flew(36.0, was={"run_visit": 1}),
-        Inferred(
+        InferredCoverage(
             joins=1,
-            run=Run(
+            run=InspectionRun(
                 furthest_m=50.0,
                 recent=((NOW_S, 50.0),),
-                pace=_Pace(began_s=NOW_S - 16.667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                pace=_RunStatistics(began_s=NOW_S - 16.667, began_m=0.0, fastest_m_s=3.0, samples=1),
             ),
         ),
     ),
@@ -163,21 +163,21 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             flew(10.0, waypoint=2, fix=replace(at(), place_m=(180.0, -5.0)), was=was) for was in ({}, {"run": None})
         ],
         [
-            Inferred(
+            InferredCoverage(
                 joins=0,
-                run=Run(
+                run=InspectionRun(
                     furthest_m=80.0,
                     recent=((NOW_S, 80.0),),
-                    pace=_Pace(began_s=NOW_S - 26.667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                    pace=_RunStatistics(began_s=NOW_S - 26.667, began_m=0.0, fastest_m_s=3.0, samples=1),
                 ),
             ),
-            Inferred(),
+            InferredCoverage(),
         ],
     ),
     (
         "it is on its way home",
         lambda: flew(57.0, waypoint=4, fix=replace(at(), place_m=(268.0, -3.0))),
-        Inferred(segments=(0, 1)),
+        InferredCoverage(segments=(0, 1)),
     ),
     (
         "it was on its way to the line",
@@ -187,12 +187,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             fix=replace(at(), place_m=(170.0, -5.0)),
             was={"waypoint": 1, "run": None, "fix": replace(at(age_s=40.0), place_m=(0.0, 9.0))},
         ),
-        Inferred(
+        InferredCoverage(
             joins=0,
-            run=Run(
+            run=InspectionRun(
                 furthest_m=70.0,
                 recent=((NOW_S, 70.0),),
-                pace=_Pace(began_s=NOW_S - 23.333, began_m=0.0, fastest_m_s=3.0, samples=1),
+                pace=_RunStatistics(began_s=NOW_S - 23.333, began_m=0.0, fastest_m_s=3.0, samples=1),
             ),
         ),
     ),
@@ -204,16 +204,16 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             fix=replace(at(), place_m=(150.0, -5.0)),
             was={"waypoint": 0, "run": None, "fix": over_pad(5.0, age_s=48.0)},
         ),
-        Inferred(
+        InferredCoverage(
             joins=0,
-            run=Run(
+            run=InspectionRun(
                 furthest_m=50.0,
                 recent=((NOW_S, 50.0),),
-                pace=_Pace(began_s=NOW_S - 16.667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                pace=_RunStatistics(began_s=NOW_S - 16.667, began_m=0.0, fastest_m_s=3.0, samples=1),
             ),
         ),
     ),
-    ("it is on its pad", lambda: stands(160.0), Inferred(segments=(0, 1))),
+    ("it is on its pad", lambda: stands(160.0), InferredCoverage(segments=(0, 1))),
     (
         "it is on its pad too early",
         lambda: [stands(away_s).why_not for away_s in (130.0, 140.0, 145.0, 150.0)],

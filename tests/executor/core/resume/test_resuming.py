@@ -8,7 +8,7 @@ import pytest
 
 from executor.core.commands import Level, Solve, Start
 from executor.core.events import Found, Heard, Match, Reopened, Resumed, ReturnAllOrdered, UploadEnded
-from executor.core.resume.resuming import found_on
+from executor.core.resume.resuming import compare_onboard_mission
 from executor.core.vehicle import FaultKind, Stage
 from missions import encode
 from tests.executor.builders import THREE, fleet_of
@@ -28,7 +28,9 @@ def found(flight: Story, name: str) -> Found:
     if craft.mute:
         return Found(name, heard=False, seq=None, items=None, matches=())
     items = () if craft.path is None else encode(craft.path, flight.context.vehicles[name].dialect).items
-    return found_on(flight.context, flight.state, name, items, craft.items[craft.leg] if craft.path else None)
+    return compare_onboard_mission(
+        flight.context, flight.state, name, items, craft.items[craft.leg] if craft.path else None
+    )
 
 
 def come_back(flight: Story, away_s: float, **strange: Found) -> None:

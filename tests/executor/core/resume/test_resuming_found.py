@@ -13,12 +13,12 @@ from executor.core import coverage
 from executor.core.battery.account import BatteryState
 from executor.core.battery.voltage import VoltageState
 from executor.core.commands import Level, Say, Start
-from executor.core.coverage import Run, Sample, _Pace
+from executor.core.coverage import InspectionRun, PositionSample, _RunStatistics
 from executor.core.events import Found, Match, Reopened, StartEnded
 from executor.core.link_quality import LinkQuality
-from executor.core.parts import Before, Errand, Watch
+from executor.core.parts import HomingOrder, LastKnown, WatchpointMemory
 from executor.core.resume import resuming
-from executor.core.state import Absence, Replan
+from executor.core.state import GroundStationAbsence, Replan
 from executor.core.vehicle import Stage, VehicleState
 from missions import FlightPath, MissionItem, encode
 from tests.executor.builders import with_facts
@@ -48,11 +48,11 @@ NEW = new_mission(4, 6)
 GOING = plan_of(missions={"uav1": NEW}, pending=frozenset({"uav1"}))
 GETS = flying(pending=4)
 STARTS = flying(stage=Stage.STARTING, waypoint=0, fix=LOW, took_off=False, began_pct=93.0)
-WAS = Before(at(age_s=60.0), 2, None, None, 95.0, -math.inf)
-RUN = coverage.run_joined(OUR_BOARD.tracks[0], Sample(5.0, (150.0, -5.0), 3.0), 3.0)
+WAS = LastKnown(at(age_s=60.0), 2, None, None, 95.0, -math.inf)
+RUN = coverage.join_run(OUR_BOARD.tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
 LEFT: Changes = {
-    "errand": Errand(5.0, land=True, told=True), "run": RUN, "stale": True,
-    "watches": (("mode", Watch(5.0)),), "heard_s": NOW_S - 99.0,
+    "errand": HomingOrder(5.0, land=True, told=True), "run": RUN, "stale": True,
+    "watches": (("mode", WatchpointMemory(5.0)),), "heard_s": NOW_S - 99.0,
     "quality": LinkQuality(lost=0.1), "volts": VoltageState(highest_v=16.0, voltage_v=15.0),
 }  # fmt: skip
 OURS = Match(0, 10, whole=True)
@@ -62,7 +62,7 @@ HALF = Match(4, 6, whole=False)
 
 def reopened(*vehicles: VehicleState, notes: tuple[str, ...] = (), **given: Any) -> Stepped:
     before = flight_of(*vehicles, **given)
-    return outcome(before, resuming.reopened(before, Reopened(1.7e9, 12.3, notes), NOW_S))
+    return outcome(before, resuming.apply_reopening(before, Reopened(1.7e9, 12.3, notes), NOW_S))
 
 
 def on_board(path: FlightPath) -> tuple[MissionItem, ...]:
@@ -73,7 +73,7 @@ ITEMS = on_board(OUR_BOARD.path)
 
 
 def compared(items: Sequence[MissionItem] | None, plan: Replan | None = None, one: VehicleState = GETS) -> Found:
-    return resuming.found_on(CONTEXT, flight_of(one, replan=plan), "uav1", items, 5)
+    return resuming.compare_onboard_mission(CONTEXT, flight_of(one, replan=plan), "uav1", items, 5)
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
@@ -105,15 +105,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     "before": replace(
                         WAS,
                         fix=replace(STILL, alt_rel_m=20.0, alt_msl_m=470.0, velocity_m_s=(3.0, 0.0, 0.0)),
-                        run=Run(
+                        run=InspectionRun(
                             furthest_m=50.0,
                             recent=((5.0, 50.0),),
-                            pace=_Pace(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                            pace=_RunStatistics(began_s=-11.6667, began_m=0.0, fastest_m_s=3.0, samples=1),
                         ),
                         remaining_pct=90.0,
                         factor=0.999998,
                     ),
-                    "errand": Errand(5.0, land=True),
+                    "errand": HomingOrder(5.0, land=True),
                 },
                 "uav2": {
                     "anchor": None,
@@ -124,7 +124,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 },
                 "uav3": {"excused_s": NOW_S, "reopened": True},
             },
-            {"silent_since_s": None, "absences": (Absence(until_s=NOW_S, pause_s=12.3, restarted=True),)},
+            {"silent_since_s": None, "absences": (GroundStationAbsence(until_s=NOW_S, pause_s=12.3, restarted=True),)},
         ),
     ),
     (
@@ -142,7 +142,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "uav2": {"excused_s": NOW_S, "reopened": True},
                 "uav3": {"excused_s": NOW_S, "reopened": True},
             },
-            {"absences": (Absence(until_s=NOW_S, pause_s=12.3, restarted=True),)},
+            {"absences": (GroundStationAbsence(until_s=NOW_S, pause_s=12.3, restarted=True),)},
         ),
     ),
     (
@@ -227,7 +227,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 fix=replace(at(), place_m=(250.0, -5.0)),
             ),
             found(OURS, seq=6),
-            absences=(Absence(5.0, 10.0, restarted=True),),
+            absences=(GroundStationAbsence(5.0, 10.0, restarted=True),),
         ),
         (
             [Say(Level.INFO, "uav1: flew segment 0 during the outage, inferred from its clock and position")],
@@ -235,10 +235,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             (),
             {
                 "uav1": {
-                    "run": Run(
+                    "run": InspectionRun(
                         furthest_m=50.0,
                         recent=((NOW_S, 50.0),),
-                        pace=_Pace(began_s=NOW_S - 16.667, began_m=0.0, fastest_m_s=3.0, samples=1),
+                        pace=_RunStatistics(began_s=NOW_S - 16.667, began_m=0.0, fastest_m_s=3.0, samples=1),
                     ),
                     "run_visit": 1,
                     "before": None,
@@ -246,7 +246,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             },
             {
                 "inspected": {0: "uav1"},
-                "absences": (Absence(until_s=5.0, pause_s=36.0, restarted=True),),
+                "absences": (GroundStationAbsence(until_s=5.0, pause_s=36.0, restarted=True),),
                 "inferred": frozenset({0, 1}),
             },
         ),
@@ -275,7 +275,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: taken_up(
             flying(before=WAS),
             found(OURS),
-            absences=(Absence(5.0, 10.0, restarted=False), Absence(NOW_S, 10.0, restarted=True)),
+            absences=(
+                GroundStationAbsence(5.0, 10.0, restarted=False),
+                GroundStationAbsence(NOW_S, 10.0, restarted=True),
+            ),
         ),
         (
             [],
@@ -284,15 +287,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {"uav1": {"before": None}},
             {
                 "absences": (
-                    Absence(until_s=5.0, pause_s=10.0, restarted=False),
-                    Absence(until_s=NOW_S, pause_s=60.0, restarted=True),
+                    GroundStationAbsence(until_s=5.0, pause_s=10.0, restarted=False),
+                    GroundStationAbsence(until_s=NOW_S, pause_s=60.0, restarted=True),
                 )
             },
         ),
     ),
     (
         "how long we were away, by our own",
-        lambda: taken_up(flying(before=WAS), found(OURS), absences=(Absence(NOW_S, 61.0, restarted=True),)),
+        lambda: taken_up(
+            flying(before=WAS), found(OURS), absences=(GroundStationAbsence(NOW_S, 61.0, restarted=True),)
+        ),
         (
             [],
             (),
@@ -304,7 +309,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "how long we were away, by none of them",
         lambda: taken_up(
-            flying(before=WAS), found(OURS, heard=False), absences=(Absence(NOW_S, 10.0, restarted=True),)
+            flying(before=WAS), found(OURS, heard=False), absences=(GroundStationAbsence(NOW_S, 10.0, restarted=True),)
         ),
         ([Say(Level.WARNING, "uav1: does not answer yet")], (), (), {"uav1": {"before": None}}, {}),
     ),

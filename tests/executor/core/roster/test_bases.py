@@ -24,7 +24,9 @@ def crew_asks(when: When, action: Action, base: str) -> Moment:
     def ask(world: World) -> None:
         assert isinstance(world, DaySky)
         assert world.flight is not None
-        record = world.flight.ask(Intent(f"{action.value}-{base}-{world.now_s}", action, None, "page", base=base))
+        record = world.flight.submit_intent(
+            Intent(f"{action.value}-{base}-{world.now_s}", action, None, "page", base=base)
+        )
         assert record.outcome is Outcome.DONE, record.text
 
     return Moment(when, ask)
@@ -131,12 +133,12 @@ def test_what_is_refused(action: Action, base: str, shut: tuple[str, ...], code:
         vehicle = state.vehicles[name]
         state = state.put(replace(vehicle, orders=replace(vehicle.orders, base_closed=True)))
     wish = Intent("wish", action, None, "page", base=base)
-    why = refusals.reason(replace(FLEET.context, day=rules), state, wish, NOW_S)
+    why = refusals.find_refusal(replace(FLEET.context, day=rules), state, wish, NOW_S)
     assert (None if why is None else why[0]) is code
-    refused = refusals.reason(FLEET.context, state, wish, NOW_S)
+    refused = refusals.find_refusal(FLEET.context, state, wish, NOW_S)
     assert refused is not None
     assert refused[0] is IntentReason.BASE_UNKNOWN
-    named = refusals.reason(replace(FLEET.context, day=rules), state, replace(wish, vehicle="uav1"), NOW_S)
+    named = refusals.find_refusal(replace(FLEET.context, day=rules), state, replace(wish, vehicle="uav1"), NOW_S)
     assert named is not None
     assert named[0] is IntentReason.VEHICLE_UNEXPECTED
 
@@ -145,5 +147,5 @@ def test_what_is_refused(action: Action, base: str, shut: tuple[str, ...], code:
 def test_who_stands_at_a_closed_base_is_not_sent_out(action: Action) -> None:
     one = flying(stage=Stage.LANDED)
     one = replace(one, orders=replace(one.orders, base_closed=True), telemetry=replace(one.telemetry, heartbeat=None))
-    why = refusals.reason(FLEET.context, flight_of(one), Intent("wish", action, "uav1", "page"), NOW_S)
+    why = refusals.find_refusal(FLEET.context, flight_of(one), Intent("wish", action, "uav1", "page"), NOW_S)
     assert why == (IntentReason.BASE_CLOSED, "its base is closed; open it first")

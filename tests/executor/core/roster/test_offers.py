@@ -6,7 +6,7 @@ from executor.core.commands import Level, Start
 from executor.core.events import Heard
 from executor.core.intents import Action, Outcome
 from executor.core.messages import Attitude, StatusText
-from executor.core.replan.survivors import survivor
+from executor.core.replan.survivors import build_survivor
 from executor.core.vehicle import Stage
 from tests.executor.builders import fleet_of
 from tests.executor.core.stories import EVERYTHING, story
@@ -112,5 +112,5 @@ def test_who_lies_on_its_side_is_not_offered() -> None:
 def test_who_lies_on_its_side_is_given_nothing_where_nobody_is_asked() -> None:
     flight = one_left(fly_again="auto")
     flight.happen(Heard("uav1", Attitude(0.0, 90.0)))
-    assert survivor(flight.context, flight.vehicle("uav1"), flight.now_s) is None
-    assert survivor(flight.context, flight.vehicle("uav3"), flight.now_s) is not None
+    assert build_survivor(flight.context, flight.vehicle("uav1"), flight.now_s) is None
+    assert build_survivor(flight.context, flight.vehicle("uav3"), flight.now_s) is not None

@@ -12,9 +12,9 @@ from executor.core.battery import kalman
 from executor.core.battery.account import BatteryState
 from executor.core.battery.kalman import Prior
 from executor.core.commands import Level, Say
-from executor.core.context import Context, FlyAgain
+from executor.core.context import Context, RelaunchPolicy
 from executor.core.roster import offers
-from executor.core.state import Offer
+from executor.core.state import TakeoffOffer
 from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -37,22 +37,22 @@ from tests.executor.core.vehicles import FLEET, NOW_S, flying, pack
 STANDS = landed(stage=Stage.LANDED)
 OPEN: Changes = {"given_up": frozenset({0, 2, 4})}
 TWO = (STANDS, with_facts(STANDS, name="uav2", fix=replace(LOW, place_m=FLEET.context.vehicles["uav2"].pad_m)))
-OFFER = Offer(("uav1",), (0, 2, 4), NOW_S - 50.0)
+OFFER = TakeoffOffer(("uav1",), (0, 2, 4), NOW_S - 50.0)
 LANDS = with_facts(SECOND, waypoint=4)
 
 
 def idle(one: VehicleState, context: Context = CREW) -> bool:
-    return offers.idle(context, one, NOW_S)
+    return offers.is_idle(context, one, NOW_S)
 
 
 def greedy(factor: float) -> BatteryState:
     """Return a battery at 22 % that gives so many times what the model says."""
-    return replace(pack(22.0), estimate=kalman.first_estimate(22.0, Prior(factor, 0.1)))
+    return replace(pack(22.0), estimate=kalman.initialise_estimate(22.0, Prior(factor, 0.1)))
 
 
 def looked(*vehicles: VehicleState, context: Context = CREW, **given: Any) -> Stepped:
     before = flight_of(*vehicles, **{**OPEN, **given})
-    return outcome(before, offers.looked_at(context, before, NOW_S))
+    return outcome(before, offers.update_offers(context, before, NOW_S))
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
@@ -65,7 +65,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who has landed is not asked for where nobody flies twice",
         lambda: [
-            idle(replace(STANDS, stage=stage), replace(CREW, fly_again=FlyAgain.NEVER))
+            idle(replace(STANDS, stage=stage), replace(CREW, fly_again=RelaunchPolicy.NEVER))
             for stage in (Stage.LANDED, Stage.GROUND)
         ],
         [False, True],
@@ -127,7 +127,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what is open",
         lambda: [
-            sorted(offers.open_segments(CREW, flight_of(flying(), **given)))
+            sorted(offers.find_open_segments(CREW, flight_of(flying(), **given)))
             for given in (
                 {},
                 OPEN,
@@ -140,7 +140,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what one can reach",
         lambda: [
-            sorted(offers.within_reach(CREW, with_facts(STANDS, battery=pack(percent)), frozenset(range(6))))
+            sorted(offers.find_reachable_segments(CREW, with_facts(STANDS, battery=pack(percent)), frozenset(range(6))))
             for percent in (17.0, 19.0, 19.5, 20.0, 20.5, 21.0, 22.0)
         ],
         [[], [], [], [], [], [], [0, 1]],
@@ -148,14 +148,16 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what one can reach that uses more than the model",
         lambda: [
-            sorted(offers.within_reach(CREW, with_facts(STANDS, battery=greedy(factor)), frozenset(range(6))))
+            sorted(
+                offers.find_reachable_segments(CREW, with_facts(STANDS, battery=greedy(factor)), frozenset(range(6)))
+            )
             for factor in (1.0, 1.1, 1.2)
         ],
         [[0, 1], [0], []],
     ),
     (
         "who has not reported its battery reaches nothing",
-        lambda: offers.within_reach(CREW, with_facts(STANDS, battery=BatteryState()), frozenset({0})),
+        lambda: offers.find_reachable_segments(CREW, with_facts(STANDS, battery=BatteryState()), frozenset({0})),
         frozenset(),
     ),
     (
@@ -172,7 +174,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 )
             ],
             {},
-            {"offer": Offer(vehicles=("uav1",), segments=(0, 1, 2, 3, 4, 5), since_s=NOW_S), "offer_wanted_s": NOW_S},
+            {
+                "offer": TakeoffOffer(vehicles=("uav1",), segments=(0, 1, 2, 3, 4, 5), since_s=NOW_S),
+                "offer_wanted_s": NOW_S,
+            },
         ),
     ),
     (
@@ -191,7 +196,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ],
             {},
             {
-                "offer": Offer(vehicles=("uav1", "uav2"), segments=(0, 1, 2, 3, 4, 5), since_s=NOW_S),
+                "offer": TakeoffOffer(vehicles=("uav1", "uav2"), segments=(0, 1, 2, 3, 4, 5), since_s=NOW_S),
                 "offer_wanted_s": NOW_S,
             },
         ),
@@ -244,7 +249,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 )
             ],
             {},
-            {"offer": Offer(vehicles=("uav1",), segments=(0, 1, 4, 5), since_s=NOW_S), "offer_wanted_s": NOW_S},
+            {"offer": TakeoffOffer(vehicles=("uav1",), segments=(0, 1, 4, 5), since_s=NOW_S), "offer_wanted_s": NOW_S},
         ),
     ),
     (
@@ -266,7 +271,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 )
             ],
             {},
-            {"offer": Offer(vehicles=("uav1",), segments=(0, 1, 2, 3, 4, 5), since_s=NOW_S)},
+            {"offer": TakeoffOffer(vehicles=("uav1",), segments=(0, 1, 2, 3, 4, 5), since_s=NOW_S)},
         ),
     ),
     (
@@ -298,7 +303,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [],
             {},
             {
-                "offer": Offer(
+                "offer": TakeoffOffer(
                     vehicles=("uav1",), segments=(0, 1, 2, 3, 4, 5), since_s=NOW_S - 50.0, alone_since_s=NOW_S
                 )
             },
@@ -309,7 +314,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: looked(
             STANDS, with_facts(SECOND, held_s=5.0), offer=replace(OFFER, alone_since_s=5.0), offer_wanted_s=5.0
         ),
-        ([], {}, {"offer": Offer(vehicles=("uav1",), segments=(0, 1, 2, 4, 5), since_s=NOW_S - 50.0)}),
+        ([], {}, {"offer": TakeoffOffer(vehicles=("uav1",), segments=(0, 1, 2, 4, 5), since_s=NOW_S - 50.0)}),
     ),
     (
         "an offer that stands while somebody starts",
@@ -319,7 +324,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             offer=replace(OFFER, alone_since_s=5.0),
             offer_wanted_s=5.0,
         ),
-        ([], {}, {"offer": Offer(vehicles=("uav1",), segments=(0, 1, 2, 4, 5), since_s=NOW_S - 50.0)}),
+        ([], {}, {"offer": TakeoffOffer(vehicles=("uav1",), segments=(0, 1, 2, 4, 5), since_s=NOW_S - 50.0)}),
     ),
     (
         "an offer of more",
@@ -328,7 +333,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [],
             {},
             {
-                "offer": Offer(
+                "offer": TakeoffOffer(
                     vehicles=("uav1",), segments=(0, 1, 2, 3, 4, 5), since_s=NOW_S - 50.0, alone_since_s=NOW_S - 5.0
                 )
             },
@@ -349,7 +354,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 )
             ],
             {},
-            {"offer": Offer(vehicles=("uav1", "uav2"), segments=(0, 1, 2, 3, 4, 5), since_s=NOW_S)},
+            {"offer": TakeoffOffer(vehicles=("uav1", "uav2"), segments=(0, 1, 2, 3, 4, 5), since_s=NOW_S)},
         ),
     ),
     (
@@ -370,7 +375,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [],
             {},
             {
-                "offer": Offer(
+                "offer": TakeoffOffer(
                     vehicles=("uav1",), segments=(0, 1, 2, 3, 4, 5), since_s=NOW_S - 50.0, alone_since_s=NOW_S - 299.9
                 )
             },
@@ -379,11 +384,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "offers in words",
         lambda: [
-            offers.offer_words(CREW, offer)
+            offers.describe_offer(CREW, offer)
             for offer in (
                 replace(OFFER, segments=(2,)),
-                Offer(("uav1", "uav2"), (0, 1, 2, 3, 4, 5), 0.0),
-                Offer(("uav1",), (0, 1, 2, 3, 4, 5, 5), 0.0),
+                TakeoffOffer(("uav1", "uav2"), (0, 1, 2, 3, 4, 5), 0.0),
+                TakeoffOffer(("uav1",), (0, 1, 2, 3, 4, 5, 5), 0.0),
             )
         ],
         [
@@ -400,7 +405,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "an offer stands",
-        lambda: [offers.awaits_answer(flight_of(offer=offer)) for offer in (None, OFFER)],
+        lambda: [offers.is_offer_open(flight_of(offer=offer)) for offer in (None, OFFER)],
         [False, True],
     ),
 ]

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
-from executor.adapters.mavlink.codec import Codec
+from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
 from executor.core.commands import Command, Hold, LandNow, Level, Resume, SendHome, Start, Upload
@@ -95,7 +95,7 @@ ORDERED_RTL = frames(254, mav.MAVLink_command_long_message(UAV2, 1, 20, 0, *[0.0
 
 def told_by(flight: Story, datagrams: list[bytes]) -> None:
     """Take datagrams on uav2's link."""
-    codec = Codec()
+    codec = MavlinkCodec()
     link = VehicleLink(UAV2, codec)
 
     def heard(message: Message) -> None:
@@ -104,7 +104,7 @@ def told_by(flight: Story, datagrams: list[bytes]) -> None:
 
     link.listen(heard)
     for datagram in datagrams:
-        Router([link], codec).take(codec.decode(datagram), lambda _: True)
+        Router([link], codec).route_frames(codec.decode(datagram), lambda _: True)
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])

@@ -16,16 +16,16 @@ from executor.core.context import Context
 from executor.core.events import IntentReceived, Tick
 from executor.core.intents import Action, Intent, IntentReason, Outcome
 from executor.core.operator import refusals
-from executor.core.payload.pictures import NotSeen, Unseen
-from executor.core.seeing.proof import missed
+from executor.core.payload.pictures import AwaitedPictures, MissingPictures
+from executor.core.seeing.proof import find_missed_segments
 from executor.core.state import FleetState
 from missions import Segment
 from missions.areas import Unreachable
-from missions.cameras import Camera, Looks, PylonLook, SpanLook, Trigger, Viewpoint
+from missions.cameras import Camera, CameraTasks, PylonCameraTask, SpanCameraTask, Trigger, Viewpoint
 from tests.executor.core.steps import flight_of, plan_of
 from tests.executor.core.vehicles import FLEET, NOW_S, flying
 
-SPAN = (SpanLook("rgb", Trigger.DISTANCE, 10.0),)
+SPAN = (SpanCameraTask("rgb", Trigger.DISTANCE, 10.0),)
 NAMES = {0: "V1-3", 1: "V1-4", 2: "pylon 9", 3: "pylon 9", 4: "V2-1"}
 EVERYBODY = frozenset({"rgb"})
 
@@ -34,10 +34,10 @@ def sighted(carriers: Mapping[str, frozenset[str]] | None = None, **facts: Any) 
     """Return a site that asks for pictures of all but its last span; two assets share a name."""
     network = FLEET.context.setup.network
     segments = tuple(Segment(one.id, one.a, one.b, NAMES.get(one.id, "")) for one in network.segments)
-    around = PylonLook("rgb", (Viewpoint((0.0, 0.0), 0, 0), Viewpoint((9.0, 0.0), 0, 0)), 1.0, 20.0)
+    around = PylonCameraTask("rgb", (Viewpoint((0.0, 0.0), 0, 0), Viewpoint((9.0, 0.0), 0, 0)), 1.0, 20.0)
     spans = {number: SPAN for number in range(len(segments) - 1) if number != 2}
     carried = dict.fromkeys(FLEET.boards, EVERYBODY) if carriers is None else dict(carriers)
-    looks = Looks({"rgb": Camera("rgb", 100)}, carried, spans, {2: around})
+    looks = CameraTasks({"rgb": Camera("rgb", 100)}, carried, spans, {2: around})
     setup = replace(FLEET.context.setup, network=replace(network, segments=segments), looks=looks)
     return replace(FLEET.context, setup=setup, **facts)
 
@@ -54,7 +54,7 @@ def asked(*assets: int | str, action: Action = Action.PROVE) -> Intent:
 
 
 def refused(state: FleetState, *assets: int | str, context: Context = SITE) -> tuple[IntentReason, str] | None:
-    return refusals.reason(context, state, asked(*assets), NOW_S)
+    return refusals.find_refusal(context, state, asked(*assets), NOW_S)
 
 
 def stepped(state: FleetState, *assets: int | str, context: Context = SITE) -> tuple[FleetState, list[object]]:
@@ -71,7 +71,7 @@ def test_one_that_counts_as_seen_is_open_again_and_planned(asset: int | str) -> 
     assert told == [Say(Level.INFO, "page asks: prove of 1 asset; V2-1 reopened for re-inspection")]
     assert set(after.coverage.inspected) == {2, 3, 5}
     assert dict(after.coverage.caught) == {}
-    assert missed(SITE, after) == frozenset()
+    assert find_missed_segments(SITE, after) == frozenset()
     record = after.crew.intents["wish"]
     assert (record.outcome, record.intent.assets) == (Outcome.ACCEPTED, (asset,))
     _, commands = fleet.step(SITE, after, Tick(), NOW_S)
@@ -86,24 +86,24 @@ def test_a_name_stands_for_all_that_carry_it_and_are_not_open() -> None:
 
 
 def test_what_waits_for_its_words_or_was_given_up_gets_its_tries_anew() -> None:
-    gone = NotSeen("uav1", 3, NOW_S - 60.0, "rgb does not show 10 to 60 m of 100 m")
+    gone = MissingPictures("uav1", 3, NOW_S - 60.0, "rgb does not show 10 to 60 m of 100 m")
     state = flight_of(
         flying(),
         given_up=frozenset({3}),
         attempts=MappingProxyType({3: 3, 4: 1}),
-        unseen=MappingProxyType({4: Unseen("uav1", NOW_S - 1.0)}),
+        unseen=MappingProxyType({4: AwaitedPictures("uav1", NOW_S - 1.0)}),
         not_seen=(gone,),
     )
     after, _ = stepped(state, 3, 4)
     assert (after.coverage.given_up, dict(after.coverage.unseen)) == (frozenset(), {})
     assert dict(after.coverage.attempts) == {}
-    assert missed(SITE, after) == {3}  # it was flown and is not seen, until it is
+    assert find_missed_segments(SITE, after) == {3}  # it was flown and is not seen, until it is
 
 
 def test_what_was_missed_once_and_seen_later_is_not_missed_again() -> None:
-    gone = NotSeen("uav1", 0, NOW_S - 60.0, "rgb does not show 10 to 60 m of 100 m")
+    gone = MissingPictures("uav1", 0, NOW_S - 60.0, "rgb does not show 10 to 60 m of 100 m")
     after, _ = stepped(flight_of(flying(), **SEEN, not_seen=(gone, replace(gone, segment=4))), 0)
-    assert missed(SITE, after) == {4}
+    assert find_missed_segments(SITE, after) == {4}
 
 
 def test_what_is_refused_has_a_code_and_changes_nothing() -> None:

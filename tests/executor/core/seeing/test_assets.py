@@ -8,10 +8,10 @@ from types import MappingProxyType
 import pytest
 
 from executor.core.context import Context
-from executor.core.payload.pictures import NotSeen, Unseen
-from executor.core.seeing.assets import AssetState, AssetView, asked_of, asset_views
+from executor.core.payload.pictures import AwaitedPictures, MissingPictures
+from executor.core.seeing.assets import AssetState, AssetView, build_asset_views, list_asked_pictures
 from executor.core.state import FleetState
-from missions.cameras import Camera, Looks, SpanLook, Trigger
+from missions.cameras import Camera, CameraTasks, SpanCameraTask, Trigger
 from tests.executor.core.seeing.test_again import EVERYBODY, SITE, sighted
 from tests.executor.core.steps import flight_of
 from tests.executor.core.vehicles import CONTEXT, FLEET, NOW_S, flying
@@ -26,15 +26,19 @@ FLOWN = flight_of(
     inspected=MappingProxyType({0: "uav1", 2: "uav2"}),
     inferred=frozenset({2}),
     caught=CAUGHT,
-    unseen=MappingProxyType({1: Unseen("uav3", NOW_S)}),
-    not_seen=(NotSeen("uav1", 3, 5.0, "nothing"), NotSeen("uav2", 3, 9.0, "nothing"), NotSeen("uav2", 0, 9.0, "")),
+    unseen=MappingProxyType({1: AwaitedPictures("uav3", NOW_S)}),
+    not_seen=(
+        MissingPictures("uav1", 3, 5.0, "nothing"),
+        MissingPictures("uav2", 3, 9.0, "nothing"),
+        MissingPictures("uav2", 0, 9.0, ""),
+    ),
     given_up=frozenset({3}),
     left_over=frozenset({4}),
 )
 
 
 def views(context: Context, state: FleetState) -> tuple[AssetView, ...]:
-    return asset_views(context, state, asked_of(context))
+    return build_asset_views(context, state, list_asked_pictures(context))
 
 
 def test_each_has_its_state_its_pictures_and_who_flew_it() -> None:
@@ -49,9 +53,9 @@ def test_each_has_its_state_its_pictures_and_who_flew_it() -> None:
 
 
 def test_only_what_asks_for_pictures_is_an_asset_where_any_does() -> None:
-    assert asked_of(SITE) == {0: {"rgb": 10}, 1: {"rgb": 10}, 2: {"rgb": 2}, 3: {"rgb": 10}, 4: {"rgb": 10}}
-    assert asked_of(sighted(wanted=frozenset({2, 5}))) == {2: {"rgb": 2}}
-    assert asked_of(CONTEXT) == {segment: {} for segment in range(6)}
+    assert list_asked_pictures(SITE) == {0: {"rgb": 10}, 1: {"rgb": 10}, 2: {"rgb": 2}, 3: {"rgb": 10}, 4: {"rgb": 10}}
+    assert list_asked_pictures(sighted(wanted=frozenset({2, 5}))) == {2: {"rgb": 2}}
+    assert list_asked_pictures(CONTEXT) == {segment: {} for segment in range(6)}
     states = [one.state for one in views(CONTEXT, flight_of(flying(), inspected=MappingProxyType({3: "uav1"})))]
     assert states == [*[AssetState.OPEN] * 3, AssetState.SEEN, *[AssetState.OPEN] * 2]
 
@@ -59,16 +63,16 @@ def test_only_what_asks_for_pictures_is_an_asset_where_any_does() -> None:
 @pytest.mark.parametrize(
     ("looks", "asked", "there"),
     [
-        ((SpanLook("rgb", Trigger.VIDEO),), 0, 0),
-        ((SpanLook("rgb", Trigger.INTERVAL, 25.0), SpanLook("ir", Trigger.DISTANCE, 50.0)), 6, 2),
-        ((SpanLook("rgb", Trigger.DISTANCE, 1.0), SpanLook("ir", Trigger.VIDEO)), 100, 1),
-        ((SpanLook("rgb", Trigger.DISTANCE, 400.0),), 1, 1),
+        ((SpanCameraTask("rgb", Trigger.VIDEO),), 0, 0),
+        ((SpanCameraTask("rgb", Trigger.INTERVAL, 25.0), SpanCameraTask("ir", Trigger.DISTANCE, 50.0)), 6, 2),
+        ((SpanCameraTask("rgb", Trigger.DISTANCE, 1.0), SpanCameraTask("ir", Trigger.VIDEO)), 100, 1),
+        ((SpanCameraTask("rgb", Trigger.DISTANCE, 400.0),), 1, 1),
     ],
 )
 def test_films_are_no_pictures_and_each_camera_counts_for_itself(
-    looks: tuple[SpanLook, ...], asked: int, there: int
+    looks: tuple[SpanCameraTask, ...], asked: int, there: int
 ) -> None:
     cameras = {name: Camera(name, 100) for name in ("rgb", "ir")}
-    setup = replace(CONTEXT.setup, looks=Looks(cameras, dict.fromkeys(FLEET.boards, EVERYBODY), {1: looks}))
+    setup = replace(CONTEXT.setup, looks=CameraTasks(cameras, dict.fromkeys(FLEET.boards, EVERYBODY), {1: looks}))
     [one] = views(replace(CONTEXT, setup=setup), FLOWN)
     assert (one.segment, one.asked, one.pictures) == (1, asked, there)

@@ -9,8 +9,8 @@ import pytest
 from executor.core.commands import Say
 from executor.core.context import Context
 from executor.core.messages import GimbalAttitude
-from executor.core.parts import Fix
-from executor.core.seeing.faults import BESIDE, OFF_S, VIEWPOINTS_LATE, cameras_looked_at
+from executor.core.parts import PositionFix
+from executor.core.seeing.faults import BESIDE, OFF_S, VIEWPOINTS_LATE, check_cameras
 from executor.core.state import FleetState
 from executor.core.vehicle import FaultCode, VehicleState
 from missions.cameras import Region
@@ -28,11 +28,11 @@ def at_a_pylon(carried: dict[str, object] = GIMBAL, **memory: object) -> tuple[C
     board = vehicle.assignment.board
     assert board is not None
     first = next(index for index, point in enumerate(board.path.waypoints) if point.captures)
-    fix = Fix(NOW_S, NOW_S, board.places_m[first], 45.0, 495.0, (3.0, 0.0, 0.0), 90.0)
+    fix = PositionFix(NOW_S, NOW_S, board.places_m[first], 45.0, 495.0, (3.0, 0.0, 0.0), 90.0)
     vehicle = with_facts(vehicle, waypoint=first + 1)
     vehicle = replace(vehicle, motion=replace(vehicle.motion, fix=fix))
     vehicle = replace(vehicle, link=replace(vehicle.link, heard_s=NOW_S, stale=False))
-    camera = replace(vehicle.payload.camera("rgb", int(str(carried["id"]))), **memory)  # type: ignore[arg-type]
+    camera = replace(vehicle.payload.camera_of("rgb", int(str(carried["id"]))), **memory)  # type: ignore[arg-type]
     return context, replace(vehicle, payload=vehicle.payload.with_camera(camera))
 
 
@@ -56,7 +56,7 @@ def said(context: Context, vehicle: VehicleState, *, for_s: float = 0.0) -> list
         own = state.vehicles["uav1"]
         if own.payload.gimbal is not None:
             state = state.put(replace(own, payload=replace(own.payload, gimbal_s=now_s)))
-        state, commands = cameras_looked_at(context, state, now_s)
+        state, commands = check_cameras(context, state, now_s)
         codes += [command.text for command in commands if isinstance(command, Say)]
     fault = state.vehicles["uav1"].fault
     return codes if fault is None else [fault.code.value, *codes]

@@ -11,12 +11,18 @@ from executor.core import fleet
 from executor.core.commands import Level, Say
 from executor.core.context import Context
 from executor.core.coverage import SegmentPass
-from executor.core.replan.replanning import orphans
-from executor.core.seeing.proof import WAITS_S, missed, passed_pylons, pictures_judged, was_flown
+from executor.core.replan.replanning import find_orphan_segments
+from executor.core.seeing.proof import (
+    WAITS_S,
+    find_missed_segments,
+    judge_pictures,
+    record_flown_segments,
+    record_passed_pylons,
+)
 from executor.core.state import Coverage, FleetState
-from executor.core.vehicle import aboard
-from missions import Phase, continue_path, flight_path
-from missions.asked import first_paths
+from executor.core.vehicle import build_onboard_mission
+from missions import Phase, build_flight_path, continue_path
+from missions.asked import build_first_paths
 from tests.executor.builders import with_facts
 from tests.executor.core.hearing.test_pictures import NOW_S, flying, heard
 from tests.executor.core.replan.test_apart import CONTEXTS
@@ -39,13 +45,13 @@ def with_one_from_a_layer(segment: int, by: str, at_m: float = FROM_M) -> Covera
 )
 def test_a_span_that_counts_counts_by_the_nearer_of_two(counted_m: float, by: str, at_m: float) -> None:
     chosen = CONTEXTS[False]
-    path = first_paths(chosen.setup, {"uav1": (0, 2)})["uav1"]
-    state = fleet.initial({"uav1": aboard(chosen, "uav1", 0, path, (0, 2))})
+    path = build_first_paths(chosen.setup, {"uav1": (0, 2)})["uav1"]
+    state = fleet.build_initial_state({"uav1": build_onboard_mission(chosen, "uav1", 0, path, (0, 2))})
     state = replace(state, coverage=with_one_from_a_layer(0, "uav2", counted_m))
-    state = was_flown(chosen, state, "uav1", [(0, HOW)], NOW_S)
+    state = record_flown_segments(chosen, state, "uav1", [(0, HOW)], NOW_S)
     assert (state.coverage.inspected[0], state.coverage.inspected_at_m[0]) == (by, at_m)
     # Nobody has to take it on evidence any more that all of it was flown.
-    assert (state.coverage.flown.get(0), state.coverage.unproven()) == (
+    assert (state.coverage.flown.get(0), state.coverage.inferred_segments()) == (
         (HOW, frozenset()) if by == "uav1" else (None, {0})
     )
 
@@ -59,15 +65,15 @@ def around_again(*seen: int) -> tuple[Context, FleetState]:
     board = vehicle.assignment.board
     assert board is not None
     before = with_facts(vehicle, waypoint=vehicle.assignment.waypoint - 1)
-    return context, passed_pylons(context, state, before, NOW_S)
+    return context, record_passed_pylons(context, state, before, NOW_S)
 
 
 def test_a_pylon_counts_by_nearer_pictures_once_they_show_all_of_it() -> None:
     context, state = around_again(0, 1)
     # Until they are judged it counts as before, is nobody's to fly, and misses nothing.
     assert (state.coverage.inspected[PYLON], state.coverage.inspected_at_m[PYLON]) == ("uav2", 45.0)
-    assert (PYLON in orphans(context, state), missed(context, state)) == (False, frozenset())
-    state, commands = pictures_judged(context, state, NOW_S + 0.1)
+    assert (PYLON in find_orphan_segments(context, state), find_missed_segments(context, state)) == (False, frozenset())
+    state, commands = judge_pictures(context, state, NOW_S + 0.1)
     assert commands == ()
     assert (state.coverage.inspected[PYLON], state.coverage.inspected_at_m[PYLON]) == ("uav1", ASKED_M)
     assert set(state.coverage.caught[PYLON]) == {("rgb", 0.0), ("rgb", 1.0)}
@@ -77,9 +83,9 @@ def test_a_pylon_counts_by_nearer_pictures_once_they_show_all_of_it() -> None:
 def test_nearer_pictures_that_lack_a_viewpoint_take_nothing_away() -> None:
     context, state = around_again(1)
     counted = state.coverage.inspected, state.coverage.inspected_at_m, state.coverage.caught
-    state, commands = pictures_judged(context, state, NOW_S + WAITS_S - 0.1)
+    state, commands = judge_pictures(context, state, NOW_S + WAITS_S - 0.1)
     assert commands == ()
-    state, commands = pictures_judged(context, state, NOW_S + WAITS_S + 0.1)
+    state, commands = judge_pictures(context, state, NOW_S + WAITS_S + 0.1)
     [line] = [command for command in commands if isinstance(command, Say)]
     assert line.level is Level.INFO
     assert (
@@ -94,7 +100,7 @@ def test_what_was_opened_meanwhile_counts_by_what_nearer_pictures_show(seen: tup
     """An operator asks for proof of what counts by evidence alone, while its nearer pictures are waited for."""
     context, state = around_again(*seen)
     state = replace(state, coverage=replace(state.coverage, inspected=MappingProxyType({})))
-    state, commands = pictures_judged(context, state, NOW_S + WAITS_S + 0.1)
+    state, commands = judge_pictures(context, state, NOW_S + WAITS_S + 0.1)
     assert commands == ()
     assert state.coverage.inspected.get(PYLON) == by
     assert state.coverage.unseen == {}
@@ -104,14 +110,14 @@ def test_what_was_opened_meanwhile_counts_by_what_nearer_pictures_show(seen: tup
 def test_a_pass_counts_from_where_the_vehicle_was_in_it(again: bool) -> None:
     """uav2's mission leads there from its layer first, and at the asked distance in the end."""
     chosen = CONTEXTS[False]
-    first = flight_path(chosen.setup, "uav2", (4,))
+    first = build_flight_path(chosen.setup, "uav2", (4,))
     kept = 1 + next(number for number, point in enumerate(first.waypoints) if point.phase is Phase.INSPECT)
     path = continue_path(chosen.setup, first, kept, (4,), frozenset({2}))
-    board = aboard(chosen, "uav2", 1, path, (4, 4))
+    board = build_onboard_mission(chosen, "uav2", 1, path, (4, 4))
     lands = len(path.waypoints) - 1
-    state = fleet.initial({"uav2": board})
+    state = fleet.build_initial_state({"uav2": board})
     state = state.put(with_facts(state.vehicles["uav2"], waypoint=lands if again else kept - 1))
-    state = was_flown(chosen, state, "uav2", [(2, HOW)], NOW_S)
+    state = record_flown_segments(chosen, state, "uav2", [(2, HOW)], NOW_S)
     above_m = 0.0 if again else chosen.setup.layers.offset_m("uav2")
     assert state.coverage.inspected_at_m[2] == ASKED_M + above_m
 
@@ -119,6 +125,6 @@ def test_a_pass_counts_from_where_the_vehicle_was_in_it(again: bool) -> None:
 def test_who_flies_it_for_the_first_time_waits_for_its_pictures() -> None:
     context, vehicle = flying(low=True)
     state = FleetState(vehicles={"uav1": vehicle})
-    state = was_flown(context, state, "uav1", [(PYLON, None)], NOW_S)
+    state = record_flown_segments(context, state, "uav1", [(PYLON, None)], NOW_S)
     assert state.coverage.unseen[PYLON].nearer_m is None
-    assert missed(context, state) == {PYLON}
+    assert find_missed_segments(context, state) == {PYLON}
