@@ -18,15 +18,15 @@ import numpy as np
 
 from benchmarks.prediction import RouteCase, cases, plan_with, planned, random_routes
 from benchmarks.store import Json
-from executor.core import projection
 from executor.core.context import Context
-from executor.core.events import Event, Tick
-from executor.core.faults import batteries, warnings, watchpoints
-from executor.core.faults.watching import Verdict, WatchView
-from executor.core.state import FleetState
-from executor.core.vehicle import Stage, VehicleState
-from executor.virtual.flight import FlightObservers, fly_virtual
-from executor.virtual.site import AMPLE_AH, build_virtual_site, size_batteries
+from executor.core.inflight.faults import battery_watchpoints, warning_rules, watchpoints
+from executor.core.inflight.faults.watchpoint_types import Verdict, WatchView
+from executor.core.interface.events import Event, Tick
+from executor.core.state import landing_projection
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_state import Stage, VehicleState
+from executor.virtual.virtual_flight import FlightObservers, fly_virtual
+from executor.virtual.virtual_site import AMPLE_AH, build_virtual_site, size_batteries
 from simulator.config import SimVehicle
 
 SEGMENTS = (4, 8)
@@ -51,7 +51,7 @@ MARGIN_PCT = (0.0, 15.0)
 """Between the landing that the plan promises and the reserve."""
 TENTHS = 10
 LOOKS_S = 1.0
-RESERVE = next(point for point in watchpoints.TABLE if point.judge is batteries.check_reserve)
+RESERVE = next(point for point in watchpoints.TABLE if point.judge is battery_watchpoints.check_reserve)
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,7 +195,7 @@ def _look(context: Context, state: VehicleState, seen: _Watched, now_s: float) -
         return
     seen.looked_s = now_s
     setup = replace(context.vehicles[state.name], reserve_pct=seen.reserve_pct)
-    ahead = projection.project_landing(context, state, setup)
+    ahead = landing_projection.project_landing(context, state, setup)
     if ahead is None or state.assignment.waypoint == 0:
         return
     whole_s = planned(board)[0]
@@ -204,7 +204,7 @@ def _look(context: Context, state: VehicleState, seen: _Watched, now_s: float) -
     while len(seen.sights) < TENTHS and behind_s >= len(seen.sights) / TENTHS * whole_s:
         seen.sights.append(Sight(len(seen.sights), ahead.mean_pct, ahead.sd_pct, ahead.band_pct))
     view = WatchView(context, setup, state, seen.failing_since_s is not None, now_s)
-    if seen.warned_s is None and warnings.describe_reserve_risk(view):
+    if seen.warned_s is None and warning_rules.describe_reserve_risk(view):
         seen.warned_s = now_s
     match RESERVE.judge(view).verdict:
         case Verdict.FAIL:

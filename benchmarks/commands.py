@@ -25,8 +25,8 @@ from executor.cli.options import (
     require_finite,
 )
 from executor.cli.replay import LogsArgument, find_logs
-from executor.replay.logs import rules_of
-from executor.site.config import read_site
+from executor.replay.log_replay import rules_of
+from executor.site.site_file import read_site
 from missions.files import json_text
 from planner import Cost
 
@@ -109,7 +109,7 @@ def solvers(
     from benchmarks.machine import cores
     from benchmarks.problems import named_problem
     from benchmarks.single import solve_single
-    from executor.site.planning import PlanSolver
+    from executor.site.site_planning import PlanSolver
 
     problem = named_problem(instance, radius_m=radius, vehicles=vehicles, budget=budget, dynamics=dynamics)
     result = solve_single(

@@ -12,10 +12,10 @@ import numpy as np
 from benchmarks.machine import cores
 from benchmarks.store import Json
 from executor.simulated.demo_site import LISTENING, build_vehicle_tables
-from executor.site.assembly import load_site_model
-from executor.site.config import check_site
-from executor.site.day_words import compute_base_needs, compute_rule_packs
-from executor.site.sorties import DayPlanRequest, build_day_problem, solve_day
+from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
+from executor.site.day_summary import compute_base_needs, compute_rule_packs
+from executor.site.site_file import check_site
+from executor.site.site_model import load_site_model
 from missions import DayPlanFile, default_network_path, read_network
 from missions.geo import FloatArray
 from planner import Iterations, MoveGeometry, Seconds, Stopwatch, Travel

@@ -12,14 +12,14 @@ import numpy as np
 
 from benchmarks.few_lines_detector import FewLines
 from benchmarks.flightmodel import Injected, ModelledFlight, ModelledSite, fly_modelled, model_site
-from executor.adapters.workers import start_worker_pool
-from executor.core.events import Heard, Tick
-from executor.core.faults import passive
-from executor.core.faults.passive import DeclaredFault, PassiveWatch
+from executor.adapters.worker_pool import start_worker_pool
+from executor.core.inflight.faults import passive_watch
+from executor.core.inflight.faults.passive_watch import DeclaredFault, PassiveWatch
+from executor.core.interface.events import Heard, Tick
 from executor.core.limits import Limits
-from executor.core.parts import Assignment
-from executor.core.state import FleetState
-from executor.core.vehicle import FaultKind, VehicleState
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_parts import Assignment
+from executor.core.state.vehicle_state import FaultKind, VehicleState
 from planner import ProbabilityEstimate, estimate_probability
 
 TICK_S = 0.5
@@ -98,7 +98,7 @@ def judge_flight(
                 said = simple.says(next_s)
                 first = None if said is None else (next_s, said, "few lines")
             else:
-                state, found = passive.step_watch(context, state, Tick(), next_s)
+                state, found = passive_watch.step_watch(context, state, Tick(), next_s)
                 declared = next((one for one in found if isinstance(one, DeclaredFault)), None)
                 first = None if declared is None else (next_s, declared.kind, f"{declared.reason}: {declared.evidence}")
             next_s += TICK_S
@@ -107,7 +107,7 @@ def judge_flight(
         if few_lines:
             simple.take(message, at_s)
         else:
-            state, _ = passive.step_watch(context, state, Heard(name, message), at_s)
+            state, _ = passive_watch.step_watch(context, state, Heard(name, message), at_s)
     return _outcome(site, flight, first)
 
 

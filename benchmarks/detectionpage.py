@@ -11,9 +11,9 @@ from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import MISSING, figure, markdown_page, markdown_table
 from benchmarks.store import Json
 from benchmarks.tuning import few_lines
-from executor.core.vehicle import FaultKind
+from executor.core.state.vehicle_state import FaultKind
 from executor.replay.ground_truth import read_recorded_truths, truth_for
-from executor.replay.logs import replay_log, rules_of
+from executor.replay.log_replay import replay_log, rules_of
 from executor.replay.open_log import open_log
 
 NAMES = {"watchpoints": "watchpoints", "few_lines": "a few lines"}

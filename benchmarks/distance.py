@@ -21,12 +21,12 @@ import numpy as np
 from benchmarks.prediction import plan_with
 from benchmarks.store import Json
 from executor.errors import ExecutorError
-from executor.site import assembly
-from executor.site.assembly import SiteModel
-from executor.site.planning import rearrange_plan
-from executor.virtual.flight import FlightObservers, VirtualFlight, fly_virtual
-from executor.virtual.many import FlightCase
-from executor.virtual.site import AMPLE_AH, build_virtual_site, size_batteries, with_budgets
+from executor.site import site_model
+from executor.site.site_model import SiteModel
+from executor.site.site_planning import rearrange_plan
+from executor.virtual.parallel_flights import FlightCase
+from executor.virtual.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
+from executor.virtual.virtual_site import AMPLE_AH, build_virtual_site, size_batteries, with_budgets
 from missions import PlanFile
 from missions.geometry import locate_on_leg
 from planner import Cost, NoImprovement, segment_of, solve
@@ -205,9 +205,9 @@ def _planned(
     ground = build_virtual_site(
         None, radius_m, vehicles, case.autopilot, wind_m_s=wind_m_s, capacity_ah=AMPLE_AH, same_distance=True
     )
-    task = assembly.build_first_task(ground, range(len(ground.network.segments)))
+    task = site_model.build_first_task(ground, range(len(ground.network.segments)))
     plan = solve(task.instance, cost=Cost.MINMAX, stop=NoImprovement(SETTLED), seed=seed).plan
-    routes = assembly.name_routes(ground, task, rearrange_plan(ground, task, plan, Cost.MINMAX))
+    routes = site_model.name_routes(ground, task, rearrange_plan(ground, task, plan, Cost.MINMAX))
     ground = with_budgets(size_batteries(ground, plan_with(ground, routes), uses_pct), BUDGET_PCT)
     layered = build_virtual_site(
         None, radius_m, vehicles, case.autopilot, wind_m_s=wind_m_s, capacity_ah=ground.drone.capacity_ah

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from executor.core.messages import Battery, FlightMessage, Heartbeat
-from executor.core.vehicle import FaultKind
+from executor.core.interface.messages import Battery, FlightMessage, Heartbeat
+from executor.core.state.vehicle_state import FaultKind
 
 PERCENT = 25.0
 HEARTBEAT_S = 5.0

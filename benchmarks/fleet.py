@@ -29,19 +29,19 @@ from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import figure, markdown_page, markdown_table
 from benchmarks.store import keep_result
 from executor.adapters.eventlog import LogHeader, read_head
-from executor.adapters.mavlink.bare import measure_bare_codec_s
+from executor.adapters.mavlink.codec_cost import measure_bare_codec_s
 from executor.adapters.run_directory import RunDirectory
-from executor.adapters.workers import start_worker_pool
-from executor.core.commands import Level
+from executor.adapters.worker_pool import start_worker_pool
+from executor.core.interface.commands import Level
 from executor.errors import ExecutorError
-from executor.flight import fly as flying
-from executor.flight.flight_order import FlightRequest, write_run_start
-from executor.runtime import turns
+from executor.flight import run_flight as flying
+from executor.flight.flight_request import FlightRequest, write_run_start
+from executor.runtime import fair_event_loop
 from executor.simulated.demo_site import run_simulated_fleet
-from executor.site import assembly
-from executor.site.config import Site, check_site
-from executor.site.planning import DEFAULT, plan_site
-from executor.virtual.flight import SilentConsole
+from executor.site import site_model
+from executor.site.site_file import Site, check_site
+from executor.site.site_planning import DEFAULT, plan_site
+from executor.virtual.virtual_flight import SilentConsole
 
 COUNTS = (1, 10, 20, 50, 100)
 PLAN_S = 5.0
@@ -140,7 +140,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
         run.mkdir()
         write_network(base / "network.graph", vehicles, minutes, seed)
         site = check_site(site_of("network.graph", vehicles, speedup), "bench fleet")
-        ground = assembly.load_site_model(site, base)
+        ground = site_model.load_site_model(site, base)
         plan = plan_site(ground, replace(DEFAULT, seconds=PLAN_S, seed=seed, all_vehicles=True), lambda _: None)
         order = FlightRequest(ground.site, base, ground, plan, run, lambda _: ())
         write_run_start(order)
@@ -149,7 +149,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
         # The simulation and the planner's process begin here, and stay off the executor's processor.
         os.sched_setaffinity(0, others)
         with run_simulated_fleet(run, burden.faults, seed), _borne(site, burden, watch.flood, seed) as browsers:
-            flown = turns.run_on_fair_loop(_watched(order, watch), turns.make_fair_event_loop)
+            flown = fair_event_loop.run_on_fair_loop(_watched(order, watch), fair_event_loop.make_fair_event_loop)
             seen = [told.recv() for told in browsers if told.poll(ENDS_S)]
         head, launched_s, events = _launched(RunDirectory(run).events)
         began_usec = 1e6 * (head.began_unix_s + launched_s)

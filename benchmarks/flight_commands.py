@@ -176,7 +176,7 @@ def distance(
     """
     from benchmarks.distance import USES_PCT, fly_distance
     from benchmarks.distancepage import distance_document, keep_distance, print_distance
-    from executor.virtual.many import make_flight_cases
+    from executor.virtual.parallel_flights import make_flight_cases
 
     autopilots, asked = _named(autopilot)
     flown = _flown(partial(fly_distance, uses_pct=uses), make_flight_cases(flights, seed, autopilots), jobs)
@@ -205,7 +205,7 @@ def pictures(
     """
     from benchmarks.pictures import fly_pictures
     from benchmarks.picturespage import keep_pictures, pictures_document, print_pictures
-    from executor.virtual.many import make_flight_cases
+    from executor.virtual.parallel_flights import make_flight_cases
 
     autopilots, asked = _named(autopilot)
     flown = _flown(fly_pictures, make_flight_cases(flights, seed, autopilots), jobs)
@@ -271,7 +271,7 @@ def _flown(fly: Callable[[C], F], cases: Sequence[C], jobs: int | None, stage: s
     """Fly all cases, and show how far that is; the answers do not depend on the number of processes."""
     from benchmarks.machine import cores
     from benchmarks.progress import ShownProgress
-    from executor.virtual.many import map_in_processes
+    from executor.virtual.parallel_flights import map_in_processes
 
     with ShownProgress() as shown:
         return map_in_processes(fly, cases, jobs=jobs or cores(), told=partial(shown.told, stage))

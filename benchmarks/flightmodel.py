@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from executor.core.context import Context
-from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
-from executor.core.parts import OnboardMission
-from executor.core.vehicle import FaultKind, build_onboard_mission
+from executor.core.interface.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
+from executor.core.state.vehicle_parts import OnboardMission
+from executor.core.state.vehicle_state import FaultKind, build_onboard_mission
 from executor.simulated.demo_site import LISTENING, build_vehicle_tables
-from executor.site import assembly
-from executor.site.config import check_site
+from executor.site import site_model
+from executor.site.site_file import check_site
 from missions import build_flight_path, dialect_for
 from simulator.battery import Battery as Pack
 
@@ -54,11 +54,11 @@ def model_site(autopilot: str) -> ModelledSite:
         "vehicle": build_vehicle_tables(LISTENING[:VEHICLES], autopilot),
         "faults": {"link_timeout_s": 10.0},
     }
-    ground = assembly.load_site_model(check_site(content, "the model"), Path())
-    setup, task = assembly.build_flight_setup(ground), assembly.build_first_task(ground)
+    ground = site_model.load_site_model(check_site(content, "the model"), Path())
+    setup, task = site_model.build_flight_setup(ground), site_model.build_first_task(ground)
     names, count = ground.names, len(ground.network.segments)
     routes = {name: tuple(2 * segment for segment in range(count)[k::VEHICLES]) for k, name in enumerate(names)}
-    context = assembly.build_context(ground, setup, task)
+    context = site_model.build_context(ground, setup, task)
     boards = tuple(
         build_onboard_mission(context, name, 0, build_flight_path(setup, name, routes[name]), routes[name])
         for name in names

@@ -23,18 +23,18 @@ import numpy as np
 from benchmarks.distance import drawn_faults, kind_of
 from benchmarks.prediction import plan_with
 from benchmarks.store import Json
-from executor.core.payload.aim import angle_between_deg
+from executor.core.payload.look_angles import angle_between_deg
 from executor.errors import ExecutorError
 from executor.images.exif import find_picture_files
+from executor.images.index_files import ImageIndex, build_image_index
+from executor.images.index_rows import ImageRow
 from executor.images.matching import match_files
-from executor.images.rows import ImageRow
-from executor.images.store import ImageIndex, build_image_index
 from executor.simulated.cards import SimulatedCards
-from executor.site import assembly
-from executor.site.assembly import SiteModel
-from executor.virtual.flight import FlightObservers, VirtualFlight, fly_virtual
-from executor.virtual.many import FlightCase
-from executor.virtual.site import AMPLE_AH, build_virtual_site, dearest_route_pct
+from executor.site import site_model
+from executor.site.site_model import SiteModel
+from executor.virtual.parallel_flights import FlightCase
+from executor.virtual.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
+from executor.virtual.virtual_site import AMPLE_AH, build_virtual_site, dearest_route_pct
 from missions.cameras import PylonCameraTask
 from missions.geo import LocalFrame
 from missions.geometry import locate_on_leg
@@ -188,7 +188,7 @@ def _planned(over: Callable[..., SiteModel], seed: int) -> tuple[SiteModel, dict
     """Return a site with packs that fit, and routes over everything."""
     capacity_ah = AMPLE_AH
     ground = over(capacity_ah=capacity_ah)
-    task = assembly.build_first_task(ground, range(len(ground.network.segments)))
+    task = site_model.build_first_task(ground, range(len(ground.network.segments)))
     plan = solve(task.instance, cost=Cost.MINMAX, stop=NoImprovement(SETTLED), seed=seed).plan
     routes = {name: task.to_network(route.visits) for name, route in zip(ground.names, plan.routes, strict=True)}
     for _ in range(SIZED_IN):

@@ -20,15 +20,15 @@ from benchmarks.errors import BenchError
 from benchmarks.store import Json
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import LegRow, RouteRow, read_report
-from executor.analysis.planned_and_flown import build_route_rows
-from executor.core.parts import OnboardMission
-from executor.replay.run import replay_run
-from executor.site import assembly
-from executor.site.assembly import SiteModel
-from executor.site.planning import build_site_plan_file
-from executor.virtual.flight import VirtualFlight, fly_virtual
-from executor.virtual.many import FlightCase
-from executor.virtual.site import AMPLE_AH, build_virtual_site, size_batteries, with_network
+from executor.analysis.plan_comparison import build_route_rows
+from executor.core.state.vehicle_parts import OnboardMission
+from executor.replay.run_replay import replay_run
+from executor.site import site_model
+from executor.site.site_model import SiteModel
+from executor.site.site_planning import build_site_plan_file
+from executor.virtual.parallel_flights import FlightCase
+from executor.virtual.virtual_flight import VirtualFlight, fly_virtual
+from executor.virtual.virtual_site import AMPLE_AH, build_virtual_site, size_batteries, with_network
 from missions import Network, Phase, PlanFile, SolverRecord, build_open_task
 from planner import Cost, NoImprovement, Plan, Route, Vehicle, solve
 from simulator.truth import Truth, read_truths
@@ -204,7 +204,7 @@ def random_routes(ground: SiteModel, sizes: Sequence[int], rng: np.random.Genera
         here_m = middles_m[int(rng.choice(sorted(left)))]
         near = sorted(left, key=lambda segment: float(np.hypot(*(middles_m[segment] - here_m))))[: min(size, most)]
         left -= set(near)
-        task = build_open_task(assembly.build_pricing(ground), near, [Vehicle(name, (0.0, 0.0), 100.0)])
+        task = build_open_task(site_model.build_pricing(ground), near, [Vehicle(name, (0.0, 0.0), 100.0)])
         plan = solve(task.instance, cost=Cost.MINMAX, stop=NoImprovement(SETTLED), seed=int(rng.integers(1 << 30))).plan
         routes[name] = task.to_network(plan.routes[0].visits)
     return routes
@@ -212,10 +212,10 @@ def random_routes(ground: SiteModel, sizes: Sequence[int], rng: np.random.Genera
 
 def plan_with(ground: SiteModel, routes: Mapping[str, tuple[int, ...]]) -> PlanFile:
     """Return a plan file with these routes over a site's network."""
-    task = assembly.build_first_task(ground, sorted(visit >> 1 for visits in routes.values() for visit in visits))
+    task = site_model.build_first_task(ground, sorted(visit >> 1 for visits in routes.values() for visit in visits))
     plan = Plan(tuple(Route(number, task.from_network(routes[name])) for number, name in enumerate(ground.names)), ())
     solved = SolverRecord(solver="search", seed=1, seconds=0.0)
-    task = assembly.adjust_task_to_layers(ground, task, plan)
+    task = site_model.adjust_task_to_layers(ground, task, plan)
     return build_site_plan_file(ground, task, plan, Cost.MINMAX, solved)
 
 

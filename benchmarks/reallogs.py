@@ -21,15 +21,15 @@ from benchmarks.store import Json
 from benchmarks.tuning import few_lines
 from benchmarks.witness.scoring import found_all
 from benchmarks.witness.verdicts import Stand, hold_against
-from executor.adapters.workers import start_worker_pool
-from executor.core.vehicle import FaultKind
+from executor.adapters.worker_pool import start_worker_pool
+from executor.core.state.vehicle_state import FaultKind
 from executor.errors import ExecutorError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
-from executor.replay.logs import LINK_TIMEOUT_S, replay_log, rules_of
+from executor.replay.log_replay import LINK_TIMEOUT_S, replay_log, rules_of
 from executor.replay.open_log import open_log
-from executor.replay.result import Declaration, LogReplay
+from executor.replay.replay_result import Declaration, LogReplay
+from executor.replay.witness.log_evidence import LogEvidence
 from executor.replay.witness.statements import StatementKind, find_statements, read_log_evidence
-from executor.replay.witness.testimony import LogEvidence
 
 SUFFIXES = frozenset({".tlog", ".bin", ".ulg", ".log"})
 DETECTORS = ("watchpoints", "few_lines")

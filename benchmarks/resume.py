@@ -26,17 +26,17 @@ from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import figure, markdown_page, markdown_table
 from benchmarks.store import keep_result
 from executor.adapters.eventlog import read_events
-from executor.adapters.logend import count_lines_after, read_last_event_s
+from executor.adapters.log_end import count_lines_after, read_last_event_s
 from executor.adapters.run_directory import RunDirectory
-from executor.core.events import Heard
-from executor.flight import resume
-from executor.flight.checkpointing import EVERY_S
-from executor.flight.checkpoints import Checkpoint, encode_checkpoint, find_newest_checkpoint
-from executor.flight.flight_order import FlightRequest, write_run_start
+from executor.core.interface.events import Heard
+from executor.flight import resume_flight
+from executor.flight.checkpoint_files import Checkpoint, encode_checkpoint, find_newest_checkpoint
+from executor.flight.checkpointer import EVERY_S
+from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.simulated.demo_site import run_simulated_fleet
-from executor.site import assembly
-from executor.site.config import check_site
-from executor.site.planning import DEFAULT, plan_site
+from executor.site import site_model
+from executor.site.site_file import check_site
+from executor.site.site_planning import DEFAULT, plan_site
 
 PLAN_S = 2.0
 PATIENCE_S = 300.0
@@ -91,7 +91,9 @@ def measure_resume(vehicles: int, *, minutes: float, hours: float, speedup: floa
         base, run = Path(folder), Path(folder) / "run"
         run.mkdir()
         write_network(base / "network.graph", vehicles, minutes + 10.0, seed)
-        ground = assembly.load_site_model(check_site(site_of("network.graph", vehicles, speedup), "bench resume"), base)
+        ground = site_model.load_site_model(
+            check_site(site_of("network.graph", vehicles, speedup), "bench resume"), base
+        )
         plan = plan_site(ground, replace(DEFAULT, seconds=PLAN_S, seed=seed, all_vehicles=True), lambda _: None)
         write_run_start(FlightRequest(ground.site, base, ground, plan, run, lambda _: ()))
         with run_simulated_fleet(run, (), seed):
@@ -180,11 +182,11 @@ def _follows(run: Path, size: int, words: bytes) -> bool:
 
 def _per_line_ms(run: Path) -> float:
     """Return what a line of a log costs that is read without a checkpoint."""
-    known = resume.read_resume_plan(run)
-    if isinstance(known, resume.UnlaunchedRun):
+    known = resume_flight.read_resume_plan(run)
+    if isinstance(known, resume_flight.UnlaunchedRun):
         raise BenchError("resume: expected a flight that was launched")
     began_s = time.process_time()
-    left = resume.replay_interrupted_run(run, replace(known, found=replace(known.found, checkpoint=None)))
+    left = resume_flight.replay_interrupted_run(run, replace(known, found=replace(known.found, checkpoint=None)))
     return 1e3 * (time.process_time() - began_s) / left.lines
 
 

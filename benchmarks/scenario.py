@@ -14,7 +14,7 @@ from benchmarks.scenarios import Day, DayTask, TimedTrip, Timeline
 from benchmarks.store import Json
 from missions import format_first_error
 from missions.files import MOST_FIGURE, parse_json, read_text
-from planner.streets import build_road_graph
+from planner.road_graph import build_road_graph
 
 SAME_S = 1e-6
 """Times nearer to each other than this are the same."""

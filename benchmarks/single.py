@@ -6,7 +6,7 @@ from typing import TypedDict
 
 from benchmarks.problems import NamedProblem
 from benchmarks.solvers import run_solver
-from executor.site.planning import PlanSolver
+from executor.site.site_planning import PlanSolver
 from planner import Cost, Result, Seconds
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from executor.site.planning import PlanSolver
+from executor.site.site_planning import PlanSolver
 from planner import Cost, Instance, Result, StopRule, solve, solve_exact, solve_grasp
 
 

@@ -21,13 +21,13 @@ from benchmarks.day import centres_m, crowded_m
 from benchmarks.store import Json
 from executor.errors import ExecutorError
 from executor.simulated.demo_site import LISTENING, SIMULATED_CEILING_M, build_vehicle_tables
-from executor.site import assembly
-from executor.site.assembly import SiteModel
-from executor.site.config import check_site
-from executor.site.dayflight import build_first_sorties_plan, find_morning_pads
-from executor.site.sorties import DayPlanRequest, build_day_problem, solve_day
-from executor.virtual.flight import DayScenario, FlightObservers, VirtualFlight, fly_virtual
-from executor.virtual.many import FlightCase
+from executor.site import site_model
+from executor.site.day_flight import build_first_sorties_plan, find_morning_pads
+from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
+from executor.site.site_file import check_site
+from executor.site.site_model import SiteModel
+from executor.virtual.parallel_flights import FlightCase
+from executor.virtual.virtual_flight import DayScenario, FlightObservers, VirtualFlight, fly_virtual
 from missions import LocalFrame, default_network_path, read_network
 from missions.geometry import locate_on_leg
 from planner import Iterations
@@ -217,7 +217,7 @@ def sorties_site(autopilot: str, over: SortiesOver = OWN) -> dict[str, Any]:
 
 def fly_sorties(case: SortiesCase) -> SortiesDay:
     """Plan a day, fly it, and hold it against the truth; the same case gives the same figures."""
-    ground = assembly.load_site_model(check_site(sorties_site(case.autopilot, case.over), "bench sorties"), Path())
+    ground = site_model.load_site_model(check_site(sorties_site(case.autopilot, case.over), "bench sorties"), Path())
     content = solve_day(
         build_day_problem(ground),
         DayPlanRequest(Objective.FINISH, Iterations(case.iterations), case.seed + case.number, 1),
@@ -270,7 +270,7 @@ def _patient(vehicle: SimVehicle) -> SimVehicle:
 
 def _pads_m(ground: SiteModel) -> dict[str, tuple[float, float, float]]:
     """Return where everybody stands in the morning: local east, north and up."""
-    setup, elsewhere = assembly.build_flight_setup(ground), find_morning_pads(ground)
+    setup, elsewhere = site_model.build_flight_setup(ground), find_morning_pads(ground)
     pads = {name: elsewhere.get(name) or setup.pad_of(name) for name in ground.names}
     return {name: (pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for name, pad in pads.items()}
 

@@ -24,9 +24,9 @@ from benchmarks.markdown import figure, markdown_page, markdown_table
 from benchmarks.store import keep_result
 from executor.adapters.extras import Extra, require_extra
 from executor.simulated.demo_site import LISTENING, build_vehicle_tables
-from executor.site import assembly
-from executor.site.config import check_site
-from executor.site.planning import DEFAULT, plan_site
+from executor.site import site_model
+from executor.site.site_file import check_site
+from executor.site.site_planning import DEFAULT, plan_site
 from missions.geo import FloatArray, LocalFrame
 
 Axis = np.ndarray[tuple[int, ...], np.dtype[np.floating[Any]]]
@@ -172,7 +172,7 @@ def measured_steps(folder: str, kind: str, seconds: str) -> None:
         known = import_network(base / NETWORK, depot=(LAT_DEG, LON_DEG, None)).network
         step, found = "the network alone", f"{len(known.segments)} spans"
     else:
-        ground = assembly.load_site_model(site, base)
+        ground = site_model.load_site_model(site, base)
         layers = ground.setup.layers
         known_ground = "" if layers.known is None else f"{layers.known.highest.step_m:.0f} m between nodes of its floor"
         step = "with the ground: the whole site"

@@ -16,15 +16,15 @@ from pathlib import Path
 from benchmarks.few_lines_detector import PERCENT, FewLines
 from benchmarks.witness import scoring
 from benchmarks.witness.verdicts import Stand, hold_against
-from executor.adapters.workers import start_worker_pool
-from executor.core.vehicle import FaultKind
+from executor.adapters.worker_pool import start_worker_pool
+from executor.core.state.vehicle_state import FaultKind
 from executor.errors import LogError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
-from executor.replay.logs import ReplayRules, replay_log
+from executor.replay.log_replay import ReplayRules, replay_log
 from executor.replay.open_log import open_log
-from executor.replay.result import Declaration, LogReplay, RecordedTruth, ThresholdPoint
+from executor.replay.replay_result import Declaration, LogReplay, RecordedTruth, ThresholdPoint
+from executor.replay.witness.log_evidence import LogEvidence
 from executor.replay.witness.statements import find_statements, read_log_evidence
-from executor.replay.witness.testimony import LogEvidence
 
 SCALES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 LINK = "link_timeout_s"

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from executor.analysis.pictures import save_figure
 from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, WIDTH_IN, style_of
-from executor.replay.result import ThresholdPoint
+from executor.replay.replay_result import ThresholdPoint
 
 
 def draw_tuning(points: Sequence[ThresholdPoint], path: Path) -> None:

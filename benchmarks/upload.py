@@ -23,9 +23,9 @@ from itertools import product
 from executor.adapters.clock import SystemClock
 from executor.adapters.mavlink import endpoints
 from executor.adapters.mavsdk.library import MOST_AT_ONCE
-from executor.adapters.mavsdk.upload import open_uploader
-from executor.core.connection import Connection, Scheme
-from executor.core.ports import LinkRequest
+from executor.adapters.mavsdk.mavsdk_upload import open_uploader
+from executor.core.interface.connection import Connection, Scheme
+from executor.core.interface.ports import LinkRequest
 from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted
 from executor.runtime import procedures

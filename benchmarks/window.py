@@ -17,11 +17,11 @@ import numpy as np
 
 from benchmarks.errors import BenchError
 from benchmarks.store import Json
-from executor.site.assembly import SiteModel
-from executor.site.planning import PlanRequest, plan_site
+from executor.site.site_model import SiteModel
+from executor.site.site_planning import PlanRequest, plan_site
 from executor.virtual.branches import Branch, fly_branches
-from executor.virtual.flight import VirtualFlight
-from executor.virtual.site import AMPLE_AH, build_virtual_site, size_batteries, with_budgets, with_capacity
+from executor.virtual.virtual_flight import VirtualFlight
+from executor.virtual.virtual_site import AMPLE_AH, build_virtual_site, size_batteries, with_budgets, with_capacity
 from missions import PlanFile
 from planner import Cost
 

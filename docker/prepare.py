@@ -18,8 +18,8 @@ import tomli_w
 
 from executor.errors import ExecutorError
 from executor.simulated.demo_site import SIMULATED_CEILING_M, USUAL_VEHICLES
-from executor.site import assembly
-from executor.site.config import check_site
+from executor.site import site_model
+from executor.site.site_file import check_site
 from missions import MissionsError
 
 
@@ -59,11 +59,11 @@ def main() -> int:
         content = fleet(
             tomllib.loads(given.pattern.read_text(encoding="utf-8")), given.vehicles, given.speedup, given.page
         )
-        ground = assembly.load_site_model(check_site(content, str(given.pattern)), given.pattern.parent)
+        ground = site_model.load_site_model(check_site(content, str(given.pattern)), given.pattern.parent)
         frame = ground.network.frame
         pads = [
             (*frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m)
-            for pad in assembly.build_flight_setup(ground).pads
+            for pad in site_model.build_flight_setup(ground).pads
         ]
         (given.into / "site.toml").write_text(tomli_w.dumps(content), encoding="utf-8")
         lines = [f"{lat_deg:.7f} {lon_deg:.7f} {alt_m:.1f}\n" for lat_deg, lon_deg, alt_m in pads]

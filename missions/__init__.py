@@ -33,9 +33,8 @@ from missions.clearance import (
     max_return_height_m,
     min_height_over_tops_m,
 )
-from missions.compare import count_common_items, find_mission_differences
-from missions.dayplan import BasePlace, DayPlanFile, check_day_plan
-from missions.dayplanjson import build_day_plan_document, is_day_plan, read_day_plan, write_day_plan
+from missions.day_plan import BasePlace, DayPlanFile, check_day_plan
+from missions.day_plan_json import build_day_plan_document, is_day_plan, read_day_plan, write_day_plan
 from missions.encode import EncodedMission, encode, flag_current
 from missions.errors import (
     EncodeError,
@@ -49,13 +48,14 @@ from missions.estimate import Estimate, LegEstimate, estimate
 from missions.files import NESTED, parse_json, read_text
 from missions.flight_model import Base, FlightModel
 from missions.geo import LocalFrame
-from missions.heights import check_line_heights, with_heights
 from missions.items import Command, Frame, MissionItem, MissionKind
+from missions.line_heights import check_line_heights, with_heights
+from missions.mission_comparison import count_common_items, find_mission_differences
 from missions.network import Network, Pylon, Segment
 from missions.pace import Pace
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.performance import Performance, Ramp, Tuning, apply_tunings
-from missions.planfile import (
+from missions.plan_file import (
     BreakingLoss,
     PlanFile,
     PlanSegment,
@@ -65,7 +65,7 @@ from missions.planfile import (
     check_plan,
     make_plan_file,
 )
-from missions.planjson import build_plan_document, read_plan, write_plan
+from missions.plan_json import build_plan_document, read_plan, write_plan
 from missions.pricing import PricedMoves, Pricing, build_priced_instance
 from missions.qgc import QgcPlan, format_qgc_plan, format_qgc_waypoints, parse_qgc_plan, parse_qgc_waypoints
 from missions.readers import (
@@ -85,7 +85,7 @@ from missions.readers import (
 from missions.routes import build_flight_path, continue_path
 from missions.safety import HeightReference, Layers, check_separation, plan_layers, tracks_m
 from missions.setup import FlightSetup, Inspection, plan_flight_setup
-from missions.sorties import build_priced_sorties
+from missions.sortie_pricing import build_priced_sorties
 from missions.tasks import Task, build_open_task
 from missions.validation import format_first_error
 from missions.waypoints import FlightPath, Phase, Waypoint

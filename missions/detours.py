@@ -17,7 +17,7 @@ import numpy.typing as npt
 from missions.geo import FloatArray
 from missions.geometry import place_distances_m
 from missions.pads import way_around_m
-from missions.ways import Obstacle, column_of, graph_of
+from missions.shortest_ways import Obstacle, column_of, graph_of
 
 IntArray = npt.NDArray[np.int64]
 Place = tuple[float, float]

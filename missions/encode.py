@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, replace
 
 from missions.autopilots.dialect import Dialect
+from missions.camera_items import build_begin_items, build_end_items, heading_deg
 from missions.errors import EncodeError
 from missions.items import Command, Frame, MissionItem
-from missions.payload import build_begin_items, build_end_items, heading_deg
 from missions.waypoints import FlightPath, Phase, Waypoint
 
 GROUND_SPEED = 1.0

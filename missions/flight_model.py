@@ -20,8 +20,8 @@ from pydantic import Field
 from missions.geo import FloatArray
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
-from missions.rises import NEVER, BoolArray
 from missions.validation import Figure, Place
+from missions.vertical_legs import NEVER, BoolArray
 from planner import CLIMB_SHARE_PER_M_S, SteadyWind
 
 SAME_PLACE_M = 0.5

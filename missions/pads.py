@@ -13,7 +13,7 @@ from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
 from missions.geo import FloatArray
 from missions.geometry import place_distances_m
-from missions.ways import VisibilityGraph, graph_of, obstacle_of
+from missions.shortest_ways import VisibilityGraph, graph_of, obstacle_of
 
 COLUMN_MARGIN_M = 2.0
 """A column's radius is the layer height and this: GPS and corner cutting of a climbing and a passing vehicle."""

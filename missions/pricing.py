@@ -21,8 +21,8 @@ from missions.detours import DetourObstacles, IntArray, price_detours
 from missions.flight_model import SAME_PLACE_M, UNKNOWN, Base, FlightModel, arrival_vectors_m
 from missions.geo import FloatArray
 from missions.relief import FEW_PIECES, Relief, price_uneven_ways
-from missions.rises import NEVER, BoolArray, VerticalLegs
-from missions.ways import Obstacle, obstacle_of
+from missions.shortest_ways import Obstacle, obstacle_of
+from missions.vertical_legs import NEVER, BoolArray, VerticalLegs
 from planner import Instance, Moves, MoveTables, Vehicle, Visits
 
 TABLES_UP_TO = 1000

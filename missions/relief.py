@@ -79,7 +79,7 @@ def price_uneven_ways(
     relief: Relief, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
     along: Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]],
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Return seconds and energies of ways of which some follow the surface; arguments as `detours.price_detours` has."""
+    """Return seconds and energies of ways of which some follow the surface; arguments as of `detours.price_detours`."""
     shape = straight[0].shape
     flat_from, flat_to = (np.broadcast_to(places, (*shape, 3)).reshape(-1, 3) for places in (from_m, to_m))
     seconds, pct = straight[0].flatten(), straight[1].flatten()

@@ -13,7 +13,7 @@ from missions.errors import SafetyError
 from missions.geo import FloatArray, LocalFrame
 from missions.geometry import leg_distances_m
 from missions.network import Network
-from missions.overland import SurfaceRequirements, fit_overland_surface
+from missions.overland_surface import SurfaceRequirements, fit_overland_surface
 from missions.relief import Relief, relief_of
 from missions.surface import FOLLOW_M, Surface, SurfaceFit, build_flat_surface, fit_surface
 from missions.terrain import KnownGround, Terrain, build_known_ground

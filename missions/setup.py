@@ -13,12 +13,12 @@ from missions.detours import DetourObstacles
 from missions.errors import SafetyError
 from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
-from missions.heights import with_heights
+from missions.line_heights import with_heights
 from missions.network import Network
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.safety import Layers, TerrainRequirements, plan_layers, tracks_m
+from missions.shortest_ways import Obstacle, graph_of, obstacle_of
 from missions.terrain import DETOUR_M, Terrain
-from missions.ways import Obstacle, graph_of, obstacle_of
 
 FIGURES = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m", "return_ceiling_m")
 MOST = 1000.0

@@ -10,15 +10,6 @@ Importing this package is cheap; the first plan, or ``warm_up``, loads the compi
 """
 
 from planner.bounds import earliest_window_bound_s, explain_infeasibility, explain_infeasibility_fully
-from planner.carried import (
-    OnboardPlan,
-    PlanRating,
-    build_onboard_plan,
-    grant_onboard_budgets,
-    is_better_rating,
-    rate_plan,
-    select_best_plan,
-)
 from planner.cost import BUDGET_TOLERANCE_PCT, K_C, Cost, CostFunction
 from planner.energy import (
     CLIMB_SHARE_PER_M_S,
@@ -41,10 +32,9 @@ from planner.evaluate import (
     route_energy_pct,
 )
 from planner.exact import EXACT_SEGMENTS, OPTIMAL_SEGMENTS, find_covering_plan, solve_exact
-from planner.front import ParetoPlan, find_pareto_front
 from planner.grasp import solve_grasp
 from planner.instance import build_instance
-from planner.loss import LossRow, RepairStatus
+from planner.loss_row import LossRow, RepairStatus
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 from planner.moves import (
     Dynamics,
@@ -57,7 +47,17 @@ from planner.moves import (
     build_steady_wind,
     travel_for,
 )
+from planner.onboard_plan import (
+    OnboardPlan,
+    PlanRating,
+    build_onboard_plan,
+    grant_onboard_budgets,
+    is_better_rating,
+    rate_plan,
+    select_best_plan,
+)
 from planner.params import DEFAULT_PARAMS, AnnealingParams, ExactParams, LargeParams, SearchParams, WindowSearchParams
+from planner.pareto_front import ParetoPlan, find_pareto_front
 from planner.replan import FreeVehicle, RemainingProblem, build_remaining_problem, replan, warm_start
 from planner.result import Result
 from planner.risk import (
@@ -73,9 +73,8 @@ from planner.risk import (
     simulate_chunk,
     split_flights,
 )
-from planner.robust import solve_window
 from planner.solve import solve, warm_up
-from planner.stop import (
+from planner.stop_rules import (
     AnyOf,
     Cancelled,
     FirstFeasible,
@@ -98,6 +97,7 @@ from planner.window import (
     find_repairs_at,
     replan_window,
 )
+from planner.window_search import solve_window
 
 __all__ = [
     "BUDGET_TOLERANCE_PCT",

@@ -79,7 +79,7 @@ def _shortest_pct(direct: FloatArray, moves: FloatArray) -> FloatArray:
 
 
 def explain_infeasibility_fully(instance: Instance) -> str | None:
-    """Return why no plan covers everything within the budgets, or None: all that ``explain_infeasibility`` tells and more.
+    """Return why no plan covers everything within the budgets, or None: what `explain_infeasibility` tells, and more.
 
     It takes some milliseconds for 50 segments. The energy that all vehicles together have must not be less than a
     spanning-tree bound on what any plan needs; a vehicle that can inspect nothing adds nothing to it.
@@ -182,7 +182,7 @@ def _tree_bound_pct(
         once: the only vehicle that starts once at most; None if all do.
     """
     # Only here: it loads numba, and the quick conditions do without.
-    from planner.kernels.bounds import compute_tree_bound
+    from planner.kernels.tree_bound import compute_tree_bound
 
     visits = 2 * instance.segments
     moves = _least_moves_pct(instance, useful)

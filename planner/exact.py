@@ -20,8 +20,8 @@ from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.partition import SAME, build_partition, prove_optimum
 from planner.result import Result
 from planner.solve import solve
-from planner.stop import Iterations, Progress, StopRule, Stopwatch, add_progress_report
-from planner.subsets import SubsetRoutes, find_covering_sets, find_most_valuable_sets, find_subset_routes
+from planner.stop_rules import Iterations, Progress, StopRule, Stopwatch, add_progress_report
+from planner.subset_routes import SubsetRoutes, find_covering_sets, find_most_valuable_sets, find_subset_routes
 
 EXACT_SEGMENTS = 16
 """Segments up to which ``covers`` answers; two more take four times the memory and up to nine times the time.

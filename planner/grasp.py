@@ -39,10 +39,10 @@ from planner.evaluate import Evaluation, evaluate
 from planner.model import Instance, Plan
 from planner.result import Result
 from planner.solve import solve
-from planner.stop import Progress, StopRule, Stopwatch, add_progress_report
+from planner.stop_rules import Progress, StopRule, Stopwatch, add_progress_report
 
 if TYPE_CHECKING:
-    from planner.kernels.grasp import GraspWalk
+    from planner.kernels.grasp_walk import GraspWalk
 
 RUNS = 50
 """Runs of the paper, of which the best plan is kept."""
@@ -94,10 +94,10 @@ class _GraspRuns:
     def __init__(self, instance: Instance, cost: Cost, seed: int, *, all_vehicles: bool) -> None:
         # Only here, as in solve.py: it loads numba.
         from planner.construct import build_random_state, build_true_weights, problem_of
-        from planner.kernels import grasp
+        from planner.kernels import grasp_walk
 
         self._watch = Stopwatch()
-        self._kernels = grasp
+        self._kernels = grasp_walk
         self._instance = instance
         self._cost = cost
         self._impossible = explain_infeasibility(instance)

@@ -16,13 +16,13 @@ import numpy.typing as npt
 
 from planner.bounds import explain_infeasibility
 from planner.cost import BUDGET_TOLERANCE_PCT, Cost
+from planner.decomposition import part_of, sort_along_curve, split_into_routes
 from planner.evaluate import cost_of, evaluate, route_energy_pct
 from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
 from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.parts import part_of, sort_along_curve, split_into_routes
 from planner.result import Result
 from planner.search import Search
-from planner.stop import Iterations, Progress, StopRule, Stopwatch
+from planner.stop_rules import Iterations, Progress, StopRule, Stopwatch
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from planner import highs
 from planner.cost import Cost
 from planner.model import Instance
 from planner.moves import FloatArray
-from planner.subsets import SubsetRoutes, build_membership_matrix, compute_vehicle_kinds
+from planner.subset_routes import SubsetRoutes, build_membership_matrix, compute_vehicle_kinds
 
 if TYPE_CHECKING:
     import highspy

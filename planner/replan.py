@@ -15,14 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cost import Cost
+from planner.decomposition import part_of
 from planner.errors import PlanError
 from planner.evaluate import completion_times_s, energy_use_pct, route_duration_s, route_energy_pct
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 from planner.moves import FloatArray
-from planner.parts import part_of
 from planner.result import Result
 from planner.solve import check_tails, solve
-from planner.stop import StopRule
+from planner.stop_rules import StopRule
 
 SAME_TIME_S = 1e-9
 """A visit that ends this little after the loss has ended."""

@@ -21,11 +21,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from planner.aftermath import FleetAfterLosses, build_state_before_losses, repair_plan
+from planner.after_losses import FleetAfterLosses, build_state_before_losses, repair_plan
 from planner.cost import Cost
 from planner.errors import InstanceError, PlanError
 from planner.evaluate import evaluate
-from planner.loss import LossRow
+from planner.loss_row import LossRow
 from planner.model import Instance, Plan
 from planner.moves import FloatArray
 from planner.replan import SAME_TIME_S, build_remaining_problem

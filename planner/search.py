@@ -31,9 +31,9 @@ from planner.kernels.arrays import Problem, State, Weights
 from planner.model import Instance, Plan
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.result import Result
-from planner.rounds import run_in_threads, run_rounds
-from planner.starts import SearchStart
-from planner.stop import Progress, StopRule, Stopwatch
+from planner.search_rounds import run_in_threads, run_rounds
+from planner.search_start import SearchStart
+from planner.stop_rules import Progress, StopRule, Stopwatch
 
 
 @dataclass(frozen=True, slots=True)

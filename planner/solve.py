@@ -12,7 +12,7 @@ from planner.model import Instance, Plan, Route, Vehicle, segment_of
 from planner.moves import Travel
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.result import Result
-from planner.stop import Iterations, Progress, StopRule, Stopwatch, add_progress_report
+from planner.stop_rules import Iterations, Progress, StopRule, Stopwatch, add_progress_report
 
 
 def solve(  # noqa: PLR0913 - what is asked for, how long to search, and from where

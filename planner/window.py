@@ -15,7 +15,7 @@ from itertools import takewhile
 from planner.cost import Cost
 from planner.errors import PlanError
 from planner.evaluate import Evaluation, completion_times_s, evaluate, route_duration_s
-from planner.loss import LossRow, RepairStatus
+from planner.loss_row import LossRow, RepairStatus
 from planner.model import Instance, Plan
 from planner.replan import SAME_TIME_S, RemainingProblem, build_remaining_problem
 from planner.solve import check_tails
@@ -114,7 +114,7 @@ def replan_window(
             longest_s, longest_s, longest_s, CriticalLoss(flying, events[-2] if longest_s else 0, longest_s)
         )
     # Only here, as in solve.py: it loads numba.
-    from planner.losses import LossScan
+    from planner.loss_scan import LossScan
 
     if instance.segments == 0:
         return ReplanWindow(0.0, 0.0, longest_s, None)
@@ -174,7 +174,7 @@ def _iterate_rows(instance: Instance, plan: Plan, effort: int, seed: int, *, fly
     _check_fleet(instance, plan)
     if instance.segments == 0:
         return iter(())
-    from planner.losses import LossScan
+    from planner.loss_scan import LossScan
 
     return LossScan(instance, plan, event_times_s(instance, plan), seed=seed, fly_again=fly_again).iterate_rows(effort)
 

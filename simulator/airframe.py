@@ -11,7 +11,7 @@ from simulator.config import SimVehicle
 from simulator.enums import LandedState
 from simulator.guidance import Climb, Goal, GoalFollower, Hover, Land, Leg, SpoolUp, find_stopping_place
 from simulator.physics import HARD_LANDING_M_S, Body, Limits, Place
-from simulator.wander import PositionDrift
+from simulator.position_drift import PositionDrift
 
 AIRBORNE_M = 0.3
 SETTLES_M_S = 8.6

@@ -42,7 +42,7 @@ from simulator.physics import Home, Place
 from simulator.positioning import Positioning
 from simulator.route import mission_length_m
 from simulator.streams import MESSAGE_IDS, MESSAGE_NAMES, Streams
-from simulator.voice import VehicleOutbox
+from simulator.vehicle_outbox import VehicleOutbox
 
 STEP_S = 0.05
 """Physics and decisions, simulated."""

@@ -11,7 +11,7 @@ from typing import cast
 from simulator.autopilot import STEP_S
 from simulator.common_time import LOOK_REAL_S
 from simulator.config import SimFleet, parse_vehicle_endpoint
-from simulator.stations import Stations
+from simulator.time_stations import Stations
 from simulator.truth import Truth
 from simulator.vehicle import SimulatedVehicle
 

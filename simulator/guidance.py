@@ -11,11 +11,11 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from simulator.curves import DelayedCurve, compute_target
-from simulator.gliding import Px4Leg, Px4Trajectory, moving_share
 from simulator.physics import Body, Limits, Place, Velocity
-from simulator.smoothing import braking_speed_m_s
-from simulator.wander import PositionDrift
+from simulator.position_drift import PositionDrift
+from simulator.px4_trajectory import Px4Leg, Px4Trajectory, moving_share
+from simulator.px4_velocity_smoothing import braking_speed_m_s
+from simulator.scurves import DelayedCurve, compute_target
 
 BRAKE_MARGIN = 0.7
 """Share of the braking power that a planned stop uses; the rest corrects."""

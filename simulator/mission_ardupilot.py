@@ -8,7 +8,6 @@ from dataclasses import replace
 
 from missions.items import Command, MissionItem
 from simulator.airframe import Airframe
-from simulator.curves import DelayedCurve, LegLimits, SCurve, Vector, overlap_s, turn_s
 from simulator.enums import MissionState, Severity
 from simulator.fence import find_return_destination
 from simulator.guidance import Goal, Hover, Land, Leg, TimedLeg, can_join_timed_leg, corner_speed_m_s, distance_m
@@ -17,8 +16,9 @@ from simulator.mission_store import DONE_IN_PASSING, CarryOut, has_place, params
 from simulator.params import ParamTable
 from simulator.physics import Home, Place
 from simulator.route import place_of
+from simulator.scurves import DelayedCurve, LegLimits, SCurve, Vector, overlap_s, turn_s
 from simulator.store_ardupilot import ArduPilotStore
-from simulator.voice import VehicleOutbox
+from simulator.vehicle_outbox import VehicleOutbox
 
 LATE_SLOWDOWN_M = 22.5
 """How far the old speed is kept after a pass-through corner. Measured: 60 m 'at 1 m/s' took 42 s, 100 m took 82 s."""

@@ -12,7 +12,6 @@ from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
 from simulator.enums import LandedState, MavCommand, Result, Severity
 from simulator.fence import FenceShape, find_return_destination, is_inside, shapes_of
-from simulator.gliding import HEIGHT_M, JERK, UP
 from simulator.guidance import Climb, Goal, Hover, find_stopping_place
 from simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, build_message
 from simulator.mission_px4 import FAST_LANDING_M, MissionEnd, Px4Mission, land_goal
@@ -20,6 +19,7 @@ from simulator.mission_store import StoreStep, has_place
 from simulator.modes_px4 import MAIN_AUTO, MISSION_MODES, WORDS, Mode, encode_custom_mode
 from simulator.physics import Home, Limits, Place
 from simulator.positioning import GPS_BIT
+from simulator.px4_trajectory import HEIGHT_M, JERK, UP
 from simulator.route import place_of
 from simulator.store_px4 import Px4Store
 

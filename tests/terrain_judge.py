@@ -19,7 +19,7 @@ import rasterio
 
 from missions import FlightPath, FlightSetup, Inspection, Network, Phase, Pylon, Segment, plan_flight_setup
 from missions.geo import FloatArray, LocalFrame
-from missions.readers.elevation import RasterOptions, read_elevation
+from missions.readers.elevation_rasters import RasterOptions, read_elevation
 from missions.terrain import Terrain, reading_box_m
 from tests.mountains import LAT_DEG, LON_DEG, Mountain, write_raster
 

@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import common as mav
 
 import missions
 import planner
-from executor.protocols import command, orders, upload
+from executor.protocols import command, upload, vehicle_commands
 from missions import ARDUPILOT, PX4, Command, Dialect, Frame
 from simulator import enums
 from tests.patience import PATIENCE_S
@@ -128,7 +128,7 @@ MESSAGES = ("HEARTBEAT", "GLOBAL_POSITION_INT", "SYS_STATUS", "MISSION_CURRENT",
 
 
 def test_the_numbers_of_orders_are_mavlinks() -> None:
-    ours = {name: value for name, value in vars(orders).items() if name.isupper()}
+    ours = {name: value for name, value in vars(vehicle_commands).items() if name.isupper()}
     assert ours == {name: getattr(mav, f"MAV_CMD_{name}") for name in COMMANDS} | {
         name: getattr(ardupilotmega, f"MAVLINK_MSG_ID_{name}") for name in MESSAGES
     } | {"DO_SEND_BANNER": ardupilotmega.MAV_CMD_DO_SEND_BANNER}

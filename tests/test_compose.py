@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 import jsonschema
 import pytest
 
-from executor.site.config import read_site
+from executor.site.site_file import read_site
 from tests.composed import ROOT, UnsetVariable, _resolved, composed, services, words
 from tests.patience import PATIENCE_S
 from tests.sitl.real import COPTER_PARAMETERS

@@ -14,7 +14,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from executor.cli.main import INTERNAL, INTERRUPTED, main
-from executor.site.config import Site, check_site
+from executor.site.site_file import Site, check_site
 from scripts.pages import reference
 from simulator.errors import FaultSpecError
 from simulator.faults import parse_fault

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from executor.adapters.extras import MODULES, Extra, packages_of
-from executor.core.preflight.parameters import ChangeStage, KeptParameter
-from executor.flight.changed_parameters import write_kept_parameters
+from executor.core.preflight.parameter_proposals import ChangeStage, KeptParameter
+from executor.flight.kept_parameters import write_kept_parameters
 from executor.replay.open_log import ULOG_MAGIC
 
 ROOT = Path(__file__).parents[1]
@@ -160,10 +160,10 @@ def test_the_extras_are_those_of_the_package() -> None:
 
 def test_taking_a_flight_up_loads_only_what_every_flight_has() -> None:
     """The vehicles wait for our heartbeat meanwhile."""
-    command = [sys.executable, "-X", "importtime", "-c", "import executor.flight.resume"]
+    command = [sys.executable, "-X", "importtime", "-c", "import executor.flight.resume_flight"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=100)
     loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines() if line.startswith("import time:")}
-    assert "executor.flight.fly" in loaded
+    assert "executor.flight.run_flight" in loaded
     assert {name.partition(".")[0] for name in loaded} & (HEAVY | {"numba", "paho", "anyio"}) == set()
     parts = ("executor.adapters.mqtt.payloads", "executor.adapters.web", "executor.analysis.pictures", "benchmarks")
     assert {name for name in loaded if name.startswith(parts)} == set()

@@ -13,7 +13,7 @@ from benchmarks.parts.setting import Setting
 from benchmarks.peer import pyvrp_installed, solve_pyvrp
 from benchmarks.problems import PAPER_S, line_instance, with_budget
 from benchmarks.store import Json
-from executor.adapters.workers import start_worker_pool
+from executor.adapters.worker_pool import start_worker_pool
 from planner import (
     Cost,
     FirstFeasible,

@@ -23,7 +23,7 @@ from benchmarks.scenarios.losses import (
 from benchmarks.scenarios.model import DayInstance, DayPlan, DayTask, DayVehicle, Trip, day_instance
 from benchmarks.scenarios.result import DayResult
 from benchmarks.scenarios.solve import solve_day, warm_up_day
-from planner.streets import RoadGraph, build_road_graph
+from planner.road_graph import RoadGraph, build_road_graph
 
 __all__ = [
     "MOST_COLUMNS",

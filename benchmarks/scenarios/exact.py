@@ -21,7 +21,7 @@ from benchmarks.scenarios.evaluate import TOLERANCE_S
 from benchmarks.scenarios.model import DayInstance, DayPlan, Trip, way_of
 from planner import highs
 from planner.errors import InstanceError
-from planner.stop import Stopwatch
+from planner.stop_rules import Stopwatch
 
 if TYPE_CHECKING:
     import highspy

@@ -14,8 +14,8 @@ from math import inf
 from benchmarks.scenarios.model import DayInstance, DayPlan, DayTask, DayVehicle, Trip, way_of
 from benchmarks.scenarios.result import DayResult
 from planner.errors import PlanError
-from planner.stop import Stopwatch
-from planner.streets import RoadGraph
+from planner.road_graph import RoadGraph
+from planner.stop_rules import Stopwatch
 
 SAME_TIME_S = 1e-6
 """Times nearer to each other than this are the same."""

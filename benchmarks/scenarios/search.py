@@ -21,8 +21,8 @@ from benchmarks.scenarios.model import DayInstance
 from benchmarks.scenarios.result import DayResult
 from planner.construct import build_random_state
 from planner.kernels.arrays import RandomState
-from planner.rounds import run_in_threads, run_rounds
-from planner.stop import Progress, StopRule, Stopwatch
+from planner.search_rounds import run_in_threads, run_rounds
+from planner.stop_rules import Progress, StopRule, Stopwatch
 
 BATCH = 250
 """Iterations of a start between two questions to the stop rule: a few milliseconds."""

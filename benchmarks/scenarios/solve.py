@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from benchmarks.scenarios.model import DayInstance, DayTask, DayVehicle, day_instance
 from benchmarks.scenarios.result import DayResult
 from planner.errors import PlanError
-from planner.stop import Iterations, StopRule, Stopwatch
+from planner.stop_rules import Iterations, StopRule, Stopwatch
 
 
 def solve_day(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from executor.site.planning import PlanSolver
+from executor.site.site_planning import PlanSolver
 from planner import Cost, Iterations, Seconds, StopRule
 
 RADII_M = (500.0, 700.0, 1000.0, 1200.0, 2000.0)

@@ -12,7 +12,7 @@ from benchmarks.problems import line_instance, network_of, with_budget
 from benchmarks.solvers import run_solver
 from benchmarks.store import Json
 from benchmarks.table.settings import DRONE, INSPECTION_M_S, TRANSIT_M_S, VEHICLES, TableSettings
-from executor.site.planning import PlanSolver
+from executor.site.site_planning import PlanSolver
 from planner import (
     PRESETS,
     Cost,

@@ -10,9 +10,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from executor.replay.result import Declaration
-from executor.replay.witness.statements import BATTERY, StatementKind, find_statements
-from executor.replay.witness.testimony import (
+from executor.replay.replay_result import Declaration
+from executor.replay.witness.log_evidence import (
     SECOND,
     LogEvidence,
     MotionSample,
@@ -20,6 +19,7 @@ from executor.replay.witness.testimony import (
     select_between,
     select_near,
 )
+from executor.replay.witness.statements import BATTERY, StatementKind, find_statements
 
 V = TypeVar("V")
 Say = Callable[[str], V]

@@ -12,10 +12,9 @@ from itertools import pairwise
 from benchmarks.witness.falls import never_ordered_m_s, sank_m_s
 from benchmarks.witness.hands import hand_of
 from benchmarks.witness.packs import pack_verdict
-from executor.core.vehicle import FaultKind
-from executor.replay.result import Declaration
-from executor.replay.witness.statements import CRASH, EKF, EMERGENCY_STATES, StatementKind, find_statements
-from executor.replay.witness.testimony import (
+from executor.core.state.vehicle_state import FaultKind
+from executor.replay.replay_result import Declaration
+from executor.replay.witness.log_evidence import (
     SECOND,
     Controller,
     LogEvidence,
@@ -25,6 +24,7 @@ from executor.replay.witness.testimony import (
     select_near,
     select_pairs_between,
 )
+from executor.replay.witness.statements import CRASH, EKF, EMERGENCY_STATES, StatementKind, find_statements
 
 
 class Stand(StrEnum):

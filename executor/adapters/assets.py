@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from executor.core.intents import LONGEST_NAME, MOST_ASSETS
+from executor.core.interface.intents import LONGEST_NAME, MOST_ASSETS
 
 
 def _check_asset(value: Any) -> int | str:  # noqa: ANN401 - whatever somebody sent

@@ -17,9 +17,9 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-from executor.adapters.logend import LogPlace, count_whole_bytes, digest_of, is_time, read_ends
-from executor.core import events, intents, messages
-from executor.core.events import Event, Heard, Reopened, Tick
+from executor.adapters.log_end import LogPlace, count_whole_bytes, digest_of, is_time, read_ends
+from executor.core.interface import events, intents, messages
+from executor.core.interface.events import Event, Heard, Reopened, Tick
 from executor.errors import LogError
 
 FORMAT = "faultline-events/1"

@@ -14,8 +14,8 @@ from types import TracebackType
 from typing import ParamSpec, Self, TypeVar
 
 from executor.adapters.interrupts import defer_ctrl_c, end_processes, end_with_parent
-from executor.core.commands import Solve
-from executor.core.events import Gain, NewRoute, SolveEnded
+from executor.core.interface.commands import Solve
+from executor.core.interface.events import Gain, NewRoute, SolveEnded
 from missions import Pricing, Task, build_open_task
 from planner import (
     Cancelled,

@@ -13,9 +13,9 @@ from pydantic import Field
 
 from executor.adapters.document import Document, Number, Whole, YesNo
 from executor.adapters.run_directory import RunDirectory
-from executor.core.check_codes import CheckCode
-from executor.core.preflight.checks import Severity
-from executor.core.vehicle import FaultCode, FaultKind
+from executor.core.interface.check_codes import CheckCode
+from executor.core.preflight.vehicle_checks import Severity
+from executor.core.state.vehicle_state import FaultCode, FaultKind
 from missions.validation import is_none
 
 

@@ -14,8 +14,8 @@ from executor.adapters.run_directory import RunDirectory
 from executor.analysis.flight_record import FaultRecord, FlightRecord, VehicleRecord
 from executor.analysis.read_run import read_run
 from executor.errors import LogError
-from executor.site.assembly import load_terrain
-from executor.site.config import read_site
+from executor.site.site_file import read_site
+from executor.site.site_model import load_terrain
 from missions import (
     FlightPath,
     FlightSetup,
@@ -28,7 +28,6 @@ from missions import (
     continue_path,
     read_plan,
 )
-from missions.asked import build_first_paths
 from missions.exports import (
     Fact,
     MapFeatureKind,
@@ -42,7 +41,8 @@ from missions.exports import (
     build_segment_lines,
 )
 from missions.geo import FloatArray
-from missions.plansetup import setup_of_plan
+from missions.inspection_height import build_first_paths
+from missions.plan_setup import setup_of_plan
 from planner import is_reversed, segment_of, visit_of
 
 GAP_S = 5.0

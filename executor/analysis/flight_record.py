@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from executor.core.commands import Level
-from executor.core.coverage import InspectionRun, PositionSample, Track, advance_run
-from executor.core.vehicle import FaultKind
+from executor.core.interface.commands import Level
+from executor.core.state.inspection_run import InspectionRun, PositionSample, Track, advance_run
+from executor.core.state.vehicle_state import FaultKind
 from missions import PlanFile
 from missions.areas import Area
 from missions.geo import FloatArray

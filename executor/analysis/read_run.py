@@ -28,17 +28,17 @@ from executor.analysis.flight_record import (
     uncovered_ids_of,
     used_pct_at,
 )
-from executor.core.battery.history import PackHistory
-from executor.core.commands import Level
-from executor.core.coverage import PositionSample, Track
-from executor.core.events import Event, Heard, LaunchOrdered, SolveEnded, UploadEnded
-from executor.core.messages import Battery, EstimatorStatus, Gps, Heartbeat, Position, SystemStatus
-from executor.core.parts import PositionFix, Positioning
-from executor.core.positioning import positioning_heard
+from executor.core.battery.pack_history import PackHistory
+from executor.core.interface.commands import Level
+from executor.core.interface.events import Event, Heard, LaunchOrdered, SolveEnded, UploadEnded
+from executor.core.interface.messages import Battery, EstimatorStatus, Gps, Heartbeat, Position, SystemStatus
+from executor.core.state.inspection_run import PositionSample, Track
+from executor.core.state.positioning import positioning_heard
+from executor.core.state.vehicle_parts import PositionFix, Positioning
 from executor.errors import LogError
-from executor.site import assembly
-from executor.site.config import Site, read_site
-from executor.site.packs import load_site_packs
+from executor.site import site_model
+from executor.site.site_file import Site, read_site
+from executor.site.site_packs import load_site_packs
 from missions import Inspection, LocalFrame, PlanFile, read_plan, tracks_m
 
 
@@ -178,7 +178,7 @@ def _read_decisions(path: Path, launched_s: float) -> Iterator[DecisionLine]:
 def _build_vehicles(
     site: Site, packs: Mapping[str, PackHistory], report: FlightReport, log: _Log
 ) -> tuple[VehicleRecord, ...]:
-    drone = assembly.drone_of(site)
+    drone = site_model.drone_of(site)
     faults = {row.vehicle: FaultRecord(row.kind, row.reason, row.detected_s, row.happened_s) for row in report.faults}
     vehicles = []
     for layer, table in enumerate(site.vehicle):
@@ -189,8 +189,8 @@ def _build_vehicles(
                 layer=layer,
                 # It stands there until it takes off; whoever was never heard is shown at the depot.
                 pad_m=heard.samples[0][1].place_m if heard.samples else (0.0, 0.0),
-                budget_pct=assembly.budget_pct_of(packs.get(table.name), drone, table),
-                reserve_pct=table.reserve_pct + assembly.empty_pct_of(packs.get(table.name), drone, table),
+                budget_pct=site_model.budget_pct_of(packs.get(table.name), drone, table),
+                reserve_pct=table.reserve_pct + site_model.empty_pct_of(packs.get(table.name), drone, table),
                 track=np.array(heard.positions, dtype=np.float64).reshape(-1, 4),
                 # As in flight: SYS_STATUS counts only where there is no BATTERY_STATUS.
                 battery=np.array(heard.battery or heard.status, dtype=np.float64).reshape(-1, 2),

@@ -28,18 +28,18 @@ from executor.analysis.documents import (
     UnreachableRow,
     VehicleRow,
 )
-from executor.analysis.planned_and_flown import build_route_rows
+from executor.analysis.plan_comparison import build_route_rows
 from executor.core.context import Context
-from executor.core.events import Gain
-from executor.core.hearing import firmware
-from executor.core.places import is_over_pad
-from executor.core.ports import LinkCounts
-from executor.core.preflight import heights
-from executor.core.preflight.checks import Check, VehicleFacts
-from executor.core.state import FleetState, GroundStationAbsence, ReplanRecord
-from executor.core.vehicle import Fault, Stage, VehicleState
-from executor.core.view import position_view, vehicle_state_word
-from executor.images.rows import AssetRow, build_asset_rows
+from executor.core.fleet_view import position_view, vehicle_state_word
+from executor.core.interface.events import Gain
+from executor.core.interface.ports import LinkCounts
+from executor.core.preflight import height_checks
+from executor.core.preflight.vehicle_checks import Check, VehicleFacts
+from executor.core.state.fleet_state import FleetState, GroundStationAbsence, ReplanRecord
+from executor.core.state.vehicle_position import is_over_pad
+from executor.core.state.vehicle_state import Fault, Stage, VehicleState
+from executor.core.telemetry import firmware
+from executor.images.index_rows import AssetRow, build_asset_rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,7 +275,7 @@ def _build_heights(context: Context, state: FleetState) -> HeightsPart:
     paths = [
         vehicle.assignment.board.path for vehicle in state.vehicles.values() if vehicle.assignment.board is not None
     ]
-    return HeightsPart.model_validate(heights.build_heights_document(context.setup, paths))
+    return HeightsPart.model_validate(height_checks.build_heights_document(context.setup, paths))
 
 
 def _build_inspection_row(context: Context, state: FleetState, segment: int) -> InspectionRow:

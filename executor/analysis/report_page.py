@@ -14,11 +14,11 @@ from pathlib import Path
 
 from executor.adapters.document import Document
 from executor.analysis.documents import FlightReport
-from executor.analysis.earlier import describe_total_inspected
+from executor.analysis.earlier_flights import describe_total_inspected
 from executor.analysis.flight_record import FlightRecord, find_abandoned_segments
-from executor.core import words
-from executor.core.commands import Level
-from executor.core.preflight.checks import Severity
+from executor.core import formatting as words
+from executor.core.interface.commands import Level
+from executor.core.preflight.vehicle_checks import Severity
 from missions.files import write_whole
 
 PICTURES = {

@@ -16,12 +16,12 @@ from rich.table import Table
 from rich.text import Text
 
 from executor.adapters.interrupts import discard_output
-from executor.core import words
-from executor.core.commands import Level
+from executor.core import formatting
 from executor.core.context import Context
-from executor.core.preflight.checks import Check, Severity
-from executor.core.state import FleetState
-from executor.core.view import FleetView, VehicleView, build_fleet_view
+from executor.core.fleet_view import FleetView, VehicleView, build_fleet_view
+from executor.core.interface.commands import Level
+from executor.core.preflight.vehicle_checks import Check, Severity
+from executor.core.state.fleet_state import FleetState
 
 DRAWS_PER_S = 4.0
 LEFT_ALIGNED = frozenset({"vehicle", "state", "where"})
@@ -107,7 +107,8 @@ class TerminalConsole:
         if level is Level.FAULT and self._terminal.is_terminal:
             self._terminal.bell()
         line = Text(
-            f"{words.format_flight_time(at_s):>9} {_MARKS[level]} {words.escape_controls(text)}", style=_STYLES[level]
+            f"{formatting.format_flight_time(at_s):>9} {_MARKS[level]} {formatting.escape_controls(text)}",
+            style=_STYLES[level],
         )
         self._print(line)
 
@@ -123,7 +124,7 @@ class TerminalConsole:
             return
         for check in found:
             mark, style = _CHECK_MARKS[check.severity]
-            about = f"  {words.escape_controls(check.subject)}: {words.escape_controls(check.text)}"
+            about = f"  {formatting.escape_controls(check.subject)}: {formatting.escape_controls(check.text)}"
             self._print(Text.assemble("  ", (mark, style), about))
 
     def confirm(self, question: str) -> bool:
@@ -172,7 +173,7 @@ class TerminalConsole:
     def _show_question(self, question: str) -> Iterator[None]:
         """Show a question for as long as it waits for its answer."""
         _drop_typed_input()
-        self._asked = Text(f"{words.escape_controls(question)} [y/N] ")
+        self._asked = Text(f"{formatting.escape_controls(question)} [y/N] ")
         self._terminal.print(self._asked, end="")
         try:
             yield
@@ -234,7 +235,7 @@ def render_fleet(view: FleetView) -> Group:
     table = Table(title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for column in COLUMNS:
         table.add_column(column, justify="left" if column in LEFT_ALIGNED else "right")
-    clock = words.format_flight_time(view.flight_s)
+    clock = formatting.format_flight_time(view.flight_s)
     table.title = f"{clock}  {len(view.inspected)} of {view.segments_total} segments inspected"
     for vehicle in view.vehicles:
         table.add_row(*(Text(cell) for cell in _build_row(vehicle)), style=_style_of(vehicle))
@@ -252,42 +253,43 @@ def _build_row(vehicle: VehicleView) -> tuple[str, ...]:
     shows = vehicle.fault_kind is not None and vehicle.state != "down"
     where = _PHASES.get(progress.phase or "", "-")
     if progress.segment_name is not None:
-        where = f"{where} {words.escape_controls(progress.segment_name)}"
+        where = f"{where} {formatting.escape_controls(progress.segment_name)}"
     return (
         vehicle.name,
-        words.format_state_word(vehicle.state) + (f", {vehicle.fault_kind}" if shows else ""),
+        formatting.format_state_word(vehicle.state) + (f", {vehicle.fault_kind}" if shows else ""),
         where,
         f"{progress.done} of {progress.total}",
         str(progress.inspected),
         "?" if left_pct is None else f"{left_pct:.0f} %",
-        words.format_gps_fix(vehicle.gps_fix, vehicle.satellites),
+        formatting.format_gps_fix(vehicle.gps_fix, vehicle.satellites),
         "?" if vehicle.link_age_s is None else f"{vehicle.link_age_s:.1f} s",
-        "-" if vehicle.lands_in_s is None else words.format_duration(vehicle.lands_in_s),
+        "-" if vehicle.lands_in_s is None else formatting.format_duration(vehicle.lands_in_s),
     )
 
 
 def _build_notes(view: FleetView) -> Iterator[str]:
     for vehicle in view.vehicles:
         if vehicle.state in FOUND_BY_PLACE:
-            yield f"{vehicle.name} {words.format_state_word(vehicle.state)}: {_describe_last_place(vehicle)}"
+            yield f"{vehicle.name} {formatting.format_state_word(vehicle.state)}: {_describe_last_place(vehicle)}"
         if vehicle.turn is not None and vehicle.turn.text:
-            yield f"{'?' if vehicle.turn.awaited else ' '} {vehicle.name}: {words.escape_controls(vehicle.turn.text)}"
+            mark = "?" if vehicle.turn.awaited else " "
+            yield f"{mark} {vehicle.name}: {formatting.escape_controls(vehicle.turn.text)}"
         if vehicle.taken is not None:
             yield f"{vehicle.name}: {describe_other_control(vehicle)}"
     if view.offer is not None:
-        yield f"? {words.escape_controls(view.offer.text)}"
+        yield f"? {formatting.escape_controls(view.offer.text)}"
 
 
 def _describe_last_place(vehicle: VehicleView) -> str:
     at = vehicle.position
     if at is None:
         return "position unknown"
-    place = words.known_place(at.lat_deg, at.lon_deg, at.known, at.accuracy_m)
-    reported = f"last at {place}, {at.relative_alt_m:.0f} m, {words.ago(at.age_s)}"
+    place = formatting.known_place(at.lat_deg, at.lon_deg, at.known, at.accuracy_m)
+    reported = f"last at {place}, {at.relative_alt_m:.0f} m, {formatting.ago(at.age_s)}"
     if (fix := at.last_fix) is None:
         return reported
-    gps = words.format_lat_lon(fix.lat_deg, fix.lon_deg, fix.accuracy_m)
-    return f"last GPS fix {gps}, {words.ago(fix.age_s)}, at {fix.ground_speed_m_s:.0f} m/s; {reported}"
+    gps = formatting.format_lat_lon(fix.lat_deg, fix.lon_deg, fix.accuracy_m)
+    return f"last GPS fix {gps}, {formatting.ago(fix.age_s)}, at {fix.ground_speed_m_s:.0f} m/s; {reported}"
 
 
 def describe_other_control(vehicle: VehicleView) -> str:
@@ -298,7 +300,7 @@ def describe_other_control(vehicle: VehicleView) -> str:
     if hands.returned:
         return "its pilot has put it back on its mission; include it to go on"
     if hands.kept_s > 0.0:
-        return f"not commanded; its segments are kept for {words.format_duration(hands.kept_s)}"
+        return f"not commanded; its segments are kept for {formatting.format_duration(hands.kept_s)}"
     return "not commanded; its segments are released"
 
 

@@ -12,12 +12,12 @@ import typer
 
 from executor.cli.console import TerminalConsole
 from executor.cli.options import require_finite
-from executor.cli.planning import write_named_file
-from executor.core.commands import Level
+from executor.cli.plan_inputs import write_named_file
+from executor.core.interface.commands import Level
 from executor.errors import SiteError
-from executor.site.assembly import SiteModel
-from executor.site.crew import CampaignRunner, open_campaign_runner
-from executor.site.day_words import (
+from executor.site.campaign_runner import CampaignRunner, open_campaign_runner
+from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day, spares_of
+from executor.site.day_summary import (
     compute_base_needs,
     compute_rule_packs,
     describe_base_needs,
@@ -27,7 +27,7 @@ from executor.site.day_words import (
     describe_uncovered,
     find_enough_spares,
 )
-from executor.site.sorties import DayPlanRequest, build_day_problem, solve_day, spares_of
+from executor.site.site_model import SiteModel
 from missions import DayPlanFile, build_day_plan_document, check_day_plan, write_day_plan
 from missions.files import json_text
 from planner import Progress, Seconds

@@ -12,12 +12,12 @@ import typer
 from executor.adapters.run_directory import RunDirectory
 from executor.cli.console import TerminalConsole
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, FormatName
-from executor.cli.planning import write_named_file
-from executor.core.commands import Level
-from executor.core.preflight.heights import find_low_places
+from executor.cli.plan_inputs import write_named_file
+from executor.core.interface.commands import Level
+from executor.core.preflight.height_checks import find_low_places
 from executor.errors import SiteError
-from executor.site import assembly, planning
-from executor.site.config import read_site
+from executor.site import site_model, site_planning
+from executor.site.site_file import read_site
 from missions import (
     Dialect,
     FlightPath,
@@ -33,7 +33,7 @@ from missions import (
 from missions.exports import MapFeatures, build_plan_features, format_geojson, format_gpx, format_kml
 from missions.fences import build_fence, build_fence_items, build_rally_items, flown_places
 from missions.files import write_whole
-from missions.plansetup import setup_of_plan
+from missions.plan_setup import setup_of_plan
 
 DRAWN: Mapping[FormatName, Callable[[MapFeatures], str]] = {
     FormatName.KML: format_kml,
@@ -90,12 +90,12 @@ def _build_setup(content: PlanFile, source: Path, site: Path | None) -> FlightSe
     if content.terrain is not None:
         if site is None:
             raise SiteError(f"{source}: terrain: expected --site with the site file that the plan was made of")
-        ground = assembly.load_site_model(read_site(site), site.parent)
-        planning.check_plan_fits(content, ground, str(source))
+        ground = site_model.load_site_model(read_site(site), site.parent)
+        site_planning.check_plan_fits(content, ground, str(source))
         terrain = ground.terrain
     setup = setup_of_plan(content, content.inspection, terrain=terrain)
     routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
-    for line in find_low_places(setup, list(assembly.build_paths(setup, routes).values())):
+    for line in find_low_places(setup, list(site_model.build_paths(setup, routes).values())):
         raise SiteError(f"{source}: heights: {line}")
     return setup
 
@@ -104,7 +104,7 @@ def _export_missions(
     content: PlanFile, setup: FlightSetup, output: Path, to: FormatName, autopilot: AutopilotName | None
 ) -> None:
     routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
-    paths = assembly.build_paths(setup, routes)
+    paths = site_model.build_paths(setup, routes)
     texts = {}
     for name, path in paths.items():
         own = dialect_for(_autopilot_of(content, name, autopilot))

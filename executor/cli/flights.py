@@ -14,7 +14,7 @@ from executor.adapters.extras import Extra, describe_missing_extra, require_extr
 from executor.adapters.interrupts import discard_output
 from executor.adapters.run_directory import RunDirectory, create_run_directory
 from executor.analysis.documents import FlightReport
-from executor.analysis.earlier import describe_total_inspected, read_earlier_flights
+from executor.analysis.earlier_flights import describe_total_inspected, read_earlier_flights
 from executor.analysis.flight_record import FlightRecord
 from executor.analysis.report import build_check_row
 from executor.cli.console import TerminalConsole
@@ -43,7 +43,7 @@ from executor.cli.options import (
     StretchOption,
     require_finite,
 )
-from executor.cli.planning import (
+from executor.cli.plan_inputs import (
     check_can_write,
     load_site_with_learned,
     parse_plan_request,
@@ -52,18 +52,18 @@ from executor.cli.planning import (
     select_day_plan,
     select_flight_plan,
 )
-from executor.core.commands import Level
-from executor.core.preflight.checks import Severity
-from executor.core.preflight.parameters import format_number
-from executor.core.words import command_line
+from executor.core.formatting import command_line
+from executor.core.interface.commands import Level
+from executor.core.preflight.parameter_proposals import format_number
+from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import LogError, PreflightFailed, SiteError
-from executor.flight import fly as flying
-from executor.flight.broker import read_mqtt_settings
-from executor.flight.flight_order import FlightRequest, write_run_start
-from executor.flight.linking import check_backends
-from executor.flight.next_sortie import describe_next_flight, plan_next_flight, read_segments_left
+from executor.flight import run_flight as flying
+from executor.flight.flight_request import FlightRequest, write_run_start
+from executor.flight.mqtt_settings import read_mqtt_settings
+from executor.flight.next_flight import describe_next_flight, plan_next_flight, read_segments_left
+from executor.flight.open_links import check_backends
 from executor.flight.parameter_changes import check_run, find_open_changes
-from executor.runtime import turns
+from executor.runtime import fair_event_loop
 from executor.simulated.demo_site import (
     OTHER_LOSS,
     USUAL_LOSS,
@@ -74,12 +74,12 @@ from executor.simulated.demo_site import (
     is_default_demo,
     run_simulated_fleet,
 )
-from executor.simulated.injected import read_injected_faults
-from executor.site import assembly, dayflight
-from executor.site.config import check_site, read_signing_key, read_site
+from executor.simulated.injected_faults import read_injected_faults
+from executor.site import day_flight, site_model
 from executor.site.ground_files import read_ground
 from executor.site.ground_view import GroundView, view_for
-from executor.site.planning import DEFAULT, PlanRequest
+from executor.site.site_file import check_site, read_signing_key, read_site
+from executor.site.site_planning import DEFAULT, PlanRequest
 from missions import DayPlanFile, PlanFile, is_day_plan, write_plan
 from missions.files import json_text
 
@@ -124,7 +124,7 @@ def demo(
     usual = is_default_demo(network, radius, vehicles)
     faults = fault if fault is not None else [USUAL_LOSS if usual else OTHER_LOSS]
     site = check_site(content, "demo")
-    ground = assembly.load_site_model(site, Path())
+    ground = site_model.load_site_model(site, Path())
     check_faults(ground, faults)
     console = TerminalConsole(quiet=as_json, yes=True)
     # Nobody has looked at a plan before, and the vehicle of the story must fly.
@@ -136,7 +136,7 @@ def demo(
     order = FlightRequest(site, Path(), ground, plan, directory, lambda clock: read_injected_faults(directory, clock))
     write_run_start(order)
     with run_simulated_fleet(directory, faults, seed):
-        flown = turns.run_on_fair_loop(flying.run_flight(order, console))
+        flown = fair_event_loop.run_on_fair_loop(flying.run_flight(order, console))
     _finish_flight(order, flown, as_json=as_json)
 
 
@@ -177,13 +177,13 @@ def simulate(
     ] = None,
 ) -> None:
     """Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C."""
-    from executor.simulated.fleet import SimulationOutputs, run_simulation
+    from executor.simulated.simulated_fleet import SimulationOutputs, run_simulation
 
     check_can_write(truth)
     if cards is not None:
         require_extra(Extra.IMAGES, "--cards")
     content = read_site(site)
-    ground = assembly.load_site_model(content, site.parent)
+    ground = site_model.load_site_model(content, site.parent)
     factor = content.flight.speedup if speedup is None else speedup
     run_simulation(
         ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, outputs=SimulationOutputs(truth, cards),
@@ -253,7 +253,7 @@ def fly_day(
     console.show_progress("")
     for line in describe_day(planned):
         console.say(Level.INFO, line)
-    routes = dayflight.build_first_sorties_plan(planned, made.ground)
+    routes = day_flight.build_first_sorties_plan(planned, made.ground)
     _fly_and_finish(made.build_flight_request(routes, run, planned), console, as_json=as_json)
 
 
@@ -279,7 +279,7 @@ class _PreparedSite:
 def _fly_and_finish(order: FlightRequest, console: TerminalConsole, *, as_json: bool) -> None:
     check_run(order.run, order.site)
     write_run_start(order)
-    flown = turns.run_on_fair_loop(flying.run_flight(order, console))
+    flown = fair_event_loop.run_on_fair_loop(flying.run_flight(order, console))
     _finish_flight(order, flown, as_json=as_json)
 
 
@@ -299,7 +299,7 @@ def _select_site_and_plan(first: Path, of: Path | None, plan: Path | None) -> tu
 
 
 def _select_flown_plan(
-    ground: assembly.SiteModel,
+    ground: site_model.SiteModel,
     console: TerminalConsole,
     asked: typer.Context,
     wanted: PlanRequest,
@@ -310,7 +310,7 @@ def _select_flown_plan(
     day = select_day_plan(asked, plan)
     if day is None:
         return None, select_flight_plan(ground, console, asked, wanted, plan=plan, after=after)
-    routes = dayflight.build_first_sorties_plan(day, ground)
+    routes = day_flight.build_first_sorties_plan(day, ground)
     console.say(Level.INFO, f"the day is that of {plan}")
     return day, routes
 
@@ -332,7 +332,7 @@ def preflight(
     as_json: JsonOption = False,
 ) -> None:
     """Read every vehicle's state and parameters and run the checklist; nothing is uploaded, nothing moves."""
-    from executor.flight.examination import run_checklist_only
+    from executor.flight.checklist_only import run_checklist_only
 
     wanted = parse_plan_request(cost, solver, stretch, all_vehicles, seconds, seed, starts)
     content = read_site(site)
@@ -341,7 +341,7 @@ def preflight(
     ground = load_site_with_learned(content, site.parent, learned, console)
     day, routes = _select_flown_plan(ground, console, asked, wanted, plan, after)
     order = FlightRequest(content, site.parent, ground, routes, Path(), lambda _: (), day=day)
-    found = turns.run_on_fair_loop(run_checklist_only(order, console))
+    found = fair_event_loop.run_on_fair_loop(run_checklist_only(order, console))
     console.show_checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
     if as_json:
@@ -359,14 +359,16 @@ def resume(
     as_json: JsonOption = False,
 ) -> None:
     """Resume a flight from its run directory after its ground station died; on another computer too."""
-    from executor.flight import resume as resuming
+    from executor.flight import resume_flight as resuming
 
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     known = resuming.read_resume_plan(directory)
     if isinstance(known, resuming.UnlaunchedRun):
         order = resuming.build_resumed_request(directory, known.ground, known.plan)
         _finish_flight(
-            order, turns.run_on_fair_loop(resuming.start_unlaunched_run(directory, known, console)), as_json=as_json
+            order,
+            fair_event_loop.run_on_fair_loop(resuming.start_unlaunched_run(directory, known, console)),
+            as_json=as_json,
         )
         return
     left = resuming.read_finished_run(directory)
@@ -379,7 +381,9 @@ def resume(
         if not console.confirm("Resume this flight?"):
             raise PreflightFailed("not confirmed; nothing was sent to any vehicle")
         _finish_flight(
-            known.order, turns.run_on_fair_loop(resuming.resume_flight(directory, console, told)), as_json=as_json
+            known.order,
+            fair_event_loop.run_on_fair_loop(resuming.resume_flight(directory, console, told)),
+            as_json=as_json,
         )
         return
     console.say(Level.INFO, f"{directory}: this flight is over")
@@ -450,8 +454,8 @@ def _show_flight(run: Path, report: FlightReport) -> None:
 
 
 def _draw_flight(run: Path, record: FlightRecord) -> None:
+    from executor.analysis.height_profile import build_profiles
     from executor.analysis.pictures import draw_battery_figure, draw_flight_figure, draw_profile_figure, save_figure
-    from executor.analysis.profile import build_profiles
     from executor.flight.run_start import read_run_start
 
     save_figure(draw_flight_figure(record, _read_kept_ground(run)), RunDirectory(run).map)
@@ -460,10 +464,10 @@ def _draw_flight(run: Path, record: FlightRecord) -> None:
         begun = read_run_start(run)
         setup, routes = (
             begun.context.setup,
-            assembly.name_routes(begun.ground, begun.plan.build_task(), begun.plan.plan),
+            site_model.name_routes(begun.ground, begun.plan.build_task(), begun.plan.plan),
         )
         save_figure(
-            draw_profile_figure(build_profiles(setup, assembly.build_paths(setup, routes).values())),
+            draw_profile_figure(build_profiles(setup, site_model.build_paths(setup, routes).values())),
             RunDirectory(run).profile,
         )
 

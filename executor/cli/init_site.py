@@ -22,10 +22,10 @@ from executor.cli.network_options import (
     parse_selection,
 )
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName
-from executor.cli.planning import check_can_write, write_named_file
-from executor.core.words import command_line
+from executor.cli.plan_inputs import check_can_write, write_named_file
+from executor.core.formatting import command_line
 from executor.errors import SiteError
-from executor.site import assembly, template
+from executor.site import site_model, template
 from executor.site.tables.ground import DepotTable
 from missions import SNAP_M, MendingLimits, Network, NetworkError, Selection, default_network_path, import_network
 from missions.files import write_whole
@@ -61,7 +61,7 @@ def init(
     chosen = parse_selection(layer, where, crs, MendingLimits(snap, max_span), encoding)
     known = _read_network(network, chosen, place, radius)
     file = network
-    if network != assembly.DEFAULT_NETWORK:
+    if network != site_model.DEFAULT_NETWORK:
         file = Path(os.path.relpath(network, output.parent if output is not None else Path())).as_posix()
     table = None if place is None else _build_depot_table(place)
     choice = {"layer": layer, "where": where, "crs": crs, "encoding": encoding,
@@ -79,7 +79,7 @@ def init(
 def _read_network(
     file: str, chosen: Selection, depot: tuple[float, float, float | None] | None, radius_m: float | None
 ) -> Network:
-    path = default_network_path() if file == assembly.DEFAULT_NETWORK else Path(file)
+    path = default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
     try:
         return import_network(path, chosen, depot=depot, radius_m=radius_m).network
     except NetworkError as error:

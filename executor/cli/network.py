@@ -26,9 +26,9 @@ from executor.cli.network_options import (
     parse_selection,
 )
 from executor.cli.options import JsonOption
-from executor.cli.planning import check_can_draw, check_can_write, write_named_file
-from executor.core import words
-from executor.site import assembly
+from executor.cli.plan_inputs import check_can_draw, check_can_write, write_named_file
+from executor.core import formatting
+from executor.site import site_model
 from missions import (
     SNAP_M,
     MendingLimits,
@@ -84,7 +84,7 @@ def network(
     """Show how a network file is read, what was repaired and what to check; needs no depot."""
     check_can_write(output)
     check_can_draw("--picture", picture)
-    path = default_network_path() if file == assembly.DEFAULT_NETWORK else Path(file)
+    path = default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
     place = None if depot is None else parse_depot(depot)
     understood = import_network(
         path,
@@ -147,10 +147,10 @@ def _build_document(understood: NetworkImport) -> dict[str, object]:
 def _show(understood: NetworkImport) -> None:
     network, console = understood.network, Console(highlight=False, soft_wrap=True)
     rows = build_line_rows(understood)
-    console.print(Text(words.escape_controls(f"{network.source}: {understood.format}, {understood.crs}")))
+    console.print(Text(formatting.escape_controls(f"{network.source}: {understood.format}, {understood.crs}")))
     first = [one for one in understood.found if one.matter in {RemarkTopic.WHOLE, RemarkTopic.FILTER}]
     for line in _describe_findings(first):
-        print(words.escape_controls(line))
+        print(formatting.escape_controls(line))
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
     for column in ("line", "spans", "length", "shortest", "longest", "poles", "ground of", "height of"):
         table.add_column(column, justify="left" if column == "line" else "right", overflow="fold")
@@ -165,19 +165,19 @@ def _show(understood: NetworkImport) -> None:
     Console(highlight=False, width=None if console.is_terminal else WIDTH).print(table)
     lat_deg, lon_deg, alt_m = network.depot
     depot = (
-        f"depot {words.format_lat_lon(lat_deg, lon_deg)}, {alt_m:g} m"
+        f"depot {formatting.format_lat_lon(lat_deg, lon_deg)}, {alt_m:g} m"
         if understood.has_depot
         else "no depot in the file"
     )
     print(f"{depot}; lines {len(rows)}")
     for line in _describe_findings([one for one in understood.found if one not in first]):
-        print(words.escape_controls(line))
+        print(formatting.escape_controls(line))
 
 
 def _build_cells(row: LineRow) -> tuple[Text, ...]:
     known = (f"{count} of {row.poles}" for count in (row.elevations_known, row.heights_known))
     lengths = (f"{row.length_m / 1000:.2f} km", f"{row.shortest_m:.1f} m", f"{row.longest_m:.1f} m")
-    cells = (words.escape_controls(row.name) or "-", str(row.spans), *lengths, str(row.poles), *known)
+    cells = (formatting.escape_controls(row.name) or "-", str(row.spans), *lengths, str(row.poles), *known)
     return tuple(Text(cell) for cell in cells)
 
 

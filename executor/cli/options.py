@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from executor.site.planning import DEFAULT, WINDOW_UP_TO
+from executor.site.site_planning import DEFAULT, WINDOW_UP_TO
 from missions import AUTOPILOTS
 from planner import Cost
 

@@ -43,7 +43,7 @@ from executor.cli.options import (
     StretchOption,
     require_finite,
 )
-from executor.cli.planning import (
+from executor.cli.plan_inputs import (
     announce_planning,
     check_can_draw,
     check_can_write,
@@ -53,14 +53,12 @@ from executor.cli.planning import (
     plan_and_report,
     write_named_file,
 )
-from executor.core.words import command_line
+from executor.core.formatting import command_line
 from executor.errors import SiteError
-from executor.flight import next_sortie
-from executor.site import assembly, planning
-from executor.site.config import read_site
+from executor.flight import next_flight
+from executor.site import site_model, site_planning
 from executor.site.ground_view import GroundView, view_for
-from executor.site.heights import PlannedHeights, compute_planned_heights
-from executor.site.plan_words import (
+from executor.site.plan_summary import (
     but_left_over,
     describe_distances,
     describe_left_over,
@@ -69,7 +67,9 @@ from executor.site.plan_words import (
     find_left_over,
     summarise_plan,
 )
-from executor.site.planning import DEFAULT, PlanRequest
+from executor.site.planned_heights import PlannedHeights, compute_planned_heights
+from executor.site.site_file import read_site
+from executor.site.site_planning import DEFAULT, PlanRequest
 from missions import (
     PlanFile,
     build_plan_document,
@@ -154,7 +154,7 @@ def plan(
     console = TerminalConsole(quiet=as_json, yes=True)
     ground = load_site_with_learned(read_site(site), site.parent, learned, console)
     _check_can_profile(profile, site, front=front, over_raster=ground.terrain is not None)
-    left = None if after is None else next_sortie.read_segments_left(after, ground)
+    left = None if after is None else next_flight.read_segments_left(after, ground)
     if day:
         seconds = seconds if is_option_given(asked, "seconds") else DAY_SECONDS
         wishes = DayOptions(objective, seconds, seed, starts, mtbf_hours, probability, samples, dask, jobs)
@@ -190,7 +190,7 @@ def _check_can_profile(profile: Path | None, site: Path, *, front: bool, over_ra
 
 
 def _draw(
-    ground: assembly.SiteModel, content: PlanFile, chart: tuple[Path | None, GroundView | None], profile: Path | None
+    ground: site_model.SiteModel, content: PlanFile, chart: tuple[Path | None, GroundView | None], profile: Path | None
 ) -> None:
     picture, below = chart
     if picture is not None:
@@ -201,12 +201,12 @@ def _draw(
         _draw_profile(ground, content, profile)
 
 
-def _draw_profile(ground: assembly.SiteModel, content: PlanFile, path: Path) -> None:
+def _draw_profile(ground: site_model.SiteModel, content: PlanFile, path: Path) -> None:
+    from executor.analysis.height_profile import build_profiles
     from executor.analysis.pictures import draw_profile_figure, save_figure
-    from executor.analysis.profile import build_profiles
 
-    setup = assembly.build_flight_setup(ground)
-    paths = assembly.build_paths(setup, assembly.name_routes(ground, content.build_task(), content.plan))
+    setup = site_model.build_flight_setup(ground)
+    paths = site_model.build_paths(setup, site_model.name_routes(ground, content.build_task(), content.plan))
     flown = build_profiles(setup, paths.values())
     write_named_file(path, lambda: save_figure(draw_profile_figure(flown), path))
 
@@ -227,7 +227,7 @@ def _check_options_fit(asked: typer.Context, *, day: bool) -> None:
 
 
 def _plan_front(
-    ground: assembly.SiteModel,
+    ground: site_model.SiteModel,
     console: TerminalConsole,
     wanted: PlanRequest,
     output: Path | None,
@@ -235,7 +235,7 @@ def _plan_front(
     *,
     as_json: bool,
 ) -> None:
-    plans = planning.plan_front(
+    plans = site_planning.plan_front(
         ground, wanted, announce_planning(ground, console, wanted, len(ground.network.segments))
     )
     console.show_progress("")
@@ -248,7 +248,7 @@ def _plan_front(
             write_named_file(output, partial(write_plan, output / f"plan-{number:02d}.json", content))
     if as_json:
         print(json_text({"front": [build_plan_document(content) for content in plans]}))
-    references = {} if as_json and picture is None else planning.plan_references(ground, wanted)
+    references = {} if as_json and picture is None else site_planning.plan_references(ground, wanted)
     if picture is not None:
         from executor.analysis.pictures import draw_front_figure, save_figure
 
@@ -343,7 +343,7 @@ def replan(
 ) -> None:
     """Plan the response to the loss of one vehicle at a given time; exit 1 if segments are left over."""
     check_can_write(output)
-    result = planning.preview_loss(read_plan(plan), lost, at, cost=Cost(cost.value), seconds=seconds, seed=seed)
+    result = site_planning.preview_loss(read_plan(plan), lost, at, cost=Cost(cost.value), seconds=seconds, seed=seed)
     if output is not None:
         write_named_file(output, lambda: write_plan(output, result.plan))
     _print_plan(result.plan, as_json=as_json)

@@ -14,19 +14,19 @@ import typer
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
 from executor.cli.options import JsonOption
-from executor.cli.planning import write_named_file
-from executor.core.messages import Actor
-from executor.core.recording import SkippedRecords
+from executor.cli.plan_inputs import write_named_file
+from executor.core.interface.messages import Actor
+from executor.core.interface.recorded_log import SkippedRecords
 from executor.errors import LogError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
-from executor.replay.logs import ReplayRules, replay_log, rules_of
+from executor.replay.log_replay import ReplayRules, replay_log, rules_of
 from executor.replay.open_log import is_log_by_content, open_log
 from executor.replay.packs_file import format_pack_lines, merge_packs
-from executor.replay.result import LogReplay, RecordedTruth, VehicleReplay
-from executor.replay.run import DecisionComparison, replay_run
-from executor.site.assembly import drone_of
-from executor.site.config import Site, read_site
-from executor.site.packs import PacksDocument, read_packs
+from executor.replay.replay_result import LogReplay, RecordedTruth, VehicleReplay
+from executor.replay.run_replay import DecisionComparison, replay_run
+from executor.site.site_file import Site, read_site
+from executor.site.site_model import drone_of
+from executor.site.site_packs import PacksDocument, read_packs
 from missions.files import json_text, write_whole
 from planner import PRESETS
 
@@ -252,8 +252,8 @@ def _print_vehicle(vehicle: VehicleReplay, at: Callable[[int], str]) -> None:
 
 
 def _write(done: Sequence[_ReplayedLog], folder: Path) -> None:
-    from executor.replay.page import write_replay_page
-    from executor.replay.pictures import draw_replay
+    from executor.replay.replay_page import write_replay_page
+    from executor.replay.timeline import draw_replay
 
     write_named_file(folder, lambda: folder.mkdir(parents=True, exist_ok=True))
     for one in done:
@@ -264,7 +264,12 @@ def _write(done: Sequence[_ReplayedLog], folder: Path) -> None:
 
 
 def _learn(paths: Sequence[Path], site: Site | None, output: Path | None, *, as_json: bool) -> None:
-    from executor.replay.learnedfile import build_learned_table, describe_aircraft, format_learned_toml, learn_from_logs
+    from executor.replay.learned_toml import (
+        build_learned_table,
+        describe_aircraft,
+        format_learned_toml,
+        learn_from_logs,
+    )
 
     system, found, others = learn_from_logs([path for path in paths if not path.is_dir()])
     drone, base = ("mavic3", PRESETS["mavic3"]) if site is None else (site.energy.drone, drone_of(site))

@@ -10,12 +10,12 @@ import typer
 
 from executor.cli.console import TerminalConsole
 from executor.cli.options import JsonOption, QuietOption
-from executor.core.commands import Level
-from executor.core.preflight.parameters import KeptParameter
-from executor.core.words import format_count
-from executor.flight.changed_parameters import build_parameter_rows, read_kept_parameters
+from executor.core.formatting import format_count
+from executor.core.interface.commands import Level
+from executor.core.preflight.parameter_proposals import KeptParameter
 from executor.flight.kept_lists import KeptList, read_kept_lists
-from executor.runtime import turns
+from executor.flight.kept_parameters import build_parameter_rows, read_kept_parameters
+from executor.runtime import fair_event_loop
 from missions.files import json_text
 
 
@@ -26,7 +26,7 @@ def restore(
     as_json: JsonOption = False,
 ) -> None:
     """Restore the parameters, fences and rally points that the flight of a run directory changed on its vehicles."""
-    from executor.flight import restore as restoring
+    from executor.flight import restore_vehicles as restoring
 
     _, waiting, lists = restoring.read_open_changes(directory)
     if not waiting and not lists:
@@ -43,7 +43,7 @@ def restore(
     if not console.confirm(f"Restore {asked}?"):
         console.say(Level.WARNING, "not confirmed; nothing was sent to any vehicle")
         raise typer.Exit(1)
-    kept, fences = turns.run_on_fair_loop(restoring.restore_from_run(directory, console))
+    kept, fences = fair_event_loop.run_on_fair_loop(restoring.restore_from_run(directory, console))
     _finish(directory, kept, fences, as_json=as_json, quiet=quiet)
 
 

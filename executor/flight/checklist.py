@@ -5,14 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from executor.core.context import Context
-from executor.core.parts import OnboardMission
-from executor.core.preflight import areas, cameras, checks, distances, heights, packs, terrain
-from executor.core.preflight.checks import Check, VehicleFacts
-from executor.core.preflight.failsafes import LinkFailsafe
-from executor.flight.flight_order import FlightRequest
-from executor.site import dayflight
-from executor.site.areas import build_places
-from executor.site.plan_words import build_plan_checks
+from executor.core.preflight import (
+    area_checks,
+    distance_checks,
+    height_checks,
+    pack_checks,
+    shutter_checks,
+    terrain_checks,
+    vehicle_checks,
+)
+from executor.core.preflight.failsafe_parameters import LinkFailsafe
+from executor.core.preflight.vehicle_checks import Check, VehicleFacts
+from executor.core.state.vehicle_parts import OnboardMission
+from executor.flight.flight_request import FlightRequest
+from executor.site import day_flight
+from executor.site.plan_summary import build_plan_checks
+from executor.site.site_areas import build_places
 
 
 def build_checklist(
@@ -35,39 +43,41 @@ def build_checklist(
     """
     paths = {name: board.path for name, board in boards.items() if board is not None}
     site, plan = order.site, order.plan
-    found = heights.check_flight_heights(context.setup, list(paths.values()), order.ground.worth_a_look)
-    bases_m = {} if order.day is None else dayflight.base_places_m(order.day, context.frame)
+    found = height_checks.check_flight_heights(context.setup, list(paths.values()), order.ground.worth_a_look)
+    bases_m = {} if order.day is None else day_flight.base_places_m(order.day, context.frame)
     pads_m = {pad.vehicle: (pad.east_m, pad.north_m) for pad in build_places(site, context.frame)[0]}
     visits = {name: board.visits for name, board in boards.items() if board is not None}
-    found += areas.check_missions_and_areas(context.setup, list(paths.values()), visits, pads_m)
+    found += area_checks.check_missions_and_areas(context.setup, list(paths.values()), visits, pads_m)
     links = {table.name: table.link for table in site.vehicle}
-    found.append(checks.check_signing(links, signed=site.signing is not None))
-    found.append(checks.check_disk_space(free_bytes, paths, context))
-    found += checks.check_layer_separation(list(paths.values()), site.inspection.layer_m, context.setup.home_alt_m)
-    found += distances.check_inspection_distances(context.setup, list(paths.values()), visits)
+    found.append(vehicle_checks.check_signing(links, signed=site.signing is not None))
+    found.append(vehicle_checks.check_disk_space(free_bytes, paths, context))
+    found += vehicle_checks.check_layer_separation(
+        list(paths.values()), site.inspection.layer_m, context.setup.home_alt_m
+    )
+    found += distance_checks.check_inspection_distances(context.setup, list(paths.values()), visits)
     for name, fact in facts.items():
         setup, board = context.vehicles[name], boards[name]
         path = board.path if board is not None else None
         place_m = context.frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg)
-        found += checks.check_identity(fact, setup.dialect, place_m, pads_m.get(name, bases_m.get(name)))
-        found += checks.check_pad_height(context, fact)
+        found += vehicle_checks.check_identity(fact, setup.dialect, place_m, pads_m.get(name, bases_m.get(name)))
+        found += vehicle_checks.check_pad_height(context, fact)
         found.append(
-            checks.check_link_failsafe(
+            vehicle_checks.check_link_failsafe(
                 fact, own[name], waited_s=setup.link_timeout_s, wanted_s=site.faults.link_timeout_s
             )
         )
-        found += checks.check_ground_stations(fact, setup.dialect)
-        found += checks.check_battery_failsafe_settings(
-            fact, setup.dialect, checks.charge_after_flight_pct(context, path, fact.remaining_pct)
+        found += vehicle_checks.check_ground_stations(fact, setup.dialect)
+        found += vehicle_checks.check_battery_failsafe_settings(
+            fact, setup.dialect, vehicle_checks.charge_after_flight_pct(context, path, fact.remaining_pct)
         )
         if site.terrain is not None:
-            found += terrain.check_terrain_following(fact, setup.dialect)
-            found += terrain.check_pad_ground(context, fact)
-        found += cameras.check_shutter(fact, setup.dialect, path)
-        found += checks.check_own_geofence(context, fact, path)
-        found += packs.check_pack(context, fact)
-        found += checks.flight_times(fact, setup.dialect)
-        found.append(checks.check_energy(context, name, path, fact.remaining_pct))
+            found += terrain_checks.check_terrain_following(fact, setup.dialect)
+            found += terrain_checks.check_pad_ground(context, fact)
+        found += shutter_checks.check_shutter(fact, setup.dialect, path)
+        found += vehicle_checks.check_own_geofence(context, fact, path)
+        found += pack_checks.check_pack(context, fact)
+        found += vehicle_checks.flight_times(fact, setup.dialect)
+        found.append(vehicle_checks.check_energy(context, name, path, fact.remaining_pct))
     # Last, beside the question that follows: what is said yes to is what is seen.
-    later = frozenset[int]() if order.day is None else dayflight.find_later_segments(order.day)
+    later = frozenset[int]() if order.day is None else day_flight.find_later_segments(order.day)
     return found + build_plan_checks(plan, len(context.setup.network.segments), later)

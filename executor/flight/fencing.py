@@ -8,22 +8,22 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from executor.adapters.run_directory import RunDirectory
-from executor.core.commands import Level, Upload
 from executor.core.context import Context
-from executor.core.fencing import build_rally_list, encode_fence
-from executor.core.parts import OnboardMission
-from executor.core.ports import Clock, OpenLink
-from executor.core.preflight import fences
-from executor.core.preflight.checks import Check, VehicleFacts
-from executor.core.preflight.fences import OnboardLists
-from executor.core.words import command_line
+from executor.core.formatting import command_line
+from executor.core.interface.commands import Level, Upload
+from executor.core.interface.ports import Clock, OpenLink
+from executor.core.preflight import fence_checks
+from executor.core.preflight.fence_checks import OnboardLists
+from executor.core.preflight.vehicle_checks import Check, VehicleFacts
+from executor.core.state.onboard_fence import build_rally_list, encode_fence
+from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import LogError, PreflightFailed
-from executor.flight.flight_order import Console
+from executor.flight.concurrency import AT_ONCE, run_for_each
+from executor.flight.flight_request import Console
 from executor.flight.kept_lists import KeptList, ListStage, build_planned_lists, read_kept_lists, write_kept_lists
 from executor.flight.parameter_changes import Links
-from executor.flight.side_by_side import AT_ONCE, run_for_each
-from executor.runtime import parameters, preflight, procedures
-from executor.runtime.parameters import HEARD_S
+from executor.runtime import parameter_restore, procedures, vehicle_preflight
+from executor.runtime.parameter_restore import HEARD_S
 from missions import MissionKind, dialect_for
 from missions.fences import Fence, find_list_differences
 
@@ -32,7 +32,7 @@ async def read_fences(context: Context, links: Links, clock: Clock) -> dict[str,
     """Read what everybody carries beside its mission; nothing where the site says nothing of fences."""
     if context.fencing is None:
         return {}
-    return await run_for_each(context.vehicles, lambda name: preflight.read_lists(links[name], clock))
+    return await run_for_each(context.vehicles, lambda name: vehicle_preflight.read_lists(links[name], clock))
 
 
 def check_fences_on_board(
@@ -56,7 +56,7 @@ def check_fences_on_board(
     """
     kept = [] if run is None else [one for one in read_kept_lists(run) if one.is_open]
 
-    def ours(name: str, kind: MissionKind, items: fences.Items | None) -> fences.Items | None:
+    def ours(name: str, kind: MissionKind, items: fence_checks.Items | None) -> fence_checks.Items | None:
         known = next((one for one in kept if one.vehicle == name and one.kind is kind), None)
         return items if known is not None and items is not None and known.is_ours(items) else None
 
@@ -64,7 +64,9 @@ def check_fences_on_board(
     for name, lists in found.items():
         known = OnboardLists(ours(name, MissionKind.FENCE, lists.fence), ours(name, MissionKind.RALLY, lists.rally))
         board = boards[name]
-        told += fences.check_onboard_lists(context, facts[name], None if board is None else board.path, lists, known)
+        told += fence_checks.check_onboard_lists(
+            context, facts[name], None if board is None else board.path, lists, known
+        )
     return told
 
 
@@ -126,7 +128,7 @@ async def upload_wanted_lists(
 
     async def load(name: str) -> None:
         new = lists[name]
-        await preflight.load_lists(name, links[name], clock, context.vehicles[name].dialect, new)
+        await vehicle_preflight.load_lists(name, links[name], clock, context.vehicles[name].dialect, new)
         record.set_vehicle_stage(name, ListStage.SET)
         rally = "" if new.rally is None else ", and its pad as rally point"
         console.say(
@@ -213,7 +215,7 @@ async def _restore_vehicle_lists(
 ) -> dict[MissionKind, str]:
     """Give one vehicle its lists back; returns why it does not have one of them."""
     problems: dict[MissionKind, str] = {}
-    async with parameters.wait_for_rest(link, clock, kept[0].autopilot, heard_s) as rest:
+    async with parameter_restore.wait_for_rest(link, clock, kept[0].autopilot, heard_s) as rest:
         for one in kept:
             problem = rest.problem or ("" if rest.rests() else "was armed meanwhile")
             stage = None
@@ -235,7 +237,7 @@ async def _restore_one_list(link: OpenLink, clock: Clock, one: KeptList) -> tupl
         return ListStage.RESTORED, ""
     if not one.is_ours(found):
         return ListStage.LEFT, "another is on board, which somebody put there since: left as it is"
-    problem = await preflight.restore_list(link, clock, dialect_for(one.autopilot), one.kind, one.old)
+    problem = await vehicle_preflight.restore_list(link, clock, dialect_for(one.autopilot), one.kind, one.old)
     return (None, problem) if problem else (ListStage.RESTORED, "")
 
 

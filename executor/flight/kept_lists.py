@@ -12,7 +12,7 @@ from pydantic import Field
 
 from executor.adapters.document import Document, Number, Whole, YesNo
 from executor.adapters.run_directory import RunDirectory
-from executor.core.preflight.fences import OnboardLists
+from executor.core.preflight.fence_checks import OnboardLists
 from executor.site.tables.aircraft import AutopilotKey
 from missions import MissionItem, MissionKind
 from missions.fences import find_list_differences

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from executor.adapters.run_directory import RunDirectory
-from executor.core.commands import Level
 from executor.core.context import Context
-from executor.core.ports import Clock, OpenLink
-from executor.core.preflight import fences
-from executor.core.preflight.checks import Check, Severity
-from executor.core.preflight.parameters import (
+from executor.core.formatting import command_line, format_count
+from executor.core.interface.commands import Level
+from executor.core.interface.ports import Clock, OpenLink
+from executor.core.preflight import fence_checks as fences
+from executor.core.preflight.parameter_proposals import (
     Answers,
     ChangeStage,
     KeptParameter,
@@ -25,14 +25,14 @@ from executor.core.preflight.parameters import (
     format_number,
     propose_return_changes,
 )
-from executor.core.words import command_line, format_count
+from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.errors import LogError, PreflightFailed
-from executor.flight.changed_parameters import read_kept_parameters, write_kept_parameters
-from executor.flight.flight_order import Console
-from executor.flight.side_by_side import AT_ONCE, run_for_each
-from executor.runtime import parameters
-from executor.runtime.parameters import HEARD_S, RestoreResult
-from executor.site.config import Site
+from executor.flight.concurrency import AT_ONCE, run_for_each
+from executor.flight.flight_request import Console
+from executor.flight.kept_parameters import read_kept_parameters, write_kept_parameters
+from executor.runtime import parameter_restore
+from executor.runtime.parameter_restore import HEARD_S, RestoreResult
+from executor.site.site_file import Site
 
 Links = Mapping[str, OpenLink]
 
@@ -42,7 +42,7 @@ async def read_changes(context: Context, links: Links, clock: Clock) -> Paramete
 
     async def read(name: str) -> Answers:
         beside = fences.list_fence_parameters(context, name)
-        return await parameters.read_present(links[name], clock, context.vehicles[name].dialect, beside)
+        return await parameter_restore.read_present(links[name], clock, context.vehicles[name].dialect, beside)
 
     return fences.add_fence_changes(
         context, propose_return_changes(context, await run_for_each(context.vehicles, read))
@@ -91,7 +91,7 @@ async def apply_changes(
 
     async def one(name: str) -> None:
         async with turn:
-            ends = await parameters.set_changes(links[name], clock, proposal.changes_of(name))
+            ends = await parameter_restore.set_changes(links[name], clock, proposal.changes_of(name))
         for parameter, problem in ends.items():
             if not problem:
                 record.set_change_stage(name, parameter, ChangeStage.SET)
@@ -178,7 +178,7 @@ async def restore_kept_parameters(
             given = RestoreResult(tuple(kept), ("is not in the site file",))
         else:
             async with turn:
-                given = await parameters.restore_vehicle_parameters(links[name], clock, kept, heard_s)
+                given = await parameter_restore.restore_vehicle_parameters(links[name], clock, kept, heard_s)
         record.add_changes(given.kept)
         record.try_write()
         waiting.pop(name)

@@ -9,17 +9,17 @@ from types import MappingProxyType
 
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import AskedVehicle, read_vehicle_answers
-from executor.analysis.learned import read_learned_before
-from executor.core import fleet
+from executor.analysis.learned_document import read_learned_before
+from executor.core import fleet_step
 from executor.core.context import Context
-from executor.core.fencing import build_first_fences
-from executor.core.preflight.failsafes import LinkFailsafe, read_link_failsafe
-from executor.core.state import FleetState
-from executor.core.vehicle import build_onboard_mission
-from executor.site import assembly, dayflight
-from executor.site.assembly import SiteModel
-from executor.site.config import read_site
-from executor.site.planning import check_plan_belongs
+from executor.core.preflight.failsafe_parameters import LinkFailsafe, read_link_failsafe
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.onboard_fence import build_first_fences
+from executor.core.state.vehicle_state import build_onboard_mission
+from executor.site import day_flight, site_model
+from executor.site.site_file import read_site
+from executor.site.site_model import SiteModel
+from executor.site.site_planning import check_plan_belongs
 from missions import DayPlanFile, Pad, PlanFile, apply_tunings, dialect_for, read_day_plan, read_plan
 
 
@@ -42,13 +42,13 @@ def read_run_start(run: Path) -> RunStart:
         MissionsError: the first plan, or the network, cannot be used.
     """
     site = read_site(RunDirectory(run).site)
-    ground = assembly.load_site_model(site, run, read_learned_before(run))
+    ground = site_model.load_site_model(site, run, read_learned_before(run))
     plan = read_plan(RunDirectory(run).plan_path(0))
     check_plan_belongs(plan, ground, str(RunDirectory(run).plan_path(0)))
     task = plan.build_task()
     rows = {row.name: row for row in read_vehicle_answers(run).vehicles}
     pads = _build_pads(rows, ground.names)
-    setup = assembly.build_flight_setup(ground, pads)
+    setup = site_model.build_flight_setup(ground, pads)
     dialects = {table.name: dialect_for(table.autopilot) for table in site.vehicle}
     own: Mapping[str, LinkFailsafe] = MappingProxyType({
         name: read_link_failsafe(dialects[name], row.parameters) for name, row in rows.items() if name in dialects
@@ -58,22 +58,22 @@ def read_run_start(run: Path) -> RunStart:
         for name, row in rows.items()
         if name in dialects
     }
-    context = assembly.build_context(ground, setup, task, own, performances)
+    context = site_model.build_context(ground, setup, task, own, performances)
     day = read_flown_day_plan(run)
     if day is not None:
-        context = replace(context, day=dayflight.build_day_rules(day))
-    routes = assembly.name_routes(ground, task, plan.plan)
-    paths = assembly.build_paths(setup, routes, context.vehicles)
+        context = replace(context, day=day_flight.build_day_rules(day))
+    routes = site_model.name_routes(ground, task, plan.plan)
+    paths = site_model.build_paths(setup, routes, context.vehicles)
     boards = {
         name: build_onboard_mission(context, name, 0, paths[name], routes[name]) if name in paths else None
         for name in context.vehicles
     }
-    ahead = {} if day is None else dayflight.sorties_ahead_of(day)
+    ahead = {} if day is None else day_flight.sorties_ahead_of(day)
     return RunStart(
         ground,
         plan,
         context,
-        fleet.build_initial_state(boards, fences=build_first_fences(context, boards), ahead=ahead),
+        fleet_step.build_initial_state(boards, fences=build_first_fences(context, boards), ahead=ahead),
     )
 
 

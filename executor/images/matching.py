@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from executor.images.clocks import ClockOffset, build_placed_times, find_clock_offset, match_times
+from executor.images.clock_offsets import ClockOffset, build_placed_times, find_clock_offset, match_times
 from executor.images.exif import PictureFile
-from executor.images.rows import AssetRow, ImageRow
-from executor.images.store import ImageIndex
+from executor.images.index_files import ImageIndex
+from executor.images.index_rows import AssetRow, ImageRow
 from missions.geo import LocalFrame
 
 BLUR_M = 0.02

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self
 
-from executor.core.endings import Ending
-from executor.core.messages import CommandAck, Message, Outgoing, SendCommand
+from executor.core.interface.endings import Ending
+from executor.core.interface.messages import CommandAck, Message, Outgoing, SendCommand
 from executor.protocols.machine import Accepted, DialogueMachine, Rejected, TimedOut
 
 PERIOD_S = 1.0

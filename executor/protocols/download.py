@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self, TypeVar
 
-from executor.core.messages import (
+from executor.core.interface.messages import (
     Message,
     MissionAck,
     MissionCount,

@@ -10,8 +10,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import Self
 
-from executor.core.endings import Ending
-from executor.core.messages import Message, Outgoing
+from executor.core.interface.endings import Ending
+from executor.core.interface.messages import Message, Outgoing
 
 SAME_S = 1e-6
 """Times nearer to each other than this are one: a timer may end that much before its deadline, and sums are rounded."""

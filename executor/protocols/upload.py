@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self
 
-from executor.core.endings import Ending
-from executor.core.messages import (
+from executor.core.interface.endings import Ending
+from executor.core.interface.messages import (
     Message,
     MissionAck,
     MissionRequest,

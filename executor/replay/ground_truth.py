@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from executor.core.vehicle import FaultKind
+from executor.core.state.vehicle_state import FaultKind
 from executor.errors import LogError
-from executor.replay.result import RecordedTruth, TrueEvent
+from executor.replay.replay_result import RecordedTruth, TrueEvent
 
 KINDS: Mapping[str, FaultKind] = {
     "battery fault": FaultKind.BATTERY,

@@ -16,8 +16,8 @@ from itertools import pairwise
 from pathlib import Path
 from statistics import fmean, median, stdev
 
+from executor.replay.witness.log_evidence import SECOND, LogEvidence, select_between, select_near
 from executor.replay.witness.statements import read_log_evidence
-from executor.replay.witness.testimony import SECOND, LogEvidence, select_between, select_near
 
 BLOCK_S, CLIMB_BLOCK_S = 6.0, 3.0
 """Climbs are short."""

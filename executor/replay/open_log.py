@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from executor.adapters.extras import Extra, require_extra
-from executor.core.recording import RecordedFile
+from executor.core.interface.recorded_log import RecordedFile
 from executor.errors import LogError
 
 ULOG_MAGIC = b"ULog\x01\x12\x35"

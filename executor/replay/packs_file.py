@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
-from executor.replay.packs import PackFlight
-from executor.replay.result import LogReplay
-from executor.site.packs import FORMAT, PackEntry, PacksDocument
+from executor.replay.pack_book import PackFlight
+from executor.replay.replay_result import LogReplay
+from executor.site.site_packs import FORMAT, PackEntry, PacksDocument
 
 
 def merge_packs(

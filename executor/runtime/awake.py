@@ -16,7 +16,7 @@ from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 from weakref import WeakKeyDictionary
 
-from executor.core.ports import Clock
+from executor.core.interface.ports import Clock
 
 BEAT_REAL_S = 0.1
 LEAST_WAIT_S = 1e-6

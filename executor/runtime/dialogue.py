@@ -6,8 +6,8 @@ import asyncio
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from executor.core.messages import Message, Outgoing
-from executor.core.ports import Clock, Link
+from executor.core.interface.messages import Message, Outgoing
+from executor.core.interface.ports import Clock, Link
 from executor.protocols.machine import DialogueMachine, TimedOut
 from executor.runtime.awake import LEAST_WAIT_S, by_awake_time, underlying
 

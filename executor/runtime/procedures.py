@@ -9,14 +9,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from executor.core.endings import Ending
-from executor.core.messages import Heartbeat, Message, SendCommand, SendParamSet, StatusText
-from executor.core.ports import Clock, Link
-from executor.protocols import orders
+from executor.core.interface.endings import Ending
+from executor.core.interface.messages import Heartbeat, Message, SendCommand, SendParamSet, StatusText
+from executor.core.interface.ports import Clock, Link
+from executor.protocols import vehicle_commands
 from executor.protocols.command import CommandDialogue
 from executor.protocols.download import FIRST_TRIP, DownloadDialogue
 from executor.protocols.machine import Accepted, DialogueMachine, Outcome, Rejected, TimedOut
-from executor.protocols.params import ParameterDialogue
+from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.upload import UploadDialogue
 from executor.runtime.awake import LEAST_WAIT_S, by_awake_time, times_slower, underlying
 from executor.runtime.dialogue import run_dialogue
@@ -335,7 +335,7 @@ async def _start_step(
     match step:
         case StartStep.GUIDED:
             return await switch_mode(
-                link, clock, orders.set_mode(dialect.modes.guided), {dialect.modes.guided.custom_mode}
+                link, clock, vehicle_commands.set_mode(dialect.modes.guided), {dialect.modes.guided.custom_mode}
             )
         case StartStep.ARM:
             done = await _arm(link, clock, watch)
@@ -346,7 +346,7 @@ async def _start_step(
             )
             return replace(seen, armed=True)
         case StartStep.MISSION_START:
-            done = await send_order(link, clock, CommandDialogue(orders.start_mission(), "start the mission"))
+            done = await send_order(link, clock, CommandDialogue(vehicle_commands.start_mission(), "start the mission"))
             if not done.accepted:
                 return done
             mode = dialect.modes.mission.custom_mode
@@ -356,7 +356,7 @@ async def _start_step(
             )
         case StartStep.MISSION_MODE:
             mode = dialect.modes.mission.custom_mode
-            return await switch_mode(link, clock, orders.set_mode(dialect.modes.mission), {mode})
+            return await switch_mode(link, clock, vehicle_commands.set_mode(dialect.modes.mission), {mode})
 
 
 @by_awake_time
@@ -372,7 +372,7 @@ async def _arm(link: Link, clock: Clock, watch: _HostPauseWatch) -> ProcedureRes
     )
     try:
         while len(modes) < 2:
-            done = await send_order(link, clock, CommandDialogue(orders.arm(), "arm"))
+            done = await send_order(link, clock, CommandDialogue(vehicle_commands.arm(), "arm"))
             if len(modes) < 2 and (done.accepted or clock.now_s() >= until_s):
                 return done
             await asyncio.sleep(ARM_AGAIN_S / clock.speedup)
@@ -388,22 +388,26 @@ async def _arm(link: Link, clock: Clock, watch: _HostPauseWatch) -> ProcedureRes
 async def order_rtl(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
     """Order a return, and see that the vehicle is in that mode."""
     accepted = {dialect.modes.return_home.custom_mode, dialect.modes.land.custom_mode}
-    return await switch_mode(link, clock, orders.set_mode(dialect.modes.return_home), accepted)
+    return await switch_mode(link, clock, vehicle_commands.set_mode(dialect.modes.return_home), accepted)
 
 
 async def order_hold(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
     """Order a stop in place, and see that the vehicle is in that mode."""
-    return await switch_mode(link, clock, orders.set_mode(dialect.modes.hold), {dialect.modes.hold.custom_mode})
+    return await switch_mode(
+        link, clock, vehicle_commands.set_mode(dialect.modes.hold), {dialect.modes.hold.custom_mode}
+    )
 
 
 async def order_landing(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
     """Order a landing where it is, and see that the vehicle is in that mode."""
-    return await switch_mode(link, clock, orders.set_mode(dialect.modes.land), {dialect.modes.land.custom_mode})
+    return await switch_mode(
+        link, clock, vehicle_commands.set_mode(dialect.modes.land), {dialect.modes.land.custom_mode}
+    )
 
 
 async def order_disarm(link: Link, clock: Clock, *, force: bool) -> ProcedureResult:
     """Order the motors to stop, and see that the vehicle says so."""
-    done = await send_order(link, clock, CommandDialogue(orders.disarm(force=force), "disarm"))
+    done = await send_order(link, clock, CommandDialogue(vehicle_commands.disarm(force=force), "disarm"))
     if not done.accepted:
         return done
     return await _wait_for_confirmation(link, clock, lambda heard: not heard.armed, "still reports that it is armed")
@@ -417,7 +421,7 @@ async def resume_mission(link: Link, clock: Clock, dialect: Dialect, speed_m_s: 
     by the dialogues that follow, as both orders may be given again. The last one is for PX4, which acknowledges a mode
     before it changes.
     """
-    mode_order, speed_order = orders.set_mode(dialect.modes.mission), orders.change_speed(speed_m_s)
+    mode_order, speed_order = vehicle_commands.set_mode(dialect.modes.mission), vehicle_commands.change_speed(speed_m_s)
     link.send(mode_order)
     link.send(speed_order)
     done = await send_order(link, clock, CommandDialogue(mode_order, "change of mode"))

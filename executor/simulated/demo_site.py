@@ -11,8 +11,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from executor.adapters.run_directory import RunDirectory
-from executor.simulated.fleet import fleet_of
-from executor.site.assembly import SiteModel
+from executor.simulated.simulated_fleet import fleet_of
+from executor.site.site_model import SiteModel
 from missions import default_network_path, read_network
 
 USUAL_VEHICLES = 4

@@ -18,8 +18,8 @@ from multiprocessing.connection import Connection
 from typing import Generic, TypeVar
 
 from executor.errors import FlightNotFlown
-from executor.site.assembly import SiteModel
-from executor.virtual.flight import FlightObservers, VirtualFlight, fly_virtual
+from executor.site.site_model import SiteModel
+from executor.virtual.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from missions import PlanFile
 from simulator.faults import parse_fault
 from simulator.vehicle import SimulatedVehicle

@@ -1,13 +1,13 @@
 """What Google Earth, GIS programs and handhelds read: the line, routes and flown tracks as KML, GeoJSON and GPX.
 
-Each format is written from the same plain `MapFeatures`, so that what is in one is in all of them, as far as it can say it.
+Each format is written from the same plain `MapFeatures`, so that all hold the same, as far as each format can say it.
 """
 
-from missions.exports.drawn import Fact, MapFeatureKind, MapFeatures, MapLine, MapLinePiece, MapPoint, Reference
-from missions.exports.geojson import format_geojson
-from missions.exports.gpx import format_gpx
-from missions.exports.kml import format_kml
-from missions.exports.plan import build_pad_points, build_plan_features, build_route_line, build_segment_lines
+from missions.exports.geojson_export import format_geojson
+from missions.exports.gpx_export import format_gpx
+from missions.exports.kml_export import format_kml
+from missions.exports.map_features import Fact, MapFeatureKind, MapFeatures, MapLine, MapLinePiece, MapPoint, Reference
+from missions.exports.plan_features import build_pad_points, build_plan_features, build_route_line, build_segment_lines
 
 __all__ = [
     "Fact",

@@ -12,15 +12,15 @@ from missions.files import NESTED, decode_text, to_printable
 from missions.geo import LocalFrame, distance_m
 from missions.network import CUT, MAX_DISTANCE_M, Network, part_within
 from missions.readers import geojson, geopackage, gpx, kml, osm, shapes, table
-from missions.readers.build import SNAP_M, MendingLimits, UnplacedNetwork, build_unplaced_network
-from missions.readers.choice import Comparison, ReadOptions, parse_where
-from missions.readers.drawing import NearFilter, RawNetwork, Remark, RemarkTopic, explain_empty_file
-from missions.readers.graph import parse_graph
-from missions.readers.opened import Archive, read_first_bytes, read_limited
-from missions.readers.text import decode_table
-from missions.readers.understood import NetworkImport, Selection
-from missions.readers.written import build_network_document
-from missions.readers.xmltree import root_of, tag_of
+from missions.readers.archives import Archive, read_first_bytes, read_limited
+from missions.readers.graph_file import parse_graph
+from missions.readers.network_build import SNAP_M, MendingLimits, UnplacedNetwork, build_unplaced_network
+from missions.readers.network_geojson import build_network_document
+from missions.readers.network_import import NetworkImport, Selection
+from missions.readers.raw_network import NearFilter, RawNetwork, Remark, RemarkTopic, explain_empty_file
+from missions.readers.read_options import Comparison, ReadOptions, parse_where
+from missions.readers.table_text import decode_table
+from missions.readers.xml_tree import root_of, tag_of
 
 __all__ = [
     "SNAP_M",

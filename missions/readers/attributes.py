@@ -14,7 +14,7 @@ from functools import lru_cache
 
 from missions.errors import NetworkError
 from missions.files import is_figure, to_printable
-from missions.readers.drawing import Attributes
+from missions.readers.raw_network import Attributes
 from missions.readers.values import METRES, NO_FIGURE, NO_HEIGHT_M, is_blank, metres_of
 
 NAMES = (

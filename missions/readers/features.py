@@ -29,10 +29,10 @@ from missions.readers.attributes import (
     osm_name_of,
     read_loose_metres,
 )
-from missions.readers.choice import ReadOptions, quote_names
+from missions.readers.classification import PowerFeature, classify_line, classify_point, has_all_tags
 from missions.readers.crs import Wgs84Transform
-from missions.readers.drawing import Attributes, Depot, Line, Pole, RawNetwork
-from missions.readers.meaning import PowerFeature, classify_line, classify_point, has_all_tags
+from missions.readers.raw_network import Attributes, Depot, Line, Pole, RawNetwork
+from missions.readers.read_options import ReadOptions, quote_names
 from missions.readers.values import NO_HEIGHT_M
 
 Position = tuple[float, float, float | None]

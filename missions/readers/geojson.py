@@ -24,9 +24,7 @@ from dataclasses import dataclass
 from missions.errors import NetworkError
 from missions.files import is_figure, parse_json, to_printable
 from missions.readers.attributes import LINES, name_of
-from missions.readers.choice import ReadOptions
 from missions.readers.crs import Wgs84Transform, build_identity_transform, build_wgs84_transform
-from missions.readers.drawing import RawNetwork, Span, Vertex
 from missions.readers.features import (
     EMPTY,
     Feature,
@@ -36,6 +34,8 @@ from missions.readers.features import (
     is_wanted_line,
     read_third_coordinate,
 )
+from missions.readers.raw_network import RawNetwork, Span, Vertex
+from missions.readers.read_options import ReadOptions
 from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of, is_blank
 
 FORMAT = "GeoJSON"

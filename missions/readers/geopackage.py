@@ -17,9 +17,7 @@ from urllib.parse import quote
 
 from missions.errors import NetworkError
 from missions.files import to_printable
-from missions.readers.choice import ReadOptions
 from missions.readers.crs import Wgs84Transform, build_wgs84_transform
-from missions.readers.drawing import RawNetwork, Remark, RemarkTopic
 from missions.readers.features import (
     EMPTY,
     OTHER,
@@ -30,6 +28,8 @@ from missions.readers.features import (
     add_features,
     select_wanted_layers,
 )
+from missions.readers.raw_network import RawNetwork, Remark, RemarkTopic
+from missions.readers.read_options import ReadOptions
 
 FORMAT = "GeoPackage"
 MAGIC = b"SQLite format 3\x00"

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, to_printable
-from missions.readers.choice import ReadOptions
 from missions.readers.crs import build_identity_transform
-from missions.readers.drawing import RawNetwork, Remark, RemarkTopic
 from missions.readers.features import Feature, GeometryKind, Position, add_line, add_points, is_wanted_line
+from missions.readers.raw_network import RawNetwork, Remark, RemarkTopic
+from missions.readers.read_options import ReadOptions
 from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of, figure_of
-from missions.readers.xmltree import iterate_children, line_of, tag_of, text_of
+from missions.readers.xml_tree import iterate_children, line_of, tag_of, text_of
 
 if TYPE_CHECKING:
     from lxml import etree

@@ -16,7 +16,7 @@ from pyproj.exceptions import CRSError, ProjError
 from missions.background import Pixels
 from missions.errors import BackgroundError
 from missions.files import to_printable
-from missions.readers.picture import PictureArea, PictureWindow, project_degrees, strip_markup
+from missions.readers.picture_window import PictureArea, PictureWindow, project_degrees, strip_markup
 
 if TYPE_CHECKING:
     import rasterio

@@ -15,13 +15,13 @@ from urllib.parse import unquote
 
 from missions.errors import NetworkError
 from missions.files import is_figure, to_printable
-from missions.readers.choice import ReadOptions, quote_names
+from missions.readers.archives import Archive
 from missions.readers.crs import build_identity_transform
-from missions.readers.drawing import RawNetwork, Remark, RemarkTopic, Vertex
 from missions.readers.features import EMPTY, Feature, GeometryKind, Position, add_line, add_points, is_wanted_line
-from missions.readers.opened import Archive
+from missions.readers.raw_network import RawNetwork, Remark, RemarkTopic, Vertex
+from missions.readers.read_options import ReadOptions, quote_names
 from missions.readers.values import figure_of
-from missions.readers.xmltree import iterate_children, line_of, root_of, tag_of, text_of
+from missions.readers.xml_tree import iterate_children, line_of, root_of, tag_of, text_of
 
 if TYPE_CHECKING:
     from lxml import etree

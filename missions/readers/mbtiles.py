@@ -16,7 +16,7 @@ from missions.background import Pixels
 from missions.errors import BackgroundError
 from missions.files import to_printable
 from missions.readers.geopackage import open_sqlite
-from missions.readers.picture import PictureArea, PictureWindow, project_degrees, strip_markup
+from missions.readers.picture_window import PictureArea, PictureWindow, project_degrees, strip_markup
 
 HALF_M = math.pi * 6378137.0
 """Half of the world's width in the metres of web maps."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from missions.geo import LocalFrame
-from missions.readers.drawing import Pole, Remark, RemarkTopic, Vertex
+from missions.readers.raw_network import Pole, Remark, RemarkTopic, Vertex
 
 SAME_POLE_M = 0.5
 """Two poles of a file that are nearer than this are one."""

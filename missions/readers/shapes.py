@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import to_printable
-from missions.readers.choice import ReadOptions
-from missions.readers.codepages import code_page_of
+from missions.readers.archives import NEEDS, Archive, read_limited
+from missions.readers.code_pages import code_page_of
 from missions.readers.crs import Wgs84Transform, build_wgs84_transform
-from missions.readers.drawing import RawNetwork, Remark, RemarkTopic
 from missions.readers.features import (
     EMPTY,
     OTHER,
@@ -27,8 +26,9 @@ from missions.readers.features import (
     add_features,
     select_wanted_layers,
 )
-from missions.readers.opened import NEEDS, Archive, read_limited
-from missions.readers.shapeparts import PartError, rebuild_shp
+from missions.readers.raw_network import RawNetwork, Remark, RemarkTopic
+from missions.readers.read_options import ReadOptions
+from missions.readers.shape_parts import PartError, rebuild_shp
 
 if TYPE_CHECKING:
     import shapefile

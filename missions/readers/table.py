@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, to_printable
+from missions.readers.archives import NEEDS, UNREADABLE, Archive
 from missions.readers.attributes import (
     ELEVATION,
     HEIGHT,
@@ -30,11 +31,10 @@ from missions.readers.attributes import (
     name_of,
     normalise_attributes,
 )
-from missions.readers.choice import ReadOptions, quote_names
+from missions.readers.classification import PowerFeature, classify_row
 from missions.readers.crs import Wgs84Transform, build_identity_transform, build_wgs84_transform
-from missions.readers.drawing import Line, Pole, RawNetwork, Remark, RemarkTopic
-from missions.readers.meaning import PowerFeature, classify_row
-from missions.readers.opened import NEEDS, UNREADABLE, Archive
+from missions.readers.raw_network import Line, Pole, RawNetwork, Remark, RemarkTopic
+from missions.readers.read_options import ReadOptions, quote_names
 from missions.readers.values import (
     EAST_WEST,
     NORTH_SOUTH,

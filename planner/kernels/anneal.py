@@ -22,9 +22,9 @@ from planner.kernels.arrays import (
     State,
     Weights,
 )
-from planner.kernels.chance import draw_integer, draw_uniform
 from planner.kernels.compiled import inner, kernel
 from planner.kernels.insertion import insert_cheapest, max_load, raise_to_power, sort_by_key
+from planner.kernels.random_numbers import draw_integer, draw_uniform
 from planner.kernels.ruin import remove_strings
 from planner.kernels.tours import copy_all, copy_route, measure, orient_visits, total_excess
 

@@ -23,8 +23,8 @@ from planner.kernels.arrays import (
     State,
     Weights,
 )
-from planner.kernels.chance import draw_uniform
 from planner.kernels.compiled import inner, kernel
+from planner.kernels.random_numbers import draw_uniform
 from planner.kernels.tours import insert
 
 NEVER = 2**40

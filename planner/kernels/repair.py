@@ -25,10 +25,10 @@ from planner.kernels.arrays import (
     State,
     Weights,
 )
-from planner.kernels.chance import draw_integer, draw_uniform
 from planner.kernels.compiled import inner
 from planner.kernels.insertion import find_cheapest_place, insert_by_regret, sort_by_key
-from planner.kernels.loss import LOSS, Loss
+from planner.kernels.loss_problem import LOSS, Loss
+from planner.kernels.random_numbers import draw_integer, draw_uniform
 from planner.kernels.ruin import remove_strings
 from planner.kernels.tours import copy_all, copy_owners, copy_route, insert, measure, orient_visits, total_excess
 

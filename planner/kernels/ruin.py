@@ -9,8 +9,8 @@ from __future__ import annotations
 import numba as nb
 
 from planner.kernels.arrays import INTS, PROBLEM, RANDOM, STATE, IntArray, Problem, RandomState, State
-from planner.kernels.chance import draw_integer, draw_uniform
 from planner.kernels.compiled import inner
+from planner.kernels.random_numbers import draw_integer, draw_uniform
 from planner.kernels.tours import measure
 
 

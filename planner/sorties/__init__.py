@@ -9,25 +9,16 @@ as for a single flight, so that one sortie of one vehicle is what ``planner.solv
 cheap; the first plan, or ``warm_up_sorties``, loads the compiled kernels.
 """
 
-from planner.sorties.evaluate import (
+from planner.sorties.sortie_evaluation import (
     SortieEvaluation,
     count_packs_needed,
     evaluate_sorties,
     sortie_duration_s,
     sortie_energy_pct,
 )
-from planner.sorties.exact import solve_sorties_exact
-from planner.sorties.lives import (
-    SparesEstimate,
-    SurvivalCampaign,
-    SurvivalEstimate,
-    add_spares,
-    simulate_days,
-    split_samples,
-    summarise_samples,
-)
-from planner.sorties.losses import LossWindow, SortiesAfterLoss, build_sorties_after_loss, find_loss_windows
-from planner.sorties.model import (
+from planner.sorties.sortie_exact import solve_sorties_exact
+from planner.sorties.sortie_losses import LossWindow, SortiesAfterLoss, build_sorties_after_loss, find_loss_windows
+from planner.sorties.sortie_model import (
     Objective,
     Sortie,
     SortieBase,
@@ -36,8 +27,17 @@ from planner.sorties.model import (
     SortieVehicle,
     subtract_quiet_times,
 )
-from planner.sorties.result import SortieResult
-from planner.sorties.solve import solve_sorties, warm_up_sorties
+from planner.sorties.sortie_result import SortieResult
+from planner.sorties.sortie_solve import solve_sorties, warm_up_sorties
+from planner.sorties.survival import (
+    SparesEstimate,
+    SurvivalCampaign,
+    SurvivalEstimate,
+    add_spares,
+    simulate_days,
+    split_samples,
+    summarise_samples,
+)
 
 __all__ = [
     "LossWindow",

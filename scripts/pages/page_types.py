@@ -10,7 +10,7 @@ from types import NoneType, UnionType
 from typing import Annotated, Literal, Union, get_args, get_origin, get_type_hints
 
 from executor.adapters.web.documents import BesideFleet, BesideVehicle, PageAssets, PageChart
-from executor.core.view import FleetView
+from executor.core.fleet_view import FleetView
 from executor.site.ground_files import GroundDocument
 from scripts.pages.schemas import docstrings
 

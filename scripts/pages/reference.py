@@ -22,11 +22,11 @@ from typer.core import TyperCommand, TyperGroup
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.cli import commandline
 from executor.cli.commandline import load_command
-from executor.core.check_codes import CheckCode
-from executor.core.endings import Ending
-from executor.core.intents import IntentReason
-from executor.core.vehicle import FaultCode
-from executor.site import config
+from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.endings import Ending
+from executor.core.interface.intents import IntentReason
+from executor.core.state.vehicle_state import FaultCode
+from executor.site import site_file
 from scripts.pages.page_types import TYPES, page_types
 from scripts.pages.schemas import SITE, docstrings, schemas
 from scripts.pages.states import PAGE, PICTURE, states_page, states_picture
@@ -52,7 +52,7 @@ UNITS = (
 
 def pages() -> dict[str, str]:
     """Return each page, and each schema, by its place from `docs`."""
-    states = states_page(MADE.format(what="tables (executor/core/vehicle.py, flags.py and fleet.py)"))
+    states = states_page(MADE.format(what="tables (executor/core/state/vehicle_state.py, flags.py and fleet.py)"))
     return {
         COMMANDS: commands_page(),
         SITE_FILE: site_page(),
@@ -140,7 +140,7 @@ def site_page() -> str:
     words = {(name, key): text for module in SITE for name, key, text in docstrings(module)}
     shown: set[type[BaseModel]] = set()
     lines = [
-        MADE.format(what="site models (executor/site/config.py and executor/site/tables)"),
+        MADE.format(what="site models (executor/site/site_file.py and executor/site/tables)"),
         "",
         "# Site file",
         "",
@@ -151,7 +151,7 @@ def site_page() -> str:
         "",
         "A table may be left out unless one of its keys is required. A default of - means that the key is unset.",
     ]
-    for heading, model in _tables(config.Site, ""):
+    for heading, model in _tables(site_file.Site, ""):
         if model in shown:
             continue  # of the same keys, in another place
         shown.add(model)
@@ -194,7 +194,7 @@ def reasons_page() -> str:
 def keys() -> list[str]:
     """Return every key of a site file by its whole name, such as `mqtt.port`."""
     found: list[str] = []
-    for heading, model in _tables(config.Site, ""):
+    for heading, model in _tables(site_file.Site, ""):
         found += [f"{heading.strip('`[]')}.{name}" for name, _ in _plain(model)]
     return found
 
@@ -213,7 +213,7 @@ def _tables(model: type[BaseModel], above: str) -> Iterator[tuple[str, type[Base
 
 def _plain(model: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
     for name, field in model.model_fields.items():
-        if model is not config.Site:  # whose keys are the tables themselves
+        if model is not site_file.Site:  # whose keys are the tables themselves
             yield name, field
 
 

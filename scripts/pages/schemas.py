@@ -12,21 +12,32 @@ from typing import Any
 from pydantic import BaseModel
 
 from executor.adapters.mqtt import intake, payloads
-from executor.analysis import documents, learned
-from executor.core import state, view
-from executor.core.seeing import assets
-from executor.site import config
-from executor.site.tables import aircraft, areas, cameras, day, fence, flight, ground, links, terrain
+from executor.analysis import documents, learned_document
+from executor.core import fleet_view
+from executor.core.imaging import asset_status
+from executor.core.state import fleet_state
+from executor.site import site_file
+from executor.site.tables import (
+    aircraft,
+    area_tables,
+    camera_tables,
+    day_tables,
+    fence_table,
+    flight,
+    ground,
+    links,
+    terrain_table,
+)
 from executor.site.tables import learned as learned_table
 from executor.site.tables import map as map_table
-from missions import dayplanjson, planfile, planjson
+from missions import day_plan_json, plan_file, plan_json
 
 FILES: dict[str, type[BaseModel]] = {
-    "dayplan": dayplanjson.DayPlanDocument,
-    "learned": learned.LearnedDocument,
-    "plan": planjson.PlanDocument,
+    "dayplan": day_plan_json.DayPlanDocument,
+    "learned": learned_document.LearnedDocument,
+    "plan": plan_json.PlanDocument,
     "report": documents.FlightReport,
-    "site": config.Site,
+    "site": site_file.Site,
     "vehicles": documents.AskedVehicles,
 }
 MESSAGES: dict[str, type[BaseModel]] = {
@@ -41,14 +52,37 @@ MESSAGES: dict[str, type[BaseModel]] = {
     "telemetry": payloads.TelemetryMessage,
     "vehicle-state": payloads.VehicleStateMessage,
 }
-SITE = (config, aircraft, areas, cameras, day, fence, flight, ground, learned_table, links, map_table, terrain)
+SITE = (
+    site_file,
+    aircraft,
+    area_tables,
+    camera_tables,
+    day_tables,
+    fence_table,
+    flight,
+    ground,
+    learned_table,
+    links,
+    map_table,
+    terrain_table,
+)
 """The modules that the site file's keys are in."""
 Words = Mapping[tuple[str, str], str]
 
 
 def schemas() -> dict[str, str]:
     """Return every schema as text, by its place below `docs`."""
-    modules = (view, state, assets, planfile, planjson, dayplanjson, documents, learned, *SITE)
+    modules = (
+        fleet_view,
+        fleet_state,
+        asset_status,
+        plan_file,
+        plan_json,
+        day_plan_json,
+        documents,
+        learned_document,
+        *SITE,
+    )
     words = {(kind, key): text for module in modules for kind, key, text in docstrings(module)}
     files = {f"schemas/{name}": _text(f"faultline/{name}", one, words) for name, one in FILES.items()}
     sent = {f"mqtt/{name}": _text(f"faultline/{payloads.VERSION}/{name}", one, words) for name, one in MESSAGES.items()}

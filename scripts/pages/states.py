@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from executor.core.flags import EVERYWHERE, FLAGS, FlagRule
-from executor.core.fleet import PHASES
-from executor.core.vehicle import TRANSITIONS, Stage
+from executor.core.fleet_step import PHASES
+from executor.core.state.stage_flags import EVERYWHERE, FLAGS, FlagRule
+from executor.core.state.vehicle_state import TRANSITIONS, Stage
 
 PAGE, PICTURE = "reference/states.md", "reference/states.svg"
 MEANINGS: dict[Stage, str] = {
@@ -39,8 +39,8 @@ def states_page(made: str) -> str:
     lines = [
         made, "", "# The states of a vehicle", "",
         "At any moment a vehicle is in one stage, and may have flags beside it. Both tables are those that the program",
-        "itself goes by (`executor/core/vehicle.py` and `executor/core/flags.py`): a change of stage that is not in",
-        "the first is refused as a mistake, and the flights of the tests are held to the second at every step.", "",
+        "itself goes by (`vehicle_state.py` and `stage_flags.py` in `executor/core/state`): a change of stage that",
+        "is not in the first is refused as a mistake, and the flights of the tests are held to the second at every step.", "",
         "![The stages of a vehicle, and what may follow what](states.svg)", "",
         "## Stages", "", "| stage | meaning | may become |", "| --- | --- | --- |",
         *(f"| {stage.value} | {MEANINGS[stage]} | {_listed(TRANSITIONS[stage])} |" for stage in Stage), "",
@@ -48,7 +48,7 @@ def states_page(made: str) -> str:
         "| --- | --- | --- | --- | --- |", *map(_row, FLAGS), "",
         "## What happens in each tick", "",
         "In flight the program looks at everything anew in each tick, phase by phase, in this order. It is the table",
-        "that it goes by (`executor/core/fleet.py`); a phase sees what the ones before it have changed.", "",
+        "that it goes by (`executor/core/fleet_step.py`); a phase sees what the ones before it have changed.", "",
         "| | phase | why it stands here |", "| --- | --- | --- |",
         *(f"| {number} | {phase.name} | {phase.why_here} |" for number, phase in enumerate(PHASES, 1)),
     ]  # fmt: skip

@@ -14,13 +14,13 @@ from benchmarks.fleet import FleetFlight, fleet_report
 from benchmarks.fleetsite import site_of, write_network
 from benchmarks.garbage import STRANGER, datagrams
 from executor.adapters.mavlink.codec import MavlinkCodec
-from executor.site import assembly
-from executor.site.config import check_site
+from executor.site import site_model
+from executor.site.site_file import check_site
 
 
 def test_the_network_keeps_everybody_busy(tmp_path: Path) -> None:
     write_network(tmp_path / "network.graph", vehicles=3, minutes=10.0, seed=1)
-    ground = assembly.load_site_model(check_site(site_of("network.graph", 3, 2.0), "fleet"), tmp_path)
+    ground = site_model.load_site_model(check_site(site_of("network.graph", 3, 2.0), "fleet"), tmp_path)
     inspected_m = float(ground.network.lengths_m.sum())
     assert inspected_m / ground.inspection.speed_m_s >= 3 * 600.0
     assert len({vehicle.connection for vehicle in ground.site.vehicle}) == 3

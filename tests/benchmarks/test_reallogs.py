@@ -14,8 +14,8 @@ from benchmarks.reallogs import aircraft_of, clustered_interval, judge_logs, rea
 from benchmarks.reallogspage import print_real, real_document, real_markdown
 from benchmarks.store import keep_result
 from executor.cli import main
+from executor.replay.witness.log_evidence import Controller
 from executor.replay.witness.statements import read_log_evidence
-from executor.replay.witness.testimony import Controller
 from tests.onboard import DataFlashWriter
 from tests.recorded import Writer, flight, heartbeat, position, station, text
 

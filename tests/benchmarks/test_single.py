@@ -11,7 +11,7 @@ from benchmarks.data import CSUM, MTSP, NECHRANICE, data_directory
 from benchmarks.problems import AUTHORS_S, cities_problem, line_instance, named_problem, network_of
 from benchmarks.single import single_result
 from executor.cli.main import main
-from executor.site.planning import PlanSolver
+from executor.site.site_planning import PlanSolver
 from missions import MissionsError
 from planner import Cost, Instance, Iterations, Plan, Route, evaluate, solve, visit_of
 from tests.benchmarks.test_tsplib import SQUARE, written

@@ -6,12 +6,12 @@ import asyncio
 
 import pytest
 
-from executor.core.messages import Heartbeat, Position, SendCommand
-from executor.protocols import orders
+from executor.core.interface.messages import Heartbeat, Position, SendCommand
+from executor.protocols import vehicle_commands
 from executor.protocols.command import CommandDialogue
 from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted
-from executor.runtime import preflight, procedures
+from executor.runtime import procedures, vehicle_preflight
 from executor.runtime.dialogue import run_dialogue
 from missions import find_mission_differences
 from tests.conformance.ways import WAYS, Ground, Way, route, station
@@ -41,8 +41,10 @@ async def test_a_vehicle_is_heard_and_interviewed(way: Way) -> None:
     port = free_port()
     async with way.vehicles.start(port, [ONE], []), station(way, port, [ONE]) as ground:
         link = ground.links[ONE]
-        await preflight.wait_for_vehicle("uav", f"udpin://127.0.0.1:{port}", ONE, link, PATIENCE_S, ground.clock)
-        facts = await preflight.interview_vehicle(
+        await vehicle_preflight.wait_for_vehicle(
+            "uav", f"udpin://127.0.0.1:{port}", ONE, link, PATIENCE_S, ground.clock
+        )
+        facts = await vehicle_preflight.interview_vehicle(
             "uav", link, ground.clock, way.vehicles.dialect, 100.0, lambda _: None
         )
         assert (facts.heartbeat.autopilot, facts.heartbeat.vehicle_type) == (way.vehicles.autopilot, way.vehicles.kind)
@@ -92,7 +94,7 @@ async def test_a_command_is_acknowledged_and_an_unknown_one_is_not_accepted(way:
     async with way.vehicles.start(port, [ONE], []), station(way, port, [ONE]) as ground:
         assert await heard(ground)
         link, clock = ground.links[ONE], ground.clock
-        interval = orders.set_message_interval(orders.GLOBAL_POSITION_INT, 5.0)
+        interval = vehicle_commands.set_message_interval(vehicle_commands.GLOBAL_POSITION_INT, 5.0)
         assert (await procedures.send_order(link, clock, CommandDialogue(interval, "stream"))).accepted
         refused = await procedures.send_order(link, clock, CommandDialogue(SendCommand(NO_COMMAND), "nonsense"))
         assert not refused.accepted
@@ -105,7 +107,7 @@ async def test_a_mission_is_started_and_flown(way: Way) -> None:
     async with way.vehicles.start(port, [ONE], []), station(way, port, [ONE]) as ground:
         assert await heard(ground)
         link, clock = ground.links[ONE], ground.clock
-        interval = orders.set_message_interval(orders.GLOBAL_POSITION_INT, 5.0)
+        interval = vehicle_commands.set_message_interval(vehicle_commands.GLOBAL_POSITION_INT, 5.0)
         assert (await procedures.send_order(link, clock, CommandDialogue(interval, "stream"))).accepted
         assert (await procedures.upload_and_verify(link, clock, dialect, route(dialect))).accepted
         done = await procedures.arm_and_start(link, clock, dialect)

@@ -23,11 +23,11 @@ from mavsdk.plugins.telemetry_server import (
 from executor.adapters.clock import SystemClock
 from executor.adapters.mavlink import endpoints
 from executor.adapters.mavlink.codec import MavlinkCodec
-from executor.adapters.mavsdk import link as mavsdk_links
+from executor.adapters.mavsdk import mavsdk_link as mavsdk_links
 from executor.adapters.mavsdk.library import load_mavsdk
-from executor.core.connection import parse_connection
-from executor.core.ports import LinkRequest, OpenLink
-from executor.runtime.flight import send_heartbeats
+from executor.core.interface.connection import parse_connection
+from executor.core.interface.ports import LinkRequest, OpenLink
+from executor.runtime.flight_loop import send_heartbeats
 from missions import ARDUPILOT, PX4, Dialect, MissionItem
 from simulator.config import AutopilotKind, SimFleet
 from simulator.faults import parse_fault

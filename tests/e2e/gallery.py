@@ -20,17 +20,25 @@ from typing import Any, Self
 from playwright.async_api import Page, async_playwright, expect
 
 from executor.adapters.web import WebServer, WebSettings
-from executor.core.check_codes import CheckCode
-from executor.core.commands import Level
 from executor.core.context import Context
-from executor.core.intents import Action, Intent, IntentRecord, Outcome
-from executor.core.messages import Gps, Wind
-from executor.core.parts import OnboardMission
-from executor.core.payload.pictures import AwaitedPictures, MissingPictures
-from executor.core.state import Briefing, CheckLine, FleetState, OperatorLine, Question
-from executor.core.vehicle import Stage, VehicleState, build_onboard_mission
-from executor.core.view import FleetView, LastFixView, LossView, OfferView, TakenView, VehicleView, build_fleet_view
-from executor.site import assembly
+from executor.core.fleet_view import (
+    FleetView,
+    LastFixView,
+    LossView,
+    OfferView,
+    TakenView,
+    VehicleView,
+    build_fleet_view,
+)
+from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.commands import Level
+from executor.core.interface.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.interface.messages import Gps, Wind
+from executor.core.payload.camera_state import AwaitedPictures, MissingPictures
+from executor.core.state.fleet_state import Briefing, CheckLine, FleetState, OperatorLine, Question
+from executor.core.state.vehicle_parts import OnboardMission
+from executor.core.state.vehicle_state import Stage, VehicleState, build_onboard_mission
+from executor.site import site_model
 from executor.site.ground_files import encode_ground
 from executor.site.ground_view import GroundView
 from missions import Segment, Window, build_flight_path
@@ -84,8 +92,8 @@ def fleet(
     plain = network_of(list(places_m), list(pairs))
     segments = tuple(Segment(one.id, one.a, one.b, f"P{41 + one.a}-P{41 + one.b}") for one in plain.segments)
     ground = ground_for(site_of(tuple(ROUTES), **tables), replace(plain, segments=segments, source="gallery"))
-    setup, task = assembly.build_flight_setup(ground), assembly.build_first_task(ground)
-    context = assembly.build_context(ground, setup, task)
+    setup, task = site_model.build_flight_setup(ground), site_model.build_first_task(ground)
+    context = site_model.build_context(ground, setup, task)
     boards: dict[str, OnboardMission | None] = {
         name: build_onboard_mission(context, name, 0, build_flight_path(setup, name, visits), visits)
         for name, visits in ROUTES.items()

@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from executor.simulated.fleet import fleet_of
-from executor.site import assembly, planning
-from executor.site.assembly import SiteModel
-from executor.site.config import read_site
+from executor.simulated.simulated_fleet import fleet_of
+from executor.site import site_model, site_planning
+from executor.site.site_file import read_site
+from executor.site.site_model import SiteModel
 from missions import Pad, write_plan
 from planner import Cost
 from simulator.fleet import run_fleet
@@ -144,10 +144,12 @@ async def flown(folder: Path, seed: int) -> Outcome:
     lost = frozenset({"uav2"}) if chance.random() < 0.6 else frozenset[str]()
     faults = [f"uav2:silent@{chance.uniform(10, 80):.0f}%"] if lost else []
     site, _ = site_file(folder, pylons=PYLONS, vehicles=VEHICLES, speedup=SPEEDUP, autopilot=autopilot)
-    ground = assembly.load_site_model(read_site(site), folder)
+    ground = site_model.load_site_model(read_site(site), folder)
     plan = folder / "plan.json"
-    write_plan(plan, planning.plan_site(ground, planning.PlanRequest(Cost.MINMAX, 0.3, seed, all_vehicles=True)))
-    setup, run = assembly.build_flight_setup(ground), folder / "run"
+    write_plan(
+        plan, site_planning.plan_site(ground, site_planning.PlanRequest(Cost.MINMAX, 0.3, seed, all_vehicles=True))
+    )
+    setup, run = site_model.build_flight_setup(ground), folder / "run"
     witness = Witness({name: setup.pad_of(name) for name in ground.names})
     moments: list[str] = []
     async with _in_the_air(ground, faults, seed, witness):

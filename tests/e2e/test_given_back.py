@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from executor.simulated.fleet import fleet_of
-from executor.site import assembly
-from executor.site.config import read_site
+from executor.simulated.simulated_fleet import fleet_of
+from executor.site import site_model
+from executor.site.site_file import read_site
 from simulator.config import SimFleet
 from simulator.fleet import run_fleet
 from simulator.vehicle import SimulatedVehicle
@@ -65,7 +65,7 @@ async def on_pads(site: Path, autopilot: str, *faults: str, speedup: float = SPE
     """Run the site's vehicles with what the crew has set."""
     fleet = Fleet(autopilot)
     sim = fleet_of(
-        assembly.load_site_model(read_site(site), site.parent),
+        site_model.load_site_model(read_site(site), site.parent),
         speedup=speedup,
         faults=faults,
         seed=1,

@@ -14,7 +14,7 @@ from typing import Any
 import aiomqtt
 import pytest
 
-from executor.replay.run import replay_run
+from executor.replay.run_replay import replay_run
 from tests.brokers import KIND, running
 from tests.e2e.flights import called, ended, log_lines, notes, said_in, site_file
 from tests.patience import PATIENCE_S

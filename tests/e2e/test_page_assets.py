@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from playwright.async_api import Page, expect
 
-from executor.core.intents import Action
+from executor.core.interface.intents import Action
 from tests.e2e.gallery import LAYOUTS, Shown, browsing, scene_of
 
 pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]

@@ -17,15 +17,15 @@ import numpy as np
 import pytest
 
 from executor.adapters.eventlog import read_head
-from executor.core.commands import Level
 from executor.core.context import Context
-from executor.core.preflight.checks import Check
-from executor.core.state import FleetState
-from executor.core.vehicle import Stage
-from executor.flight import fly
-from executor.flight.flight_order import FlightRequest, write_run_start
-from executor.site import assembly, planning
-from executor.site.config import read_site
+from executor.core.interface.commands import Level
+from executor.core.preflight.vehicle_checks import Check
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_state import Stage
+from executor.flight import run_flight
+from executor.flight.flight_request import FlightRequest, write_run_start
+from executor.site import site_model, site_planning
+from executor.site.site_file import read_site
 from planner import Cost
 from tests.e2e.flights import called, said_in, site_file
 from tests.patience import PATIENCE_S
@@ -112,8 +112,8 @@ async def flown(tmp_path: Path, *, page: bool, readers: int) -> tuple[Watching, 
         f"{path.read_text(encoding='utf-8')}[web]\nport = {port}\nenabled = {str(page).lower()}\n", encoding="utf-8"
     )
     site = read_site(path)
-    ground = assembly.load_site_model(site, tmp_path)
-    plan = planning.plan_site(ground, planning.PlanRequest(Cost.MINMAX, 2.0, 1, all_vehicles=True))
+    ground = site_model.load_site_model(site, tmp_path)
+    plan = site_planning.plan_site(ground, site_planning.PlanRequest(Cost.MINMAX, 2.0, 1, all_vehicles=True))
     order = FlightRequest(site, tmp_path, ground, plan, tmp_path / "run", lambda _: ())
     order.run.mkdir()
     write_run_start(order)
@@ -121,7 +121,7 @@ async def flown(tmp_path: Path, *, page: bool, readers: int) -> tuple[Watching, 
     events, looking = order.run / "events.jsonl", list[Read]()
     async with called("simulate", str(path)) as simulated:
         await said_in(simulated.stdout, "uav20: system 20")
-        flight = asyncio.create_task(fly.run_flight(order, watching))
+        flight = asyncio.create_task(run_flight.run_flight(order, watching))
         while not watching.flying():
             watching.news.clear()
             await watching.news.wait()

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from executor.adapters.run_directory import RunDirectory
-from executor.replay.run import replay_run
+from executor.replay.run_replay import replay_run
 from simulator.truth import read_truths
 from tests.e2e.flights import called, ended, notes, said_in, site_file
 from tests.e2e.judge import wrongly_counted

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from executor.replay.run import replay_run
+from executor.replay.run_replay import replay_run
 from tests.e2e import flights
 from tests.e2e.flights import called, ended, log_lines, said_in, site_file
 from tests.e2e.judge import wrongly_counted

@@ -7,12 +7,12 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
 from executor.core.context import Context
-from executor.core.parts import OnboardMission
-from executor.core.state import FleetState
-from executor.core.vehicle import VehicleState, build_onboard_mission
-from executor.site import assembly
-from executor.site.assembly import SiteModel
-from executor.site.config import Site, check_site
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_parts import OnboardMission
+from executor.core.state.vehicle_state import VehicleState, build_onboard_mission
+from executor.site import site_model
+from executor.site.site_file import Site, check_site
+from executor.site.site_model import SiteModel
 from missions import Network, build_flight_path
 from tests.missions.builders import line_east
 
@@ -36,7 +36,7 @@ def site_of(names: tuple[str, ...], autopilot: str = "ardupilot", /, **tables: M
 
 def ground_for(site: Site, network: Network) -> SiteModel:
     """Return what is known before any vehicle answers."""
-    return assembly.build_site_model(site, network)
+    return site_model.build_site_model(site, network)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +52,8 @@ def fleet_of(
 ) -> Fleet:
     """Return a fleet over a line due east of the depot, pylons every 100 m; an empty route stays on the ground."""
     ground = ground_for(site_of(tuple(routes), autopilot, **tables), line_east(pylons))
-    setup, task = assembly.build_flight_setup(ground), assembly.build_first_task(ground)
-    context = assembly.build_context(ground, setup, task)
+    setup, task = site_model.build_flight_setup(ground), site_model.build_first_task(ground)
+    context = site_model.build_context(ground, setup, task)
     boards = {
         name: build_onboard_mission(context, name, 0, build_flight_path(setup, name, visits), visits)
         if visits

@@ -19,9 +19,9 @@ import numpy as np
 from executor.adapters.eventlog import EventLog
 from executor.adapters.run_directory import write_site
 from executor.analysis.documents import FaultRow, FlightReport
-from executor.core.events import Event, Heard, LaunchOrdered, NewRoute, SolveEnded, UploadEnded
-from executor.core.messages import Battery, Position
-from executor.core.vehicle import FaultKind
+from executor.core.interface.events import Event, Heard, LaunchOrdered, NewRoute, SolveEnded, UploadEnded
+from executor.core.interface.messages import Battery, Position
+from executor.core.state.vehicle_state import FaultKind
 from missions import Inspection, PlanFile, SolverRecord, make_plan_file, write_plan
 from planner import Cost, Plan, RiskCampaign, Route, Travel, Vehicle, build_risk_campaign
 from tests.missions.builders import FRAME, line_east, paper_task

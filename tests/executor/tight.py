@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from executor.adapters.solver import SolverSetup, solve_for_survivors
-from executor.core.commands import Solve
-from executor.core.events import SolveEnded
-from executor.core.vehicle import build_onboard_mission
-from executor.site import assembly
+from executor.core.interface.commands import Solve
+from executor.core.interface.events import SolveEnded
+from executor.core.state.vehicle_state import build_onboard_mission
+from executor.site import site_model
 from missions import Network, build_flight_path
 from planner import Cost, Iterations, Plan, generate_network, solve
 from tests.executor.builders import Fleet, ground_for, site_of
@@ -38,9 +38,9 @@ def tight_plan(seed: int, *, budget_pct: float = 9.0, **flight: object) -> tuple
         update={"vehicle": [table.model_copy(update={"budget_pct": budget_pct}) for table in site.vehicle]}
     )
     ground = ground_for(site, branching(SEGMENTS, seed))
-    setup, task = assembly.build_flight_setup(ground), assembly.build_first_task(ground)
+    setup, task = site_model.build_flight_setup(ground), site_model.build_first_task(ground)
     plan = task.plan_to_network(solve(task.instance, cost=Cost.MINMAX, stop=Iterations(20_000), seed=seed).plan)
-    context = assembly.build_context(ground, setup, task)
+    context = site_model.build_context(ground, setup, task)
     boards = {
         name: build_onboard_mission(context, name, 0, build_flight_path(setup, name, route.visits), route.visits)
         if route.visits

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from executor.core import fleet
-from executor.core.commands import (
+from executor.core import fleet_step
+from executor.core.context import Context
+from executor.core.interface.commands import (
     AskStreams,
     CancelSolve,
     ChangeSpeed,
@@ -34,9 +35,8 @@ from executor.core.commands import (
     Start,
     Upload,
 )  # fmt: skip
-from executor.core.context import Context
-from executor.core.endings import Ending
-from executor.core.events import (
+from executor.core.interface.endings import Ending
+from executor.core.interface.events import (
     Event,
     Found,
     Heard,
@@ -52,14 +52,14 @@ from executor.core.events import (
     Tick,
     UploadEnded,
 )  # fmt: skip
-from executor.core.flags import find_flag_breaches
-from executor.core.intents import Action, Intent, IntentRecord
-from executor.core.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
-from executor.core.parts import OnboardMission
-from executor.core.ports import EventSink
-from executor.core.resume.resuming import compare_onboard_mission
-from executor.core.state import FleetState
-from executor.core.vehicle import Stage, VehicleState
+from executor.core.interface.intents import Action, Intent, IntentRecord
+from executor.core.interface.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
+from executor.core.interface.ports import EventSink
+from executor.core.resume.reconciliation import compare_onboard_mission
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.stage_flags import find_flag_breaches
+from executor.core.state.vehicle_parts import OnboardMission
+from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import FlightPath, Phase, encode
 from tests.fakes.solver import Answer, share_out
 from tests.missions.builders import arrival_seq
@@ -259,7 +259,7 @@ class Story:
 
     def __post_init__(self) -> None:
         """Put everybody on the pad."""
-        self.state = fleet.build_initial_state(self.boards)
+        self.state = fleet_step.build_initial_state(self.boards)
         self.crafts = {name: Craft(self.context, name, self.context.vehicles[name].pad_m) for name in self.boards}
         for name, board in self.boards.items():
             if board is not None:
@@ -271,7 +271,7 @@ class Story:
             self.sink.write(event, self.now_s)
         self.events.append((self.now_s, event))
         before = self.state
-        self.state, decided = fleet.step(self.context, before, event, self.now_s)
+        self.state, decided = fleet_step.step(self.context, before, event, self.now_s)
         for name, vehicle in self.state.vehicles.items():
             if vehicle is not before.vehicles[name]:
                 assert not list(find_flag_breaches(before.vehicles[name], vehicle)), event

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from executor.core.messages import Battery, Message, MissionCurrent, Position
+from executor.core.interface.messages import Battery, Message, MissionCurrent, Position
 from missions import Command, Dialect, LocalFrame, ModeNumber
 from tests.fakes.vehicle import FakeAutopilot
 

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from executor.core.messages import Message, Outgoing
-from executor.core.ports import Clock, LinkCounts
+from executor.core.interface.messages import Message, Outgoing
+from executor.core.interface.ports import Clock, LinkCounts
 
 
 class Responder(Protocol):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from executor.core.commands import Solve
-from executor.core.events import NewRoute, SolveEnded
+from executor.core.interface.commands import Solve
+from executor.core.interface.events import NewRoute, SolveEnded
 from missions import Pricing
 
 Answer = Callable[[Solve], SolveEnded]

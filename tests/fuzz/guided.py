@@ -17,9 +17,13 @@ from pathlib import Path
 FOLLOWED = {
     "packets": ["executor.adapters.mavlink"],
     "flight": ["executor.adapters.mavlink", "executor.core"],
-    "site": ["executor.site.config", "executor.core.connection"],
+    "site": ["executor.site.site_file", "executor.core.interface.connection"],
     "mqtt": ["executor.adapters.mqtt"],
-    "web": ["executor.adapters.web", "executor.core.operator.handling", "executor.core.operator.refusals"],
+    "web": [
+        "executor.adapters.web",
+        "executor.core.operator.intent_handling",
+        "executor.core.operator.intent_refusals",
+    ],
 }
 """Whose branches guide the search for a target; all others run at their full speed."""
 HANG_S = 10

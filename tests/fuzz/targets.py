@@ -19,20 +19,20 @@ from pymavlink.generator.mavcrc import x25crc
 
 from executor.adapters.eventlog import from_plain, to_plain
 from executor.adapters.mavlink.codec import MavlinkCodec
-from executor.adapters.mavlink.cutter import FrameParser
+from executor.adapters.mavlink.frame_parser import FrameParser
 from executor.adapters.mavlink.link import VehicleLink
 from executor.adapters.mqtt.broker import IntakeRules, MqttTopics
 from executor.adapters.mqtt.intake import RefusedMessage, read_intent
 from executor.adapters.mqtt.outbox import Outbox
 from executor.adapters.mqtt.publisher import Publisher
 from executor.adapters.web import WebServer, WebSettings
-from executor.core import fleet
-from executor.core.events import Heard, IntentReceived, Tick
-from executor.core.intents import Intent, IntentRecord
-from executor.core.messages import FlightMessage, Message
-from executor.core.view import build_fleet_view
+from executor.core import fleet_step
+from executor.core.fleet_view import build_fleet_view
+from executor.core.interface.events import Heard, IntentReceived, Tick
+from executor.core.interface.intents import Intent, IntentRecord
+from executor.core.interface.messages import FlightMessage, Message
 from executor.errors import SiteError
-from executor.site.config import Site, read_site
+from executor.site.site_file import Site, read_site
 from tests.executor.builders import Fleet, fleet_of
 from tests.executor.core.stories import under_way
 
@@ -96,7 +96,7 @@ def _fleet() -> Fleet:
 def flight(data: bytes) -> None:
     """Frames with right checksums around hostile content, through the link and into what decides."""
     ready, codec = _fleet(), MavlinkCodec()
-    state, now_s = fleet.build_initial_state(ready.boards), 1.0
+    state, now_s = fleet_step.build_initial_state(ready.boards), 1.0
     names = {setup.sysid: name for name, setup in ready.context.vehicles.items()}
     heard: list[tuple[str, Message]] = []
     links = {sysid: VehicleLink(sysid, codec) for sysid in names}
@@ -110,9 +110,9 @@ def flight(data: bytes) -> None:
             if isinstance(message, FlightMessage):
                 event = Heard(name, message)
                 _same(event)
-                state, _ = fleet.step(ready.context, state, event, now_s)
+                state, _ = fleet_step.step(ready.context, state, event, now_s)
         heard.clear()
-        state, _ = fleet.step(ready.context, state, Tick(), now_s)
+        state, _ = fleet_step.step(ready.context, state, Tick(), now_s)
         now_s += 0.2
     view = build_fleet_view(ready.context, state, now_s)
     Publisher(MqttTopics("t"), Outbox(), "fuzz", lambda: NOW_UNIX_S).publish_view(view)
@@ -171,7 +171,7 @@ class _Page:
 
     def _submit(self, intent: Intent) -> Future[IntentRecord]:
         done: Future[IntentRecord] = Future()
-        state, _ = fleet.step(self.flight.context, self.flight.state, IntentReceived(intent), self.flight.now_s)
+        state, _ = fleet_step.step(self.flight.context, self.flight.state, IntentReceived(intent), self.flight.now_s)
         done.set_result(state.crew.intents[intent.id])
         return done
 

@@ -24,11 +24,11 @@ from missions import (
     estimate,
     plan_flight_setup,
 )
-from missions.asked import build_airway, build_first_paths, check_inspection_airspace, segment_distances_m
 from missions.cameras import Camera, CameraTasks
 from missions.errors import SafetyError
 from missions.flight_model import FlightModel
 from missions.geo import FloatArray
+from missions.inspection_height import build_airway, build_first_paths, check_inspection_airspace, segment_distances_m
 from missions.network import Network
 from missions.readers import default_network_path, read_network
 from missions.routes import build_flight_path

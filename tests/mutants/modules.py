@@ -28,11 +28,11 @@ MODULES = {
         ("executor/core/**/*.py", "executor/analysis/flight_record.py", "missions/autopilots/modes.py"),
         (
             "tests/executor/core",
-            "tests/executor/site/test_heights.py",
+            "tests/executor/site/test_planned_heights.py",
             "tests/executor/analysis/test_flight_record.py",
             "tests/executor/analysis/test_read_run.py",
-            "tests/executor/replay/test_logs.py",
-            "tests/executor/flight/test_mqtt.py",
+            "tests/executor/replay/test_log_replay.py",
+            "tests/executor/flight/test_publication.py",
             "tests/properties/test_outbox.py",
             "tests/properties/test_texts.py",
             "tests/properties/test_wire.py",
@@ -53,7 +53,8 @@ MODULES = {
         ),
     ),
     "compare": Module(
-        ("missions/compare.py",), ("tests/missions/test_compare.py", "tests/properties/test_missions_items.py")
+        ("missions/mission_comparison.py",),
+        ("tests/missions/test_mission_comparison.py", "tests/properties/test_missions_items.py"),
     ),
     "geometry": Module(
         ("missions/geometry.py",), ("tests/properties/test_geometry.py", "tests/missions/test_safety.py")

@@ -30,7 +30,7 @@ from planner import (
 )
 from planner.construct import plan_of
 from planner.grasp import _GraspRuns
-from planner.kernels.grasp import compute_plan_cost
+from planner.kernels.grasp_walk import compute_plan_cost
 from tests.planner.builders import fleet, line, nechranice_ends_m, random_instance
 
 FOR_ALL_RUNS = Seconds(1e9)

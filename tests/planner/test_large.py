@@ -21,10 +21,10 @@ from planner import (
     evaluate,
     solve,
 )
+from planner.decomposition import part_of, sort_along_curve, split_into_routes
 from planner.large import LargeSearch
 from planner.params import DEFAULT_PARAMS
-from planner.parts import part_of, sort_along_curve, split_into_routes
-from planner.stop import Stopwatch
+from planner.stop_rules import Stopwatch
 from planner.synthetic import SPAN_M, generate_network
 from tests.planner.builders import fleet, random_instance, table_pct
 

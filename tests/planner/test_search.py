@@ -28,7 +28,7 @@ from planner import (
 )
 from planner.construct import plan_of
 from planner.search import Search
-from planner.stop import Stopwatch
+from planner.stop_rules import Stopwatch
 from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m, random_instance
 
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from hypothesis import strategies as st
 
-from executor.core.messages import Message, Outgoing
+from executor.core.interface.messages import Message, Outgoing
 from executor.protocols.machine import DialogueMachine
 
 M = TypeVar("M", bound=DialogueMachine)

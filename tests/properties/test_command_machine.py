@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mav
 
-from executor.core.messages import (
+from executor.core.interface.messages import (
     CommandAck,
     Message,
     MissionAck,
@@ -17,10 +17,10 @@ from executor.core.messages import (
     SendParamRequest,
     SendParamSet,
 )
-from executor.protocols import command, params
+from executor.protocols import command, parameter_dialogue
 from executor.protocols.command import IN_PROGRESS_S, RESULT_NAMES, CommandDialogue
 from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
-from executor.protocols.params import ParameterDialogue
+from executor.protocols.parameter_dialogue import ParameterDialogue
 from tests.properties.machines import Told, play, stories
 
 ORDER = SendCommand(400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
@@ -59,7 +59,7 @@ def test_a_command_is_accepted_only_by_its_own_acknowledgement(story: list[Told]
 @pytest.mark.parametrize("wanted", [None, SET])
 def test_a_parameter_ends_exactly_once_whatever_comes(wanted: SendParamSet | None, story: list[Told]) -> None:
     machine, sent = play(ParameterDialogue("RTL_ALT", wanted), story)
-    assert len(sent) <= params.TRIES
+    assert len(sent) <= parameter_dialogue.TRIES
     if isinstance(machine.outcome, Accepted):
         assert machine.value is not None
         assert machine.value.name == "RTL_ALT"
@@ -111,13 +111,13 @@ def test_a_cancelled_command_sends_nothing() -> None:
 
 def test_a_parameter_that_stays_as_it_is() -> None:
     machine, sent = play(ParameterDialogue("RTL_ALT", SET), [Told(ParamValue("RTL_ALT", 0.0, 9), 0.1)])
-    assert sent == [SET] * params.TRIES_ANSWERED
+    assert sent == [SET] * parameter_dialogue.TRIES_ANSWERED
     assert machine.outcome == Rejected("RTL_ALT stays 0")
 
 
 def test_a_parameter_that_nobody_answers() -> None:
     machine, sent = play(ParameterDialogue("RTL_ALT"), [Told(ParamValue("OTHER", 0.0, 9), 0.1)])
-    assert sent == [SendParamRequest("RTL_ALT")] * params.TRIES
+    assert sent == [SendParamRequest("RTL_ALT")] * parameter_dialogue.TRIES
     assert machine.outcome == TimedOut("RTL_ALT: no answer")
 
 

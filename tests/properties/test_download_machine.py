@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.core.messages import (
+from executor.core.interface.messages import (
     Message,
     MissionAck,
     MissionCount,

@@ -27,15 +27,15 @@ from missions import (
     estimate,
     plan_flight_setup,
 )
-from missions.areacheck import check_areas
+from missions.area_check import check_areas
 from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
 from missions.flight_model import FlightModel
 from missions.geo import LocalFrame
 from missions.pads import column_radius_m
 from missions.pricing import Pricing, build_priced_instance
-from missions.reach import apply_areas
-from missions.ways import Obstacle, graph_of
+from missions.reachability import apply_areas
+from missions.shortest_ways import Obstacle, graph_of
 from planner import Cost, Plan, Route, SteadyWind, evaluate
 from tests.missions.builders import depot_vehicle, network_of
 

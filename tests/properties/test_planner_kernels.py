@@ -26,11 +26,11 @@ from planner import (
 )
 from planner.construct import build_guide_weights, build_random_state, build_true_weights, plan_of, problem_of, state_of
 from planner.kernels.anneal import compute_objective
-from planner.kernels.chance import draw_integer, draw_uniform
 from planner.kernels.insertion import find_cheapest_place, insert_by_regret
+from planner.kernels.random_numbers import draw_integer, draw_uniform
 from planner.kernels.tours import insert, orient_visits
 from planner.search import Search
-from planner.stop import Stopwatch
+from planner.stop_rules import Stopwatch
 
 # A coarse grid, so that coincident pylons and segments without length are common.
 COORDINATES = st.integers(-4, 4).map(lambda steps: 50.0 * steps)

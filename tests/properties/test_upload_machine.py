@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mav
 
-from executor.core.messages import (
+from executor.core.interface.messages import (
     CommandAck,
     Message,
     MissionAck,

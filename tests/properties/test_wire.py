@@ -16,13 +16,13 @@ from pymavlink.dialects.v20 import common as mav
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
-from executor.adapters.web.present import WebSnapshot
-from executor.core import fleet
+from executor.adapters.web.snapshot import WebSnapshot
+from executor.core import fleet_step
 from executor.core.context import Context
-from executor.core.events import Heard, Tick
-from executor.core.messages import FlightMessage, Message
-from executor.core.state import FleetState
-from executor.core.view import FleetView, build_fleet_view
+from executor.core.fleet_view import FleetView, build_fleet_view
+from executor.core.interface.events import Heard, Tick
+from executor.core.interface.messages import FlightMessage, Message
+from executor.core.state.fleet_state import FleetState
 from tests.executor.core.stories import under_way
 from tests.fakes.flight import Story
 from tests.fuzz.targets import FOLLOWED, NUMBERS
@@ -85,8 +85,8 @@ def shown_after(rows: list[Row]) -> FleetState:
     for message in heard:
         now_s += 0.1
         if isinstance(message, FlightMessage):
-            state, _ = fleet.step(flight.context, state, Heard("uav2", message), now_s)
-        state, _ = fleet.step(flight.context, state, Tick(), now_s)
+            state, _ = fleet_step.step(flight.context, state, Heard("uav2", message), now_s)
+        state, _ = fleet_step.step(flight.context, state, Tick(), now_s)
     view = build_fleet_view(flight.context, state, now_s)
     assert all(math.isfinite(number) for number in numbers_in(asdict(view)))
     present = WebSnapshot(flight.context, lambda: (state, now_s))

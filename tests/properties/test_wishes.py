@@ -6,11 +6,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from executor.adapters.eventlog import from_plain, to_plain
-from executor.core import fleet
-from executor.core.commands import Hold, LandNow, Resume, SendHome, Start, Upload
-from executor.core.intents import FOR_ALL, Action, Outcome
-from executor.core.vehicle import Stage
-from executor.core.view import build_fleet_view
+from executor.core import fleet_step
+from executor.core.fleet_view import build_fleet_view
+from executor.core.interface.commands import Hold, LandNow, Resume, SendHome, Start, Upload
+from executor.core.interface.intents import FOR_ALL, Action, Outcome
+from executor.core.state.vehicle_state import Stage
 from tests.executor.builders import THREE, fleet_of
 from tests.executor.core.stories import story
 from tests.fakes.flight import Story
@@ -42,11 +42,11 @@ def test_whatever_is_asked_the_flight_ends_well(wishes: list[tuple[float, Action
             flight.ask(Action.RESUME, name)
     flight.finish()
     out: set[str] = set()
-    state = fleet.build_initial_state(dict(READY.boards))
+    state = fleet_step.build_initial_state(dict(READY.boards))
     for at_s, event in flight.events:
         again = from_plain(to_plain(event))
         assert again == event
-        state, commands = fleet.step(READY.context, state, again, at_s)
+        state, commands = fleet_step.step(READY.context, state, again, at_s)
         out = {one.name for one in state.vehicles.values() if one.orders.excluded or one.fault is not None}
         for command in commands:
             # Who is out of the plan is brought home or down, and told nothing else.

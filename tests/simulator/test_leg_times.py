@@ -9,8 +9,8 @@ import pytest
 
 from missions.items import MissionItem
 from simulator.config import AutopilotKind
-from simulator.curves import LegLimits, SCurve, Vector, overlap_s
-from simulator.smoothing import Axis, braking_speed_m_s
+from simulator.px4_velocity_smoothing import Axis, braking_speed_m_s
+from simulator.scurves import LegLimits, SCurve, Vector, overlap_s
 from tests.simulator.harness import Operator, land, numbered, speed, takeoff, waypoint
 
 AP, PX4 = AutopilotKind.ARDUPILOT, AutopilotKind.PX4

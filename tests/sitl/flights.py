@@ -12,17 +12,17 @@ from typing import Any
 
 import pytest
 
-from executor.core.commands import Level
 from executor.core.context import Context
-from executor.core.preflight.checks import Check
-from executor.core.state import FleetState
-from executor.core.vehicle import Stage, VehicleState
-from executor.flight import fly
-from executor.flight.flight_order import FlightRequest, write_run_start
-from executor.runtime import turns
-from executor.site import assembly, planning
-from executor.site.assembly import SiteModel
-from executor.site.config import Site, check_site
+from executor.core.interface.commands import Level
+from executor.core.preflight.vehicle_checks import Check
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_state import Stage, VehicleState
+from executor.flight import run_flight
+from executor.flight.flight_request import FlightRequest, write_run_start
+from executor.runtime import fair_event_loop
+from executor.site import site_model, site_planning
+from executor.site.site_file import Site, check_site
+from executor.site.site_model import SiteModel
 from missions import PlanFile
 from planner import Cost
 from tests.e2e.flights import began_unix_s, log_lines
@@ -210,17 +210,17 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
     if not binary:
         pytest.skip(f"{autopilot.variable} does not name a simulator of {autopilot.name}")
     site = site_of(autopilot, story)
-    ground = assembly.load_site_model(site, folder)
+    ground = site_model.load_site_model(site, folder)
     console = WatchfulConsole(story)
     if story.prepared is None:
-        plan = planning.plan_site(ground, planning.PlanRequest(Cost.MINMAX, 3.0, 1, all_vehicles=True))
+        plan = site_planning.plan_site(ground, site_planning.PlanRequest(Cost.MINMAX, 3.0, 1, all_vehicles=True))
     else:
         prepared = story.prepared(ground)
         ground, plan, console.at_s = prepared.ground, prepared.plan, prepared.at_s
     order = FlightRequest(ground.site, folder, ground, plan, folder / "run", lambda _: ())
     order.run.mkdir()
     write_run_start(order)
-    pads = {pad.vehicle: pad for pad in assembly.build_flight_setup(ground).pads}
+    pads = {pad.vehicle: pad for pad in site_model.build_flight_setup(ground).pads}
     wanted = Wanted(
         pads, ground.network.frame, story.speedup, story.settings, frozenset(story.relayed), story.own, story.packs_ah
     )
@@ -232,7 +232,7 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
             (folder / KEY_FILE).write_text(KEY.hex())
             for vehicle in console.running.values():
                 vehicle.other.sign(vehicle.sysid, KEY)
-        turns.run_on_fair_loop(fly.run_flight(order, console))
+        fair_event_loop.run_on_fair_loop(run_flight.run_flight(order, console))
         relay = console.running[VICTIM].relay
     report = json.loads((order.run / "report.json").read_text())
     began_s = began_unix_s(order.run)

@@ -12,8 +12,8 @@ import httpx
 import pytest
 import tomli_w
 
-from executor.site import assembly, dayflight
-from executor.site.assembly import SiteModel
+from executor.site import day_flight, site_model
+from executor.site.site_model import SiteModel
 from tests.e2e.flights import log_lines
 from tests.e2e.judge import wrongly_counted
 from tests.ports import free_port
@@ -64,7 +64,7 @@ class Closing(Crew):
 
 def with_bases(autopilot: Autopilot, port: int, folder: Path) -> tuple[dict[str, Any], SiteModel]:
     """Return a site of two bases and a spare, as tables, and read."""
-    frame = assembly.load_site_model(site_of(autopilot, Story(radius_m=400.0)), folder).network.frame
+    frame = site_model.load_site_model(site_of(autopilot, Story(radius_m=400.0)), folder).network.frame
     bases = []
     for name, (east_m, north_m, own) in BASES.items():
         lat_deg, lon_deg = frame.to_wgs84_deg(east_m, north_m)
@@ -74,7 +74,7 @@ def with_bases(autopilot: Autopilot, port: int, folder: Path) -> tuple[dict[str,
     tables = content.model_dump(exclude_none=True, mode="json")
     for vehicle in tables["vehicle"]:
         vehicle["budget_pct"] = BUDGET_PCT
-    return tables, assembly.load_site_model(content, folder)
+    return tables, site_model.load_site_model(content, folder)
 
 
 @BOTH
@@ -89,7 +89,7 @@ def test_a_base_closes_and_a_spare_flies_what_it_leaves(autopilot: Autopilot, tm
     plan = json.loads(day.read_text())
     assert {one["vehicle"] for one in plan["sorties"]} == {NORTH, SOUTH}, plan["sorties"]
     assert sum(one["vehicle"] == SOUTH for one in plan["sorties"]) >= 2, plan["sorties"]
-    pads = dayflight.find_morning_pads(ground)
+    pads = day_flight.find_morning_pads(ground)
     wanted = Wanted(
         {name: pads[name] for name in NAMES}, ground.network.frame, story.speedup, story.settings, frozenset()
     )

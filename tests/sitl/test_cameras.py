@@ -14,10 +14,10 @@ from pathlib import Path
 
 import pytest
 
-from executor.core.state import FleetState
-from executor.core.vehicle import Stage, VehicleState
-from executor.site import assembly
-from executor.site.config import check_site
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_state import Stage, VehicleState
+from executor.site import site_model
+from executor.site.site_file import check_site
 from tests.sitl.eye import Eye
 from tests.sitl.flights import Flown, Story, flown
 from tests.sitl.real import ARDUPILOT, BOTH, PX4, Autopilot, RealVehicle
@@ -92,7 +92,9 @@ def pictures_of(done: Flown) -> dict[str, list[dict[str, str]]]:
 
 def check_pylons(done: Flown) -> None:
     """Hold what was seen of both pylons against what was asked: from where, how high, and each once."""
-    ground = assembly.load_site_model(check_site(tomllib.loads((done.run / "site.toml").read_text()), "test"), done.run)
+    ground = site_model.load_site_model(
+        check_site(tomllib.loads((done.run / "site.toml").read_text()), "test"), done.run
+    )
     found = pictures_of(done)
     said_m = {row["segment"]: row["inspected_at_m"] for row in done.report["seen"]}
     assert min(said_m[segment] for segment in ground.setup.looks.pylons) == ground.setup.inspection.height_m

@@ -13,7 +13,7 @@ import httpx
 import pytest
 import tomli_w
 
-from executor.site import assembly
+from executor.site import site_model
 from tests.e2e.flights import log_lines
 from tests.e2e.judge import wrongly_counted
 from tests.ports import free_port
@@ -60,8 +60,8 @@ def test_lost_on_the_second_sortie(autopilot: Autopilot, tmp_path: Path) -> None
         vehicle["budget_pct"] = BUDGET_PCT
     site, day, run = tmp_path / "site.toml", tmp_path / "day.json", tmp_path / "run"
     site.write_text(tomli_w.dumps(tables))
-    ground = assembly.load_site_model(content, tmp_path)
-    pads = {pad.vehicle: pad for pad in assembly.build_flight_setup(ground).pads}
+    ground = site_model.load_site_model(content, tmp_path)
+    pads = {pad.vehicle: pad for pad in site_model.build_flight_setup(ground).pads}
     asyncio.run(planned(site, day))
     plan = json.loads(day.read_text())
     assert sum(one["vehicle"] == VICTIM for one in plan["sorties"]) >= 2, plan["sorties"]

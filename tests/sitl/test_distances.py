@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from benchmarks.prediction import plan_with
-from executor.site import assembly
-from executor.site.assembly import SiteModel
-from executor.site.config import check_site
-from missions.asked import build_first_paths, segment_distances_m
+from executor.site import site_model
+from executor.site.site_file import check_site
+from executor.site.site_model import SiteModel
 from missions.geometry import locate_on_leg
+from missions.inspection_height import build_first_paths, segment_distances_m
 from tests.e2e.tlog import messages
 from tests.sitl.flights import NAMES, Flown, Prepared, Story, flown
 from tests.sitl.real import BOTH, SOON_HOME, Autopilot
@@ -61,7 +61,9 @@ def all_as_asked(autopilot: Autopilot, tmp_path: Path, routes: Mapping[str, tupl
     assert done.report["finished"], done.said
     assert {row["inspected_at_m"] for row in done.report["inspections"]} == {ASKED_M}, done.said
     assert done.report["replans"] == []
-    ground = assembly.load_site_model(check_site(tomllib.loads((done.run / "site.toml").read_text()), "test"), done.run)
+    ground = site_model.load_site_model(
+        check_site(tomllib.loads((done.run / "site.toml").read_text()), "test"), done.run
+    )
     own = {name: places_m(done, ground, name) for name in NAMES}
     begin_m, end_m = (tuple(end) for end in ground.setup.tracks_m[SHARED].tolist())
     over_m = [

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
-from executor.core.state import FleetState
-from executor.core.vehicle import VehicleState
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_state import VehicleState
 from executor.flight.kept_lists import ListStage, read_kept_lists
 from missions.fences import find_list_differences
 from missions.items import MissionItem, MissionKind, PlaceCommand

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import tomli_w
 
-from executor.site import assembly
+from executor.site import site_model
 from tests.e2e.flights import called, ended, said_in
 from tests.sitl.flights import SPEEDUP, Story, site_of
 from tests.sitl.real import ARDUPILOT, PX4, Autopilot, RealVehicle, Wanted, running
@@ -85,8 +85,8 @@ def test_after_a_flight_and_after_a_death(autopilot: Autopilot, tmp_path: Path) 
     content = site_of(autopilot, story)
     site, run, again = tmp_path / "site.toml", tmp_path / "run", tmp_path / "again"
     site.write_text(tomli_w.dumps(content.model_dump(exclude_none=True, mode="json")))
-    ground = assembly.load_site_model(content, tmp_path)
-    pads = {pad.vehicle: pad for pad in assembly.build_flight_setup(ground).pads}
+    ground = site_model.load_site_model(content, tmp_path)
+    pads = {pad.vehicle: pad for pad in site_model.build_flight_setup(ground).pads}
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset())
     with running(autopilot, Path(autopilot.binary), tmp_path / "sim", wanted) as vehicles:
         # Once they are ready they set nothing by themselves until they fly.

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks.prediction import plan_with
-from executor.core.state import FleetState
-from executor.core.vehicle import VehicleState
-from executor.site.assembly import SiteModel
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_state import VehicleState
+from executor.site.site_model import SiteModel
 from missions import Phase
 from missions.geometry import locate_on_leg
 from tests.e2e.flights import began_unix_s

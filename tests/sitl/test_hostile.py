@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
-from executor.core.state import FleetState
-from executor.core.vehicle import VehicleState
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_state import VehicleState
 from missions import dialect_for
 from tests.dialogues.answer import extension
 from tests.e2e.flights import began_unix_s

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import tomli_w
 
-from executor.site import assembly
+from executor.site import site_model
 from tests.e2e.flights import called, ended, interrupt, log_lines, said_in
 from tests.e2e.judge import wrongly_counted
 from tests.sitl.flights import NAMES, SPEEDUP, VICTIM, Story, site_of
@@ -87,8 +87,8 @@ def test_who_is_given_a_mission_as_the_operator_leaves_has_a_whole_one(autopilot
     content = site_of(autopilot, story)
     site, run = tmp_path / "site.toml", tmp_path / "run"
     site.write_text(tomli_w.dumps(content.model_dump(exclude_none=True, mode="json")))
-    ground = assembly.load_site_model(content, tmp_path)
-    pads = {pad.vehicle: pad for pad in assembly.build_flight_setup(ground).pads}
+    ground = site_model.load_site_model(content, tmp_path)
+    pads = {pad.vehicle: pad for pad in site_model.build_flight_setup(ground).pads}
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset(NAMES))
     with running(autopilot, Path(autopilot.binary), tmp_path / "sim", wanted) as vehicles:
         said = asyncio.run(left_in_an_upload(site, run, vehicles))

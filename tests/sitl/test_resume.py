@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import tomli_w
 
-from executor.site import assembly
+from executor.site import site_model
 from tests.e2e.flights import called, log_lines, said_in
 from tests.e2e.judge import wrongly_counted
 from tests.sitl.flights import SPEEDUP, Story, site_of
@@ -45,8 +45,8 @@ def test_killed_in_flight(autopilot: Autopilot, tmp_path: Path) -> None:
     content = site_of(autopilot, story)
     site, run = tmp_path / "site.toml", tmp_path / "run"
     site.write_text(tomli_w.dumps(content.model_dump(exclude_none=True, mode="json")))
-    ground = assembly.load_site_model(content, tmp_path)
-    pads = {pad.vehicle: pad for pad in assembly.build_flight_setup(ground).pads}
+    ground = site_model.load_site_model(content, tmp_path)
+    pads = {pad.vehicle: pad for pad in site_model.build_flight_setup(ground).pads}
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset())
     with running(autopilot, Path(autopilot.binary), tmp_path / "sim", wanted):
         report = asyncio.run(flown_with_a_death(site, run))

@@ -13,15 +13,15 @@ import pytest
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.clock import SystemClock
-from executor.core.preflight.checks import Severity
-from executor.flight import linking
-from executor.flight.flight_order import FlightRequest
+from executor.core.preflight.vehicle_checks import Severity
+from executor.flight import open_links
+from executor.flight.flight_request import FlightRequest
 from executor.flight.parameter_changes import apply_changes, read_changes
-from executor.flight.preparing import build_context_and_checklist, interview_vehicles, upload_first_missions
+from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
 from executor.simulated.demo_site import build_demo_site
-from executor.site import assembly
-from executor.site.assembly import SiteModel
-from executor.site.config import check_site
+from executor.site import site_model
+from executor.site.site_file import check_site
+from executor.site.site_model import SiteModel
 from missions import dialect_for
 from tests.executor.virtual.short_line import shared, write_line
 from tests.sitl.flights import Story, WatchfulConsole
@@ -42,7 +42,7 @@ def ground_of(folder: Path, autopilot: Autopilot) -> SiteModel:
         ports=ports,
     )  # fmt: skip
     site["flight"] = {"speedup": 1.0, "connect_timeout_s": 120.0, "ready_timeout_s": 240.0}
-    return assembly.load_site_model(check_site(site, "test"), folder)
+    return site_model.load_site_model(check_site(site, "test"), folder)
 
 
 def slowed(number: int, folder: Path) -> None:
@@ -67,7 +67,7 @@ def test_a_checklist_and_missions_over_a_slow_radio(autopilot: Autopilot, tmp_pa
     if autopilot.binary is None:
         pytest.skip(f"{autopilot.variable}: expected the path of a real {autopilot.name}")
     ground = ground_of(tmp_path, autopilot)
-    setup = assembly.build_flight_setup(ground)
+    setup = site_model.build_flight_setup(ground)
     pads = {pad.vehicle: pad for pad in setup.pads}
     wanted = Wanted(pads, ground.network.frame, 1.0, {}, frozenset())
     order = FlightRequest(ground.site, tmp_path, ground, shared(ground), tmp_path, lambda _: ())
@@ -91,7 +91,7 @@ async def _prepare(
         ]
         print(f"{time.monotonic() - began_s:6.1f} s {what}; {', '.join(air)}")
 
-    async with linking.open_links(order, clock, recorded=False) as links:
+    async with open_links.open_links(order, clock, recorded=False) as links:
         facts = await interview_vehicles(order, links, clock, console)
         told(f"asked, {[len(one.parameters) for one in facts.values()]} parameters")
         context, boards, found = build_context_and_checklist(order, facts)

@@ -11,8 +11,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from executor.core.state import FleetState
-from executor.core.vehicle import VehicleState
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_state import VehicleState
 from missions import Phase
 from tests.ports import free_port
 from tests.sitl.custody import COMMANDS, LOGGED, boot_s, nothing_was_commanded, own_commands, switches

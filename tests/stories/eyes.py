@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from executor.core.commands import Solve
-from executor.core.events import NewRoute, SolveEnded
-from executor.core.payload.pictures import Picture
+from executor.core.interface.commands import Solve
+from executor.core.interface.events import NewRoute, SolveEnded
+from executor.core.payload.camera_state import Picture
 from executor.virtual.radio import MemoryRadio
 from missions import Network
 from simulator.camera import CapturedImage

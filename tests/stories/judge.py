@@ -11,9 +11,9 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from executor.core.commands import Level, Say
-from executor.core.events import IntentReceived, LaunchOrdered
-from executor.core.intents import Action
+from executor.core.interface.commands import Level, Say
+from executor.core.interface.events import IntentReceived, LaunchOrdered
+from executor.core.interface.intents import Action
 from simulator.autopilot import STEP_S
 from simulator.faults import InjectionKind, parse_fault
 from simulator.truth import Truth

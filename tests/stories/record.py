@@ -6,8 +6,8 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass, replace
 
-from executor.core.events import IntentReceived
-from executor.core.intents import Action, Outcome
+from executor.core.interface.events import IntentReceived
+from executor.core.interface.intents import Action, Outcome
 from simulator.autopilot import LAST_WORDS_S
 from simulator.faults import InjectionKind, parse_fault
 from simulator.truth import Truth

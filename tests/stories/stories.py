@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from executor.core.intents import Action
+from executor.core.interface.intents import Action
 from tests.stories.story import (
     LONG,
     Answers,

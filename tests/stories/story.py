@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from executor.core.intents import Action, IntentRecord
-from executor.core.state import FleetState
+from executor.core.interface.intents import Action, IntentRecord
+from executor.core.state.fleet_state import FleetState
 from simulator.vehicle import SimulatedVehicle
 
 MISSION = {

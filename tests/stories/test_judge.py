@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.commands import Level, Say
-from executor.core.events import Event, IntentReceived, LaunchOrdered
-from executor.core.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.interface.commands import Level, Say
+from executor.core.interface.events import Event, IntentReceived, LaunchOrdered
+from executor.core.interface.intents import Action, Intent, IntentRecord, Outcome
 from simulator.truth import Truth
 from tests.stories.judge import Judge
 from tests.stories.story import Story

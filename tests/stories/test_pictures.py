@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from executor.core.intents import Action, Outcome
+from executor.core.interface.intents import Action, Outcome
 from tests.stories.eyes import MAVLINK, WIRED, Eyes, Table
 from tests.stories.story import Do, Moment, Routes, Story, When, asks, first, on_segment, share, told
 

@@ -14,20 +14,20 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from executor.adapters.mavlink.link import VehicleLink
-from executor.core import fleet
-from executor.core.commands import Say
+from executor.core import fleet_step
 from executor.core.context import Context
-from executor.core.events import Event
-from executor.core.intents import Action, Intent, IntentRecord, Outcome
-from executor.core.parts import OnboardMission
-from executor.core.preflight.checks import VehicleFacts
-from executor.core.preflight.failsafes import read_link_failsafe
-from executor.core.state import FleetState
-from executor.core.vehicle import build_onboard_mission
-from executor.core.view import FleetView, build_fleet_view
-from executor.runtime import preflight
-from executor.runtime.flight import Flight, Observer, send_heartbeats
-from executor.site import assembly
+from executor.core.fleet_view import FleetView, build_fleet_view
+from executor.core.interface.commands import Say
+from executor.core.interface.events import Event
+from executor.core.interface.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.preflight.failsafe_parameters import read_link_failsafe
+from executor.core.preflight.vehicle_checks import VehicleFacts
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_parts import OnboardMission
+from executor.core.state.vehicle_state import build_onboard_mission
+from executor.runtime import vehicle_preflight
+from executor.runtime.flight_loop import Flight, Observer, send_heartbeats
+from executor.site import site_model
 from executor.virtual.radio import MemoryRadio, run_radios
 from missions import Network, dialect_for, encode
 from planner import PRESETS
@@ -117,7 +117,7 @@ class Sky(World):
         flight = {"fly_again": "ask", "offer_s": OFFER_S, **story.tables.get("flight", {})}
         site = site_of(tuple(story.fleet), autopilot, **{**story.tables, "flight": flight})
         self._ground = ground_for(site, self._network())
-        self._setup = assembly.build_flight_setup(self._ground)
+        self._setup = site_model.build_flight_setup(self._ground)
         self.radios = {table.name: self._radio(table.name, table.sysid) for table in site.vehicle}
         self.truths: list[Truth] = []
         self.said: list[tuple[float, Say]] = []
@@ -208,7 +208,9 @@ class Sky(World):
             for name, board in boards.items():
                 if board is not None:
                     mission = encode(board.path, context.vehicles[name].dialect)
-                    await preflight.load_mission(name, links[name], self.clock, context.vehicles[name].dialect, mission)
+                    await vehicle_preflight.load_mission(
+                        name, links[name], self.clock, context.vehicles[name].dialect, mission
+                    )
             began_s = self.now_s
             self.flight = Flight(
                 context, self._initial(boards), links, self.clock, self.sink, self.solver,
@@ -224,7 +226,7 @@ class Sky(World):
         return self._flown(context, began_s, ended_s)
 
     def _initial(self, boards: Mapping[str, OnboardMission | None]) -> FleetState:
-        return fleet.build_initial_state(boards)
+        return fleet_step.build_initial_state(boards)
 
     async def _run(self, flight: Flight, until_s: float) -> float | None:
         flying = asyncio.create_task(flight.run())
@@ -241,16 +243,16 @@ class Sky(World):
         return self.now_s
 
     async def _interview(self, name: str, link: VehicleLink) -> VehicleFacts:
-        return await preflight.interview_vehicle(
+        return await vehicle_preflight.interview_vehicle(
             name, link, self.clock, dialect_for(self.autopilot), READY_S, lambda _: None
         )
 
     def _context(self, facts: Mapping[str, VehicleFacts]) -> tuple[Context, dict[str, OnboardMission | None]]:
-        setup, task = self._setup, assembly.build_first_task(self._ground)
+        setup, task = self._setup, site_model.build_first_task(self._ground)
         dialect = dialect_for(self.autopilot)
         own = {name: read_link_failsafe(dialect, fact.parameters) for name, fact in facts.items()}
-        context = assembly.build_context(self._ground, setup, task, own)
-        paths = assembly.build_paths(setup, {name: visits for name, visits in self.story.fleet.items() if visits})
+        context = site_model.build_context(self._ground, setup, task, own)
+        paths = site_model.build_paths(setup, {name: visits for name, visits in self.story.fleet.items() if visits})
         boards = {
             name: build_onboard_mission(context, name, 0, paths[name], visits) if visits else None
             for name, visits in self.story.fleet.items()

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink, discard_frame
-from executor.core.messages import Battery, Heartbeat, Message, Position, SystemStatus
+from executor.core.interface.messages import Battery, Heartbeat, Message, Position, SystemStatus
 from simulator.messages import (
     ItemReceived,
     MissionCount,

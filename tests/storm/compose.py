@@ -6,7 +6,7 @@ import random
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from executor.core.intents import Action
+from executor.core.interface.intents import Action
 from tests.stories.story import MISSION
 from tests.storm.plot import ALL, GROUND, SITES, Happening, Plot
 

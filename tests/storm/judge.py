@@ -8,10 +8,10 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from executor.core.commands import Say
-from executor.core.events import Heard
-from executor.core.intents import Action
-from executor.core.messages import Heartbeat
+from executor.core.interface.commands import Say
+from executor.core.interface.events import Heard
+from executor.core.interface.intents import Action
+from executor.core.interface.messages import Heartbeat
 from simulator.autopilot import STEP_S
 from simulator.truth import Truth
 from tests.stories.judge import SHOWN_S, Finding, Judge

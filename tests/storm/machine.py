@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from executor.adapters.eventlog import DISK_S
 from executor.adapters.solver import SolverSetup, solve_for_survivors
-from executor.core.commands import Solve
-from executor.core.events import Event, SolveEnded
-from executor.site.assembly import SiteModel
+from executor.core.interface.commands import Solve
+from executor.core.interface.events import Event, SolveEnded
+from executor.site.site_model import SiteModel
 from missions import Pricing
 from tests.stories.world import Sink
 

@@ -10,19 +10,19 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from executor.core import fleet
-from executor.core.commands import Level, Say
+from executor.core import fleet_step
 from executor.core.context import Context
-from executor.core.events import Reopened, ReturnAllOrdered
-from executor.core.intents import Action, IntentRecord
-from executor.core.parts import OnboardMission
-from executor.core.preflight.failsafes import read_link_failsafe
-from executor.core.state import FleetState
-from executor.core.vehicle import build_onboard_mission
+from executor.core.interface.commands import Level, Say
+from executor.core.interface.events import Reopened, ReturnAllOrdered
+from executor.core.interface.intents import Action, IntentRecord
+from executor.core.preflight.failsafe_parameters import read_link_failsafe
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_parts import OnboardMission
+from executor.core.state.vehicle_state import build_onboard_mission
 from executor.errors import ConnectionFailed
-from executor.runtime import preflight
-from executor.runtime.flight import Flight, Observer, send_heartbeats
-from executor.site import assembly
+from executor.runtime import vehicle_preflight
+from executor.runtime.flight_loop import Flight, Observer, send_heartbeats
+from executor.site import site_model
 from executor.virtual.loop import VirtualLoop, run_virtual
 from missions import Network, build_flight_path, dialect_for, encode
 from simulator.faults import parse_fault
@@ -161,14 +161,16 @@ class StormSky(Sky):
 
     async def _loaded(self, name: str, board: OnboardMission) -> None:
         dialect = self.context.vehicles[name].dialect
-        await preflight.load_mission(name, self.airs[name].link, self.clock, dialect, encode(board.path, dialect))
+        await vehicle_preflight.load_mission(
+            name, self.airs[name].link, self.clock, dialect, encode(board.path, dialect)
+        )
 
     def _ready(self, own: Mapping[str, object]) -> tuple[Context, dict[str, OnboardMission | None]]:
         setup = self._setup
-        task = assembly.build_first_task(
+        task = site_model.build_first_task(
             self._ground, sorted({v >> 1 for visits in self.plot.routes.values() for v in visits})
         )
-        context = assembly.build_context(self._ground, setup, task, own)  # type: ignore[arg-type]
+        context = site_model.build_context(self._ground, setup, task, own)  # type: ignore[arg-type]
         boards = {
             name: build_onboard_mission(context, name, 0, build_flight_path(setup, name, visits), visits)
             if visits
@@ -179,7 +181,7 @@ class StormSky(Sky):
 
     async def _to_the_end(self) -> None:
         """Fly, and take the flight up again as often as the ground station is killed."""
-        state = fleet.build_initial_state(self._boards)
+        state = fleet_step.build_initial_state(self._boards)
         while True:
             links = {name: air.link for name, air in self.airs.items()}
             self.flight = Flight(
@@ -213,10 +215,10 @@ class StormSky(Sky):
             state = self._replayed()
 
     def _replayed(self) -> FleetState:
-        state = fleet.build_initial_state(self._boards)
+        state = fleet_step.build_initial_state(self._boards)
         for at_s, event in self.disk.kept:
             with suppress(Exception):
-                state, _ = fleet.step(self.context, state, event, at_s)
+                state, _ = fleet_step.step(self.context, state, event, at_s)
         return state
 
     def _die(self, until_s: float) -> None:

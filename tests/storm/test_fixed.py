@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.commands import Level
+from executor.core.interface.commands import Level
 from tests.stories.story import MISSION
 from tests.storm.judge import findings
 from tests.storm.plot import ALL, GROUND, Happening, Plot

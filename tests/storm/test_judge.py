@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.commands import Level, Say
-from executor.core.events import LaunchOrdered
+from executor.core.interface.commands import Level, Say
+from executor.core.interface.events import LaunchOrdered
 from simulator.truth import Truth
 from tests.stories.story import Story
 from tests.stories.world import Flown, Shown

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.commands import Level, Say
+from executor.core.interface.commands import Level, Say
 from tests.stories.judge import Finding
 from tests.storm.__main__ import digest
 from tests.storm.compose import KINDS, composed

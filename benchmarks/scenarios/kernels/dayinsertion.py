@@ -16,8 +16,8 @@ from benchmarks.scenarios.kernels.day import (
     divide,
 )
 from planner.kernels.arrays import INTS, RANDOM, IntArray, RandomState
-from planner.kernels.chance import draw_uniform
 from planner.kernels.compiled import inner, kernel
+from planner.kernels.random_numbers import draw_uniform
 
 BLINK = 0.01
 """Share of places that are overlooked (Christiaens, Vanden Berghe 2020)."""

@@ -19,8 +19,8 @@ from benchmarks.scenarios.kernels.day import (
 )
 from benchmarks.scenarios.kernels.dayinsertion import insert_tasks
 from planner.kernels.arrays import FLOATS, RANDOM, FloatArray, RandomState
-from planner.kernels.chance import draw_integer, draw_uniform
 from planner.kernels.compiled import inner, kernel
+from planner.kernels.random_numbers import draw_integer, draw_uniform
 
 MOST_REMOVED = 10
 """Tasks that are taken out at a time."""

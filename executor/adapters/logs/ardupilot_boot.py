@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 
 from executor.adapters.logs.ardupilot_codes import MODE_REASONS, disarm_cause_of, failsafe_of
 from executor.adapters.logs.dataflash_rows import Fields, WantedColumns
-from executor.core import words
-from executor.core.messages import (
+from executor.core import formatting
+from executor.core.interface.messages import (
     Actor,
     Attitude,
     Battery,
@@ -29,7 +29,7 @@ from executor.core.messages import (
     StatusText,
     VehicleSetting,
 )
-from executor.core.recording import MODE_COMMANDS, RcChangeFilter, TiltFilter, is_wanted_setting
+from executor.core.interface.recorded_log import MODE_COMMANDS, RcChangeFilter, TiltFilter, is_wanted_setting
 from missions import ARDUPILOT
 from missions.autopilots.modes import mode_name
 from missions.items import Frame, MissionItem
@@ -166,7 +166,7 @@ def _read_rc_channels(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduP
 
 
 def _read_parameter(boot: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
-    name, value = words.escape_controls(fields["Name"]), float(fields["Value"])
+    name, value = formatting.escape_controls(fields["Name"]), float(fields["Value"])
     if name == CAPACITY and math.isfinite(value):
         boot.capacity_ah = value / 1e3
     return VehicleSetting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
@@ -263,7 +263,7 @@ def _read_throttle(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMess
 
 
 def _read_message(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
-    text = words.escape_controls(str(fields["Message"]))
+    text = formatting.escape_controls(str(fields["Message"]))
     if text == ARMS:
         boot.set_armed(armed=True)
     return StatusText(FAILURE, text)

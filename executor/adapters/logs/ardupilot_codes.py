@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from executor.core.messages import Actor, OwnFailsafe
+from executor.core.interface.messages import Actor, OwnFailsafe
 
 MODE_REASONS: Mapping[int, Actor] = MappingProxyType(
     dict.fromkeys((1, 18, 42, 53), Actor.PILOT)  # mode switch, toy mode, transmitter's telemetry, its other switches

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 
 from executor.adapters.logs.ardupilot_boot import NO_MODE, READERS, WANTED, ArduPilotBoot
 from executor.adapters.logs.dataflash_rows import BinaryRows, Fields, Row, TextRows, WantedColumns
-from executor.core.hearing.plausible import filter_implausible
-from executor.core.messages import ListedItem, VehicleSetting
-from executor.core.recording import Record, RecordedFile, SkippedRecords
+from executor.core.interface.messages import ListedItem, VehicleSetting
+from executor.core.interface.recorded_log import Record, RecordedFile, SkippedRecords
+from executor.core.telemetry.plausibility import filter_implausible
 from executor.errors import LogError
 
 SYSTEM = 1

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from executor.adapters.pieces import read_in_chunks
-from executor.core.recording import SkippedRecords
+from executor.adapters.chunks import read_in_chunks
+from executor.core.interface.recorded_log import SkippedRecords
 
 HEAD = b"\xa3\x95"
 FMT, FMT_SIZE = 128, 89

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from executor.core.messages import Actor
+from executor.core.interface.messages import Actor
 
 DO_SET_MODE = 176
 SWITCH_MODE = 7

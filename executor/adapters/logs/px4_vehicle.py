@@ -22,8 +22,8 @@ from executor.adapters.logs.px4_codes import (
     UNNAMED,
     VALID,
 )
-from executor.core import words
-from executor.core.messages import (
+from executor.core import formatting
+from executor.core.interface.messages import (
     Actor,
     Attitude,
     Battery,
@@ -41,8 +41,8 @@ from executor.core.messages import (
     RcChannels,
     StatusText,
 )
-from executor.core.own_events import ARGUMENT_BYTES, parse_px4_event
-from executor.core.recording import MODE_COMMANDS, RcChangeFilter, TiltFilter
+from executor.core.interface.recorded_log import MODE_COMMANDS, RcChangeFilter, TiltFilter
+from executor.core.telemetry.px4_event_meanings import ARGUMENT_BYTES, parse_px4_event
 from missions import PX4
 
 QUADROTOR = 2
@@ -328,7 +328,9 @@ def _read_mission_result(vehicle: Px4State, t_usec: int, row: TopicRow) -> Missi
 
 def build_status_text(level: int, text: str) -> StatusText:
     """Return a text of the log: its level is a digit, and its console's colours are no part of it."""
-    return StatusText(level - ord("0") if level >= ord("0") else level, words.escape_controls(_COLOUR.sub("", text)))
+    return StatusText(
+        level - ord("0") if level >= ord("0") else level, formatting.escape_controls(_COLOUR.sub("", text))
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,9 +16,9 @@ from typing import Any
 from pyulog import ULog
 
 from executor.adapters.logs.px4_vehicle import TOPICS, Px4Messages, Px4State, TopicReader, build_status_text
-from executor.core.hearing.plausible import filter_implausible
-from executor.core.messages import VehicleSetting
-from executor.core.recording import Record, RecordedFile, is_wanted_setting
+from executor.core.interface.messages import VehicleSetting
+from executor.core.interface.recorded_log import Record, RecordedFile, is_wanted_setting
+from executor.core.telemetry.plausibility import filter_implausible
 from executor.errors import LogError
 
 OF_EACH = frozenset({"sensor_gps"})

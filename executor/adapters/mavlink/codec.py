@@ -14,14 +14,12 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.adapters.mavlink import cameras, integers, px4_events
-from executor.adapters.mavlink.cutter import FrameParser
+from executor.adapters.mavlink import camera_messages, integers, px4_events
+from executor.adapters.mavlink.frame_parser import FrameParser
 from executor.adapters.mavlink.signing import FrameRejection, LinkSigning
-from executor.adapters.mavlink.texts import StatusTextAssembler
-from executor.core import words
-from executor.core.hearing.plausible import filter_implausible
-from executor.core.hearing.speaker import AutopilotComponent, select_component_message, update_autopilot_component
-from executor.core.messages import (
+from executor.adapters.mavlink.statustext import StatusTextAssembler
+from executor.core import formatting
+from executor.core.interface.messages import (
     GROUND_STATION,
     Attitude,
     Battery,
@@ -64,7 +62,13 @@ from executor.core.messages import (
     Version,
     Wind,
 )
-from executor.core.recording import MODE_COMMANDS
+from executor.core.interface.recorded_log import MODE_COMMANDS
+from executor.core.telemetry.autopilot_component import (
+    AutopilotComponent,
+    select_component_message,
+    update_autopilot_component,
+)
+from executor.core.telemetry.plausibility import filter_implausible
 from missions import MissionItem, MissionKind
 from missions.cameras import FIRST_COMPONENT
 
@@ -220,7 +224,7 @@ class MavlinkCodec:
             return None  # another parser's definition of the message is another one
         lost = name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in integers.INTEGER_TYPES
         [received] = self.read([frame])
-        message = ParamRefused(words.escape_controls(frame.param_id), absent=False) if lost else received.message
+        message = ParamRefused(formatting.escape_controls(frame.param_id), absent=False) if lost else received.message
         said = (message, *received.more)
         return packed, tuple(one for one in said if one is not None)
 
@@ -253,7 +257,7 @@ class MavlinkCodec:
         if not _is_for_us(frame):
             return None
         if frame.get_type() == "PARAM_VALUE":
-            name = words.escape_controls(frame.param_id)
+            name = formatting.escape_controls(frame.param_id)
             value = integers.from_wire(frame.param_value, frame.param_type, self.autopilots.get(frame.get_srcSystem()))
             return filter_implausible(ParamValue(name, value, frame.param_type)) or ParamRefused(name, absent=False)
         if frame.get_type() == RADIO and not self._is_accepted_radio(frame):
@@ -499,9 +503,9 @@ _READERS: dict[str, Any] = {
     "MISSION_COUNT": _make_mission_reader(MissionCount, "count"),
     "MISSION_ITEM_INT": _read_mission_item,
     "RC_CHANNELS": _read_channels,
-    **cameras.READERS,
+    **camera_messages.READERS,
     "PARAM_ERROR": lambda frame: ParamRefused(
-        words.escape_controls(frame.param_id), absent=frame.error == mav.MAV_PARAM_ERROR_DOES_NOT_EXIST
+        formatting.escape_controls(frame.param_id), absent=frame.error == mav.MAV_PARAM_ERROR_DOES_NOT_EXIST
     ),
     "COMMAND_ACK": lambda frame: CommandAck(frame.command, frame.result),
     "AUTOPILOT_VERSION": _read_version,

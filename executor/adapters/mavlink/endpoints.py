@@ -15,11 +15,11 @@ from functools import partial
 from typing import cast
 
 from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec, Sender
-from executor.adapters.mavlink.cutter import FrameParser
+from executor.adapters.mavlink.frame_parser import FrameParser
 from executor.adapters.mavlink.link import VehicleLink, Write, discard_frame
 from executor.adapters.mavlink.signing import LinkSigning
-from executor.core.connection import Connection, Scheme
-from executor.core.ports import Keyring, LinkRequest
+from executor.core.interface.connection import Connection, Scheme
+from executor.core.interface.ports import Keyring, LinkRequest
 from executor.errors import ConnectionFailed
 from executor.supervised import call_safely, run_beside
 

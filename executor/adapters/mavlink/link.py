@@ -7,9 +7,18 @@ from collections.abc import Callable
 
 from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec
 from executor.adapters.mavlink.signing import FrameRejection
-from executor.core.hearing.speaker import AUTOPILOT
-from executor.core.messages import DoubleHeard, Heartbeat, Message, OrderSeen, Outgoing, Radio, StationHeard, Traffic
-from executor.core.ports import FrameLog, LinkCounts
+from executor.core.interface.messages import (
+    DoubleHeard,
+    Heartbeat,
+    Message,
+    OrderSeen,
+    Outgoing,
+    Radio,
+    StationHeard,
+    Traffic,
+)
+from executor.core.interface.ports import FrameLog, LinkCounts
+from executor.core.telemetry.autopilot_component import AUTOPILOT
 
 MOST_SOURCES = 8
 """Addresses, or strange systems, that are remembered."""

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from executor.adapters.mavlink.checksum import compute_checksum
-from executor.core.messages import ModeChange, OwnFailsafe
-from executor.core.own_events import parse_px4_event
+from executor.core.interface.messages import ModeChange, OwnFailsafe
+from executor.core.telemetry.px4_event_meanings import parse_px4_event
 
 EVENT = 410
 NAME = "EVENT"

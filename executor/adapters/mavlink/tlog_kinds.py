@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from executor.adapters.mavlink import px4_events
-from executor.core.messages import (
+from executor.core.interface.messages import (
     Attitude,
     Battery,
     EstimatorStatus,

@@ -13,10 +13,11 @@ from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from executor.adapters.chunks import read_in_chunks
 from executor.adapters.mavlink import integers, px4_events
 from executor.adapters.mavlink.checksum import compute_checksum
 from executor.adapters.mavlink.own_clocks import AHEAD_USEC, BACK_USEC, LOOKS_USEC, BootTime, was_set_by_usec
-from executor.adapters.mavlink.texts import StatusTextAssembler
+from executor.adapters.mavlink.statustext import StatusTextAssembler
 from executor.adapters.mavlink.tlog_kinds import (
     ATTITUDE,
     BATTERY,
@@ -39,12 +40,8 @@ from executor.adapters.mavlink.tlog_kinds import (
     TOLD_BY_VEHICLES,
     MessageKind,
 )
-from executor.adapters.pieces import read_in_chunks
-from executor.core import words
-from executor.core.doubles import PlaceTold, Twins, with_place
-from executor.core.hearing.plausible import filter_implausible
-from executor.core.hearing.speaker import AutopilotComponent, update_autopilot_component
-from executor.core.messages import (
+from executor.core import formatting
+from executor.core.interface.messages import (
     Attitude,
     DoubleHeard,
     FlightMessage,
@@ -58,7 +55,17 @@ from executor.core.messages import (
     Traffic,
     VehicleSetting,
 )
-from executor.core.recording import MODE_COMMANDS, RcChangeFilter, Record, RecordedFile, TiltFilter, is_wanted_setting
+from executor.core.interface.recorded_log import (
+    MODE_COMMANDS,
+    RcChangeFilter,
+    Record,
+    RecordedFile,
+    TiltFilter,
+    is_wanted_setting,
+)
+from executor.core.state.duplicate_ids import PlaceTold, Twins, with_place
+from executor.core.telemetry.autopilot_component import AutopilotComponent, update_autopilot_component
+from executor.core.telemetry.plausibility import filter_implausible
 from missions import AUTOPILOTS, MissionItem
 
 V1, V2 = 0xFE, 0xFD
@@ -376,7 +383,7 @@ class TelemetryFile(RecordedFile):
             told = self._events.setdefault(system, px4_events.Px4EventDecoder())
             return told.decode(event, boot_ms, sequence, arguments) if px4s else None
         if number == PARAM_VALUE:
-            name = words.escape_controls(fields[3].split(b"\0", 1)[0].decode(errors="replace"))
+            name = formatting.escape_controls(fields[3].split(b"\0", 1)[0].decode(errors="replace"))
             value = integers.from_wire(fields[0], fields[4], self._autopilots.get(system))
             return VehicleSetting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
         if number in {LOCAL_POSITION, LOCAL_TARGET}:

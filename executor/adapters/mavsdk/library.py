@@ -11,7 +11,7 @@ import functools
 from typing import TYPE_CHECKING
 
 from executor.adapters.extras import Extra, require_extra
-from executor.core.messages import GROUND_STATION
+from executor.core.interface.messages import GROUND_STATION
 from executor.errors import ConnectionFailed
 
 if TYPE_CHECKING:

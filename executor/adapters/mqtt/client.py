@@ -17,7 +17,7 @@ import aiomqtt
 
 from executor.adapters.mqtt.broker import BrokerAddress
 from executor.adapters.mqtt.outbox import MqttMessage, Outbox, PendingMessage
-from executor.core.commands import Level
+from executor.core.interface.commands import Level
 
 ANSWER_S = 5.0
 """A broker that sends no PUBACK for so long counts as disconnected."""

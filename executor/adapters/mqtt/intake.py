@@ -16,8 +16,8 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 from executor.adapters.assets import NamedAssets
 from executor.adapters.mqtt.broker import IntakeRules
 from executor.adapters.mqtt.reasons import IntakeReason
-from executor.core.commands import Level
-from executor.core.intents import FOR_ALL, FOR_BASE, PACK, Action, ActionName, Intent
+from executor.core.interface.commands import Level
+from executor.core.interface.intents import FOR_ALL, FOR_BASE, PACK, Action, ActionName, Intent
 from missions import format_first_error
 
 MOST_BYTES = 4096

@@ -11,13 +11,13 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from executor.adapters.mqtt.reasons import IntakeReason
-from executor.core.endings import Ending
-from executor.core.intents import IntentReason
-from executor.core.seeing.assets import AssetView
-from executor.core.state import CheckLine, Question
-from executor.core.vehicle import FaultCode
-from executor.core.view import OfferView, PositionView, ReplanView, VehicleView
-from missions.planjson import PlanDocument
+from executor.core.fleet_view import OfferView, PositionView, ReplanView, VehicleView
+from executor.core.imaging.asset_status import AssetView
+from executor.core.interface.endings import Ending
+from executor.core.interface.intents import IntentReason
+from executor.core.state.fleet_state import CheckLine, Question
+from executor.core.state.vehicle_state import FaultCode
+from missions.plan_json import PlanDocument
 
 VERSION = "1.6.0"
 

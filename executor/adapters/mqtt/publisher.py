@@ -21,12 +21,12 @@ from executor.adapters.mqtt.payloads import (
     TelemetryMessage,
     VehicleStateMessage,
 )
-from executor.core.commands import Say
-from executor.core.events import Event, IntentReceived, Tick
-from executor.core.intents import IntentRecord
-from executor.core.seeing.assets import AssetState, AssetView
-from executor.core.state import FleetState
-from executor.core.view import FleetView, VehicleView
+from executor.core.fleet_view import FleetView, VehicleView
+from executor.core.imaging.asset_status import AssetState, AssetView
+from executor.core.interface.commands import Say
+from executor.core.interface.events import Event, IntentReceived, Tick
+from executor.core.interface.intents import IntentRecord
+from executor.core.state.fleet_state import FleetState
 
 AT_LEAST_EVERY_S = 10.0
 """Real seconds after which a state is published though nothing has changed."""

@@ -30,13 +30,13 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from executor.adapters.assets import NamedAssets
-from executor.adapters.web.door import ConnectionLimits, ConnectionRegistry, WebConnection
+from executor.adapters.web.connection_limits import ConnectionLimits, ConnectionRegistry, WebConnection
 from executor.adapters.web.guard import Guard
-from executor.adapters.web.present import Describe, Now, WebSnapshot
+from executor.adapters.web.snapshot import Describe, Now, WebSnapshot
 from executor.adapters.web.stream import EventStream, LatestValue
 from executor.core.context import Context
-from executor.core.intents import PACK, Action, ActionName, Intent, IntentRecord, Outcome
-from executor.core.view import build_fleet_view
+from executor.core.fleet_view import build_fleet_view
+from executor.core.interface.intents import PACK, Action, ActionName, Intent, IntentRecord, Outcome
 from executor.errors import ConnectionFailed
 from executor.supervised import WAITS_S, run_beside
 from missions import Window, format_first_error

@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator
 
 from starlette.types import Receive, Scope, Send
 
-from executor.adapters.web.door import ConnectionLimits, origin_of
+from executor.adapters.web.connection_limits import ConnectionLimits, origin_of
 
 SLOW_S = 10.0
 """A browser that takes longer than this for one state is let go; it comes back by itself."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from executor.core.battery import kalman
-from executor.core.battery.counter import (
+from executor.core.battery.charge_counter import (
     CALM_PCT,
     WHOLE_PCT,
     ChargeCounter,

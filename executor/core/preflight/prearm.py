@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from executor.core.messages import SystemStatus
+from executor.core.interface.messages import SystemStatus
 
 SENSORS = {
     0x1: "gyroscope", 0x2: "accelerometer", 0x4: "compass", 0x8: "barometer", 0x20: "GPS", 0x10000: "remote control",

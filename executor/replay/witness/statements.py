@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from executor.core.vehicle import FaultKind
-from executor.replay.witness.testimony import SECOND, LogEvidence
+from executor.core.state.vehicle_state import FaultKind
+from executor.replay.witness.log_evidence import SECOND, LogEvidence
 
 DATAFLASH, ULOG = b"\xa3\x95", b"ULog"
 
@@ -59,9 +59,9 @@ def read_log_evidence(path: Path) -> dict[int, LogEvidence]:
     Raises:
         OSError: it cannot be read.
     """
-    from executor.replay.witness.onboard import read_onboard
-    from executor.replay.witness.px4 import read_px4
-    from executor.replay.witness.telemetry import read_telemetry
+    from executor.replay.witness.dataflash_log import read_onboard
+    from executor.replay.witness.px4_log import read_px4
+    from executor.replay.witness.telemetry_log import read_telemetry
 
     with path.open("rb") as file:
         head = file.read(16)

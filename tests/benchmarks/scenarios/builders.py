@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.scenarios import Day, DayInstance, DayTask, DayVehicle
-from planner.streets import build_road_graph
+from planner.road_graph import build_road_graph
 
 
 def random_day(seed: int, tasks: int, vehicles: int, depots: int, *, places: int = 7, whole: bool = True) -> Day:

@@ -25,7 +25,7 @@ from benchmarks.scenarios import (
     solve_day,
 )
 from planner import InstanceError, Iterations, PlanError
-from planner.streets import build_road_graph
+from planner.road_graph import build_road_graph
 from tests.benchmarks.scenarios.builders import random_day
 
 ROW = build_road_graph(5, [(place, place + 1, 10.0) for place in range(4)])

@@ -14,7 +14,7 @@ from benchmarks.table.make import Maker
 from benchmarks.table.settings import TableSettings
 from benchmarks.table.tasks import TableTask, TaskKind, do
 from executor.cli.main import main
-from executor.site.planning import PlanSolver
+from executor.site.site_planning import PlanSolver
 from planner import Cost
 
 TINY = TableSettings(None, radii_m=(500.0,), tightness=(0.8,), seeds=2, iterations=200)

@@ -8,13 +8,13 @@ import pytest
 
 from benchmarks.witness.falls import sank_m_s
 from benchmarks.witness.verdicts import Stand, hold_against
-from executor.core.vehicle import FaultKind
-from executor.replay.result import Declaration
-from executor.replay.witness import testimony
+from executor.core.state.vehicle_state import FaultKind
+from executor.replay.replay_result import Declaration
+from executor.replay.witness import log_evidence
 from executor.replay.witness.statements import read_log_evidence
 from tests.onboard import DataFlashWriter
 
-SECOND = testimony.SECOND
+SECOND = log_evidence.SECOND
 AUTO, STABILIZE = 3, 0
 FALLS_AT_S, FALL_S, FALL_M_S = 30.0, 2.0, 7.0
 
@@ -25,7 +25,7 @@ def height_m(at_s: float, fall_m_s: float) -> float:
 
 
 def flown(path: Path, *, baro: float = FALL_M_S, gps: float = FALL_M_S, ctun: float = FALL_M_S, mode: float = AUTO,
-          descent_cm_s: float = 150.0) -> testimony.LogEvidence:  # fmt: skip
+          descent_cm_s: float = 150.0) -> log_evidence.LogEvidence:  # fmt: skip
     writer = DataFlashWriter()
     writer.say("PARM", "QNf", "TimeUS,Name,Value", SECOND, "WPNAV_SPEED_DN", descent_cm_s)
     writer.say("MODE", "QMBB", "TimeUS,Mode,ModeNum,Rsn", SECOND, int(mode), int(mode), 1)
@@ -43,7 +43,7 @@ def flown(path: Path, *, baro: float = FALL_M_S, gps: float = FALL_M_S, ctun: fl
     return read_log_evidence(writer.write(path / "a.BIN"))[1]
 
 
-def judged(told: testimony.LogEvidence) -> Stand:
+def judged(told: log_evidence.LogEvidence) -> Stand:
     said = Declaration(FaultKind.INTERRUPTION, "falling", round((FALLS_AT_S + 1.2) * SECOND), "falls at 7.0 m/s")
     return hold_against(said, told, 4.5).outcome
 
@@ -73,4 +73,4 @@ def test_a_pilot_may_dive(tmp_path: Path) -> None:
 
 
 def test_nothing_is_said_where_nothing_tells_heights() -> None:
-    assert sank_m_s(testimony.LogEvidence(1), 0, 100 * SECOND) == (0.0, "nothing that tells heights")
+    assert sank_m_s(log_evidence.LogEvidence(1), 0, 100 * SECOND) == (0.0, "nothing that tells heights")

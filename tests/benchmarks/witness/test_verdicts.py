@@ -10,8 +10,8 @@ import pytest
 from pymavlink.dialects.v20 import common as mav
 
 from benchmarks.witness.verdicts import Stand, hold_against
-from executor.core.vehicle import FaultKind
-from executor.replay.result import Declaration
+from executor.core.state.vehicle_state import FaultKind
+from executor.replay.replay_result import Declaration
 from executor.replay.witness.statements import StatementKind, find_statements, read_log_evidence
 from tests.recorded import BEGAN_USEC, Writer, heartbeat, position, station, text
 

@@ -17,10 +17,10 @@ from hypothesis import strategies as st
 
 from executor.adapters import eventlog
 from executor.adapters.eventlog import FORMAT, EventLog, from_plain, read_events, to_plain
-from executor.core import fleet
-from executor.core.commands import Command
-from executor.core.events import Event, Heard, NewRoute, SolveEnded, Tick, UploadEnded
-from executor.core.messages import FlightMessage, Heartbeat
+from executor.core import fleet_step
+from executor.core.interface.commands import Command
+from executor.core.interface.events import Event, Heard, NewRoute, SolveEnded, Tick, UploadEnded
+from executor.core.interface.messages import FlightMessage, Heartbeat
 from executor.errors import LogError
 from tests.executor.builders import THREE, fleet_of
 from tests.executor.core.stories import under_way
@@ -182,10 +182,10 @@ def test_a_flight_from_its_log_gives_the_same_commands(tmp_path: Path) -> None:
     assert log.lost == 0
     assert len(flight.state.replanning.records) >= 2
 
-    state = fleet.build_initial_state(dict(ready.boards))
+    state = fleet_step.build_initial_state(dict(ready.boards))
     again: list[tuple[float, Command]] = []
     for now_s, event in read_events(tmp_path / "events.jsonl"):
-        state, decided = fleet.step(ready.context, state, event, now_s)
+        state, decided = fleet_step.step(ready.context, state, event, now_s)
         again.extend((now_s, command) for command in decided)
     assert again == flight.commands
     assert state == flight.state
@@ -197,9 +197,9 @@ def test_a_flight_resumed_from_its_log_decides_the_same(tmp_path: Path) -> None:
     log = EventLog(tmp_path / "events.jsonl", began_unix_s=0.0, speedup=1.0)
     for now_s, event in flight.events:
         log.write(event, now_s)
-    state = fleet.build_initial_state(dict(flight.boards))
+    state = fleet_step.build_initial_state(dict(flight.boards))
     for now_s, event in read_events(tmp_path / "events.jsonl"):
-        state, _ = fleet.step(flight.context, state, event, now_s)
+        state, _ = fleet_step.step(flight.context, state, event, now_s)
     log.close()
     assert state == flight.state
 

@@ -17,9 +17,9 @@ import pytest
 import pytest_asyncio
 
 from executor.adapters.solver import SolverProcess, SolverSetup, solve_for_survivors
-from executor.core.commands import Solve, Survivor
-from executor.core.events import SolveEnded
-from executor.site import assembly
+from executor.core.interface.commands import Solve, Survivor
+from executor.core.interface.events import SolveEnded
+from executor.site import site_model
 from missions import Pace, Pricing
 from missions.pace import AS_MODELLED
 from tests.executor.builders import ground_for, site_of
@@ -27,7 +27,7 @@ from tests.missions.builders import line_east
 from tests.patience import PATIENCE_S
 
 SETUP = SolverSetup(0.5, 1)
-PRICING = assembly.build_pricing(ground_for(site_of(("uav1", "uav2", "uav3")), line_east(7)))
+PRICING = site_model.build_pricing(ground_for(site_of(("uav1", "uav2", "uav3")), line_east(7)))
 SOURCE = Path(__file__).parents[3]
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from executor.adapters.solver import SolverSetup, build_replan_task, solve_for_survivors
-from executor.core.commands import Solve, Survivor
-from executor.core.events import SolveEnded
-from executor.site import assembly
+from executor.core.interface.commands import Solve, Survivor
+from executor.core.interface.events import SolveEnded
+from executor.site import site_model
 from missions import Network, Pricing
 from planner import Plan, Route, build_onboard_plan, evaluate, rate_plan, segment_of
 from planner.cost import Cost
@@ -22,7 +22,7 @@ NAMES = tuple(f"uav{number}" for number in range(5))
 
 
 def priced(network: Network) -> Pricing:
-    return assembly.build_pricing(ground_for(site_of(NAMES), network))
+    return site_model.build_pricing(ground_for(site_of(NAMES), network))
 
 
 LINE = priced(line_east(7))

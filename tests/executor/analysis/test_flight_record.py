@@ -18,8 +18,8 @@ from executor.analysis.flight_record import (
     SegmentRecord,
     VehicleRecord,
 )
-from executor.core.coverage import PositionSample, Track
-from executor.core.vehicle import FaultKind
+from executor.core.state.inspection_run import PositionSample, Track
+from executor.core.state.vehicle_state import FaultKind
 from missions.geo import FloatArray
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import NOW_S

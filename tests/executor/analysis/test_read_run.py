@@ -20,9 +20,9 @@ from executor.analysis.flight_record import (
     used_pct_at,
 )
 from executor.analysis.read_run import read_run
-from executor.core.commands import Level
-from executor.core.coverage import PositionSample, Track
-from executor.core.vehicle import FaultKind
+from executor.core.interface.commands import Level
+from executor.core.state.inspection_run import PositionSample, Track
+from executor.core.state.vehicle_state import FaultKind
 from executor.errors import LogError
 from tests.executor.flights import write_run
 

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from executor.analysis.report import PreflightRecord, build_report, build_vehicle_answers
-from executor.core.check_codes import CheckCode
-from executor.core.messages import Heartbeat, Position, StationHeard, Version
-from executor.core.preflight.checks import Check, Severity, VehicleFacts
-from executor.core.preflight.parameters import ChangeStage, KeptParameter
-from executor.flight.changed_parameters import build_parameter_rows
+from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.messages import Heartbeat, Position, StationHeard, Version
+from executor.core.preflight.parameter_proposals import ChangeStage, KeptParameter
+from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
+from executor.flight.kept_parameters import build_parameter_rows
 from tests.executor.core.stories import FLEET, under_way
 
 POSITION = Position(60.0, 49.6, 15.6, 450.0, 0.0, 0.0, 0.0, 0.0, None)

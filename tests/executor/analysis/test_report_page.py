@@ -14,7 +14,7 @@ from executor.analysis.documents import FlightReport, LastFix, LastPosition, Leg
 from executor.analysis.flight_record import DecisionLine, FlightRecord, PlanRevision
 from executor.analysis.read_run import read_run
 from executor.analysis.report_page import describe_outcome, format_value, render_report_page, write_report_page
-from executor.core.commands import Level
+from executor.core.interface.commands import Level
 from tests.executor.flights import short_report, write_run
 
 EMPTY = {"meta", "img"}

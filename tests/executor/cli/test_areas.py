@@ -12,14 +12,14 @@ import pytest
 
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.flight_record import build_launch_revision
-from executor.analysis.pictures.maps import draw_plan_figure
-from executor.flight.flight_order import FlightRequest, write_run_start
-from executor.flight.next_sortie import plan_next_flight
-from executor.site import assembly, planning
-from executor.site.config import read_site
+from executor.analysis.pictures.map_figures import draw_plan_figure
+from executor.flight.flight_request import FlightRequest, write_run_start
+from executor.flight.next_flight import plan_next_flight
+from executor.site import site_model, site_planning
+from executor.site.site_file import read_site
 from missions import PlanFileError, read_plan, write_plan
 from missions.geo import LocalFrame
-from missions.plansetup import setup_of_plan
+from missions.plan_setup import setup_of_plan
 from missions.readers import read_network
 from tests.executor.cli.test_main import DEPOT, Place, place
 from tests.executor.flights import short_report
@@ -83,19 +83,19 @@ def test_a_plan_file_carries_its_areas_and_is_checked_against_them(place: Place)
 def test_a_plan_of_other_areas_is_not_flown(place: Place) -> None:
     plan = read_plan(place.planned(extra=area(name="pond", polygon=box(70, 30, 290, 60))))
 
-    def ground(extra: str) -> assembly.SiteModel:
+    def ground(extra: str) -> site_model.SiteModel:
         place.site(extra=extra)
-        return assembly.load_site_model(read_site(place.folder / "site.toml"), place.folder)
+        return site_model.load_site_model(read_site(place.folder / "site.toml"), place.folder)
 
-    planning.check_plan_fits(plan, ground(area(name="pond", polygon=box(70, 30, 290, 60))), "plan.json")
+    site_planning.check_plan_fits(plan, ground(area(name="pond", polygon=box(70, 30, 290, 60))), "plan.json")
     with pytest.raises(PlanFileError, match=r"changed: area\[0\].margin_m is 15, the plan was made with 10"):
-        planning.check_plan_fits(
+        site_planning.check_plan_fits(
             plan, ground(area(name="pond", polygon=box(70, 30, 290, 60), margin_m=15)), "plan.json"
         )
     with pytest.raises(PlanFileError, match="the site has changed: areas is 0, the plan was made with 1"):
-        planning.check_plan_fits(plan, ground(""), "plan.json")
+        site_planning.check_plan_fits(plan, ground(""), "plan.json")
     with pytest.raises(PlanFileError, match=r"the site has changed: .* area 'shed'"):
-        planning.check_plan_fits(plan, ground(SHED), "plan.json")
+        site_planning.check_plan_fits(plan, ground(SHED), "plan.json")
 
 
 def test_an_export_leads_around_as_well(place: Place) -> None:
@@ -127,22 +127,22 @@ def test_a_run_directory_holds_the_files_of_areas(place: Place) -> None:
         extra=area(file="one.geojson") + area(name="x", polygon=box(70, -70, 80, -50)) + area(file="two.geojson")
     )
     site = read_site(place.folder / "site.toml")
-    ground = assembly.load_site_model(site, place.folder)
-    plan = planning.plan_site(ground, planning.PlanRequest(None, 0.2, 1, usual=True))
+    ground = site_model.load_site_model(site, place.folder)
+    plan = site_planning.plan_site(ground, site_planning.PlanRequest(None, 0.2, 1, usual=True))
     run = place.folder / "run"
     run.mkdir()
     write_run_start(FlightRequest(site, place.folder, ground, plan, run, lambda _: ()))
     for name in ("one.geojson", "two.geojson", "line.geojson"):
         (place.folder / name).unlink()
-    again = assembly.load_site_model(read_site(RunDirectory(run).site), run)
+    again = site_model.load_site_model(read_site(RunDirectory(run).site), run)
     assert again.setup.areas == ground.setup.areas
     assert [one.name for one in again.setup.areas] == ["pond", "x", "pond"]
-    planning.check_plan_fits(read_plan(RunDirectory(run).plan_path(0)), again, "plan-000.json")
+    site_planning.check_plan_fits(read_plan(RunDirectory(run).plan_path(0)), again, "plan-000.json")
 
 
 def test_the_next_sortie_is_not_about_what_cannot_be_reached(place: Place) -> None:
     place.site(extra=SHED)
-    ground = assembly.load_site_model(read_site(place.folder / "site.toml"), place.folder)
+    ground = site_model.load_site_model(read_site(place.folder / "site.toml"), place.folder)
     never = tuple(one.segment for one in ground.setup.unreachable)
     assert never
     report = short_report([]).model_copy(update={"segments_uncovered": never, "faults": ()})
@@ -220,7 +220,7 @@ def test_a_height_limit_bars_what_some_vehicle_would_fly_above_it(
     place: Place, limit: dict[str, Any], why: str | None
 ) -> None:
     place.site(extra=area(name="glide path", polygon=box(190, -40, 400, 40), **limit))
-    setup = assembly.load_site_model(read_site(place.folder / "site.toml"), place.folder).setup
+    setup = site_model.load_site_model(read_site(place.folder / "site.toml"), place.folder).setup
     found = {one.segment: one.why for one in setup.unreachable}
     if why is None:
         assert (found, setup.kept_out) == ({}, ())
@@ -238,7 +238,7 @@ def test_a_vehicle_stands_on_the_pad_that_the_site_names_and_alternates_are_know
     place.site(extra=places)
     file = place.folder / "site.toml"
     file.write_text(file.read_text().replace("sysid = 2\n", 'sysid = 2\npad = "north field"\n'))
-    setup = assembly.load_site_model(read_site(file), place.folder).setup
+    setup = site_model.load_site_model(read_site(file), place.folder).setup
     pad = setup.pad_of("uav2")
     assert (pad.east_m, pad.north_m) == pytest.approx((-40.0, 25.0), abs=0.01)
     [meadow] = setup.alternates
@@ -257,7 +257,7 @@ def test_many_corners_are_simplified_and_more_is_kept_from_them(place: Place) ->
         (2000 + 1500 * math.cos(2 * math.pi * n / 2000), 1500 * math.sin(2 * math.pi * n / 2000)) for n in range(2000)
     ]
     place.site(extra=area(name="town", polygon=corners(*ring)))
-    ground = assembly.load_site_model(read_site(place.folder / "site.toml"), place.folder)
+    ground = site_model.load_site_model(read_site(place.folder / "site.toml"), place.folder)
     [town] = ground.setup.areas
     assert len(town.rings_m[0]) <= 400
     assert (town.eased_m, town.keep_m) == (0.5, 10.5)
@@ -266,7 +266,7 @@ def test_many_corners_are_simplified_and_more_is_kept_from_them(place: Place) ->
 
 def test_areas_far_away_are_left_out_and_that_is_said(place: Place) -> None:
     place.site(extra=area(name="far", polygon=box(90_000, 0, 91_000, 1000)))
-    ground = assembly.load_site_model(read_site(place.folder / "site.toml"), place.folder)
+    ground = site_model.load_site_model(read_site(place.folder / "site.toml"), place.folder)
     assert ground.setup.areas == ()
     assert ground.worth_a_look == (
         "areas: none of area[0] 'far' is within 20 km of the lines; are latitude and longitude swapped?",

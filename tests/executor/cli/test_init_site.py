@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from executor.site import assembly
-from executor.site.config import read_site
+from executor.site import site_model
+from executor.site.site_file import read_site
 from missions import read_plan
 from tests.executor.cli.test_main import Place, place
 from tests.scripts.pages.test_schemas import validator
@@ -45,7 +45,7 @@ def test_a_graph_file_needs_a_depot(place: Place) -> None:
     place.run("init", str(graph), "--depot", "49.6,15.6,450", "-o", str(folder / "site.toml"))
     site = read_site(folder / "site.toml")
     assert site.network.file == "../line.graph"
-    assert len(assembly.load_site_model(site, folder).network.segments) == 2
+    assert len(site_model.load_site_model(site, folder).network.segments) == 2
     assert '# heights = "flat"' in (folder / "site.toml").read_text()
 
 

@@ -14,13 +14,13 @@ from typing import Any
 import pytest
 
 from executor.adapters.run_directory import RunDirectory, lock_run_directory
-from executor.analysis.learned import build_learned_document
+from executor.analysis.learned_document import build_learned_document
 from executor.cli import commandline
 from executor.cli.main import main
 from executor.core.battery.kalman import Prior
-from executor.core.learning import KnownVehicle, PaceEstimate
-from executor.core.preflight.parameters import ChangeStage, KeptParameter
-from executor.flight.changed_parameters import write_kept_parameters
+from executor.core.preflight.parameter_proposals import ChangeStage, KeptParameter
+from executor.core.vehicle_learning import KnownVehicle, PaceEstimate
+from executor.flight.kept_parameters import write_kept_parameters
 from missions import Pace, parse_qgc_plan, read_plan
 from planner import PRESETS
 from tests.executor.flights import short_report

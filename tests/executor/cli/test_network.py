@@ -12,8 +12,8 @@ import openpyxl
 import pytest
 import shapefile
 
-from executor.site import assembly
-from executor.site.config import read_site
+from executor.site import site_model
+from executor.site.site_file import read_site
 from missions import import_network, read_network
 from tests.executor.cli.test_main import Place, place
 from tests.missions.readers import same
@@ -310,7 +310,7 @@ def test_a_site_chooses_lines_and_they_keep_their_names(place: Place) -> None:
     source, site = same.overpass(place.folder), Path(place.path("new.toml"))
     words = ("--where", "voltage >= 400000", "--depot", "49.6,15.6,450", "--vehicles", "1", "-o", str(site))
     assert place.run("init", str(source), *words)[0] == 0
-    ground = assembly.load_site_model(read_site(site), place.folder)
+    ground = site_model.load_site_model(read_site(site), place.folder)
     assert [segment.label for segment in ground.network.segments] == ["V410.1", "V410.2", "V410.3"]
     assert place.run("plan", str(site), "--seconds", "0.2", "-o", place.path("plan.json"))[0] == 0
     first, *_ = json.loads(Path(place.path("plan.json")).read_text())["segments"]

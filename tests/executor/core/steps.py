@@ -7,15 +7,15 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
-from executor.core import fleet
-from executor.core.commands import Command, Solve, Survivor, Upload
+from executor.core import fleet_step
 from executor.core.context import Context, RelaunchPolicy
-from executor.core.events import Event, IntentReceived, Tick
-from executor.core.intents import Action, Intent, IntentRecord, Outcome
-from executor.core.messages import Heartbeat
-from executor.core.parts import HomingOrder, OnboardMission, PositionFix, Takeover
-from executor.core.state import FleetState, NewMission, Replan, ReportedWarnings
-from executor.core.vehicle import Fault, FaultCode, FaultKind, Stage, VehicleState
+from executor.core.interface.commands import Command, Solve, Survivor, Upload
+from executor.core.interface.events import Event, IntentReceived, Tick
+from executor.core.interface.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.interface.messages import Heartbeat
+from executor.core.state.fleet_state import FleetState, NewMission, Replan, ReportedWarnings
+from executor.core.state.vehicle_parts import HomingOrder, OnboardMission, PositionFix, Takeover
+from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState
 from missions import build_flight_path, continue_path
 from tests.executor.builders import flat, vehicle, with_facts
 from tests.executor.core.vehicles import AUTO, DISARMED, FLEET, NOW_S, PAD_E, PAD_N, RTL, at, flying
@@ -89,7 +89,7 @@ Stepped = tuple[list[Command], Changes, Changes]
 
 def stepped(state: FleetState, event: Event, context: Context = FLEET.context) -> Stepped:
     """Return everything that an event leads to."""
-    return outcome(state, fleet.step(context, state, event, NOW_S))
+    return outcome(state, fleet_step.step(context, state, event, NOW_S))
 
 
 def outcome(before: FleetState, of: tuple[FleetState, tuple[Command, ...]]) -> Stepped:

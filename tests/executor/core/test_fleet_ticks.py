@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from executor.core.fleet import PHASES
+from executor.core.fleet_step import PHASES
 
 NAMES = [phase.name for phase in PHASES]
 SENTENCES = [(phase.name, one) for phase in PHASES for one in re.split(r"(?<=\.)\s+", phase.why_here)]

@@ -11,20 +11,20 @@ import pytest
 
 from executor.adapters.eventlog import from_plain, to_plain
 from executor.core.context import Context
-from executor.core.endings import Ending
-from executor.core.events import UploadEnded
-from executor.core.faults.watchpoints import TABLE
-from executor.core.intents import Action, Intent, IntentReason
-from executor.core.messages import CommandAck
-from executor.core.operator.refusals import find_refusal
-from executor.core.state import Briefing, FleetState, Question
-from executor.core.vehicle import FaultCode, Stage
+from executor.core.inflight.faults.watchpoints import TABLE
+from executor.core.interface.endings import Ending
+from executor.core.interface.events import UploadEnded
+from executor.core.interface.intents import Action, Intent, IntentReason
+from executor.core.interface.messages import CommandAck
+from executor.core.operator.intent_refusals import find_refusal
+from executor.core.state.fleet_state import Briefing, FleetState, Question
+from executor.core.state.vehicle_state import FaultCode, Stage
 from executor.protocols import upload
 from executor.protocols.command import CommandDialogue
 from executor.protocols.machine import Rejected
-from executor.protocols.orders import arm
+from executor.protocols.vehicle_commands import arm
 from scripts.pages.reference import DOMAINS
-from tests.executor.core.operator.test_refusals import ROWS, grounded, state_of
+from tests.executor.core.operator.test_intent_refusals import ROWS, grounded, state_of
 from tests.executor.core.steps import plan_of
 from tests.executor.core.vehicles import CONTEXT, NOW_S, flying
 from tests.test_architecture import ROOT, modules

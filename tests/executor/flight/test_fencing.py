@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from executor.core.commands import Upload
 from executor.core.context import FenceRules
-from executor.core.fencing import build_first_fences, encode_fence
-from executor.core.messages import SendMissionCount
+from executor.core.interface.commands import Upload
+from executor.core.interface.messages import SendMissionCount
+from executor.core.state.onboard_fence import build_first_fences, encode_fence
 from executor.errors import LogError, PreflightFailed, VehicleRefused
 from executor.flight import fencing
 from executor.flight.kept_lists import KeptList, ListStage, read_kept_lists

@@ -12,16 +12,16 @@ from typing import Any
 
 import pytest
 
-from executor.core.commands import Level
 from executor.core.context import Context
-from executor.core.messages import Outgoing, SendParamRequest, SendParamSet
-from executor.core.preflight.checks import Check, Severity
-from executor.core.preflight.parameters import ChangeStage, KeptParameter
-from executor.core.state import FleetState
+from executor.core.interface.commands import Level
+from executor.core.interface.messages import Outgoing, SendParamRequest, SendParamSet
+from executor.core.preflight.parameter_proposals import ChangeStage, KeptParameter
+from executor.core.preflight.vehicle_checks import Check, Severity
+from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError, PreflightFailed
 from executor.flight import parameter_changes
-from executor.flight.changed_parameters import build_parameter_rows, read_kept_parameters, write_kept_parameters
-from executor.runtime.parameters import HEARD_S, ROUNDS
+from executor.flight.kept_parameters import build_parameter_rows, read_kept_parameters, write_kept_parameters
+from executor.runtime.parameter_restore import HEARD_S, ROUNDS
 from missions import dialect_for
 from tests.executor.builders import Fleet, fleet_of, site_of
 from tests.fakes.clock import LoopClock

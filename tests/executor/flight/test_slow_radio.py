@@ -13,18 +13,18 @@ from pathlib import Path
 import pytest
 
 from executor.adapters.clock import SystemClock
-from executor.core.check_codes import CheckCode
 from executor.core.context import Context
-from executor.core.preflight import failsafes
-from executor.core.preflight.checks import Check, Severity, VehicleFacts
-from executor.flight.flight_order import FlightRequest
+from executor.core.interface.check_codes import CheckCode
+from executor.core.preflight import failsafe_parameters
+from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
+from executor.flight.flight_request import FlightRequest
 from executor.flight.parameter_changes import apply_changes, read_changes
-from executor.flight.preparing import build_context_and_checklist, interview_vehicles, upload_first_missions
-from executor.runtime.flight import send_heartbeats
-from executor.simulated.fleet import fleet_of
-from executor.virtual.flight import SilentConsole
+from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
+from executor.runtime.flight_loop import send_heartbeats
+from executor.simulated.simulated_fleet import fleet_of
 from executor.virtual.loop import run_virtual
 from executor.virtual.radio import MemoryRadio
+from executor.virtual.virtual_flight import SilentConsole
 from missions import dialect_for
 from simulator.channel import Channel, LinkCondition
 from simulator.config import AutopilotKind, SimVehicle
@@ -197,7 +197,7 @@ def test_who_answers_no_question_does_not_fly(autopilot: str, tmp_path: Path) ->
     """Nobody knows whether it is the radio: what its failsafes do, what fences it has, and where its RTL leads."""
     names = defaults_for(SimVehicle("uav1", 1, AutopilotKind(autopilot), "udpin://127.0.0.1:1", 49.6, 15.6, 450.0), 5e3)
     mute = prepared(tmp_path, autopilot, SLOW, {}, *names)
-    asked = len(failsafes.list_preflight_parameters(dialect_for(autopilot)))
+    asked = len(failsafe_parameters.list_preflight_parameters(dialect_for(autopilot)))
     assert all((len(facts.unread), facts.parameters) == (asked, {}) for facts in mute.facts.values())
     codes = {check.code for check in mute.found if check.severity is Severity.STOP}
     assert {CheckCode.LINK_FAILSAFE, CheckCode.BATTERY_FAILSAFE, CheckCode.GEOFENCE, CheckCode.RTL_ALTITUDE} <= codes

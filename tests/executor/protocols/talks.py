@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from executor.core.messages import (
+from executor.core.interface.messages import (
     Message,
     Outgoing,
     SendMissionCount,

@@ -7,18 +7,18 @@ from collections.abc import Callable
 
 import pytest
 
-from executor.core.messages import (
+from executor.core.interface.messages import (
     CommandAck,
     MissionAck,
     SendCommand,
 )
-from executor.protocols import orders
+from executor.protocols import vehicle_commands
 from executor.protocols.command import CommandDialogue
 from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
 from tests.executor.core.steps import rounded
 from tests.executor.protocols.talks import LATE, late, talk
 
-ARM = orders.arm()
+ARM = vehicle_commands.arm()
 COMMAND = CommandDialogue(ARM, "arm")
 GIVE_UP = "give up"
 

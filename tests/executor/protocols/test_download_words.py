@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from executor.core.messages import (
+from executor.core.interface.messages import (
     MissionAck,
     MissionCount,
     MissionItemReceived,

@@ -8,10 +8,10 @@ from dataclasses import fields, replace
 
 import pytest
 
-from executor.protocols import orders, upload
+from executor.protocols import upload, vehicle_commands
 from executor.protocols.command import CommandDialogue
 from executor.protocols.download import FIRST_TRIP, DownloadDialogue
-from executor.protocols.params import ParameterDialogue
+from executor.protocols.parameter_dialogue import ParameterDialogue
 from missions import ARDUPILOT, MissionKind, encode
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import flying
@@ -20,7 +20,7 @@ BOARD = flying().assignment.board
 assert BOARD is not None
 ITEMS = encode(BOARD.path, ARDUPILOT).items[:3]
 UPLOAD = upload.UploadDialogue(ITEMS, 8.0, frozenset({13}))
-ARM = orders.arm()
+ARM = vehicle_commands.arm()
 COMMAND = CommandDialogue(ARM, "arm")
 
 

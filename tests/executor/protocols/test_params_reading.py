@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from executor.core.messages import Message, Outgoing, ParamRefused, ParamValue, SendParamRequest
+from executor.core.interface.messages import Message, Outgoing, ParamRefused, ParamValue, SendParamRequest
 from executor.protocols.machine import Accepted, TimedOut
-from executor.protocols.params import MOST_AT_ONCE, ParameterReading
+from executor.protocols.parameter_dialogue import MOST_AT_ONCE, ParameterReading
 
 NAMES = tuple(f"P{number}" for number in range(26))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.messages import (
+from executor.core.interface.messages import (
     MissionAck,
     MissionRequest,
     SendMissionItem,

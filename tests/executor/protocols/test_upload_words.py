@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.messages import (
+from executor.core.interface.messages import (
     MissionAck,
     MissionCount,
     MissionRequest,

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executor.errors import LogError
-from executor.replay.logs import replay_log, rules_of
+from executor.replay.log_replay import replay_log, rules_of
 from executor.replay.open_log import open_log
 from tests.onboard import DataFlashWriter, UlogWriter
 from tests.recorded import Writer, flight

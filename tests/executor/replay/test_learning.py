@@ -13,8 +13,8 @@ import pytest
 from pymavlink.dialects.v20 import common as mav
 
 from executor.cli import main
-from executor.site.assembly import drone_of
-from executor.site.config import read_site
+from executor.site.site_file import read_site
+from executor.site.site_model import drone_of
 from planner import CLIMB_SHARE_PER_M_S, PRESETS, pct_per_s, power_w
 from simulator.battery import Battery as Pack
 from tests.recorded import LOGS, Writer, heartbeat, station

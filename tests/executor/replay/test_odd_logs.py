@@ -12,9 +12,9 @@ from executor.adapters.logs.dataflash import DataFlashFile
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
 from executor.cli import main
 from executor.errors import LogError
-from executor.replay.logs import replay_log, rules_of
+from executor.replay.log_replay import replay_log, rules_of
 from executor.replay.open_log import open_log
-from executor.replay.result import LogReplay
+from executor.replay.replay_result import LogReplay
 from tests.onboard import DataFlashWriter
 from tests.recorded import Writer, battery, flight, heartbeat, position, station
 

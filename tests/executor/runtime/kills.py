@@ -14,13 +14,13 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from executor.core import fleet
+from executor.core import fleet_step
 from executor.core.context import Context
-from executor.core.coverage import InspectionRun, PositionSample, Track, advance_run
-from executor.core.events import Event, Reopened, SolveEnded
-from executor.runtime.flight import Flight, Observer
+from executor.core.interface.events import Event, Reopened, SolveEnded
+from executor.core.state.inspection_run import InspectionRun, PositionSample, Track, advance_run
+from executor.runtime.flight_loop import Flight, Observer
 from tests.executor.builders import THREE, Fleet, fleet_of
-from tests.executor.runtime.test_flight import Sky
+from tests.executor.runtime.test_flight_loop import Sky
 from tests.fakes.flyer import STEP_S, Flyer
 from tests.fakes.link import CLEAN, Air
 from tests.fakes.solver import FakeSolver
@@ -93,9 +93,9 @@ class MortalSky(Sky):
 
     def raised(self) -> Flight:
         """Return a new flight with the state that the log gives."""
-        state = fleet.build_initial_state(dict(self.ready.boards))
+        state = fleet_step.build_initial_state(dict(self.ready.boards))
         for now_s, event in self.log:
-            state, _ = fleet.step(self.ready.context, state, event, now_s)
+            state, _ = fleet_step.step(self.ready.context, state, event, now_s)
         self.solver = FakeSolver()
         return Flight(
             self.ready.context, state, self.links, self.clock, self, self.solver,

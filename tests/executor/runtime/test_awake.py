@@ -12,9 +12,9 @@ from itertools import pairwise
 
 import pytest
 
-from executor.core import fleet
-from executor.core.events import Tick
-from executor.core.messages import Heartbeat, SendCommand
+from executor.core import fleet_step
+from executor.core.interface.events import Tick
+from executor.core.interface.messages import Heartbeat, SendCommand
 from executor.protocols.command import CommandDialogue
 from executor.protocols.machine import Accepted, TimedOut
 from executor.runtime import procedures
@@ -208,7 +208,7 @@ def test_a_late_tick_is_held_against_no_link() -> None:
     flight = under_way()
     heard_s = flight.vehicle("uav2").link.heard_s
     assert heard_s is not None
-    state, _ = fleet.step(flight.context, flight.state, Tick(late_s=0.9), flight.now_s + 1.2)
+    state, _ = fleet_step.step(flight.context, flight.state, Tick(late_s=0.9), flight.now_s + 1.2)
     assert state.vehicles["uav2"].link.heard_s == pytest.approx(heard_s + 0.9)
-    state, _ = fleet.step(flight.context, flight.state, Tick(), flight.now_s + 1.2)
+    state, _ = fleet_step.step(flight.context, flight.state, Tick(), flight.now_s + 1.2)
     assert state.vehicles["uav2"].link.heard_s == heard_s

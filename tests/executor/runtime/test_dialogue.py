@@ -6,7 +6,14 @@ import asyncio
 
 import pytest
 
-from executor.core.messages import CommandAck, Heartbeat, Outgoing, SendCommand, SendMissionAck, SendMissionCount
+from executor.core.interface.messages import (
+    CommandAck,
+    Heartbeat,
+    Outgoing,
+    SendCommand,
+    SendMissionAck,
+    SendMissionCount,
+)
 from executor.protocols.command import CommandDialogue
 from executor.protocols.machine import Accepted, TimedOut
 from executor.protocols.upload import UploadDialogue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.replan import new_missions
+from executor.core.replanning import new_missions
 from tests.executor.runtime.kills import flown
 
 pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]

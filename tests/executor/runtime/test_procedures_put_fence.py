@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
-from executor.core.endings import Ending
-from executor.core.messages import SendMissionCount, StatusText
+from executor.core.interface.endings import Ending
+from executor.core.interface.messages import SendMissionCount, StatusText
 from executor.runtime import procedures
 from executor.runtime.procedures import ProcedureResult
 from missions import ARDUPILOT, PX4, Dialect, LocalFrame, MissionKind

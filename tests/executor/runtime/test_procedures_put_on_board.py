@@ -6,7 +6,13 @@ import asyncio
 
 import pytest
 
-from executor.core.messages import Message, MissionAck, SendMissionCount, SendMissionItem, SendMissionRequestList
+from executor.core.interface.messages import (
+    Message,
+    MissionAck,
+    SendMissionCount,
+    SendMissionItem,
+    SendMissionRequestList,
+)
 from executor.runtime import procedures
 from executor.runtime.procedures import ProcedureResult
 from missions import (

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.intents import Action, IntentReason, Outcome
-from executor.core.vehicle import Stage
+from executor.core.interface.intents import Action, IntentReason, Outcome
+from executor.core.state.vehicle_state import Stage
 from tests.executor.runtime.turns_of_a_day import Crew, Day, DaySky, day_flown
 from tests.stories.story import Moment, When, World, asks, at, befalls, told, wants
 

@@ -8,19 +8,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from executor.adapters.eventlog import from_plain, to_plain
-from executor.core import fleet
-from executor.core.battery.history import PackHistory
-from executor.core.commands import Say, Solve
+from executor.core import fleet_step
+from executor.core.battery.pack_history import PackHistory
 from executor.core.context import Context, DayRules
-from executor.core.events import Reopened, SolveEnded
-from executor.core.intents import IntentRecord
-from executor.core.parts import OnboardMission, PlannedSortie
-from executor.core.preflight.checks import VehicleFacts
-from executor.core.state import FleetState
-from executor.runtime.flight import Flight, Observer
-from executor.virtual.crew import PadCrew
+from executor.core.interface.commands import Say, Solve
+from executor.core.interface.events import Reopened, SolveEnded
+from executor.core.interface.intents import IntentRecord
+from executor.core.preflight.vehicle_checks import VehicleFacts
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_parts import OnboardMission, PlannedSortie
+from executor.runtime.flight_loop import Flight, Observer
+from executor.virtual.in_process_solver import InProcessSolver
+from executor.virtual.pad_crew import PadCrew
 from executor.virtual.radio import MemoryRadio, run_radios
-from executor.virtual.solver import InProcessSolver
 from missions import Network, Pricing
 from tests.fakes.solver import FakeSolver
 from tests.missions.builders import line_east
@@ -150,10 +150,10 @@ class DaySky(Sky):
 
     def _initial(self, boards: Mapping[str, OnboardMission | None]) -> FleetState:
         if not self.day.ruled:
-            return fleet.build_initial_state(boards)
+            return fleet_step.build_initial_state(boards)
         sorties = {name: (visits, *self.day.later.get(name, ())) for name, visits in self.day.first.items()}
         ahead = {name: tuple(PlannedSortie(one, 0.0) for one in own) for name, own in sorties.items()}
-        return fleet.build_initial_state(boards, ahead=ahead)
+        return fleet_step.build_initial_state(boards, ahead=ahead)
 
     async def _live(self) -> None:
         await run_radios(self.radios.values(), self._lived, every_s=0.1)
@@ -179,7 +179,7 @@ class DaySky(Sky):
         """Return the state that the log gives, as it is written and read again."""
         state = self._initial(self._boards)
         for now_s, event in self.sink.written:
-            state, _ = fleet.step(context, state, from_plain(json.loads(json.dumps(to_plain(event)))), now_s)
+            state, _ = fleet_step.step(context, state, from_plain(json.loads(json.dumps(to_plain(event)))), now_s)
         return state
 
     def _happen(self) -> None:

@@ -6,16 +6,16 @@ import json
 from pathlib import Path
 
 from executor.simulated.demo_site import build_demo_site, find_free_ports
-from executor.site import assembly
-from executor.site.config import check_site
+from executor.site import site_model
+from executor.site.site_file import check_site
 from missions import default_network_path, read_network
 
 SYDNEY = (-33.86, 151.21)
 
 
-def site_over(network: Path | None, *, flat: bool = False) -> assembly.SiteModel:
+def site_over(network: Path | None, *, flat: bool = False) -> site_model.SiteModel:
     content = build_demo_site(network=network, radius_m=700, vehicles=3, speedup=10, autopilot="px4", flat=flat)
-    return assembly.load_site_model(check_site(content, "demo"), Path())
+    return site_model.load_site_model(check_site(content, "demo"), Path())
 
 
 def test_the_default_network_lies_where_it_says() -> None:

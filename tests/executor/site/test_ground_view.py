@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from executor.errors import SiteError
-from executor.site.config import check_site
 from executor.site.ground_view import BESIDE_M, MOST_PIXELS, build_ground_view, shown_area_of
+from executor.site.site_file import check_site
 from executor.site.tables.map import MapTable
 from missions.errors import BackgroundError
 from tests.executor.grounds import Hills

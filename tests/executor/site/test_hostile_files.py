@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from executor.cli.main import main
 from tests.executor.cli.test_main import Place, place
-from tests.executor.flight.test_resume import launched, prepared
+from tests.executor.flight.test_resume_flight import launched, prepared
 
 __all__ = ["place"]
 

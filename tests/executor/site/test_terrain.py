@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 
 from executor.adapters.run_directory import RunDirectory
+from executor.analysis.height_profile import build_profiles
 from executor.analysis.pictures import draw_profile_figure, save_figure
-from executor.analysis.profile import build_profiles
-from executor.core.preflight import heights
-from executor.core.preflight.checks import Severity
+from executor.core.preflight import height_checks
+from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import SiteError
-from executor.flight.flight_order import FlightRequest, write_run_start
-from executor.site import assembly
-from executor.site.assembly import SiteModel
-from executor.site.config import read_site
-from executor.site.heights import compute_planned_heights
-from executor.site.planning import PlanRequest, check_plan_fits, describe_site_changes, plan_site, preview_loss
-from executor.site.sorties import build_day_problem
+from executor.flight.flight_request import FlightRequest, write_run_start
+from executor.site import site_model
+from executor.site.day_problem import build_day_problem
+from executor.site.planned_heights import compute_planned_heights
+from executor.site.site_file import read_site
+from executor.site.site_model import SiteModel
+from executor.site.site_planning import PlanRequest, check_plan_fits, describe_site_changes, plan_site, preview_loss
 from missions import MissionsError, PlanFile, PlanFileError, check_plan, read_plan, write_plan
 from planner import Cost
 from tests.mountains import LAT_DEG, LON_DEG, Mountain, write_raster
@@ -81,7 +81,7 @@ def write_site(folder: Path, text: str = SITE) -> Path:
 
 
 def ground_at(site: Path) -> SiteModel:
-    return assembly.load_site_model(read_site(site), site.parent)
+    return site_model.load_site_model(read_site(site), site.parent)
 
 
 @pytest.fixture(scope="module")
@@ -102,8 +102,8 @@ def plan(ground: SiteModel) -> PlanFile:
 
 
 def test_a_site_without_any_height_is_flown_by_the_raster(ground: SiteModel, plan: PlanFile, folder: Path) -> None:
-    setup = assembly.build_flight_setup(ground)
-    paths = assembly.build_paths(setup, assembly.name_routes(ground, plan.build_task(), plan.plan)).values()
+    setup = site_model.build_flight_setup(ground)
+    paths = site_model.build_paths(setup, site_model.name_routes(ground, plan.build_task(), plan.plan)).values()
     assert setup.terrain is not None
     assert setup.terrain.kept_m == 18.0 + 5.0
     judge = Judge((folder / RASTER,))
@@ -166,8 +166,8 @@ def test_a_day_of_sorties_is_not_planned_over_the_ground_between_the_lines(groun
 
 
 def test_profiles_are_drawn_over_the_ground(ground: SiteModel, plan: PlanFile, tmp_path: Path) -> None:
-    setup = assembly.build_flight_setup(ground)
-    paths = list(assembly.build_paths(setup, assembly.name_routes(ground, plan.build_task(), plan.plan)).values())
+    setup = site_model.build_flight_setup(ground)
+    paths = list(site_model.build_paths(setup, site_model.name_routes(ground, plan.build_task(), plan.plan)).values())
     drawn = build_profiles(setup, paths)
     assert [one.vehicle for one in drawn] == [path.vehicle for path in paths]
     for one in drawn:
@@ -181,9 +181,9 @@ def test_profiles_are_drawn_over_the_ground(ground: SiteModel, plan: PlanFile, t
 
 
 def test_a_flight_that_is_too_low_stops(ground: SiteModel, plan: PlanFile) -> None:
-    setup = assembly.build_flight_setup(ground)
-    paths = list(assembly.build_paths(setup, assembly.name_routes(ground, plan.build_task(), plan.plan)).values())
-    assert all(check.severity is not Severity.STOP for check in heights.check_flight_heights(setup, paths))
+    setup = site_model.build_flight_setup(ground)
+    paths = list(site_model.build_paths(setup, site_model.name_routes(ground, plan.build_task(), plan.plan)).values())
+    assert all(check.severity is not Severity.STOP for check in height_checks.check_flight_heights(setup, paths))
 
 
 REFUSED = {

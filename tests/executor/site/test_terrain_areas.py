@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.profile import build_profiles
-from executor.flight.flight_order import FlightRequest, write_run_start
-from executor.site import assembly
-from executor.site.assembly import SiteModel
-from executor.site.planning import describe_site_changes, plan_site, preview_loss
+from executor.analysis.height_profile import build_profiles
+from executor.flight.flight_request import FlightRequest, write_run_start
+from executor.site import site_model
+from executor.site.site_model import SiteModel
+from executor.site.site_planning import describe_site_changes, plan_site, preview_loss
 from missions import FlightPath, PlanFile, check_plan, continue_path, estimate, read_plan, write_plan
-from missions.areacheck import check_areas
+from missions.area_check import check_areas
 from missions.geo import LocalFrame
 from planner import Cost
 from tests.executor.site.test_terrain import MOUNTAIN, RASTER, SITE, WANTED, ground_at, write_site
-from tests.missions.test_overland_areas import ROUNDING_M
+from tests.missions.test_overland_surface_areas import ROUNDING_M
 from tests.mountains import LAT_DEG, LON_DEG
 from tests.properties.test_missions_areas import least_m
 from tests.terrain_judge import Judge, lines_over
@@ -63,12 +63,12 @@ def plan(ground: SiteModel) -> PlanFile:
 
 
 def paths_of(ground: SiteModel, plan: PlanFile) -> list[FlightPath]:
-    setup = assembly.build_flight_setup(ground)
-    return list(assembly.build_paths(setup, assembly.name_routes(ground, plan.build_task(), plan.plan)).values())
+    setup = site_model.build_flight_setup(ground)
+    return list(site_model.build_paths(setup, site_model.name_routes(ground, plan.build_task(), plan.plan)).values())
 
 
 def judged(ground: SiteModel, folder: Path, paths: list[FlightPath]) -> None:
-    setup, judge = assembly.build_flight_setup(ground), Judge((folder / RASTER,))
+    setup, judge = site_model.build_flight_setup(ground), Judge((folder / RASTER,))
     assert len(setup.areas) == 2
     for path in paths:
         assert judge.least_over_m(setup, path) >= KEPT_M - NEAR_M
@@ -91,7 +91,7 @@ def test_a_plan_leads_around_areas_and_over_hills(ground: SiteModel, plan: PlanF
 
 
 def test_its_times_are_about_those_that_it_was_chosen_by(ground: SiteModel, plan: PlanFile) -> None:
-    priced = assembly.build_pricing(ground)
+    priced = site_model.build_pricing(ground)
     for path in paths_of(ground, plan):
         flown_s = estimate(path, priced.models[path.vehicle]).duration_s
         planned_s = plan.durations_s[[one.name for one in plan.vehicles].index(path.vehicle)]
@@ -100,7 +100,7 @@ def test_its_times_are_about_those_that_it_was_chosen_by(ground: SiteModel, plan
 
 
 def test_the_profile_of_a_way_around_is_over_what_is_asked(ground: SiteModel, plan: PlanFile) -> None:
-    setup = assembly.build_flight_setup(ground)
+    setup = site_model.build_flight_setup(ground)
     for one in build_profiles(setup, paths_of(ground, plan)):
         flying = (one.along_m > 0) & (one.along_m < one.along_m[-1])
         assert (one.flown_m[flying] >= one.least_m[flying] - 0.05).all()
@@ -114,7 +114,7 @@ def test_a_re_plan_leads_around_them_as_well(ground: SiteModel, plan: PlanFile, 
     assert again.areas == plan.areas
     lost = preview_loss(again, "uav2", 60.0, cost=Cost.MINMAX, seconds=0.2, seed=1).plan
     assert check_plan(lost, search_window=False) == []
-    setup, [path, *_] = assembly.build_flight_setup(ground), paths_of(ground, plan)
+    setup, [path, *_] = site_model.build_flight_setup(ground), paths_of(ground, plan)
     rng = np.random.default_rng(4)
     for keep_waypoints in range(1, len(path.waypoints), 3):
         visits = [2 * int(one) + int(rng.integers(2)) for one in rng.permutation(len(ground.network.segments))[:5]]

@@ -11,15 +11,15 @@ import shapely
 from shapely.geometry import Point, Polygon
 
 from benchmarks.prediction import plan_with
-from executor.core.check_codes import CheckCode
+from executor.core.interface.check_codes import CheckCode
 from executor.simulated.demo_site import SIMULATED_CEILING_M, build_demo_site
-from executor.site import assembly
-from executor.site.assembly import SiteModel
-from executor.site.config import check_site
-from executor.site.planning import PlanRequest, plan_site
-from executor.virtual.flight import FlightObservers, VirtualFlight, fly_virtual
+from executor.site import site_model
+from executor.site.site_file import check_site
+from executor.site.site_model import SiteModel
+from executor.site.site_planning import PlanRequest, plan_site
+from executor.virtual.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from missions import PlanFile
-from missions.areacheck import check_areas
+from missions.area_check import check_areas
 from simulator.vehicle import SimulatedVehicle
 from tests.executor.virtual.short_line import write_line
 from tests.missions.builders import FRAME
@@ -47,7 +47,7 @@ def ground(
             {"name": name, "polygon": [FRAME.to_wgs84_deg(*corner) for corner in ring], "margin_m": MARGIN_M}
             for name, ring in (("yard", YARD), ("forest", FOREST), *more.items())
         ]
-    return assembly.load_site_model(check_site(content, "test"), folder)
+    return site_model.load_site_model(check_site(content, "test"), folder)
 
 
 def flown(chosen: SiteModel, *faults: str, plan: PlanFile | None = None) -> tuple[VirtualFlight, dict[str, float]]:

@@ -13,10 +13,10 @@ import pytest
 
 from benchmarks.prediction import plan_with
 from executor.simulated.demo_site import SIMULATED_CEILING_M, build_demo_site
-from executor.site import assembly
-from executor.site.assembly import SiteModel
-from executor.site.config import check_site
-from executor.virtual.flight import FlightObservers, VirtualFlight, fly_virtual
+from executor.site import site_model
+from executor.site.site_file import check_site
+from executor.site.site_model import SiteModel
+from executor.virtual.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from missions import PlanFile
 from missions.geometry import locate_on_leg
 from planner import segment_of
@@ -60,7 +60,7 @@ def ground(folder: Path, autopilot: str, *, same: bool = True) -> SiteModel:
         ports=range(20_000, 20_003),
     )  # fmt: skip
     content["inspection"] = {"ceiling_m": SIMULATED_CEILING_M, "heights": "flat", "same_distance": same}
-    return assembly.load_site_model(check_site(content, "test"), folder)
+    return site_model.load_site_model(check_site(content, "test"), folder)
 
 
 @dataclass

@@ -34,7 +34,7 @@ from missions.exports import (
     format_gpx,
     format_kml,
 )
-from missions.planfile import PlanFile
+from missions.plan_file import PlanFile
 from missions.setup import FlightSetup
 from planner import Cost, Plan, Route, Travel, Vehicle
 from tests.missions.builders import FRAME, network_of, paper_task

@@ -16,7 +16,7 @@ import shapefile
 
 from missions import NetworkError, NetworkImport, RemarkTopic, import_network
 from missions.errors import AreaError
-from missions.readers.areas import read_areas
+from missions.readers.area_files import read_areas
 from tests.missions.readers import same
 
 GEOMETRY = {"type": "LineString", "coordinates": [[15.6, 49.6], [15.602, 49.6]]}

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ValidationError
 
 from executor.analysis.report import build_report, build_vehicle_answers
 from executor.cli.main import main
-from missions.planjson import PlanDocument
+from missions.plan_json import PlanDocument
 from planner import Cost
 from scripts.pages.schemas import FILES, schemas
 from tests.executor.analysis.test_report import SAID

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
 from executor.cli import main
-from executor.replay.logs import replay_log, rules_of
+from executor.replay.log_replay import replay_log, rules_of
 from tests.recorded import Writer, flight, real_logs
 
 

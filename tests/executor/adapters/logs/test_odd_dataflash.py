@@ -11,13 +11,13 @@ from typing import Any, TypeVar
 import pytest
 from pymavlink import DFReader
 
+from executor.adapters.chunks import PIECE
 from executor.adapters.logs.dataflash import DataFlashFile
 from executor.adapters.logs.dataflash_rows import BinaryRows, WantedColumns
-from executor.adapters.pieces import PIECE
-from executor.core.messages import Battery, Heartbeat, LandedState, Position, StatusText, VehicleSetting
-from executor.core.recording import Record, SkippedRecords
+from executor.core.interface.messages import Battery, Heartbeat, LandedState, Position, StatusText, VehicleSetting
+from executor.core.interface.recorded_log import Record, SkippedRecords
 from executor.errors import LogError
-from executor.replay.logs import replay_log, rules_of
+from executor.replay.log_replay import replay_log, rules_of
 from executor.replay.witness.statements import read_log_evidence
 from tests.onboard import DataFlashWriter
 from tests.recorded import real_logs

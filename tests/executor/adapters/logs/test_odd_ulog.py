@@ -8,9 +8,9 @@ from typing import Any, TypeVar
 import pytest
 
 from executor.adapters.logs.ulog import UlogFile
-from executor.core.messages import Battery, Heartbeat, Position, RcChannels, StatusText
-from executor.core.recording import Record
-from executor.replay.logs import replay_log, rules_of
+from executor.core.interface.messages import Battery, Heartbeat, Position, RcChannels, StatusText
+from executor.core.interface.recorded_log import Record
+from executor.replay.log_replay import replay_log, rules_of
 from tests.onboard import UlogWriter
 
 M = TypeVar("M")

@@ -10,7 +10,7 @@ import pytest
 
 from executor.adapters.logs.dataflash import DataFlashFile
 from executor.adapters.logs.ulog import UlogFile
-from executor.core.messages import (
+from executor.core.interface.messages import (
     Actor,
     Heartbeat,
     HeightTarget,

@@ -17,9 +17,9 @@ from pymavlink.dialects.v20 import common as mav
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import MOST_PEERS, Router, _Datagrams, open_mavlink_links
 from executor.adapters.mavlink.link import VehicleLink
-from executor.core.connection import parse_connection
-from executor.core.messages import Heartbeat, Message, MissionAck, SendHeartbeat
-from executor.core.ports import LinkRequest
+from executor.core.interface.connection import parse_connection
+from executor.core.interface.messages import Heartbeat, Message, MissionAck, SendHeartbeat
+from executor.core.interface.ports import LinkRequest
 from executor.errors import ConnectionFailed
 from executor.supervised import watch_mistakes
 from tests.executor.adapters.mavlink.test_codec import ARDUPILOT, Vehicle

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import common as mav
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink, Write
-from executor.core.messages import (
+from executor.core.interface.messages import (
     DoubleHeard,
     Heartbeat,
     Message,
@@ -26,7 +26,7 @@ from executor.core.messages import (
     StatusText,
     Traffic,
 )
-from executor.core.ports import LinkCounts
+from executor.core.interface.ports import LinkCounts
 from tests.executor.adapters.mavlink.test_codec import PX4, Vehicle
 
 

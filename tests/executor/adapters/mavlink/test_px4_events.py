@@ -13,10 +13,10 @@ from pymavlink.dialects.v20 import common as mav
 from executor.adapters.logs.ulog import UlogFile
 from executor.adapters.mavlink import px4_events
 from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec
-from executor.adapters.mavlink.cutter import FrameParser
+from executor.adapters.mavlink.frame_parser import FrameParser
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
-from executor.core.messages import Actor, Heartbeat, Message, ModeChange, OwnFailsafe
-from executor.core.own_events import compute_event_id
+from executor.core.interface.messages import Actor, Heartbeat, Message, ModeChange, OwnFailsafe
+from executor.core.telemetry.px4_event_meanings import compute_event_id
 from tests.onboard import UlogWriter
 from tests.recorded import BEGAN_USEC, real_logs
 

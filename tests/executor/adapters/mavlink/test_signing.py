@@ -11,7 +11,14 @@ from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
 from executor.adapters.mavlink.signing import EPOCH_UNIX_S, TICKS_PER_S, FrameRejection, LinkSigning
-from executor.core.messages import Heartbeat, MissionCurrent, OrderSeen, Radio, SendHeartbeat, SendMissionCount
+from executor.core.interface.messages import (
+    Heartbeat,
+    MissionCurrent,
+    OrderSeen,
+    Radio,
+    SendHeartbeat,
+    SendMissionCount,
+)
 from simulator.config import Signing as SimSigning
 from simulator.messages import MissionCount, build_message
 from simulator.wire import Codec as SimCodec

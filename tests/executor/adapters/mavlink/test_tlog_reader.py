@@ -14,13 +14,13 @@ from pymavlink.dialects.v20 import ardupilotmega
 from pymavlink.dialects.v20 import common as mav
 from pymavlink.generator.mavcrc import x25crc
 
+from executor.adapters.chunks import PIECE
 from executor.adapters.mavlink.checksum import compute_checksum
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.px4_events import EVENT
 from executor.adapters.mavlink.tlog_kinds import KINDS, ORDERS, STATUSTEXT
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
-from executor.adapters.pieces import PIECE
-from executor.core.messages import (
+from executor.core.interface.messages import (
     Attitude,
     Battery,
     Heartbeat,
@@ -34,7 +34,7 @@ from executor.core.messages import (
     Traffic,
     VehicleSetting,
 )
-from executor.core.recording import SkippedRecords
+from executor.core.interface.recorded_log import SkippedRecords
 from tests.recorded import BEGAN_USEC, Writer, battery, flight, heartbeat, position, station, text
 
 

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.tlog_writer import TelemetryLog
-from executor.core.messages import SendMissionCount
+from executor.core.interface.messages import SendMissionCount
 from tests.executor.adapters.mavlink.test_codec import Vehicle
 from tests.fakes.disk import room_for
 

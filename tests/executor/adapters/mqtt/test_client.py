@@ -15,7 +15,7 @@ from executor.adapters.mqtt import client as connection
 from executor.adapters.mqtt.broker import BrokerAddress
 from executor.adapters.mqtt.client import MqttClient, Presence, Subscriber
 from executor.adapters.mqtt.outbox import MqttMessage, Outbox
-from executor.core.commands import Level
+from executor.core.interface.commands import Level
 from tests.brokers import KIND, PASSWORD, USER, RealBroker, running, secured_in
 from tests.patience import PATIENCE_S
 from tests.ports import free_port

@@ -10,8 +10,8 @@ import pytest
 from executor.adapters.mqtt.broker import IntakeRules
 from executor.adapters.mqtt.intake import BURST, MOST_BYTES, IntentIntake, RateLimiter, RefusedMessage, read_intent
 from executor.adapters.mqtt.reasons import IntakeReason
-from executor.core.commands import Level
-from executor.core.intents import Action, ActionName, Intent
+from executor.core.interface.commands import Level
+from executor.core.interface.intents import Action, ActionName, Intent
 
 NOW_UNIX_S = 1_790_000_000.0  # 2026-09-21T13:33:20Z
 GOOD = {"timestamp": "2026-09-21T14:13:20Z", "id": "a-1", "action": "hold", "vehicle": "uav1"}

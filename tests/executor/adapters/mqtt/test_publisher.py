@@ -15,11 +15,11 @@ from executor.adapters.mqtt.intake import RefusedMessage
 from executor.adapters.mqtt.outbox import MqttMessage, Outbox
 from executor.adapters.mqtt.publisher import ASSETS_EVERY_S, AT_LEAST_EVERY_S, Publisher
 from executor.adapters.mqtt.reasons import IntakeReason
-from executor.core.commands import Level, Say
-from executor.core.events import IntentReceived, Tick
-from executor.core.intents import Action, Outcome
-from executor.core.seeing.assets import AssetState, AssetView
-from executor.core.view import build_fleet_view
+from executor.core.fleet_view import build_fleet_view
+from executor.core.imaging.asset_status import AssetState, AssetView
+from executor.core.interface.commands import Level, Say
+from executor.core.interface.events import IntentReceived, Tick
+from executor.core.interface.intents import Action, Outcome
 from missions import build_plan_document
 from scripts.pages.schemas import schemas
 from tests.executor.core.stories import story, under_way

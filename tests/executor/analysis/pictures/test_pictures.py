@@ -27,10 +27,10 @@ from executor.analysis.pictures import (
     draw_window_figure,
     save_figure,
 )
-from executor.analysis.pictures.battery import spread_heights
-from executor.analysis.pictures.maps import group_connected
-from executor.analysis.pictures.placing import LabelPlacer, find_farthest, sample_line_m
-from executor.analysis.pictures.sheet import round_length_m
+from executor.analysis.pictures.battery_figure import spread_heights
+from executor.analysis.pictures.label_placement import LabelPlacer, find_farthest, sample_line_m
+from executor.analysis.pictures.map_figures import group_connected
+from executor.analysis.pictures.map_sheet import round_length_m
 from executor.analysis.pictures.style import COLOURS, DPI, INK, LOSS, style_of
 from executor.analysis.read_run import read_run
 from missions.geo import FloatArray

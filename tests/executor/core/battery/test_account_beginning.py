@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from executor.core.battery.account import BatteryState
-from executor.core.battery.counter import ChargeCounter
+from executor.core.battery.charge_counter import ChargeCounter
 from executor.core.battery.cusum import Drift
 from tests.executor.builders import flat
 from tests.executor.core.steps import rounded

@@ -10,7 +10,7 @@ import pytest
 
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
-from executor.core.battery.counter import ChargeCounter, PercentTransition, counter_remaining_pct
+from executor.core.battery.charge_counter import ChargeCounter, PercentTransition, counter_remaining_pct
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import BatteryEstimate
 from tests.executor.core.steps import rounded

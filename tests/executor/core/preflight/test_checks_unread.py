@@ -9,14 +9,14 @@ from typing import cast
 
 import pytest
 
-from executor.core.messages import ParamValue, Version
-from executor.core.preflight import cameras, checks, failsafes, packs, terrain
-from executor.core.preflight.checks import Check, Severity, VehicleFacts
-from executor.core.preflight.parameters import Answers, propose_return_changes
+from executor.core.interface.messages import ParamValue, Version
+from executor.core.preflight import failsafe_parameters, pack_checks, shutter_checks, terrain_checks, vehicle_checks
+from executor.core.preflight.parameter_proposals import Answers, propose_return_changes
+from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
 from missions import ARDUPILOT, PX4, Dialect, FlightPath
 from missions.cameras import Trigger
 from tests.executor.builders import fleet_of
-from tests.executor.core.preflight.test_checks import CONTEXT, FLEET, lacking, said
+from tests.executor.core.preflight.test_vehicle_checks import CONTEXT, FLEET, lacking, said
 
 BOTH = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda dialect: str(dialect.name))
 PIXHAWKS = fleet_of(autopilot="px4").context
@@ -33,28 +33,28 @@ def unread(facts: VehicleFacts, *names: str) -> VehicleFacts:
 
 
 def link_lines(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
-    own = failsafes.read_link_failsafe(dialect, facts.parameters, facts.unread)
+    own = failsafe_parameters.read_link_failsafe(dialect, facts.parameters, facts.unread)
     return [
-        checks.check_link_failsafe(
-            facts, own, waited_s=failsafes.effective_link_timeout_s(dialect, None, 0.0, own), wanted_s=None
+        vehicle_checks.check_link_failsafe(
+            facts, own, waited_s=failsafe_parameters.effective_link_timeout_s(dialect, None, 0.0, own), wanted_s=None
         )
     ]
 
 
 READERS: list[tuple[str, Callable[[Dialect], tuple[str, ...]], Callable[[VehicleFacts, Dialect], list[Check]]]] = [
-    ("the link failsafe", failsafes.link_names, link_lines),
+    ("the link failsafe", failsafe_parameters.link_names, link_lines),
     (
         "the watched station",
         lambda dialect: dialect.ground_station_failsafe.station_sysid[:1],
-        checks.check_ground_stations,
+        vehicle_checks.check_ground_stations,
     ),
     (
         "the battery failsafe",
-        failsafes.battery_names,
-        lambda facts, known: checks.check_battery_failsafe_settings(facts, known, 40.0),
+        failsafe_parameters.battery_names,
+        lambda facts, known: vehicle_checks.check_battery_failsafe_settings(facts, known, 40.0),
     ),
-    ("the flight times", lambda known: tuple(one.parameter for one in known.tunings), checks.flight_times),
-    ("the ground", terrain.list_terrain_parameters, terrain.check_terrain_following),
+    ("the flight times", lambda known: tuple(one.parameter for one in known.tunings), vehicle_checks.flight_times),
+    ("the ground", terrain_checks.list_terrain_parameters, terrain_checks.check_terrain_following),
 ]
 
 
@@ -70,12 +70,14 @@ def test_whatever_was_not_read_is_a_reason_not_to_fly(
         assert f"{name} was not read" in found[0].text
 
 
-@pytest.mark.parametrize("name", failsafes.fence_names(ARDUPILOT))
+@pytest.mark.parametrize("name", failsafe_parameters.fence_names(ARDUPILOT))
 def test_a_fence_of_which_a_half_was_read_is_not_said_to_be_left_alone(name: str) -> None:
     """Over a bad link six warnings had become one: what was not read counted as no limit."""
     facts = said(FENCE_ENABLE=1.0, FENCE_ALT_MAX=10.0, FENCE_RADIUS=60.0)
-    assert [check.severity for check in checks.check_own_geofence(CONTEXT, facts, PATH)] == [Severity.WARNING] * 2
-    [check] = checks.check_own_geofence(CONTEXT, unread(facts, name), PATH)
+    assert [check.severity for check in vehicle_checks.check_own_geofence(CONTEXT, facts, PATH)] == [
+        Severity.WARNING
+    ] * 2
+    [check] = vehicle_checks.check_own_geofence(CONTEXT, unread(facts, name), PATH)
     assert (check.severity, check.text) == (
         Severity.STOP,
         f"its geofence is not known: {name} was not read; is the link too bad?",
@@ -83,16 +85,16 @@ def test_a_fence_of_which_a_half_was_read_is_not_said_to_be_left_alone(name: str
 
 
 def test_a_pack_that_is_not_known_is_not_taken_for_the_planned_one() -> None:
-    [check] = packs.check_pack(CONTEXT, unread(said(), "BATT_CAPACITY"))
+    [check] = pack_checks.check_pack(CONTEXT, unread(said(), "BATT_CAPACITY"))
     assert check.severity is Severity.STOP
 
 
 def test_a_camera_of_which_nobody_knows_is_a_reason_not_to_fly_where_pictures_are_asked_for() -> None:
     capture = SimpleNamespace(trigger=Trigger.DISTANCE)
     asked = cast("FlightPath", SimpleNamespace(waypoints=[SimpleNamespace(captures=[capture])]))
-    [check] = cameras.check_shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, asked)
+    [check] = shutter_checks.check_shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, asked)
     assert check.severity is Severity.STOP
-    assert cameras.check_shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, PATH) == [], "it is asked for none"
+    assert shutter_checks.check_shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, PATH) == [], "it is asked for none"
 
 
 def test_an_rtl_that_was_not_read_is_a_reason_not_to_fly_and_nothing_is_set() -> None:
@@ -106,12 +108,12 @@ def test_an_rtl_that_was_not_read_is_a_reason_not_to_fly_and_nothing_is_set() ->
 @BOTH
 def test_a_silence_is_borne_for_as_long_as_what_was_not_read_may_be(dialect: Dialect) -> None:
     rule = dialect.ground_station_failsafe
-    own = failsafes.read_link_failsafe(dialect, {rule.action: 1.0}, {rule.timeout})
+    own = failsafe_parameters.read_link_failsafe(dialect, {rule.action: 1.0}, {rule.timeout})
     assert (own.acts, own.after_s >= rule.timeout_most_s) == (None, True)
-    assert failsafes.effective_link_timeout_s(dialect, None, 0.0, own) >= rule.timeout_most_s
-    assert failsafes.effective_link_timeout_s(dialect, 20.0, 0.0, own) >= rule.timeout_most_s
-    nothing = failsafes.read_link_failsafe(dialect, {rule.action: 0.0}, ())
-    assert failsafes.effective_link_timeout_s(dialect, 20.0, 0.0, nothing) == 20.0
+    assert failsafe_parameters.effective_link_timeout_s(dialect, None, 0.0, own) >= rule.timeout_most_s
+    assert failsafe_parameters.effective_link_timeout_s(dialect, 20.0, 0.0, own) >= rule.timeout_most_s
+    nothing = failsafe_parameters.read_link_failsafe(dialect, {rule.action: 0.0}, ())
+    assert failsafe_parameters.effective_link_timeout_s(dialect, 20.0, 0.0, nothing) == 20.0
 
 
 @pytest.mark.parametrize(
@@ -123,7 +125,7 @@ def test_a_silence_is_borne_for_as_long_as_what_was_not_read_may_be(dialect: Dia
     ],
 )
 def test_a_battery_failsafe_that_nobody_here_knows_is_a_warning(facts: VehicleFacts, dialect: Dialect) -> None:
-    [check] = checks.check_battery_failsafe_settings(facts, dialect, 40.0)
+    [check] = vehicle_checks.check_battery_failsafe_settings(facts, dialect, 40.0)
     assert check.severity is Severity.WARNING
     assert "unknown action" in check.text
 
@@ -144,13 +146,13 @@ def test_a_link_failsafe_that_nobody_here_knows_is_a_warning(dialect: Dialect, n
 def test_a_breach_of_which_nobody_here_knows_the_end_is_a_warning(facts: VehicleFacts, text: str) -> None:
     context = CONTEXT if "FENCE_ENABLE" in facts.parameters else PIXHAWKS
     assert (Severity.WARNING, text) in [
-        (one.severity, one.text) for one in checks.check_own_geofence(context, facts, None)
+        (one.severity, one.text) for one in vehicle_checks.check_own_geofence(context, facts, None)
     ]
 
 
 @pytest.mark.parametrize(("dialect", "name"), [(ARDUPILOT, "RTL_ALT_TYPE"), (PX4, "MPC_ALT_MODE")])
 def test_a_way_to_follow_the_ground_that_nobody_here_knows_is_a_warning(dialect: Dialect, name: str) -> None:
-    [check] = terrain.check_terrain_following(said(dialect, **{name: 9.0}), dialect)
+    [check] = terrain_checks.check_terrain_following(said(dialect, **{name: 9.0}), dialect)
     assert (check.severity, check.text) == (
         Severity.WARNING,
         f"may follow the ground by itself: {name} 9 is unknown",
@@ -160,8 +162,8 @@ def test_a_way_to_follow_the_ground_that_nobody_here_knows_is_a_warning(dialect:
 @BOTH
 def test_figures_that_a_firmware_does_not_have_are_planned_with_and_said(dialect: Dialect) -> None:
     name = dialect.tunings[0].parameter
-    assert checks.flight_times(said(dialect), dialect) == []
-    [check] = checks.flight_times(lacking(said(dialect), name), dialect)
+    assert vehicle_checks.flight_times(said(dialect), dialect) == []
+    [check] = vehicle_checks.flight_times(lacking(said(dialect), name), dialect)
     assert (check.severity, name in check.text) == (Severity.WARNING, True)
 
 
@@ -185,7 +187,7 @@ def test_a_return_long_before_the_battery_is_low(
     version: tuple[int, int, int] | None, changes: dict[str, float], early: list[str]
 ) -> None:
     facts = replace(said(PX4, **changes), version=None if version is None else Version(*version))
-    found = checks.check_battery_failsafe_settings(facts, PX4, 40.0)
+    found = vehicle_checks.check_battery_failsafe_settings(facts, PX4, 40.0)
     assert [check.text for check in found[1:]] == [
         f"battery failsafe: {one}: it may leave its mission" for one in early
     ]
@@ -194,7 +196,7 @@ def test_a_return_long_before_the_battery_is_low(
 
 @pytest.mark.parametrize(("value", "last"), [(4.0, "flight termination"), (5.0, "land")])
 def test_what_newer_px4_does_on_a_low_battery_has_words(value: float, last: str) -> None:
-    [check] = checks.check_battery_failsafe_settings(said(PX4, COM_LOW_BAT_ACT=value), PX4, 40.0)
+    [check] = vehicle_checks.check_battery_failsafe_settings(said(PX4, COM_LOW_BAT_ACT=value), PX4, 40.0)
     assert check.severity is Severity.OK
     assert check.text == (
         f"battery failsafe: RTL below 7 % (COM_LOW_BAT_ACT={value:g}), {last} below 5 % (COM_LOW_BAT_ACT={value:g})"

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from executor.core.messages import (
+from executor.core.interface.messages import (
     SystemStatus,
 )
 from executor.core.preflight import prearm

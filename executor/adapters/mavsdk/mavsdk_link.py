@@ -1,0 +1,227 @@
+"""Links through MAVSDK 4: it has the sockets, finds the systems, checks the frames and keeps up our heartbeat.
+
+Whole messages come and go through its MavlinkDirect plugin, so every dialogue is faultline's own, with its patience for
+what MAVSDK's mission transfer takes for the end: ArduPilot's INVALID_SEQUENCE in the midst of an upload. What this way
+does not have: sequence numbers, so nobody counts what was lost, and integer parameters of PX4 that are negative, whose
+bits are no number in MAVSDK's messages; those are neither read nor set.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
+from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING, Protocol
+
+from executor.adapters.mavsdk.library import add_mavsdk_connection, create_ground_station, load_mavsdk
+from executor.core.interface.connection import Connection, Scheme
+from executor.core.interface.messages import GROUND_STATION, Heartbeat, Message, Outgoing, StationHeard
+from executor.core.interface.ports import LinkCounts, LinkRequest
+from executor.core.telemetry.autopilot_component import AUTOPILOT
+from executor.errors import ConnectionFailed
+
+if TYPE_CHECKING:
+    from mavsdk import Mavsdk
+    from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
+    from mavsdk.system import System
+
+ENDS_S = 10.0
+"""Real seconds that MAVSDK may take to end; a thread of it that hangs is left behind."""
+
+Fields = Mapping[str, object]
+"""A message's fields by their MAVLink names, as JSON has them: null for what is no finite number."""
+
+
+class Translator(Protocol):
+    """Turns MAVLink fields into our messages and back."""
+
+    def read_fields(
+        self, name: str, sysid: int, compid: int, fields: Fields
+    ) -> tuple[bytes, tuple[Message, ...]] | None:
+        """Return a frame for the log and what is heard with it; None for a message that is not known.
+
+        What other components than the vehicle's autopilot say of themselves is not heard.
+        """
+        ...
+
+    def write_fields(self, message: Outgoing, sysid: int, compid: int) -> tuple[str, Fields, bytes] | None:
+        """Return the MAVLink message's name and fields, and a frame for the log; None if JSON cannot say it."""
+        ...
+
+
+class MavsdkLink:
+    """Messages of one vehicle through MAVSDK; lives on the event loop."""
+
+    def __init__(self, order: LinkRequest, translator: Translator) -> None:
+        """Make a link that leads nowhere until MAVSDK has found the system."""
+        self.sysid = order.sysid
+        self.component = AUTOPILOT
+        self.counts = LinkCounts(missing=None)
+        self._log = order.log
+        self._translator = translator
+        self._direct: MavlinkDirect | None = None
+        self._listeners: list[Callable[[Message], None]] = []
+
+    @property
+    def is_found(self) -> bool:
+        """Whether MAVSDK has found the system."""
+        return self._direct is not None
+
+    def listen(self, listener: Callable[[Message], None]) -> Callable[[], None]:
+        """Call `listener` with every message of the vehicle from now on; returns how to stop that."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
+
+    def send(self, message: Outgoing) -> None:
+        """Send one message; before the system is found there is nowhere to send it."""
+        if self._direct is None:
+            return
+        from mavsdk.plugins.mavlink_direct import MavlinkDirectError, MavlinkMessage
+
+        written = self._translator.write_fields(message, self.sysid, self.component)
+        if written is None:
+            return
+        name, fields, frame = written
+        try:
+            self._direct.send_message(
+                MavlinkMessage(name, *GROUND_STATION, self.sysid, self.component, json.dumps(fields))
+            )
+        except MavlinkDirectError:
+            return  # what cannot be sent is lost, as on the air
+        if self._log is not None:
+            self._log.write(frame)
+
+    def attach(self, system: System) -> None:
+        """Take the system that MAVSDK has found."""
+        self._direct = _subscribe(system, "", self._receive)
+
+    def detach(self) -> list[object]:
+        """Let go of the system, before MAVSDK ends; returns what must be kept until it has."""
+        kept = [] if self._direct is None else _collect_references(self._direct)
+        self._direct = None
+        return kept
+
+    def dispatch(self, message: Message) -> None:
+        """Hand a message to everybody who listens."""
+        for listener in tuple(self._listeners):
+            listener(message)
+
+    def _receive(self, message: MavlinkMessage) -> None:
+        self.counts.received += 1
+        read = _read(self._translator, message)
+        if read is None:
+            return
+        frame, heard = read
+        if self._log is not None:
+            self._log.write(frame)
+        for one in heard:
+            if isinstance(one, Heartbeat):
+                self.component = message.component_id
+            self.dispatch(one)
+
+
+def _subscribe(system: System, name: str, take: Callable[[MavlinkMessage], None]) -> MavlinkDirect:
+    """Have messages of a name of one system taken on the event loop; without a name, all."""
+    from mavsdk.plugins.mavlink_direct import MavlinkDirect
+
+    loop, direct = asyncio.get_running_loop(), MavlinkDirect(system)
+    # MAVSDK calls from a thread of its own; the flight lives on the event loop.
+    direct.subscribe_message(name, lambda message, _: loop.call_soon_threadsafe(take, message))
+    return direct
+
+
+def _collect_references(direct: MavlinkDirect) -> list[object]:
+    """Return what must be kept until MAVSDK has ended.
+
+    The plugin frees the callbacks that C calls when it ends, while some of those calls may still be in MAVSDK's queue:
+    without this a process died in one of about two hundred ends (measured).
+    """
+    return [direct, *vars(direct).get("_subscriptions", {}).values()]
+
+
+def _read(translator: Translator, message: MavlinkMessage) -> tuple[bytes, tuple[Message, ...]] | None:
+    # A text may have a tab in it, as PX4's have.
+    fields = json.loads(message.fields_json, strict=False)
+    return translator.read_fields(message.message_name, message.system_id, message.component_id, fields)
+
+
+class _Systems:
+    """All systems that MAVSDK finds: the links' vehicles, and the ground stations among the others."""
+
+    def __init__(self, mavsdk: Mavsdk, links: Iterable[MavsdkLink], translator: Translator) -> None:
+        self._mavsdk = mavsdk
+        self._links = tuple(links)
+        self._translator = translator
+        self._others: dict[int, MavlinkDirect] = {}
+        self._ending = False
+
+    def attach_new_systems(self) -> None:
+        """Take what was found since the last time."""
+        for system in () if self._ending else self._mavsdk.get_systems():
+            number = system.get_system_id()
+            wanted = [link for link in self._links if link.sysid == number]
+            for link in wanted:
+                if not link.is_found:
+                    link.attach(system)
+            if not wanted and number not in self._others:
+                self._others[number] = _subscribe(system, "HEARTBEAT", self._dispatch_stations)
+
+    def detach(self) -> list[object]:
+        """Let go of all systems, before MAVSDK ends; returns what must be kept until it has."""
+        self._ending = True
+        kept = [link.detach() for link in self._links] + [
+            _collect_references(direct) for direct in self._others.values()
+        ]
+        return [one for held in kept for one in held]
+
+    def _dispatch_stations(self, message: MavlinkMessage) -> None:
+        read = _read(self._translator, message)
+        for heard in () if read is None else read[1]:
+            if isinstance(heard, StationHeard):
+                # On which connection it is MAVSDK does not say.
+                for link in self._links:
+                    link.dispatch(heard)
+
+
+@asynccontextmanager
+async def open_mavsdk_links(
+    orders: Mapping[str, LinkRequest], translator: Translator
+) -> AsyncIterator[Mapping[str, MavsdkLink]]:
+    """Open the links to vehicles by name through one MAVSDK.
+
+    Raises:
+        ConnectionFailed: MAVSDK is not there, a port is taken, a device is missing, or a host is not known.
+    """
+    links = {name: MavsdkLink(order, translator) for name, order in orders.items()}
+    if not orders:
+        yield links
+        return
+    load_mavsdk()
+    loop = asyncio.get_running_loop()
+    mavsdk = await asyncio.to_thread(create_ground_station)
+
+    systems = _Systems(mavsdk, links.values(), translator)
+    try:
+        mavsdk.subscribe_on_new_system(lambda _: loop.call_soon_threadsafe(systems.attach_new_systems))
+        for connection in dict.fromkeys(order.connection for order in orders.values()):
+            if connection.scheme is Scheme.UDP_IN:
+                _expect_free(connection)
+            add_mavsdk_connection(mavsdk, str(connection))
+        yield links
+    finally:
+        kept = systems.detach()
+        # It waits for its threads, which may be about to hand a message to the loop.
+        ending = asyncio.ensure_future(asyncio.to_thread(mavsdk.destroy))
+        ending.add_done_callback(lambda _: kept.clear())
+        await asyncio.wait({ending}, timeout=ENDS_S)
+
+
+def _expect_free(connection: Connection) -> None:
+    """See that nobody has the port: MAVSDK shares it without a word, and each would hear half (measured)."""
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
+            plug.bind((connection.where, connection.number))
+    except OSError as error:
+        raise ConnectionFailed(f"{connection}: cannot be opened: {error.strerror or error}") from error

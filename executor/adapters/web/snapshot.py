@@ -1,0 +1,198 @@
+"""What a browser is told: the flight's present, and the map that changes seldom.
+
+The flight's states are immutable values, so they are read here, beside the flight, while it goes on.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+
+from executor.adapters.web.documents import (
+    BesideFleet,
+    BesideVehicle,
+    PageArea,
+    PageAssets,
+    PageChart,
+    PageRoute,
+    PageVehicle,
+    Place,
+)
+from executor.core.context import Context
+from executor.core.fleet_view import FleetView, build_fleet_view
+from executor.core.imaging.asset_status import AssetState, build_asset_views, list_asked_pictures
+from executor.core.state.fleet_state import Coverage, FleetState
+from missions import Phase, Window
+from missions.areas import AreaKind
+from missions.files import json_text
+
+Describe = Callable[[Context, FleetState, float], FleetView]
+Now = Callable[[], tuple[FleetState, float]]
+"""The newest state, and the time on the flight's clock; asked from another thread."""
+
+STEP_M = 3.0
+"""A track's next point is this far from the last one."""
+MOST_POINTS = 1500
+"""Of one track; when there are more, every second one is dropped."""
+
+
+@dataclass(slots=True)
+class _Track:
+    """Where a vehicle was, thinned."""
+
+    step_m: float = STEP_M
+    places: list[Place] = field(default_factory=list)
+
+    def add(self, place: Place) -> None:
+        if self.places and math.dist(self.places[-1], place) < self.step_m:
+            return
+        self.places.append((round(place[0], 1), round(place[1], 1)))
+        if len(self.places) > MOST_POINTS:
+            self.places = self.places[::2]
+            self.step_m *= 2
+
+
+class WebSnapshot:
+    """Reads the flight for everybody who looks; used by one thread."""
+
+    def __init__(
+        self,
+        context: Context,
+        now: Now,
+        speedup: float = 1.0,
+        describe: Describe = build_fleet_view,
+        window: Window | None = None,
+    ) -> None:
+        """Look at a flight.
+
+        Args:
+            context: The flight's.
+            now: Returns its newest state.
+            speedup: Seconds of the flight in a real one.
+            describe: Makes the description that is sent; tests show what a flight seldom comes to.
+            window: The re-plan window of the first plan.
+        """
+        self._context = context
+        self._now = now
+        self._speedup = speedup
+        self._describe = describe
+        self._window = window
+        self._tracks = {name: _Track() for name in context.vehicles}
+        self._asked = list_asked_pictures(context)
+        self._covered: tuple[Coverage, int] | None = None
+        self._assets_changed = 0
+
+    def build_view(self) -> FleetView:
+        """Return what is known now."""
+        return self._describe(self._context, *self._now())
+
+    def encode_clock(self) -> bytes:
+        """Return the time on the flight's clock alone, as JSON: a browser holds it against what it shows."""
+        _, now_s = self._now()
+        return json.dumps({"now_s": round(now_s, 2)}).encode()
+
+    def encode_state(self) -> bytes:
+        """Return the present as JSON, and remember where everybody is."""
+        state, now_s = self._now()
+        content = asdict(self._describe(self._context, state, now_s))
+        for shown in content["vehicles"]:
+            vehicle = state.vehicles[shown["name"]]
+            place = None if vehicle.motion.fix is None else _round_place(vehicle.motion.fix.place_m)
+            shown |= BesideVehicle(place_m=place, waypoint=vehicle.assignment.waypoint)
+            if place is not None and vehicle.armed:
+                self._tracks[vehicle.name].add(place)
+        tick_s = state.listening.tick_s
+        content |= BesideFleet(
+            speedup=self._speedup,
+            decided_age_s=None if tick_s is None else round(max(0.0, now_s - tick_s), 2),
+            chart=_compute_route_stamp(state),
+            inferred=sorted(state.coverage.inferred_segments()),
+            assets=self._update_assets_stamp(state),
+        )
+        return _encode_json(content)
+
+    def encode_map(self) -> bytes:
+        """Return the network, the pads, the routes on board and the ways flown so far, as JSON."""
+        state, _ = self._now()
+        setup = self._context.setup
+        return _encode_json(
+            PageChart(
+                chart=_compute_route_stamp(state),
+                window=self._window,
+                pictures=bool(setup.looks),
+                assets=[(segment, sum(most.values())) for segment, most in self._asked.items()],
+                names=[self._context.segment_name(segment.id) for segment in setup.network.segments],
+                areas=[
+                    PageArea(
+                        name=area.name,
+                        limit=area.kind is AreaKind.HEIGHT_LIMIT,
+                        outlines_m=[[_round_place(place) for place in ring] for ring in area.polygons_m()],
+                    )
+                    for area in setup.areas
+                ],
+                segments_m=[(_round_place(a), _round_place(b)) for a, b in setup.network.ends_m.tolist()],
+                vehicles=[
+                    PageVehicle(
+                        name=name,
+                        pad_m=_round_place(self._context.vehicles[name].pad_m),
+                        route=_build_route(state, name),
+                        track_m=self._tracks[name].places,
+                    )
+                    for name in self._context.vehicles
+                ],
+            )
+        )
+
+    def encode_assets(self) -> bytes:
+        """Return what became of each asset, as JSON: rows of segment, state, pictures and vehicle.
+
+        A network has thousands: an asset that is open and has no picture is left out, and browsers ask for this when
+        they show it and its stamp in the state is another one.
+        """
+        state, _ = self._now()
+        rows = [
+            (one.segment, one.state.value, one.pictures, one.vehicle)
+            for one in build_asset_views(self._context, state, self._asked)
+            if one.state is not AssetState.OPEN or one.pictures
+        ]
+        return _encode_json(PageAssets(assets=self._update_assets_stamp(state), rows=rows))
+
+    def _update_assets_stamp(self, state: FleetState) -> int:
+        """Return a number that changes whenever anything that `assets` says may have."""
+        if (
+            self._covered is None
+            or self._covered[0] is not state.coverage
+            or self._covered[1] != state.replanning.revision
+        ):
+            self._covered = (state.coverage, state.replanning.revision)
+            self._assets_changed += 1
+        return self._assets_changed
+
+
+def _encode_json(content: Mapping[str, object]) -> bytes:
+    """Return JSON; a number that is none is unknown to a browser, and must not keep it from all that is known."""
+    plain = {key: asdict(value) if isinstance(value, Window) else value for key, value in content.items()}
+    return json_text(plain, (",", ":")).encode()
+
+
+def _compute_route_stamp(state: FleetState) -> list[int]:
+    """Return what changes whenever a route does."""
+    return [-1 if one.assignment.board is None else one.assignment.board.revision for one in state.vehicles.values()]
+
+
+def _build_route(state: FleetState, name: str) -> PageRoute | None:
+    board = state.vehicles[name].assignment.board
+    if board is None:
+        return None
+    return PageRoute(
+        revision=board.revision,
+        places_m=[_round_place(place) for place in board.places_m],
+        inspect=[waypoint.phase is Phase.INSPECT for waypoint in board.path.waypoints],
+        segments=[track.segment for track in board.tracks],
+    )
+
+
+def _round_place(place: Sequence[float]) -> Place:
+    return round(place[0], 1), round(place[1], 1)

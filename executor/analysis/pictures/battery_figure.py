@@ -1,0 +1,309 @@
+"""Battery consumption over time: what was planned, what was planned anew, and what was measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, MultipleLocator
+
+from executor.analysis.flight_record import FlightRecord, compute_used_pct, used_pct_at
+from executor.analysis.pictures.style import INK, LOSS, PAPER, WIDTH_IN, VehicleStyle, make_white_edge, style_of
+from executor.core.formatting import format_duration, format_flight_time
+
+LEFT, RIGHT = 0.055, 0.815
+"""Edges of the plot as shares of the figure; names of the lines stand to its right, those of moments above."""
+PLOT_IN, BELOW_IN, TITLE_IN, MOMENT_IN = 5.0, 1.0, 0.55, 0.2
+"""Heights of the plot, of what is below it, of the title, and of each line of words above the plot."""
+STRIP_IN = 0.85
+"""The plot's part for the limits, where they lie far above everything that was used."""
+FAR = 1.6
+"""Limits higher than so many times what was used get a strip of their own."""
+MARKS = 14
+"""About so many markers on a measured line."""
+LABEL_STEP = 0.035
+"""Least distance of two names, as a share of the figure's height."""
+LEAST_SPAN_PCT = 5.0
+CHARACTER = 0.0085
+"""Width of a letter above the plot, as a share of the plot's width."""
+TIME_STEPS_S = (5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
+"""Between two times that are written below the picture."""
+MOST_TIMES = 12
+
+
+@dataclass(frozen=True, slots=True)
+class LineEnd:
+    """Where a vehicle's lines end, and what is to be said of it."""
+
+    t_s: float
+    used_pct: float
+    words: str
+    colour: str
+
+
+@dataclass(frozen=True, slots=True)
+class TimeMark:
+    """A vertical line."""
+
+    t_s: float
+    words: str
+    colour: str
+    line: int
+    """Of the words above the plot; 0 is the lowest."""
+
+
+def draw_battery_figure(record: FlightRecord) -> Figure:
+    """Return percent used over seconds since the launch.
+
+    Plans are solid, re-plans dashed and measurements thin with markers, in each vehicle's colour. Red lines are the
+    losses, the black one is the longest route of the first plan; budgets and reserves are horizontal.
+    """
+    styles = {vehicle.name: style_of(vehicle.layer) for vehicle in record.vehicles}
+    limits, highest, end_s = _collect_limits(record), _highest_pct(record), _end_s(record)
+    moments = _collect_time_marks(record, end_s)
+    lines = 1 + max(moment.line for moment in moments)
+    height_in = BELOW_IN + PLOT_IN + MOMENT_IN * lines + TITLE_IN
+    figure = Figure(figsize=(WIDTH_IN, height_in), facecolor=PAPER)
+    far = bool(limits) and min(limits.values()) > FAR * highest
+    lower_in = PLOT_IN - (STRIP_IN + 0.08 if far else 0.0)
+    axes = figure.add_axes((LEFT, BELOW_IN / height_in, RIGHT - LEFT, lower_in / height_in))
+    axes.set_xlim(0.0, end_s)
+    axes.set_ylim(0.0, 1.08 * (highest if far else max([highest, *limits.values()])))
+    panels = [axes]
+    if far:
+        place = (LEFT, (BELOW_IN + PLOT_IN - STRIP_IN) / height_in, RIGHT - LEFT, STRIP_IN / height_in)
+        panels.append(_add_strip(figure.add_axes(place), axes, limits))
+    draw_limits(panels[-1], limits, end_s)
+    _draw_plans(axes, record, styles)
+    _draw_measured(axes, record, styles)
+    _draw_losses(panels, record)
+    draw_time_marks(panels, moments)
+    label_lines(axes, _collect_line_ends(record, styles))
+    _format_time_axis(panels, end_s)
+    axes.set_xlabel("time since the order to take off (min:s)")
+    axes.set_ylabel("battery used (%)")
+    title = "Battery consumption: planned and measured"
+    figure.text(0.01, 1.0 - 0.3 / height_in, title, fontsize=14, fontweight="bold", color=INK, va="center")
+    figure.legend(handles=_build_legend(record), loc="lower center", ncols=6, frameon=False, fontsize=9)
+    return figure
+
+
+def _format_time_axis(panels: Sequence[Axes], end_s: float) -> None:
+    """Write times as the terminal, the page and the report show them."""
+    step_s = next((step for step in TIME_STEPS_S if end_s / step <= MOST_TIMES), TIME_STEPS_S[-1])
+    for axes in panels:
+        axes.xaxis.set_major_locator(MultipleLocator(step_s))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda t_s, _: format_duration(t_s)))
+
+
+def _highest_pct(record: FlightRecord) -> float:
+    planned = [used_pct for revision in record.revisions for route in revision.routes for _, used_pct in route.energy]
+    measured = [
+        float(compute_used_pct(vehicle.battery)[:, 1].max()) for vehicle in record.vehicles if len(vehicle.battery)
+    ]
+    return max([LEAST_SPAN_PCT, *planned, *measured])
+
+
+def _end_s(record: FlightRecord) -> float:
+    planned = [t_s for revision in record.revisions for route in revision.routes for t_s, _ in route.energy]
+    return 1.01 * max([1.0, record.duration_s, *planned])
+
+
+def _collect_limits(record: FlightRecord) -> Mapping[str, float]:
+    """Return budgets and reserves as percent used, by what is to be written on their lines.
+
+    A reserve is drawn for the emptiest of the batteries that share it: 'used' counts from what was there at the launch.
+    """
+    limits: dict[str, float] = {}
+    names: dict[str, list[str]] = {}
+    for vehicle in record.vehicles:
+        full_pct = float(vehicle.battery[0, 1]) if len(vehicle.battery) else 100.0
+        for words, limit in (
+            (f"budget, {vehicle.budget_pct:g} % used", vehicle.budget_pct),
+            (f"reserve, {vehicle.reserve_pct:g} % left", full_pct - vehicle.reserve_pct),
+        ):
+            limits[words] = min(limit, limits.get(words, limit))
+            names.setdefault(words, []).append(vehicle.name)
+    everybody = len(record.vehicles)
+    return {
+        words if len(names[words]) == everybody else f"{words} ({', '.join(names[words])})": limit
+        for words, limit in limits.items()
+    }
+
+
+def _add_strip(axes: Axes, below: Axes, limits: Mapping[str, float]) -> Axes:
+    """Make axes the upper part of a broken scale, for limits far above what was used."""
+    axes.set_xlim(below.get_xlim())
+    axes.set_ylim(min(limits.values()) - 8.0, max(limits.values()) + 8.0)
+    axes.set_yticks(sorted({round(limit, 1) for limit in limits.values()}))
+    axes.tick_params(bottom=False, labelbottom=False)
+    axes.spines["bottom"].set_visible(False)
+    below.spines["top"].set_visible(False)
+    for part, height in ((axes, 0.0), (below, 1.0)):
+        part.plot(
+            [0.0, 1.0], [height, height], transform=part.transAxes, clip_on=False,
+            ls="", marker=[(-1.0, -0.6), (1.0, 0.6)], ms=10, color=INK, mew=1.2,
+        )  # fmt: skip
+    return axes
+
+
+def draw_limits(axes: Axes, limits: Mapping[str, float], end_s: float) -> None:
+    """Draw horizontal lines with their words on them."""
+    for name, limit in limits.items():
+        axes.axhline(limit, color=INK, lw=1.2, ls=(0, (8.0, 2.0, 1.0, 2.0)), zorder=1)
+        axes.text(0.006 * end_s, limit, name, fontsize=9, color=INK, va="bottom", path_effects=make_white_edge(2.0))
+
+
+def _draw_plans(axes: Axes, record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> None:
+    for revision in record.revisions:
+        for route in revision.routes:
+            t_s, used_pct = zip(*route.energy, strict=True)
+            style = styles[route.vehicle]
+            if revision.number == 0:
+                axes.plot(t_s, used_pct, color=style.colour, lw=2.2, zorder=3)
+            else:
+                axes.plot(t_s, used_pct, color=style.colour, lw=2.2, ls=style.dashes, zorder=4)
+                axes.plot(t_s[:1], used_pct[:1], color=style.colour, marker="|", ms=12, mew=1.6, zorder=4)
+
+
+def _draw_measured(axes: Axes, record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> None:
+    for vehicle in record.vehicles:
+        if len(vehicle.battery) == 0:
+            continue
+        account = compute_used_pct(vehicle.battery)
+        style = styles[vehicle.name]
+        # Markers of different vehicles are shifted against each other: where lines lie on each other all are seen.
+        every = max(1, len(account) // MARKS)
+        first = every * (vehicle.layer % len(styles)) // len(styles)
+        axes.plot(
+            account[:, 0], account[:, 1], color=style.colour, lw=0.9, zorder=5,
+            marker=style.marker, ms=6.0, mec=PAPER, mew=0.7, markevery=(first, every),
+        )  # fmt: skip
+
+
+def _draw_losses(panels: Sequence[Axes], record: FlightRecord) -> None:
+    for vehicle, fault in record.losses:
+        place = (fault.detected_s, used_pct_at(vehicle, fault.detected_s))
+        panels[0].plot(*place, ls="", marker="X", ms=13, mfc=LOSS, mec=PAPER, mew=1.2, zorder=6)
+        if fault.happened_s is not None:
+            for axes in panels:
+                axes.axvline(fault.happened_s, color=LOSS, lw=1.0, ls=(0, (1.0, 2.0)), zorder=2)
+
+
+def _collect_time_marks(record: FlightRecord, end_s: float) -> list[TimeMark]:
+    found = [(record.longest_route_s, f"longest route, {format_duration(record.longest_route_s)}", INK)]
+    found += [
+        (fault.detected_s, f"{vehicle.name} lost ({fault.kind.value}), {format_flight_time(fault.detected_s)}", LOSS)
+        for vehicle, fault in record.losses
+    ]
+    return stack_time_marks(found, end_s)
+
+
+def stack_time_marks(found: Sequence[tuple[float, str, str]], end_s: float) -> list[TimeMark]:
+    """Return vertical lines for times, words and colours.
+
+    Each has the lowest line of words above the plot that has room for its own; the plot ends at ``end_s``.
+    """
+    taken_s = [-math.inf] * len(found)
+    moments = []
+    for t_s, words, colour in sorted(found):
+        half_s = 0.5 * CHARACTER * end_s * len(words)
+        line = next(number for number, until_s in enumerate(taken_s) if until_s < t_s - half_s)
+        taken_s[line] = t_s + half_s
+        moments.append(TimeMark(t_s, words, colour, line))
+    return moments
+
+
+def draw_time_marks(panels: Sequence[Axes], moments: Sequence[TimeMark]) -> None:
+    """Draw vertical lines through all panels, with their words above the last."""
+    for moment in moments:
+        for axes in panels:
+            axes.axvline(moment.t_s, color=moment.colour, lw=1.8, zorder=2)
+        panels[-1].annotate(
+            moment.words,
+            xy=(moment.t_s, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0.0, 4.0 + 72.0 * MOMENT_IN * moment.line),
+            textcoords="offset points",
+            ha="center",
+            fontsize=9.5,
+            color=moment.colour,
+        )
+
+
+def _collect_line_ends(record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> list[LineEnd]:
+    ends = []
+    for vehicle in record.vehicles:
+        routes = [route for revision in record.revisions for route in revision.routes if route.vehicle == vehicle.name]
+        words = vehicle.name
+        place = None
+        if routes:
+            place = routes[-1].energy[-1]
+            words += f": planned {place[1]:.0f} %"
+        if len(vehicle.battery):
+            t_s, used_pct = compute_used_pct(vehicle.battery)[-1].tolist()
+            place = (t_s, used_pct)
+            words += f", used {used_pct:.0f} %"
+        if place is not None:
+            ends.append(LineEnd(*place, words, styles[vehicle.name].colour))
+    return ends
+
+
+def label_lines(axes: Axes, ends: Sequence[LineEnd]) -> None:
+    """Write each vehicle's name to the right of the plot, as high as its line ends, and not onto another name."""
+    place = axes.get_position()
+    share = place.height / axes.get_ylim()[1]
+    ends = sorted(ends, key=lambda end: end.used_pct)
+    for end, height in zip(
+        ends, spread_heights([place.y0 + share * end.used_pct for end in ends], LABEL_STEP), strict=True
+    ):
+        axes.annotate(
+            end.words,
+            xy=(end.t_s, end.used_pct),
+            xytext=(RIGHT + 0.015, height),
+            textcoords="figure fraction",
+            fontsize=9,
+            color=INK,
+            va="center",
+            # From the text's left edge to the end of the line.
+            arrowprops={
+                "arrowstyle": "-",
+                "color": end.colour,
+                "linewidth": 0.7,
+                "relpos": (0.0, 0.5),
+                "shrinkA": 2,
+                "shrinkB": 3,
+            },
+            annotation_clip=False,
+        )
+
+
+def spread_heights(heights: Sequence[float], least: float) -> list[float]:
+    """Return ascending heights moved apart to a least distance, with the same mean.
+
+    >>> spread([0.0, 1.0], 2.0)
+    [-0.5, 1.5]
+    """
+    moved: list[float] = []
+    for height in heights:
+        moved.append(max(height, moved[-1] + least) if moved else height)
+    shift = (sum(moved) - sum(heights)) / len(moved) if moved else 0.0
+    return [height - shift for height in moved]
+
+
+def _build_legend(record: FlightRecord) -> list[Artist]:
+    handles: list[Artist] = [Line2D([], [], color=INK, lw=2.2, label="first plan")]
+    if len(record.revisions) > 1:
+        handles.append(Line2D([], [], color=INK, lw=2.2, ls=style_of(0).dashes, label="re-plan"))
+    handles.append(Line2D([], [], color=INK, lw=0.9, marker="o", ms=6.0, mec=PAPER, label="measured"))
+    if record.losses:
+        handles.append(Line2D([], [], color=LOSS, lw=1.8, label="loss declared"))
+    if any(fault.happened_s is not None for _, fault in record.losses):
+        handles.append(Line2D([], [], color=LOSS, lw=1.0, ls=(0, (1.0, 2.0)), label="loss happened"))
+    handles.append(Line2D([], [], color=INK, lw=1.8, marker="|", ls="", ms=14, mew=1.8, label="longest route, planned"))
+    return handles

@@ -1,0 +1,346 @@
+"""The map of a plan, and the map of a flight beside the plan that it began with."""
+
+from __future__ import annotations
+
+import itertools
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from executor.analysis.flight_record import (
+    FlightRecord,
+    Place,
+    PlannedRoute,
+    SegmentRecord,
+    VehicleRecord,
+    build_launch_revision,
+    find_abandoned_segments,
+    find_last_place_m,
+)
+from executor.analysis.pictures.label_placement import LabelPlacer, find_farthest, sample_line_m
+from executor.analysis.pictures.map_background import draw_below
+from executor.analysis.pictures.map_sheet import (
+    MapSheet,
+    build_area_handles,
+    draw_areas,
+    draw_ground,
+    draw_legend,
+    make_sheet,
+)
+from executor.analysis.pictures.style import (
+    FAINT,
+    INK,
+    LOSS,
+    PAPER,
+    VehicleStyle,
+    make_dark_edge,
+    make_white_edge,
+    style_of,
+)
+from executor.core.formatting import format_flight_time
+from executor.site.ground_view import GroundView
+from missions import PlanFile
+from missions.geo import FloatArray
+from missions.pricing import DEPOT_M
+
+FONT_PT = 9.0
+LEFT_PT = 8.0
+"""Width of the outline about what a lost vehicle left."""
+LINE_LETTERS = 20
+GAP_S = 5.0
+"""Where nothing was heard for longer than this, nothing is drawn."""
+_CHAR_IN, _LINE_IN = 0.62 * FONT_PT / 72.0, 1.9 * FONT_PT / 72.0
+
+
+@dataclass(frozen=True, slots=True)
+class _RouteStyle:
+    """How routes of one kind are drawn."""
+
+    inspecting_pt: float
+    transit_pt: float
+    dashed: bool
+    cased: bool = False
+    """Whether they have a white edge: over the colours of the ground they need one."""
+
+
+FIRST = _RouteStyle(2.8, 0.8, dashed=False)
+AGAIN = _RouteStyle(1.5, 1.0, dashed=True)
+
+
+def draw_plan_figure(content: PlanFile, ground: GroundView | None = None) -> Figure:
+    """Return the map of a plan, over the ground if that is known."""
+    styles = {vehicle.name: style_of(layer) for layer, vehicle in enumerate(content.vehicles)}
+    routes = build_launch_revision(content).routes
+    handles = [
+        *_build_vehicle_handles(styles),
+        *_build_first_handles(),
+        *_build_ground_handles(pads=False),
+        *build_area_handles(content.areas),
+    ]
+    places = [content.ends_m.reshape(-1, 2), *(route.places_m for route in routes), np.array([DEPOT_M])]
+    count, covered = len(content.segments) + len(content.unreachable), sum(len(route.segments) for route in routes)
+    title = f"{covered} of {count} segments for {len(routes)} vehicles, {_describe_choice(content)}"
+    sheet = make_sheet(np.concatenate(places), title, ["Plan"], len(handles))
+    sheet = draw_below(sheet, ground, np.concatenate(places))
+    draw_areas(sheet.panels[0], content.areas)
+    _draw_first(sheet, sheet.panels[0], content.ends_m, routes, styles, ())
+    draw_legend(sheet, handles)
+    return sheet.figure
+
+
+def draw_flight_figure(record: FlightRecord, ground: GroundView | None = None) -> Figure:
+    """Return the first plan, and beside it what was flown and what was planned anew; over the ground if it is known."""
+    styles = {vehicle.name: style_of(vehicle.layer) for vehicle in record.vehicles}
+    ends = np.array(_ends_of(record.segments)).reshape(-1, 2, 2)
+    pads = [vehicle.pad_m for vehicle in record.vehicles]
+    handles = [
+        *_build_vehicle_handles(styles),
+        *_build_first_handles(),
+        *_build_flown_handles(record),
+        *_build_ground_handles(pads=True),
+    ]
+    handles += build_area_handles(record.areas)
+    tracks = [vehicle.track[:, 1:3] for vehicle in record.vehicles]
+    shown = np.concatenate((ends.reshape(-1, 2), np.array(pads).reshape(-1, 2), *tracks))
+    names = ["First plan", "As flown"]
+    sheet = make_sheet(shown, _compose_title(record), names, len(handles))
+    sheet = draw_below(sheet, ground, shown)
+    for axes in sheet.panels:
+        draw_areas(axes, record.areas)
+    _draw_first(sheet, sheet.panels[0], ends, record.revisions[0].routes, styles, pads)
+    _draw_flown(sheet, sheet.panels[1], record, styles, ends, pads)
+    draw_legend(sheet, handles)
+    return sheet.figure
+
+
+def _describe_choice(content: PlanFile) -> str:
+    """Return what the plan was chosen by, and what that came to."""
+    if content.window is not None:
+        return f"any one may be lost from {content.window.earliest_s:.0f} s on"
+    return f"{content.cost_name} {content.cost_value:.2f}"
+
+
+def _compose_title(record: FlightRecord) -> str:
+    """Return in a line what became of the flight."""
+    total, missing = (count + len(record.never) for count in (len(record.segments), len(record.uncovered_segments)))
+    text = f"{total - missing} of {total} segments inspected"
+    lost = [f"{vehicle.name} lost at {format_flight_time(fault.detected_s)}" for vehicle, fault in record.losses]
+    return "; ".join([text, *lost]) if len(lost) <= 2 else f"{text}; {len(lost)} vehicles lost"
+
+
+def _draw_first(
+    sheet: MapSheet,
+    axes: Axes,
+    ends_m: FloatArray,
+    routes: Sequence[PlannedRoute],
+    styles: Mapping[str, VehicleStyle],
+    pads_m: Sequence[Place],
+) -> None:
+    draw_ground(axes, ends_m, pads_m)
+    for route in routes:
+        _draw_route(axes, route, styles[route.vehicle], replace(FIRST, cased=sheet.busy))
+    middles = {route.vehicle: _compute_middles_m(_inspected_lines_m(route)) for route in routes}
+    placer = _make_placer(sheet, ends_m, (np.array(route.way_m) for route in routes))
+    _label_vehicles(axes, sheet, placer, middles, styles)
+
+
+def _draw_flown(
+    sheet: MapSheet,
+    axes: Axes,
+    record: FlightRecord,
+    styles: Mapping[str, VehicleStyle],
+    ends_m: FloatArray,
+    pads_m: Sequence[Place],
+) -> None:
+    draw_ground(axes, ends_m, pads_m)
+    for left in find_abandoned_segments(record):
+        _draw_reassigned(axes, left.segment)
+    for vehicle in record.vehicles:
+        _draw_track(axes, vehicle, styles[vehicle.name], edged=sheet.busy)
+    for revision in record.revisions[1:]:
+        for route in revision.routes:
+            _draw_route(axes, route, styles[route.vehicle], AGAIN)
+    for segment in record.uncovered_segments:
+        axes.plot(*zip(segment.a_m, segment.b_m, strict=True), color=LOSS, lw=2.6, ls=(0, (1.0, 1.0)), zorder=5)
+    placer = _make_placer(sheet, ends_m, (vehicle.track[::4, 1:3] for vehicle in record.vehicles))
+    _label_events(axes, sheet, placer, record, styles)
+    inspected: dict[str, list[SegmentRecord]] = {}
+    for segment in record.segments:
+        if segment.inspected_by is not None:
+            inspected.setdefault(segment.inspected_by, []).append(segment)
+    middles = {name: _compute_middles_m(_ends_of(segments)) for name, segments in inspected.items()}
+    _label_vehicles(axes, sheet, placer, middles, styles)
+
+
+def _draw_route(axes: Axes, route: PlannedRoute, style: VehicleStyle, look: _RouteStyle) -> None:
+    way = np.array(route.way_m)
+    # From the start on, every other leg is an inspection; the rest is transit.
+    for first, width_pt in ((0, look.transit_pt), (1, look.inspecting_pt)):
+        legs = [way[index : index + 2] for index in range(first, len(way) - 1, 2)]
+        if first == 0 and route.turns_m:
+            legs = [
+                np.array([leg[0], *turns, leg[1]]) for leg, turns in zip(legs, route.turns_m, strict=True)
+            ]  # fmt: skip
+        broken = np.concatenate([np.vstack((leg, [np.nan, np.nan])) for leg in legs]) if legs else np.zeros((0, 2))
+        ls = style.dashes if look.dashed else "-"
+        effects = make_white_edge(width_pt + 1.6) if look.dashed or look.cased else []
+        axes.plot(broken[:, 0], broken[:, 1], color=style.colour, lw=width_pt, ls=ls, zorder=4, path_effects=effects,
+                  solid_capstyle="round")  # fmt: skip
+
+
+def _draw_track(axes: Axes, vehicle: VehicleRecord, style: VehicleStyle, *, edged: bool) -> None:
+    track = vehicle.track
+    if len(track) == 0:
+        return
+    gaps = np.flatnonzero(np.diff(track[:, 0]) > GAP_S) + 1
+    shown = np.insert(track[:, 1:3], gaps, np.nan, axis=0)
+    effects = make_white_edge(5.4) if edged else []
+    axes.plot(shown[:, 0], shown[:, 1], color=style.colour, lw=3.4, alpha=0.5, zorder=3, solid_capstyle="round",
+              path_effects=effects)  # fmt: skip
+
+
+def _draw_reassigned(axes: Axes, segment: SegmentRecord) -> None:
+    effects = make_dark_edge(LEFT_PT)
+    axes.plot(*zip(segment.a_m, segment.b_m, strict=True), color=PAPER, lw=LEFT_PT, zorder=2, path_effects=effects)
+
+
+def _label_events(
+    axes: Axes, sheet: MapSheet, placer: LabelPlacer, record: FlightRecord, styles: Mapping[str, VehicleStyle]
+) -> None:
+    for vehicle, fault in record.losses:
+        place_m = find_last_place_m(vehicle, fault.detected_s)
+        if place_m is not None:
+            axes.plot(*place_m, ls="", marker="X", ms=15, mfc=LOSS, mec=PAPER, mew=1.4, zorder=10)
+            words = f"{vehicle.name} lost: {fault.kind.value}\n{format_flight_time(fault.detected_s)}"
+            _draw_callout(axes, sheet, placer, np.array([place_m]), words, LOSS)
+    for left_by, by, segments in _group_handovers(record):
+        words = f"{by} took over {len(segments)}\nfrom {left_by}"
+        _draw_callout(axes, sheet, placer, _compute_middles_m(_ends_of(segments)), words, styles[by].colour)
+    for group in group_connected(record.uncovered_segments):
+        ids = ", ".join(segment.display_name for segment in group)
+        words = "\n".join(["not inspected:", *textwrap.wrap(ids, LINE_LETTERS)])
+        _draw_callout(axes, sheet, placer, _compute_middles_m(_ends_of(group)), words, LOSS)
+
+
+def _group_handovers(record: FlightRecord) -> list[tuple[str, str, list[SegmentRecord]]]:
+    found: dict[tuple[str, str], list[SegmentRecord]] = {}
+    for left in find_abandoned_segments(record):
+        if left.segment.inspected_by is not None:
+            found.setdefault((left.left_by, left.segment.inspected_by), []).append(left.segment)
+    return [(left_by, by, segments) for (left_by, by), segments in found.items()]
+
+
+def group_connected(segments: Iterable[SegmentRecord]) -> list[list[SegmentRecord]]:
+    """Return the segments in groups that hang together, each in the order given."""
+    groups: list[tuple[set[Place], list[SegmentRecord]]] = []
+    for segment in segments:
+        ends = {(round(end[0], 1), round(end[1], 1)) for end in (segment.a_m, segment.b_m)}
+        touched = [group for group in groups if group[0] & ends]
+        groups = [group for group in groups if not group[0] & ends]
+        groups.append((ends.union(*(places for places, _ in touched)), [one for _, held in touched for one in held]))
+        groups[-1][1].append(segment)
+    return [held for _, held in groups]
+
+
+def _draw_callout(
+    axes: Axes, sheet: MapSheet, placer: LabelPlacer, anchors_m: FloatArray, words: str, colour: str
+) -> None:
+    lines = words.split("\n")
+    size_m = (
+        sheet.m_per_in * (_CHAR_IN * max(map(len, lines)) + 0.1),
+        sheet.m_per_in * (_LINE_IN * len(lines)),
+    )
+    anchor_m, middle_m = placer.place_label(anchors_m, size_m)
+    axes.annotate(
+        words,
+        xy=anchor_m,
+        xytext=middle_m,
+        fontsize=FONT_PT,
+        color=INK,
+        ha="center",
+        va="center",
+        bbox={"boxstyle": "round,pad=0.25", "facecolor": PAPER, "edgecolor": colour, "linewidth": 1.4},
+        arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 1.2, "shrinkB": 2},
+        zorder=12,
+    )
+
+
+def _label_vehicles(
+    axes: Axes,
+    sheet: MapSheet,
+    placer: LabelPlacer,
+    middles: Mapping[str, FloatArray],
+    styles: Mapping[str, VehicleStyle],
+) -> None:
+    """Write each vehicle's name beside the one of its places that lies the farthest from those of the others."""
+    for name, places in middles.items():
+        others = [other for key, other in middles.items() if key != name]
+        best = find_farthest(places, np.concatenate(others) if others else np.zeros((0, 2)))
+        _draw_callout(axes, sheet, placer, places[best : best + 1], name, styles[name].colour)
+
+
+def _make_placer(sheet: MapSheet, ends_m: FloatArray, ways_m: Iterable[FloatArray]) -> LabelPlacer:
+    """Return a placer that keeps off the segments and off (n, 2) ways."""
+    step_m = 0.05 * sheet.m_per_in
+    drawn = [sample_line_m(_to_place(a_m), _to_place(b_m), step_m) for a_m, b_m in ends_m]
+    for way in ways_m:
+        drawn += [sample_line_m(_to_place(here), _to_place(there), step_m) for here, there in itertools.pairwise(way)]
+    return LabelPlacer(np.concatenate(drawn), sheet.low_m, sheet.high_m)
+
+
+def _to_place(point_m: FloatArray) -> Place:
+    return float(point_m[0]), float(point_m[1])
+
+
+def _inspected_lines_m(route: PlannedRoute) -> list[tuple[Place, Place]]:
+    return list(zip(route.way_m[1:-1:2], route.way_m[2:-1:2], strict=True))
+
+
+def _ends_of(segments: Iterable[SegmentRecord]) -> list[tuple[Place, Place]]:
+    return [(segment.a_m, segment.b_m) for segment in segments]
+
+
+def _compute_middles_m(ends_m: Iterable[tuple[Place, Place]]) -> FloatArray:
+    return np.array([np.mean(pair, axis=0) for pair in ends_m]).reshape(-1, 2)
+
+
+def _build_vehicle_handles(styles: Mapping[str, VehicleStyle]) -> list[Artist]:
+    return [Line2D([], [], color=style.colour, lw=4.0, label=name) for name, style in styles.items()]
+
+
+def _build_first_handles() -> list[Artist]:
+    return [
+        Line2D([], [], color=INK, lw=FIRST.inspecting_pt, label="planned inspection"),
+        Line2D([], [], color=INK, lw=FIRST.transit_pt, label="planned transit"),
+    ]
+
+
+def _build_flown_handles(record: FlightRecord) -> list[Artist]:
+    handles: list[Artist] = [Line2D([], [], color=INK, lw=3.4, alpha=0.4, label="flown")]
+    if len(record.revisions) > 1:
+        handles.append(Line2D([], [], color=INK, lw=AGAIN.inspecting_pt, ls=style_of(0).dashes, label="re-planned"))
+    if record.losses:
+        handles.append(Line2D([], [], ls="", marker="X", ms=11, mfc=LOSS, mec=PAPER, label="lost"))
+    if find_abandoned_segments(record):
+        handles.append(
+            Line2D([], [], color=PAPER, lw=6.0, label="left by a lost vehicle", path_effects=make_dark_edge(6.0))
+        )
+    if record.uncovered_segments:
+        handles.append(Line2D([], [], color=LOSS, lw=2.6, ls=(0, (1.0, 1.0)), label="not inspected"))
+    return handles
+
+
+def _build_ground_handles(*, pads: bool) -> list[Artist]:
+    handles: list[Artist] = [
+        Line2D([], [], color=FAINT, lw=0.9, marker="o", ms=2.6, mfc="#555555", mec="#555555", label="line and pylons"),
+        Line2D([], [], ls="", marker="*", ms=11, mfc=INK, mec=PAPER, label="depot"),
+    ]
+    if pads:
+        handles.append(Line2D([], [], ls="", marker="s", ms=4.5, mfc=PAPER, mec=INK, label="pads"))
+    return handles

@@ -1,0 +1,605 @@
+"""The flight: ``step(context, state, event, now_s) -> (state, commands)``.
+
+Everything that is decided about the fleet passes through here. Faults are levels, looked at on every tick; the log of
+events fed to `step` again gives the same commands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from executor.core.context import Context
+from executor.core.formatting import format_count
+from executor.core.ground import kill_switch, takeoff_offers, turnaround
+from executor.core.imaging import camera_faults as faults_of_cameras
+from executor.core.imaging import picture_proof
+from executor.core.inflight import climb_conflicts
+from executor.core.inflight.closest_approach import record_separation
+from executor.core.inflight.custody import mission_check, mode_causes
+from executor.core.inflight.faults import link_loss, stream_watch, warning_rules, watchpoints
+from executor.core.inflight.faults.watchpoint_types import Watchpoint, WatchView
+from executor.core.inflight.homing import return_home
+from executor.core.inflight.homing import unexpected_landing as down
+from executor.core.inflight.homing.landing import apply_touchdown, has_landed
+from executor.core.inflight.homing.return_home import is_coming_home, is_on_mission
+from executor.core.interface.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
+from executor.core.interface.events import (
+    Asked,
+    Event,
+    Examined,
+    Heard,
+    IntentReceived,
+    LaunchOrdered,
+    LossJudged,
+    MissionRead,
+    MissionsWanted,
+    OrderEnded,
+    Reopened,
+    Resumed,
+    ReturnAllOrdered,
+    ReturnEnded,
+    SolveEnded,
+    StartEnded,
+    Tick,
+    UploadEnded,
+)
+from executor.core.interface.messages import (
+    ComponentText,
+    Heartbeat,
+    LandedState,
+    MissionCurrent,
+    PayloadMessage,
+    Position,
+)
+from executor.core.launch import vehicle_start
+from executor.core.launch.upload_result import apply_upload_result
+from executor.core.operator import intent_handling
+from executor.core.replanning import (
+    lower_to_inspection_height,
+    mission_retry,
+    new_missions,
+    pilot_takeover,
+    replan_cycle,
+    survivors,
+)
+from executor.core.replanning.withdrawal import declare_fault
+from executor.core.resume import link_blackout, reconciliation
+from executor.core.state import leg_times
+from executor.core.state.current_setup import current_setup_of
+from executor.core.state.fleet_state import (
+    Briefing,
+    CheckLine,
+    CrewDialogue,
+    FleetState,
+    LossOutlook,
+    OperatorLine,
+    Question,
+    ReportedWarnings,
+)
+from executor.core.state.positioning import regained_words
+from executor.core.state.vehicle_parts import Assignment, ModeCause, OnboardMission, PlannedSortie, Turnaround
+from executor.core.state.vehicle_position import (
+    describe_down_place,
+    describe_last_position,
+    is_at_rest,
+    is_over_pad,
+    is_resting_place_known,
+)
+from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
+from executor.core.telemetry import status_texts
+from executor.core.telemetry.camera_reports import apply_payload_message
+from executor.core.telemetry.foreign_systems import describe_new_foreign_systems
+from executor.core.telemetry.message_update import apply_message
+from missions.fences import Fence
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+
+def build_initial_state(
+    boards: Mapping[str, OnboardMission | None],
+    checks: tuple[CheckLine, ...] = (),
+    fences: Mapping[str, Fence] = MappingProxyType({}),
+    ahead: Mapping[str, tuple[PlannedSortie, ...]] = MappingProxyType({}),
+) -> FleetState:
+    """Return the state before the launch.
+
+    Args:
+        boards: The missions that are, or are to be, on board.
+        checks: The checklist.
+        fences: The fences that are, or are to be, on board.
+        ahead: Of a day, the sorties of each vehicle in their order, the one on board first.
+    """
+    vehicles = MappingProxyType(
+        {
+            name: VehicleState(
+                name,
+                assignment=Assignment(board=board, fence=fences.get(name)),
+                turn=Turnaround(ahead=ahead.get(name, ())),
+            )
+            for name, board in boards.items()
+        }
+    )
+    return FleetState(vehicles, crew=CrewDialogue(briefing=Briefing(checks)))
+
+
+def step(context: Context, state: FleetState, event: Event, now_s: float) -> Stepped:
+    """Apply one event."""
+    state, commands = _dispatch_event(context, state, event, now_s)
+    if not commands:
+        return state, commands
+    lines = tuple(OperatorLine(now_s, command.level, command.text) for command in commands if isinstance(command, Say))
+    return (state.with_lines(lines) if lines else state), commands
+
+
+def _dispatch_event(  # noqa: C901, PLR0911 - one return for each kind of event
+    context: Context, state: FleetState, event: Event, now_s: float
+) -> Stepped:
+    match event:
+        case Heard():
+            return _apply_message(context, state, event, now_s)
+        case Tick():
+            return _apply_tick(context, state, event.late_s, now_s)
+        case LaunchOrdered():
+            return vehicle_start.launch_fleet(context, state, now_s)
+        case StartEnded():
+            return vehicle_start.apply_start_result(context, state, event, now_s)
+        case UploadEnded():
+            return apply_upload_result(context, state, event, now_s)
+        case SolveEnded() | Examined():
+            return turnaround.apply_turnaround_event(context, state, event, now_s)
+        case MissionsWanted():
+            return new_missions.apply_missions_wanted(context, state, event, now_s)
+        case LossJudged():
+            return _record_loss_judgement(state, event, now_s), ()
+        case ReturnEnded() | OrderEnded() | IntentReceived() | ReturnAllOrdered():
+            return intent_handling.apply_operator_event(context, state, event, now_s)
+        case Reopened():
+            return reconciliation.apply_reopening(state, event, now_s)
+        case Resumed() | MissionRead():
+            return _apply_mission_findings(context, state, event, now_s)
+        case Asked(question, text, lines):
+            asked = Question(question, text, lines)
+            return replace(
+                state, crew=replace(state.crew, briefing=replace(state.crew.briefing, question=asked, answered=""))
+            ), ()
+
+
+def _apply_mission_findings(context: Context, state: FleetState, event: Resumed | MissionRead, now_s: float) -> Stepped:
+    if isinstance(event, MissionRead):
+        return mission_check.apply_mission_read(state, event.found, now_s)
+    taken = reconciliation.resume_fleet(context, state, event, now_s)
+    state, commands = taken.state, list(taken.commands)
+    for ended in taken.ended:
+        state, more = _dispatch_event(context, state, ended, now_s)
+        commands.extend(more)
+    for name, why in taken.strange:
+        fault = Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.MISSION_FOREIGN)
+        state, more = declare_fault(context, state, state.vehicles[name], fault)
+        commands.extend(more)
+    return state, tuple(commands)
+
+
+def _record_loss_judgement(state: FleetState, event: LossJudged, now_s: float) -> FleetState:
+    if event.revision != state.replanning.revision:
+        return state
+    outlook = {**state.replanning.outlook, event.vehicle: LossOutlook(now_s, event.uncovered)}
+    return replace(state, replanning=replace(state.replanning, outlook=MappingProxyType(outlook)))
+
+
+def _apply_message(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
+    before = state.vehicles[event.vehicle]
+    if isinstance(event.message, ComponentText):
+        return status_texts.show_component_text(state, before, event.message, now_s)
+    if isinstance(event.message, PayloadMessage):
+        return apply_payload_message(context, state, before, event.message, now_s), ()
+    folded = apply_message(context, before, event.message, now_s)
+    if isinstance(event.message, Heartbeat):
+        folded = replace(
+            folded, state=mode_causes.update_mode_cause(context, state.listening.absences, before, folded.state, now_s)
+        )
+    elif isinstance(event.message, MissionCurrent | LandedState | Position):
+        start = context.vehicles[event.vehicle].start
+        folded = replace(folded, state=leg_times.track_legs(before, folded.state, now_s, start))
+    state = state.put(folded.state)
+    commands = _noticed(before, folded.state, now_s)
+    if folded.text is not None:
+        state, more = status_texts.show_status_text(state, folded.state, folded.text, now_s)
+        commands.extend(more)
+        state, more = kill_switch.apply_kill_switch_text(state, state.vehicles[event.vehicle], folded.text, now_s)
+        commands.extend(more)
+    if folded.inspected is not None:
+        state = picture_proof.record_flown_segments(
+            context, state, event.vehicle, [(folded.inspected, folded.flown)], now_s
+        )
+    state = picture_proof.record_passed_pylons(context, state, before, now_s)
+    if folded.state.assignment.runs_broken is not before.assignment.runs_broken:
+        # What was inferred of its beginning is worth nothing now: it counts when all of it is seen.
+        broken = {folded.state.assignment.runs_broken[-1][0]} - set(state.coverage.inspected)
+        state = replace(state, coverage=replace(state.coverage, inferred=state.coverage.inferred - broken))
+    if isinstance(event.message, Position):
+        state = record_separation(context, state, folded.state, now_s)
+    # Only a heartbeat says in which mode it is, and whether it is armed; its last one is from before the silence.
+    if isinstance(event.message, Heartbeat):
+        state, more = _apply_heartbeat(context, state, before, now_s)
+        commands.extend(more)
+    return state, tuple(commands)
+
+
+def _noticed(before: VehicleState, after: VehicleState, now_s: float) -> list[Command]:
+    """Say who else is on its link, and that it has GPS again."""
+    lines = [
+        (Level.WARNING, line) for line in describe_new_foreign_systems(before.link.strangers, after.link.strangers)
+    ]
+    if regained := regained_words(before, after, now_s):
+        lines.append((Level.INFO, regained))
+    return [Say(level, f"{after.name}: {line}") for level, line in lines]
+
+
+def _apply_heartbeat(context: Context, state: FleetState, before: VehicleState, now_s: float) -> Stepped:
+    vehicle = state.vehicles[before.name]
+    commands: tuple[Command, ...] = ()
+    if vehicle.custody.cause is ModeCause.PERSON and before.custody.cause is not ModeCause.PERSON:
+        commands = (HandsOff(vehicle.name),)  # whether it is certain or not: nothing more is said to it
+        if vehicle.stage is Stage.STARTING:
+            state = state.put(replace(vehicle, orders=replace(vehicle.orders, start_let_go=True)))
+    if before.stage is Stage.LOST:
+        state, more = _recover_lost_vehicle(context, state, vehicle, now_s)
+        if state.progress.finished:  # it is heard in the very moment in which the flight ended without it
+            state = replace(state, progress=replace(state.progress, finished=False))
+        return state, (*commands, *more)
+    return state, commands
+
+
+def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Make sure that a vehicle whose work was given away does not go on with it, in the air or on the ground."""
+    heard = f"{vehicle.name}: link regained"
+    if vehicle.armed and mode_causes.is_under_foreign_control(vehicle):
+        state, more = pilot_takeover.apply_takeover(context, state, vehicle)
+        return state, (Say(Level.WARNING, heard), *more)
+    if vehicle.armed:
+        vehicle = replace(
+            change_stage(vehicle, Stage.RETURNING),
+            motion=replace(vehicle.motion, anchor=None),
+            sortie=replace(vehicle.sortie, left_s=now_s),
+        )
+        state, more = return_home.bring_home(context, state, vehicle, now_s)
+        if is_coming_home(context, vehicle):
+            return state, (Say(Level.WARNING, f"{heard}, returning or landing by itself"), *more)
+        return state, (Say(Level.WARNING, f"{heard}; its segments were reassigned, its mission is not resumed"), *more)
+    if not is_over_pad(context, vehicle):
+        state = state.put(
+            replace(
+                change_stage(vehicle, Stage.DOWN),
+                orders=replace(vehicle.orders, ordered_mode_s=now_s),
+                sortie=replace(vehicle.sortie, place_told=True),
+            )
+        )
+        return state, (Say(Level.FAULT, f"{heard}, {describe_down_place(context, vehicle)}"),)
+    state = state.put(
+        replace(change_stage(vehicle, Stage.LANDED), orders=replace(vehicle.orders, ordered_mode_s=now_s))
+    )
+    if not is_on_mission(context, vehicle):
+        return state, (Say(Level.INFO, f"{heard}, on the ground"),)
+    # Armed in this mode it would fly its old mission: neither autopilot takes off for a return.
+    if vehicle.custody.taken is not None:
+        text = f"{heard}, on the ground with its pilot, not commanded: armed now, it takes off with its old mission"
+        return state, (Say(Level.WARNING, text),)
+    text = f"{heard}, on the ground; switched to RTL, so that it cannot take off with its old mission"
+    return state, (Say(Level.INFO, text), SendHome(vehicle.name))
+
+
+def _look_at_all(context: Context, state: FleetState, now_s: float) -> Stepped:
+    commands: list[Command] = []
+    for name in state.vehicles:
+        state, more = _check_vehicle(context, state, name, now_s)
+        commands.extend(more)
+    return state, tuple(commands)
+
+
+def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
+    vehicle = state.vehicles[name]
+    alone = state.listening.silent_since_s is not None and link_blackout.may_be_airborne(context, vehicle, now_s)
+    if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
+        return _check_grounded_vehicle(context, state, vehicle, now_s)
+    if vehicle.stage is Stage.LOST:
+        return state, ()
+    commands: list[Command] = []
+    state, more = link_loss.check_link(context, state, vehicle, now_s)
+    commands.extend(more)
+    if vehicle.link.stale and not state.vehicles[name].link.stale:
+        state = replan_cycle.replan_for_regained_link(state, state.vehicles[name], now_s)
+    taken_up = link_blackout.recover_after_silence(context, state, state.vehicles[name], now_s)
+    if taken_up is not None:
+        state, more = taken_up
+        commands.extend(more)
+    vehicle = mode_causes.review_mode_cause(context, state.listening.absences, state.vehicles[name], now_s)
+    setup = current_setup_of(context, vehicle)
+    view = WatchView(context, setup, vehicle, False, now_s)
+    told, lines = warning_rules.find_new_warnings(view, state.crew.told.get(name, ReportedWarnings()))
+    if told is not state.crew.told.get(name):
+        state = replace(state, crew=replace(state.crew, told=MappingProxyType({**state.crew.told, name: told})))
+    commands.extend(Say(Level.WARNING, line) for line in lines)
+    if (
+        vehicle.stage is not Stage.PILOT
+        and not mode_causes.is_under_foreign_control(vehicle)
+        and stream_watch.needs_stream_request(view)
+    ):
+        vehicle = replace(vehicle, orders=replace(vehicle.orders, streams_asked_s=now_s))
+        commands.append(AskStreams(name))
+    if mission_check.is_mission_read_due(vehicle, now_s):
+        vehicle = replace(
+            vehicle, assignment=replace(vehicle.assignment, carried=replace(vehicle.assignment.carried, asked_s=now_s))
+        )
+        commands.append(ReadMission(name))
+    judgement = watchpoints.judge_watchpoints(context, setup, vehicle, now_s)
+    vehicle = watchpoints.store_watches(vehicle, judgement)
+    state = state.put(vehicle)
+    raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
+    if taken_up is None:
+        raised = [(point, why) for point, why in raised if point.kind is FaultKind.LINK]
+        if not raised:
+            return state, tuple(commands)  # it has not said yet what it does
+    state, more = _decide_vehicle(context, state, vehicle, raised, now_s)
+    commands.extend(more)
+    state, more = _report_unproven_segment(context, state, name)
+    return state, (*commands, *more)
+
+
+def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
+    context: Context, state: FleetState, vehicle: VehicleState, raised: list[tuple[Watchpoint, str]], now_s: float
+) -> Stepped:
+    """One thing at a time, the most important first."""
+    name = vehicle.name
+    lost = next((why for point, why in raised if point.kind is FaultKind.LINK), "")
+    if vehicle.stage is not Stage.PILOT and mode_causes.is_taken_over(vehicle, now_s) and not lost:
+        return pilot_takeover.apply_takeover(context, state, vehicle)
+    if vehicle.stage is Stage.FLYING and vehicle.assignment.carried.is_surely_foreign(now_s) and not lost:
+        return pilot_takeover.apply_takeover(context, state, vehicle)
+    left_its_mission = bool(raised) and raised[0][0].code is FaultCode.MODE_CHANGED
+    if left_its_mission and mode_causes.is_gcs_absence_failsafe(context, state.listening.absences, vehicle, now_s):
+        return _return_after_absence(context, state, vehicle, now_s)
+    if vehicle.fault is not None:
+        # The first reason stands. A later one only changes where the vehicle is taken to be, and hides nothing.
+        raised = [
+            (point, why) for point, why in raised if point.kind is FaultKind.LINK or _is_down_off_pad(context, vehicle)
+        ]
+    if raised:
+        point, why = raised[0]
+        return _apply_fault(context, state, vehicle, Fault(point.kind, why, now_s, point.code))
+    if why := down.describe_unexpected_landing(context, vehicle, now_s):
+        return _report_down_vehicle(context, state, vehicle, why, now_s)
+    if vehicle.stage is Stage.PILOT:
+        return pilot_takeover.monitor_taken_vehicle(context, state, vehicle, now_s)
+    if vehicle.stage is Stage.STARTING:
+        return vehicle_start.monitor_start(context, state, vehicle, now_s)
+    if has_landed(vehicle):
+        return _apply_landing(context, state, vehicle, now_s)
+    return return_home.issue_homing_order(context, state, name, now_s)
+
+
+def _apply_landing(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Take a vehicle that has disarmed to be on the ground as soon as it is seen to rest there."""
+    if not is_resting_place_known(vehicle, now_s):
+        return state, ()
+    spare = survivors.build_pad_survivor(context, vehicle).budget_pct > 0.0
+    state, commands = apply_touchdown(context, state, vehicle, now_s, spare=spare)
+    waits = turnaround.describe_awaited_sortie(context, state, state.vehicles[vehicle.name], now_s)
+    return state, (*commands, Say(Level.INFO, f"{vehicle.name}: {waits}")) if waits else commands
+
+
+def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Look at a vehicle that should not move."""
+    if state.progress.launched_s is None:
+        return state, ()
+    if vehicle.stage is Stage.DOWN:
+        if not vehicle.armed and not vehicle.sortie.place_told and is_at_rest(vehicle, now_s):
+            state = state.put(replace(vehicle, sortie=replace(vehicle.sortie, place_told=True)))
+            return state, (Say(Level.FAULT, f"{vehicle.name}: {describe_down_place(context, vehicle)}"),)
+        if not down.is_flying_again(vehicle):
+            return state, ()
+        return _bring_home_flying_vehicle(context, state, vehicle, "down", now_s)
+    if vehicle.armed and mode_causes.is_taken_over(vehicle, now_s):
+        return pilot_takeover.apply_takeover(context, state, vehicle)
+    if mode_causes.has_never_landed(context, vehicle):
+        return _bring_home_flying_vehicle(context, state, vehicle, "landed", now_s)
+    if vehicle.armed and mode_causes.may_arm_late(vehicle, now_s) and vehicle.custody.cause is ModeCause.OURS:
+        text = f"{vehicle.name}: armed on its pad although the start was cancelled"
+        return state.put(change_stage(vehicle, Stage.RETURNING)), (Say(Level.WARNING, text),)
+    return state, ()
+
+
+def _bring_home_flying_vehicle(
+    context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float
+) -> Stepped:
+    """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
+    text = f"{vehicle.name}: reported {taken_for} but is airborne, {describe_last_position(context, vehicle, now_s)}"
+    back = replace(
+        change_stage(vehicle, Stage.RETURNING),
+        motion=replace(vehicle.motion, anchor=None),
+        sortie=replace(vehicle.sortie, left_s=now_s),
+    )
+    state, more = return_home.bring_home(context, state, back, now_s)
+    return state, (Say(Level.FAULT, text), *more)
+
+
+def _report_down_vehicle(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
+    """Say where a vehicle is down that is armed still."""
+    if vehicle.fault is None:
+        return declare_fault(context, state, vehicle, Fault(FaultKind.DOWN, why, now_s, FaultCode.DOWN))
+    lies = replace(
+        change_stage(vehicle, Stage.DOWN),
+        orders=replace(vehicle.orders, errand=None),
+        motion=replace(vehicle.motion, anchor=vehicle.motion.fix),
+        sortie=replace(vehicle.sortie, place_told=True),
+    )
+    return state.put(lies), (Say(Level.FAULT, f"{vehicle.name}: {why}"),)
+
+
+def _report_unproven_segment(context: Context, state: FleetState, name: str) -> Stepped:
+    """Say that an inspection does not count once its vehicle has left the segment without proof."""
+    vehicle = state.vehicles[name]
+    if vehicle.assignment.owed is None or vehicle.assignment.board is None:
+        return state, ()
+    visit, why = vehicle.assignment.owed
+    ahead = any(
+        point.visit == visit for point in vehicle.assignment.board.path.waypoints[vehicle.assignment.waypoint :]
+    )
+    if ahead and vehicle.stage in {Stage.FLYING, Stage.PILOT}:
+        return state, ()
+    state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, owed=None)))
+    segment = vehicle.assignment.board.tracks[visit].segment
+    if segment in state.coverage.inspected:
+        return state, ()
+    return state, (Say(Level.WARNING, f"{name}: {context.segment_name(segment)} is not proven: {why}"),)
+
+
+def _return_after_absence(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Let a vehicle come home whose own failsafe acted because we were not there: it is well, and may fly again.
+
+    Its mission is not taken up in the air: both autopilots forget the speed at a change of mode (measured).
+    """
+    vehicle = replace(
+        change_stage(vehicle, Stage.RETURNING),
+        assignment=replace(vehicle.assignment, run=None),
+        motion=replace(vehicle.motion, anchor=None),
+        sortie=replace(vehicle.sortie, left_s=now_s),
+    )
+    state, more = return_home.bring_home(context, state, vehicle, now_s)
+    trigger = f"{vehicle.name}: ended its mission while the ground station was offline"
+    state = replace(state, replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s))
+    return state, (Say(Level.WARNING, f"{trigger}; returning"), *more)
+
+
+def _apply_fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
+    if vehicle.fault is None:
+        return declare_fault(context, state, vehicle, fault)
+    text = f"{vehicle.name}: {fault.reason}; {describe_last_position(context, vehicle, fault.detected_s)}"
+    orders = replace(vehicle.orders, errand=None)
+    if fault.kind is FaultKind.LINK:
+        return state.put(replace(change_stage(vehicle, Stage.LOST), orders=orders)), (Say(Level.WARNING, text),)
+    sortie = replace(vehicle.sortie, place_told=False)
+    return state.put(replace(change_stage(vehicle, Stage.DOWN), orders=orders, sortie=sortie)), (
+        Say(Level.FAULT, text),
+    )
+
+
+def _is_down_off_pad(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether its motors stopped where neither a landing was commanded nor its pad is."""
+    down = vehicle.sortie.armed_once and not vehicle.armed
+    return down and not vehicle.orders.lands and not is_over_pad(context, vehicle)
+
+
+def _finish_flight_if_over(context: Context, state: FleetState, now_s: float) -> Stepped:
+    waiting = {Stage.STARTING, Stage.FLYING, Stage.RETURNING, Stage.PILOT}
+    if state.progress.finished or state.progress.launched_s is None or state.replanning.replan is not None:
+        return state, ()
+    if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or takeoff_offers.is_offer_open(state):
+        return state, ()
+    if turnaround.find_awaited_vehicles(context, state, now_s) or lower_to_inspection_height.is_clearance_awaited(
+        context, state, now_s
+    ):
+        return state, ()
+    if not state.progress.recalled and replan_cycle.find_orphan_segments(context, state):
+        return state, ()
+    missing = context.segments - len(state.coverage.inspected)
+    reason = "all segments inspected" if missing == 0 else f"{format_count(missing, 'segment')} not inspected"
+    if left := state.coverage.left_over - set(state.coverage.inspected):
+        reason += f", {len(left)} of them planned for the next sortie"
+    return replace(state, progress=replace(state.progress, finished=True)), (Finish(reason),)
+
+
+@dataclass(frozen=True, slots=True)
+class TickPhase:
+    """One part of what happens in each tick."""
+
+    name: str
+    act: Callable[[Context, FleetState, float], Stepped]
+    why_here: str
+    """What it needs from the phases before it, and what those after it need from it."""
+
+
+PHASES: tuple[TickPhase, ...] = (
+    TickPhase(
+        "host pause", link_loss.discount_host_pause,
+        "First: each silence is counted from when a link was last heard, and a pause of our own must not count.",
+    ),
+    TickPhase(
+        "loss of all links", link_loss.check_all_links,
+        "Before the vehicles: while all are silent none is declared lost that may still fly, and no re-plan begins.",
+    ),
+    TickPhase(
+        "gap in the tracks", link_blackout.record_blackout,
+        "After the loss of all links: needs to know since when. Before the vehicles: one with a gap is judged by its "
+        "link alone until it has said what it flew meanwhile.",
+    ),
+    TickPhase(
+        "vehicles", _look_at_all,
+        "After the loss of all links: needs to know whether one is silent or all are. Before the re-plan, and all else "
+        "that plans or commands: it goes by the stages and faults that are set here.",
+    ),
+    TickPhase(
+        "pictures", picture_proof.judge_pictures,
+        "After the vehicles: only those in the air with a link are asked again. Before the re-plan: a segment "
+        "flown without its pictures is open.",
+    ),
+    TickPhase(
+        "cameras", faults_of_cameras.check_cameras,
+        "After the vehicles: a vehicle's first fault stands. After the pictures: what they have just shown is not "
+        "reassigned.",
+    ),
+    TickPhase(
+        "missions offered again", mission_retry.retry_declined_missions,
+        "After the vehicles: one that is lost is offered none. Before the re-plan: it begins in this tick, with the "
+        "vehicle that answers again.",
+    ),
+    TickPhase(
+        "re-plan", replan_cycle.begin_replan,
+        "After the vehicles, pictures, cameras and missions offered again: one re-plan serves all that they open.",
+    ),
+    TickPhase(
+        "asked distance", lower_to_inspection_height.lower_one_vehicle,
+        "After the re-plan: open segments come before a nearer look, and only one re-plan is under way at a time.",
+    ),
+    TickPhase(
+        "climbs", climb_conflicts.avoid_climbs,
+        "After the vehicles and the cameras: an RTL commanded in this tick is already a climb to give way to.",
+    ),
+    TickPhase(
+        "turnarounds", turnaround.advance_turnarounds,
+        "After the re-plan and the asked distance: a sortie can wait on its base, a vehicle in the air cannot.",
+    ),
+    TickPhase(
+        "starts", vehicle_start.retry_waiting_starts,
+        "After the vehicles: one that has just left its start, to its pilot or by a fault, is not started again.",
+    ),
+    TickPhase(
+        "status texts", status_texts.report_suppressed_texts,
+        "Needs no other phase and none needs it: it only counts lines, so it comes after all that command vehicles.",
+    ),
+    TickPhase(
+        "take-off offers", takeoff_offers.update_offers,
+        "After the re-plan and the asked distance: it offers only what these leave. Before the end of flight: that "
+        "waits for the crew's answer.",
+    ),
+    TickPhase(
+        "operator intents", intent_handling.settle_intents,
+        "After the vehicles and the re-plan: a new stage, or nothing to plan, ends an intent. Before the end of "
+        "flight: it may be the last tick.",
+    ),
+    TickPhase(
+        "end of flight", _finish_flight_if_over,
+        "Last: the flight ends only if no phase has found anything more to fly, to plan or to ask.",
+    ),
+)  # fmt: skip
+"""What happens in each tick, in this order."""
+
+
+def _apply_tick(context: Context, state: FleetState, late_s: float, now_s: float) -> Stepped:
+    state = replace(state, listening=replace(state.listening, late_s=late_s))
+    commands: list[Command] = []
+    for phase in PHASES:
+        state, more = phase.act(context, state, now_s)
+        commands.extend(more)
+    return state, tuple(commands)

@@ -1,0 +1,499 @@
+"""The present, as plain values: the one description that the page and MQTT publish.
+
+Everything is made of frozen dataclasses of numbers, words and tuples; `dataclasses.asdict` makes JSON of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, replace
+
+from executor.core import formatting
+from executor.core.battery.kalman import BAND_SD
+from executor.core.context import Context
+from executor.core.ground import turnaround
+from executor.core.ground.takeoff_offers import describe_offer
+from executor.core.imaging import picture_proof
+from executor.core.replanning.replan_cycle import find_left_over_segments
+from executor.core.state import landing_projection
+from executor.core.state.current_setup import current_setup_of
+from executor.core.state.fleet_state import CheckLine, FleetState, Question
+from executor.core.state.inspection_run import Track
+from executor.core.state.positioning import accuracy_of
+from executor.core.state.vehicle_state import FaultCode, Stage, VehicleState
+from missions import Phase
+from missions.autopilots.modes import mode_name
+
+SAID_LINES = 60
+INTENTS = 30
+MOVING_M_S = 0.5
+"""Faster than this the way over ground says where a vehicle without a compass heads."""
+WHOLE_PCT = 1.0 / math.sqrt(12.0)
+"""Standard deviation of a percentage that is reported rounded."""
+
+
+@dataclass(frozen=True, slots=True)
+class LastFixView:
+    """The last place of a vehicle that is by GPS."""
+
+    lat_deg: float
+    lon_deg: float
+    relative_alt_m: float
+    accuracy_m: float | None
+    age_s: float
+    ground_speed_m_s: float
+    """There: it has flown on."""
+
+
+@dataclass(frozen=True, slots=True)
+class PositionView:
+    """Where a vehicle is."""
+
+    lat_deg: float
+    lon_deg: float
+    relative_alt_m: float
+    """Over its own home."""
+    heading_deg: float | None
+    ground_speed_m_s: float
+    age_s: float
+    known: str = "unsaid"
+    """fix: by GPS. reckoned: GPS is lost, and its autopilot reckons on. unsaid: it has said nothing of its GPS."""
+    accuracy_m: float | None = None
+    """By so much it may be off; a reckoned one by this or more."""
+    last_fix: LastFixView | None = None
+    """Of one that is reckoned: where it was by GPS last. That is where to look for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryView:
+    """A battery, in percent of a full one. A band about a figure should hold what comes nine times of ten."""
+
+    measured_pct: float | None
+    predicted_pct: float | None
+    """What the energy model says should be left now."""
+    predicted_band_pct: float | None
+    to_finish_pct: float
+    """What the mission on board still costs."""
+    landing_pct: float | None
+    """What should be left at the landing, from what is measured."""
+    landing_band_pct: float | None
+    reserve_pct: float
+
+
+@dataclass(frozen=True, slots=True)
+class ProgressView:
+    """How far a vehicle is on its route."""
+
+    done: int
+    """Segments of its route behind it."""
+    total: int
+    segment: int | None = None
+    """The segment that it inspects or flies to."""
+    segment_name: str | None = None
+    """The same by the name of the asset."""
+    phase: str | None = None
+    """takeoff, transit, inspect, return or land."""
+    segment_share: float | None = None
+    """How much of the segment is behind it, from 0 to 1."""
+    inspected: int = 0
+    """Segments that it has inspected, on this route and on earlier ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class LossView:
+    """What the loss of a vehicle would mean."""
+
+    inside_window: bool
+    """Whether the others could still finish everything but what is left over anyway."""
+    uncovered: tuple[int, ...]
+    """Segments that they could not."""
+    age_s: float
+    """How long ago that was found."""
+    left_over: tuple[int, ...] = ()
+    """Segments that nobody inspects in any case: `uncovered` of the fleet."""
+
+
+@dataclass(frozen=True, slots=True)
+class WindView:
+    """Wind."""
+
+    speed_m_s: float
+    from_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class TakenView:
+    """A vehicle in other hands than ours: it is not commanded from here."""
+
+    since_s: float
+    """On the flight's clock."""
+    kept_s: float
+    """How long its segments are still kept for it; 0 when they were given away."""
+    returned: bool
+    """Whether its pilot has put it back on its mission: it may be included."""
+
+
+@dataclass(frozen=True, slots=True)
+class TurnView:
+    """A vehicle on its base between two sorties, or on a later one."""
+
+    pack: str
+    """The id of the pack in it, as the crew said; empty if nobody did."""
+    sortie: int
+    """The one under way, or the next, from 1."""
+    awaited: bool
+    """Whether it waits for the crew's word that its pack is changed."""
+    text: str
+    """What it waits for, in words; empty if for nothing."""
+    base: str = ""
+    """Its base of the day; empty where the flight is no day of sorties."""
+    base_closed: bool = False
+    """Whether nobody takes off from there."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleView:
+    """One vehicle."""
+
+    name: str
+    sysid: int
+    state: str
+    """ground, starting, flying, holding, pilot, returning, landing, landed, down or lost."""
+    mode: str | None
+    armed: bool
+    layer: int
+    """0 is the lowest."""
+    layer_m: float
+    """How far its layer lies over the lowest one."""
+    position: PositionView | None
+    battery: BatteryView
+    link_age_s: float | None
+    link_loss: float | None
+    """Share of frames lost in the last seconds."""
+    stale: bool
+    progress: ProgressView
+    fault: str | None
+    fault_kind: str | None
+    fault_code: FaultCode | None
+    excluded: bool
+    loss: LossView | None
+    """None while it is not known, or where there is nothing to lose."""
+    lands_in_s: float | None
+    """How long it should take until it is back on its pad; None where nobody knows."""
+    gps_fix: int | None
+    """GPS_FIX_TYPE."""
+    satellites: int | None
+    voltage_v: float | None
+    wind: WindView | None
+    """As it measures it."""
+    taken: TakenView | None
+    """Who has it, if it is not flown from here."""
+    offered: bool
+    """Whether it could take over work, and waits for the crew's word."""
+    turn: TurnView | None
+    """None in a flight of one sortie."""
+
+
+@dataclass(frozen=True, slots=True)
+class OfferView:
+    """Vehicles on the ground that could take over work."""
+
+    vehicles: tuple[str, ...]
+    segments: tuple[int, ...]
+    """What nobody has."""
+    text: str
+    """Whose pads must be clear, and for what."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplanView:
+    """A re-plan under way."""
+
+    revision: int
+    trigger: str
+    solving: bool
+    pending: tuple[str, ...]
+    """Vehicles whose new mission is not on board yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class SaidView:
+    """A decision, in one line."""
+
+    at_s: float
+    level: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class IntentView:
+    """What an operator asked for, and what became of it."""
+
+    id: str
+    action: str
+    vehicle: str | None
+    source: str
+    outcome: str
+    text: str
+    at_s: float
+    question: str
+    """What has to be confirmed before it is done; empty if nothing has."""
+
+
+@dataclass(frozen=True, slots=True)
+class FleetView:
+    """The flight at one moment."""
+
+    now_s: float
+    """The flight's clock."""
+    flight_s: float | None
+    """Since the launch."""
+    revision: int
+    segments_total: int
+    inspected: tuple[int, ...]
+    uncovered: tuple[int, ...]
+    """Segments that nobody inspects in this flight: left for the next sortie by the plan, or given up since."""
+    missed: tuple[int, ...]
+    """Segments that were flown but not seen: pictures of them are missing."""
+    replan: ReplanView | None
+    all_silent: bool
+    """Whether nobody at all is heard."""
+    recalled: bool
+    finished: bool
+    min_separation_m: float | None
+    vehicles: tuple[VehicleView, ...]
+    said: tuple[SaidView, ...]
+    """The last decisions, the oldest first."""
+    intents: tuple[IntentView, ...]
+    """The last ones, the oldest first."""
+    checks: tuple[CheckLine, ...]
+    """The checklist, in the order in which a crew reads it."""
+    question: Question | None
+    """What the crew is asked now, before the flight."""
+    offer: OfferView | None
+
+
+def build_fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
+    """Return the flight as it is known at `now_s`."""
+    plan = state.replanning.replan
+    by = Counter(state.coverage.inspected.values())
+    return FleetView(
+        now_s=round(now_s, 2),
+        flight_s=None if state.progress.launched_s is None else round(now_s - state.progress.launched_s, 2),
+        revision=state.replanning.revision,
+        segments_total=context.segments,
+        inspected=tuple(sorted(state.coverage.inspected)),
+        uncovered=_uncovered(state),
+        missed=tuple(sorted(picture_proof.find_missed_segments(context, state))),
+        replan=None
+        if plan is None
+        else ReplanView(plan.solve.revision, plan.solve.trigger, plan.solve_s is None, tuple(sorted(plan.pending))),
+        all_silent=state.listening.silent_since_s is not None,
+        recalled=state.progress.recalled,
+        finished=state.progress.finished,
+        min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
+        vehicles=tuple(
+            _build_vehicle_view(context, state, vehicle, now_s, by[name]) for name, vehicle in state.vehicles.items()
+        ),
+        said=tuple(SaidView(round(one.at_s, 2), one.level.value, one.text) for one in state.crew.said[-SAID_LINES:]),
+        intents=tuple(
+            IntentView(
+                one.intent.id, one.intent.action.value, one.intent.vehicle, one.intent.source, one.outcome.value,
+                one.text, round(one.at_s, 2), one.question,
+            )
+            for one in tuple(state.crew.intents.values())[-INTENTS:]
+        ),
+        checks=state.crew.briefing.checks,
+        question=state.crew.briefing.question,
+        offer=None
+        if state.crew.offer is None
+        else OfferView(state.crew.offer.vehicles, state.crew.offer.segments, describe_offer(context, state.crew.offer)),
+    )  # fmt: skip
+
+
+def _uncovered(state: FleetState) -> tuple[int, ...]:
+    return tuple(sorted((state.coverage.given_up | find_left_over_segments(state)) - set(state.coverage.inspected)))
+
+
+def _build_vehicle_view(
+    context: Context, state: FleetState, vehicle: VehicleState, now_s: float, inspected: int
+) -> VehicleView:
+    setup, layers = current_setup_of(context, vehicle), context.setup.layers
+    outlook = state.replanning.outlook.get(vehicle.name)
+    known = outlook is not None and vehicle.fault is None and vehicle.stage in {Stage.STARTING, Stage.FLYING}
+    lost = vehicle.link.quality.lost
+    return VehicleView(
+        name=vehicle.name,
+        sysid=setup.sysid,
+        state=vehicle_state_word(context, vehicle),
+        mode=None
+        if vehicle.telemetry.heartbeat is None
+        else mode_name(setup.dialect, vehicle.telemetry.heartbeat.custom_mode),
+        armed=vehicle.armed,
+        layer=layers.vehicles.index(vehicle.name),
+        layer_m=layers.offset_m(vehicle.name),
+        position=position_view(context, vehicle, now_s),
+        battery=_build_battery_view(context, vehicle),
+        link_age_s=None if vehicle.link.heard_s is None else round(max(0.0, now_s - vehicle.link.heard_s), 1),
+        link_loss=None if lost is None else round(lost, 3),
+        stale=vehicle.link.stale,
+        progress=replace(_build_progress_view(context, vehicle), inspected=inspected),
+        fault=None if vehicle.fault is None else vehicle.fault.reason,
+        fault_kind=None if vehicle.fault is None else vehicle.fault.kind.value,
+        fault_code=None if vehicle.fault is None else vehicle.fault.code,
+        excluded=vehicle.orders.excluded,
+        loss=LossView(not outlook.uncovered, outlook.uncovered, round(now_s - outlook.at_s, 1), _uncovered(state))
+        if known and outlook is not None
+        else None,
+        lands_in_s=_time_to_landing_s(vehicle),
+        gps_fix=None if vehicle.sensors.gps is None else vehicle.sensors.gps.fix,
+        satellites=None if vehicle.sensors.gps is None else vehicle.sensors.gps.satellites,
+        voltage_v=vehicle.power.volts.voltage_v,
+        wind=None
+        if vehicle.sensors.wind is None
+        else WindView(vehicle.sensors.wind.speed_m_s, vehicle.sensors.wind.from_deg),
+        taken=_build_taken_view(context, vehicle, now_s),
+        offered=state.crew.offer is not None and vehicle.name in state.crew.offer.vehicles,
+        turn=_build_turn_view(context, state, vehicle, now_s),
+    )
+
+
+def _build_turn_view(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> TurnView | None:
+    turn = vehicle.turn
+    if context.day is None and not turn.swaps and turn.asked_s is None:
+        return None
+    on_base = vehicle.stage in {Stage.GROUND, Stage.LANDED}
+    base, closed = "" if context.day is None else context.day.bases.get(vehicle.name, ""), vehicle.orders.base_closed
+    under_way = bool(turn.sorties) and turn.sorties[-1].ended_s is None and not on_base
+    sortie = len(turn.sorties) + (not under_way)
+    if turn.asked_s is not None:
+        text = "is looked at" if turn.ready_s is None else "waits for its sortie"
+        return TurnView(turn.label, sortie, False, text, base, closed)
+    text = turnaround.describe_awaited_sortie(context, state, vehicle, now_s)
+    return TurnView(turn.label, sortie, bool(text) and not closed, text, base, closed)
+
+
+def _time_to_landing_s(vehicle: VehicleState) -> float | None:
+    if vehicle.assignment.board is None or vehicle.stage is not Stage.FLYING or vehicle.orders.held_s is not None:
+        return None
+    return round(landing_projection.time_to_reach_s(vehicle, len(vehicle.assignment.board.legs) - 1), 0)
+
+
+def _build_taken_view(context: Context, vehicle: VehicleState, now_s: float) -> TakenView | None:
+    hold = vehicle.custody.taken
+    if hold is None:
+        return None
+    kept_s = 0.0 if hold.given_away else max(0.0, context.pilot_grace_s - (now_s - hold.since_s))
+    return TakenView(round(hold.since_s, 2), round(kept_s, 0), hold.returned_s is not None)
+
+
+def vehicle_state_word(context: Context, vehicle: VehicleState) -> str:
+    """Return what a vehicle does, in one word; it holds once it says so itself."""
+    hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
+    shown = vehicle.telemetry.heartbeat is not None and vehicle.telemetry.heartbeat.custom_mode == hold
+    if vehicle.stage is Stage.FLYING and vehicle.orders.held_s is not None and shown:
+        return "holding"
+    if vehicle.stage is Stage.RETURNING and vehicle.orders.lands:
+        return "landing"
+    return vehicle.stage.value
+
+
+def position_view(context: Context, vehicle: VehicleState, now_s: float) -> PositionView | None:
+    """Return where a vehicle is, and how that is known; None where nobody knows."""
+    fix = vehicle.motion.fix
+    if fix is None:
+        return None
+    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
+    east_m_s, north_m_s, _ = fix.velocity_m_s
+    speed_m_s = math.hypot(east_m_s, north_m_s)
+    heading_deg = fix.heading_deg
+    if heading_deg is None and speed_m_s > MOVING_M_S:
+        heading_deg = math.degrees(math.atan2(east_m_s, north_m_s)) % 360.0
+    how = accuracy_of(vehicle)
+    known, off_m = ("unsaid", None) if how is None else (how.known, None if how.known == "unsaid" else how.off_m)
+    decimals = formatting.place_decimals(off_m)
+    return PositionView(
+        round(lat_deg, decimals),
+        round(lon_deg, decimals),
+        round(fix.alt_rel_m, 1),
+        None if heading_deg is None else round(heading_deg, 0),
+        round(speed_m_s, 1),
+        round(max(0.0, now_s - fix.at_s), 1),
+        known,
+        None if off_m is None else round(off_m, 1),
+        _last_fix(context, vehicle, now_s) if fix.reckoned else None,
+    )
+
+
+def _last_fix(context: Context, vehicle: VehicleState, now_s: float) -> LastFixView | None:
+    known = vehicle.sensors.positioning
+    fixed = known.fixed
+    if fixed is None:
+        return None
+    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fixed.place_m)
+    decimals = formatting.place_decimals(known.accuracy_m)
+    return LastFixView(
+        round(lat_deg, decimals),
+        round(lon_deg, decimals),
+        round(fixed.alt_rel_m, 1),
+        known.accuracy_m,
+        round(max(0.0, now_s - fixed.at_s), 1),
+        round(math.hypot(*fixed.velocity_m_s[:2]), 1),
+    )
+
+
+def _build_battery_view(context: Context, vehicle: VehicleState) -> BatteryView:
+    setup = current_setup_of(context, vehicle)
+    ahead = landing_projection.project_landing(context, vehicle, setup) if vehicle.airborne else None
+    predicted_pct = band_pct = None
+    # Before the launch nobody listens to batteries here: the first report is from its first seconds then.
+    began_pct = vehicle.power.battery.first_pct if vehicle.power.began_pct is None else vehicle.power.began_pct
+    if vehicle.assignment.board is not None and began_pct is not None and vehicle.airborne:
+        spent_pct = sum(
+            leg.energy_pct for leg in vehicle.assignment.board.legs
+        ) - landing_projection.energy_to_reach_pct(vehicle, len(vehicle.assignment.board.legs) - 1)
+        predicted_pct = round(began_pct - setup.prior.factor * spent_pct, 1)
+        band_pct = round(BAND_SD * math.hypot(setup.prior.sd * spent_pct, WHOLE_PCT), 1)
+    return BatteryView(
+        measured_pct=vehicle.power.battery.remaining_pct,
+        predicted_pct=predicted_pct,
+        predicted_band_pct=band_pct,
+        to_finish_pct=round(_energy_to_finish_pct(context, vehicle), 1),
+        landing_pct=None if ahead is None else round(ahead.mean_pct, 1),
+        landing_band_pct=None if ahead is None else round(ahead.band_pct, 1),
+        reserve_pct=setup.reserve_pct,
+    )
+
+
+def _energy_to_finish_pct(context: Context, vehicle: VehicleState) -> float:
+    """Return what is still to be spent: on the mission, or on the way home."""
+    if vehicle.stage in {Stage.STARTING, Stage.FLYING}:
+        return landing_projection.energy_to_finish_pct(vehicle) if vehicle.airborne else 0.0
+    if vehicle.stage is not Stage.RETURNING:
+        return 0.0
+    return landing_projection.energy_to_return_pct(context, vehicle, context.vehicles[vehicle.name]) or 0.0
+
+
+def _build_progress_view(context: Context, vehicle: VehicleState) -> ProgressView:
+    board, leg = vehicle.assignment.board, vehicle.leg
+    if board is None:
+        return ProgressView(0, 0)
+    total = len(board.visits)
+    if not vehicle.airborne:
+        done = 0 if vehicle.stage in {Stage.GROUND, Stage.STARTING} else total - len(vehicle.remaining_visits())
+        return ProgressView(done, total)
+    done = total - len(vehicle.remaining_visits())
+    if vehicle.stage is Stage.RETURNING:
+        return ProgressView(done, total, phase=(Phase.LAND if vehicle.orders.lands else Phase.RETURN).value)
+    if leg is None or leg.visit is None:
+        return ProgressView(done, total, phase=None if leg is None else leg.phase.value)
+    track = board.tracks[leg.visit]
+    share = _segment_share(track, vehicle) if leg.phase is Phase.INSPECT else 0.0
+    return ProgressView(done, total, track.segment, context.segment_name(track.segment), leg.phase.value, share)
+
+
+def _segment_share(track: Track, vehicle: VehicleState) -> float:
+    if vehicle.motion.fix is None or track.length_m <= 0.0:
+        return 0.0
+    return round(min(1.0, max(0.0, track.locate(vehicle.motion.fix.place_m)[0] / track.length_m)), 3)

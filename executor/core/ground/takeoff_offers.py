@@ -1,0 +1,229 @@
+"""Vehicles on the ground that could take over work: offered to the crew, started by its word and never by silence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from executor.core.context import Context, RelaunchPolicy
+from executor.core.formatting import format_count
+from executor.core.interface.commands import Level, Say
+from executor.core.replanning import (
+    lower_to_inspection_height,
+    reinspection,
+    replan_cycle,
+    replan_separation,
+    survivors,
+)
+from executor.core.replanning.flying_hours import CLEARED_S
+from executor.core.state.current_setup import current_setup_of
+from executor.core.state.fleet_state import FleetState, Stepped, TakeoffOffer
+from executor.core.state.vehicle_state import IN_THE_AIR, FaultKind, Stage, VehicleState
+from missions import Phase, build_open_task
+from planner import Vehicle, segment_of
+
+LANDING_S = 180.0
+"""For so long at most an offer waits for those that are about to land, so that the work is shared."""
+LEAST_SPARE_PCT = 5.0
+"""A battery with less than this over the reserve is not worth an offer."""
+_ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
+
+
+def may_take_off(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle on the ground may take off by the clearance that it has."""
+    if survivors.may_take_off_unasked(context, vehicle):
+        return True
+    return vehicle.orders.cleared_s is not None and now_s - vehicle.orders.cleared_s <= CLEARED_S
+
+
+def is_idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle stands ready on its pad with nothing to do."""
+    setup, fix = current_setup_of(context, vehicle), vehicle.motion.fix
+    out = not _is_well(vehicle) or vehicle.assignment.stubborn or vehicle.orders.excluded or vehicle.armed
+    out = out or vehicle.sensors.tilted_since_s is not None or vehicle.turn.asked_s is not None
+    if out or vehicle.stage not in _ON_GROUND or vehicle.assignment.pending is not None or fix is None:
+        return False
+    if vehicle.stage is Stage.LANDED and context.fly_again is RelaunchPolicy.NEVER:
+        return False
+    heard = vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < context.limits.link_stale_s
+    spare_pct = (vehicle.power.battery.remaining_pct or 0.0) - setup.reserve_pct
+    on_pad = math.dist(fix.place_m, setup.pad_m) <= context.limits.off_pad_m
+    return heard and on_pad and spare_pct >= LEAST_SPARE_PCT
+
+
+MAY_FLY_AGAIN = frozenset({FaultKind.LINK, FaultKind.INTERRUPTION, FaultKind.FENCE})
+"""Of a vehicle that came to its pad by its own failsafe, and by the crew's word alone."""
+
+
+def _is_well(vehicle: VehicleState) -> bool:
+    """Return whether it is sound; one that its failsafe brought to its pad may be offered."""
+    if vehicle.fault is None:
+        return True
+    return vehicle.stage is Stage.LANDED and vehicle.fault.kind in MAY_FLY_AGAIN
+
+
+def find_open_segments(context: Context, state: FleetState) -> frozenset[int]:
+    """Return what nobody flies and somebody might."""
+    hopeless = {segment for segment, tries in state.coverage.attempts.items() if tries > replan_cycle.ATTEMPTS}
+    left = (
+        replan_cycle.find_orphan_segments(context, state)
+        | state.coverage.given_up
+        | replan_cycle.find_left_over_segments(state)
+    )
+    return left - set(state.coverage.inspected) - hopeless
+
+
+def find_reachable_segments(context: Context, vehicle: VehicleState, segments: frozenset[int]) -> frozenset[int]:
+    """Return the segments that a vehicle could inspect alone, one at a time, from its pad and back."""
+    offer = survivors.build_pad_survivor(context, vehicle)
+    alone = Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption)
+    task = build_open_task(context.pricing, segments, (alone,))
+    alone_pct = (task.instance.start_pct[0] + task.instance.home_pct[0]).reshape(-1, 2).min(axis=1)
+    pairs = zip(task.segment_ids, alone_pct, strict=True)
+    return frozenset(segment for segment, pct in pairs if pct <= alone.budget_pct)
+
+
+def update_offers(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Offer, change or withdraw what the crew may say yes to."""
+    if (
+        context.fly_again is RelaunchPolicy.AUTO
+        or context.day is not None  # who lands there waits for its pack
+        or state.progress.launched_s is None
+        or state.progress.recalled
+        or state.progress.finished
+    ):
+        return _withdraw_offer(state), ()
+    if (
+        state.crew.offers_over
+        or state.replanning.replan is not None
+        or state.replanning.urgent
+        or state.replanning.ordered
+        or now_s < state.replanning.wait_until_s
+    ):
+        return state, ()
+    ready = [one for one in state.vehicles.values() if is_idle(context, one, now_s) and one.orders.cleared_s is None]
+    wanted = find_open_segments(context, state)
+    again = not wanted and reinspection.is_fleet_down(state)
+    able = {one.name: reach for one in ready if wanted and (reach := find_reachable_segments(context, one, wanted))}
+    if again:
+        able = _find_reinspections(context, state, ready, now_s)
+    if not able or (not again and _has_other_candidate(context, state, now_s)):
+        return _withdraw_offer(state), ()
+    if (
+        state.crew.offer is None
+        and _is_landing_expected(state)
+        and now_s - (state.crew.offer_wanted_s or now_s) < LANDING_S
+    ):
+        return replace(state, crew=replace(state.crew, offer_wanted_s=state.crew.offer_wanted_s or now_s)), ()
+    segments = tuple(sorted(frozenset[int]().union(*able.values())))
+    if state.crew.offer is not None and (state.crew.offer.vehicles, state.crew.offer.again) == (tuple(able), again):
+        if state.crew.offer.segments != segments:
+            state = replace(state, crew=replace(state.crew, offer=replace(state.crew.offer, segments=segments)))
+        return _expire_offer(context, state, now_s)
+    offer = TakeoffOffer(tuple(able), segments, now_s, again)
+    state = replace(state, crew=replace(state.crew, offer=offer, offer_wanted_s=state.crew.offer_wanted_s or now_s))
+    level = Level.WARNING if again else Level.FAULT  # nothing is left open by a no
+    return state, (Say(level, f"{describe_offer(context, offer)} Use include for each that may take off"),)
+
+
+def _find_reinspections(
+    context: Context, state: FleetState, ready: Sequence[VehicleState], now_s: float
+) -> dict[str, frozenset[int]]:
+    """Return who could fly again what counts from farther away than asked, and what of it."""
+    if not replan_separation.may_leave_layers(context):
+        return {}
+    known = state.crew.offer
+    if known is not None and known.again:  # nothing changes while everybody is down, but who is asked
+        return {one.name: frozenset(known.segments) for one in ready if one.name in known.vehicles}
+    found = {}
+    for one in ready:
+        if one.fault is not None or one.assignment.board is None:
+            continue
+        plan = lower_to_inspection_height.plan_reinspection(
+            context, state, survivors.build_pad_survivor(context, one), now_s
+        )
+        if plan is not None:
+            found[one.name] = frozenset(map(segment_of, plan.solve.given))
+    return found
+
+
+def is_offered_reinspection(state: FleetState, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle is offered for what counts already, from farther away than asked."""
+    return state.crew.offer is not None and state.crew.offer.again and vehicle.name in state.crew.offer.vehicles
+
+
+def is_offer_open(state: FleetState) -> bool:
+    """Return whether the crew is still to answer."""
+    return state.crew.offer is not None
+
+
+def describe_offer(context: Context, offer: TakeoffOffer) -> str:
+    """Return an offer in words."""
+    names = " and ".join(offer.vehicles)
+    count = format_count(len(offer.segments), "segment")
+    pads = "Are their pads" if len(offer.vehicles) > 1 else "Is its pad"
+    listed = ", ".join(context.segment_name(segment) for segment in offer.segments[:6])
+    more = ", ..." if len(offer.segments) > 6 else ""
+    what = f"re-inspect {count} at inspection height" if offer.again else f"take over {count}"
+    return f"{names} can {what} ({listed}{more}). {pads} clear of people?"
+
+
+def _withdraw_offer(state: FleetState) -> FleetState:
+    if state.crew.offer is None and state.crew.offer_wanted_s is None:
+        return state
+    return replace(state, crew=replace(state.crew, offer=None, offer_wanted_s=None))
+
+
+def _has_other_candidate(context: Context, state: FleetState, now_s: float) -> bool:
+    """Return whether somebody in the air, or cleared, is about to be given what is open."""
+    return bool(replan_cycle.find_orphan_segments(context, state)) and any(
+        survivors.build_survivor(context, vehicle, now_s) is not None for vehicle in state.vehicles.values()
+    )
+
+
+def _is_landing_expected(state: FleetState) -> bool:
+    return any(
+        not vehicle.orders.excluded
+        and (vehicle.fault is None or vehicle.fault.kind in MAY_FLY_AGAIN)
+        and (
+            vehicle.stage is Stage.RETURNING
+            or (
+                vehicle.stage is Stage.FLYING
+                and vehicle.leg is not None
+                and vehicle.leg.phase in {Phase.RETURN, Phase.LAND}
+            )
+        )
+        for vehicle in state.vehicles.values()
+    )
+
+
+def _expire_offer(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """End an offer that nobody answered, once nothing else is left to wait for."""
+    offer = state.crew.offer
+    aloft = any(one.stage in IN_THE_AIR or one.stage is Stage.STARTING for one in state.vehicles.values())
+    if offer is None or aloft:
+        return state if offer is None else replace(
+            state, crew=replace(state.crew, offer=replace(offer, alone_since_s=None))
+        ), ()
+    if offer.alone_since_s is None:
+        return replace(state, crew=replace(state.crew, offer=replace(offer, alone_since_s=now_s))), ()
+    if now_s - offer.alone_since_s < context.offer_s:
+        return state, ()
+    left = find_open_segments(context, state)
+    if offer.again:
+        text = f"no vehicle was cleared for take-off within {context.offer_s:g} s; {_describe_distant_segments(offer)}"
+        return replace(state, crew=replace(state.crew, offer=None, offers_over=True)), (Say(Level.INFO, text),)
+    state = replace(
+        state,
+        crew=replace(state.crew, offer=None, offers_over=True),
+        coverage=replace(state.coverage, given_up=state.coverage.given_up | (left - state.coverage.left_over)),
+    )
+    over = f"{format_count(len(left), 'segment')} {'is' if len(left) == 1 else 'are'} left over"
+    text = f"no vehicle was cleared for take-off within {context.offer_s:g} s; {over}"
+    return state, (Say(Level.WARNING, text),)
+
+
+def _describe_distant_segments(offer: TakeoffOffer) -> str:
+    count = format_count(len(offer.segments), "segment")
+    return f"{count} {'was' if len(offer.segments) == 1 else 'were'} inspected above inspection height only"

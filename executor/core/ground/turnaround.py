@@ -1,0 +1,504 @@
+"""A vehicle on its base between two sorties: the crew changes its pack, it is looked at, and flies again.
+
+It waits for the crew's word, which names the pack. From then on it is looked at like before a first flight: whether it
+is ready, what its battery and its resting voltage say, whether its parameters are as the flight had set them. When that
+passes it is given its next sortie of the day, or a part of what is open where there is no plan of a day, and starts as
+soon as that is on board. What does not pass ends the crew's word, with one line; nobody starts by an older one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import MappingProxyType
+
+from executor.core.battery import account
+from executor.core.battery.load_voltage import VoltageState
+from executor.core.battery.pack_condition import PackState, RestReading
+from executor.core.battery.percent_rounding import PercentRounding
+from executor.core.context import Context
+from executor.core.formatting import format_count, format_duration
+from executor.core.ground.return_to_service import clear_for_takeoff, return_to_service
+from executor.core.inflight.custody.mode_causes import is_under_foreign_control
+from executor.core.interface.commands import Command, Examine, Level, Say, Solve
+from executor.core.interface.events import Examined, SolveEnded
+from executor.core.interface.intents import Intent, IntentReason, Outcome
+from executor.core.preflight.failsafe_parameters import read_link_failsafe
+from executor.core.preflight.pack_checks import (
+    PackAtRest,
+    PackReading,
+    assess_pack_at_rest,
+    describe_pack_history,
+    pack_facts_from_parameters,
+)
+from executor.core.replanning import replan_cycle, survivors
+from executor.core.replanning.flying_hours import CLEARED_S, find_remaining_hours, min_draw_pct
+from executor.core.state.current_setup import current_setup_of
+from executor.core.state.fleet_state import FleetState, Replan, Stepped
+from executor.core.state.vehicle_parts import PlannedSortie, PowerState, Turnaround
+from executor.core.state.vehicle_state import Stage, VehicleState
+from missions import build_flight_path, estimate
+from planner import segment_of
+
+READY_S = 90.0
+"""So long after the crew's word a vehicle may take to be ready: it boots, finds its place and settles."""
+LATE_S = 30.0
+"""An examination that has not come to its end so much later than that never will."""
+PLACELESS_S = 10.0
+"""Who says so long not where it is may have rebooted: ArduPilot sends only heartbeats then until it is asked."""
+LEAST_SPARE_PCT = 5.0
+"""A pack with less than this over the reserve is not worth a sortie."""
+_ON_BASE = frozenset({Stage.GROUND, Stage.LANDED})
+
+
+def begin_turnaround(
+    state: FleetState, vehicle: VehicleState, intent: Intent, now_s: float
+) -> tuple[FleetState, str, tuple[Command, ...]]:
+    """Take the crew's word that a vehicle's pack is changed and its pad clear: it is to be looked at."""
+    state, ready = return_to_service(state, vehicle)
+    turn = replace(ready.turn, label=intent.pack, asked_s=now_s, intent=intent.id, ready_s=None)
+    state = state.put(replace(ready, turn=turn))
+    named = f"pack {intent.pack}" if intent.pack else "a pack without an id"
+    return state, f"{named} installed; running checks before the next sortie", (Examine(vehicle.name),)
+
+
+def apply_turnaround_event(context: Context, state: FleetState, event: Examined | SolveEnded, now_s: float) -> Stepped:
+    """Take what was found on a vehicle, or by the solver."""
+    if isinstance(event, Examined):
+        return _apply_examination(context, state, event, now_s)
+    return _apply_sortie_solution(context, state, event, now_s)
+
+
+def _apply_examination(context: Context, state: FleetState, event: Examined, now_s: float) -> Stepped:
+    """Take what was found on a vehicle: it may go, with which budget, or stays."""
+    vehicle = state.vehicles[event.vehicle]
+    if vehicle.turn.asked_s is None or vehicle.turn.ready_s is not None:
+        return state, ()
+    if event.ready and event.changed and not event.sets and vehicle.sortie.rebooted_s is not None:
+        # It lost them as it booted; who changed them without a boot meant it.
+        text = f"{vehicle.name}: parameters set again after reboot: {'; '.join(event.changed)}"
+        return state, (Say(Level.INFO, text), Examine(vehicle.name, sets=True))
+    if why := _describe_unreadiness(context, vehicle, event):
+        return _end_turnaround(state, vehicle, IntentReason.NOT_READY, why, now_s)
+    heard = PackReading(event.remaining_pct or 0.0, event.voltage_v, event.cells, dict(event.parameters))
+    setup = context.vehicles[vehicle.name].with_pack(vehicle.turn.label)
+    found = assess_pack_at_rest(setup, heard)
+    held_pct = heard.remaining_pct if found is None else found.held_pct
+    vehicle = _install_pack(context, vehicle, heard, heard.remaining_pct - held_pct, now_s)
+    state = state.put(vehicle)
+    said = _describe_pack(vehicle, heard, found)
+    if held_pct < setup.reserve_pct + LEAST_SPARE_PCT:
+        why = f"{said}: too close to its reserve of {setup.reserve_pct:g} %"
+        return _end_turnaround(state, vehicle, IntentReason.PACK_POOR, why, now_s)
+    level, budget_pct = Level.INFO, survivors.build_pad_survivor(context, vehicle).budget_pct
+    text = f"{vehicle.name}: its checks have passed: {said}"
+    if known := describe_pack_history(setup, context.drone.capacity_ah):
+        text = f"{text}; pack {vehicle.turn.label}{known}"
+    if budget_pct < setup.budget_pct - survivors.QUANTUM_PCT:
+        level, text = Level.WARNING, f"{text}; its budget is {budget_pct:.0f} % instead of {setup.budget_pct:g} %"
+    if context.day is not None:
+        ready = replace(vehicle, turn=replace(vehicle.turn, ready_s=now_s))
+        return state.put(ready), (Say(level, text),)
+    state = clear_for_takeoff(state, replace(vehicle, turn=replace(vehicle.turn, asked_s=None)), now_s)
+    state = _close_intent(
+        state, vehicle.turn.intent, Outcome.DONE, "its checks have passed; re-planning with it", None, now_s
+    )
+    return state, (Say(level, f"{text}; re-planning with it"),)
+
+
+def advance_turnarounds(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Send out who may go, end what took too long, and open what a lost vehicle had ahead of it."""
+    commands: list[Command] = []
+    for name in state.vehicles:
+        state, more = _release_later_sorties(context, state, state.vehicles[name])
+        commands.extend(more)
+        vehicle = state.vehicles[name]
+        if vehicle.turn.asked_s is None:
+            continue
+        state, more = _advance_turnaround(context, state, vehicle, now_s)
+        commands.extend(more)
+    return state, tuple(commands)
+
+
+def _apply_sortie_solution(context: Context, state: FleetState, event: SolveEnded, now_s: float) -> Stepped:
+    """Take the solver's answer; one that has nothing for the sortie that it was asked for ends the crew's word."""
+    plan = state.replanning.replan
+    state, commands = replan_cycle.apply_solution(context, state, event, now_s)
+    if plan is None or not plan.solve.sortie or event.routes is None or state.replanning.replan is not None:
+        return state, commands
+    vehicle, offer = state.vehicles[plan.solve.sortie], plan.solve.survivors[0]
+    if vehicle.turn.asked_s is None or any(route.visits for route in event.routes):
+        return state, commands
+    asked = frozenset((*plan.solve.open_segments, *plan.solve.left_over))
+    left_s, later_s = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
+    full_pct, in_time_pct = current_setup_of(context, vehicle).budget_pct, min_draw_pct(context, left_s)
+    if later_s is None:  # there will never be more time
+        full_pct = min(full_pct, in_time_pct)
+    good = offer.budget_pct >= full_pct - 2.0 * survivors.QUANTUM_PCT
+    turn = replace(vehicle.turn, beyond=vehicle.turn.beyond | asked if good else vehicle.turn.beyond)
+    if good and turn.ahead:
+        turn = replace(turn, ahead=turn.ahead[1:])
+    why = f"no open segment is within its budget of {offer.budget_pct:.0f} %"
+    if in_time_pct < survivors.build_pad_survivor(context, vehicle).budget_pct:
+        why = f"no open segment can be inspected in the {format_duration(left_s)} that are left of its hours"
+    state, more = _end_turnaround(state, replace(vehicle, turn=turn), IntentReason.NOTHING_TO_PLAN, why, now_s)
+    return state, (*commands, *more)
+
+
+def queue_first_sorties(context: Context, state: FleetState, now_s: float) -> FleetState:
+    """Return the state at the launch of a day: the crew's yes is for every first sortie that may begin now."""
+    for vehicle in state.vehicles.values():
+        stays = vehicle.armed or vehicle.sortie.rebooted_s is not None
+        if (
+            find_next_sortie(state, vehicle)
+            and not stays
+            and not describe_hours_conflict(context, state, vehicle, now_s)
+        ):
+            turn = replace(vehicle.turn, asked_s=now_s, ready_s=now_s)
+            state = state.put(replace(vehicle, turn=turn))
+    return state
+
+
+def record_sortie_start(state: FleetState, name: str, now_s: float) -> FleetState:
+    """Return the state in which a vehicle's next sortie is on board, and it is told to start."""
+    vehicle = state.vehicles[name]
+    turn = replace(vehicle.turn, asked_s=None, ready_s=None, ahead=vehicle.turn.ahead[1:])
+    state = state.put(replace(vehicle, turn=turn))
+    return _close_intent(
+        state, vehicle.turn.intent, Outcome.DONE, "its next sortie is on board; it starts", None, now_s
+    )
+
+
+def end_failed_turnaround(state: FleetState, name: str, why: str, now_s: float) -> Stepped:
+    """End the crew's word for a vehicle whose sortie could not be put on board, or came there too late."""
+    vehicle = state.vehicles[name]
+    if vehicle.turn.asked_s is None:
+        return state, ()
+    return _end_turnaround(state, vehicle, IntentReason.NOT_READY, why, now_s)
+
+
+def end_turnarounds_after_absence(state: FleetState, now_s: float) -> Stepped:
+    """End what the crew said before the ground station went away: somebody may stand at the pad by now."""
+    plan, commands = state.replanning.replan, list[Command]()
+    pending = frozenset[str]() if plan is None else plan.pending
+    for vehicle in state.vehicles.values():
+        if vehicle.turn.asked_s is not None and vehicle.name not in pending:
+            why = "its turnaround was under way when the ground station went away"
+            state, more = _end_turnaround(state, vehicle, IntentReason.OVERTAKEN, why, now_s)
+            commands.extend(more)
+    return state, tuple(commands)
+
+
+def find_awaited_vehicles(context: Context, state: FleetState, now_s: float) -> tuple[str, ...]:
+    """Return the vehicles on their bases whose turnaround is under way, or that have a sortie to fly once it is."""
+    day, launched_s = context.day, state.progress.launched_s
+    if launched_s is None or state.progress.recalled:
+        return ()
+    over = day is None or now_s - launched_s >= day.ends_s
+    open_ = frozenset[int]() if over else find_unplanned_segments(context, state)
+
+    def has_more(vehicle: VehicleState) -> bool:
+        work = is_in_service(vehicle) and bool(find_next_sortie(state, vehicle) or open_ - vehicle.turn.beyond)
+        return work and not _is_done_for_day(context, state, vehicle, now_s)
+
+    return tuple(
+        name
+        for name, vehicle in state.vehicles.items()
+        if vehicle.turn.asked_s is not None or (not over and has_more(vehicle))
+    )
+
+
+def _is_done_for_day(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether no time is left for any sortie of a vehicle."""
+    left_s, later_s = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
+    return later_s is None and min_draw_pct(context, left_s) < LEAST_SPARE_PCT
+
+
+def is_in_service(vehicle: VehicleState) -> bool:
+    """Return whether a vehicle stands on its base, kept from another sortie by its pack, or a closed base, alone."""
+    out = vehicle.fault is not None or vehicle.orders.excluded or vehicle.custody.taken is not None
+    return vehicle.stage in _ON_BASE and not out and not vehicle.armed
+
+
+def find_unplanned_segments(context: Context, state: FleetState) -> frozenset[int]:
+    """Return what is open and in nobody's sorties."""
+    return replan_cycle.find_left_over_segments(state) | replan_cycle.find_orphan_segments(context, state)
+
+
+def find_next_sortie(state: FleetState, vehicle: VehicleState) -> tuple[int, ...]:
+    """Return what is still open of a vehicle's next sortie, or of the first later one of which anything is."""
+    others = frozenset(
+        segment_of(visit)
+        for one in state.mission_vehicles()
+        if one.name != vehicle.name
+        for visit in one.remaining_visits()
+    )  # fmt: skip
+    return next(iter(_list_open_sorties(state, vehicle, others)), ())
+
+
+def describe_awaited_sortie(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
+    """Return what a vehicle on its base waits for; empty where a day has nothing for it."""
+    if context.day is None or state.progress.launched_s is None or not is_in_service(vehicle):
+        return ""
+    if vehicle.orders.base_closed:
+        return "its base is closed"
+    if _is_done_for_day(context, state, vehicle, now_s):
+        return ""
+    visits = find_next_sortie(state, vehicle)
+    open_ = len(visits) or len(find_unplanned_segments(context, state) - vehicle.turn.beyond)
+    if not open_:
+        return ""
+    what = f"sortie {_next_sortie_number(vehicle)}, " if visits else ""
+    return f"waiting for pack confirmation: {what}{format_count(open_, 'segment')}{'' if visits else ' open'}"
+
+
+def describe_hours_conflict(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
+    """Return why a vehicle's next sortie does not fit into its hours; empty if it does, or nobody set any.
+
+    In its last hours a part of the sortie is flown, as far as the time goes.
+    """
+    left_s, later_s = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
+    visits = find_next_visits(context, state, vehicle)
+    lasts_s = _estimate_sortie(context, vehicle, visits)[0] if visits and math.isfinite(left_s) else 0.0
+    part = later_s is None and min_draw_pct(context, left_s) >= LEAST_SPARE_PCT
+    if part or 0.0 < lasts_s <= left_s or (not lasts_s and left_s > 0.0):
+        return ""
+    then = (
+        f"its next hours begin at T+{format_duration(later_s)}" if later_s is not None else "it has no hours after now"
+    )
+    return f"its next sortie of {format_duration(lasts_s)} does not end within its hours; {then}"
+
+
+def _describe_unreadiness(context: Context, vehicle: VehicleState, event: Examined) -> str:
+    """Return why a vehicle may not go, whatever its pack is; empty if it may."""
+    setup, fix = context.vehicles[vehicle.name], vehicle.motion.fix
+    if not event.ready or event.remaining_pct is None:
+        return event.reason or "no battery state"
+    if fix is None or math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
+        return "it is not on its pad, where its climb and landing are planned"
+    if vehicle.sensors.tilted_since_s is not None:
+        return "it is tilted, it may have tipped over"
+    if event.changed:
+        return f"its parameters differ from those set for the flight: {event.changed[0]}"
+    own = read_link_failsafe(setup.dialect, dict(event.parameters))
+    if own.acts is not None and (own.after_s if own.acts else None) != setup.failsafe_s:
+        return f"its link failsafe is not the one before the flight: {own.words}"
+    return ""
+
+
+def _install_pack(
+    context: Context, vehicle: VehicleState, heard: PackReading, overstated_pct: float, now_s: float
+) -> VehicleState:
+    """Return a vehicle whose battery's account begins anew; what was learned of the vehicle itself stays."""
+    setup, known = context.vehicles[vehicle.name].with_pack(vehicle.turn.label), vehicle.power
+    prior = account.derive_prior(known.battery, setup.prior)
+    battery = account.restart_account(known.battery, heard.remaining_pct, 0, now_s, prior, setup.dialect.percent_middle)
+    facts = pack_facts_from_parameters(heard.parameters)
+    rest = None if heard.voltage_v is None else RestReading(heard.voltage_v, heard.remaining_pct, now_s)
+    power = PowerState(
+        battery=battery,
+        roundings=PercentRounding(),
+        volts=VoltageState(set_cells=facts.override_with(setup.pack).cells),
+        pack=PackState(known.pack.facts.override_with(facts), rest=rest, resting=rest is not None),
+        began_pct=known.began_pct,
+    )
+    turn = replace(vehicle.turn, swaps=vehicle.turn.swaps + 1, overstated_pct=max(0.0, overstated_pct))
+    return replace(vehicle, power=power, turn=turn)
+
+
+def _describe_pack(vehicle: VehicleState, heard: PackReading, found: PackAtRest | None) -> str:
+    named = f"pack {vehicle.turn.label}" if vehicle.turn.label else "its pack"
+    if found is None:
+        return f"{named} reports {heard.remaining_pct:.0f} %"
+    return f"{named} {found.standing.words}"
+
+
+def _release_later_sorties(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
+    """Open to the others what a vehicle had ahead of it that is out of the plan."""
+    stays = vehicle.fault is not None or vehicle.orders.excluded or vehicle.orders.base_closed
+    if not vehicle.turn.ahead or not stays:
+        return state, ()
+    visits = {segment_of(visit) for sortie in vehicle.turn.ahead for visit in sortie.visits}
+    left = visits - set(state.coverage.inspected)
+    state = state.put(replace(vehicle, turn=replace(vehicle.turn, ahead=())))
+    state = replace(state, coverage=replan_cycle.set_aside_segments(context, state.coverage, left))
+    what = f"{format_count(len(left), 'segment')} of its later sorties"
+    return state, (Say(Level.WARNING, f"{vehicle.name}: {what} open for the sorties of others"),) if left else ()
+
+
+def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Look at a vehicle that is being turned around."""
+    turn, plan = vehicle.turn, state.replanning.replan
+    if plan is not None and vehicle.name in plan.pending:
+        return state, ()
+    if over := _find_end_reason(state, vehicle, now_s):
+        code, why = over
+        return _end_turnaround(state, vehicle, code, why, now_s)
+    # The first reports after the launch come in a moment.
+    placed = _last_position_s(vehicle) >= now_s - context.limits.link_stale_s
+    unknown = vehicle.power.battery.remaining_pct is None or not placed
+    busy = plan is not None or now_s < state.replanning.wait_until_s or unknown
+    if turn.ready_s is None or busy or not _is_slot_free(context, state, vehicle, now_s):
+        return state, ()
+    return _assign_next_sortie(context, state, vehicle, turn.ready_s, now_s)
+
+
+def _find_end_reason(state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[IntentReason, str] | None:
+    """Return why the crew's word for a vehicle does not hold any more; None where it does."""
+    turn = vehicle.turn
+    if state.progress.recalled:
+        return IntentReason.ABORTED, "the flight was aborted"
+    if vehicle.orders.base_closed:
+        return IntentReason.BASE_CLOSED, "its base is closed"
+    if vehicle.stage not in _ON_BASE or vehicle.armed or is_under_foreign_control(vehicle) or vehicle.orders.excluded:
+        return IntentReason.OVERTAKEN, f"it is {vehicle.stage.value} now"
+    if turn.ready_s is not None and (vehicle.sortie.rebooted_s or -math.inf) > turn.ready_s:
+        return IntentReason.NOT_READY, "its autopilot has rebooted since its checks"
+    if turn.ready_s is not None and now_s - max(turn.ready_s, _last_position_s(vehicle)) > PLACELESS_S:
+        return IntentReason.NOT_READY, f"no position for {PLACELESS_S:g} s: it may have rebooted since its checks"
+    if turn.ready_s is None and now_s - (turn.asked_s or now_s) > READY_S + LATE_S:
+        return IntentReason.UNANSWERED, "its checks did not finish"
+    if turn.ready_s is not None and now_s - turn.ready_s > CLEARED_S:
+        why = f"it could not start within {CLEARED_S:g} s, and its pad may not be clear any more"
+        return IntentReason.OVERTAKEN, why
+    return None
+
+
+def _last_position_s(vehicle: VehicleState) -> float:
+    """Return when a vehicle last said where it is."""
+    return -math.inf if vehicle.motion.fix is None else vehicle.motion.fix.at_s
+
+
+def _is_slot_free(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether nobody else took off from the same base just now."""
+    day = context.day
+    if day is None:
+        return True
+    base = day.bases.get(vehicle.name)
+    began = (
+        one.turn.sorties[-1].began_s
+        for one in state.vehicles.values()
+        if one.name != vehicle.name and one.turn.sorties and day.bases.get(one.name) == base
+    )
+    return now_s - max(began, default=-math.inf) >= day.stagger_s
+
+
+def _assign_next_sortie(
+    context: Context, state: FleetState, vehicle: VehicleState, ready_s: float, now_s: float
+) -> Stepped:
+    """Give a vehicle its next sortie: as it was planned, or made anew from what is open within its budget."""
+    offer, pool = survivors.build_pad_survivor(context, vehicle), find_unplanned_segments(context, state)
+    visits, said = find_next_sortie(state, vehicle), list[Command]()
+    pool -= set(offer.barred) | vehicle.turn.beyond
+    if not visits and not pool and (found := find_sortie_to_take_over(context, state, vehicle)):
+        giver, visits = found
+        state, vehicle = _hand_over_sortie(state, state.vehicles[giver], vehicle, visits)
+        text = f"{vehicle.name}: takes over the last sortie of {giver}, {format_count(len(visits), 'segment')}"
+        said.append(Say(Level.INFO, text))
+    if not visits and not pool:
+        return _end_turnaround(state, vehicle, IntentReason.NOTHING_TO_PLAN, "no segment is open for it", now_s)
+    vehicle = replace(
+        vehicle, orders=replace(vehicle.orders, cleared_s=ready_s), turn=_drop_finished_sorties(vehicle, visits)
+    )
+    whole = bool(visits) and visits == vehicle.turn.ahead[0].visits and not pool
+    lasts_s, costs_pct = _estimate_sortie(context, vehicle, visits) if whole else (0.0, 0.0)
+    left_s, _ = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
+    as_planned = whole and costs_pct * offer.consumption <= offer.budget_pct and lasts_s <= left_s
+    if not as_planned:  # it lands within its hours, whatever is found for it
+        most_pct = min_draw_pct(context, left_s)
+        offer = replace(offer, budget_pct=min(offer.budget_pct, most_pct), most_pct=min(offer.most_pct, most_pct))
+    revision = state.replanning.revision + 1
+    own = frozenset(segment_of(visit) for visit in visits)
+    trigger = f"{vehicle.name}: sortie {_next_sortie_number(vehicle)}"
+    solve = Solve(
+        revision, tuple(sorted(own)), (offer,), trigger, tuple(sorted(pool - own)), vehicle.name,
+        visits if as_planned else (),
+    )  # fmt: skip
+    known = replace(state.replanning, revision=revision, replan=Replan(solve, now_s))
+    state = replace(state.put(vehicle), replanning=known)
+    what = f"{format_count(len(visits), 'segment')}, as planned" if as_planned else "re-planned for its budget"
+    return state, (*said, Say(Level.INFO, f"{trigger}: {what}"), solve)
+
+
+def find_next_visits(context: Context, state: FleetState, vehicle: VehicleState) -> tuple[int, ...]:
+    """Return what a vehicle would fly next of what is planned: its own sortie, or one that it takes over."""
+    visits = find_next_sortie(state, vehicle)
+    if visits or context.day is None:
+        return visits
+    found = find_sortie_to_take_over(context, state, vehicle)
+    return () if found is None else found[1]
+
+
+def find_sortie_to_take_over(
+    context: Context, state: FleetState, vehicle: VehicleState
+) -> tuple[str, tuple[int, ...]] | None:
+    """Return whose last sortie a vehicle without one can fly, and what is open of it: of who has most ahead.
+
+    The next sortie of a vehicle that waits on its base stays its own.
+    """
+    givers = [(_list_open_sorties(state, one), one) for one in state.vehicles.values() if one.name != vehicle.name]
+    offer, setup = survivors.build_pad_survivor(context, vehicle), current_setup_of(context, vehicle)
+    full_pct = max(offer.budget_pct, setup.budget_pct)
+    for ahead, giver in sorted(givers, key=lambda row: (-len(row[0]), row[1].name)):
+        if len(ahead) <= is_in_service(giver):
+            continue
+        visits = ahead[-1]
+        barred = {segment_of(visit) for visit in visits} & set(offer.barred)
+        if not barred and _estimate_sortie(context, vehicle, visits)[1] * offer.consumption <= full_pct:
+            return giver.name, visits
+    return None
+
+
+def _list_open_sorties(
+    state: FleetState, vehicle: VehicleState, others: frozenset[int] = frozenset()
+) -> list[tuple[int, ...]]:
+    """Return what is open of each later sortie of a vehicle of which anything is, but for what others fly now."""
+    gone = others | set(state.coverage.inspected) | set(state.coverage.unseen) | state.coverage.given_up
+    sorties = (tuple(one for one in sortie.visits if segment_of(one) not in gone) for sortie in vehicle.turn.ahead)
+    return [visits for visits in sorties if visits]
+
+
+def _hand_over_sortie(
+    state: FleetState, giver: VehicleState, taker: VehicleState, visits: tuple[int, ...]
+) -> tuple[FleetState, VehicleState]:
+    """Make one vehicle's sortie another's."""
+    kept = tuple(sortie for sortie in giver.turn.ahead if not set(visits) & set(sortie.visits))
+    taker = replace(taker, turn=replace(taker.turn, ahead=(PlannedSortie(visits, 0.0),)))
+    state = state.put(replace(giver, turn=replace(giver.turn, ahead=kept)))
+    return state.put(taker), taker
+
+
+def _drop_finished_sorties(vehicle: VehicleState, visits: tuple[int, ...]) -> Turnaround:
+    """Return its turn without sorties of which nothing is open; the first one is that of `visits`."""
+    ahead = vehicle.turn.ahead
+    while ahead and not set(visits) & set(ahead[0].visits):
+        ahead = ahead[1:]
+    return replace(vehicle.turn, ahead=ahead or (PlannedSortie((), 0.0),))
+
+
+def _estimate_sortie(context: Context, vehicle: VehicleState, visits: tuple[int, ...]) -> tuple[float, float]:
+    """Return how long a sortie takes, and what it costs by the model, in percent of a full battery."""
+    found = estimate(build_flight_path(context.setup, vehicle.name, visits), context.pricing.models[vehicle.name])
+    return found.duration_s, found.energy_pct
+
+
+def _next_sortie_number(vehicle: VehicleState) -> int:
+    return len(vehicle.turn.sorties) + 1
+
+
+def _end_turnaround(state: FleetState, vehicle: VehicleState, code: IntentReason, why: str, now_s: float) -> Stepped:
+    """End the crew's word without a start: it has to be given again."""
+    turn = replace(vehicle.turn, asked_s=None, ready_s=None)
+    state = state.put(replace(vehicle, turn=turn, orders=replace(vehicle.orders, cleared_s=None)))
+    state = _close_intent(state, vehicle.turn.intent, Outcome.FAILED, why, code, now_s)
+    return state, (Say(Level.WARNING, f"{vehicle.name}: not cleared for take-off: {why}; repeat `swap` when fixed"),)
+
+
+def _close_intent(
+    state: FleetState, intent: str, outcome: Outcome, text: str, code: IntentReason | None, now_s: float
+) -> FleetState:
+    record = state.crew.intents.get(intent)
+    if record is None or record.ended_s is not None:
+        return state
+    over = replace(record, outcome=outcome, text=text, ended_s=now_s, code=code)
+    return replace(state, crew=replace(state.crew, intents=MappingProxyType({**state.crew.intents, intent: over})))

@@ -1,0 +1,177 @@
+"""Cameras and gimbals that do not do their work: found where they should, told, and flown home or on with.
+
+Each is a level, looked at on every tick while a vehicle moves along a span that asks for pictures.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+from executor.core.context import Context
+from executor.core.formatting import format_count
+from executor.core.inflight.custody.mode_causes import is_under_foreign_control
+from executor.core.interface.commands import Command, Level, Say
+from executor.core.payload.camera_state import BrokenCamera, CameraRecord
+from executor.core.replanning.survivors import find_barred_segments
+from executor.core.replanning.withdrawal import declare_fault, withdraw_vehicle
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState
+from missions.cameras import FIRST_COMPONENT, Capture, Trigger
+from planner import segment_of
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+CameraFinding = tuple[FaultCode, str]
+
+MOVES = 0.5
+"""Share of the inspection speed from which on pictures are due."""
+PICTURES_LATE = 4
+"""So many pictures that did not come are none that got lost, unless the link loses many."""
+VIEWPOINTS_LATE = 6
+"""The same of single pictures."""
+RARE = 1e-5
+"""Of rows of pictures whose words all got lost: so seldom a camera may be called silent that is not."""
+MOST_LOST = 0.5
+"""A link that loses more does not wait for longer."""
+LATEST_S = 8.0
+"""A camera says once a second that it is there; a word that got lost is asked for three times in this time."""
+HEARD_S = 4.0
+FAILURES = BESIDE = 3
+LEAST_MIB = 1.0
+OFF_S = 5.0
+"""A gimbal has turned after this."""
+FRESH_S = 3.0
+
+
+def check_cameras(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Look at the cameras of everybody who is on a span."""
+    if not context.setup.looks:
+        return state, ()
+    commands: list[Command] = []
+    for name in state.vehicles:
+        state, more = _check_vehicle_cameras(context, state, name, now_s)
+        commands.extend(more)
+    return state, tuple(commands)
+
+
+def _check_vehicle_cameras(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
+    vehicle = _track_camera_work(context, state.vehicles[name], now_s)
+    state = state.put(vehicle)
+    if not _is_on_leg(vehicle) or vehicle.fault is not None or vehicle.link.stale or is_under_foreign_control(vehicle):
+        return state, ()
+    out = vehicle.payload.broken_camera_names()
+    for capture in () if vehicle.leg is None else vehicle.leg.captures:
+        if capture.camera in out:
+            continue
+        found = next(_find_camera_faults(context, vehicle, capture, now_s), None)
+        if found is not None:
+            return _report_broken_camera(context, state, vehicle, capture.camera, found, now_s)
+    return state, ()
+
+
+def _track_camera_work(context: Context, vehicle: VehicleState, now_s: float) -> VehicleState:
+    """Return the vehicle with since when it moves along the span under way, and points wrong."""
+    leg, fix, known = vehicle.leg, vehicle.motion.fix, vehicle.payload
+    moves = fix is not None and math.hypot(*fix.velocity_m_s[:2]) >= MOVES * context.inspection_speed_m_s
+    if not _is_on_leg(vehicle) or leg is None or not leg.captures or leg.visit is None or not moves:
+        if known.working is None and known.off_since_s is None:
+            return vehicle
+        return replace(vehicle, payload=replace(known, working=None, off_since_s=None))
+    working = known.working if known.working is not None and known.working[0] == leg.visit else (leg.visit, now_s)
+    off_s = None
+    if any(_is_gimbal_off(vehicle, capture, now_s) for capture in leg.captures):
+        off_s = now_s if known.off_since_s is None else known.off_since_s
+    if (working, off_s) == (known.working, known.off_since_s):
+        return vehicle
+    return replace(vehicle, payload=replace(known, working=working, off_since_s=off_s))
+
+
+def _is_on_leg(vehicle: VehicleState) -> bool:
+    """Return whether it flies a leg of its mission, and it is known of which: not while it is given a new one."""
+    return vehicle.stage is Stage.FLYING and vehicle.assignment.pending is None
+
+
+def _is_gimbal_off(vehicle: VehicleState, capture: Capture, now_s: float) -> bool:
+    known = vehicle.payload
+    if capture.pitch_deg is None or known.gimbal is None or known.gimbal_s is None or now_s - known.gimbal_s > FRESH_S:
+        return False
+    if capture.region is not None:
+        return known.gimbal.failed  # it follows the target on the way, and is at that pitch where the picture is taken
+    return known.gimbal.failed or abs(known.gimbal.pitch_deg - capture.pitch_deg) > capture.aim_deg
+
+
+def _find_camera_faults(
+    context: Context, vehicle: VehicleState, capture: Capture, now_s: float
+) -> Iterator[CameraFinding]:
+    known = vehicle.payload
+    memory = known.camera_of(capture.camera, capture.camera_id)
+    name = f"camera {capture.camera}"
+    if known.gimbal is not None and known.off_since_s is not None and now_s - known.off_since_s >= OFF_S:
+        where = f"points at {known.gimbal.pitch_deg:.0f} degrees, not at {capture.pitch_deg}"
+        yield FaultCode.GIMBAL_STUCK, "its gimbal reports a failure" if known.gimbal.failed else f"its gimbal {where}"
+    if memory.free_mib is not None and memory.free_mib < LEAST_MIB:
+        yield FaultCode.CARD_FULL, f"{name}: its card is full"
+    if memory.failures >= FAILURES:
+        yield FaultCode.CARD_FULL, f"{name}: {memory.failures} pictures in a row failed, as it reports"
+    if capture.trigger is Trigger.ONCE:
+        if memory.beside >= BESIDE:
+            yield FaultCode.GIMBAL_STUCK, f"its gimbal pointed elsewhere at {memory.beside} viewpoints in a row"
+        if memory.left_behind >= _required_row(vehicle, memory, VIEWPOINTS_LATE):
+            yield _build_silence_finding(memory, name, f"of {memory.left_behind} viewpoints", now_s)
+    elif known.working is not None:
+        row = _required_row(vehicle, memory, PICTURES_LATE)
+        yield from _find_late_pictures(context, capture, memory, row, known.working[1], now_s)
+
+
+def _required_row(vehicle: VehicleState, memory: CameraRecord, least: int) -> int:
+    """Return how many pictures in a row without a word are none that got lost; a MAVLink camera is asked again."""
+    lost = vehicle.link.quality.lost or 0.0
+    if memory.component >= FIRST_COMPONENT or lost <= 0.0:
+        return least
+    return max(least, math.ceil(math.log(RARE) / math.log(min(lost, MOST_LOST))))
+
+
+def _find_late_pictures(
+    context: Context, capture: Capture, memory: CameraRecord, row: int, since_s: float, now_s: float
+) -> Iterator[CameraFinding]:
+    """Yield what is wrong with a camera that is to take a row of pictures, or to film."""
+    name = f"camera {capture.camera}"
+    every_s = capture.every_m / context.inspection_speed_m_s
+    late_s = LATEST_S if capture.is_filming else max(LATEST_S, row * every_s)
+    last_s = since_s if memory.picture_s is None else max(since_s, memory.picture_s)
+    if capture.is_filming and memory.films and memory.heard_s is not None:
+        last_s = max(last_s, memory.heard_s)
+    if now_s - last_s < late_s:
+        return
+    if capture.is_filming:
+        yield FaultCode.CAMERA_SILENT, f"{name}: it has not filmed for {now_s - last_s:.0f} s"
+    else:
+        yield _build_silence_finding(memory, name, f"for {now_s - last_s:.0f} s", now_s)
+
+
+def _build_silence_finding(memory: CameraRecord, name: str, since: str, now_s: float) -> CameraFinding:
+    if _is_present(memory, now_s):
+        return FaultCode.CAMERA_MUTE, f"{name}: online, but no picture reported {since}"
+    return FaultCode.CAMERA_SILENT, f"{name}: no picture {since}"
+
+
+def _is_present(memory: CameraRecord, now_s: float) -> bool:
+    speaks = memory.component >= FIRST_COMPONENT and memory.heard_s is not None
+    return speaks and memory.heard_s is not None and now_s - memory.heard_s <= HEARD_S
+
+
+def _report_broken_camera(
+    context: Context, state: FleetState, vehicle: VehicleState, camera: str, found: CameraFinding, now_s: float
+) -> Stepped:
+    code, why = found
+    broken = (*vehicle.payload.broken, BrokenCamera(camera, why))
+    vehicle = replace(vehicle, payload=replace(vehicle.payload, broken=broken))
+    if context.camera_home:
+        return declare_fault(context, state.put(vehicle), vehicle, Fault(FaultKind.PAYLOAD, why, now_s, code))
+    state = state.put(vehicle)
+    blind = {segment_of(visit) for visit in vehicle.remaining_visits()} & find_barred_segments(context, vehicle)
+    left = blind - set(state.coverage.inspected)
+    what = f"; {format_count(len(left), 'segment')} to be reassigned" if left else ""
+    state, more = withdraw_vehicle(state, vehicle.name, f"{vehicle.name}: {why}", now_s)
+    return state, (Say(Level.FAULT, f"{vehicle.name}: {why}; continuing without it{what}"), *more)

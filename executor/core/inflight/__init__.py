@@ -1,0 +1,1 @@
+"""While vehicles fly: who controls them, faults, return home, climbs."""

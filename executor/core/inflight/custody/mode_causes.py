@@ -1,0 +1,462 @@
+"""Who has a vehicle: this flight, the vehicle itself, or a person.
+
+Every change of mode has a cause. One that was ordered here is ours; one that a failsafe, the mission's end or a
+landing explains is the vehicle's own; whatever is left is a person's, by mode switch, sticks or another ground
+station. In doubt it is a person's: then nothing is commanded.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+from executor.core.context import Scene
+from executor.core.inflight.custody.mode_attribution import attribute_mode_change, breached_about
+from executor.core.interface.messages import CRITICAL, Actor, Heartbeat
+from executor.core.state.fleet_state import GroundStationAbsence
+from executor.core.state.onboard_fence import describe_fence_departure
+from executor.core.state.vehicle_parts import FOLLOWED_LATE_S, ModeCause
+from executor.core.state.vehicle_position import takes_itself_home
+from executor.core.state.vehicle_state import Stage, VehicleState
+from executor.core.telemetry.failsafe_texts import FENCE_BREACH
+from missions import Dialect, Phase
+from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode
+
+SURE_AFTER_S = 1.0
+"""A failsafe's text may come after the heartbeat that shows its mode: so long a change of mode is looked at."""
+LATE_TEXT_S = 4.0
+"""A text this long after a change of mode still explains it."""
+OVERTAKEN_S = 3.0
+"""A start that was withdrawn is seen to have been followed within two heartbeats, and some of their way."""
+_ACTS = re.compile(
+    rf"^(?!.*cleared).*(failsafe|{FENCE_BREACH}|critical|emergency|terminat|crash|parachute|motor|thrust|"
+    r"no valid mission)",
+    re.IGNORECASE,
+)
+"""Texts after which an autopilot changes its mode; "Low battery" alone only warns."""
+CHARGE_CRITICAL, CHARGE_EMERGENCY = 3, 4
+"""MAV_BATTERY_CHARGE_STATE."""
+
+
+def update_mode_cause(
+    context: Scene, absences: Sequence[GroundStationAbsence], before: VehicleState, after: VehicleState, now_s: float
+) -> VehicleState:
+    """Return a vehicle with the cause of its mode, after a HEARTBEAT.
+
+    Args:
+        context: Of the flight.
+        absences: When the ground station was not there.
+        before: Before the heartbeat.
+        after: With it.
+        now_s: The time.
+    """
+    beat, old = after.telemetry.heartbeat, before.telemetry.heartbeat
+    if beat is None:
+        return after
+    if not beat.armed:
+        return (
+            after
+            if after.custody.cause is ModeCause.OURS
+            else replace(after, custody=replace(after.custody, cause=ModeCause.OURS))
+        )
+    armed_now = old is not None and not old.armed
+    if old is not None and old.custom_mode == beat.custom_mode and not armed_now:
+        return after
+    if old is None or (after.stage is Stage.STARTING and old.custom_mode == beat.custom_mode):
+        # Heard for the first time, or armed by us in the mode that it stood in: nothing has changed.
+        return replace(after, custody=replace(after.custody, cause=ModeCause.OURS))
+    cause = determine_mode_cause(context, absences, before, after, now_s)
+    certain = cause is ModeCause.PERSON and (
+        _must_be_person(context, before, after) or is_set_by_person(context, after)
+    )
+    left = old.custom_mode in after.orders.ordered_modes and beat.custom_mode not in after.orders.ordered_modes
+    # An order that was followed, and left again, explains no later mode.
+    return replace(
+        after,
+        custody=replace(after.custody, cause=cause, certain=certain),
+        orders=replace(after.orders, ordered_modes=frozenset() if left else after.orders.ordered_modes),
+    )
+
+
+def review_mode_cause(
+    context: Scene, absences: Sequence[GroundStationAbsence], vehicle: VehicleState, now_s: float
+) -> VehicleState:
+    """Return a vehicle whose change of mode may be explained by what it said since, or may not be any more."""
+    if vehicle.custody.cause is ModeCause.FAILSAFE and (
+        is_unseen_hold(context, vehicle)
+        or _is_hold_after_failsafe(context, absences, vehicle, now_s)
+        or _has_reported_takeover(context, vehicle)
+        or _is_holding_calmly(context, vehicle, now_s)
+        or is_set_by_person(context, vehicle)
+    ):
+        return replace(vehicle, custody=replace(vehicle.custody, cause=ModeCause.PERSON, certain=True))
+    if vehicle.custody.cause is ModeCause.MISSION and _is_hovering(context, vehicle, now_s):
+        # In its landing a failsafe holds it as anywhere else, and says so.
+        itself = _is_explained_by_failsafe(context, absences, vehicle, now_s)
+        cause = ModeCause.FAILSAFE if itself else ModeCause.PERSON
+        return replace(vehicle, custody=replace(vehicle.custody, cause=cause, certain=not itself))
+    if (
+        vehicle.custody.cause is not ModeCause.PERSON
+        or vehicle.custody.certain
+        or now_s - vehicle.telemetry.mode_since_s > LATE_TEXT_S
+    ):
+        return vehicle
+    if not _is_explained_by_failsafe(context, absences, vehicle, now_s):
+        return vehicle
+    return replace(vehicle, custody=replace(vehicle.custody, cause=ModeCause.FAILSAFE))
+
+
+CALM_S = 2.5
+"""Two heartbeats, and some of their way."""
+
+
+def _is_holding_calmly(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether it holds and its heartbeats know of nothing: a failsafe that acts makes them critical.
+
+    PX4 says so while a failsafe has changed its mode, ArduPilot while any but the fence's has. A text, which anybody
+    can send, or a silence explains a hold for a moment only.
+    """
+    beat, beat_s = vehicle.telemetry.heartbeat, vehicle.link.heartbeat_s
+    hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
+    if beat is None or beat_s is None or beat.custom_mode != hold:
+        return False
+    if beat.system_status >= CRITICAL or vehicle.sensors.fence_breached or not beat.armed:
+        return False
+    # Of a heartbeat that came late enough: the one that first shows the mode may be older than its failsafe's flag.
+    return beat_s - vehicle.telemetry.mode_since_s >= CALM_S and now_s >= beat_s
+
+
+HOVERS_S = 2.5
+"""A vehicle that holds at the end of a mission stands on the ground, and says so every second."""
+
+
+def _is_hovering(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether it holds in the air where its mission's end would have it on the ground."""
+    hold, beat = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode, vehicle.telemetry.heartbeat
+    if beat is None or not beat.armed or beat.custom_mode != hold:
+        return False
+    return vehicle.telemetry.on_ground is False and now_s - vehicle.telemetry.mode_since_s >= HOVERS_S
+
+
+def determine_mode_cause(  # noqa: PLR0911 - one return for each cause
+    context: Scene, absences: Sequence[GroundStationAbsence], before: VehicleState, vehicle: VehicleState, now_s: float
+) -> ModeCause:
+    """Return why a vehicle is in the mode that its newest heartbeat shows."""
+    dialect, beat = context.vehicles[vehicle.name].dialect, vehicle.telemetry.heartbeat
+    if beat is None:
+        return ModeCause.OURS
+    mode = beat.custom_mode
+    if vehicle.stage in {Stage.GROUND, Stage.LANDED} and not has_never_landed(context, vehicle):
+        # It arms, and nobody here said so; or what was said overtook its start.
+        return ModeCause.OURS if may_arm_late(vehicle, now_s) else ModeCause.PERSON
+    if is_manual_mode(dialect, mode):
+        return ModeCause.PERSON
+    late = now_s - vehicle.orders.ordered_mode_s > FOLLOWED_LATE_S or _is_return_after_landing(dialect, before, mode)
+    if mode in vehicle.orders.ordered_modes and not late and not _is_landing_elsewhere(context, before, vehicle):
+        return ModeCause.OURS
+    if is_mission_mode(dialect, mode) and vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.LOST}:
+        return ModeCause.OURS
+    goes_down = dialect.ends_in_other_mode and _is_landing_after_return(dialect, before.telemetry.heartbeat, mode)
+    if goes_down and not _is_landing_elsewhere(context, before, vehicle):
+        return before.custody.cause  # a return ends in a landing
+    if before.custody.cause is not ModeCause.PERSON and _is_mission_end(context, before, vehicle, mode):
+        return ModeCause.MISSION
+    if _must_be_person(context, before, vehicle) or is_set_by_person(context, vehicle):
+        return ModeCause.PERSON
+    goes_on = (
+        before.custody.cause is ModeCause.FAILSAFE and beat.system_status >= CRITICAL
+    )  # it holds before it returns
+    explained = _is_explained_by_failsafe(context, absences, vehicle, now_s) or (
+        goes_on and is_home_mode(dialect, mode)
+    )
+    return ModeCause.FAILSAFE if explained else ModeCause.PERSON
+
+
+def _must_be_person(context: Scene, before: VehicleState, vehicle: VehicleState) -> bool:
+    """Return whether what explained the mode before explains no other one."""
+    dialect, old, beat = context.vehicles[vehicle.name].dialect, before.telemetry.heartbeat, vehicle.telemetry.heartbeat
+    if old is None or beat is None or not old.armed:
+        return False
+    if before.custody.cause is ModeCause.PERSON:
+        text, said_s = (
+            vehicle.telemetry.alarm
+        )  # who has it changes its mode again, unless it says anew what it does by itself
+        return not (_ACTS.search(text) and said_s >= before.telemetry.mode_since_s)
+    if beat.custom_mode != dialect.modes.hold.custom_mode or not is_home_mode(dialect, old.custom_mode):
+        return False
+    # A failsafe holds before it returns, and never after; on a return that was ordered only one that holds first.
+    holds_first = dialect.ground_station_failsafe.pause is not None or vehicle.sensors.fence_breached
+    return before.custody.cause is ModeCause.FAILSAFE or (before.custody.cause is ModeCause.OURS and not holds_first)
+
+
+def is_set_by_person(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether its pilot's switch was moved, or another station ordered its mode, when it changed.
+
+    That may be by chance: then a failsafe is left to a person who looks at it, and not the other way round.
+    """
+    return attribute_mode_change(context.vehicles[vehicle.name], vehicle).by in {Actor.PILOT, Actor.GROUND_STATION}
+
+
+def has_never_landed(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that was taken to have landed is armed high in the air: nobody starts it there."""
+    fix = vehicle.motion.fix
+    if vehicle.stage is not Stage.LANDED or not vehicle.armed or not vehicle.sortie.took_off or fix is None:
+        return False
+    return (
+        fix.alt_rel_m > context.limits.off_pad_up_m and abs((vehicle.link.heartbeat_s or 0.0) - fix.at_s) < SURE_AFTER_S
+    )
+
+
+def may_arm_late(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle that was told to stay on the ground may arm all the same: its start was on the way."""
+    left_s = vehicle.sortie.left_s
+    told = vehicle.stage is Stage.LANDED and not vehicle.sortie.took_off and left_s is not None
+    return told and now_s - (left_s or 0.0) <= OVERTAKEN_S
+
+
+def _is_landing_after_return(dialect: Dialect, before: Heartbeat | None, mode: int) -> bool:
+    return before is not None and is_home_mode(dialect, before.custom_mode) and mode == dialect.modes.land.custom_mode
+
+
+def _is_return_after_landing(dialect: Dialect, before: VehicleState, mode: int) -> bool:
+    """Return whether it leaves a landing for the return that it was a part of: none does so by itself."""
+    old, lands = before.telemetry.heartbeat, dialect.modes.land.custom_mode
+    return (
+        old is not None
+        and old.armed
+        and old.custom_mode == lands != mode
+        and before.orders.ordered_mode_s < before.telemetry.mode_since_s
+        and is_home_mode(dialect, mode)
+    )
+
+
+def _is_landing_elsewhere(context: Scene, before: VehicleState, vehicle: VehicleState) -> bool:
+    """Return whether it breaks off its return for a landing on its way: somebody told it to, or it says why.
+
+    Where it was some time ago is no place that it lands at: nobody knows then that it has come home.
+    """
+    dialect, old, beat = context.vehicles[vehicle.name].dialect, before.telemetry.heartbeat, vehicle.telemetry.heartbeat
+    if old is None or beat is None or not old.armed or old.custom_mode == beat.custom_mode:
+        return False
+    if not _is_landing_after_return(dialect, old, beat.custom_mode):
+        return False
+    # An order to return that is followed explains no landing elsewhere; one to land does.
+    ordered = beat.custom_mode in vehicle.orders.ordered_modes and old.custom_mode not in vehicle.orders.ordered_modes
+    fix, limits = vehicle.motion.fix, context.limits
+    home = fix is None or (
+        vehicle.telemetry.mode_since_s - fix.at_s <= limits.link_stale_s and takes_itself_home(context, vehicle)
+    )
+    return not ordered and not home
+
+
+def _is_mission_end(context: Scene, before: VehicleState, vehicle: VehicleState, mode: int) -> bool:
+    """Return whether a mission's own last items lead to this mode.
+
+    PX4 leaves mission mode for a landing, and holds when it stands on the ground: nothing follows on that.
+    """
+    dialect, leg = context.vehicles[vehicle.name].dialect, vehicle.leg
+    if vehicle.stage is not Stage.FLYING or leg is None or not dialect.ends_in_other_mode:
+        return False
+    beat, old, fix = vehicle.telemetry.heartbeat, before.telemetry.heartbeat, vehicle.motion.fix
+    held = old is not None and old.custom_mode == dialect.modes.hold.custom_mode
+    low = fix is not None and fix.alt_rel_m <= context.limits.airborne_m
+    calm = beat is not None and beat.system_status < CRITICAL  # a failsafe holds it in its landing as anywhere else
+    itself = (is_home_mode(dialect, mode) and not held) or (mode == dialect.modes.hold.custom_mode and low and calm)
+    return itself and leg.phase is Phase.LAND
+
+
+def _is_explained_by_failsafe(
+    context: Scene, absences: Sequence[GroundStationAbsence], vehicle: VehicleState, now_s: float
+) -> bool:
+    """Return whether a failsafe explains a mode that a failsafe can lead to."""
+    dialect, beat = context.vehicles[vehicle.name].dialect, vehicle.telemetry.heartbeat
+    if beat is None:
+        return False
+    if not is_home_mode(dialect, beat.custom_mode) and beat.custom_mode != dialect.modes.hold.custom_mode:
+        return False
+    text, said_s = vehicle.telemetry.alarm
+    said = (
+        bool(_ACTS.search(text))
+        and -context.limits.alarm_s <= vehicle.telemetry.mode_since_s - said_s <= context.limits.alarm_s
+    )
+    return (
+        said
+        or _is_newly_critical(vehicle, context.limits.alarm_s)
+        or breached_about(vehicle, vehicle.telemetry.mode_since_s)
+        or bool(describe_fence_departure(vehicle, now_s, context.limits.link_stale_s))
+        or vehicle.power.battery.charge_state >= CHARGE_EMERGENCY
+        or (_is_unseen_change(vehicle) and _may_follow_silence(context, vehicle, beat.custom_mode))
+        or is_gcs_absence_failsafe(context, absences, vehicle, now_s)
+    )
+
+
+def _is_newly_critical(vehicle: VehicleState, within_s: float) -> bool:
+    """Return whether a failsafe is in force that began about when the mode changed.
+
+    One that was in force long before explains nothing: ArduPilot's stays so after a failsafe whose action was to warn,
+    or to go on with the mission.
+    """
+    beat, since_s = vehicle.telemetry.heartbeat, vehicle.telemetry.critical_since_s
+    critical = beat is not None and beat.system_status >= CRITICAL
+    return critical and (since_s is None or vehicle.telemetry.mode_since_s - since_s <= within_s)
+
+
+def is_unseen_hold(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether it was found to hold after so long that a failsafe which only holds first would have gone on.
+
+    By its own clock: what waited for a ground station that stood still comes late, all of it.
+    """
+    dialect, beat, fix = context.vehicles[vehicle.name].dialect, vehicle.telemetry.heartbeat, vehicle.motion.fix
+    from_s = vehicle.custody.unseen_from_boot_s
+    if beat is None or beat.custom_mode != dialect.modes.hold.custom_mode or not _is_unseen_change(vehicle):
+        return False
+    if fix is None or from_s is None or fix.at_s < vehicle.telemetry.mode_since_s:
+        return False
+    unseen_s = fix.boot_s - (fix.at_s - vehicle.telemetry.mode_since_s) - from_s
+    failsafe_s = context.vehicles[vehicle.name].failsafe_s  # until it returns: what it holds before is a part of it
+    return unseen_s >= (max_failsafe_hold_s(context, vehicle.name) if failsafe_s is None else failsafe_s + HOLDS_ON_S)
+
+
+def max_failsafe_hold_s(context: Scene, name: str) -> float:
+    """Return how long a vehicle may hold before a failsafe of its own acts: COM_FAIL_ACT_T may be set to 25 s."""
+    limits = context.limits
+    return max(limits.failsafe_hold_s, context.vehicles[name].holds_s + limits.failsafe_late_s)
+
+
+def is_long_hold(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether it was heard to hold for longer than any failsafe that only holds first, by its HEARTBEATs.
+
+    Who was silent may have stood still, and its clock with it; who sends no HEARTBEAT may have gone on.
+    """
+    beat, link = vehicle.telemetry.heartbeat, vehicle.link
+    if beat is None or beat.custom_mode != context.vehicles[vehicle.name].dialect.modes.hold.custom_mode:
+        return False
+    from_s = max(vehicle.telemetry.mode_since_s, link.excused_s, link.regained_s or 0.0)
+    return (link.heartbeat_s or 0.0) - from_s >= max_failsafe_hold_s(context, vehicle.name)
+
+
+def is_failsafe_in_hold(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether a failsafe that holds first has begun in a hold of ours: the mode does not show it."""
+    setup, told = context.vehicles[vehicle.name], vehicle.telemetry
+    if setup.dialect.ground_station_failsafe.pause is None or told.heartbeat is None:
+        return False
+    text, said_s = told.alarm
+    began_s = max(told.critical_since_s or -math.inf, said_s if _ACTS.search(text) else -math.inf)
+    holds = told.heartbeat.custom_mode == setup.dialect.modes.hold.custom_mode and began_s > told.mode_since_s
+    return holds and (vehicle.link.heartbeat_s or 0.0) - began_s < max_failsafe_hold_s(context, vehicle.name)
+
+
+def _is_hold_after_failsafe(
+    context: Scene, absences: Sequence[GroundStationAbsence], vehicle: VehicleState, now_s: float
+) -> bool:
+    """Return whether a failsafe that holds before it acts has not acted: somebody told it to hold meanwhile.
+
+    On PX4 that ends what the failsafe had in mind, and no HEARTBEAT shows it: the mode is the same (framework.cpp). A
+    fence, or a lost ground station where no return is set for that, may be answered by a hold alone; an empty battery
+    never is.
+    """
+    setup = context.vehicles[vehicle.name]
+    if setup.dialect.ground_station_failsafe.pause is None or not is_long_hold(context, vehicle):
+        return False
+    if vehicle.power.battery.charge_state >= CHARGE_CRITICAL:
+        return True
+    failed = attribute_mode_change(setup, vehicle).failed
+    what = "" if failed is None else failed.what
+    by_fence = vehicle.sensors.fence_breached or bool(
+        describe_fence_departure(vehicle, now_s, context.limits.link_stale_s)
+    )
+    by_link = (
+        _is_unseen_change(vehicle)
+        or is_gcs_absence_failsafe(context, absences, vehicle, now_s)
+        or what == "ground station"
+    )
+    return not by_fence and what != "fence" and (setup.returns or not by_link)
+
+
+def _has_reported_takeover(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether it says itself that somebody took over while its failsafe held it: PX4 does, by an event."""
+    beat, (recorded, recorded_s) = vehicle.telemetry.heartbeat, vehicle.evidence.recorded
+    since_s = vehicle.telemetry.mode_since_s
+    if beat is None or beat.custom_mode != context.vehicles[vehicle.name].dialect.modes.hold.custom_mode:
+        return False
+    if recorded is None or recorded.by is not Actor.PILOT or vehicle.orders.ordered_mode_s >= since_s:
+        return False  # what is ordered here is one who takes over, too
+    return recorded_s >= since_s
+
+
+def _is_unseen_change(vehicle: VehicleState) -> bool:
+    """Return whether the mode changed in a silence of the vehicle's link, which is what failsafes are for."""
+    return (
+        vehicle.custody.unseen_until_s is not None and vehicle.telemetry.mode_since_s == vehicle.custody.unseen_until_s
+    )
+
+
+def _may_follow_silence(context: Scene, vehicle: VehicleState, mode: int) -> bool:
+    """Return whether its GCS failsafe leads to a mode, as far as it is known; or its mission, over its pad."""
+    setup = context.vehicles[vehicle.name]
+    dialect = setup.dialect
+    if not setup.returns:
+        return True
+    if mode == dialect.modes.land.custom_mode:
+        return dialect.ends_in_other_mode and takes_itself_home(context, vehicle)
+    return mode != dialect.modes.hold.custom_mode or dialect.ground_station_failsafe.pause is not None
+
+
+HOLDS_ON_S = 5.0
+"""PX4's clock and ours differ by what its link adds."""
+REACTS_S = 30.0
+"""PX4 holds before it returns, and reports the change of mode a second later."""
+AT_ONCE_S = 5.0
+"""What it does because we were away it does, or begins with a hold, when its time is over, and reports it by then."""
+COMES_LATE_S = 2.5
+"""What it did while we were away comes late: two heartbeats, and some of their way."""
+BEAT_S = 1.0
+"""Our last heartbeat was sent up to a second before we stopped."""
+
+
+def is_gcs_absence_failsafe(
+    context: Scene, absences: Sequence[GroundStationAbsence], vehicle: VehicleState, now_s: float
+) -> bool:
+    """Return whether a vehicle's GCS failsafe acts because the ground station was not there, or could not be heard."""
+    beat = vehicle.telemetry.heartbeat
+    if not absences or (beat is not None and not _may_follow_silence(context, vehicle, beat.custom_mode)):
+        return False
+    away = absences[-1]
+    failsafe_s = context.vehicles[vehicle.name].failsafe_s
+    if failsafe_s is None and away.deaf and _is_unseen_change(vehicle):
+        failsafe_s = BEAT_S  # it did not say whether it has one, and it has
+    began_s = away.until_s - away.pause_s
+    dialect, mode_before = context.vehicles[vehicle.name].dialect, vehicle.telemetry.mode_before
+    holds = dialect.ground_station_failsafe.pause is not None
+    straight = not holds or (mode_before is not None and is_mission_mode(dialect, mode_before))
+    due_s = began_s + (failsafe_s or 0.0) + AT_ONCE_S
+    if (
+        straight
+        and not _is_unseen_change(vehicle)
+        and vehicle.telemetry.mode_since_s > max(due_s, away.until_s + COMES_LATE_S)
+    ):
+        return False  # it was heard on its mission since: its failsafe would have acted, or held it first
+    acted = failsafe_s is not None and away.pause_s >= failsafe_s - BEAT_S
+    return acted and vehicle.telemetry.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S
+
+
+def is_under_foreign_control(vehicle: VehicleState) -> bool:
+    """Return whether a person has it, or may have: nothing is commanded then."""
+    return vehicle.custody.taken is not None or (vehicle.armed and vehicle.custody.cause is ModeCause.PERSON)
+
+
+def is_in_manual_mode(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether it stands in a mode that only a person flies in."""
+    beat = vehicle.telemetry.heartbeat
+    return beat is not None and is_manual_mode(context.vehicles[vehicle.name].dialect, beat.custom_mode)
+
+
+def is_taken_over(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether it is certain that a person has taken it."""
+    return (
+        vehicle.armed
+        and vehicle.custody.cause is ModeCause.PERSON
+        and now_s - vehicle.telemetry.mode_since_s >= SURE_AFTER_S
+    )

@@ -1,0 +1,137 @@
+"""Silence: of one vehicle, of all of them at once, and our own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from executor.core.context import Scene
+from executor.core.interface.commands import Level, Say
+from executor.core.state.fleet_state import FleetState, GroundStationAbsence, Stepped
+from executor.core.state.vehicle_state import Stage, VehicleState
+
+SLEPT_S = 2.0
+"""A longer pause between two ticks was our own: the vehicles may have spoken and we did not listen."""
+ALL = 2
+"""Of fewer vehicles a log does not tell the silence of all from the silence of one."""
+TOLD_AGAIN_S = 300.0
+SWITCHED_OFF_S = 30.0
+"""A vehicle on the ground that has been silent for longer is switched off."""
+NOTED_SLEEP_S = 5.0
+"""A pause this long is worth a line."""
+
+
+def discount_host_pause(context: Scene, state: FleetState, now_s: float) -> Stepped:  # noqa: ARG001
+    """Look whether the ground station itself stood still since the last tick, and count that against nobody."""
+    slept_s = 0.0 if state.listening.tick_s is None else now_s - state.listening.tick_s
+    late_s = state.listening.late_s
+    state = replace(state, listening=replace(state.listening, tick_s=now_s))
+    if slept_s <= SLEPT_S:
+        return (_excuse_silence(state, late_s, now_s) if late_s > 0.0 else state), ()
+    state = _excuse_silence(state, slept_s, now_s)
+    if slept_s <= NOTED_SLEEP_S:
+        return state, ()
+    state = _record_absence(state, GroundStationAbsence(now_s, slept_s, restarted=False))
+    return state, (Say(Level.WARNING, f"the ground station stalled for {slept_s:.1f} s"),)
+
+
+def check_all_links(context: Scene, state: FleetState, now_s: float, *, least: int = 1) -> Stepped:
+    """Tell the silence of all, which is our own fault until proven otherwise, from the silence of one.
+
+    Args:
+        context: Of the flight.
+        state: Of it.
+        now_s: The time.
+        least: Of fewer vehicles that should be heard it is the silence of each.
+    """
+    if state.progress.launched_s is None or (len(state.vehicles) < least and state.listening.silent_since_s is None):
+        return state, ()
+    expected = _list_contact_times(state)
+    if len(expected) < least:
+        return (state if state.listening.silent_since_s is None else _clear_silence(state)), ()
+    latest = max(expected)
+    if now_s - latest < context.limits.link_stale_s:
+        if state.listening.silent_since_s is None:
+            return state, ()
+        # The first one is heard before the others, whose time begins anew.
+        pause_s = latest - state.listening.silent_since_s
+        state = _clear_silence(_excuse_silence(state, pause_s, now_s))
+        if pause_s > NOTED_SLEEP_S:
+            state = _record_absence(state, GroundStationAbsence(now_s, pause_s, restarted=False, deaf=True))
+        return state, (Say(Level.INFO, "links regained"),)
+    if not state.airborne_vehicles():
+        return _clear_silence(state), ()
+    if state.listening.silent_since_s is not None:
+        return _repeat_silence_warning(context, state, now_s)
+    who = "all links lost" if len(expected) > 1 else "no link to any vehicle"
+    text = f"{who}: suspecting the ground radio; re-planning suspended"
+    return replace(state, listening=replace(state.listening, silent_since_s=latest)), (Say(Level.WARNING, text),)
+
+
+def _record_absence(state: FleetState, absence: GroundStationAbsence) -> FleetState:
+    return replace(state, listening=replace(state.listening, absences=(*state.listening.absences, absence)))
+
+
+def _clear_silence(state: FleetState) -> FleetState:
+    return replace(state, listening=replace(state.listening, silent_since_s=None, silence_told_s=None))
+
+
+def _repeat_silence_warning(context: Scene, state: FleetState, now_s: float) -> Stepped:
+    """Say again, now and then, that all links are lost, and what that means."""
+    since_s = state.listening.silent_since_s or now_s
+    told_s = since_s if state.listening.silence_told_s is None else state.listening.silence_told_s
+    if now_s - told_s < (context.limits.all_silent_s if state.listening.silence_told_s is None else TOLD_AGAIN_S):
+        return state, ()
+    aloft = ", ".join(vehicle.name for vehicle in state.airborne_vehicles())
+    text = (
+        f"no message from any vehicle for {now_s - since_s:.0f} s; in the air at last contact: {aloft}. The "
+        "flight stays open and resumes with the first link regained"
+    )
+    return replace(state, listening=replace(state.listening, silence_told_s=now_s)), (Say(Level.FAULT, text),)
+
+
+def _list_contact_times(state: FleetState) -> list[float]:
+    """Return when each vehicle was heard last that should be heard now."""
+    away = {Stage.GROUND, Stage.LANDED, Stage.DOWN}
+    heard = [
+        float("-inf") if vehicle.link.heard_s is None else vehicle.link.heard_s
+        for vehicle in state.vehicles.values()
+        if vehicle.stage not in {*away, Stage.LOST}
+    ]
+    if not heard:
+        return []
+    since = max(heard) - SWITCHED_OFF_S
+    return heard + [
+        vehicle.link.heard_s
+        for vehicle in state.vehicles.values()
+        if vehicle.stage in away and vehicle.link.heard_s is not None and vehicle.link.heard_s > since
+    ]
+
+
+def check_link(context: Scene, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Say when a link is stale and when it is regained, before and after that is a fault."""
+    age_s = 0.0 if vehicle.link.heard_s is None else now_s - vehicle.link.heard_s
+    stale = age_s >= context.limits.link_stale_s
+    if vehicle.link.stale and vehicle.link.spoke_s is not None:
+        # What was not its own silence is not held against it, and does not make it heard.
+        stale = now_s - vehicle.link.spoke_s >= context.limits.link_stale_s
+    if stale == vehicle.link.stale:
+        return state, ()
+    text = f"{vehicle.name}: no message for {age_s:.1f} s" if stale else f"{vehicle.name}: link regained"
+    level = Level.WARNING if stale else Level.INFO
+    excused_s = vehicle.link.excused_s if stale else now_s
+    return state.put(replace(vehicle, link=replace(vehicle.link, stale=stale, excused_s=excused_s))), (
+        Say(level, text),
+    )
+
+
+def _excuse_silence(state: FleetState, pause_s: float, now_s: float) -> FleetState:
+    """Count a time in which nobody could be heard against no vehicle."""
+    for vehicle in state.vehicles.values():
+        if vehicle.link.heard_s is not None:
+            state = state.put(
+                replace(
+                    vehicle,
+                    link=replace(vehicle.link, heard_s=min(now_s, vehicle.link.heard_s + pause_s), excused_s=now_s),
+                )
+            )
+    return state

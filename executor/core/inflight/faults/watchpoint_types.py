@@ -1,0 +1,88 @@
+"""What a watchpoint is: a look at one vehicle at one moment, with its evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+from executor.core.context import Scene, VehicleSetup
+from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
+from executor.core.telemetry.failsafe_texts import has_failsafe_action
+from missions.autopilots.modes import is_mission_mode
+
+
+class Verdict(Enum):
+    """What a watchpoint says of one moment."""
+
+    OK = "ok"
+    FAIL = "fail"
+    STALE = "stale"
+
+
+@dataclass(frozen=True, slots=True)
+class WatchView:
+    """What a watchpoint may look at."""
+
+    context: Scene
+    setup: VehicleSetup
+    state: VehicleState
+    failing: bool
+    """Whether it failed at the last look: the clear threshold may differ from the raise threshold."""
+    now_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A verdict with its evidence in words."""
+
+    verdict: Verdict
+    evidence: str = ""
+
+
+OK = Finding(Verdict.OK)
+STALE = Finding(Verdict.STALE)
+
+
+@dataclass(frozen=True, slots=True)
+class Watchpoint:
+    """One row of the table; the first row that is raised gives the reason."""
+
+    name: str
+    kind: FaultKind
+    judge: Callable[[WatchView], Finding]
+    raise_after_s: float
+    stages: frozenset[Stage]
+    """The stages in which it is looked at."""
+    code: FaultCode
+
+
+def describe_reported_failure(view: WatchView, kind: str) -> str:
+    """Return in words what an autopilot said has failed and made it act; nothing if it did not."""
+    for failed, said_s in view.state.evidence.failed:
+        if failed.what == kind and view.now_s - said_s <= view.context.limits.alarm_s and has_failsafe_action(failed):
+            return f"it says: {failed.words}"
+    return ""
+
+
+LOST_ITSELF_S = 30.0
+
+
+def loses_itself(view: WatchView) -> bool:
+    """Return whether its autopilot says that it does not know where it is, nor how fast it moves."""
+    return any(
+        failed.what in {"ekf", "gps"} and view.now_s - said_s <= LOST_ITSELF_S
+        for failed, said_s in view.state.evidence.failed
+    )
+
+
+def in_mission_mode(view: WatchView) -> bool:
+    """Return whether it says that it is in mission mode."""
+    heartbeat = view.state.telemetry.heartbeat
+    return heartbeat is not None and is_mission_mode(view.setup.dialect, heartbeat.custom_mode)
+
+
+def alarm_words(view: WatchView) -> str:
+    """Return what the vehicle said of it, if it did."""
+    text, said_s = view.state.telemetry.alarm
+    return f"; it says: {text}" if view.now_s - said_s <= view.context.limits.alarm_s else ""

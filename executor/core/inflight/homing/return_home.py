@@ -1,0 +1,243 @@
+"""Whether RTL, or a landing, may be commanded.
+
+An order is given once, and again only if it was lost or refused.
+
+An autopilot that acts on an emergency of its own is left to that, and so is one that comes down over its own pad: a
+descent must not become a flight.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from executor.core.context import Context
+from executor.core.formatting import join_first_names
+from executor.core.inflight.custody.mode_causes import is_failsafe_in_hold, is_long_hold, is_under_foreign_control
+from executor.core.interface.commands import Command, LandNow, Level, Say, SendHome
+from executor.core.interface.events import OrderEnded, ReturnEnded
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_parts import HomingOrder, ModeCause
+from executor.core.state.vehicle_position import is_kill_switch_text
+from executor.core.state.vehicle_state import IN_THE_AIR, SINKS, Stage, VehicleState
+from missions import Phase
+from missions.area_check import find_areas_on_return
+from missions.autopilots.modes import is_home_mode, is_mission_mode
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+REFUSED_AGAIN_S = 5.0
+"""After a refusal an order is given again this much later."""
+FRESH_FIX_S = 1.5
+"""Who was not heard is asked where it is before it is told where to go; so long its position is waited for."""
+SINKS_M_S = 0.3
+STOPPED_S = 5.0
+"""A vehicle whose motors were stopped shows within this time that it is disarmed, if it was so."""
+UNSAID_S = 5.0
+"""So long without HEARTBEAT its mode is not known."""
+
+
+MOST_NAMED = 3
+"""Areas that a line to the crew names."""
+
+
+class HomingAction(Enum):
+    """What is to be done about a vehicle that should come home."""
+
+    RETURN = "return"
+    LAND = "land"
+    LEAVE = "leave"
+    """It is left to what it does."""
+    WAIT = "wait"
+
+
+@dataclass(frozen=True, slots=True)
+class HomingAdvice:
+    """An answer with its reason."""
+
+    answer: HomingAction
+    words: str = ""
+
+
+def is_coming_home(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether it says that it flies home, or lands, by itself."""
+    dialect = context.vehicles[vehicle.name].dialect
+    return vehicle.telemetry.heartbeat is not None and is_home_mode(dialect, vehicle.telemetry.heartbeat.custom_mode)
+
+
+def is_on_mission(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether it says that it is in mission mode."""
+    dialect = context.vehicles[vehicle.name].dialect
+    return vehicle.telemetry.heartbeat is not None and is_mission_mode(dialect, vehicle.telemetry.heartbeat.custom_mode)
+
+
+def is_coming_down(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that was out there is in its landing, or on the ground again."""
+    fix = vehicle.motion.fix
+    if vehicle.stage not in IN_THE_AIR or not vehicle.sortie.took_off:
+        return False
+    if not vehicle.armed or vehicle.telemetry.on_ground:
+        return True
+    if is_on_mission(context, vehicle) and vehicle.leg is not None and vehicle.leg.phase is Phase.LAND:
+        return True
+    over_pad = fix is not None and math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.pad_m
+    return over_pad and fix is not None and fix.velocity_m_s[2] < -SINKS_M_S
+
+
+def advise_homing(context: Context, vehicle: VehicleState, now_s: float) -> HomingAdvice:  # noqa: C901, PLR0911 - one return a reason
+    """Return what to do about a vehicle that should not fly its mission any more."""
+    errand = vehicle.orders.errand or HomingOrder(now_s)
+    if is_under_foreign_control(vehicle):  # confirmed or not: an order that takes it from its pilot says so of its mode
+        return HomingAdvice(HomingAction.LEAVE, "with its pilot, not commanded")
+    if _has_kill_switch_on(vehicle, now_s) and not errand.force:
+        return HomingAdvice(HomingAction.WAIT, "reports its kill switch on, not commanded")
+    if errand.land:
+        return HomingAdvice(HomingAction.LAND)
+    if is_coming_home(context, vehicle) and not errand.force:
+        return HomingAdvice(HomingAction.LEAVE, "returning or landing by itself, not commanded")
+    if not errand.force and (failsafe := _await_failsafe(context, vehicle)) is not None:
+        return failsafe
+    if _cannot_climb(context, vehicle, now_s) and not errand.force:
+        return HomingAdvice(
+            HomingAction.LEAVE, "cannot hold height and RTL begins with a climb, not commanded: its pilot may land it"
+        )
+    fix = vehicle.motion.fix
+    if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
+        if now_s - errand.since_s < FRESH_FIX_S:
+            return HomingAdvice(HomingAction.WAIT)
+        return HomingAdvice(HomingAction.RETURN)  # only its autopilot knows where it is
+    over_pad = math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.pad_m
+    if over_pad:
+        if is_on_mission(context, vehicle) and _is_landing(vehicle) and not _is_stuck_over_pad(vehicle):
+            return HomingAdvice(HomingAction.LEAVE, "landing on its pad, not commanded")
+        return HomingAdvice(HomingAction.LAND)
+    if is_on_mission(context, vehicle) and vehicle.leg is not None and vehicle.leg.phase is Phase.LAND:
+        return HomingAdvice(HomingAction.LEAVE, "landing, not commanded")
+    return HomingAdvice(HomingAction.RETURN)
+
+
+def _has_kill_switch_on(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether it has just said that its kill switch is on."""
+    text, said_s = vehicle.telemetry.alarm
+    return is_kill_switch_text(text) and now_s - said_s < STOPPED_S
+
+
+def _await_failsafe(context: Context, vehicle: VehicleState) -> HomingAdvice | None:
+    """Return that a failsafe is waited for that holds before it acts; None if none acts."""
+    waited_for = HomingAdvice(HomingAction.WAIT, "holding in its own failsafe; waiting for it to act")
+    if vehicle.custody.cause is ModeCause.OURS and is_failsafe_in_hold(context, vehicle):
+        return waited_for
+    if vehicle.custody.cause is not ModeCause.FAILSAFE or vehicle.telemetry.heartbeat is None:
+        return None
+    hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
+    if vehicle.telemetry.heartbeat.custom_mode != hold:
+        return HomingAdvice(HomingAction.LEAVE, "left to its own failsafe")
+    return None if is_long_hold(context, vehicle) else waited_for
+
+
+def _cannot_climb(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle that sank below its mission sinks on, or lies, away from its pad.
+
+    RTL climbs before it flies, and a landing comes down on whatever is below: both are its pilot's to choose. One that
+    holds its height again is told as any other.
+    """
+    fix, anchor = vehicle.motion.fix, vehicle.motion.anchor
+    if vehicle.fault is None or vehicle.fault.code not in SINKS:
+        return False
+    if fix is None or anchor is None or now_s - fix.at_s > context.limits.link_stale_s:
+        return True
+    if math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.pad_m:
+        return False
+    moves = fix.boot_s - anchor.boot_s < HANGS_S and fix.alt_rel_m > context.limits.off_pad_up_m
+    return not moves or now_s - vehicle.motion.sinks_s < CLIMBS_AGAIN_S
+
+
+CLIMBS_AGAIN_S = 10.0
+HANGS_S = 10.0
+
+
+def _is_stuck_over_pad(vehicle: VehicleState) -> bool:
+    """Return whether it has stood over its pad for longer than any mission of ours does."""
+    fix, anchor = vehicle.motion.fix, vehicle.motion.anchor
+    return fix is not None and anchor is not None and fix.boot_s - anchor.boot_s >= HANGS_S
+
+
+def _is_landing(vehicle: VehicleState) -> bool:
+    fix, leg = vehicle.motion.fix, vehicle.leg
+    landing = leg is not None and leg.phase in {Phase.LAND, Phase.RETURN}
+    return landing or (fix is not None and fix.velocity_m_s[2] < -SINKS_M_S)
+
+
+def bring_home(
+    context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, land: bool = False, force: bool = False
+) -> Stepped:
+    """Let a vehicle that has left its mission come home: it is told now, or as soon as that is right."""
+    vehicle = replace(vehicle, orders=replace(vehicle.orders, errand=HomingOrder(now_s, land=land, force=force)))
+    return issue_homing_order(context, state.put(vehicle), vehicle.name, now_s)
+
+
+def issue_homing_order(context: Context, state: FleetState, name: str, now_s: float) -> Stepped:
+    """Tell a vehicle what it is to be told, if that is right now."""
+    vehicle = state.vehicles[name]
+    errand = vehicle.orders.errand
+    if errand is None or errand.told:
+        return state, ()
+    if vehicle.stage is not Stage.RETURNING:
+        return state.put(replace(vehicle, orders=replace(vehicle.orders, errand=None))), ()
+    if vehicle.link.stale or now_s < errand.not_before_s:
+        return state, ()
+    found = advise_homing(context, vehicle, now_s)
+    match found.answer:
+        case HomingAction.RETURN | HomingAction.LAND:
+            return _command_homing(context, state, vehicle, errand, now_s, land=found.answer is HomingAction.LAND)
+        case HomingAction.WAIT | HomingAction.LEAVE:
+            return state, ()
+
+
+def _command_homing(
+    context: Context, state: FleetState, vehicle: VehicleState, errand: HomingOrder, now_s: float, *, land: bool
+) -> Stepped:
+    modes = context.vehicles[vehicle.name].dialect.modes
+    expected = {modes.land.custom_mode} if land else {modes.return_home.custom_mode, modes.land.custom_mode}
+    told = replace(
+        vehicle,
+        orders=replace(
+            vehicle.orders, errand=replace(errand, told=True), ordered_mode_s=now_s, ordered_modes=frozenset(expected)
+        ),
+    )
+    if land:
+        return state.put(told), (LandNow(vehicle.name),)
+    return state.put(told), (*_warn_of_areas(context, vehicle), SendHome(vehicle.name))
+
+
+def _warn_of_areas(context: Context, vehicle: VehicleState) -> tuple[Command, ...]:
+    """Say so if the way home that the vehicle's own autopilot flies leads through an area: it knows of none."""
+    fix = vehicle.motion.fix
+    if fix is None or not context.setup.areas:
+        return ()
+    names = find_areas_on_return(context.setup, vehicle.name, fix.place_m)
+    if not names:
+        return ()
+    text = f"{vehicle.name}: RTL will cross no-fly area {join_first_names([repr(name) for name in names], MOST_NAMED)}"
+    return (Say(Level.WARNING, text),)
+
+
+def apply_homing_result(state: FleetState, event: ReturnEnded | OrderEnded, now_s: float) -> Stepped:
+    """Take what a vehicle made of the order: what was lost or refused is told again, whatever else is not."""
+    vehicle = state.vehicles[event.vehicle]
+    errand = vehicle.orders.errand
+    if errand is None or not errand.told:
+        return state, ()
+    if event.accepted:
+        return state.put(replace(vehicle, orders=replace(vehicle.orders, errand=None))), ()
+    if event.lost:
+        return state.put(replace(vehicle, orders=replace(vehicle.orders, errand=replace(errand, told=False)))), ()
+    if event.refused:
+        again = replace(errand, told=False, not_before_s=now_s + REFUSED_AGAIN_S)
+        return state.put(replace(vehicle, orders=replace(vehicle.orders, errand=again))), ()
+    done = state.put(replace(vehicle, orders=replace(vehicle.orders, errand=None)))
+    if vehicle.link.heartbeat_s is None or now_s - vehicle.link.heartbeat_s >= UNSAID_S:
+        return done, ()  # nobody knows what it does
+    text = f"{vehicle.name}: acknowledged the order but does not follow it; not commanded again"
+    return done, (Say(Level.WARNING, text),)

@@ -1,0 +1,1 @@
+"""What comes in and goes out: messages, events, intents, commands, ports."""

@@ -1,0 +1,121 @@
+"""The seams through which runtime knows the outside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from executor.core.interface.commands import Solve
+from executor.core.interface.connection import Connection
+from executor.core.interface.events import Event, SolveEnded
+from executor.core.interface.messages import Message, Outgoing
+from missions import Pricing
+
+
+class Clock(Protocol):
+    """The time of the flight, which runs `speedup` times as fast as the real one in a simulation."""
+
+    @property
+    def speedup(self) -> float:
+        """Seconds of the flight in a real second."""
+        ...
+
+    def now_s(self) -> float:
+        """Seconds since the ground station began; never goes back."""
+        ...
+
+
+class Link(Protocol):
+    """One vehicle's messages, in and out."""
+
+    def send(self, message: Outgoing) -> None:
+        """Send without waiting; what cannot be sent is lost, as on the air."""
+        ...
+
+    def listen(self, listener: Callable[[Message], None]) -> Callable[[], None]:
+        """Call `listener` with every message from now on; returns how to stop that."""
+        ...
+
+
+@dataclass(slots=True)
+class LinkCounts:
+    """What came from a vehicle and what did not."""
+
+    received: int = 0
+    missing: int | None = 0
+    """Frames that the sequence numbers say were sent and never came; None where they cannot be seen."""
+    foreign: int = 0
+    """Frames of systems on this connection that are nobody's vehicle."""
+    refused: dict[str, int] = field(default_factory=dict)
+    """Frames that were not believed, by the reason: unsigned, forged or replayed."""
+    strangers: dict[int, str] = field(default_factory=dict)
+    """Those systems, and where each was heard."""
+
+
+class OpenLink(Link, Protocol):
+    """A link of the flight, as long as it is open."""
+
+    @property
+    def counts(self) -> LinkCounts:
+        """What came so far."""
+        ...
+
+
+class FrameLog(Protocol):
+    """Where every frame of both directions is recorded."""
+
+    def write(self, frame: bytes) -> None:
+        """Append one frame."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class LinkRequest:
+    """A link to be opened."""
+
+    connection: Connection
+    sysid: int
+    log: FrameLog | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Keyring:
+    """What frames are signed with."""
+
+    key: bytes = field(repr=False)
+    """32 bytes; nothing may show them."""
+    unix_s: Callable[[], float]
+    """Seconds since 1970 by a clock that does not go back."""
+
+
+class EventSink(Protocol):
+    """Where events are written before they are applied."""
+
+    def write(self, event: Event, now_s: float) -> None:
+        """Append one event."""
+        ...
+
+    async def settle(self) -> None:
+        """Wait until everything written outlives a power loss, or the disk has had its time."""
+        ...
+
+
+class Solver(Protocol):
+    """The planner in a process of its own."""
+
+    async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
+        """Return the best routes found within the deadline."""
+        ...
+
+    def cancel(self, revision: int) -> None:
+        """Make whatever works on this revision stop soon."""
+        ...
+
+
+class LossJudge(Protocol):
+    """The planner, asked what would be, when nothing else is asked."""
+
+    async def judge(self, problem: Solve, pricing: Pricing) -> tuple[int, ...] | None:
+        """Return the segments that could not be covered; None if something more urgent came."""
+        ...

@@ -1,0 +1,1 @@
+"""From the clearance by the crew until a vehicle flies its mission."""

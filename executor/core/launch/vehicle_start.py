@@ -1,0 +1,256 @@
+"""From the crew's yes until a vehicle flies its mission: who is started, tried again, or lost at its pad."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from executor.core.context import Context, RelaunchPolicy
+from executor.core.ground import kill_switch, turnaround
+from executor.core.ground.turnaround import PLACELESS_S
+from executor.core.inflight.homing.return_home import is_coming_home, is_on_mission
+from executor.core.interface.commands import Command, HandsOff, Level, Say, Start
+from executor.core.interface.endings import Ending
+from executor.core.interface.events import StartEnded
+from executor.core.replanning.replan_messages import format_segments
+from executor.core.replanning.withdrawal import declare_fault
+from executor.core.state import sortie_log
+from executor.core.state.fleet_state import FleetState, Stepped
+from executor.core.state.mission_ownership import MissionOwnership
+from executor.core.state.vehicle_parts import ModeCause
+from executor.core.state.vehicle_position import is_kill_switch_text
+from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
+from executor.core.telemetry.message_update import FELL_BACK_S
+from missions import StartStep
+from planner import segment_of
+
+RETRIES = 3
+"""How often a start that failed is tried again."""
+START_WINDOW_S = 45.0
+"""So long after the crew's yes a start is begun again: each tries to arm for half a minute, and later somebody may be
+at the pad."""
+HEARD_LATELY_S = 15.0
+"""Who was heard so long ago when the crew said yes is there: what it said since waits where the question was asked."""
+
+
+def launch_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Start everybody who has something to fly: the crew has said yes."""
+    commands: list[Command] = []
+    for vehicle in state.vehicles.values():
+        if vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < HEARD_LATELY_S:
+            state = state.put(replace(vehicle, link=replace(vehicle.link, heard_s=now_s, excused_s=now_s)))
+    planned: set[int] = set()
+    begun: set[int] = set()
+    for vehicle in state.vehicles.values():
+        if vehicle.assignment.board is None or not vehicle.assignment.board.visits:
+            continue
+        own = {segment_of(visit) for visit in vehicle.assignment.board.visits}
+        planned |= own
+        if vehicle.sortie.rebooted_s is not None:
+            why = "its autopilot has rebooted since its checks"
+            commands.append(Say(Level.WARNING, f"{vehicle.name}: not started: {why}; `swap` when fixed"))
+            continue
+        if context.day is not None:
+            continue  # one after the other, each when its base has a slot for it
+        if vehicle.armed:
+            continue  # somebody else has armed it since it was looked at
+        begun |= own
+        state, order = order_start(context, state, vehicle, now_s)
+        commands.append(order)
+    if context.day is not None:
+        state, begun = turnaround.queue_first_sorties(context, state, now_s), planned
+    left = context.wanted - planned - state.later_segments()
+    if left:
+        commands.append(Say(Level.INFO, f"planned for the next sortie: {format_segments(context, left)}"))
+    given_up = state.coverage.given_up | (planned - begun)
+    state = replace(state, coverage=replace(state.coverage, given_up=given_up, left_over=left))
+    return replace(
+        state,
+        progress=replace(state.progress, launched_s=now_s),
+        crew=replace(state.crew, briefing=replace(state.crew.briefing, question=None)),
+    ), tuple(commands)
+
+
+def order_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
+    """Return a vehicle that was told to start, and the order."""
+    dialect = context.vehicles[vehicle.name].dialect
+    modes_on_the_way = {dialect.modes.mission.custom_mode}
+    if StartStep.GUIDED in dialect.start:
+        modes_on_the_way.add(dialect.modes.guided.custom_mode)
+    vehicle = change_stage(sortie_log.begin_sortie(state, vehicle, now_s), Stage.STARTING)
+    vehicle = replace(
+        vehicle,
+        orders=replace(
+            vehicle.orders,
+            ordered_mode_s=now_s,
+            errand=None,
+            ordered_modes=frozenset(modes_on_the_way),
+            start_let_go=False,
+        ),
+        assignment=replace(
+            vehicle.assignment, waypoint=0, run=None, owed=None, carried=MissionOwnership(ours_s=now_s), leg_began=None
+        ),
+        sortie=replace(vehicle.sortie, armed_once=False, took_off=False, rebooted_s=None, away_once=False),
+        motion=replace(vehicle.motion, anchor=None),
+        power=replace(vehicle.power, began_pct=vehicle.power.battery.remaining_pct, aloft_pct=None),
+    )
+    return state.put(vehicle), Start(vehicle.name)
+
+
+def start_from_base(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Start a vehicle that stood on its base for a while: at once if it says where it is, else once it does.
+
+    Who is without a position may have rebooted, without what was set on it, and with another pack.
+    """
+    placed, anew = _has_fresh_position(context, vehicle, now_s), _describe_reboot(vehicle)
+    state, order = order_start(context, state, vehicle, now_s)
+    if placed and not anew:
+        return state, (order,)
+    owed = state.vehicles[vehicle.name]
+    owed = replace(
+        owed,
+        orders=replace(owed.orders, start_owed_s=now_s),
+        sortie=replace(owed.sortie, rebooted_s=vehicle.sortie.rebooted_s if anew else None),
+    )
+    said = () if placed else (Say(Level.WARNING, f"{vehicle.name}: take-off waits for a position"),)
+    return state.put(owed), said
+
+
+def apply_start_result(context: Context, state: FleetState, event: StartEnded, now_s: float) -> Stepped:
+    """Take up how a start ended: it flies, it is tried again, or it is lost at its pad."""
+    vehicle = state.vehicles[event.vehicle]
+    if vehicle.stage is not Stage.STARTING:
+        return state, ()
+    if event.accepted:
+        vehicle = replace(
+            change_stage(vehicle, Stage.FLYING),
+            assignment=replace(vehicle.assignment, failures=0),
+            orders=replace(vehicle.orders, ordered_mode_s=now_s, cleared_s=None),
+            motion=replace(vehicle.motion, anchor=None),
+        )
+        return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
+    if not vehicle.armed and is_kill_switch_text(event.reason):
+        return kill_switch.stand_down_vehicle(state, vehicle, now_s)
+    stopped = (vehicle.sortie.armed_once or event.armed) and not vehicle.armed
+    may = context.fly_again is RelaunchPolicy.AUTO or (_is_clearance_fresh(state, vehicle, now_s) and not stopped)
+    may = may and event.code not in {Ending.MODE_CHANGED, Ending.STOOD_STILL} and vehicle.sortie.rebooted_s is None
+    if vehicle.assignment.failures + 1 < RETRIES and may and _is_waiting_on_pad(context, vehicle, event, now_s):
+        vehicle = replace(
+            vehicle,
+            assignment=replace(vehicle.assignment, failures=vehicle.assignment.failures + 1),
+            orders=replace(vehicle.orders, ordered_mode_s=now_s),
+        )
+        text = f"{vehicle.name}: did not start ({event.reason}); trying again"
+        if not _has_fresh_position(context, vehicle, now_s):
+            owed = replace(vehicle, orders=replace(vehicle.orders, start_owed_s=now_s))
+            return state.put(owed), (Say(Level.WARNING, f"{text} once a position is received"),)
+        return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
+    why = f"did not start: {event.reason}"
+    if event.armed and not vehicle.armed and not _has_fresh_heartbeat(context, vehicle, now_s):
+        # It acknowledged that it armed, and what became of it nobody knows: it may stand there with its motors on.
+        why += ", and no HEARTBEAT since"
+        return declare_fault(context, state, vehicle, Fault(FaultKind.LINK, why, now_s, FaultCode.NOT_STARTED))
+    why += ", and it has disarmed" if stopped else ""
+    return declare_fault(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
+
+
+def monitor_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Look at a vehicle that starts: it may have disarmed again, and nobody may pursue its start any more."""
+    beat_s, released = vehicle.link.heartbeat_s, vehicle.orders.start_let_go
+    # Two HEARTBEATs say so: one may be another's.
+    stopped = vehicle.sortie.armed_once and not vehicle.armed and (beat_s or 0.0) > vehicle.sortie.disarmed_s
+    if stopped and (released or context.fly_again is not RelaunchPolicy.AUTO):
+        why = "mode changed by another source, then disarmed" if released else "armed, then disarmed"
+        fault = Fault(FaultKind.INTERRUPTION, f"did not start: {why}", now_s, FaultCode.NOT_STARTED)
+        state, more = declare_fault(context, state, vehicle, fault)
+        return state, (HandsOff(vehicle.name), *more)  # what goes on with its start would arm it again
+    flies = released and vehicle.sortie.took_off and vehicle.custody.cause is ModeCause.OURS
+    return _begin_mission(state, vehicle, now_s) if flies and is_on_mission(context, vehicle) else (state, ())
+
+
+def _begin_mission(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Take a vehicle to fly its mission that was seen to have taken off."""
+    vehicle = replace(
+        change_stage(vehicle, Stage.FLYING),
+        assignment=replace(vehicle.assignment, failures=0),
+        orders=replace(vehicle.orders, ordered_mode_s=now_s),
+    )
+    return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
+
+
+def _is_clearance_fresh(state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether the crew's yes is of now: later somebody may be at the pad of a vehicle that does not start."""
+    asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
+    return now_s - asked_s < START_WINDOW_S
+
+
+def retry_waiting_starts(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Try starts again that wait for a position: who is silent for a while may have rebooted, with another pack."""
+    commands: list[Command] = []
+    for vehicle in tuple(state.vehicles.values()):
+        owed_s = vehicle.orders.start_owed_s
+        if owed_s is None:
+            continue
+        why, fix = _describe_reboot(vehicle), vehicle.motion.fix
+        if not why and now_s - owed_s > PLACELESS_S:
+            why = f"no position for {PLACELESS_S:g} s, it may have rebooted since its checks"
+        starts = vehicle.stage is Stage.STARTING
+        if starts and not why and (fix is None or fix.at_s <= owed_s):
+            continue
+        paid = replace(vehicle, orders=replace(vehicle.orders, start_owed_s=None, ordered_mode_s=now_s))
+        state = state.put(paid)
+        if starts and why:
+            fault = Fault(FaultKind.INTERRUPTION, f"did not start: {why}", now_s, FaultCode.NOT_STARTED)
+            state, more = declare_fault(context, state, paid, fault)
+            commands.extend(more)
+        elif starts:
+            commands.append(Start(vehicle.name))
+    return state, tuple(commands)
+
+
+def _has_fresh_position(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle says where it is."""
+    fix = vehicle.motion.fix
+    return fix is not None and now_s - fix.at_s <= context.limits.link_stale_s
+
+
+def _describe_reboot(vehicle: VehicleState) -> str:
+    """Return why an autopilot is not the one any more that was checked, or included; empty if it is."""
+    cleared_s = vehicle.orders.cleared_s or -math.inf
+    if vehicle.sortie.rebooted_s is not None and vehicle.sortie.rebooted_s > cleared_s:
+        return "its autopilot has rebooted since its checks"
+    if vehicle.motion.behind_s >= FELL_BACK_S and vehicle.motion.fell_back_s > cleared_s:
+        return "its clock fell back: its autopilot may have rebooted since its checks"
+    return ""
+
+
+def _has_fresh_heartbeat(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether its HEARTBEAT is recent."""
+    beat_s = vehicle.link.heartbeat_s
+    return beat_s is not None and now_s - beat_s < context.limits.heartbeat_stale_s
+
+
+def _is_waiting_on_pad(context: Context, vehicle: VehicleState, event: StartEnded, now_s: float) -> bool:
+    """Return whether a vehicle whose start failed is known to stand there still, with nobody's else hand on it."""
+    if not (vehicle.sortie.armed_once or event.armed):
+        return True
+    if not _has_fresh_heartbeat(context, vehicle, now_s) or not _has_fresh_position(context, vehicle, now_s):
+        return False  # it may have taken off, or its autopilot may have started anew
+    return (
+        not vehicle.sortie.took_off and not is_coming_home(context, vehicle) and vehicle.custody.cause is ModeCause.OURS
+    )
+
+
+def resume_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Go on with a start that an upload broke off: whatever is being said to a vehicle gives way to an upload."""
+    if vehicle.sortie.took_off:
+        return _begin_mission(state, vehicle, now_s)
+    if (
+        not vehicle.armed
+        and context.fly_again is not RelaunchPolicy.AUTO
+        and not _is_clearance_fresh(state, vehicle, now_s)
+    ):
+        why = f"did not start within {START_WINDOW_S:.0f} s of take-off clearance"
+        return declare_fault(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
+    state, order = order_start(context, state, vehicle, now_s)
+    return state, (order,)

@@ -1,0 +1,250 @@
+"""What a vehicle does by itself, read from its parameters and said in words."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+from executor.core.interface.messages import Version
+from missions import BatteryLevel, Dialect, ThresholdUnit, Words
+
+LINK_MARGIN_S = 3.0
+"""Beyond the time in which a vehicle's own failsafe has acted."""
+LEAST_LINK_TIMEOUT_S = 10.0
+Parameters = Mapping[str, float]
+"""What a vehicle answered, by name; a parameter that it does not have is missing."""
+UNKNOWN = "unknown action"
+
+
+def list_preflight_parameters(dialect: Dialect) -> tuple[str, ...]:
+    """Return every parameter that the checks before the flight read."""
+    wanted = [
+        *link_names(dialect), *dialect.ground_station_failsafe.station_sysid[:1], *battery_names(dialect),
+        *fence_names(dialect), *(tuning.parameter for tuning in dialect.tunings), *dialect.pack_parameters,
+    ]  # fmt: skip
+    return tuple(dict.fromkeys(wanted))
+
+
+def link_names(dialect: Dialect) -> tuple[str, ...]:
+    """Return the parameters that say what a vehicle does in silence."""
+    rule = dialect.ground_station_failsafe
+    return tuple(name for name in (rule.action, rule.timeout, rule.pause, rule.exception[0]) if name is not None)
+
+
+def battery_names(dialect: Dialect) -> tuple[str, ...]:
+    """Return the parameters that say what a vehicle does on a low battery."""
+    failsafe = dialect.battery_failsafe
+    wanted = [failsafe.capacity, *(early.action for early in failsafe.early)]
+    for level in failsafe.levels:
+        wanted += [level.action, level.threshold, level.voltage]
+    return tuple(dict.fromkeys(name for name in wanted if name is not None))
+
+
+def fence_names(dialect: Dialect) -> tuple[str, ...]:
+    """Return the parameters that describe a vehicle's geofence."""
+    rule = dialect.geofence
+    kinds = () if rule.kinds is None else rule.kinds[:1]
+    return tuple(dict.fromkeys((*rule.enabled_by, rule.height, rule.radius, *kinds, rule.action)))
+
+
+def list_older_parameters(dialect: Dialect, known: Collection[str]) -> tuple[str, ...]:
+    """Return the older names of a parameter that a vehicle does not have by its newest; nothing if it does."""
+    stations = dialect.ground_station_failsafe.station_sysid
+    return () if any(name in known for name in stations) else stations[1:]
+
+
+def does_in_words(actions: Words, value: float) -> str:
+    """Return what a value of an action means; a firmware may know more of them than this table."""
+    return dict(actions).get(int(value), UNKNOWN)
+
+
+@dataclass(frozen=True, slots=True)
+class LinkFailsafe:
+    """What a vehicle does when it does not hear the ground station."""
+
+    acts: bool | None
+    """Whether it does anything; None if nobody knows."""
+    after_s: float
+    """Silence, in its own time, until it has begun to: by its autopilot's defaults for a parameter that it does not
+    have, by the longest that is allowed for one that was not read."""
+    words: str
+    returns: bool = False
+    """Whether that is a straight return, up to its height first."""
+    holds_s: float = 0.0
+    """How long it holds before this and its other failsafes act, by the same."""
+    unread: bool = False
+    """Whether a parameter of it was not read."""
+
+
+def read_link_failsafe(dialect: Dialect, parameters: Parameters, unread: Collection[str] = ()) -> LinkFailsafe:
+    """Return what a vehicle does by itself in silence.
+
+    Args:
+        dialect: The vehicle's autopilot.
+        parameters: What it answered.
+        unread: What it may have, and did not answer.
+    """
+    rule = dialect.ground_station_failsafe
+    slack_s = rule.reacts_after_s - rule.timeout_s
+    holds_s = 0.0
+    if rule.pause is not None:
+        holds_s = rule.pause_most_s if rule.pause in unread else parameters.get(rule.pause, rule.pause_s)
+    timeout_s = rule.timeout_most_s if rule.timeout in unread else parameters.get(rule.timeout, rule.timeout_s)
+    after_s = timeout_s + slack_s + holds_s
+    lacking = [name for name in link_names(dialect) if name in unread]
+    if lacking:
+        words = f"GCS failsafe not known: {not_read(lacking)}"
+        return LinkFailsafe(None, after_s, words, holds_s=holds_s, unread=True)
+    action = parameters.get(rule.action)
+    if action is None:
+        words = f"GCS failsafe not known: it has no {rule.action}"
+        return LinkFailsafe(None, after_s, words, holds_s=holds_s)
+    setting = f"{rule.action}={action:g}"
+    if action == 0:
+        words = f"no GCS failsafe ({setting}): without a link it flies its mission to the end"
+        return LinkFailsafe(False, after_s, words, holds_s=holds_s)
+    name, bit = rule.exception
+    if int(parameters.get(name, 0.0)) & bit:
+        words = f"no GCS failsafe in a mission ({setting}, but {name}={parameters[name]:g})"
+        return LinkFailsafe(False, after_s, words, holds_s=holds_s)
+    does = does_in_words(rule.actions, action)
+    words = f"GCS failsafe: {does} after {after_s:g} s ({setting})"
+    acts = None if does == UNKNOWN else True
+    return LinkFailsafe(acts, after_s, words, returns=int(action) == rule.action_return, holds_s=holds_s)
+
+
+def not_read(names: Collection[str]) -> str:
+    """Return in words that parameters were not read.
+
+    >>> not_read(["RTL_ALT"]), not_read(["FENCE_TYPE", "FENCE_ENABLE"])
+    ('RTL_ALT was not read', 'FENCE_ENABLE, FENCE_TYPE were not read')
+    """
+    return f"{', '.join(sorted(names))} {'was' if len(names) == 1 else 'were'} not read"
+
+
+def effective_link_timeout_s(
+    dialect: Dialect, wanted_s: float | None, stall_s: float, own: LinkFailsafe | None = None
+) -> float:
+    """Return the silence after which a vehicle is lost.
+
+    It is the site's figure, or by default when the vehicle's own failsafe must have acted. A figure that is shorter
+    than what the vehicle says of itself is not taken: its segments would be given away while it still flies them.
+
+    Args:
+        dialect: The vehicle's autopilot.
+        wanted_s: The site's figure, if it has one.
+        stall_s: The shortest silence that can be told from a busy computer, in the vehicles' time.
+        own: What the vehicle says of itself, once it was asked.
+    """
+    rule = dialect.ground_station_failsafe
+    # Of what nobody knows the worst is assumed: that it acts, and as late as that.
+    acts_s = None if own is None or own.acts is False else own.after_s
+    if wanted_s is not None and wanted_s >= (acts_s or 0.0):
+        return wanted_s
+    if acts_s is None or wanted_s is None:
+        least_s = stall_s + rule.returns_after_s - rule.reacts_after_s
+        acts_s = max(rule.returns_after_s if acts_s is None else acts_s, least_s)
+    return max(LEAST_LINK_TIMEOUT_S, acts_s + LINK_MARGIN_S)
+
+
+def find_watched_station(dialect: Dialect, parameters: Parameters) -> tuple[str, int] | None:
+    """Return the parameter that says whose heartbeats count, and its value; None if anybody's do or nobody knows."""
+    for name in dialect.ground_station_failsafe.station_sysid:
+        if name in parameters:
+            return name, int(parameters[name])
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryAction:
+    """What a vehicle does below one threshold."""
+
+    below_pct: float | None
+    """Of a full battery; None where only a voltage sets it off."""
+    words: str
+    known: bool = True
+    """Whether this program knows what the value of its parameter means."""
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryRule:
+    """What a vehicle does on a low battery."""
+
+    said: bool
+    """Whether it said so of every level."""
+    actions: tuple[BatteryAction, ...]
+    """What it does, level by level; empty if it does nothing."""
+
+
+def read_battery_rule(dialect: Dialect, parameters: Parameters) -> BatteryRule:
+    """Return what a vehicle does by itself on a low battery."""
+    failsafe = dialect.battery_failsafe
+    capacity_mah = parameters.get(failsafe.capacity, 0.0) if failsafe.capacity is not None else 0.0
+    actions = [_read_battery_action(level, parameters, capacity_mah) for level in failsafe.levels]
+    said = all(level.action in parameters for level in failsafe.levels)
+    return BatteryRule(said, tuple(action for action in actions if action is not None))
+
+
+def _read_battery_action(level: BatteryLevel, parameters: Parameters, capacity_mah: float) -> BatteryAction | None:
+    action = parameters.get(level.action, 0.0)
+    if action == 0:
+        return None
+    threshold = parameters.get(level.threshold, 0.0)
+    volts = parameters.get(level.voltage, 0.0) if level.voltage is not None else 0.0
+    limits, below_pct = [], None
+    if threshold > 0 and level.unit is ThresholdUnit.SHARE:
+        below_pct = 100.0 * threshold
+    elif threshold > 0 and capacity_mah > 0:
+        below_pct = 100.0 * threshold / capacity_mah
+    elif threshold > 0:
+        limits.append(f"{threshold:g} mAh")
+    if below_pct is not None:
+        limits.insert(0, f"{below_pct:.0f} %")
+    if volts > 0:
+        limits.append(f"{volts:g} V")
+    if not limits:
+        return None  # an action without a threshold is never taken
+    does = does_in_words(level.actions, action)
+    words = f"{does} below {' or '.join(limits)} ({level.action}={action:g})"
+    return BatteryAction(below_pct, words, known=does != UNKNOWN)
+
+
+def early_returns(dialect: Dialect, parameters: Parameters, version: Version | None) -> list[str]:
+    """Return in words what may end a mission before any level of the battery is reached; empty if nothing does."""
+    found = []
+    for rule in dialect.battery_failsafe.early:
+        value = parameters.get(rule.action)
+        older = rule.since is not None and version is not None and (version.major, version.minor) < rule.since
+        if value is None or int(value) in rule.nothing or older:
+            continue
+        does, setting = does_in_words(rule.actions, value), f"{rule.action}={value:g}"
+        if rule.since is not None and does == UNKNOWN:
+            continue  # the level's own line says so
+        may = " from " + ".".join(map(str, rule.since)) + " on" if rule.since is not None and version is None else ""
+        found.append(f"{does} as soon as its time left in the air is only just enough to come home ({setting}){may}")
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class GeofenceCylinder:
+    """The geofence that a vehicle's parameters describe."""
+
+    height_m: float | None
+    """Over home; None if there is no limit."""
+    radius_m: float | None
+    """About home."""
+
+
+def read_geofence(dialect: Dialect, parameters: Parameters) -> GeofenceCylinder | None:
+    """Return the cylinder that a vehicle keeps to by itself; None if it has none."""
+    fence = dialect.geofence
+    if not any(parameters.get(name, 0.0) for name in fence.enabled_by):
+        return None
+    height_m, radius_m = parameters.get(fence.height, 0.0), parameters.get(fence.radius, 0.0)
+    if fence.kinds is not None:
+        name, height_bit, radius_bit = fence.kinds
+        kinds = int(parameters.get(name, height_bit | radius_bit))
+        height_m, radius_m = height_m * bool(kinds & height_bit), radius_m * bool(kinds & radius_bit)
+    if height_m <= 0 and radius_m <= 0:
+        return None
+    return GeofenceCylinder(height_m if height_m > 0 else None, radius_m if radius_m > 0 else None)

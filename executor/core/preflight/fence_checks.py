@@ -1,0 +1,214 @@
+"""What is on board of fences and rally points before a flight, what is set for ours, and what speaks against it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from executor.core.context import Context
+from executor.core.formatting import format_count
+from executor.core.interface.check_codes import CheckCode
+from executor.core.preflight.failsafe_parameters import UNKNOWN, Parameters, does_in_words, fence_names
+from executor.core.preflight.parameter_proposals import (
+    REAL32,
+    ParameterChange,
+    ParameterProposal,
+    Present,
+    format_number,
+    list_change_checks,
+)
+from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
+from executor.core.state.onboard_fence import fence_top_m
+from missions import Dialect, FlightPath, MissionItem
+from missions.fences import find_first_outside, parse_outlines
+
+NEAR_M = 5.0
+"""A rally point this near to a pad is the pad."""
+
+
+Items = tuple[MissionItem, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OnboardLists:
+    """What one vehicle carries beside its mission; None where it does not let it be read."""
+
+    fence: Items | None = None
+    rally: Items | None = None
+
+
+def list_fence_parameters(context: Context, name: str) -> tuple[str, ...]:
+    """Return which parameters say how a vehicle keeps to its fence; nothing where it is given none."""
+    if context.fencing is None or not context.fencing.enabled:
+        return ()
+    rule = context.vehicles[name].dialect.geofence
+    kinds = rule.kinds[0] if rule.kinds is not None else None
+    wanted = (kinds, rule.height, rule.action, rule.enable, *rule.enabled_by)
+    return tuple(dict.fromkeys(one for one in wanted if one is not None))
+
+
+def add_fence_changes(context: Context, proposal: ParameterProposal) -> ParameterProposal:
+    """Return what a flight changes on board with what its fences need."""
+    made = {name: plan_fence_changes(context, name, said) for name, said in proposal.present.items()}
+    checks = [
+        check
+        for name, said in proposal.present.items()
+        for check in _check_planned_fence(context, name, said, made[name])
+    ]
+    return replace(
+        proposal,
+        changes=(*proposal.changes, *(change for own in made.values() for change in own)),
+        checks=(*proposal.checks, *checks),
+    )
+
+
+def _check_planned_fence(context: Context, name: str, said: Present, made: Sequence[ParameterChange]) -> list[Check]:
+    return [*check_fence_settings(context, name, said, made), *list_change_checks(made)]
+
+
+def plan_fence_changes(context: Context, name: str, said: Present) -> list[ParameterChange]:
+    """Return which parameters are set so that a vehicle keeps to the fence that it is given.
+
+    The limits of its owner stay where the flight fits into them.
+    """
+    names = list_fence_parameters(context, name)
+    if not names or any(one not in said for one in names):
+        return []
+    rule, stands = context.vehicles[name].dialect.geofence, _is_fence_enabled(context.vehicles[name].dialect, said)
+    wanted: dict[str, tuple[float, str, str]] = {}
+    if rule.kinds is not None:
+        kinds, height_bit, _ = rule.kinds
+        own = int(said[kinds].value) if stands else 0
+        wanted[kinds] = (float(own | height_bit | rule.polygons), "", "keeps to a height and to the fence on board")
+    top = _round_up_fence_top(context, name, said)
+    limit = said[rule.height].value if stands and _is_height_limited(context.vehicles[name].dialect, said) else 0.0
+    if not 0.0 < limit <= top:
+        wanted[rule.height] = (top, "m", "its fence ends above all that it flies")
+    action = dict(rule.named).get(context.fencing.action if context.fencing is not None else "keep")
+    if action is not None:
+        wanted[rule.action] = (float(action), "", "what it does at a breach, by the site file")
+    if rule.enable is not None:
+        wanted[rule.enable] = (1.0, "", "keeps to its fence")
+    return [
+        ParameterChange(name, key, said[key].value, value, said[key].kind, unit, why)
+        for key, (value, unit, why) in wanted.items()
+        if not math.isclose(said[key].value, value, abs_tol=1e-3)
+    ]
+
+
+def check_fence_settings(context: Context, name: str, said: Present, made: Sequence[ParameterChange]) -> list[Check]:
+    """Say how a vehicle will keep to its fence; what cannot be is a reason not to fly."""
+    names = list_fence_parameters(context, name)
+    if not names:
+        return []
+    missing = [one for one in names if one not in said]
+    if missing:
+        text = f"cannot be given a fence: {', '.join(missing)} does not answer"
+        return [Check(Severity.STOP, name, text, CheckCode.GEOFENCE)]
+    rule, new = context.vehicles[name].dialect.geofence, {change.name: change.new for change in made}
+    action = int(new.get(rule.action, said[rule.action].value))
+    does = does_in_words(rule.actions, action) if action else "nothing"
+    setting = f"{rule.action}={action}"
+    top = new.get(rule.height, said[rule.height].value)
+    margin_m = 0.0 if context.fencing is None else context.fencing.margin_m
+    if does in {"nothing", "warning", UNKNOWN}:
+        does = UNKNOWN if does == UNKNOWN else "does nothing"
+        text = f"{does} when it breaches its fence ({setting})"
+        return [Check(Severity.WARNING, name, text, CheckCode.GEOFENCE)]
+    text = f"fence {margin_m:g} m about its ways and {format_number(top)} m high; at a breach: {does} ({setting})"
+    return [Check(Severity.OK, name, text, CheckCode.GEOFENCE)]
+
+
+def check_onboard_lists(
+    context: Context, facts: VehicleFacts, path: FlightPath | None, lists: OnboardLists, ours: OnboardLists
+) -> list[Check]:
+    """Hold what others put on board against the flight.
+
+    Args:
+        context: Of the flight.
+        facts: What the vehicle said.
+        path: Its first mission.
+        lists: What it carries.
+        ours: What an earlier attempt at this flight may have left: that is ours to replace.
+    """
+    if context.fencing is None:
+        return []
+    return [
+        *_check_onboard_fence(context, facts, path, lists, ours),
+        *_check_onboard_rally(context, facts, lists, ours),
+    ]
+
+
+def _check_onboard_fence(
+    context: Context, facts: VehicleFacts, path: FlightPath | None, lists: OnboardLists, ours: OnboardLists
+) -> list[Check]:
+    name, given = facts.name, context.fencing is not None and context.fencing.enabled
+    dialect = context.vehicles[name].dialect
+    if lists.fence is None:
+        severity = Severity.STOP if given else Severity.WARNING
+        return [Check(severity, name, "its fence on board cannot be read", CheckCode.GEOFENCE)]
+    if not lists.fence or lists.fence == ours.fence:
+        return []
+    what = f"a fence of {format_count(len(lists.fence), 'item')} that is not ours is on board"
+    if unread := facts.not_read(fence_names(dialect), f"{what}; whether it is switched on is", CheckCode.GEOFENCE):
+        return unread
+    if not _is_polygon_fence_enabled(dialect, facts.parameters):
+        return [Check(Severity.OK, name, f"{what}, switched off", CheckCode.GEOFENCE)]
+    pad_m = context.vehicles[name].pad_m
+    places = [context.frame.to_local_m(one.lat_deg, one.lon_deg) for one in (path.waypoints if path else ())]
+    shapes = parse_outlines(lists.fence, context.frame)
+    ways = [[pad_m, *places], *([place, pad_m] for place in places)]
+    out = next((place for way in ways if (place := find_first_outside(shapes, way)) is not None), None)
+    if out is not None:
+        lat_deg, lon_deg = context.frame.to_wgs84_deg(*out)
+        text = (
+            f"{what}, and its flight or its way home leaves it at {lat_deg:.6f}, {lon_deg:.6f}; clear it, or restore "
+            "the flight that left it"
+        )
+        return [Check(Severity.STOP, name, text, CheckCode.GEOFENCE)]
+    stays = "; kept, and given back after the landing" if given else ""
+    return [Check(Severity.OK, name, f"{what}, and its flight fits into it{stays}", CheckCode.GEOFENCE)]
+
+
+def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLists, ours: OnboardLists) -> list[Check]:
+    name, rule = facts.name, context.fencing
+    if lists.rally is None:
+        given = rule is not None and rule.enabled and rule.rally != "keep"
+        severity = Severity.STOP if given else Severity.WARNING
+        return [Check(severity, name, "its rally points cannot be read", CheckCode.GEOFENCE)]
+    if lists.rally == ours.rally:
+        return []
+    pad_m = context.vehicles[name].pad_m
+    away_m = [math.dist(pad_m, context.frame.to_local_m(item.x / 1e7, item.y / 1e7)) for item in lists.rally]
+    far = [one for one in away_m if one > NEAR_M]
+    if not far or (rule is not None and rule.enabled and rule.rally != "keep"):
+        return []
+    text = (
+        f"{format_count(len(far), 'rally point')} on board, up to {max(far):.0f} m from its pad: its RTL may end there"
+    )
+    return [Check(Severity.WARNING, name, text, CheckCode.GEOFENCE)]
+
+
+def _round_up_fence_top(context: Context, name: str, said: Present) -> float:
+    rule = context.vehicles[name].dialect.geofence
+    least = fence_top_m(context, name)
+    return float(math.ceil(least)) if said[rule.height].kind != REAL32 else math.ceil(10.0 * least) / 10.0
+
+
+def _is_fence_enabled(dialect: Dialect, said: Present) -> bool:
+    """Return whether the vehicle keeps to a fence already."""
+    return any(one in said and said[one].value for one in dialect.geofence.enabled_by)
+
+
+def _is_height_limited(dialect: Dialect, said: Present) -> bool:
+    kinds = dialect.geofence.kinds
+    return kinds is None or bool(int(said[kinds[0]].value) & kinds[1])
+
+
+def _is_polygon_fence_enabled(dialect: Dialect, parameters: Parameters) -> bool:
+    """Return whether a vehicle keeps to the polygons on board."""
+    rule = dialect.geofence
+    if not any(parameters.get(one, 0.0) for one in rule.enabled_by):
+        return False
+    return rule.kinds is None or bool(int(parameters.get(rule.kinds[0], rule.polygons)) & rule.polygons)

@@ -1,0 +1,350 @@
+"""Parameters that a flight needs otherwise than the vehicles have them: what is changed, and how it is given back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from executor.core.context import Context
+from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.messages import ParamValue
+from executor.core.preflight.failsafe_parameters import not_read
+from executor.core.preflight.vehicle_checks import Check, Severity
+from missions import Dialect, ReturnParameters, max_return_height_m
+
+Present = Mapping[str, ParamValue]
+"""What one vehicle answered, by name; a parameter that it does not have is missing."""
+
+REAL32 = 9
+"""MAV_PARAM_TYPE of a float; 1 to 8 are integers."""
+HIGHER_M = 0.5
+"""A return this much above its layer is in its layer: half of what autopilots hold their height to."""
+KEPT_HIGHER_M = 50.0
+"""The highest of a fleet may return this much higher than it must: a crew knows why, nobody else is up there, and the
+longer way up and down takes a minute and some 4 % of a battery."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What came of asking one vehicle for parameters: what is in neither of these is not there."""
+
+    present: Present
+    unread: frozenset[str] = frozenset()
+    """Of these nobody knows: the link was silent, or what came was no value."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterChange:
+    """A parameter that is to be set for the flight."""
+
+    vehicle: str
+    name: str
+    old: float
+    """What is on board."""
+    new: float
+    kind: int
+    """MAV_PARAM_TYPE."""
+    unit: str
+    why: str
+
+    @property
+    def words(self) -> str:
+        """Old, new and why, for the crew to confirm."""
+        return (
+            f"{self.name} {format_number(self.old)} -> {format_number(self.new)}{_format_unit(self.unit)}: {self.why}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterProposal:
+    """What a flight would change on board, and what that is held against."""
+
+    present: Mapping[str, Present]
+    """What each vehicle has now, as far as it matters to its RTL; without those of which that is not known."""
+    changes: tuple[ParameterChange, ...]
+    checks: tuple[Check, ...]
+    """The same for the checklist, with what is right already and what is not known."""
+
+    def changes_of(self, vehicle: str) -> tuple[ParameterChange, ...]:
+        """Return the changes of one vehicle."""
+        return tuple(change for change in self.changes if change.vehicle == vehicle)
+
+
+def format_number(value: float) -> str:
+    """Return a value as people write it.
+
+    >>> number(1500.0), number(27.299999237060547), number(0.0)
+    ('1500', '27.3', '0')
+    """
+    return str(int(value)) if value == int(value) else f"{value:g}"
+
+
+def is_same_value(one: float, other: float) -> bool:
+    """Return whether two values are one, but for what a float loses on its way."""
+    return math.isclose(one, other, rel_tol=1e-5, abs_tol=1e-6)
+
+
+def list_return_parameters(dialect: Dialect) -> tuple[str, ...]:
+    """Return the parameters that a vehicle is asked for before a change of its return."""
+    rule = dialect.return_parameters
+    return tuple(name for name in (rule.height, rule.cone, rule.descend_height, rule.descend_wait) if name is not None)
+
+
+def list_newer_return_parameters(dialect: Dialect, present: Present) -> tuple[str, ...]:
+    """Return what else it is asked for: the name of its height in newer firmware, where the older is not known."""
+    rule = dialect.return_parameters
+    return (rule.newer_height,) if rule.newer_height is not None and rule.height not in present else ()
+
+
+def propose_return_changes(
+    context: Context, answered: Mapping[str, Answers], *, ceiling_m: float | None = None
+) -> ParameterProposal:
+    """Return what must be set so that every vehicle comes home by itself clear of the others.
+
+    What is right already stays, and so does a higher return of the one vehicle above which there is nobody. A vehicle
+    lower down may not return higher than its layer: it would climb through the layers of others.
+
+    Args:
+        context: Of the flight.
+        answered: What came of asking each vehicle.
+        ceiling_m: How high over its own home a return that is set already may be to stay; by default as high as the
+            site's ceiling over the ground allows.
+    """
+    changes: list[ParameterChange] = []
+    checks: list[Check] = []
+    highest = max(context.vehicles, key=lambda name: _return_height_over_depot_m(context, name))
+    for name, answers in answered.items():
+        said = answers.present
+        if answers.unread:
+            text = f"what must be set on it is not known: {not_read(answers.unread)}; is the link too bad?"
+            checks.append(Check(Severity.STOP, name, text, CheckCode.RTL_ALTITUDE))
+            continue
+        allowed_m = max_return_height_m(context.setup, name) if ceiling_m is None else ceiling_m
+        own, check = _propose_for_vehicle(context, name, said, allowed_m if name == highest else 0.0)
+        changes += own
+        checks += [check, *list_change_checks(own)]
+    present = {name: answers.present for name, answers in answered.items() if not answers.unread}
+    return ParameterProposal(present, tuple(changes), tuple(checks))
+
+
+def list_change_checks(changes: Sequence[ParameterChange]) -> list[Check]:
+    """Return the lines of the checklist that name changes."""
+    return [
+        Check(Severity.OK, one.vehicle, f"to be set for the flight: {one.words}", CheckCode.PARAMETER_CHANGE)
+        for one in changes
+    ]
+
+
+def _return_height_over_depot_m(context: Context, name: str) -> float:
+    """Return how high over the depot a vehicle returns."""
+    return context.return_height_m(name) + context.frame.up_m(context.setup.pad_of(name).alt_m)
+
+
+def _propose_for_vehicle(
+    context: Context, vehicle: str, said: Present, kept_to_m: float
+) -> tuple[list[ParameterChange], Check]:
+    rule, wanted_m = context.vehicles[vehicle].dialect.return_parameters, context.return_height_m(vehicle)
+    name, unit_m = find_height_parameter(rule, said)
+    known = said.get(name)
+    if known is None:
+        names = " or ".join(one for one in (rule.height, rule.newer_height) if one is not None)
+        text = f"RTL altitude not known: it has no {names}, so nothing keeps it clear of the others"
+        return [], Check(Severity.STOP, vehicle, text, CheckCode.RTL_ALTITUDE)
+    is_m = known.value * unit_m
+    most_m = max(wanted_m + HIGHER_M, min(kept_to_m, wanted_m + KEPT_HIGHER_M))
+    changes, height_m = [], is_m
+    if not wanted_m - unit_m <= is_m <= most_m:
+        value = _round_up_height(wanted_m, unit_m, known.kind)
+        height_m = value * unit_m
+        unit = "cm" if unit_m < 1.0 else "m"
+        changes.append(
+            ParameterChange(vehicle, name, known.value, value, known.kind, unit, _explain_return_height(context))
+        )
+    changes += _propose_other_changes(vehicle, rule, said, height_m)
+    stays = "is" if height_m == is_m else "will be"
+    return changes, Check(
+        Severity.OK, vehicle, f"RTL altitude {stays} {round(height_m, 1):g} m ({name})", CheckCode.RTL_ALTITUDE
+    )
+
+
+def check_return_height(context: Context, vehicle: str, proposal: ParameterProposal, ends: Mapping[str, str]) -> Check:
+    """Say at which height a vehicle comes home by itself once its parameters are set.
+
+    Args:
+        context: Of the flight.
+        vehicle: Which one.
+        proposal: What was to be set.
+        ends: By name, why a parameter is not as wanted; empty where it is.
+    """
+    said, wanted_m = proposal.present[vehicle], context.return_height_m(vehicle)
+    name, unit_m = find_height_parameter(context.vehicles[vehicle].dialect.return_parameters, said)
+    problems = "; ".join(problem for problem in ends.values() if problem)
+    new = next((change.new for change in proposal.changes_of(vehicle) if change.name == name), said[name].value)
+    height_m = (said[name].value if ends.get(name) else new) * unit_m
+    if ends.get(name):
+        text = (
+            f"RTL altitude stays {round(height_m, 1):g} m ({name}), not the {wanted_m:.0f} m that keep it clear of the "
+            f"others: {problems}"
+        )
+        return Check(Severity.STOP, vehicle, text, CheckCode.RTL_ALTITUDE)
+    if problems:
+        return Check(
+            Severity.WARNING,
+            vehicle,
+            f"RTL altitude set to {round(height_m, 1):g} m, but {problems}",
+            CheckCode.RTL_ALTITUDE,
+        )
+    return Check(Severity.OK, vehicle, f"RTL altitude set to {round(height_m, 1):g} m ({name})", CheckCode.RTL_ALTITUDE)
+
+
+def find_height_parameter(rule: ReturnParameters, said: Present) -> tuple[str, float]:
+    """Return the parameter that holds the height of a vehicle's RTL, and its unit in metres."""
+    if rule.newer_height is not None and rule.height not in said and rule.newer_height in said:
+        return rule.newer_height, 1.0
+    return rule.height, rule.unit_m
+
+
+def _round_up_height(height_m: float, unit_m: float, kind: int) -> float:
+    """Return a height in a parameter's unit: whole centimetres, whole metres of an integer, else tenths."""
+    step = 0.1 if unit_m == 1.0 and kind == REAL32 else 1.0
+    return round(math.ceil(round(height_m / unit_m / step, 6)) * step, 1)
+
+
+def _explain_return_height(context: Context) -> str:
+    heights = context.setup.layers.track_heights_m
+    if len(context.vehicles) == 1:
+        return "keeps its RTL above the line"
+    if float(heights.max() - heights.min()) > 1.0:  # as `missions.safety` tells flat from uneven
+        return "keeps its RTL above the others' layers"
+    return "keeps its RTL in its own layer"
+
+
+def _propose_other_changes(
+    vehicle: str, rule: ReturnParameters, said: Present, height_m: float
+) -> list[ParameterChange]:
+    """Return what else keeps a vehicle from returning at that height."""
+    changes = []
+    cone = said.get(rule.cone)
+    if cone is not None and cone.value >= rule.cone_least:
+        why = "climbs to that height near its pad, too"
+        changes.append(ParameterChange(vehicle, rule.cone, cone.value, rule.cone_off, cone.kind, rule.cone_unit, why))
+    stop = None if rule.descend_height is None else said.get(rule.descend_height)
+    wait = None if rule.descend_wait is None else said.get(rule.descend_wait)
+    waits = wait is None or wait.value != 0.0
+    if stop is not None and waits and stop.value < height_m:
+        why = "waits over its pad in its own layer"
+        changes.append(ParameterChange(vehicle, stop.name, stop.value, height_m, stop.kind, "m", why))
+    return changes
+
+
+class ChangeStage(Enum):
+    """How far a change has come."""
+
+    PLANNED = "planned"
+    """It may be on board: this is written before it is sent."""
+    SET = "set"
+    """It was read back."""
+    RESTORED = "restored"
+    """What was there before was read back."""
+    LEFT = "left"
+    """Something else was found on board, which somebody set since: it was left as it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeptParameter:
+    """What is on record of one parameter, so that it can be given back whatever happens to the ground station."""
+
+    vehicle: str
+    sysid: int
+    autopilot: str
+    name: str
+    old: float
+    """What was there before anybody here set anything."""
+    new: float
+    """What was set last."""
+    kind: int
+    """MAV_PARAM_TYPE."""
+    unit: str
+    why: str
+    stage: ChangeStage = ChangeStage.PLANNED
+    earlier: tuple[float, ...] = ()
+    """What earlier attempts at the same flight set, and may have left on board."""
+
+    @property
+    def open(self) -> bool:
+        """Whether it has still to be given back."""
+        return self.stage is not ChangeStage.RESTORED
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Vehicle and name."""
+        return self.vehicle, self.name
+
+    @property
+    def words(self) -> str:
+        """What is restored, for the crew to confirm."""
+        new, old = format_number(self.new), format_number(self.old)
+        return f"{self.vehicle}: {self.name} {new} -> {old}{_format_unit(self.unit)}"
+
+    def is_ours(self, value: float) -> bool:
+        """Return whether a value on board was set from here."""
+        return any(is_same_value(value, one) for one in (self.new, *self.earlier))
+
+
+def build_kept_parameter(
+    change: ParameterChange, sysid: int, autopilot: str, before: KeptParameter | None
+) -> KeptParameter:
+    """Return what is on record once a change is planned.
+
+    Args:
+        change: What is to be set.
+        sysid: Of its vehicle.
+        autopilot: Of its vehicle, 'ardupilot' or 'px4'.
+        before: What an earlier attempt left on record of it. What that one found is the oldest value, and given back,
+            unless somebody set something else since.
+    """
+    fresh = KeptParameter(
+        change.vehicle, sysid, autopilot, change.name, change.old, change.new, change.kind, change.unit, change.why
+    )
+    if before is None or not before.open or not (is_same_value(change.old, before.old) or before.is_ours(change.old)):
+        return fresh
+    earlier = dict.fromkeys((*before.earlier, before.new))
+    return replace(fresh, old=before.old, earlier=tuple(value for value in earlier if value != change.new))
+
+
+def build_parameter_record(
+    changes: Sequence[ParameterChange], about: Mapping[str, tuple[int, str]], before: Sequence[KeptParameter]
+) -> list[KeptParameter]:
+    """Return the whole record before a flight sets anything.
+
+    Args:
+        changes: What it is going to set.
+        about: System and autopilot of each vehicle.
+        before: The record of earlier attempts; what is not set again stays on it.
+    """
+    known = {one.key: one for one in before}
+    for change in changes:
+        key = (change.vehicle, change.name)
+        known[key] = build_kept_parameter(change, *about[change.vehicle], known.get(key))
+    return list(known.values())
+
+
+class ValueOrigin(Enum):
+    """What a parameter's value on board means."""
+
+    OLD = "old"
+    OURS = "ours"
+    OTHER = "other"
+
+
+def classify_value(one: KeptParameter, value: float) -> ValueOrigin:
+    """Return what a value on board means: it is only ours to take back where we set it."""
+    if is_same_value(value, one.old):
+        return ValueOrigin.OLD
+    return ValueOrigin.OURS if one.is_ours(value) else ValueOrigin.OTHER
+
+
+def _format_unit(unit: str) -> str:
+    return f" {unit}" if unit else ""

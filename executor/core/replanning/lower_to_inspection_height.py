@@ -1,0 +1,198 @@
+"""Coming down on the way: who inspects from its layer because another's way was there does so no longer than that.
+
+What others may still fly becomes less with each leg. As soon as a vehicle may come down to a part of the line ahead of
+it, it is given the same visits again with that part at the asked distance. Nothing depends on when anybody flies: until
+then, and where the new mission does not come on board, it inspects from its layer. What was inspected so is flown once
+more by who has done its own part (`once_more`).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+from executor.core.context import Context
+from executor.core.interface.commands import Command, Level, Say, Solve, Survivor
+from executor.core.interface.events import NewRoute, SolveEnded
+from executor.core.replanning import reinspection, replan_cycle, replan_separation, survivors
+from executor.core.replanning.flying_hours import limit_to_hours
+from executor.core.replanning.replan_messages import format_segments
+from executor.core.state.fleet_state import FleetState, Replan
+from executor.core.state.vehicle_state import VehicleState
+from missions import build_flight_path, continue_path, estimate
+from missions.inspection_height import must_leave_layer
+from planner import is_reversed, segment_of
+
+Stepped = tuple[FleetState, tuple[Command, ...]]
+
+LOOKED_S = 1.0
+LOOKED_AT, PAIRS_AT_ONCE = 3, 24
+"""Vehicles at once, in a large fleet fewer: each is held against all others."""
+MOST_LOST = 0.05
+"""Of a vehicle's frames: a mission that nobody needs is not sent over a link on which its upload may break off."""
+
+
+def lower_one_vehicle(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Give a vehicle a mission on which it comes nearer to the line, if there is one for whom that is free."""
+    known = state.replanning
+    if (
+        not replan_separation.may_leave_layers(context)
+        or known.replan is not None
+        or known.urgent
+        or known.ordered
+        or known.orphans_since_s is not None
+        or state.progress.recalled
+        or state.progress.finished
+        or state.progress.launched_s is None
+        or state.listening.silent_since_s is not None
+        or now_s < known.wait_until_s
+        or (now_s < known.closer_s + LOOKED_S and not reinspection.is_fleet_down(state))
+        or replan_separation.is_line_occupied(context, state, now_s)
+    ):
+        return state, ()
+    state = replace(state, replanning=replace(known, closer_s=now_s))
+    most = max(1, min(LOOKED_AT, PAIRS_AT_ONCE // len(state.vehicles)))
+    for offer in itertools.islice(_find_candidates(context, state, now_s), most):
+        found = _lower_ahead(context, state, offer, now_s) or _reinspect(context, state, offer, now_s)
+        if found is not None:
+            return found
+    return state, ()
+
+
+def is_clearance_awaited(context: Context, state: FleetState, now_s: float) -> bool:
+    """Return whether somebody on the ground was just cleared to fly there once more, and others may be in a moment."""
+    if (
+        not replan_separation.may_leave_layers(context)
+        or state.progress.recalled
+        or now_s >= state.replanning.wait_until_s
+    ):
+        return False
+    return any(
+        vehicle.orders.cleared_s is not None and reinspection.find_distant_segments(context, state, vehicle)
+        for vehicle in state.vehicles.values()
+        if survivors.build_survivor(context, vehicle, now_s) is not None
+    )
+
+
+def _find_candidates(context: Context, state: FleetState, now_s: float) -> Iterator[Survivor]:
+    """Yield who inspects from its layer, or may look again at what was; each second another one comes first."""
+    names = list(state.vehicles)
+    stays, first = replan_separation.find_layer_bound_vehicles(context.vehicles), int(now_s) % len(names)
+    for name in (*names[first:], *names[:first]):
+        vehicle = state.vehicles[name]
+        lost = vehicle.link.quality.lost
+        if vehicle.assignment.board is None or (lost is not None and lost > MOST_LOST):
+            continue
+        ahead = () if name in stays else map(segment_of, vehicle.remaining_visits())
+        lower = any(must_leave_layer(context.setup, name, segment) for segment in ahead)
+        if not lower and not reinspection.find_distant_segments(context, state, vehicle):
+            continue
+        offer = survivors.build_survivor(context, vehicle, now_s)
+        if offer is None or not (offer.airborne or (context.day is None and reinspection.is_fleet_down(state))):
+            continue
+        not_low = {segment_of(visit) for visit in offer.tail} - replan_separation.find_low_tail_segments(vehicle, offer)
+        lower = name not in stays and any(must_leave_layer(context.setup, name, segment) for segment in not_low)
+        if lower or reinspection.has_done_its_part(state, vehicle, offer):
+            yield limit_to_hours(context, state, offer, now_s)
+
+
+def _lower_ahead(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Stepped | None:
+    """Return what follows where a vehicle comes down to more of what it has before it."""
+    vehicle = state.vehicles[offer.vehicle]
+    before = replan_separation.find_low_tail_segments(vehicle, offer)
+    if not offer.tail:
+        return None
+    plan = _build_plan(context, state, offer, offer.tail, now_s)
+    low = _choose_low(context, state, plan, now_s)
+    if not low > before or not _can_afford(context, vehicle, plan, low):
+        return None
+    names = format_segments(context, low - before)
+    why = f"{offer.vehicle}: airspace at {names} is free; new mission at inspection height"
+    return _assign_plan(context, state, plan, why, now_s)
+
+
+def _reinspect(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Stepped | None:
+    """Return what follows where a vehicle that has done its part can inspect more at the asked distance."""
+    plan = plan_reinspection(context, state, offer, now_s)
+    if plan is None:
+        return None
+    names = format_segments(context, frozenset(map(segment_of, plan.solve.given)) - set(map(segment_of, offer.tail)))
+    when = "new mission before it returns" if offer.airborne else "takes off after upload"
+    return _assign_plan(
+        context, state, plan, f"{offer.vehicle}: re-inspects {names} at inspection height; {when}", now_s
+    )
+
+
+def plan_reinspection(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Replan | None:
+    """Return the plan by which a vehicle that has done its part inspects more at the asked distance, if it can."""
+    name, vehicle = offer.vehicle, state.vehicles[offer.vehicle]
+    again = reinspection.find_distant_segments(context, state, vehicle)
+    if not again or not reinspection.has_done_its_part(state, vehicle, offer):
+        return None
+    [kept] = replan_separation.close_occupied_segments(context, state, [offer], again, now_s)
+    begin_m = offer.start_m if not offer.tail else _tail_end_m(context, offer)
+    more = reinspection.build_nearest_visits(context, begin_m, again - set(kept.barred))
+    while more:
+        plan = _build_plan(context, state, offer, (*offer.tail, *more), now_s)
+        low = _choose_low(context, state, plan, now_s)
+        stay = tuple(
+            one for one in more if segment_of(one) in low or not must_leave_layer(context.setup, name, segment_of(one))
+        )
+        if stay != more:
+            more = stay  # where one goes away, the others may be flown in one go, or not any more
+        elif _can_afford(context, vehicle, plan, low, reinspection.SPARE_PCT):
+            return plan
+        else:
+            more = more[:-1]
+    return None
+
+
+def _tail_end_m(context: Context, offer: Survivor) -> tuple[float, float]:
+    last = offer.tail[-1]
+    east_m, north_m = context.setup.tracks_m[segment_of(last)][0 if is_reversed(last) else 1].tolist()
+    return east_m, north_m
+
+
+def _build_plan(context: Context, state: FleetState, offer: Survivor, visits: tuple[int, ...], now_s: float) -> Replan:
+    [offer] = replan_separation.close_occupied_segments(context, state, [offer], map(segment_of, visits), now_s)
+    revision = state.replanning.revision + 1
+    solve = Solve(revision, tuple(sorted(map(segment_of, visits))), (offer,), "", given=visits)
+    return Replan(solve, now_s, closer=True)
+
+
+def _choose_low(context: Context, state: FleetState, plan: Replan, now_s: float) -> frozenset[int]:
+    [offer] = plan.solve.survivors
+    return replan_separation.choose_low_segments(context, state, plan, {offer.vehicle: plan.solve.given}, now_s)[
+        offer.vehicle
+    ]
+
+
+def _assign_plan(context: Context, state: FleetState, plan: Replan, why: str, now_s: float) -> Stepped:
+    [offer], revision = plan.solve.survivors, plan.solve.revision
+    plan = replace(plan, solve=replace(plan.solve, trigger=why))
+    state = replace(state, replanning=replace(state.replanning, revision=revision, replan=plan))
+    answer = SolveEnded(revision, (NewRoute(offer.vehicle, plan.solve.given),), (), 0.0, "")
+    state, commands = replan_cycle.apply_solution(context, state, answer, now_s)
+    return state, (Say(Level.INFO, why), *commands)
+
+
+def _can_afford(
+    context: Context, vehicle: VehicleState, plan: Replan, low: frozenset[int], spare_pct: float = 0.0
+) -> bool:
+    """Return whether what is left of a vehicle's budget takes it down there and home."""
+    [offer], board, model = plan.solve.survivors, vehicle.assignment.board, context.pricing.models[vehicle.name]
+    setup, visits, kept = (
+        replan_separation.build_closed_setup(context, (offer,)),
+        plan.solve.given,
+        offer.kept if offer.airborne else 0,
+    )
+    if offer.airborne and board is not None:
+        path = continue_path(setup, board.path, kept, visits, low)
+    else:
+        path = build_flight_path(setup, vehicle.name, visits, low)
+    legs = estimate(path, model).legs[kept:]
+    phases = (point.phase for point in path.waypoints[kept:])
+    needs_pct = sum(offer.pace.factor_of(phase) * leg.energy_pct for phase, leg in zip(phases, legs, strict=True))
+    needs_pct = offer.consumption * needs_pct + reinspection.turn_back_energy_pct(vehicle, offer)
+    return needs_pct + spare_pct <= offer.budget_pct

@@ -1,0 +1,189 @@
+"""The missions of a re-plan's answer: made, sent, let go where they came too late, and the re-plan's end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+
+from executor.core.context import Context
+from executor.core.inflight.homing.return_home import is_coming_down
+from executor.core.interface.commands import Command, Compose, Level, Say, Survivor, Upload
+from executor.core.interface.events import MissionsWanted, NewRoute
+from executor.core.replanning import replan_separation, survivors
+from executor.core.state.fleet_state import FleetState, NewMission, Replan, ReplanRecord
+from executor.core.state.onboard_fence import widen_fence
+from executor.core.state.vehicle_parts import ModeCause
+from executor.core.state.vehicle_state import Stage, VehicleState
+from missions import build_flight_path, continue_path
+
+RETRY_S = 5.0
+OLD_NEED_S = 90.0
+"""A need that nobody could answer for longer says nothing of the re-plan that came in the end."""
+FLEW_ON = "moved on before its new mission arrived"
+LEFT = "left its mission before the new one arrived"
+WAYS_AT_ONCE = 500
+"""Of the missions that are made in one turn of the loop: ways to fly, times the pads that each may have to lead around.
+Some 10 ms for fifty vehicles, whose missions together would take a third of a second."""
+
+
+def apply_missions_wanted(
+    context: Context, state: FleetState, event: MissionsWanted, now_s: float
+) -> tuple[FleetState, tuple[Command, ...]]:
+    """Make some more missions of a re-plan."""
+    plan = state.replanning.replan
+    if plan is None or plan.solve.revision != event.revision:
+        return state, ()
+    return compose_missions(context, state, plan, now_s)
+
+
+def compose_missions(
+    context: Context, state: FleetState, plan: Replan, now_s: float
+) -> tuple[FleetState, tuple[Command, ...]]:
+    """Make and send the next missions, with `WAYS_AT_ONCE` or one vehicle's; the others wait for their turn."""
+    commands: list[Command] = []
+    offers = {offer.vehicle: offer for offer in plan.solve.survivors}
+    unmade, ways = list(plan.unmade), 0
+    waiting: list[NewRoute] = []
+    while unmade and ways < WAYS_AT_ONCE:
+        route = unmade.pop(0)
+        if route.vehicle not in plan.pending:
+            continue  # its fault came first
+        vehicle, offer = state.vehicles[route.vehicle], offers[route.vehicle]
+        if not survivors.is_offer_valid(vehicle, offer):
+            why = FLEW_ON if vehicle.custody.cause is ModeCause.OURS else LEFT
+            state, plan, said = drop_late_mission(state, plan, route.vehicle, why, now_s)
+            commands.append(said)
+            continue
+        mission = _build_new_mission(context, vehicle, offer, route.visits, plan)
+        if plan.low:
+            waits, near = replan_separation.find_mission_conflicts(
+                context, state, plan, route.vehicle, mission.path, now_s
+            )
+            if near:
+                why = f"its path conflicts with others' parts of the line ({near[0]})"
+                state, plan, said = drop_late_mission(state, plan, route.vehicle, why, now_s)
+                state = replace(state, replanning=replace(state.replanning, wait_until_s=now_s + RETRY_S))
+                commands.append(said)
+                continue
+            if waits:
+                waiting.append(route)
+                continue
+        plan = replace(plan, missions=MappingProxyType({**plan.missions, route.vehicle: mission}))
+        commands.append(Upload(route.vehicle, plan.solve.revision, mission.path, offer.airborne, mission.fence))
+        ways += (len(route.visits) + 1) * len(context.vehicles)
+    plan = replace(plan, unmade=(*waiting, *unmade))
+    if unmade:
+        commands.append(Compose(plan.solve.revision))
+    state, ended = end_replan_if_done(replace(state, replanning=replace(state.replanning, replan=plan)), now_s)
+    return state, (*commands, *ended)
+
+
+def build_all_missions(context: Context, state: FleetState, plan: Replan) -> Replan:
+    """Make every mission of a re-plan at once, and send none."""
+    offers = {offer.vehicle: offer for offer in plan.solve.survivors}
+    missions = {
+        route.vehicle: _build_new_mission(
+            context, state.vehicles[route.vehicle], offers[route.vehicle], route.visits, plan
+        )
+        for route in plan.unmade
+        if route.vehicle in plan.pending
+    }
+    return replace(plan, unmade=(), missions=MappingProxyType({**plan.missions, **missions}))
+
+
+def drop_late_mission(
+    state: FleetState, plan: Replan, name: str, why: str, now_s: float
+) -> tuple[FleetState, Replan, Say]:
+    """Let go of a part of a re-plan that came too late for one vehicle: what it would have flown is planned anew."""
+    plan = replace(plan, pending=plan.pending - {name}, let_go=(*plan.let_go, name))
+    vehicle = state.vehicles[name]
+    state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, pending=None)))
+    state = replace(
+        state, replanning=replace(state.replanning, replan=plan, urgent=True, trigger=f"{name}: {why}", trigger_s=now_s)
+    )
+    return state, plan, Say(Level.INFO, f"{name}: {why}; re-plan {plan.solve.revision} is planned again for it")
+
+
+def request_replan_again(state: FleetState, plan: Replan) -> FleetState:
+    """Give a re-plan up; the next one has the same reason and is as old.
+
+    A sortie that is given up is asked for again by its turnaround, as long as the crew's word holds.
+    """
+    if plan.solve.sortie:
+        return replace(state, replanning=replace(state.replanning, replan=None))
+    wanted = replace(
+        state,
+        replanning=replace(
+            state.replanning, replan=None, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s
+        ),
+    )
+    return replace(wanted, replanning=replace(wanted.replanning, ordered=plan.ordered))
+
+
+def may_retry_upload(context: Context, vehicle: VehicleState, *, mixed: bool) -> bool:
+    """Return whether the upload of a mission that failed is begun again.
+
+    Args:
+        context: Of the flight.
+        vehicle: Who is given it.
+        mixed: Whether a part of it is on board: then it is better whole, also with its pilot.
+    """
+    if vehicle.stage in {Stage.RETURNING, Stage.DOWN} or is_coming_down(context, vehicle):
+        return False  # it is left to its way home, and to its landing; who lies somewhere flies none
+    return mixed or (not vehicle.orders.excluded and vehicle.stage not in {Stage.PILOT, Stage.LOST})
+
+
+def _build_new_mission(
+    context: Context, vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...], plan: Replan
+) -> NewMission:
+    """Return a survivor's whole new mission.
+
+    In flight the beginning stays as it is, item for item, so that the autopilot's index keeps its meaning.
+    """
+    setup, low = (
+        replan_separation.build_closed_setup(context, plan.solve.survivors),
+        frozenset(plan.low.get(vehicle.name, ())),
+    )
+    if not offer.airborne or vehicle.assignment.board is None:
+        path = build_flight_path(setup, vehicle.name, visits, low)
+        return NewMission(path, visits, True, widen_fence(context, vehicle.name, vehicle.assignment.fence, path))
+    kept = {waypoint.visit for waypoint in vehicle.assignment.board.path.waypoints[: offer.kept]}
+    stay = tuple(visit for index, visit in enumerate(vehicle.assignment.board.visits) if index in kept)
+    path = continue_path(setup, vehicle.assignment.board.path, offer.kept, visits, low)
+    fence = widen_fence(context, vehicle.name, vehicle.assignment.fence, path)
+    return NewMission(path, (*stay, *visits), False, fence)
+
+
+def end_replan_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+    """Close the re-plan once every new mission is on board, or known not to come on board."""
+    plan = state.replanning.replan
+    if plan is None or plan.solve_s is None or plan.pending:
+        return state, ()
+    if plan.closer:  # nothing was planned
+        return replace(state, replanning=replace(state.replanning, replan=None)), ()
+    record = ReplanRecord(
+        revision=plan.solve.revision,
+        trigger=plan.solve.trigger,
+        feasible=not plan.uncovered,
+        uncovered=plan.uncovered,
+        solve_s=plan.solve_s,
+        begun_s=plan.begun_s,
+        ended_s=now_s,
+        upload_s=now_s - plan.solved_s,
+        gain=plan.gain,
+        sortie=plan.solve.sortie,
+    )
+    state = replace(
+        state,
+        replanning=replace(
+            state.replanning, replan=None, records=(*state.replanning.records, record), orphans_since_s=None
+        ),
+    )
+    since_s = record.ended_s - record.begun_s
+    what = f"{record.trigger}, plan {record.revision}," if record.sortie else f"re-plan {record.revision}"
+    text = f"{what} is on board" + (f", {since_s:.1f} s after it was needed" if since_s <= OLD_NEED_S else "")
+    if plan.failed:
+        text = f"{what} ended; not uploaded to {', '.join(plan.failed)}"
+    elif not plan.missions.keys() - set(plan.let_go):
+        text = f"{what} ended; no mission has changed"
+    return state, (Say(Level.INFO, text),)

@@ -1,0 +1,277 @@
+"""Who can take over what, and what becomes of the answer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+from executor.core.context import Context, RelaunchPolicy
+from executor.core.formatting import format_count
+from executor.core.interface.commands import Command, Level, Say, Solve, Survivor
+from executor.core.interface.events import NewRoute, SolveEnded
+from executor.core.replanning import new_missions, replan_separation, survivors
+from executor.core.replanning.flying_hours import limit_to_hours
+from executor.core.replanning.replan_messages import (
+    describe_short_budgets,
+    describe_solution,
+    explain_orphan_segments,
+    find_passed_segments,
+    format_segments,
+)
+from executor.core.state.fleet_state import Coverage, FleetState, Replan
+from executor.core.state.vehicle_state import Stage, VehicleState
+from planner import segment_of
+
+PROOF_GRACE_S = 5.0
+"""The vehicle's index may move on before the position that proves the inspection has arrived."""
+ATTEMPTS = 2
+"""How often a segment is flown again because its inspection could not be proven."""
+
+
+def find_orphan_segments(context: Context, state: FleetState) -> frozenset[int]:
+    """Return the segments that are not inspected, not given up, not the next sortie's, and on nobody's way."""
+    wanted = context.wanted - set(state.coverage.inspected) - state.coverage.given_up - state.coverage.left_over
+    wanted -= set(state.coverage.unseen)  # their pictures are waited for
+    wanted -= state.later_segments()
+    for vehicle in state.mission_vehicles():
+        wanted -= {segment_of(visit) for visit in vehicle.remaining_visits()} - survivors.find_barred_segments(
+            context, vehicle
+        )
+    return frozenset(wanted)
+
+
+def find_left_over_segments(state: FleetState) -> frozenset[int]:
+    """Return what the first plan left for the next sortie, and nobody has taken up since."""
+    left = state.coverage.left_over - set(state.coverage.inspected) - state.later_segments()
+    if left:
+        for vehicle in state.mission_vehicles():
+            left -= {segment_of(visit) for visit in vehicle.remaining_visits()}
+    return left
+
+
+def replan_for_regained_link(state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
+    """Plan anew for a vehicle that was silent at the last re-plan, if that left something over which it may reach."""
+    left = (
+        frozenset(state.replanning.records[-1].uncovered) & state.coverage.given_up
+        if state.replanning.records
+        else frozenset()
+    )
+    out = vehicle.fault is not None or vehicle.stage is not Stage.FLYING or vehicle.name in state.replanning.considered
+    if out or not left or state.progress.recalled:
+        return state
+    trigger = f"{vehicle.name}: link regained"
+    return replace(
+        state,
+        coverage=replace(state.coverage, given_up=state.coverage.given_up - left),
+        replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s),
+    )
+
+
+def begin_replan(context: Context, state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+    """Begin a re-plan if there is a need for one and somebody to do it, or go on with one that waits."""
+    plan = state.replanning.replan
+    if plan is not None and plan.low and plan.unmade:
+        return new_missions.compose_missions(context, state, plan, now_s)  # somebody waits for another's new mission
+    if replan_separation.is_line_occupied(context, state, now_s):
+        return state, ()
+    return _begin_new_replan(context, state, now_s)
+
+
+def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+    alone = find_orphan_segments(context, state)
+    if (
+        state.replanning.replan is not None
+        or state.progress.recalled
+        or state.progress.launched_s is None
+        or state.listening.silent_since_s is not None
+    ):
+        return state, ()
+    if not alone and not state.replanning.ordered:
+        return replace(state, replanning=replace(state.replanning, orphans_since_s=None, urgent=False)), ()
+    since = now_s if state.replanning.orphans_since_s is None else state.replanning.orphans_since_s
+    state = replace(state, replanning=replace(state.replanning, orphans_since_s=since))
+    if now_s < state.replanning.wait_until_s or (
+        not state.replanning.urgent and not state.replanning.ordered and now_s - since < PROOF_GRACE_S
+    ):
+        return state, ()
+    asked = (survivors.build_survivor(context, vehicle, now_s) for vehicle in state.vehicles.values())
+    offers = tuple(limit_to_hours(context, state, offer, now_s) for offer in asked if offer)
+    if not offers:
+        return _give_up_without_vehicle(
+            context, replace(state, replanning=replace(state.replanning, ordered=False)), alone
+        )
+    if not state.replanning.urgent and not state.replanning.ordered:
+        state, alone = _count_attempts(state, alone)
+        if not alone:
+            return state, (Say(Level.WARNING, "inspection of some segments not proven; left for later"),)
+    freed = {segment_of(visit) for offer in offers for visit in offer.tail} - _find_segments_under_way(state, offers)
+    to_spare = find_left_over_segments(state) | (freed & state.coverage.left_over)
+    if not alone and not freed and not to_spare:
+        return replace(state, replanning=replace(state.replanning, ordered=False)), ()
+    trigger = (
+        state.replanning.trigger
+        if state.replanning.urgent or state.replanning.ordered
+        else explain_orphan_segments(context, state, alone)
+    )
+    revision = state.replanning.revision + 1
+    done = set(state.coverage.inspected)
+    own = tuple(sorted((alone | freed) - to_spare - done))
+    offers = replan_separation.close_occupied_segments(context, state, offers, (*own, *to_spare), now_s)
+    solve = Solve(revision, own, offers, trigger, tuple(sorted(to_spare - done)))
+    begun_s = state.replanning.trigger_s if state.replanning.urgent or state.replanning.ordered else now_s
+    state = replace(
+        state,
+        replanning=replace(
+            state.replanning,
+            revision=revision,
+            replan=Replan(solve, begun_s, ordered=state.replanning.ordered),
+            urgent=False,
+            ordered=False,
+            considered=frozenset(offer.vehicle for offer in offers),
+        ),
+    )
+    names = ", ".join(offer.vehicle for offer in offers)
+    text = (
+        f"re-plan {revision}: {format_count(len(alone), 'segment')} without a vehicle ({trigger}); planning for {names}"
+    )
+    return state, (Say(Level.INFO, text), solve)
+
+
+def _find_segments_under_way(state: FleetState, offers: tuple[Survivor, ...]) -> frozenset[int]:
+    """Return what somebody flies, or flies to, and keeps: another that carries it as well need not fly it again."""
+    return frozenset(
+        segment_of(visit)
+        for offer in offers
+        if offer.airborne
+        for visit in state.vehicles[offer.vehicle].remaining_visits()
+        if visit not in offer.tail
+    )
+
+
+def _count_attempts(state: FleetState, alone: frozenset[int]) -> tuple[FleetState, frozenset[int]]:
+    """Count how often what is without a vehicle was flown in vain; what nobody flew past was not."""
+    flown = alone & find_passed_segments(state)
+    attempts = {
+        **state.coverage.attempts,
+        **{segment: state.coverage.attempts.get(segment, 0) + 1 for segment in flown},
+    }
+    hopeless = frozenset(segment for segment in flown if attempts[segment] > ATTEMPTS)
+    state = replace(
+        state,
+        coverage=replace(
+            state.coverage, attempts=MappingProxyType(attempts), given_up=state.coverage.given_up | hopeless
+        ),
+    )
+    return state, alone - hopeless
+
+
+def set_aside_segments(context: Context, coverage: Coverage, segments: Iterable[int]) -> Coverage:
+    """Return the coverage with segments that nobody in the air can inspect: a day has other sorties for them."""
+    if context.day is not None:
+        return replace(coverage, left_over=coverage.left_over | set(segments))
+    return replace(coverage, given_up=coverage.given_up | set(segments))
+
+
+def _give_up_without_vehicle(
+    context: Context, state: FleetState, alone: frozenset[int]
+) -> tuple[FleetState, tuple[Command, ...]]:
+    back = any(
+        one.stage is Stage.RETURNING and one.fault is None and not one.orders.excluded
+        for one in state.vehicles.values()
+    )
+    if state.mission_vehicles() or not alone:
+        return state, ()  # somebody is landing, or about to: it may fly again
+    if back and context.fly_again is RelaunchPolicy.AUTO:
+        return state, ()
+    state = replace(
+        state,
+        coverage=set_aside_segments(context, state.coverage, alone),
+        replanning=replace(state.replanning, urgent=False),
+    )
+    waiting = any(
+        one.stage in {Stage.GROUND, Stage.LANDED} and one.fault is None and not one.orders.excluded
+        for one in state.vehicles.values()
+    )
+    who = "no vehicle in the air can take over" if waiting else "no vehicle is left to inspect"
+    return state, (Say(Level.WARNING, f"{who} {format_segments(context, alone)}"),)
+
+
+def apply_solution(
+    context: Context, state: FleetState, event: SolveEnded, now_s: float
+) -> tuple[FleetState, tuple[Command, ...]]:
+    """Take the solver's answer: check that it still fits, then upload."""
+    plan = state.replanning.replan
+    if plan is None or event.revision != plan.solve.revision or plan.solve_s is not None:
+        return state, ()  # made stale by a newer fault
+    if event.routes is None:
+        state = new_missions.request_replan_again(state, plan)
+        state = replace(state, replanning=replace(state.replanning, wait_until_s=now_s + new_missions.RETRY_S))
+        return state, (Say(Level.WARNING, f"re-plan {event.revision} failed: {event.reason}; trying again"),)
+    offers = plan.solve.survivors
+    late = [offer.vehicle for offer in offers if not survivors.is_offer_valid(state.vehicles[offer.vehicle], offer)]
+    if late:
+        state = new_missions.request_replan_again(state, plan)
+        return state, (
+            Say(Level.INFO, f"re-plan {event.revision} came too late for {', '.join(late)}; planning again"),
+        )
+    found = {route.vehicle: route.visits for route in event.routes}
+    routes = {offer.vehicle: found.get(offer.vehicle, ()) for offer in plan.solve.survivors}
+    plan = _add_low_segments(context, state, plan, routes, now_s)
+    unmade = tuple(
+        NewRoute(offer.vehicle, routes[offer.vehicle])
+        for offer in plan.solve.survivors
+        if routes[offer.vehicle] != offer.tail or _is_moved(state, plan, offer)
+    )
+    if plan.low:  # from the highest layer down: who flies lower may have to wait for who flies above it
+        unmade = tuple(sorted(unmade, key=lambda one: -context.setup.layers.vehicles.index(one.vehicle)))
+    for route in unmade:
+        vehicle = state.vehicles[route.vehicle]
+        state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, pending=event.revision)))
+    lines: list[Command] = []
+    if not plan.solve.given:
+        lines.append(Say(Level.INFO, describe_solution(event, [route.vehicle for route in unmade])))
+    if event.gain is not None and event.gain.short:
+        lines.append(Say(Level.WARNING, describe_short_budgets(event.gain)))
+    if event.uncovered:
+        what = f"remaining battery does not cover {format_segments(context, event.uncovered)}"
+        lines.append(Say(Level.WARNING, what))
+    plan = replace(
+        plan,
+        solve_s=event.solve_s,
+        solved_s=now_s,
+        uncovered=event.uncovered,
+        gain=event.gain,
+        unmade=unmade,
+        pending=frozenset(route.vehicle for route in unmade),
+    )
+    state, commands = new_missions.compose_missions(
+        context,
+        replace(
+            state,
+            replanning=replace(state.replanning, replan=plan),
+            coverage=set_aside_segments(context, state.coverage, event.uncovered),
+        ),
+        plan,
+        now_s,
+    )
+    return state, (*lines, *commands)
+
+
+def _add_low_segments(
+    context: Context, state: FleetState, plan: Replan, routes: Mapping[str, tuple[int, ...]], now_s: float
+) -> Replan:
+    """Choose which segments vehicles come down to, where they leave their layers at all."""
+    if not replan_separation.may_leave_layers(context):
+        return plan
+    low = replan_separation.choose_low_segments(context, state, plan, routes, now_s)
+    return replace(plan, low=MappingProxyType({name: tuple(sorted(low[name])) for name in routes}))
+
+
+def _is_moved(state: FleetState, plan: Replan, offer: Survivor) -> bool:
+    """Return whether a tail that stays is inspected at another distance than before: another may be there now."""
+    if not plan.low:
+        return False
+    return frozenset(plan.low[offer.vehicle]) != replan_separation.find_low_tail_segments(
+        state.vehicles[offer.vehicle], offer
+    )

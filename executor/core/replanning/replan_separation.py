@@ -1,0 +1,283 @@
+"""Who may meet whom on the line where everybody inspects at the asked distance, and what a re-plan makes of it.
+
+What anybody may fly is known: what is left of the missions on board, and the new ones. A re-plan keeps its new flights
+out of the air in which another goes down to the line, and lets vehicles down to it only where nobody else may be. Until
+a lost vehicle must have left the line by its own failsafe, or one that returns is seen up in its layer, nobody is given
+anything. Where a new mission crosses what a vehicle above it has on board still, it waits until that has its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from executor.core.context import Context, VehicleSetup
+from executor.core.interface.commands import Survivor
+from executor.core.state.fleet_state import FleetState, Replan
+from executor.core.state.vehicle_state import Stage, VehicleState
+from missions import FlightModel, FlightPath, FlightSetup, build_flight_path, continue_path
+from missions.autopilots.modes import is_home_mode
+from missions.inspection_height import (
+    Airway,
+    build_airway,
+    build_wall_obstacles,
+    check_inspection_airspace,
+    find_low_segments,
+    find_near_tracks,
+    find_tracks_near_returns,
+    select_low_segments,
+)
+from missions.pads import column_radius_m
+from planner import segment_of
+
+UP_M = 2.0
+"""Who is this near to its layer is in it."""
+TURNS_S = 5.0
+"""A return by itself begins with a stop."""
+DOWN_FACTOR, DOWN_MORE_S = 1.5, 60.0
+"""A vehicle that nobody hears is down after so much more than the rest of its flight takes by the model."""
+SEEN_UP_S = 60.0
+"""Who is not seen up in its layer so long after its RTL began may be anywhere on its way."""
+ROUNDING_M = 0.05
+"""New ways keep this much less from others' parts of the line than those were chosen by."""
+
+Routes = Mapping[str, tuple[int, ...]]
+_ON_ITS_WAY = frozenset({Stage.STARTING, Stage.FLYING})
+_AWAY = frozenset({Stage.GROUND, Stage.LANDED, Stage.DOWN})
+
+
+def may_leave_layers(context: Context) -> bool:
+    """Return whether vehicles leave their layers to inspect as asked."""
+    return context.setup.inspection.same_distance
+
+
+def find_layer_bound_vehicles(vehicles: Mapping[str, VehicleSetup]) -> frozenset[str]:
+    """Return who would not be known to have left the line when it is lost: its own failsafe is no return."""
+    return frozenset(name for name, vehicle in vehicles.items() if not vehicle.returns)
+
+
+def is_line_occupied(context: Context, state: FleetState, now_s: float) -> bool:
+    """Return whether a vehicle that has left its mission may still be on the line, or on its way up from there."""
+    if not may_leave_layers(context):
+        return False
+    return any(_is_leaving_line(context, vehicle, now_s) for vehicle in state.vehicles.values())
+
+
+def line_clear_time_s(setup: FlightSetup, model: FlightModel, name: str) -> float:
+    """Return how long a vehicle takes from its stop on the line, or at a viewpoint, up to its own layer."""
+    return TURNS_S + (setup.looks.deepest_m + setup.layers.offset_m(name)) / model.performance.climb_m_s
+
+
+def _is_leaving_line(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    if vehicle.stage not in {Stage.LOST, Stage.RETURNING}:
+        return False
+    since_s = vehicle.sortie.left_s or 0.0
+    if vehicle.fault is not None:
+        since_s = max(since_s, vehicle.fault.detected_s)
+    rises_s = line_clear_time_s(context.setup, context.pricing.models[vehicle.name], vehicle.name)
+    if now_s - since_s >= (rises_s if vehicle.stage is Stage.LOST else SEEN_UP_S):
+        return False
+    left = _find_remaining_airway(context, vehicle)
+    if left is None or not left.has_wall.any():
+        return False
+    return vehicle.stage is Stage.LOST or not _is_in_its_layer(context, vehicle)
+
+
+def _is_down_by_now(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle that nobody hears must have landed: by its failsafe, or at the end of its mission."""
+    board, fault, fix = vehicle.assignment.board, vehicle.fault, vehicle.motion.fix
+    lost = vehicle.stage is Stage.LOST and context.vehicles[vehicle.name].returns
+    if not lost or board is None or fault is None or fix is None:
+        return False
+    pad, model = context.setup.pad_of(vehicle.name), context.pricing.models[vehicle.name]
+    away_m, up_m = math.dist(fix.place_m, (pad.east_m, pad.north_m)), context.return_height_m(vehicle.name)
+    home_s = sum(model.performance.return_s(away_m, up_m, up_m))
+    rest_s = sum(leg.duration_s for leg in board.legs[vehicle.assignment.waypoint :])
+    return now_s - fault.detected_s >= DOWN_FACTOR * max(home_s, rest_s) + DOWN_MORE_S
+
+
+def _is_in_its_layer(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether it is seen in its layer, or above it."""
+    fix = vehicle.motion.fix
+    if fix is None:
+        return False
+    layer_m = context.setup.layers.height_m(vehicle.name, *fix.place_m)
+    return context.setup.up_m(vehicle.name, fix.alt_rel_m) >= layer_m - UP_M
+
+
+def _find_way_home(context: Context, vehicle: VehicleState, now_s: float) -> Airway | None:
+    """Return the straight way home of a vehicle that is seen to fly it; None for one of which it is not known."""
+    beat, fix, setup = vehicle.telemetry.heartbeat, vehicle.motion.fix, context.setup
+    if vehicle.stage is not Stage.RETURNING or beat is None or fix is None or not _is_in_its_layer(context, vehicle):
+        return None
+    returns = is_home_mode(context.vehicles[vehicle.name].dialect, beat.custom_mode)
+    if not returns or vehicle.link.stale or now_s - fix.at_s >= context.limits.link_stale_s:
+        return None
+    pad = setup.pad_of(vehicle.name)
+    ends_m = [(*fix.place_m, setup.up_m(vehicle.name, fix.alt_rel_m))]
+    ends_m.append((pad.east_m, pad.north_m, setup.layers.height_m(vehicle.name, pad.east_m, pad.north_m)))
+    return Airway(vehicle.name, np.array([ends_m]), np.zeros((1, 2)))
+
+
+def _find_remaining_airway(context: Context, vehicle: VehicleState) -> Airway | None:
+    """Return what a vehicle may fly of what it has on board; None for one on the ground."""
+    board = vehicle.assignment.board
+    if board is None or vehicle.stage in _AWAY:
+        return None
+    return build_airway(context.setup, board.path, vehicle.assignment.waypoint)
+
+
+def find_occupied_airways(
+    context: Context, state: FleetState, offers: Iterable[Survivor], now_s: float
+) -> list[Airway]:
+    """Return what may be flown whatever a re-plan says: by who takes no part in it, and what survivors finish first."""
+    kept = {offer.vehicle: offer for offer in offers}
+    found = []
+    for vehicle in state.vehicles.values():
+        left, board = _find_remaining_airway(context, vehicle), vehicle.assignment.board
+        if left is None or board is None:
+            continue
+        offer = kept.get(vehicle.name)
+        if offer is not None and vehicle.fault is None and vehicle.stage in _ON_ITS_WAY:
+            if offer.airborne:
+                first = min(vehicle.assignment.waypoint, offer.kept)
+                begun = FlightPath(vehicle.name, board.path.waypoints[: offer.kept])
+                found.append(build_airway(context.setup, begun, first))
+        elif _is_down_by_now(context, vehicle, now_s):
+            continue
+        elif vehicle.stage in {Stage.LOST, Stage.RETURNING} and not _is_leaving_line(context, vehicle, now_s):
+            # It is on its way home in its layer, from wherever it was.
+            home = _find_way_home(context, vehicle, now_s)
+            found.append(left.to_layer() if home is None else home)
+        else:
+            found.append(left)
+    return found
+
+
+def close_occupied_segments(
+    context: Context, state: FleetState, offers: Sequence[Survivor], segments: Iterable[int], now_s: float
+) -> tuple[Survivor, ...]:
+    """Return offers with what others close for them: segments that they cannot be given, and what they fly around."""
+    if not may_leave_layers(context):
+        return tuple(offers)
+    taken = find_occupied_airways(context, state, offers, now_s)
+    wanted = sorted(set(segments))
+    return tuple(_close_for_offer(context.setup, offer, taken, wanted) for offer in offers)
+
+
+def _close_for_offer(setup: FlightSetup, offer: Survivor, taken: Sequence[Airway], segments: Sequence[int]) -> Survivor:
+    walls = build_wall_obstacles(setup, offer.vehicle, taken)
+    if not walls:
+        return offer
+    lines_m = np.array([(wall.rings_m[0][0], wall.rings_m[0][-1]) for wall in walls])
+    keep_m = column_radius_m(setup.inspection.layer_m) - ROUNDING_M
+    tracks_m = setup.tracks_m[list(segments)]
+    closed = find_near_tracks(tracks_m, lines_m, keep_m)
+    if setup.layers.returns_in_layers:
+        pad = setup.pad_of(offer.vehicle)
+        pad_m = np.array([pad.east_m, pad.north_m])
+        closed |= np.array(
+            [find_tracks_near_returns(lines_m, track[np.newaxis], pad_m, keep_m).any() for track in tracks_m]
+        )
+    shut = {segment for segment, is_closed in zip(segments, closed.tolist(), strict=True) if is_closed}
+    return replace(
+        offer,
+        barred=tuple(sorted({*offer.barred, *shut})),
+        closed=tuple(replace(wall, keep_m=keep_m) for wall in walls),
+    )
+
+
+def build_closed_setup(context: Context, offers: Iterable[Survivor]) -> FlightSetup:
+    """Return what new missions are made by: with what is closed for each of the survivors."""
+    closed = {offer.vehicle: offer.closed for offer in offers if offer.closed}
+    return replace(context.setup, closed=closed) if closed else context.setup
+
+
+def choose_low_segments(
+    context: Context, state: FleetState, plan: Replan, routes: Routes, now_s: float
+) -> dict[str, frozenset[int]]:
+    """Return which segments of its new route each survivor inspects below its layer."""
+    setup, offers = build_closed_setup(context, plan.solve.survivors), plan.solve.survivors
+    taken = find_occupied_airways(context, state, offers, now_s)
+    begins_m: dict[str, tuple[float, float]] = {}
+    for offer in offers:
+        vehicle = state.vehicles[offer.vehicle]
+        board, path = vehicle.assignment.board, build_path_in_layer(setup, vehicle, offer, routes[offer.vehicle])
+        if board is not None and offer.airborne:
+            # Its tail may be flown until it has its new mission, which comes before those of who flies below it.
+            tail = build_airway(setup, board.path, max(offer.kept, vehicle.assignment.waypoint))
+            taken.append(replace(tail, for_now=True))
+            if board.path.waypoints[offer.kept - 1].below_m > 0:
+                begins_m[offer.vehicle] = board.places_m[offer.kept - 1]
+            taken.append(_add_approach_leg(setup, vehicle, build_airway(setup, path, offer.kept)))
+        else:
+            taken.append(build_airway(setup, path))
+    return select_low_segments(setup, routes, taken, find_layer_bound_vehicles(context.vehicles), begins_m)
+
+
+def build_path_in_layer(
+    setup: FlightSetup, vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...]
+) -> FlightPath:
+    """Return a survivor's new path with all that is new in its own layer."""
+    board = vehicle.assignment.board
+    if not offer.airborne or board is None:
+        return build_flight_path(setup, vehicle.name, visits)
+    return continue_path(setup, board.path, offer.kept, visits)
+
+
+def _add_approach_leg(setup: FlightSetup, vehicle: VehicleState, new: Airway) -> Airway:
+    """Return new legs with the one on which it flies there, where a leg of its way home is cut short."""
+    fix = vehicle.motion.fix
+    if fix is None or not len(new.legs_m):
+        return new
+    here_m = np.array([*fix.place_m, setup.up_m(vehicle.name, fix.alt_rel_m)])
+    first = np.stack((here_m, new.legs_m[0, 1]))[np.newaxis]
+    level = np.zeros((1, 2))
+    return replace(new, legs_m=np.concatenate((new.legs_m, first)), below_m=np.concatenate((new.below_m, level)))
+
+
+def find_low_tail_segments(vehicle: VehicleState, offer: Survivor) -> frozenset[int]:
+    """Return which segments of its tail a survivor inspects below its layer by the mission on board."""
+    board = vehicle.assignment.board
+    if board is None or not offer.airborne:
+        return frozenset()
+    return find_low_segments(board.path, board.visits) & {segment_of(visit) for visit in offer.tail}
+
+
+def find_mission_conflicts(
+    context: Context, state: FleetState, plan: Replan, name: str, path: FlightPath, now_s: float
+) -> tuple[frozenset[str], list[str]]:
+    """Return for whose new mission one has to wait, and in words what keeps it from being flown at all.
+
+    Args:
+        context: Of the flight.
+        state: Of the fleet.
+        plan: The re-plan.
+        name: Whose new mission it is.
+        path: That mission.
+        now_s: The time.
+    """
+    offers = plan.solve.survivors
+    kept = next((offer.kept for offer in offers if offer.vehicle == name), 0)
+    new = build_airway(context.setup, path, kept)
+    waits = set()
+    for other in plan.pending - {name}:
+        left = _find_remaining_airway(context, state.vehicles[other])
+        if (
+            left is not None
+            and _is_above(context, other, name)
+            and check_inspection_airspace(context.setup, [new, left])
+        ):
+            waits.add(other)
+    others = [one for one in find_occupied_airways(context, state, offers, now_s) if one.vehicle != name]
+    gone = [_find_remaining_airway(context, state.vehicles[other]) for other in (*plan.failed, *plan.let_go)]
+    others += [one for one in gone if one is not None and one.vehicle != name]
+    return frozenset(waits), [line for one in others for line in check_inspection_airspace(context.setup, [new, one])]
+
+
+def _is_above(context: Context, one: str, other: str) -> bool:
+    order = context.setup.layers.vehicles
+    return order.index(one) > order.index(other)

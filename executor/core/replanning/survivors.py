@@ -1,0 +1,176 @@
+"""What a vehicle can offer to a re-plan: where it could begin, with what budget, and what it carries."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from executor.core.battery import account
+from executor.core.context import Context, RelaunchPolicy
+from executor.core.inflight.custody.mode_causes import is_in_manual_mode
+from executor.core.interface.commands import Survivor
+from executor.core.state import landing_projection
+from executor.core.state.current_setup import current_setup_of
+from executor.core.state.vehicle_parts import ModeCause
+from executor.core.state.vehicle_state import Stage, VehicleState
+from missions import Phase
+from missions.autopilots.modes import is_mission_mode
+from missions.pace import AS_MODELLED
+
+CLEARED_S = 60.0
+"""After this the crew's word that a pad is clear is too old to plan with."""
+QUANTUM_PCT = 1.0
+"""Batteries report whole percents: what is reported may be this much more than what is there."""
+
+
+def find_barred_segments(context: Context, vehicle: VehicleState) -> frozenset[int]:
+    """Return the segments that a vehicle cannot see: it has no camera that does what they, or a day, ask for."""
+    by_day = frozenset[int]() if context.day is None else context.day.barred.get(vehicle.name, frozenset())
+    return context.setup.looks.find_barred_segments(vehicle.name, vehicle.payload.broken_camera_names()) | by_day
+
+
+def build_survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | None:
+    """Return what a vehicle can offer to a re-plan; None if it cannot be given anything now."""
+    # Who is silent now may be lost in a moment: a part of the plan that is given to it would be planned twice.
+    heard = (
+        state.link.heard_s is not None
+        and not state.link.stale
+        and now_s - state.link.heard_s < context.limits.link_stale_s
+    )
+    out = (
+        state.fault is not None or state.assignment.stubborn or state.orders.excluded or state.orders.held_s is not None
+    )
+    out = out or state.assignment.carried.may_be_foreign() or state.turn.asked_s is not None
+    if out or not heard or state.power.battery.remaining_pct is None:
+        return None
+    if state.stage in {Stage.GROUND, Stage.LANDED}:
+        if state.sensors.tilted_since_s is not None or state.orders.base_closed:
+            return None  # it lies on its side, or nobody takes off from there
+        if not (may_take_off_unasked(context, state) or _is_cleared(state, now_s)):
+            return None
+        return build_pad_survivor(context, state)
+    if state.stage not in {Stage.FLYING, Stage.STARTING} or state.assignment.board is None or state.motion.fix is None:
+        return None
+    if not _is_flying_mission(context, state, now_s):
+        return None
+    kept = _count_kept_waypoints(context, state)
+    if kept is None:
+        return None
+    if kept > state.assignment.waypoint:
+        place, spent = (
+            state.assignment.board.places_m[kept - 1],
+            landing_projection.energy_to_reach_pct(state, kept - 1),
+        )
+        alt_rel_m = state.assignment.board.path.waypoints[kept - 1].alt_rel_m
+    else:
+        place, alt_rel_m, spent = state.motion.fix.place_m, state.motion.fix.alt_rel_m, 0.0
+    offer = _build_offer(
+        context, state, place, spent * account.consumption_factor(state.power.battery), airborne=True, kept=kept
+    )
+    facing_m = (0.0, 0.0)
+    if kept > 1:  # along the last leg that stays, or the one before that which is replaced while it is flown
+        (east_m, north_m), before_m = (
+            state.assignment.board.places_m[kept - 1],
+            state.assignment.board.places_m[kept - 2],
+        )
+        facing_m = (east_m - before_m[0], north_m - before_m[1])
+    low = kept > 0 and state.assignment.board.path.waypoints[kept - 1].below_m > 0
+    setup = context.setup
+    up_m = setup.up_m(state.name, alt_rel_m) if low else setup.lowest_layer_up_m(state.name, alt_rel_m)
+    return replace(offer, start_up_m=up_m, facing_m=facing_m, low=low)
+
+
+def build_pad_survivor(context: Context, state: VehicleState) -> Survivor:
+    """Return what a vehicle on the ground can offer, once it may take off."""
+    return _build_offer(context, state, (0.0, 0.0), 0.0, airborne=False, kept=0)
+
+
+def is_offer_valid(vehicle: VehicleState, offer: Survivor) -> bool:
+    """Return whether a vehicle has not flown past what it offered."""
+    if vehicle.fault is not None or vehicle.orders.excluded or vehicle.orders.held_s is not None:
+        return False
+    if not offer.airborne:
+        return vehicle.stage in {Stage.GROUND, Stage.LANDED}
+    if vehicle.custody.cause is not ModeCause.OURS:
+        return False  # it has just left its mission: by a failsafe of its own, or a person took it
+    board, waypoint = vehicle.assignment.board, vehicle.assignment.waypoint
+    if board is None or vehicle.stage not in {Stage.FLYING, Stage.STARTING}:
+        return False
+    turns_back = waypoint == offer.kept and board.path.waypoints[waypoint].phase is Phase.RETURN
+    return waypoint < offer.kept or turns_back
+
+
+def _is_flying_mission(context: Context, state: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle in the air says that it flies its mission: after an absence of ours it may not."""
+    beat, beat_s = state.telemetry.heartbeat, state.link.heartbeat_s
+    if beat is None or beat_s is None or now_s - beat_s >= context.limits.heartbeat_stale_s:
+        return False
+    return state.stage is Stage.STARTING or is_mission_mode(context.vehicles[state.name].dialect, beat.custom_mode)
+
+
+def may_take_off_unasked(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle on the ground takes off without the crew's word.
+
+    Not where somebody has set a mode on it since it landed that only a person flies in.
+    """
+    held = vehicle.stage is Stage.LANDED and is_in_manual_mode(context, vehicle)
+    return context.fly_again is RelaunchPolicy.AUTO and not held
+
+
+def _is_cleared(state: VehicleState, now_s: float) -> bool:
+    """Return whether the crew has said that it may take off, just now."""
+    return state.orders.cleared_s is not None and now_s - state.orders.cleared_s <= CLEARED_S
+
+
+def _count_kept_waypoints(context: Context, state: VehicleState) -> int | None:
+    """Return how many waypoints must stay: the visit under way or flown to, and what is begun before an upload is over.
+
+    What a vehicle flies to is not replaced under it: ArduPilot takes items one by one, and its index runs ahead of
+    them where the one flown to is no waypoint any more. A way home may be, as what takes its place begins with a
+    waypoint too.
+    """
+    board = state.assignment.board
+    if board is None:
+        return None
+    waypoints = board.path.waypoints
+    kept = state.assignment.waypoint
+    while kept < len(waypoints):
+        if waypoints[kept].phase in {Phase.TAKEOFF, Phase.TRANSIT, Phase.INSPECT}:
+            # A visit is finished once it is flown to.
+            while waypoints[kept].phase is not Phase.INSPECT:
+                kept += 1
+                if waypoints[kept].phase in {Phase.RETURN, Phase.LAND}:
+                    break
+            else:
+                kept += 1
+        if waypoints[kept].phase is Phase.LAND:
+            return None
+        homeward = waypoints[kept].phase is Phase.RETURN
+        if landing_projection.time_to_reach_s(state, kept if homeward else kept - 1) > context.horizon_s:
+            return kept
+        if homeward:
+            return None
+    return None
+
+
+def _build_offer(
+    context: Context, state: VehicleState, start_m: tuple[float, float], spent_pct: float, *, airborne: bool, kept: int
+) -> Survivor:
+    setup = current_setup_of(context, state)
+    remaining = state.power.battery.remaining_pct or 0.0
+    # What is never touched is the reserve, so that it is the one that a rounded report is held against.
+    left = min(
+        remaining - QUANTUM_PCT - setup.reserve_pct,
+        setup.budget_pct - account.draw_since_start_pct(state.power.battery),
+    )
+    budget = left - spent_pct
+    tail: tuple[int, ...] = ()
+    if state.assignment.board is not None and airborne:
+        ahead = {waypoint.visit for waypoint in state.assignment.board.path.waypoints[kept:]}
+        tail = tuple(visit for index, visit in enumerate(state.assignment.board.visits) if index in ahead)
+    blind = find_barred_segments(context, state)
+    most = remaining - setup.reserve_pct - spent_pct
+    learned = state.assignment.learned
+    return Survivor(
+        state.name, start_m, max(0.0, budget), account.consumption_factor(state.power.battery), airborne, tail, kept,
+        max(0.0, most), pace=AS_MODELLED if learned is None else learned.pace, barred=tuple(sorted(blind)),
+    )  # fmt: skip

@@ -1,0 +1,362 @@
+"""A flight taken up again: what became of everything that was under way when the ground station went away.
+
+The log says what was decided; the vehicles say what they carry and where they are. Where the two do not agree, what is
+on board holds, as long as it is one of the missions that were decided.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from executor.core.battery.load_voltage import VoltageState
+from executor.core.context import Context, RelaunchPolicy
+from executor.core.ground import turnaround
+from executor.core.inflight.homing.return_home import bring_home, is_on_mission
+from executor.core.interface.commands import Command, Level, Say, Start, Upload
+from executor.core.interface.endings import Ending
+from executor.core.interface.events import Event, Found, Match, Reopened, Resumed, StartEnded, UploadEnded
+from executor.core.replanning import new_missions, survivors
+from executor.core.replanning.replan_messages import format_segments
+from executor.core.replanning.withdrawal import leave_plan, withdraw_vehicle
+from executor.core.resume.link_blackout import catch_up_mission
+from executor.core.state.fleet_state import FleetState, GroundStationAbsence, NewMission, Replan, Stepped
+from executor.core.state.link_quality import LinkQuality
+from executor.core.state.vehicle_state import Stage, VehicleState, build_onboard_mission, change_stage, last_known_of
+from missions import MissionItem, count_common_items, encode
+from missions.autopilots.modes import is_mission_mode
+from planner import segment_of
+
+FLOWN_PCT = 3.0
+"""A vehicle on the ground that has used more than this since it was told to start has flown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Resumption:
+    """What is to be done once everybody was asked."""
+
+    state: FleetState
+    commands: tuple[Command, ...]
+    ended: tuple[Event, ...]
+    """What came to its end while nobody listened, as if it were heard now."""
+    strange: tuple[tuple[str, str], ...]
+    """(vehicle, why) of those that cannot be left on what they carry."""
+
+
+def apply_reopening(state: FleetState, event: Reopened, now_s: float) -> Stepped:
+    """Begin to listen again: nothing of the time in between is held against anybody."""
+    for vehicle in state.vehicles.values():
+        state = state.put(
+            replace(
+                vehicle,
+                watches=(),
+                assignment=replace(
+                    vehicle.assignment, before=vehicle.assignment.before or last_known_of(vehicle), run=None
+                ),
+                orders=replace(
+                    vehicle.orders,
+                    errand=None if vehicle.orders.errand is None else replace(vehicle.orders.errand, told=False),
+                ),
+                link=replace(
+                    vehicle.link,
+                    heard_s=None if vehicle.link.heard_s is None else now_s,
+                    heartbeat_s=None,
+                    excused_s=now_s,
+                    stale=False,
+                    quality=LinkQuality(),
+                ),
+                motion=replace(vehicle.motion, anchor=None, reopened=True),
+                power=replace(vehicle.power, volts=VoltageState(highest_v=vehicle.power.volts.highest_v)),
+            )
+        )
+    absences = (*state.listening.absences, GroundStationAbsence(now_s, event.away_s, restarted=True))
+    state = replace(state, listening=replace(state.listening, tick_s=None, silent_since_s=None, absences=absences))
+    said = [Say(Level.WARNING, f"the ground station runs again, after {event.away_s:.0f} s")]
+    return state, (*said, *(Say(Level.WARNING, note) for note in event.notes))
+
+
+def compare_onboard_mission(
+    context: Context, state: FleetState, name: str, items: Sequence[MissionItem] | None, seq: int | None
+) -> Found:
+    """Compare what was read from a vehicle that answers with every mission that it may have been given.
+
+    Args:
+        context: Of the flight.
+        state: By the log.
+        name: Of the vehicle.
+        items: What is on board; None if it could not be read.
+        seq: The item that it flies to.
+    """
+    vehicle, plan, dialect = state.vehicles[name], state.replanning.replan, context.vehicles[name].dialect
+    paths = (
+        {} if vehicle.assignment.board is None else {vehicle.assignment.board.revision: vehicle.assignment.board.path}
+    )
+    if vehicle.assignment.declined is not None and (maybe := vehicle.assignment.declined.maybe) is not None:
+        paths[maybe.revision] = maybe.path
+    if plan is not None and name in plan.missions:
+        paths[plan.solve.revision] = plan.missions[name].path
+    matches = []
+    for revision, path in paths.items() if items is not None else ():
+        ours = encode(path, dialect).items
+        same = count_common_items(ours, items or (), dialect)
+        matches.append(Match(revision, same, whole=same == len(ours) == len(items or ())))
+    return Found(name, True, seq, None if items is None else len(items), tuple(matches))
+
+
+def _drop_waiting_missions(state: FleetState, plan: Replan, now_s: float) -> FleetState:
+    """Plan again for those who waited for others' new missions: by now these may have flown past everything."""
+    for route in plan.unmade:
+        if route.vehicle in plan.pending:
+            state, plan, _ = new_missions.drop_late_mission(state, plan, route.vehicle, new_missions.FLEW_ON, now_s)
+    plan = replace(plan, unmade=())
+    return replace(state, replanning=replace(state.replanning, replan=plan))
+
+
+def resume_fleet(context: Context, state: FleetState, event: Resumed, now_s: float) -> Resumption:
+    """Take up every vehicle where it is."""
+    state = _correct_absence(state, event)
+    plan = state.replanning.replan
+    if plan is not None and plan.solve_s is None:
+        state = new_missions.request_replan_again(state, plan)  # the solver died with the ground station
+    elif plan is not None and plan.unmade and plan.low:
+        state = _drop_waiting_missions(state, plan, now_s)
+    elif plan is not None and plan.unmade:
+        state = replace(
+            state, replanning=replace(state.replanning, replan=new_missions.build_all_missions(context, state, plan))
+        )
+    state, said = turnaround.end_turnarounds_after_absence(state, now_s)
+    commands: list[Command] = [*said]
+    ended: list[Event] = []
+    strange: list[tuple[str, str]] = []
+    again: dict[str, tuple[Command, ...]] = {}
+    for found in event.found:
+        if not found.heard:
+            commands.append(Say(Level.WARNING, f"{found.vehicle}: does not answer yet"))
+            vehicle = state.vehicles[found.vehicle]
+            state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None)))
+            ended += _end_unanswered_upload(context, state, found.vehicle)
+            continue
+        state, one = _resume_vehicle(context, state, found, now_s)
+        commands += one.commands
+        ended += one.ended
+        strange += one.strange
+        if one.again:
+            again[found.vehicle] = one.again
+    for found in event.found:
+        if found.vehicle in again:
+            state, more = _resend_mission(context, state, found, again[found.vehicle], now_s)
+            commands += more
+    return Resumption(state, tuple(commands), tuple(ended), tuple(strange))
+
+
+def _correct_absence(state: FleetState, event: Resumed) -> FleetState:
+    """Take the vehicles' word for how long it was: their clocks ran on, ours may have been set."""
+    heard = {found.vehicle for found in event.found if found.heard}
+    gaps = [
+        vehicle.motion.fix.boot_s - vehicle.assignment.before.fix.boot_s
+        for vehicle in state.vehicles.values()
+        if vehicle.name in heard and vehicle.motion.fix is not None and vehicle.assignment.before is not None
+    ]
+    if not state.listening.absences or not gaps:
+        return state
+    last = state.listening.absences[-1]
+    return replace(
+        state,
+        listening=replace(
+            state.listening, absences=(*state.listening.absences[:-1], replace(last, pause_s=max(last.pause_s, *gaps)))
+        ),
+    )
+
+
+def _end_unanswered_upload(context: Context, state: FleetState, name: str) -> tuple[Event, ...]:
+    """Return the end of an upload to a vehicle that does not answer: nobody else waits for it.
+
+    How much of it is on board nobody knows; PX4 at least has the whole of one of the two.
+    """
+    plan = state.replanning.replan
+    if plan is None or name not in plan.pending:
+        return ()
+    mixed = not plan.missions[name].fresh and not context.vehicles[name].dialect.upload_is_atomic
+    why = "it does not answer"
+    return (UploadEnded(name, plan.solve.revision, False, mixed, why, Ending.NO_ANSWER),)
+
+
+@dataclass(frozen=True, slots=True)
+class _VehicleResumption:
+    commands: tuple[Command, ...] = ()
+    ended: tuple[Event, ...] = ()
+    strange: tuple[tuple[str, str], ...] = ()
+    again: tuple[Command, ...] = ()
+    """What sends the rest of a mission, if it is still wanted."""
+
+
+def _resume_vehicle(
+    context: Context, state: FleetState, found: Found, now_s: float
+) -> tuple[FleetState, _VehicleResumption]:
+    vehicle, plan = state.vehicles[found.vehicle], state.replanning.replan
+    if plan is not None and found.vehicle in plan.pending:
+        if vehicle.stage is not Stage.STARTING:
+            return _finish_upload(context, state, plan, found, now_s)
+        if not _has_started(context, vehicle):
+            return _handle_unstarted_vehicle(context, state, vehicle, now_s, ours=False)
+        state, taken = _finish_upload(context, state, plan, found, now_s)
+        return state, replace(taken, ended=(StartEnded(found.vehicle, accepted=True, reason=""), *taken.ended))
+    if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.assignment.board is None:
+        return state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None))), _VehicleResumption()
+    match = found.match_of(vehicle.assignment.board.revision)
+    other = match is not None and not match.whole
+    if match is not None and other and vehicle.armed:
+        why = f"mission on board differs from the uploaded one from item {match.alike} on"
+        return state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None))), _VehicleResumption(
+            strange=((found.vehicle, why),)
+        )
+    if vehicle.stage is Stage.STARTING and _has_started(context, vehicle):
+        state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None)))
+        return state, _VehicleResumption(ended=(StartEnded(found.vehicle, accepted=True, reason=""),))
+    if vehicle.stage is Stage.STARTING:
+        return _handle_unstarted_vehicle(context, state, vehicle, now_s, ours=not other)
+    state, said = catch_up_mission(context, state, vehicle, vehicle.assignment.board, found.seq)
+    return state, _VehicleResumption(said)
+
+
+def _finish_upload(
+    context: Context, state: FleetState, plan: Replan, found: Found, now_s: float
+) -> tuple[FleetState, _VehicleResumption]:
+    """Bring an upload to its end that was under way, or about to begin, or over without our knowing."""
+    vehicle, mission = state.vehicles[found.vehicle], plan.missions[found.vehicle]
+    revision = plan.solve.revision
+    new = found.match_of(revision)
+    board = vehicle.assignment.board
+    said: tuple[Command, ...] = ()
+    if new is not None and new.whole:
+        # Its fence went on board before it.
+        fenced = mission.fence is not None
+        ended = (UploadEnded(found.vehicle, revision, accepted=True, mixed=False, reason="", fenced=fenced),)
+        if not mission.fresh:
+            board = build_onboard_mission(context, found.vehicle, revision, mission.path, mission.visits)
+            state, said = catch_up_mission(context, state, vehicle, board, found.seq)
+        return state, _VehicleResumption(said, ended)
+    old = None if board is None else found.match_of(board.revision)
+    if not mission.fresh and board is not None and (old is None or old.whole):
+        state, said = catch_up_mission(context, state, vehicle, board, found.seq)
+        offer = next(one for one in plan.solve.survivors if one.vehicle == found.vehicle)
+        if not survivors.is_offer_valid(state.vehicles[found.vehicle], offer):
+            state, plan, let_go = new_missions.drop_late_mission(
+                state, plan, found.vehicle, new_missions.FLEW_ON, now_s
+            )
+            state, more = new_missions.end_replan_if_done(state, now_s)
+            return state, _VehicleResumption((*said, let_go, *more))
+    elif (
+        not mission.fresh and new is not None and _is_at_end_of_new_part(found, new) and is_on_mission(context, vehicle)
+    ):
+        # In any other mode its own failsafe knows better: a landing must not become a flight home.
+        return _return_stranded_vehicle(context, state, found, mission, revision, now_s)
+    elif not mission.fresh and (new is None or found.seq is None or found.seq >= new.alike):
+        why = "its mission on board is a mix of two, and it is past the new part"
+        return state, _VehicleResumption(
+            ended=(
+                UploadEnded(
+                    found.vehicle, revision, accepted=False, mixed=True, reason=why, code=Ending.READ_BACK_DIFFERS
+                ),
+            )
+        )
+    vehicle = state.vehicles[found.vehicle]
+    state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None)))
+    text = f"{found.vehicle}: the new mission of re-plan {revision} is incomplete on board; uploading it again"
+    # Whether its wider fence is on board nobody knows: the same goes there again, and then the mission.
+    again = Upload(found.vehicle, revision, mission.path, not mission.fresh, mission.fence)
+    return state, _VehicleResumption(said, again=(Say(Level.WARNING, text), again))
+
+
+def _is_at_end_of_new_part(found: Found, new: Match) -> bool:
+    """Return whether a vehicle flies to the last item of a new mission's beginning, or hovers there.
+
+    ArduPilot says then that its mission is complete: what is put on board later moves nothing, and what could move it
+    again begins the whole list anew. Item 0 is its home, which it never flies to, and what it says after an end.
+    """
+    return found.items == new.alike and found.seq is not None and (found.seq == 0 or found.seq >= new.alike - 1)
+
+
+def _return_stranded_vehicle(
+    context: Context, state: FleetState, found: Found, mission: NewMission, revision: int, now_s: float
+) -> tuple[FleetState, _VehicleResumption]:
+    """Bring a vehicle home whose mission was cut short by our death: it is well, and may fly again."""
+    vehicle = state.vehicles[found.vehicle]
+    board = build_onboard_mission(context, found.vehicle, revision, mission.path, mission.visits)
+    state, said = catch_up_mission(context, state, vehicle, board, found.seq)
+    why = "reached the end of its partly uploaded mission"
+    left = leave_plan(state.vehicles[found.vehicle], Stage.RETURNING, now_s)
+    state, told = bring_home(context, state.put(left), left, now_s)
+    state, more = withdraw_vehicle(state, found.vehicle, f"{found.vehicle}: {why}", now_s)
+    text = f"{found.vehicle}: {why}; it is brought home"
+    return state, _VehicleResumption((*said, Say(Level.WARNING, text), *more, *told))
+
+
+def _resend_mission(
+    context: Context, state: FleetState, found: Found, again: tuple[Command, ...], now_s: float
+) -> Stepped:
+    """Send the rest of a mission, unless others have flown a part of it meanwhile and it can still be let go of."""
+    name, plan = found.vehicle, state.replanning.replan
+    if plan is None:
+        return state, again
+    vehicle, mission = state.vehicles[name], plan.missions[name]
+    flown = {
+        segment for visit in mission.visits if state.coverage.inspected.get(segment := segment_of(visit), name) != name
+    }
+    old = None if vehicle.assignment.board is None else found.match_of(vehicle.assignment.board.revision)
+    if not flown or not (mission.fresh or (old is not None and old.whole)):
+        return state, again
+    why = f"others flew {format_segments(context, frozenset(flown))} of its new mission meanwhile"
+    state, plan, said = new_missions.drop_late_mission(state, plan, name, why, now_s)
+    state, more = new_missions.end_replan_if_done(state, now_s)
+    return state, (said, *more)
+
+
+def _has_started(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that had been told to take off has done so, or is about to."""
+    heartbeat, fix = vehicle.telemetry.heartbeat, vehicle.motion.fix
+    if not vehicle.armed or heartbeat is None or fix is None:
+        return False
+    dialect = context.vehicles[vehicle.name].dialect
+    return is_mission_mode(dialect, heartbeat.custom_mode) or fix.alt_rel_m > context.limits.airborne_m
+
+
+def _handle_unstarted_vehicle(
+    context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, ours: bool
+) -> tuple[FleetState, _VehicleResumption]:
+    """Look what became of a vehicle that had been told to take off, and is on the ground.
+
+    Args:
+        context: Of the flight.
+        state: Of it.
+        vehicle: Who.
+        now_s: The time.
+        ours: Whether what it carries is what it should fly. If not it waits for the next re-plan as others do.
+    """
+    name = vehicle.name
+    vehicle = replace(vehicle, assignment=replace(vehicle.assignment, before=None))
+    state = state.put(vehicle)
+    had_pct, has_pct = vehicle.power.began_pct, vehicle.power.battery.remaining_pct
+    lost_pct = 0.0 if had_pct is None or has_pct is None else had_pct - has_pct
+    flown = not vehicle.armed and lost_pct > FLOWN_PCT
+    if vehicle.armed and (context.fly_again is not RelaunchPolicy.AUTO or not ours):
+        # The crew's yes is from before: somebody may stand at the pad by now.
+        why = "was armed and had not taken off when the ground station went away"
+        return state, _VehicleResumption(strange=((name, why),))
+    if context.fly_again is RelaunchPolicy.AUTO and ours and not flown:
+        state = state.put(replace(vehicle, orders=replace(vehicle.orders, ordered_mode_s=now_s)))
+        return state, _VehicleResumption((Say(Level.INFO, f"{name}: had not started yet; trying again"), Start(name)))
+    said: Command = Say(Level.WARNING, f"{name}: had not started yet; it stays on the ground")
+    if flown:
+        lost = f"its battery has lost {lost_pct:.0f} % meanwhile"
+        said = Say(Level.INFO, f"{name}: {lost}: taken to have flown, and to have landed")
+    plan = state.replanning.replan
+    # Nor is that yes one for a start that is planned from now on.
+    stays = replace(vehicle, orders=replace(vehicle.orders, cleared_s=None))
+    state = state.put(change_stage(stays, Stage.LANDED if flown else Stage.GROUND))
+    if plan is None or name not in plan.pending:
+        return state, _VehicleResumption((said,))
+    why = "landed" if flown else "had not started"
+    state, _, told = new_missions.drop_late_mission(state, plan, name, f"{why} when its new mission came", now_s)
+    state, more = new_missions.end_replan_if_done(state, now_s)
+    return state, _VehicleResumption((said, told, *more))

@@ -1,0 +1,162 @@
+"""The height that a vehicle's mission asks for where it is, as far as that is known, and whether it lies far below it.
+
+Both autopilots fly a straight line between two waypoints, up and down as well. The line is that of the mission that was
+put on board from here; of a flight that somebody else planned it is that of the items which its log has.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from executor.core.context import Scene, VehicleSetup
+from executor.core.state.vehicle_parts import OwnMission, PositionFix
+from executor.core.state.vehicle_state import VehicleState
+from missions import Phase
+from missions.autopilots.modes import is_mission_mode
+from missions.items import Frame, MissionItem
+
+_HOLDS = frozenset({Phase.TRANSIT, Phase.INSPECT, Phase.RETURN})
+"""Legs with a height to be held: a take-off and a landing have none."""
+WAYPOINT, SPLINE, LAST_NAV = 16, 82, 95
+"""MAV_CMD of items that are flown through, and the last of those that lead somewhere."""
+_STAYS = frozenset({17, 18, 19})
+"""Those that are flown to, and stayed at."""
+GROUND_ITEMS = frozenset({20, 21, 22, 84, 85})
+"""Return, landing and take-off."""
+_OVER_HOME = frozenset({Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT})
+_OVER_SEA = frozenset({Frame.GLOBAL, Frame.GLOBAL_INT})
+DEG_E7 = 1e7
+ITEM_STALE_S = 5.0
+"""Both autopilots say once a second, at least, which item they fly to."""
+
+
+@dataclass(frozen=True, slots=True)
+class AskedHeight:
+    """What a mission asks for at one moment."""
+
+    below_m: float
+    """How far the vehicle is below it."""
+    sinks_m_s: float
+    """How fast the leg leads down at the vehicle's speed; 0 where it does not."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Slope:
+    """A straight line from one height to another."""
+
+    from_m: tuple[float, float]
+    from_up_m: float
+    to_m: tuple[float, float]
+    to_up_m: float
+
+    def share(self, place_m: tuple[float, float]) -> float:
+        """Return how much of it lies behind a place."""
+        (east, north), (x, y) = self.from_m, self.to_m
+        length2 = (x - east) ** 2 + (y - north) ** 2
+        if length2 < 1.0:
+            return 1.0  # straight up or down: where it ends is what counts
+        return ((place_m[0] - east) * (x - east) + (place_m[1] - north) * (y - north)) / length2
+
+    def asked(self, fix: PositionFix, up_m: float) -> AskedHeight:
+        """Return what it asks of a vehicle at a height."""
+        rise_m = self.to_up_m - self.from_up_m
+        height_m = self.from_up_m + rise_m * min(1.0, max(0.0, self.share(fix.place_m)))
+        run_m = max(1.0, math.dist(self.from_m, self.to_m))
+        sinks_m_s = max(0.0, -rise_m) / run_m * math.hypot(*fix.velocity_m_s[:2])
+        return AskedHeight(height_m - up_m, sinks_m_s)
+
+
+def asked_height(context: Scene, setup: VehicleSetup, state: VehicleState) -> AskedHeight | None:
+    """Return what a vehicle's mission asks for; None where it is on none, takes off or lands, or nobody knows."""
+    beat, fix = state.telemetry.heartbeat, state.motion.fix
+    if beat is None or fix is None or not state.armed or not is_mission_mode(setup.dialect, beat.custom_mode):
+        return None
+    if not state.sortie.took_off:
+        return None
+    return _planned(state, fix) if setup.planned else _seen(context, state.own, fix)
+
+
+def lies_low(context: Scene, setup: VehicleSetup, state: VehicleState) -> bool:
+    """Return whether a vehicle in mission mode has stopped far below its mission."""
+    fix, anchor, limits = state.motion.fix, state.motion.anchor, context.limits
+    if fix is None or anchor is None or fix.boot_s - anchor.boot_s < limits.lies_s:
+        return False
+    asked = asked_height(context, setup, state)
+    return asked is not None and asked.below_m >= limits.below_mission_m
+
+
+def _planned(state: VehicleState, fix: PositionFix) -> AskedHeight | None:
+    board, number = state.assignment.board, state.assignment.waypoint
+    if board is None or state.assignment.carried.foreign_s is not None or number < 1:
+        return None
+    if fix.at_s - (state.telemetry.item_s or fix.at_s) > ITEM_STALE_S:
+        return None  # which leg it is on is not known any more
+    points, asked = board.path.waypoints, list[AskedHeight]()
+    for index in range(number, len(points)):
+        if points[index].phase not in _HOLDS:
+            return None
+        one = _Slope(
+            board.places_m[index - 1], points[index - 1].alt_rel_m, board.places_m[index], points[index].alt_rel_m
+        )
+        asked.append(one.asked(fix, fix.alt_rel_m))
+        if one.share(fix.place_m) < 1.0 or index > number:
+            break  # past its end it may be on the next leg already: its index comes once a second
+    if not asked:
+        return None
+    return AskedHeight(min(one.below_m for one in asked), max(one.sinks_m_s for one in asked))
+
+
+def _seen(context: Scene, own: OwnMission, fix: PositionFix) -> AskedHeight | None:
+    ends = item_of(own, own.leads_to)
+    if ends is None or ends.command not in {WAYPOINT, SPLINE} | _STAYS or (up_m := _up_in(ends.frame, fix)) is None:
+        return None
+    begins, began = item_of(own, own.came_from), own.leg_from
+    if begins is not None and begins.command == WAYPOINT and begins.frame == ends.frame:
+        from_m, from_up_m = _place_m(context, begins, fix), begins.z
+    elif began is not None and (began_up_m := _up_in(ends.frame, began)) is not None:
+        from_m, from_up_m = began.place_m, began_up_m
+    else:
+        return None
+    return _Slope(from_m, from_up_m, _place_m(context, ends, fix), ends.z).asked(fix, up_m)
+
+
+def _up_in(frame: int, fix: PositionFix) -> float | None:
+    """Return a vehicle's height as a frame counts it; None over the ground, which nobody knows."""
+    return fix.alt_rel_m if frame in _OVER_HOME else fix.alt_msl_m if frame in _OVER_SEA else None
+
+
+def _place_m(context: Scene, item: MissionItem, fix: PositionFix) -> tuple[float, float]:
+    if not item.x and not item.y:
+        return fix.place_m  # where it is
+    return context.frame.to_local_m(item.x / DEG_E7, item.y / DEG_E7)
+
+
+def item_of(own: OwnMission, number: int | None) -> MissionItem | None:
+    """Return an item of a mission that was seen."""
+    if number is None:
+        return None
+    if number < len(own.listed) and own.listed[number].seq == number:
+        return own.listed[number]
+    return next((one for one in own.listed if one.seq == number), None)
+
+
+def with_item(own: OwnMission, item: MissionItem) -> OwnMission:
+    """Return a mission with an item that was seen; the first one begins another mission."""
+    others = () if item.seq == 0 else tuple(one for one in own.listed if one.seq != item.seq)
+    if not others or others[-1].seq < item.seq:
+        return replace(own, listed=(*others, item))
+    return replace(own, listed=tuple(sorted((*others, item), key=lambda one: one.seq)))
+
+
+def flown_to(own: OwnMission, number: int, fix: PositionFix | None) -> OwnMission:
+    """Return a mission whose vehicle says which item it flies to; what a camera or a speed is told leads nowhere."""
+    item = item_of(own, number)
+    if number == own.leads_to or (item is not None and item.command > LAST_NAV):
+        return own
+    return replace(own, leads_to=number, came_from=own.leads_to, leg_from=fix)
+
+
+def begun_anew_here(own: OwnMission) -> OwnMission:
+    """Return a mission that its vehicle takes up where it is: in this mode, or after another one."""
+    return own if own.leg_from is None and own.came_from is None else replace(own, came_from=None, leg_from=None)

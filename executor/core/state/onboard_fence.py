@@ -1,0 +1,87 @@
+"""The fences that go on board: who is given which, and which a new mission needs.
+
+A vehicle's fence holds the way of its mission and of its own RTL. A mission that would leave it goes on board only
+after a fence that covers the old and the new way, so that what is on board fits whatever comes between the two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from executor.core.context import Context
+from executor.core.state.vehicle_parts import OnboardMission
+from executor.core.state.vehicle_state import VehicleState
+from missions import FlightPath
+from missions.fences import Fence, build_fence, build_fence_items, build_rally_items, flown_places
+from missions.items import MissionItem
+
+
+def fence_for(context: Context, name: str, path: FlightPath | None) -> Fence | None:
+    """Return the fence about a mission, or about the pad of a vehicle without one; None where none is wanted."""
+    rule = context.fencing
+    if rule is None or not rule.enabled:
+        return None
+    return build_fence(
+        flown_places(context.vehicles[name].pad_m, path, context.frame), rule.margin_m, fence_top_m(context, name)
+    )
+
+
+def build_first_fences(context: Context, boards: Mapping[str, OnboardMission | None]) -> dict[str, Fence]:
+    """Return what every vehicle is given before the flight."""
+    found = {name: fence_for(context, name, None if board is None else board.path) for name, board in boards.items()}
+    return {name: fence for name, fence in found.items() if fence is not None}
+
+
+def widen_fence(context: Context, name: str, known: Fence | None, path: FlightPath) -> Fence | None:
+    """Return the fence that a new mission needs; None where the one on board covers it, or none is wanted."""
+    needed = fence_for(context, name, path)
+    if needed is None or (known is not None and known.is_covering(needed)):
+        return None
+    return needed if known is None else known.merge_with(needed)
+
+
+def max_flight_height_m(context: Context, name: str) -> float:
+    """Return how high over its home a vehicle may come by any plan of this flight, and on its own way home."""
+    setup = context.setup
+    over_home_m = setup.layers.offset_m(name) - setup.frame.up_m(setup.pad_of(name).alt_m)
+    return max(float(setup.layers.track_heights_m.max()) + over_home_m, context.return_height_m(name))
+
+
+def fence_top_m(context: Context, name: str) -> float:
+    """Return the height over its home at which a vehicle's fence ends; no later plan of the flight needs another."""
+    return max_flight_height_m(context, name) + (0.0 if context.fencing is None else context.fencing.height_margin_m)
+
+
+def height_over_fence_m(context: Context, name: str, path: FlightPath) -> float:
+    """Return how far a mission leads above the vehicle's fence, whose height is a parameter and stays; 0 inside."""
+    if context.fencing is None or not context.fencing.enabled:
+        return 0.0
+    return max(0.0, max((point.alt_rel_m for point in path.waypoints), default=0.0) - fence_top_m(context, name))
+
+
+OFF_FENCE_M = 3.0
+"""What a position may be off: a fence stands farther from all ways of its vehicle than this."""
+
+
+def describe_fence_departure(vehicle: VehicleState, now_s: float, stale_s: float) -> str:
+    """Return in words how far a vehicle is outside the fence that it was given; nothing inside, or if nobody knows."""
+    fence, fix = vehicle.assignment.fence, vehicle.motion.fix
+    if fence is None or fix is None or fix.reckoned or now_s - fix.at_s > stale_s:
+        return ""
+    out_m, over_m = fence.distance_outside_m(fix.place_m), fix.alt_rel_m - fence.top_m
+    if max(out_m, over_m) <= OFF_FENCE_M:
+        return ""
+    return f"{out_m:.0f} m outside" if out_m >= over_m else f"{over_m:.0f} m above it"
+
+
+def encode_fence(context: Context, fence: Fence) -> tuple[MissionItem, ...]:
+    """Return a fence as it goes on board."""
+    return build_fence_items(fence, context.frame)
+
+
+def build_rally_list(context: Context, name: str) -> tuple[MissionItem, ...] | None:
+    """Return the rally points of a vehicle; None where those that it has stay."""
+    rule = context.fencing
+    if rule is None or not rule.enabled or rule.rally == "keep":
+        return None
+    return build_rally_items((context.vehicles[name].pad_m,), context.frame)

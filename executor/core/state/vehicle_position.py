@@ -1,0 +1,168 @@
+"""Where a vehicle is, in words for people who look for it, and whether it may be on the ground there."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from executor.core import formatting
+from executor.core.context import Scene
+from executor.core.state.positioning import accuracy_of, is_adrift, without_fix_s
+from executor.core.state.vehicle_parts import PositionFix
+from executor.core.state.vehicle_state import Stage, VehicleState
+from missions import Phase
+from missions.autopilots.modes import is_home_mode
+
+
+def format_coordinates(context: Scene, vehicle: VehicleState) -> str:
+    """Return a vehicle's place as people paste it into a map, and how it is known.
+
+    Of a vehicle without GPS the last place with a fix comes first: where to look, before what is reckoned since.
+    """
+    fix, how = vehicle.motion.fix, accuracy_of(vehicle)
+    if fix is None or how is None:
+        return "an unknown place"
+    if how.known != "reckoned" or how.fixed is None:
+        return formatting.known_place(*context.frame.to_wgs84_deg(*fix.place_m), how.known, how.off_m)
+    return f"{last_fix(context, vehicle)}, {reckoned(context, vehicle)}"
+
+
+def last_fix(context: Scene, vehicle: VehicleState) -> str:
+    """Return the last place of a vehicle that is by GPS, and how it moved there."""
+    fixed, fix = vehicle.sensors.positioning.fixed, vehicle.motion.fix
+    if fixed is None or fix is None:
+        return "no GPS fix known"
+    place = _place(context, fixed, vehicle.sensors.positioning.accuracy_m)
+    speed_m_s, without_s = math.hypot(*fixed.velocity_m_s[:2]), without_fix_s(vehicle.sensors.positioning, fix)
+    return f"last GPS fix {place}, {without_s:.0f} s before, at {speed_m_s:.0f} m/s"
+
+
+def reckoned(context: Scene, vehicle: VehicleState) -> str:
+    """Return where a vehicle without GPS is by its own reckoning, and by how much that may be off."""
+    fix, how = vehicle.motion.fix, accuracy_of(vehicle)
+    if fix is None or how is None:
+        return "nothing reckoned"
+    return f"reckoned since to {_place(context, fix, how.off_m)}, off by {how.off_m:.0f} m or more"
+
+
+def _place(context: Scene, at: PositionFix, off_m: float | None) -> str:
+    return formatting.format_lat_lon(*context.frame.to_wgs84_deg(*at.place_m), off_m)
+
+
+def describe_position(context: Scene, vehicle: VehicleState) -> str:
+    """Return a vehicle's place as coordinates and height over its home."""
+    height = "" if vehicle.motion.fix is None else f", {round(vehicle.motion.fix.alt_rel_m)} m over its home"
+    return format_coordinates(context, vehicle) + height
+
+
+def describe_last_position(context: Scene, vehicle: VehicleState, now_s: float) -> str:
+    """Return where a vehicle was heard last, and how long ago that was."""
+    fix = vehicle.motion.fix
+    if fix is None:
+        return "its position is not known"
+    position = "" if fix.reckoned else "last position "
+    return f"{position}{describe_position(context, vehicle)}, {formatting.ago(max(0.0, now_s - fix.at_s))}"
+
+
+_KILLED = re.compile(r"^(?!.*(disengage|release|clear)).*(emergency stop|kill)", re.IGNORECASE)
+"""ArduPilot: "RC: Motors Emergency Stopped", "Arm: Motors Emergency Stopped"; PX4: "Kill engaged"."""
+RESTS_AFTER_S = 3.0
+"""A vehicle whose motors have stopped falls from 40 m in this time."""
+RESTS_M_S = 0.5
+SINKS_M_S = 0.3
+LANDS_M_S = 1.2
+"""Nobody touches down faster: ArduPilot's LAND_SPEED is 0.5, PX4's MPC_LAND_SPEED 0.7 by default."""
+SEEN_S = 1.5
+UNSEEN_S = 6.0
+"""After this nobody waits any more for a position of a vehicle that has disarmed."""
+
+
+def is_resting_place_known(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle that has disarmed was seen since; after a while it is taken for where it was last."""
+    fix = vehicle.motion.fix
+    return fix is None or now_s - fix.at_s <= SEEN_S or now_s - max(fix.at_s, vehicle.sortie.disarmed_s) >= UNSEEN_S
+
+
+def is_kill_switch_text(text: str) -> bool:
+    """Return whether a text says that somebody has stopped the motors."""
+    return bool(_KILLED.search(text))
+
+
+def has_fallen(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle disarmed in the air, as far as its last position tells."""
+    fix = vehicle.motion.fix
+    if fix is None:
+        return False
+    return (
+        has_used_kill_switch(context, vehicle)
+        or has_sinking_fix(vehicle)
+        or fix.alt_rel_m > context.limits.off_pad_up_m
+    )
+
+
+def has_used_kill_switch(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle disarmed as its kill switch was used, by its own report."""
+    text, said_s = vehicle.telemetry.alarm
+    return is_kill_switch_text(text) and abs(vehicle.sortie.disarmed_s - said_s) <= context.limits.alarm_s
+
+
+def has_sinking_fix(vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that has disarmed was on its way down when it was seen last."""
+    fix = vehicle.motion.fix
+    return fix is not None and fix.velocity_m_s[2] < -(SINKS_M_S if fix.alt_rel_m > 1.0 else LANDS_M_S)
+
+
+def is_at_rest(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle whose motors are off is seen to lie where it is."""
+    fix = vehicle.motion.fix
+    if fix is None or now_s - vehicle.sortie.disarmed_s < RESTS_AFTER_S or now_s - fix.at_s > SEEN_S:
+        return False
+    if is_adrift(vehicle):
+        return now_s - vehicle.sortie.disarmed_s >= UNSEEN_S  # what it reckons moves on
+    return math.hypot(*fix.velocity_m_s) < RESTS_M_S
+
+
+def describe_down_place(context: Scene, vehicle: VehicleState) -> str:
+    """Return where a vehicle is down, and whether it is safe to go there."""
+    state = "armed: keep away" if vehicle.armed else "disarmed"
+    return f"{down_at(context, vehicle)}, {state}"
+
+
+def down_at(context: Scene, vehicle: VehicleState) -> str:
+    """Return where a vehicle is down; one without GPS is not said to be where it reckons."""
+    how = accuracy_of(vehicle)
+    known = how is None or how.known != "reckoned"
+    return f"down{' at' if known else ':'} {format_coordinates(context, vehicle)}"
+
+
+def describe_lean(vehicle: VehicleState) -> str:
+    """Return how a vehicle leans that stands or flies as none does; empty if it does not."""
+    attitude = vehicle.sensors.attitude
+    if vehicle.sensors.tilted_since_s is None or attitude is None:
+        return ""
+    return f"leans by {max(abs(attitude.roll_deg), abs(attitude.pitch_deg)):.0f} degrees"
+
+
+def is_over_pad(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether it is where it may land, seen from above; a place that is reckoned does not show it."""
+    return not is_adrift(vehicle) and takes_itself_home(context, vehicle)
+
+
+def takes_itself_home(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether its autopilot takes itself to be over its pad: that is what it acts by."""
+    fix = vehicle.motion.fix
+    return fix is None or math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.off_pad_m
+
+
+def has_mission_ended(context: Scene, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that disarms has landed: its mission was over, or it was on its way home."""
+    if vehicle.sortie.rebooted_s is not None:
+        return False  # it did not come down by itself
+    if vehicle.stage is Stage.RETURNING or vehicle.sortie.away_once:
+        return True  # whatever its index says: it has been out there, and has come back
+    leg, beat = vehicle.leg, vehicle.telemetry.heartbeat
+    if leg is None or leg.phase in {Phase.LAND, Phase.RETURN}:
+        return True
+    # Nobody saw how it came down: it may have flown its mission to the end.
+    unseen = vehicle.custody.unseen_until_s is not None and vehicle.custody.unseen_until_s == vehicle.link.heartbeat_s
+    return unseen or (beat is not None and is_home_mode(context.vehicles[vehicle.name].dialect, beat.custom_mode))

@@ -1,0 +1,318 @@
+"""One vehicle as we know it: its stage, what is wrong with it, and the parts of what is known of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from enum import Enum, StrEnum
+
+from executor.core.battery import account
+from executor.core.context import Context
+from executor.core.payload.camera_state import NO_PAYLOAD, PayloadState
+from executor.core.state.inspection_run import Track
+from executor.core.state.mission_ownership import MissionOwnership
+from executor.core.state.vehicle_parts import (
+    Assignment,
+    Custody,
+    LastKnown,
+    LinkState,
+    ModeEvidence,
+    MotionState,
+    OnboardMission,
+    Orders,
+    OwnMission,
+    PowerState,
+    Sensors,
+    SortieProgress,
+    Telemetry,
+    Turnaround,
+    WatchpointMemory,
+)
+from missions import FlightPath, Phase, Waypoint, encode, estimate
+from planner import segment_of
+
+
+class Stage(Enum):
+    """Where a vehicle is in its flight."""
+
+    GROUND = "ground"
+    """Before its start, or with nothing to do."""
+    STARTING = "starting"
+    FLYING = "flying"
+    """On its mission."""
+    RETURNING = "returning"
+    """On its way home, or down, and not to fly its mission again."""
+    PILOT = "pilot"
+    """With its pilot, or with another ground station: not commanded from here."""
+    LANDED = "landed"
+    DOWN = "down"
+    """On the ground where, when or how it should not be."""
+    LOST = "lost"
+    """Silent for longer than its time-out."""
+
+    __hash__ = object.__hash__
+    """Stages are looked up on every step of every vehicle; an Enum's own hash is that of its name, made in Python."""
+
+
+TRANSITIONS: dict[Stage, frozenset[Stage]] = {
+    Stage.GROUND: frozenset({Stage.STARTING, Stage.PILOT, Stage.LOST}),
+    Stage.STARTING: frozenset({
+        Stage.FLYING, Stage.GROUND, Stage.RETURNING, Stage.PILOT, Stage.LANDED, Stage.DOWN, Stage.LOST,
+    }),
+    Stage.FLYING: frozenset({Stage.RETURNING, Stage.PILOT, Stage.LANDED, Stage.DOWN, Stage.LOST}),
+    Stage.RETURNING: frozenset({Stage.PILOT, Stage.LANDED, Stage.DOWN, Stage.LOST}),
+    Stage.PILOT: frozenset({Stage.FLYING, Stage.RETURNING, Stage.LANDED, Stage.DOWN, Stage.LOST}),
+    Stage.LANDED: frozenset({Stage.STARTING, Stage.GROUND, Stage.RETURNING, Stage.PILOT, Stage.LOST}),
+    Stage.DOWN: frozenset({Stage.RETURNING, Stage.PILOT, Stage.GROUND}),
+    Stage.LOST: frozenset({Stage.RETURNING, Stage.PILOT, Stage.LANDED, Stage.DOWN}),
+}  # fmt: skip
+"""What may follow what; a vehicle at fault never flies its mission again. Landed and taken back into the plan, with
+another battery, it is on the ground as before its start; one that its pilot has given back flies on."""
+
+
+WATCHED = frozenset({(Stage.GROUND, Stage.FLYING), (Stage.LANDED, Stage.FLYING), (Stage.LOST, Stage.FLYING)})
+"""What may follow besides where a flight is only watched: nobody here starts it, or sends it home after a silence."""
+
+
+class FaultKind(Enum):
+    """What a fault is about."""
+
+    LINK = "link"
+    BATTERY = "battery"
+    INTERRUPTION = "interruption"
+    FENCE = "fence"
+    """It is outside its fence."""
+    OPERATOR = "operator"
+    """On the operator's intent."""
+    PAYLOAD = "payload"
+    """Its cameras, or its gimbal."""
+    DOWN = "down"
+    """On the ground where, when or how it should not be."""
+
+
+class FaultCode(StrEnum):
+    """What was found, beside the words: within its kind, and finer."""
+
+    LINK_LOST = "link_lost"
+    """Nothing was received for the link time-out."""
+    HEARTBEAT_LOST = "heartbeat_lost"
+    """No HEARTBEAT while other messages come."""
+    POSITION_LOST = "position_lost"
+    """No position while other messages come."""
+    ITEM_LOST = "item_lost"
+    """No current waypoint while other messages come."""
+    BATTERY_REPORT_LOST = "battery_report_lost"
+    """No battery report while other messages come."""
+    BATTERY_STEP = "battery_step"
+    """Much charge was lost at once."""
+    VOLTAGE_STEP = "voltage_step"
+    """The voltage fell at once by more than the load explains."""
+    CELL_WEAK = "cell_weak"
+    """A cell is near its end, or far below the others."""
+    BATTERY_CRITICAL = "battery_critical"
+    """The autopilot reports its battery critical, failed or unhealthy."""
+    BATTERY_FAILSAFE = "battery_failsafe"
+    """The autopilot says that its battery failsafe acts."""
+    BATTERY_PLUNGE = "battery_plunge"
+    """Far more is used than is usual."""
+    BATTERY_DRIFT = "battery_drift"
+    """More is used than is usual, for a while."""
+    PACK_SHORT = "pack_short"
+    """By its resting voltage its pack holds much less than it reports."""
+    BATTERY_LOW = "battery_low"
+    """It would land below its reserve."""
+    DISARMED = "disarmed"
+    """It disarmed where, or when, it should not have."""
+    CRASHED = "crashed"
+    """Its autopilot says that it has crashed, or it lies as none flies."""
+    FALLING = "falling"
+    """It falls."""
+    SINKING = "sinking"
+    """It sinks far below what its mission asks."""
+    THRUST_LOST = "thrust_lost"
+    """It sinks though its autopilot wants to be higher."""
+    TERMINATED = "terminated"
+    """Its HEARTBEAT reports an emergency or flight termination."""
+    POSITION_JUMP = "position_jump"
+    """Its position jumped."""
+    MODE_CHANGED = "mode_changed"
+    """It left its mission by its own failsafe."""
+    FENCE_BREACHED = "fence_breached"
+    """It is outside its fence: its autopilot says so, or its position shows it."""
+    STALL = "stall"
+    """It does not move on its mission."""
+    DOWN = "down"
+    """It is on the ground where, or as, it should not be."""
+    NOT_STARTED = "not_started"
+    """It could not be started."""
+    MISSION_FOREIGN = "mission_foreign"
+    """After an absence it cannot be left on the mission that it carries."""
+    MISSION_MIXED = "mission_mixed"
+    """Its mission on board is a mix of two."""
+    OPERATOR_LAND = "operator_land"
+    """An operator's intent had it land."""
+    CAMERA_SILENT = "camera_silent"
+    """A camera takes no pictures where it should, and says nothing."""
+    CAMERA_MUTE = "camera_mute"
+    """The autopilot triggers a camera that does not say that it took a picture."""
+    CARD_FULL = "card_full"
+    """A camera has no room for pictures, or says that it cannot take them."""
+    GIMBAL_STUCK = "gimbal_stuck"
+    """The gimbal does not point where it should."""
+    OPERATOR_EXCLUDE = "operator_exclude"
+    """An operator's intent took it out of the plan."""
+
+
+SINKS = frozenset({FaultCode.FALLING, FaultCode.SINKING, FaultCode.THRUST_LOST})
+"""Of a vehicle that cannot hold its height."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """The judgement that a vehicle will not finish its route."""
+
+    kind: FaultKind
+    reason: str
+    detected_s: float
+    code: FaultCode
+
+
+IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING, Stage.PILOT})
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleState:
+    """Everything known of one vehicle."""
+
+    name: str
+    stage: Stage = Stage.GROUND
+    fault: Fault | None = None
+    watches: tuple[tuple[str, WatchpointMemory], ...] = ()
+    link: LinkState = field(default_factory=LinkState)
+    telemetry: Telemetry = field(default_factory=Telemetry)
+    sensors: Sensors = field(default_factory=Sensors)
+    motion: MotionState = field(default_factory=MotionState)
+    power: PowerState = field(default_factory=PowerState)
+    assignment: Assignment = field(default_factory=Assignment)
+    orders: Orders = field(default_factory=Orders)
+    sortie: SortieProgress = field(default_factory=SortieProgress)
+    custody: Custody = field(default_factory=Custody)
+    evidence: ModeEvidence = field(default_factory=ModeEvidence)
+    payload: PayloadState = NO_PAYLOAD
+    turn: Turnaround = field(default_factory=Turnaround)
+    own: OwnMission = field(default_factory=OwnMission)
+
+    @property
+    def airborne(self) -> bool:
+        """Whether it is out there, as far as we know."""
+        return self.stage in IN_THE_AIR or (self.stage is Stage.STARTING and self.armed)
+
+    @property
+    def armed(self) -> bool:
+        """Whether its last heartbeat said so."""
+        return self.telemetry.heartbeat is not None and self.telemetry.heartbeat.armed
+
+    @property
+    def leg(self) -> Waypoint | None:
+        """The waypoint that it flies to."""
+        board, waypoint = self.assignment.board, self.assignment.waypoint
+        return None if board is None or waypoint >= len(board.path.waypoints) else board.path.waypoints[waypoint]
+
+    def with_parts(
+        self, link: LinkState, *, telemetry: Telemetry | None = None, sensors: Sensors | None = None,
+        motion: MotionState | None = None, power: PowerState | None = None, assignment: Assignment | None = None,
+        sortie: SortieProgress | None = None, custody: Custody | None = None,
+    ) -> VehicleState:  # fmt: skip
+        """Return it after a message: as `replace`, in half its time, as every message comes here."""
+        return VehicleState(
+            self.name, self.stage, self.fault, self.watches, link, telemetry or self.telemetry, sensors or self.sensors,
+            motion or self.motion, power or self.power, assignment or self.assignment, self.orders,
+            sortie or self.sortie, custody or self.custody, self.evidence, self.payload, self.turn, self.own,
+        )  # fmt: skip
+
+    def remaining_visits(self) -> tuple[int, ...]:
+        """Visits of its mission that it is not known to have passed, the one under way included."""
+        board, before = self.assignment.board, self.assignment.before
+        if board is None:
+            return ()
+        passed = self.assignment.waypoint if before is None else min(before.waypoint, self.assignment.waypoint)
+        ahead = {waypoint.visit for waypoint in board.path.waypoints[passed:]}
+        return tuple(visit for index, visit in enumerate(board.visits) if index in ahead)
+
+
+def change_stage(
+    state: VehicleState, stage: Stage, *, besides: frozenset[tuple[Stage, Stage]] = frozenset()
+) -> VehicleState:
+    """Return the vehicle in another stage; nothing else of it is another.
+
+    Args:
+        state: The vehicle.
+        stage: Where it is now.
+        besides: What may follow what, besides the table.
+
+    Raises:
+        ValueError: the table has no such transition; a mistake of the caller's.
+    """
+    if stage is state.stage:
+        return state
+    if stage not in TRANSITIONS[state.stage] and (state.stage, stage) not in besides:
+        raise ValueError(f"{state.name}: {state.stage.value} cannot become {stage.value}")
+    return replace(state, stage=stage)
+
+
+def suppose_lost(state: VehicleState, now_s: float) -> VehicleState:
+    """Return a vehicle as if it were lost, to reckon what that would mean: no vehicle ever becomes this."""
+    return replace(state, stage=Stage.LOST, fault=Fault(FaultKind.LINK, "what if", now_s, FaultCode.LINK_LOST))
+
+
+def last_known_of(vehicle: VehicleState, until_s: float = float("-inf")) -> LastKnown | None:
+    """Return where a vehicle on its mission was when it last said so; None for one that is not on it.
+
+    Args:
+        vehicle: With nothing of what it says after a gap.
+        until_s: What is said later than this is news.
+    """
+    known, fix = vehicle.assignment, vehicle.motion.fix
+    if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or fix is None or known.board is None:
+        return None
+    waypoint = known.waypoint if known.fix_waypoint is None else known.fix_waypoint
+    battery = vehicle.power.battery
+    return LastKnown(
+        fix, waypoint, known.run, known.run_visit, battery.remaining_pct, until_s, account.consumption_factor(battery)
+    )  # fmt: skip
+
+
+def apply_onboard_mission(vehicle: VehicleState, board: OnboardMission, now_s: float) -> VehicleState:
+    """Return a vehicle with another mission on board, known to be ours.
+
+    What is flown of a visit that stands no longer in its place is over: an upload may take longer than was reckoned.
+    What it did in a gap that nobody has judged yet was on another mission.
+    """
+    old = vehicle.assignment
+
+    def stays(visit: int | None) -> bool:
+        return visit is None or (old.board is not None and board.tracks[visit:][:1] == old.board.tracks[visit:][:1])
+
+    run, run_visit = (old.run, old.run_visit) if stays(old.run_visit) else (None, None)
+    owed = old.owed if old.owed is not None and stays(old.owed[0]) else None
+    assignment = replace(
+        old, pending=None, board=board, run=run, run_visit=run_visit, owed=owed, before=None,
+        stubborn=False, declined=None, carried=MissionOwnership(ours_s=now_s),
+    )  # fmt: skip
+    return replace(vehicle, assignment=assignment)
+
+
+def build_onboard_mission(
+    context: Context, name: str, revision: int, path: FlightPath, visits: tuple[int, ...]
+) -> OnboardMission:
+    """Return what a vehicle carries once `path` has been put on board and read back."""
+    places = tuple(context.frame.to_local_m(waypoint.lat_deg, waypoint.lon_deg) for waypoint in path.waypoints)
+    pylons = context.setup.looks.pylons
+    # The leg that is marked as the inspection of a visit begins where the leg before it ends.
+    tracks = tuple(
+        Track(segment := segment_of(visits[waypoint.visit]), places[index - 1], places[index], segment in pylons)
+        for index, waypoint in enumerate(path.waypoints)
+        if waypoint.phase is Phase.INSPECT and waypoint.visit is not None
+    )
+    encoded = encode(path, context.vehicles[name].dialect)
+    legs = estimate(path, context.pricing.models[name]).legs
+    return OnboardMission(revision, path, encoded.waypoint_of, visits, tracks, places, legs)

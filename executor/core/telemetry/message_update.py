@@ -1,0 +1,509 @@
+"""One message of a vehicle into what is known of it: its place, its battery, its link, its inspections."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+
+from executor.core.battery import account
+from executor.core.context import Scene
+from executor.core.interface.messages import (
+    BOOT,
+    CRITICAL,
+    Attitude,
+    Battery,
+    DoubleHeard,
+    EstimatorStatus,
+    FenceStatus,
+    FlightMessage,
+    Gps,
+    Heartbeat,
+    HeightTarget,
+    LandedState,
+    ListedItem,
+    MissionCurrent,
+    ModeChange,
+    OrderSeen,
+    OwnFailsafe,
+    PayloadMessage,
+    Position,
+    Radio,
+    RcChannels,
+    StationHeard,
+    StatusText,
+    SystemStatus,
+    Traffic,
+    VehicleSetting,
+    Wind,
+)
+from executor.core.state import link_quality, mission_height, mission_ownership, positioning
+from executor.core.state.duplicate_ids import PlaceTold, with_place
+from executor.core.state.inspection_run import GAP_S, PositionSample, SegmentPass, advance_run
+from executor.core.state.vehicle_parts import Assignment, LinkState, MotionState, PositionFix, Positioning
+from executor.core.state.vehicle_state import Stage, VehicleState, last_known_of
+from executor.core.telemetry import mode_evidence
+from executor.core.telemetry.battery_reports import apply_battery_status, apply_pack_setting, apply_system_status
+from executor.core.telemetry.failsafe_texts import FENCE_BREACH
+from executor.core.telemetry.foreign_systems import add_foreign_system
+from missions import Phase
+from missions.autopilots.modes import is_mission_mode
+from planner import CLIMB_SHARE_PER_M_S
+
+_ALARM = re.compile(
+    rf"failsafe|{FENCE_BREACH}|\bkill|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|"
+    r"low battery|"
+    r"battery .*(low|critical|missing|unhealthy|fail)|no valid mission",
+    re.IGNORECASE,
+)
+"""What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Battery 1 is low"."""
+
+OVERTAKEN_S = 60.0
+"""A position older than the one before it by less than this was overtaken on the way; by more, or after a silence, the
+autopilot has rebooted."""
+FELL_BACK_S = 5.0
+"""A gap that was so much shorter by its own clock is more than a slow link: an autopilot that rebooted may say a later
+time than before already."""
+LONGEST_SILENCE_S = 600.0
+"""Over a longer gap of its own clock nobody knows what a vehicle used: it may have landed and been charged."""
+_ON_ITS_MISSION = frozenset({Stage.FLYING, Stage.STARTING, Stage.PILOT, Stage.LOST})
+"""Where the index says something: a pilot may have put it back on its mission, and a lost one may still fly it."""
+NAMED_S = 5.0
+"""So shortly after the text that names a reason PX4 says what it does: "Failsafe activated: switching to Return"."""
+_ABOUT = (Traffic, Radio, StationHeard, DoubleHeard)
+"""What others say about a vehicle."""
+_EVIDENT = (OrderSeen, ModeChange, RcChannels, VehicleSetting, OwnFailsafe)
+WITHOUT_FIX = f"flown without a GPS fix for more than {GAP_S:g} s"
+"""Why an inspection does not count: where its vehicle was is reckoned."""
+JUMP_GAP_S = 10.0
+"""After a longer gap a position says nothing of a jump."""
+
+
+@dataclass(frozen=True, slots=True)
+class MessageEffect:
+    """A vehicle after a message, and the segment that the message proved to be inspected."""
+
+    state: VehicleState
+    inspected: int | None = None
+    flown: SegmentPass | None = None
+    """How it was flown."""
+    text: StatusText | None = None
+
+
+def apply_message(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
+    context: Scene, state: VehicleState, message: FlightMessage, now_s: float
+) -> MessageEffect:
+    """Take one message into the state."""
+    if isinstance(message, PayloadMessage):
+        return MessageEffect(state)  # what cameras say is no word of their vehicle's autopilot; see `pictures`
+    if isinstance(message, _ABOUT):
+        return MessageEffect(_apply_link_report(context, state, message, now_s))
+    if isinstance(message, _EVIDENT):
+        return MessageEffect(_apply_evidence(state, message, now_s))
+    silent = state.link.spoke_s is not None and now_s - state.link.spoke_s >= context.limits.link_stale_s
+    link = state.link.with_contact(now_s, silent=silent)
+    match message:
+        case Heartbeat():
+            return MessageEffect(_apply_heartbeat(context, state, link, message, now_s))
+        case Position():
+            return _apply_position(context, state, _followed(link, state.name, message, now_s, context), message, now_s)
+        case Battery():
+            return MessageEffect(state.with_parts(link, power=apply_battery_status(context, state, message, now_s)))
+        case SystemStatus(unhealthy=unhealthy):
+            sensors = replace(state.sensors, unhealthy=unhealthy, positioning=_positioning(state, message, now_s))
+            return MessageEffect(
+                state.with_parts(link, sensors=sensors, power=apply_system_status(context, state, message, now_s))
+            )
+        case MissionCurrent():
+            return MessageEffect(_current_item(context, state, link, message, now_s))
+        case ListedItem(item):
+            return MessageEffect(replace(state, own=mission_height.with_item(state.own, item)))
+        case HeightTarget(below_m):
+            return MessageEffect(replace(state, link=link, own=replace(state.own, below_m=below_m, below_s=now_s)))
+        case LandedState(on_ground):
+            return MessageEffect(state.with_parts(link, telemetry=replace(state.telemetry, on_ground=on_ground)))
+        case Gps() | EstimatorStatus():
+            known = _positioning(state, message, now_s)
+            gps = message if isinstance(message, Gps) and message.receiver == 0 else state.sensors.gps
+            return MessageEffect(state.with_parts(link, sensors=replace(state.sensors, gps=gps, positioning=known)))
+        case Wind():
+            return MessageEffect(state.with_parts(link, sensors=replace(state.sensors, wind=message)))
+        case Attitude(roll_deg, pitch_deg):
+            tilted = max(abs(roll_deg), abs(pitch_deg)) > context.limits.tilt_deg
+            tilted_s = (state.sensors.tilted_since_s or now_s) if tilted else None
+            sensors = replace(state.sensors, attitude=message, tilted_since_s=tilted_s)
+            return MessageEffect(state.with_parts(link, sensors=sensors))
+        case FenceStatus(breached):
+            breached_s = now_s if breached else state.sensors.breached_s
+            sensors = replace(state.sensors, fence_breached=breached, breached_s=breached_s)
+            return MessageEffect(state.with_parts(link, sensors=sensors))
+        case StatusText(_, said):
+            assignment, telemetry = _apply_mission_report(context, state, message, now_s), state.telemetry
+            if _ALARM.search(said) and not _is_redundant_text(state, said, now_s):
+                telemetry = replace(telemetry, alarm=(said, now_s))
+            setup = context.vehicles.get(state.name)
+            low_acts = setup is not None and setup.dialect.low_battery_acts
+            evident = mode_evidence.record_failure_text(state.evidence, message, now_s, low_acts=low_acts)
+            after = state.with_parts(link, telemetry=telemetry, assignment=assignment)
+            return MessageEffect(after if evident is state.evidence else replace(after, evidence=evident), text=message)
+        case _:
+            return MessageEffect(state.with_parts(link))
+
+
+def _current_item(
+    context: Scene, state: VehicleState, link: LinkState, message: MissionCurrent, now_s: float
+) -> VehicleState:
+    """Take the item that a vehicle flies to."""
+    assignment = _apply_current_item(state, _apply_mission_report(context, state, message, now_s), message.seq)
+    telemetry = replace(state.telemetry, item=(message.seq, message.total), item_s=now_s)
+    after = state.with_parts(link, telemetry=telemetry, assignment=assignment)
+    if context.vehicles[state.name].planned:
+        return after
+    return replace(after, own=mission_height.flown_to(state.own, message.seq, state.motion.fix))
+
+
+DOUBT_S = 2.5
+"""The vehicle's own HEARTBEAT comes every second, and one may be lost: what it refutes meanwhile was not so."""
+DOUBTED_FIX_S = 1.5
+
+
+def _apply_heartbeat(
+    context: Scene, state: VehicleState, link: LinkState, message: Heartbeat, now_s: float
+) -> VehicleState:
+    old, sortie, custody = state.telemetry, state.sortie, state.custody
+    if not message.armed and _is_seen_flying(context, state, now_s):
+        if old.doubted is None:
+            return state.with_parts(link, telemetry=replace(old, doubted=(message, now_s)))
+        if now_s - old.doubted[1] < DOUBT_S:
+            return state.with_parts(link)
+    other = old.heartbeat is None or old.heartbeat.custom_mode != message.custom_mode
+    since = now_s if other else old.mode_since_s
+    before, before_s = old.mode_before, old.mode_before_s
+    if other and old.heartbeat is not None and state.link.heartbeat_s is not None:
+        before, before_s = old.heartbeat.custom_mode, state.link.heartbeat_s
+    critical_s = None if message.system_status < CRITICAL else old.critical_since_s
+    if message.system_status >= CRITICAL and critical_s is None:
+        critical_s = now_s
+    # Its clock says so too, once it has a position.
+    starts_anew = message.system_status == BOOT and old.heartbeat is not None and old.heartbeat.system_status > BOOT
+    rebooted_s = now_s if starts_anew else sortie.rebooted_s
+    armed_once = sortie.armed_once or message.armed
+    disarmed_s = now_s if state.armed and not message.armed else sortie.disarmed_s
+    unseen_s, from_s = custody.unseen_until_s, custody.unseen_from_boot_s
+    if old.heartbeat is not None and _is_first_after_silence(context, state.link, link.regained_s, now_s):
+        unseen_s, from_s = now_s, custody.beat_boot_s
+    boot_s = None if state.motion.fix is None else state.motion.fix.boot_s
+    flew = sortie.flew_mission
+    if not flew and sortie.took_off and message.armed and state.name in context.vehicles:
+        flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
+    after = state.with_parts(
+        replace(link, heartbeat_s=now_s),
+        telemetry=replace(
+            old,
+            heartbeat=message,
+            mode_since_s=since,
+            mode_before_s=before_s,
+            mode_before=before,
+            critical_since_s=critical_s,
+            doubted=None,
+        ),
+        sortie=replace(sortie, armed_once=armed_once, flew_mission=flew, disarmed_s=disarmed_s, rebooted_s=rebooted_s),
+        custody=replace(custody, unseen_until_s=unseen_s, unseen_from_boot_s=from_s, beat_boot_s=boot_s),
+    )
+    known = mode_evidence.record_critical_heartbeat(state.evidence, old.heartbeat, message, now_s)
+    if other:
+        after = replace(after, own=mission_height.begun_anew_here(state.own))
+    return after if known is state.evidence else replace(after, evidence=known)
+
+
+def _is_seen_flying(context: Scene, state: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle that says that it is disarmed is seen to fly on."""
+    fix, setup = state.motion.fix, context.vehicles.get(state.name)
+    if not state.armed or not state.sortie.took_off or fix is None or setup is None or not setup.planned:
+        return False
+    if now_s - fix.at_s > DOUBTED_FIX_S or state.telemetry.on_ground or _has_disarm_reason(state, now_s):
+        return False
+    if now_s - state.motion.falls_s < DOUBT_S:
+        return False  # who falls is not refuted by where it is
+    if state.link.heartbeat_s is None or now_s - state.link.heartbeat_s >= context.limits.heartbeat_stale_s:
+        return False  # that it is armed is from before a silence
+    return fix.alt_rel_m > context.limits.airborne_m or math.hypot(*fix.velocity_m_s) > context.limits.at_rest_m_s
+
+
+_STOPPED = re.compile(r"emergency stop|kill", re.IGNORECASE)
+RESTS_M_S = 0.3
+_DISARMS = re.compile(r"disarm|crash|kill|emergency stop|terminat", re.IGNORECASE)
+
+
+def _has_disarm_reason(state: VehicleState, now_s: float) -> bool:
+    """Return whether it says why it disarms in the air."""
+    text, said_s = state.telemetry.alarm
+    return now_s - said_s <= NAMED_S and bool(_DISARMS.search(text))
+
+
+def _is_redundant_text(state: VehicleState, said: str, now_s: float) -> bool:
+    """Return whether a text explains nothing.
+
+    It only says what an autopilot does about something that it has just named; or somebody stops the motors of a
+    vehicle that has landed, which ends no flight.
+    """
+    does = now_s - state.telemetry.alarm[1] < NAMED_S and "failsafe activated" in said.lower()
+    return does or (bool(_STOPPED.search(said)) and _is_at_rest(state, now_s))
+
+
+def _is_at_rest(state: VehicleState, now_s: float) -> bool:
+    """Return whether it is seen to stand on the ground."""
+    fix = state.motion.fix
+    if fix is None or not state.telemetry.on_ground or now_s - fix.at_s > DOUBTED_FIX_S:
+        return False
+    return math.hypot(*fix.velocity_m_s) < RESTS_M_S
+
+
+def _is_first_after_silence(context: Scene, link: LinkState, regained_s: float | None, now_s: float) -> bool:
+    """Return whether a heartbeat is the first one after a silence, or the first one that this process hears.
+
+    One that got lost among other messages is no silence: nothing that a failsafe waits for has happened then.
+    """
+    if link.heartbeat_s is None:
+        return True
+    silent = link.heard_s is not None and now_s - link.heard_s >= context.limits.link_stale_s
+    return silent or (regained_s is not None and regained_s > link.heartbeat_s)
+
+
+def _positioning(state: VehicleState, message: Gps | EstimatorStatus | SystemStatus, now_s: float) -> Positioning:
+    beat = state.telemetry.heartbeat
+    stands = beat is not None and not beat.armed and not state.sortie.took_off
+    return positioning.positioning_heard(state.sensors.positioning, message, state.motion.fix, now_s, stands=stands)
+
+
+def _apply_link_report(
+    context: Scene,
+    state: VehicleState,
+    message: Traffic | Radio | StationHeard | DoubleHeard,
+    now_s: float,
+) -> VehicleState:
+    """Take what others say about a vehicle, which does not mean that it was heard."""
+    link = state.link
+    match message:
+        case StationHeard() | DoubleHeard():
+            return replace(state, link=replace(link, strangers=add_foreign_system(link.strangers, message)))
+        case Traffic():
+            quality = link_quality.add_traffic(link.quality, message, now_s, context.limits.loss_window_s)
+            return replace(state, link=replace(link, quality=quality))
+        case Radio():
+            return replace(
+                state, link=replace(link, quality=link_quality.apply_radio_report(link.quality, message, now_s))
+            )
+
+
+def _apply_evidence(state: VehicleState, message: mode_evidence.EvidenceMessage, now_s: float) -> VehicleState:
+    """Take what may say who changed its mode; an order to it does not mean that it was heard."""
+    if isinstance(message, OrderSeen) and mode_evidence.may_be_ours(state.orders, message, now_s):
+        return state
+    known = replace(state, evidence=mode_evidence.record_evidence(state.evidence, message, now_s))
+    if isinstance(message, OwnFailsafe) and message.active:
+        return replace(known, telemetry=replace(known.telemetry, alarm=(message.words, now_s)))
+    if isinstance(message, VehicleSetting):
+        return replace(known, power=apply_pack_setting(state, message))
+    return known
+
+
+def _apply_mission_report(
+    context: Scene, state: VehicleState, message: MissionCurrent | StatusText, now_s: float
+) -> Assignment:
+    """Take what it says of the mission on board, unless it is being given one."""
+    old = state.assignment
+    if old.board is None or old.pending is not None or old.stubborn or state.stage not in _ON_ITS_MISSION:
+        return old
+    if isinstance(message, StatusText):
+        known = mission_ownership.note_mission_text(old.carried, message.text, now_s)
+    else:
+        expected = mission_ownership.compute_expected_total(context, state.name, len(old.board.waypoint_of))
+        known = mission_ownership.apply_mission_report(old.carried, message, expected, now_s)
+    return old if known is old.carried else replace(old, carried=known)
+
+
+def _apply_current_item(state: VehicleState, assignment: Assignment, seq: int) -> Assignment:
+    if assignment.carried.foreign_s is not None:
+        return assignment  # an index into a list that we do not know
+    if assignment.board is None or not 0 <= seq < len(assignment.board.waypoint_of):
+        return assignment
+    waypoint = assignment.board.waypoint_of[seq]
+    if waypoint is None or waypoint == assignment.waypoint or state.stage not in _ON_ITS_MISSION:
+        return assignment
+    if state.leg is not None and state.leg.phase is Phase.LAND and waypoint < assignment.waypoint:
+        return assignment  # both autopilots begin to count anew when the mission is over
+    return replace(assignment, waypoint=waypoint)
+
+
+def _followed(link: LinkState, name: str, message: Position, now_s: float, context: Scene) -> LinkState:
+    """Return the link after a position, which may show that another vehicle answers by the same number."""
+    twins = with_place(link.twins, PlaceTold(now_s, message.boot_s, message.lat_deg, message.lon_deg))
+    if not twins.are_two or link.twins.are_two or name not in context.vehicles:
+        return replace(link, twins=twins)
+    double = DoubleHeard(context.vehicles[name].sysid, ())
+    return replace(link, twins=twins, strangers=add_foreign_system(link.strangers, double))
+
+
+def _apply_position(
+    context: Scene, state: VehicleState, link: LinkState, message: Position, now_s: float
+) -> MessageEffect:
+    last, sortie, power = state.motion.fix, state.sortie, state.power
+    rebooted_s = sortie.rebooted_s
+    if last is not None and message.boot_s <= last.boot_s:
+        if last.boot_s - message.boot_s < OVERTAKEN_S and now_s - last.at_s < context.limits.link_stale_s:
+            return MessageEffect(state.with_parts(link))  # overtaken on the way by a newer one, or a duplicate
+        rebooted_s = now_s
+    place = context.frame.to_local_m(message.lat_deg, message.lon_deg)
+    velocity = (message.east_m_s, message.north_m_s, -message.down_m_s)
+    known = state.sensors.positioning
+    fix = PositionFix(
+        now_s, message.boot_s, place, message.alt_rel_m, message.alt_msl_m, velocity, message.heading_deg,
+        reckoned=known.lost_s is not None,
+    )  # fmt: skip
+    elapsed_s = 0.0 if last is None else message.boot_s - last.boot_s
+    if state.armed and 0.0 < elapsed_s < LONGEST_SILENCE_S:
+        climb = 1.0 + CLIMB_SHARE_PER_M_S * max(0.0, -message.down_m_s)
+        drawn_pct = climb * context.draw_pct_per_s(message.east_m_s, message.north_m_s) * elapsed_s
+        power = replace(power, battery=account.add_modelled_use(power.battery, drawn_pct))
+    anchor = state.motion.anchor
+    if anchor is None or fix.boot_s < anchor.boot_s or _distance_m(anchor, fix) > context.limits.stall_m:
+        anchor = fix
+    jump = None if positioning.jumps_by_itself(known, now_s) else _find_jump(context, last, fix, elapsed_s)
+    jump = jump or state.motion.jump
+    took_off = sortie.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
+    away = sortie.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
+    away = took_off and away
+    falls = took_off and fix.velocity_m_s[2] < -context.limits.fall_m_s
+    if (took_off, away, rebooted_s) != (sortie.took_off, sortie.away_once, sortie.rebooted_s):
+        sortie = replace(sortie, took_off=took_off, away_once=away, rebooted_s=rebooted_s)
+    behind_s, fell_back_s = _update_clock_lag(
+        state.motion, last, fix, anew=rebooted_s == now_s or state.motion.reopened
+    )
+    falls_s = now_s if falls else state.motion.falls_s
+    climbs_m_s = _climbs(state.motion, fix, elapsed_s, context.limits.fall_m_s)
+    sinks_s = now_s if took_off and climbs_m_s < -context.limits.sinks_m_s else state.motion.sinks_s
+    drops_s = now_s if took_off and climbs_m_s < -context.limits.drops_m_s else state.motion.drops_s
+    motion = MotionState(fix, last, anchor, jump, falls_s, climbs_m_s, sinks_s, drops_s, behind_s, fell_back_s)
+    sample = PositionSample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
+    if fix.reckoned:
+        covered = _not_proven(context, state, positioning.without_fix_s(known, fix))
+    else:
+        covered = _advance_coverage(context, _keep_state_before_gap(state, elapsed_s), sample)
+    assignment = covered.assignment
+    if assignment.fix_waypoint != assignment.waypoint:
+        assignment = replace(assignment, fix_waypoint=assignment.waypoint)
+    after = state.with_parts(link, motion=motion, power=power, sortie=sortie, assignment=assignment)
+    if state.own.listed and state.own.leg_from is None:
+        after = replace(after, own=replace(state.own, leg_from=fix))
+    return MessageEffect(after, covered.inspected, covered.flown)
+
+
+CLIMBS_S = 1.5
+"""Heights are known to some centimetres, and come up to ten times a second."""
+
+
+def _climbs(known: MotionState, fix: PositionFix, elapsed_s: float, most_m_s: float) -> float:
+    """Return how fast it climbs by its heights; an estimate that is set anew in one step is no fall."""
+    if known.fix is None or not 0.0 < elapsed_s < JUMP_GAP_S:
+        return 0.0
+    rate_m_s = min(most_m_s, max(-most_m_s, (fix.alt_rel_m - known.fix.alt_rel_m) / elapsed_s))
+    return known.climbs_m_s + (rate_m_s - known.climbs_m_s) * elapsed_s / (elapsed_s + CLIMBS_S)
+
+
+def _update_clock_lag(
+    known: MotionState, before: PositionFix | None, fix: PositionFix, *, anew: bool
+) -> tuple[float, float]:
+    """Return by how much its clock has fallen back, and when: what waited while nobody listened catches up again."""
+    if before is None or anew:
+        return 0.0, known.fell_back_s
+    lost_s = fix.at_s - before.at_s - (fix.boot_s - before.boot_s)
+    if lost_s >= FELL_BACK_S:
+        return known.behind_s + lost_s, fix.at_s
+    return (max(0.0, known.behind_s + lost_s) if known.behind_s else 0.0), known.fell_back_s
+
+
+def _keep_state_before_gap(state: VehicleState, elapsed_s: float) -> VehicleState:
+    """Keep where it was before a gap in which nobody saw what it flew, until that is judged."""
+    if elapsed_s <= GAP_S or state.assignment.before is not None or state.motion.fix is None:
+        return state
+    before = last_known_of(state, state.motion.fix.at_s)
+    return state if before is None else replace(state, assignment=replace(state.assignment, before=before, run=None))
+
+
+def _find_jump(
+    context: Scene, before: PositionFix | None, fix: PositionFix, elapsed_s: float
+) -> tuple[float, float] | None:
+    """Return how far a position lies from where the velocities lead, if that is worth a word."""
+    if before is None or not 0.0 < elapsed_s < JUMP_GAP_S:
+        return None
+    (east_m, north_m), (was_east, was_north, _), (is_east, is_north, _) = (
+        before.place_m, before.velocity_m_s, fix.velocity_m_s
+    )  # fmt: skip
+    led_to = (east_m + (was_east + is_east) / 2 * elapsed_s, north_m + (was_north + is_north) / 2 * elapsed_s)
+    off_m = math.dist(fix.place_m, led_to)
+    # Over a longer gap a turn may have been flown in between.
+    return (off_m, fix.at_s) if off_m > context.limits.jump_warn_m * max(1.0, elapsed_s) else None
+
+
+def _distance_m(one: PositionFix, other: PositionFix) -> float:
+    return math.dist((*one.place_m, one.alt_rel_m), (*other.place_m, other.alt_rel_m))
+
+
+@dataclass(frozen=True, slots=True)
+class _CoverageStep:
+    assignment: Assignment
+    inspected: int | None = None
+    flown: SegmentPass | None = None
+
+
+def _advance_coverage(context: Scene, state: VehicleState, sample: PositionSample) -> _CoverageStep:
+    old, leg = state.assignment, state.leg
+    if old.board is None or leg is None or not _may_count(context, state):
+        return _CoverageStep(old)
+    # The index may be ahead of the place by an item or behind it by a lost message: a run goes on until it ends.
+    visit = old.run_visit if old.run_visit is not None and old.run is not None else leg.visit
+    if leg.visit is not None and visit != leg.visit and leg.phase is Phase.INSPECT:
+        visit = leg.visit
+    if visit is None:
+        return _CoverageStep(old)
+    track = old.board.tracks[visit]
+    if track.by_pictures:
+        return _CoverageStep(old)
+    run = old.run if old.run_visit == visit else None
+    step = advance_run(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
+    if step.done:
+        return _CoverageStep(replace(old, run=step.run, run_visit=visit), track.segment, step.flown)
+    if step.broken:
+        broken = (*old.runs_broken, (track.segment, step.broken))
+        return _CoverageStep(replace(old, run=step.run, run_visit=visit, runs_broken=broken, owed=(visit, step.broken)))
+    return _CoverageStep(replace(old, run=step.run, run_visit=visit))
+
+
+def _not_proven(context: Scene, state: VehicleState, without_s: float) -> _CoverageStep:
+    """Break the inspection under way once GPS has been lost for longer than positions may be missing.
+
+    A position that is reckoned proves nothing: it is as if none had come, and a gap of `GAP_S` is tolerated alike.
+    """
+    old, leg = state.assignment, state.leg
+    if without_s <= GAP_S or old.board is None or leg is None or not _may_count(context, state):
+        return _CoverageStep(old)
+    visit = old.run_visit if old.run is not None else leg.visit if leg.phase is Phase.INSPECT else None
+    if visit is None or old.board.tracks[visit].by_pictures:
+        return _CoverageStep(old)
+    segment = old.board.tracks[visit].segment
+    if old.run is None and (segment, WITHOUT_FIX) in old.runs_broken[-1:]:
+        return _CoverageStep(old)
+    broken = (*old.runs_broken, (segment, WITHOUT_FIX))
+    return _CoverageStep(replace(old, run=None, run_visit=visit, runs_broken=broken, owed=(visit, WITHOUT_FIX)))
+
+
+def _may_count(context: Scene, state: VehicleState) -> bool:
+    """Return whether it flies its mission; a pilot may have put it back on it."""
+    if state.assignment.carried.foreign_s is not None:
+        return False
+    if state.stage is Stage.FLYING:
+        return True
+    beat = state.telemetry.heartbeat
+    on_mission = beat is not None and is_mission_mode(context.vehicles[state.name].dialect, beat.custom_mode)
+    return state.stage is Stage.PILOT and on_mission

@@ -1,0 +1,329 @@
+"""Wires the parts together for one flight; holds no rule."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from executor import supervised
+from executor.adapters.clock import SystemClock
+from executor.adapters.eventlog import EventLog
+from executor.adapters.run_directory import RunDirectory, lock_run_directory
+from executor.adapters.solver import SolverProcess, SolverSetup
+from executor.analysis.documents import FlightReport
+from executor.analysis.flown_packs import build_flown_packs
+from executor.analysis.report import PreflightRecord, build_report, build_vehicle_answers
+from executor.core import fleet_step
+from executor.core.context import Context
+from executor.core.fleet_view import build_fleet_view
+from executor.core.imaging.asset_status import build_asset_views, list_asked_pictures
+from executor.core.interface.commands import Level, Say
+from executor.core.interface.events import Asked, IntentReceived, Reopened
+from executor.core.interface.intents import Action
+from executor.core.interface.ports import OpenLink
+from executor.core.preflight.fence_checks import OnboardLists
+from executor.core.preflight.parameter_proposals import KeptParameter, ParameterProposal
+from executor.core.preflight.vehicle_checks import Check, Severity
+from executor.core.state.fleet_state import CheckLine, FleetState
+from executor.core.state.onboard_fence import build_first_fences
+from executor.core.state.vehicle_parts import OnboardMission
+from executor.errors import PreflightFailed
+from executor.flight import fencing, parameter_changes, web_page
+from executor.flight.flight_recorder import NOTHING_LEFT, FlightRecorder, InheritedRecord, read_plan_in_force
+from executor.flight.flight_request import Console, FlightRequest, write_learned
+from executor.flight.kept_parameters import build_parameter_rows
+from executor.flight.open_links import open_links
+from executor.flight.operator_interrupts import Interrupts
+from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
+from executor.flight.simulation_clock import follow_fleet_time
+from executor.images.index_files import build_image_index, write_index
+from executor.runtime.flight_loop import Flight
+from executor.runtime.loss_judging import keep_judging
+from executor.site import day_flight
+from executor.site.plan_summary import describe_routes, summarise_plan
+from missions.fences import Fence
+
+if TYPE_CHECKING:
+    from executor.flight.publication import Publication
+
+
+@dataclass(frozen=True, slots=True)
+class FlightResult:
+    """What is left after a flight."""
+
+    report: FlightReport
+    context: Context
+    left: bool
+    """Whether the operator left while the vehicles flew on."""
+
+
+async def run_flight(order: FlightRequest, console: Console) -> FlightResult:
+    """Connect, check, upload, fly and report.
+
+    Raises:
+        ExecutorError: a vehicle does not answer, or a check says no; nothing has moved then.
+    """
+    load_optional_parts(order)
+    solver = make_solver_process(order, console)
+    with (
+        lock_run_directory(order.run),
+        supervised.watch_mistakes(lambda text: console.say(Level.FAULT, text), order.run),
+    ):
+        async with follow_fleet_time(order.site, console) as found:
+            clock = SystemClock.start_on(order.site.flight.speedup, found.steady)
+            async with open_links(order, clock) as links, solver:
+                return await _check_and_supervise(order, console, clock, solver, links)
+
+
+def load_optional_parts(order: FlightRequest) -> None:
+    """Load what not every flight has, before anything is connected: no vehicle would be heard in that time.
+
+    Raises:
+        SiteError: as `web.check_web`.
+    """
+    web_page.check_web(order.site.web)
+    if order.mqtt is not None:
+        import executor.flight.publication  # noqa: F401 - it is loaded, and used later
+
+
+def make_solver_process(order: FlightRequest, console: Console) -> SolverProcess:
+    """Return the solver of a flight, not started yet."""
+    setup = SolverSetup(order.site.flight.solve_s, order.plan.solved.seed)
+    return SolverProcess(setup, make_warning_sink(console))
+
+
+async def _check_and_supervise(
+    order: FlightRequest,
+    console: Console,
+    clock: SystemClock,
+    solver: SolverProcess,
+    links: Mapping[str, OpenLink],
+) -> FlightResult:
+    run = order.run
+    facts = await interview_vehicles(order, links, clock, console)
+    context, boards, found = build_context_and_checklist(order, facts)
+    lists = await fencing.read_fences(context, links, clock)
+    found += fencing.check_fences_on_board(context, facts, boards, lists, run)
+    console.show_checks(found)
+    try:
+        _raise_on_stop(found)
+        proposal = await parameter_changes.read_changes(context, links, clock)
+        console.show_checks(proposal.checks)
+        _raise_on_stop(proposal.checks)
+    except PreflightFailed:
+        await _restore_vehicles(run, links, clock, console)  # of an earlier attempt in this directory
+        raise
+    found += proposal.checks
+    fences = build_first_fences(context, boards)
+    state = fleet_step.build_initial_state(
+        boards,
+        tuple(CheckLine(one.severity.value, one.subject, one.text, one.code) for one in found),
+        fences,
+        {} if order.day is None else day_flight.sorties_ahead_of(order.day),
+    )
+    log = EventLog(
+        RunDirectory(run).events,
+        began_unix_s=clock.began_unix_s,
+        speedup=clock.speedup,
+        told=make_warning_sink(console),
+    )
+    seat = FlightSession(context, state, links, clock, log, solver, PreflightRecord(facts, found, order.earlier))
+    flown: FlightResult | None = None
+    try:
+        flown = await supervise(order, console, seat, LaunchPreparation(proposal, boards, found, fences, lists))
+    except PreflightFailed:
+        RunDirectory(run).events.unlink(missing_ok=True)  # there is nothing to be taken up again
+        raise
+    finally:
+        if flown is None:
+            # Nothing stays changed for a flight that is not flown; who flies all the same is armed, and left alone.
+            await _restore_vehicles(run, links, clock, console)
+    return flown
+
+
+async def _restore_vehicles(
+    run: Path, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
+) -> tuple[KeptParameter, ...]:
+    """Give back what is on record, fences before the parameters that say how they are kept to."""
+    await fencing.restore_kept_lists(run, links, clock, console)
+    return await parameter_changes.restore_kept_parameters(run, links, clock, console)
+
+
+def _raise_on_stop(found: Sequence[Check]) -> None:
+    stops = [check for check in found if check.severity is Severity.STOP]
+    if stops:
+        raise PreflightFailed(f"{stops[0].subject}: {stops[0].text}")
+
+
+@dataclass(frozen=True, slots=True)
+class LaunchPreparation:
+    """What has to be done before a flight that begins."""
+
+    proposal: ParameterProposal
+    boards: Mapping[str, OnboardMission | None]
+    found: list[Check]
+    """The checklist so far."""
+    fences: Mapping[str, Fence]
+    """What is to be put on board."""
+    lists: Mapping[str, OnboardLists]
+    """What every vehicle carries beside its mission, where it was asked."""
+
+
+async def _prepare_launch(
+    order: FlightRequest, console: Console, seat: FlightSession, flight: Flight, beginning: LaunchPreparation
+) -> None:
+    """Tell what the flight changes on board, ask, set it, put the missions on board, and ask for the take-off.
+
+    Raises:
+        PreflightFailed: the operator did not confirm, or something cannot be put on board.
+    """
+    context, links, clock, proposal = seat.context, seat.links, seat.clock, beginning.proposal
+    fence_lines = fencing.describe_fence_changes(context, beginning.fences, beginning.lists)
+    if proposal.changes or fence_lines:
+        text = parameter_changes.compose_changes_question(proposal, fences=len(fence_lines))
+        told = [*fence_lines, *parameter_changes.describe_parameter_changes(proposal)]
+        if not await _ask_crew(flight, console, Action.PREPARE, text, told):
+            raise PreflightFailed("not confirmed; nothing was changed on board")
+    beginning.found.extend(await parameter_changes.apply_changes(order.run, proposal, context, links, clock, console))
+    # Before the missions: PX4 holds a mission against the fence that is on board.
+    await fencing.upload_wanted_lists(order.run, context, links, clock, beginning.fences, beginning.lists, console)
+    await upload_first_missions(context, links, clock, beginning.boards, console)
+    build_vehicle_answers(context, seat.said).write(RunDirectory(order.run).vehicles)
+    later = [] if order.day is None else day_flight.describe_later_sorties(order.day)
+    text = f"All missions are on board, verified by read-back: {summarise_plan(order.plan)}. Take off?"
+    if not await _ask_crew(flight, console, Action.TAKE_OFF, text, (*describe_routes(order.plan), *later)):
+        raise PreflightFailed("not confirmed; nothing has moved")
+
+
+async def _ask_crew(flight: Flight, console: Console, action: Action, text: str, lines: Sequence[str] = ()) -> bool:
+    """Ask the crew, in the terminal and on the page; the first answer counts."""
+    flight.apply(Asked(action.value, text, tuple(lines)))
+    answers = {asyncio.ensure_future(console.ask(text)), asyncio.ensure_future(flight.wait_for_yes(action))}
+    try:
+        done, _ = await asyncio.wait(answers, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for answer in answers:
+            answer.cancel()
+    return any(answer.result() for answer in done)
+
+
+@dataclass(frozen=True, slots=True)
+class FlightSession:
+    """All that a flight is supervised with."""
+
+    context: Context
+    state: FleetState
+    """Before the launch, or when the ground station went away."""
+    links: Mapping[str, OpenLink]
+    clock: SystemClock
+    log: EventLog
+    solver: SolverProcess
+    said: PreflightRecord
+    legacy: InheritedRecord = NOTHING_LEFT
+    """What the process before this one left."""
+
+
+async def supervise(
+    order: FlightRequest, console: Console, seat: FlightSession, begins: LaunchPreparation | Reopened
+) -> FlightResult:
+    """Begin a flight, or take one up again that was left in the midst; fly it to its end and report.
+
+    Raises:
+        PreflightFailed: the operator did not confirm.
+        ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
+    """
+    context, clock, links = seat.context, seat.clock, seat.links
+    publication = _build_publication(order, clock)
+    keeper = FlightRecorder(order, context, console, seat.log, clock, publication, seat.legacy)
+    if publication is not None:
+        publication.publish_plan(
+            seat.state.replanning.revision, read_plan_in_force(order, seat.state.replanning.revision)
+        )
+    flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.build_observer())
+    hearing = supervised.watch_mistakes(
+        lambda text: keeper.show_notice(Say(Level.FAULT, text), clock.now_s()), order.run
+    )
+    try:
+        listening = flight.listen_to_vehicles() if isinstance(begins, LaunchPreparation) else nullcontext()
+        with hearing, listening, Interrupts(flight, console) as interrupts:
+            async with (
+                web_page.serve_page(
+                    order.site.web, flight, clock, console, web_page.read_static_page_data(order, console)
+                ),
+                _publish_flight(publication, flight, keeper, clock),
+            ):
+                gc.collect()  # 0.1 s for a hundred vehicles: not between the crew's yes and the take-off
+                reopened = begins if isinstance(begins, Reopened) else None
+                if isinstance(begins, LaunchPreparation):
+                    await interrupts.run_unless_interrupted(_prepare_launch(order, console, seat, flight, begins))
+                with _freeze_garbage_collector():
+                    async with supervised.run_beside("judging losses", partial(keep_judging, flight, seat.solver)):
+                        await flight.run(reopened, order.site.flight.connect_timeout_s)
+                        await keeper.settle()
+    finally:
+        console.stop_drawing()
+        seat.log.close()
+    ended_s = clock.now_s()
+    given_back = await _restore_vehicles(order.run, links, clock, console)
+    frames = {name: link.counts for name, link in links.items()}
+    report = build_report(
+        context, flight.state, ended_s, order.truths(clock), frames, seat.said, build_parameter_rows(given_back)
+    )
+    kept = RunDirectory(order.run)
+    writes: dict[str, Callable[[], None]] = {"report.json": partial(report.write, kept.report)}
+    if context.setup.looks:
+        writes["images"] = partial(write_index, order.run, build_image_index(context, flight.state, clock.began_unix_s))
+    if report.sorties:
+        packs = build_flown_packs(flight.state, order.run.name, clock.began_unix_s)
+        writes["packs.json"] = partial(packs.write, kept.packs)
+    writes["learned.json"] = partial(write_learned, order.run, context, flight.state, order.ground.learned)
+    for name, write in writes.items():
+        try:
+            write()
+        except OSError as error:
+            console.say(Level.WARNING, f"{name} cannot be written: {error.strerror}")
+    return FlightResult(report, context, interrupts.left)
+
+
+def _build_publication(order: FlightRequest, clock: SystemClock) -> Publication | None:
+    if order.mqtt is None:
+        return None
+    from executor.flight.publication import Publication
+
+    return Publication(order.mqtt, order.run, clock)
+
+
+def _publish_flight(
+    publication: Publication | None, flight: Flight, keeper: FlightRecorder, clock: SystemClock
+) -> AbstractAsyncContextManager[None]:
+    if publication is None:
+        return nullcontext()
+    context, looks = flight.context, flight.context.setup.looks
+    asked = list_asked_pictures(context) if looks else {}
+    return publication.run(
+        view=lambda: build_fleet_view(flight.context, flight.state, clock.now_s()),
+        accept=lambda intent: flight.apply(IntentReceived(intent)),
+        tell=lambda level, text: keeper.show_notice(Say(level, text), clock.now_s()),
+        assets=(lambda: build_asset_views(context, flight.state, asked)) if looks else None,
+    )
+
+
+@contextmanager
+def _freeze_garbage_collector() -> Iterator[None]:
+    """Keep the collector of cycles away from what was there before the flight: one look at all of it takes 0.1 s."""
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+
+
+def make_warning_sink(console: Console) -> Callable[[str], None]:
+    """Return how a log tells the operator of its troubles."""
+    return lambda text: console.say(Level.WARNING, text)

@@ -1,0 +1,160 @@
+"""The index as files: images.csv, images.geojson, and images.sqlite, which the files of the cards are matched to."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import sqlite3
+from collections.abc import Iterable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from executor.adapters.run_directory import RunDirectory, write_json
+from executor.core.context import Context
+from executor.core.state.fleet_state import FleetState
+from executor.errors import LogError
+from executor.images.index_rows import AssetRow, ImageRow, build_asset_rows, build_image_rows
+from missions.files import write_whole
+
+EXPECTED = "the index of a flight with cameras, which is written when it ends"
+_IMAGE = tuple(field.name for field in fields(ImageRow))
+_ASSET = tuple(field.name for field in fields(AssetRow) if field.name != "line")
+
+
+@dataclass(frozen=True, slots=True)
+class ImageIndex:
+    """All rows of a flight."""
+
+    images: tuple[ImageRow, ...]
+    assets: tuple[AssetRow, ...]
+
+
+def build_image_index(context: Context, state: FleetState, began_unix_s: float) -> ImageIndex:
+    """Return all rows of a flight; see `build_image_rows`."""
+    return ImageIndex(tuple(build_image_rows(context, state, began_unix_s)), tuple(build_asset_rows(context, state)))
+
+
+def write_index(run: Path, index: ImageIndex) -> None:
+    """Write all three files, each whole or not at all.
+
+    Raises:
+        OSError: one cannot be written.
+    """
+    directory = RunDirectory(run)
+    write_whole(directory.images_csv, format_csv(index.images).encode())
+    write_json(directory.images_geojson, build_geojson(index))
+    _write_tables(directory.images_sqlite, index)
+
+
+def format_csv(images: Iterable[ImageRow]) -> str:
+    """Return the pictures as a table of text."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("time", *_IMAGE))
+    for row in images:
+        writer.writerow((row.time_iso, *(_round_value(name, getattr(row, name)) for name in _IMAGE)))
+    return text.getvalue()
+
+
+def _round_value(name: str, value: object) -> object:
+    if not isinstance(value, float):
+        return "" if value is None else value
+    return round(value, 7 if name in {"lat_deg", "lon_deg"} else 3)
+
+
+def build_geojson(index: ImageIndex) -> dict[str, object]:
+    """Return pictures as points and assets as lines."""
+    points = [
+        _build_feature(
+            "Point",
+            [row.lon_deg, row.lat_deg, row.alt_msl_m],
+            {"kind": "image", "time": row.time_iso} | {name: getattr(row, name) for name in _IMAGE},
+        )
+        for row in index.images
+    ]
+    lines = [
+        _build_feature(
+            "LineString",
+            [[lon_deg, lat_deg] for lat_deg, lon_deg in row.line],
+            {"kind": "asset"} | {name: getattr(row, name) for name in _ASSET},
+        )
+        for row in index.assets
+    ]
+    return {"type": "FeatureCollection", "features": [*lines, *points]}
+
+
+def _build_feature(kind: str, coordinates: object, properties: dict[str, object]) -> dict[str, object]:
+    return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}
+
+
+def _write_tables(path: Path, index: ImageIndex) -> None:
+    fresh = path.with_name(f"{path.name}.new")
+    fresh.unlink(missing_ok=True)
+    with closing(sqlite3.connect(fresh)) as tables, tables:
+        _write_table(tables, "image", _IMAGE, [tuple(getattr(row, name) for name in _IMAGE) for row in index.images])
+        flat = [(*(getattr(row, name) for name in _ASSET), json.dumps(row.line)) for row in index.assets]
+        _write_table(tables, "asset", (*_ASSET, "line"), flat)
+    fresh.replace(path)
+
+
+def _write_table(
+    tables: sqlite3.Connection, name: str, columns: Sequence[str], rows: Sequence[tuple[object, ...]]
+) -> None:
+    tables.execute(f"DROP TABLE IF EXISTS {name}")
+    tables.execute(f"CREATE TABLE {name} ({', '.join(columns)})")
+    marks = ", ".join("?" for _ in columns)
+    tables.executemany(f"INSERT INTO {name} VALUES ({marks})", rows)  # noqa: S608 - all of these names are ours
+
+
+def read_index(run: Path) -> ImageIndex:
+    """Return the index of a run directory.
+
+    Raises:
+        LogError: one line that names the file and what was expected.
+    """
+    path = RunDirectory(run).images_sqlite
+    if not path.is_file():
+        raise LogError(f"{path}: no such file; expected {EXPECTED}")
+    try:
+        with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as tables:
+            images = tables.execute(f"SELECT {', '.join(_IMAGE)} FROM image").fetchall()  # noqa: S608 - ours
+            assets = tables.execute(f"SELECT {', '.join((*_ASSET, 'line'))} FROM asset").fetchall()  # noqa: S608
+        return ImageIndex(
+            tuple(ImageRow(*row) for row in images),
+            tuple(_parse_asset(row) for row in assets),
+        )
+    except (sqlite3.Error, ValueError, TypeError) as error:
+        raise LogError(f"{path}: {error}; expected {EXPECTED}") from error
+
+
+def _parse_asset(row: tuple[Any, ...]) -> AssetRow:
+    *known, line = row
+    return AssetRow(**dict(zip(_ASSET, known, strict=True)), line=_parse_line(json.loads(line)))
+
+
+def _parse_line(pair: list[list[float]]) -> tuple[tuple[float, float], tuple[float, float]]:
+    (a_lat, a_lon), (b_lat, b_lon) = pair
+    return (a_lat, a_lon), (b_lat, b_lon)
+
+
+def write_file_matches(run: Path, columns: Sequence[str], rows: Sequence[tuple[object, ...]]) -> None:
+    """Keep which file belongs to which picture, as the table ``file`` beside the others, and in images-files.csv.
+
+    Raises:
+        OSError: they cannot be written.
+        LogError: the index is no database any more.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    write_whole(RunDirectory(run).images_files, text.getvalue().encode())
+    path = RunDirectory(run).images_sqlite
+    try:
+        with closing(sqlite3.connect(path)) as tables, tables:
+            _write_table(tables, "file", columns, rows)
+    except sqlite3.Error as error:
+        raise LogError(f"{path}: {error}; expected {EXPECTED}") from error

@@ -1,0 +1,468 @@
+"""Recorded flights through the watchpoints of the live flight: what they would have declared, when, on what evidence.
+
+The log's own clock is the time: ticks come between its records as they come between messages in flight.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from executor.core.battery.account import NO_PRIOR
+from executor.core.battery.kalman import Prior
+from executor.core.battery.resting_voltage import NO_FACTS
+from executor.core.context import Scene, VehicleSetup, power_draw_table_pct_s
+from executor.core.inflight.faults import passive_watch
+from executor.core.inflight.faults.link_loss import SLEPT_S
+from executor.core.inflight.faults.passive_watch import DeclaredFault, Degradation, Finding, ObservedModeChange
+from executor.core.interface.events import Heard, Tick
+from executor.core.interface.messages import (
+    Battery,
+    DoubleHeard,
+    FlightMessage,
+    Heartbeat,
+    ListedItem,
+    MissionCurrent,
+    OwnFailsafe,
+    Position,
+    StatusText,
+    SystemStatus,
+    VehicleSetting,
+)
+from executor.core.interface.recorded_log import Record, RecordedFile
+from executor.core.limits import Limits
+from executor.core.state import landing_projection
+from executor.core.state.vehicle_state import FaultKind, Stage, VehicleState
+from executor.core.telemetry.battery_reports import pack_facts_of
+from executor.core.telemetry.firmware import describe_autopilot, describe_vehicle_type
+from executor.core.telemetry.foreign_systems import describe_foreign_system
+from executor.replay.flight_book import FlightBook
+from executor.replay.pack_book import PackBook
+from executor.replay.replay_result import (
+    Declaration,
+    ImpairedPeriod,
+    LogReplay,
+    ModeTransition,
+    ReplaySample,
+    SampleTrace,
+    VehicleReplay,
+)
+from executor.site import site_model
+from executor.site.site_file import Site
+from missions import AUTOPILOTS, Dialect, LocalFrame, dialect_of
+from planner import PRESETS
+
+TICK_S = 0.25
+CALM_TICK_S = 1.8
+"""While everybody is heard and no watchpoint fails; what may change that at once is looked at at once."""
+RESTLESS_PCT = 1.2
+"""So much excess consumption is no calm."""
+FALLS = 0.03
+"""A voltage that falls by this share between two reports is looked at at once."""
+CALM_S = 1.2
+"""Silence that is none: a heartbeat a second, and some of its way."""
+LINK_TIMEOUT_S = 4.5
+"""Without a site file nothing is given away, so nobody's failsafe must be waited for: four heartbeats are missed, and
+the fifth is half an interval late (mavlink.io: radio links miss four or five; MAVProxy says 5 s)."""
+LINK_STALE_S = 2.0
+"""One heartbeat is missed, and with it every other message."""
+ANY_DRONE = Prior(2.5, 2.5, slack=0.5)
+"""Relative to the Mavic 3, whose speeds' shape is taken where no site names the drone: anything from a race of five
+minutes on, so that its own flight alone says what is usual."""
+NOBODY_KNOWS = "no site names the drone, so nothing is known of what it uses: only a change in its own flight is judged"
+COPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
+"""MAV_TYPE with rotors: other vehicles have other modes, and no energy model here."""
+BACK_USEC = 1_000_000
+"""Records that are out of order by less share a moment."""
+LONGEST_GAP_S = 120.0
+"""In a longer pause nothing is decided any more that was not decided before."""
+MIXED_S = 10.0
+"""So long before two vehicles are told from one what they said may be mixed already."""
+MOST_EARLY, MOST_SETTINGS = 16, 500
+"""Systems, and parameters of each, that are kept until its first HEARTBEAT."""
+STEADY = frozenset({Stage.GROUND, Stage.FLYING, Stage.LANDED})
+"""In which a HEARTBEAT that is as the last one changes nothing."""
+REPEATS_S = 2.5
+SAME, ALIKE = 0.003, 0.05
+"""Shares by which a voltage and a current may change within `REPEATS_S` and still say nothing new."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayRules:
+    """By what a log is judged."""
+
+    limits: Limits = field(default_factory=lambda: Limits(link_stale_s=LINK_STALE_S))
+    link_timeout_s: float = LINK_TIMEOUT_S
+    """Where no site says otherwise."""
+    site: Site | None = None
+
+
+def rules_of(site: Site | None) -> ReplayRules:
+    """Return the rules of a site, or those without one."""
+    return ReplayRules() if site is None else ReplayRules(limits=site_model.build_limits(site), site=site)
+
+
+def replay_log(file: RecordedFile, path: Path, rules: ReplayRules, *, on_board: bool = False) -> LogReplay:
+    """Replay one log.
+
+    Args:
+        file: read from its beginning, once.
+        path: for the result.
+        rules: the thresholds, and what is known of the vehicles.
+        on_board: whether the vehicle itself wrote it: then its link cannot be judged.
+    """
+    player = _Player(rules, file, on_board=on_board)
+    for record in file.read_records():
+        player.play_record(record)
+    return player.build_result(path)
+
+
+_TICK = Tick()
+
+
+class _Player:
+    """Feeds records and ticks to the passive core; owns the time."""
+
+    def __init__(self, rules: ReplayRules, file: RecordedFile, *, on_board: bool) -> None:
+        self._rules, self._file, self._on_board = rules, file, on_board
+        self._scene = _build_empty_scene(rules)
+        self._state = passive_watch.start_watch(())
+        self._names: dict[int, str] = {}
+        self._others: dict[int, str] = {}
+        """Systems that are not followed, and why."""
+        self._first: int | None = None
+        self._last = 0
+        self._shift = 0
+        self._now_s = 0.0
+        self._next_s = 0.0
+        self._findings: list[Finding] = []
+        self._traces: dict[str, SampleTrace] = {}
+        self._books: dict[str, PackBook] = {}
+        self._flown: dict[str, float] = {}
+        self._flights: dict[str, FlightBook] = {}
+        self._framed = False
+        self._beats: dict[str, float] = {}
+        """Heartbeats without news since the last tick."""
+        self._batteries: dict[tuple[str, int], tuple[float, Battery]] = {}
+        self._statuses: dict[str, tuple[float, SystemStatus]] = {}
+        self._ticked_s = 0.0
+        self._early: dict[int, dict[str | int, VehicleSetting | ListedItem]] = {}
+        """Parameters and items of systems of which no HEARTBEAT came yet."""
+        self._mixed: dict[str, float] = {}
+        """Names by which two vehicles answer, and since when."""
+
+    def play_record(self, record: Record) -> None:
+        """Let time pass to a record, and take what it says."""
+        t_usec, system, message = record
+        if self._first is None:
+            self._first = self._last = t_usec
+        if t_usec < self._last:
+            if self._last - t_usec > BACK_USEC:
+                self._file.skipped.time_back += 1
+                self._shift += self._last - t_usec
+                self._last = t_usec
+            else:
+                t_usec = self._last
+        self._last = t_usec
+        now_s = (t_usec - self._first + self._shift) / 1e6
+        if now_s >= self._next_s:
+            self._advance_to(now_s)
+        self._now_s = now_s
+        if message is None:
+            return
+        if system == 0:
+            for name in self._names.values():
+                self._handle_message(name, message, now_s)
+            return
+        self._route(system, message, now_s)
+
+    def _route(self, system: int, message: FlightMessage, now_s: float) -> None:
+        """Hand what a system says to its vehicle, or count why nobody takes it."""
+        name = self._names.get(system) or self._add_vehicle(system, message)
+        if name and isinstance(message, DoubleHeard):
+            self._mixed.setdefault(name, max(0.0, now_s - MIXED_S))
+        if name:
+            self._handle_message(name, message, now_s)
+            for setting in self._early.pop(system, {}).values():
+                self._handle_message(name, setting, now_s)
+        elif system in self._others:
+            self._file.skipped.not_followed += 1
+        elif isinstance(message, VehicleSetting | ListedItem):
+            self._keep_setting(system, message)
+        else:
+            self._file.skipped.before_heartbeat += 1
+
+    def _keep_setting(self, system: int, setting: VehicleSetting | ListedItem) -> None:
+        """Keep what a log says of a vehicle's parameters, and of its mission, before it says what it is."""
+        kept = self._early.setdefault(system, {})
+        name = setting.item.seq if isinstance(setting, ListedItem) else setting.name
+        if len(self._early) <= MOST_EARLY and (len(kept) < MOST_SETTINGS or name in kept):
+            kept[name] = setting
+        else:
+            self._file.skipped.before_heartbeat += 1
+
+    def _advance_to(self, now_s: float) -> None:
+        """Tick up to a moment; a pause of the recorder itself is one tick, as it is when the program stands still."""
+        gap_s = now_s - self._now_s
+        if gap_s > LONGEST_GAP_S or (gap_s > SLEPT_S and (self._file.stations or self._on_board)):
+            self._file.skipped.gaps += 1
+            self._next_s = now_s
+            if gap_s > LONGEST_GAP_S:
+                self._ticked_s = now_s  # nobody knows whether it flew meanwhile
+        while self._next_s <= now_s:
+            self._next_s += self._tick(self._next_s)
+
+    def _tick(self, at_s: float) -> float:
+        """Look at everything; returns when to look again."""
+        for system, name in self._names.items():
+            usec = self._file.heard.get(system)
+            if usec is not None and self._first is not None:
+                heard_s = (usec - self._first + self._shift) / 1e6
+                self._state = passive_watch.record_contact(
+                    self._state, name, min(at_s, heard_s), self._beats.pop(name, None)
+                )
+        self._state, found = passive_watch.step_watch(self._scene, self._state, _TICK, at_s)
+        self._findings += found
+        calm = True
+        for name, vehicle in self._state.fleet.vehicles.items():
+            if vehicle.armed and vehicle.stage is not Stage.LOST:
+                self._flown[name] = self._flown.get(name, 0.0) + at_s - self._ticked_s
+            calm = calm and _is_calm(vehicle, at_s)
+            self._books[name].update(vehicle, pack_facts_of(self._scene, vehicle), at_s)
+            self._flights[name].update(vehicle)
+            trace = self._traces[name]
+            if not trace.samples or at_s - trace.samples[-1].at_s >= trace.every_s:
+                trace.add(sample_vehicle(self._scene, vehicle, at_s))
+        self._ticked_s = at_s
+        return CALM_TICK_S if calm else TICK_S
+
+    def _handle_message(self, name: str, message: FlightMessage, now_s: float) -> None:
+        before = self._state.fleet.vehicles[name]
+        if self._is_repetition(before, message, now_s):
+            return
+        if isinstance(message, Battery):
+            volts = before.power.volts.voltage_v
+            if volts is not None and message.voltage_v is not None and message.voltage_v < (1.0 - FALLS) * volts:
+                self._next_s = now_s
+        elif isinstance(message, StatusText | OwnFailsafe):
+            self._next_s = now_s  # what is said of a crash is looked at before anything that follows it
+        elif isinstance(message, Position) and not self._framed:
+            self._framed = True
+            frame = LocalFrame(message.lat_deg, message.lon_deg, message.alt_msl_m)
+            self._scene = replace(self._scene, frame=frame)
+        self._state, found = passive_watch.step_watch(self._scene, self._state, Heard(name, message), now_s)
+        self._findings += found
+        if isinstance(message, (Battery, SystemStatus)) and _is_draining(self._state.fleet.vehicles[name]):
+            self._next_s = min(self._next_s, now_s + TICK_S)
+        elif isinstance(message, Heartbeat):
+            if message != before.telemetry.heartbeat:
+                self._next_s = now_s
+            if message.armed and not before.armed:
+                self._flights[name].begin_flight(now_s)
+                self._record_take_off_place(self._state.fleet.vehicles[name])
+
+    def _is_repetition(self, known: VehicleState, message: FlightMessage, now_s: float) -> bool:
+        """Return whether a vehicle repeats itself: what is watched are changes, and that it speaks at all."""
+        match message:
+            case Heartbeat():
+                settled = known.stage in STEADY and (known.sortie.flew_mission or not known.sortie.took_off)
+                if not settled or message != known.telemetry.heartbeat:
+                    return False
+                self._beats[known.name] = now_s  # the next tick takes it
+                return True
+            case MissionCurrent(seq, total, number):
+                same = known.assignment.board is None or number in {None, known.assignment.carried.id}
+                return same and known.telemetry.item == (seq, total)
+            case Battery():
+                return self._is_battery_repetition(known.name, message, now_s)
+            case SystemStatus():
+                return self._is_status_repetition(known.name, message, now_s)
+            case _:
+                return False
+
+    def _is_battery_repetition(self, name: str, message: Battery, now_s: float) -> bool:
+        taken = self._batteries.get((name, message.battery))
+        if taken is not None and now_s - taken[0] < REPEATS_S:
+            known = taken[1]
+            if (
+                message.remaining_pct == known.remaining_pct
+                and abs((message.voltage_v or 0.0) - (known.voltage_v or 0.0)) <= SAME * (known.voltage_v or 0.0)
+                and abs((message.current_a or 0.0) - (known.current_a or 0.0)) <= ALIKE * (known.current_a or 0.0)
+                and (message.charge_state, message.faults) == (known.charge_state, known.faults)
+                and not message.cells_v
+            ):
+                return True
+        self._batteries[name, message.battery] = (now_s, message)
+        return False
+
+    def _is_status_repetition(self, name: str, message: SystemStatus, now_s: float) -> bool:
+        at_s, known = self._statuses.get(name, (-REPEATS_S, message))
+        same = (message.remaining_pct, message.unhealthy, message.prearm_ok) == (
+            known.remaining_pct, known.unhealthy, known.prearm_ok,
+        )  # fmt: skip
+        alike = abs((message.voltage_v or 0.0) - (known.voltage_v or 0.0)) <= SAME * (known.voltage_v or 0.0)
+        if same and alike and now_s - at_s < REPEATS_S:
+            return True
+        self._statuses[name] = (now_s, message)
+        return False
+
+    def _record_take_off_place(self, vehicle: VehicleState) -> None:
+        """Note where a vehicle starts: it is the place to come home to."""
+        if vehicle.motion.fix is not None:
+            setup = replace(self._scene.vehicles[vehicle.name], pad_m=vehicle.motion.fix.place_m)
+            self._scene = replace(self._scene, vehicles={**self._scene.vehicles, vehicle.name: setup})
+
+    def _add_vehicle(self, system: int, message: FlightMessage) -> str:
+        """Return the name of a vehicle that is heard for the first time; nothing if it cannot be followed."""
+        if not isinstance(message, Heartbeat):
+            return ""
+        dialect = dialect_of(message.autopilot)
+        if dialect is None or message.vehicle_type not in COPTERS:
+            self._others[system] = (
+                f"system {system} is not followed: {describe_vehicle_type(message.vehicle_type)} with "
+                f"{describe_autopilot(message.autopilot)} (MAV_TYPE {message.vehicle_type}, "
+                f"MAV_AUTOPILOT {message.autopilot}); "
+                f"known are copters with {' or '.join(one.title for one in AUTOPILOTS)}"
+            )
+            return ""
+        self._others.pop(system, None)  # what it said before it knew its frame
+        setup = _build_setup(self._rules, system, dialect, on_board=self._on_board)
+        self._scene = replace(self._scene, vehicles={**self._scene.vehicles, setup.name: setup})
+        self._state = passive_watch.add_watched_vehicle(self._state, setup.name)
+        self._names[system] = setup.name
+        self._traces[setup.name] = SampleTrace()
+        self._books[setup.name] = PackBook()
+        self._flights[setup.name] = FlightBook()
+        return setup.name
+
+    def build_result(self, path: Path) -> LogReplay:
+        """Return what was found, once the log has ended."""
+        if self._first is not None:
+            # What it said last is judged, too.
+            self._next_s = min(self._next_s, self._now_s)
+            self._advance_to(self._now_s)
+        found = [*self._findings, *passive_watch.close_degradations(self._state, self._now_s)]
+        if self._on_board:
+            found = [one for one in found if isinstance(one, ObservedModeChange) or one.kind is not FaultKind.LINK]
+        found = [one for one in found if _began_s(one) < self._mixed.get(one.vehicle, math.inf)]
+        vehicles = tuple(self._build_vehicle(system, name, found) for system, name in sorted(self._names.items()))
+        notes = [*self._others.values(), *self._file.notes]
+        notes += [
+            f"{describe_foreign_system(DoubleHeard(self._scene.vehicles[name].sysid, ()))}; not judged from "
+            f"{since_s:.1f} s on"
+            for name, since_s in self._mixed.items()
+        ]
+        if self._rules.site is None and any(one.flown_s and one.name not in self._mixed for one in vehicles):
+            notes.append(NOBODY_KNOWS)
+        notes += [f"{one.name} is never armed in it" for one in vehicles if not one.flown_s]
+        notes += [note for name, book in self._flights.items() if (note := book.describe_missionless(name))]
+        if not vehicles:
+            notes.insert(0, "no vehicle in it that can be followed")
+        return LogReplay(path, vehicles, self._file.skipped, self._first or 0, self._now_s, tuple(notes))
+
+    def _build_vehicle(self, system: int, name: str, found: Sequence[Finding]) -> VehicleReplay:
+        mine = [one for one in found if one.vehicle == name]
+        declarations = [
+            Declaration(one.kind, one.reason, self._to_log_usec(one.at_s), one.evidence)
+            for one in mine
+            if isinstance(one, DeclaredFault)
+        ]
+        degraded = [
+            ImpairedPeriod(
+                one.kind, one.reason, self._to_log_usec(one.from_s), self._to_log_usec(one.to_s or self._now_s),
+                one.evidence
+            )
+            for one in mine
+            if isinstance(one, Degradation)
+        ]  # fmt: skip
+        return VehicleReplay(
+            sysid=system,
+            name=name,
+            autopilot=self._scene.vehicles[name].dialect.name,
+            declarations=tuple(declarations),
+            degraded=tuple(sorted(degraded, key=lambda one: one.from_usec)),
+            flown_s=self._flown.get(name, 0.0),
+            samples=tuple(self._traces[name].samples),
+            packs=self._books[name].close_flights(),
+            modes=tuple(
+                ModeTransition(self._to_log_usec(one.at_s), one.mode, one.by, one.why)
+                for one in mine
+                if isinstance(one, ObservedModeChange)
+            ),
+        )
+
+    def _to_log_usec(self, at_s: float) -> int:
+        """Return a moment on the log's clock, as if that had never jumped back."""
+        return (self._first or 0) + round(at_s * 1e6)
+
+
+def _began_s(found: Finding) -> float:
+    return found.from_s if isinstance(found, Degradation) else found.at_s
+
+
+def _is_calm(vehicle: VehicleState, at_s: float) -> bool:
+    """Return whether nothing is to be expected of a vehicle in the next moments."""
+    if vehicle.stage in {Stage.LOST, Stage.GROUND, Stage.LANDED}:
+        return True
+    silent = vehicle.link.heard_s is not None and at_s - vehicle.link.heard_s > CALM_S
+    return not (silent or vehicle.watches or _is_draining(vehicle))
+
+
+def _is_draining(vehicle: VehicleState) -> bool:
+    """Return whether more is used than usual."""
+    known = vehicle.power.battery
+    return max(known.drift.excess_pct, known.charge.drift.excess_pct) > RESTLESS_PCT
+
+
+def _build_empty_scene(rules: ReplayRules) -> Scene:
+    site = rules.site
+    drone = PRESETS["mavic3"] if site is None else site_model.drone_of(site)
+    return Scene(
+        frame=LocalFrame(0.0, 0.0),
+        vehicles={},
+        limits=rules.limits,
+        drone=drone,
+        draws_pct_s=power_draw_table_pct_s(drone),
+        wind_m_s=(0.0, 0.0) if site is None else site.inspection.wind_m_s,
+        corridor_m=math.inf,
+        inspection_speed_m_s=math.inf,
+    )
+
+
+def _build_setup(rules: ReplayRules, system: int, dialect: Dialect, *, on_board: bool) -> VehicleSetup:
+    """Return what is known of a vehicle without its plan."""
+    site = rules.site
+    table = None if site is None else next((one for one in site.vehicle if one.sysid == system), None)
+    timeout_s = rules.link_timeout_s if site is None else site_model.link_timeout_s(site, dialect)
+    return VehicleSetup(
+        name=str(system) if table is None else table.name,
+        sysid=system,
+        dialect=dialect,
+        budget_pct=100.0 if table is None else table.budget_pct,
+        reserve_pct=0.0 if table is None else table.reserve_pct,
+        link_timeout_s=math.inf if on_board else timeout_s,
+        pad_m=(0.0, 0.0),
+        planned=False,
+        prior=ANY_DRONE if site is None else NO_PRIOR,
+        pack=NO_FACTS if site is None else site_model.pack_of(site),
+    )
+
+
+def sample_vehicle(scene: Scene, vehicle: VehicleState, at_s: float) -> ReplaySample:
+    """Return what a picture shows of a vehicle at one moment."""
+    estimate = vehicle.power.battery.estimate
+    ahead = landing_projection.project_landing(scene, vehicle, scene.vehicles[vehicle.name])
+    return ReplaySample(
+        at_s=at_s,
+        remaining_pct=vehicle.power.battery.remaining_pct,
+        estimate_pct=None if estimate is None else estimate.remaining_pct,
+        sd_pct=None if estimate is None else math.sqrt(estimate.var_remaining),
+        landing_pct=None if ahead is None else ahead.mean_pct,
+        voltage_v=vehicle.power.volts.voltage_v,
+        link_age_s=0.0 if vehicle.link.heard_s is None else at_s - vehicle.link.heard_s,
+        heartbeat_age_s=0.0 if vehicle.link.heartbeat_s is None else at_s - vehicle.link.heartbeat_s,
+        item=None if vehicle.telemetry.item is None else vehicle.telemetry.item[0],
+        height_m=None if vehicle.motion.fix is None else vehicle.motion.fix.alt_rel_m,
+    )

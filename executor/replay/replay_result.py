@@ -1,0 +1,152 @@
+"""What the replay of a recorded flight found, as plain data: what the table, the pictures and the pages show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from executor.core.interface.messages import Actor
+from executor.core.interface.recorded_log import SkippedRecords
+from executor.core.state.vehicle_state import FaultKind
+from executor.replay.pack_book import PackFlight
+
+TRACE_S = 3.0
+MOST_SAMPLES = 4000
+
+
+@dataclass(frozen=True, slots=True)
+class ReplaySample:
+    """One moment of a vehicle, for pictures."""
+
+    at_s: float
+    remaining_pct: float | None
+    estimate_pct: float | None
+    sd_pct: float | None
+    landing_pct: float | None
+    """What should be left at the landing."""
+    voltage_v: float | None
+    link_age_s: float
+    heartbeat_age_s: float
+    item: int | None
+    height_m: float | None
+
+
+@dataclass(slots=True)
+class SampleTrace:
+    """Samples of one vehicle; when they become many, every second one is dropped, so that memory stays constant."""
+
+    samples: list[ReplaySample] = field(default_factory=list)
+    every_s: float = TRACE_S
+
+    def add(self, sample: ReplaySample) -> None:
+        """Take a sample, unless the last one is young."""
+        if self.samples and sample.at_s - self.samples[-1].at_s < self.every_s:
+            return
+        self.samples.append(sample)
+        if len(self.samples) > MOST_SAMPLES:
+            self.samples = self.samples[::2]
+            self.every_s *= 2
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """A fault, in the log's own time."""
+
+    kind: FaultKind
+    reason: str
+    t_usec: int
+    evidence: str
+
+
+@dataclass(frozen=True, slots=True)
+class ImpairedPeriod:
+    """A time in which something was not well, in the log's own time."""
+
+    kind: FaultKind
+    reason: str
+    from_usec: int
+    to_usec: int
+    evidence: str
+
+
+@dataclass(frozen=True, slots=True)
+class ModeTransition:
+    """An armed vehicle's mode became another, in the log's own time."""
+
+    t_usec: int
+    mode: str
+    by: Actor
+    why: str
+    """What in the log says who changed it; empty where nothing does."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleReplay:
+    """One vehicle of a log."""
+
+    sysid: int
+    name: str
+    autopilot: str
+    declarations: tuple[Declaration, ...]
+    degraded: tuple[ImpairedPeriod, ...]
+    flown_s: float
+    """Armed."""
+    samples: tuple[ReplaySample, ...]
+    modes: tuple[ModeTransition, ...] = ()
+    packs: tuple[PackFlight, ...] = ()
+    """What each flight says of its pack."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogReplay:
+    """A log, replayed."""
+
+    path: Path
+    vehicles: tuple[VehicleReplay, ...]
+    skipped: SkippedRecords
+    began_usec: int
+    lasted_s: float
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class TrueEvent:
+    """One thing that really happened, by the truth that lies beside a log."""
+
+    t_usec: int
+    """On the log's own clock."""
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedTruth:
+    """What is known of a recorded flight."""
+
+    kind: FaultKind | None
+    """Of the fault that was injected; None for a healthy flight."""
+    fault_usec: int | None
+    """When it became visible in the data, on the log's own clock."""
+    until_usec: int | None
+    """When it was over; None if it lasts."""
+    events: tuple[TrueEvent, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ThresholdPoint:
+    """One value of one threshold, over all flights."""
+
+    threshold: str
+    value: float
+    chosen: bool
+    """Whether it is the value in use."""
+    found: int
+    faults: int
+    mean_delay_s: float | None
+    """Of the faults that were found."""
+    false_alarms: int
+    flight_hours: float
+
+    @property
+    def false_per_hour(self) -> float:
+        """False alarms in a flight hour."""
+        return self.false_alarms / self.flight_hours if self.flight_hours else 0.0

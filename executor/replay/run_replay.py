@@ -1,0 +1,187 @@
+"""A live flight again: the events of its run directory through the same `step`, and whether it decides the same.
+
+The context is built anew from what the directory holds: the site, the first plan, what each vehicle said and where
+it stood. What the flight decided stands in the log beside the events, so the two are compared command by command.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from executor.adapters.eventlog import read_decisions, read_events, read_head, to_plain
+from executor.adapters.run_directory import RunDirectory
+from executor.core import fleet_step
+from executor.core.context import Context
+from executor.core.inflight.faults import passive_watch
+from executor.core.inflight.faults.passive_watch import Degradation
+from executor.core.inflight.faults.watchpoint_types import WatchView
+from executor.core.interface.commands import Command, Say
+from executor.core.interface.events import Tick
+from executor.core.interface.recorded_log import SkippedRecords
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_state import Stage
+from executor.flight.run_start import read_run_start
+from executor.replay.log_replay import sample_vehicle
+from executor.replay.replay_result import Declaration, ImpairedPeriod, LogReplay, SampleTrace, VehicleReplay
+
+
+@dataclass(frozen=True, slots=True)
+class DecisionComparison:
+    """What the flight decided beside what the replay did."""
+
+    logged: int
+    """Commands and lines of the flight."""
+    replayed: int
+    first_difference: str
+    """Empty if there is none."""
+    reworded: str = ""
+    """The first line or reason that has other words now; empty if there is none. It decides nothing."""
+
+    @property
+    def is_same(self) -> bool:
+        """Whether every command is the same, in the same order, at the same time."""
+        return not self.first_difference
+
+
+@dataclass(frozen=True, slots=True)
+class RunReplay:
+    """A run directory, replayed."""
+
+    log: LogReplay
+    comparison: DecisionComparison
+    state: FleetState
+
+
+Decided = tuple[float, object]
+
+
+def replay_run(run: Path) -> RunReplay:
+    """Replay a run directory.
+
+    Raises:
+        LogError: events.jsonl or vehicles.json cannot be used.
+        SiteError: site.toml cannot be used.
+        MissionsError: the first plan cannot be used.
+    """
+    begun = read_run_start(run)
+    context, state = begun.context, begun.state
+    events = RunDirectory(run).events
+    head = read_head(events)
+    watch = _Watch(context)
+    decided: list[Decided] = []
+    at_s = 0.0
+    for at_s, event in read_events(events):
+        # A mistake of ours in one decision changed nothing in flight; it changes nothing here.
+        with suppress(Exception):
+            state, commands = fleet_step.step(context, state, event, at_s)
+            decided += [(at_s, _to_plain(command)) for command in commands]
+        if isinstance(event, Tick):
+            watch.update(state, at_s)
+    comparison = compare_decisions(list(read_decisions(events)), decided)
+    vehicles = watch.build_vehicle_replays(state, head.began_unix_s, at_s)
+    notes = () if comparison.is_same else (f"not what the flight decided: {comparison.first_difference}",)
+    if comparison.is_same and comparison.reworded:
+        notes = (f"recorded by a version with other words: {comparison.reworded}",)
+    log = LogReplay(run, vehicles, SkippedRecords(), round(head.began_unix_s * 1e6), at_s, notes)
+    return RunReplay(log, comparison, state)
+
+
+def _to_plain(command: Command) -> object:
+    return command.text if isinstance(command, Say) else to_plain(command)
+
+
+def compare_decisions(logged: Sequence[Decided], replayed: Sequence[Decided]) -> DecisionComparison:
+    """Compare what was logged with what was decided again, in the form that the log has: through JSON and back."""
+    made: list[Any] = json.loads(json.dumps(replayed))
+    commands = any(not isinstance(what, str) for _, what in logged)
+    if not commands:  # written before commands were kept: the lines are compared alone
+        made = [one for one in made if isinstance(one[1], str)]
+    first = reworded = ""
+    for number, (before, after) in enumerate(zip(logged, made, strict=False)):
+        if [before[0], before[1]] == after:
+            continue
+        what = (
+            f"decision {number} at {before[0]:.2f} s was {_format_decision(before[1])}, is {_format_decision(after[1])}"
+        )
+        if before[0] != after[0] or _strip_wording(before[1]) != _strip_wording(after[1]):
+            first = what
+            break
+        reworded = reworded or what
+    if not first and len(logged) != len(made):
+        first = f"the flight made {len(logged)} decisions, the replay {len(made)}"
+    return DecisionComparison(len(logged), len(made), first, reworded)
+
+
+def _strip_wording(decided: object) -> object:
+    """Return a decision without its sentences, which another version of the program may word otherwise."""
+    if not isinstance(decided, dict):
+        return ""
+    return {key: value for key, value in decided.items() if key not in {"trigger", "reason"}}
+
+
+def _format_decision(decided: object) -> str:
+    return repr(decided) if isinstance(decided, str) else json.dumps(decided)[:120]
+
+
+class _Watch:
+    """Collects what is not well, and samples for pictures, beside the decisions."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._open: dict[tuple[str, str], Degradation] = {}
+        self._over: list[Degradation] = []
+        self._traces = {name: SampleTrace() for name in context.vehicles}
+        self._flown = dict.fromkeys(context.vehicles, 0.0)
+        self._looked_s: float | None = None
+
+    def update(self, state: FleetState, now_s: float) -> None:
+        """Look at everybody."""
+        elapsed_s = 0.0 if self._looked_s is None else now_s - self._looked_s
+        self._looked_s = now_s
+        for name, vehicle in state.vehicles.items():
+            setup = self._context.vehicles[name]
+            if vehicle.armed and vehicle.stage is not Stage.LOST:
+                self._flown[name] += elapsed_s
+            if vehicle.stage is not Stage.LOST:
+                found = passive_watch.update_degradations(
+                    WatchView(self._context, setup, vehicle, False, now_s), self._open
+                )
+                self._over += [one for one in found if isinstance(one, Degradation)]
+            trace = self._traces[name]
+            if not trace.samples or now_s - trace.samples[-1].at_s >= trace.every_s:
+                trace.add(sample_vehicle(self._context, vehicle, now_s))
+
+    def build_vehicle_replays(
+        self, state: FleetState, began_unix_s: float, ended_s: float
+    ) -> tuple[VehicleReplay, ...]:
+        """Return every vehicle as the replay of a log has it."""
+
+        def usec(at_s: float) -> int:
+            return round((began_unix_s + at_s) * 1e6)
+
+        found = []
+        for name, vehicle in state.vehicles.items():
+            fault = vehicle.fault
+            declared = (
+                ()
+                if fault is None
+                else (Declaration(fault.kind, fault.kind.value, usec(fault.detected_s), fault.reason),)
+            )
+            mine = [one for one in (*self._over, *self._open.values()) if one.vehicle == name]
+            degraded = tuple(
+                ImpairedPeriod(one.kind, one.reason, usec(one.from_s), usec(one.to_s or ended_s), one.evidence)
+                for one in sorted(mine, key=lambda one: one.from_s)
+            )
+            setup = self._context.vehicles[name]
+            found.append(
+                VehicleReplay(
+                    setup.sysid, name, setup.dialect.name, declared, degraded, self._flown[name],
+                    tuple(self._traces[name].samples),
+                )
+            )  # fmt: skip
+        return tuple(found)

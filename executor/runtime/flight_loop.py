@@ -1,0 +1,453 @@
+"""The flight loop: every event is written down, applied by `fleet.step`, and what was decided is carried out."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+
+from executor import supervised
+from executor.core import fleet_step
+from executor.core.context import Context
+from executor.core.ground import turnaround
+from executor.core.inflight.custody.mode_causes import is_under_foreign_control
+from executor.core.interface import commands, events
+from executor.core.interface.commands import Command
+from executor.core.interface.endings import Ending
+from executor.core.interface.events import Event
+from executor.core.interface.intents import Action, Intent, IntentRecord
+from executor.core.interface.messages import FlightMessage, Message, SendHeartbeat
+from executor.core.interface.ports import Clock, EventSink, Link, Solver
+from executor.core.replanning import new_missions
+from executor.core.resume.reconciliation import compare_onboard_mission
+from executor.core.state import onboard_fence
+from executor.core.state.fleet_state import FleetState
+from executor.protocols import vehicle_commands
+from executor.runtime import procedures, reconnect, stream_requests, turnaround_check
+from executor.runtime.awake import Lateness, awake
+from missions import EncodeError, encode, flag_current
+
+TICK_S = 0.2
+LEAST_TICK_REAL_S = 0.02
+HEARTBEAT_S = 1.0
+ORDERS = {
+    commands.Hold: Action.HOLD, commands.Resume: Action.RESUME, commands.LandNow: Action.LAND,
+    commands.Disarm: Action.DISARM,
+}  # fmt: skip
+
+Work = Callable[[], Awaitable[Event]]
+"""Returns what it came to."""
+Failed = Callable[[str], Event]
+"""Returns what it comes to for a reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class Observer:
+    """Who wants to know; none of these may wait."""
+
+    said: Callable[[commands.Say, float], None]
+    """Called with every line for the operator, at the flight's time."""
+    applied: Callable[[Event, FleetState, float], None]
+    """Called after every event."""
+    decided: Callable[[Command, float], None] = lambda *_: None
+    """Called with every command before it is carried out."""
+    told: Callable[[commands.Say, float], None] = lambda *_: None
+    """Called with lines for the operator that nobody decided: what is waited for."""
+
+
+class Flight:
+    """Owns the state of one flight; everything runs on one event loop, and only `apply` changes the state."""
+
+    def __init__(
+        self,
+        context: Context,
+        state: FleetState,
+        links: Mapping[str, Link],
+        clock: Clock,
+        sink: EventSink,
+        solver: Solver,
+        observer: Observer,
+    ) -> None:
+        """Wire the parts; `run` flies."""
+        self.context = context
+        self.state = state
+        self._links = links
+        self._clock = clock
+        self._sink = sink
+        self._solver = solver
+        self._observer = observer
+        self._jobs: dict[str, asyncio.Task[None]] = {}
+        self._whole: set[str] = set()
+        """Vehicles whose present job is an upload."""
+        self._solving: set[asyncio.Task[None]] = set()
+        self._leaves = False
+        """Nothing new is begun: only what would leave a part of a new mission on board is brought to its end."""
+        self._tasks: asyncio.TaskGroup | None = None
+        self._over = asyncio.Event()
+        self._mistakes: set[str] = set()
+        self._stops: list[Callable[[], None]] = []
+        self._answer = asyncio.Event()
+
+    def apply(self, event: Event) -> None:
+        """Write an event down, apply it, and carry out what was decided.
+
+        A mistake of ours in one decision must not end the supervision of everybody: the event then changes nothing,
+        because states are values, and the operator is told.
+        """
+        now_s = self._clock.now_s()
+        try:
+            self._apply(event, now_s)
+        except Exception as error:  # noqa: BLE001 - the boundary between one event and the flight
+            text = f"internal error while handling {type(event).__name__}: {type(error).__name__}: {error}"
+            if text not in self._mistakes:
+                self._mistakes.add(text)
+                line = commands.Say(commands.Level.FAULT, text)
+                supervised.call_safely("what tells the crew", self._observer.said, line, now_s)
+                supervised.report_mistake(f"deciding at {type(event).__name__}", error, said=True)
+
+    def now_s(self) -> float:
+        """Return the time on the flight's clock."""
+        return self._clock.now_s()
+
+    def submit_intent(self, intent: Intent) -> IntentRecord:
+        """Take an operator's intent, once; returns what became of it so far.
+
+        Raises:
+            RuntimeError: a mistake of ours kept it from being decided; nothing has changed.
+        """
+        self.apply(events.IntentReceived(intent))
+        record = self.state.crew.intents.get(intent.id)
+        if record is None:
+            raise RuntimeError(f"intent {intent.id} could not be decided")
+        return record
+
+    def _apply(self, event: Event, now_s: float) -> None:
+        self._sink.write(event, now_s)
+        self.state, decided = fleet_step.step(self.context, self.state, event, now_s)
+        if self.state.crew.briefing.answered:
+            self._answer.set()
+        # An observer, and one command, must not keep the others from being carried out.
+        supervised.call_safely("what shows the flight", self._observer.applied, event, self.state, now_s)
+        for command in decided:
+            supervised.call_safely("what keeps the decisions", self._observer.decided, command, now_s)
+            supervised.call_safely(f"carrying out {type(command).__name__}", self._carry_out, command, now_s)
+
+    async def run(self, reopened: events.Reopened | None = None, patience_real_s: float = 0.0) -> None:
+        """Fly until nothing is left to supervise; the missions are on board already.
+
+        Args:
+            reopened: For a flight that is taken up again; without it, it is launched.
+            patience_real_s: How long to wait for the first answer then.
+
+        Raises:
+            ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
+        """
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                self._tasks = tasks
+                if reopened is not None:
+                    self.apply(reopened)
+                with self.listen_to_vehicles():
+                    if reopened is not None:
+                        self.apply(await self._reconnect(patience_real_s))
+                    tick = tasks.create_task(
+                        supervised.keep_going("the tick", self._run_ticks, at_once=True), name="tick"
+                    )
+                    if reopened is None:
+                        self.apply(events.LaunchOrdered())
+                    await self._wait_for_end()
+                    tick.cancel()
+                    for job in (*self._jobs.values(), *self._solving):
+                        job.cancel()
+        finally:
+            self._tasks = None
+
+    async def _wait_for_end(self) -> None:
+        """Wait for the end: who was lost may be heard, in the air, before this is reached.
+
+        A flight whose ground station was killed as it ended is over when it is taken up.
+        """
+        while not (self._leaves or self.state.progress.finished):
+            self._over.clear()
+            await self._over.wait()
+
+    @contextmanager
+    def listen_to_vehicles(self) -> Iterator[None]:
+        """Take what the vehicles say; before a flight too, so that who looks sees them."""
+        if self._stops:
+            yield  # it listens already
+            return
+        self._stops = [link.listen(self._make_listener(name)) for name, link in self._links.items()]
+        try:
+            yield
+        finally:
+            for stop in self._stops:
+                stop()
+            self._stops = []
+
+    async def wait_for_yes(self, action: Action) -> bool:
+        """Wait until what is asked before the flight is answered with yes, from wherever; returns true."""
+        while self.state.crew.briefing.answered != action.value:
+            self._answer.clear()
+            await self._answer.wait()
+        return True
+
+    async def _reconnect(self, patience_real_s: float) -> events.Resumed:
+        return await reconnect.reconnect_vehicles(
+            self.context, lambda: self.state, self._links, self._clock, patience_real_s
+        )
+
+    def stop_supervising(self, *, at_once: bool = False) -> tuple[str, ...]:
+        """Stop supervising; the vehicles keep their missions, and nobody is given another one.
+
+        An upload that would leave a part of a new mission on board is brought to its end first, and looked after
+        until then; returns whose.
+
+        Args:
+            at_once: Whether not even that is waited for.
+        """
+        self._leaves = True
+        for task in self._solving:
+            task.cancel()
+        waits_for = () if at_once else self._find_partial_uploads()
+        if not waits_for:
+            self._over.set()
+        return waits_for
+
+    def _find_partial_uploads(self) -> tuple[str, ...]:
+        """Return who is being given a mission on an autopilot that takes it item by item into the one on board."""
+        return tuple(
+            name
+            for name in sorted(self._whole)
+            if not self._jobs[name].done() and not self.context.vehicles[name].dialect.upload_is_atomic
+        )
+
+    def _on_job_end(self, _: asyncio.Task[None]) -> None:
+        if self._leaves and not self._find_partial_uploads():
+            self._over.set()
+
+    def _make_listener(self, name: str) -> Callable[[Message], None]:
+        def heard(message: Message) -> None:
+            if isinstance(message, FlightMessage):
+                self.apply(events.Heard(name, message))
+
+        return heard
+
+    async def _run_ticks(self) -> None:
+        period_s = max(TICK_S / self._clock.speedup, LEAST_TICK_REAL_S)
+        with awake(self._clock) as able:
+            late = Lateness(able, self._clock)
+            while True:
+                self.apply(events.Tick(late.since_last_s()))
+                if told := late.to_be_said():
+                    self._told(told)
+                await asyncio.sleep(period_s)
+
+    def _carry_out(self, command: Command, now_s: float) -> None:  # noqa: C901, PLR0912 - one case for each command
+        failed: Failed
+        if self._leaves and isinstance(command, commands.Solve | commands.Compose | commands.Upload | commands.Start):
+            return  # nobody would be there to look after what it begins
+        match command:
+            case commands.Say():
+                self._observer.said(command, now_s)
+            case commands.Upload(vehicle, revision):
+                # How far it came is not known then: a part of it may be on board.
+                failed = partial(events.UploadEnded, vehicle, revision, False, True)
+                # A fence is broken off when a person takes the vehicle, and nothing of it is on board then.
+                self._start_job(vehicle, partial(self._upload, command), failed, whole=command.fence is None)
+            case commands.Start(vehicle):
+                self._start_job(vehicle, partial(self._start, vehicle), partial(events.StartEnded, vehicle, False))
+            case commands.SendHome(vehicle):
+                self._start_job(vehicle, partial(self._send_home, vehicle), partial(events.ReturnEnded, vehicle, False))
+            case commands.Hold() | commands.Resume() | commands.LandNow() | commands.Disarm():
+                failed = partial(events.OrderEnded, command.vehicle, ORDERS[type(command)], False)
+                self._start_job(command.vehicle, partial(self._run_order, command), failed)
+            case commands.HandsOff(vehicle):
+                self._stop_commanding(vehicle)
+            case commands.AskStreams(vehicle) | commands.ReadMission(vehicle):
+                asks = self._ask_streams if isinstance(command, commands.AskStreams) else self._read_parameters
+                self._start_side_job(vehicle, asks(vehicle))
+            case commands.Examine(vehicle, sets):
+                failed = partial(events.Examined, vehicle, False)
+                self._start_job(vehicle, partial(self._examine, vehicle, sets=sets), failed)
+            case commands.AskPicture(vehicle, component, sequence):
+                # Its answer is heard like any other picture, and asked for again where none comes.
+                self._links[vehicle].send(vehicle_commands.request_picture(component, sequence))
+            case commands.ChangeSpeed(vehicle, speed_m_s):
+                self._links[vehicle].send(vehicle_commands.change_speed(speed_m_s))
+            case commands.Solve(given=visits) if visits:
+                routes = (events.NewRoute(command.sortie, visits),)
+                planned = events.SolveEnded(command.revision, routes, (), 0.0, "planned before")
+                asyncio.get_running_loop().call_soon(self.apply, planned)
+            case commands.Solve():
+                nothing = partial(events.SolveEnded, command.revision, None, (), 0.0)
+                solve = partial(self._solver.solve, command, self.context.pricing)
+                task = self._spawn(self._run_job("the solver", solve, nothing), "solver")
+                if task is not None:
+                    self._solving.add(task)
+                    task.add_done_callback(self._solving.discard)
+            case commands.Compose(revision):
+                asyncio.get_running_loop().call_soon(self.apply, events.MissionsWanted(revision))
+            case commands.CancelSolve(revision):
+                self._solver.cancel(revision)
+            case commands.Finish():
+                self._over.set()
+
+    def _spawn(self, work: Coroutine[None, None, None], name: str) -> asyncio.Task[None] | None:
+        if self._tasks is None:
+            work.close()
+            return None
+        return self._tasks.create_task(work, name=name)
+
+    def _start_job(self, vehicle: str, work: Work, failed: Failed, *, whole: bool = False) -> None:
+        """Give a vehicle something to do; what it was given before is cancelled: one dialogue runs at a time.
+
+        Args:
+            vehicle: Who.
+            work: What.
+            failed: What a mistake of ours in it comes to.
+            whole: Whether it is brought to its end even when a person takes the vehicle: half a mission on board is
+                worse for its pilot than a whole one, and neither moves it.
+        """
+        before = self._jobs.get(vehicle)
+        if before is not None:
+            before.cancel()
+        task = self._spawn(
+            self._run_job(f"an order to {vehicle}", partial(self._run_once_recorded, work), failed), vehicle
+        )
+        if task is not None:
+            self._jobs[vehicle] = task
+            self._whole.discard(vehicle)
+            if whole:
+                self._whole.add(vehicle)
+            task.add_done_callback(self._on_job_end)
+
+    def _start_side_job(self, vehicle: str, work: Coroutine[None, None, None]) -> None:
+        """Ask a vehicle something, unless it is being told something: that can wait, and is asked again."""
+        job = self._jobs.get(vehicle)
+        if job is not None and not job.done():
+            work.close()
+            return
+        task = self._spawn(work, vehicle)
+        if task is not None:
+            self._jobs[vehicle] = task
+            self._whole.discard(vehicle)
+
+    async def _run_job(self, what: str, work: Work, failed: Failed) -> None:
+        """Apply what something comes to; a mistake of ours in it ends it like a refusal, and nobody else's work."""
+        try:
+            event = await work()
+        except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
+            supervised.report_mistake(what, error)
+            event = failed(f"internal error: {type(error).__name__}: {error}")
+        self.apply(event)
+
+    def _stop_commanding(self, vehicle: str) -> None:
+        """Say nothing more to a vehicle that a person has."""
+        job = self._jobs.get(vehicle)
+        if job is not None and vehicle not in self._whole:
+            job.cancel()
+
+    async def _run_once_recorded(self, work: Work) -> Event:
+        """Tell a vehicle something once the decision is on record and outlives a power loss."""
+        await self._sink.settle()
+        return await work()
+
+    async def _upload(self, command: commands.Upload) -> Event:
+        dialect = self.context.vehicles[command.vehicle].dialect
+        try:
+            mission = encode(command.path, dialect)
+        except EncodeError as error:
+            name, revision = command.vehicle, command.revision
+            return events.UploadEnded(
+                name, revision, accepted=False, mixed=False, reason=str(error), code=Ending.INVALID_ITEM
+            )
+        if command.airborne:
+            # In flight the index that the vehicle is at must stand: the list begins as the one on board does.
+            mission = flag_current(mission, None)
+        link, name = self._links[command.vehicle], command.vehicle
+        ended = partial(events.UploadEnded, name, command.revision)
+        if over_m := onboard_fence.height_over_fence_m(self.context, name, command.path):
+            return ended(False, False, f"it leads {over_m:.0f} m above its fence", Ending.ABOVE_FENCE)
+        fenced = command.fence is not None
+        if command.fence is not None:
+            items = onboard_fence.encode_fence(self.context, command.fence)
+            fence = await procedures.upload_and_verify_fence(
+                link, self._clock, dialect, items, partial(self._may_change_fence, name)
+            )
+            if not fence.accepted:
+                return ended(False, False, f"its fence: {fence.reason}", fence.code)
+            if not self._may_change_fence(name, mixed=False):
+                return ended(False, False, "it has left its mission", Ending.LEFT_MISSION, fenced)
+            self._whole.add(name)
+        wanted, tell = partial(self._may_receive_mission, name), partial(self._report, name)
+        done = await procedures.upload_and_verify(link, self._clock, dialect, mission.items, wanted, tell)
+        return ended(done.accepted, done.mixed, done.reason, done.code, fenced)
+
+    def _report(self, vehicle: str, text: str) -> None:
+        self._told(f"{vehicle}: {text}")
+
+    def _told(self, text: str) -> None:
+        line = commands.Say(commands.Level.WARNING, text)
+        supervised.call_safely("what tells the crew", self._observer.told, line, self._clock.now_s())
+
+    def _may_receive_mission(self, vehicle: str, mixed: bool) -> bool:
+        return new_missions.may_retry_upload(self.context, self.state.vehicles[vehicle], mixed=mixed)
+
+    def _may_change_fence(self, vehicle: str, mixed: bool) -> bool:
+        """Return whether a fence may be changed: never while a person has the vehicle, or may have."""
+        return not is_under_foreign_control(self.state.vehicles[vehicle]) and self._may_receive_mission(vehicle, mixed)
+
+    async def _start(self, vehicle: str) -> Event:
+        done = await procedures.arm_and_start(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
+        return events.StartEnded(vehicle, done.accepted, done.reason, done.armed, done.code)
+
+    async def _examine(self, vehicle: str, *, sets: bool) -> Event:
+        link, before_s = self._links[vehicle], turnaround.READY_S
+        return await turnaround_check.examine_vehicle(self.context, vehicle, link, self._clock, before_s, sets=sets)
+
+    async def _send_home(self, vehicle: str) -> Event:
+        done = await procedures.order_rtl(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
+        return events.ReturnEnded(vehicle, done.accepted, done.reason, done.lost, done.refused, done.code)
+
+    async def _run_order(self, command: commands.Hold | commands.Resume | commands.LandNow | commands.Disarm) -> Event:
+        link, dialect = self._links[command.vehicle], self.context.vehicles[command.vehicle].dialect
+        match command:
+            case commands.Hold():
+                done = await procedures.order_hold(link, self._clock, dialect)
+            case commands.Resume(_, speed_m_s):
+                done = await procedures.resume_mission(link, self._clock, dialect, speed_m_s)
+            case commands.LandNow():
+                done = await procedures.order_landing(link, self._clock, dialect)
+            case commands.Disarm(_, force):
+                done = await procedures.order_disarm(link, self._clock, force=force)
+        action = ORDERS[type(command)]
+        return events.OrderEnded(
+            command.vehicle, action, done.accepted, done.reason, done.lost, done.refused, done.code
+        )
+
+    async def _read_parameters(self, vehicle: str) -> None:
+        unread = events.MissionRead(events.Found(vehicle, heard=True, seq=None, items=None, matches=()))
+        await self._run_job(f"a question to {vehicle}", partial(self._read_back_mission, vehicle), lambda _: unread)
+
+    async def _read_back_mission(self, vehicle: str) -> Event:
+        items = await procedures.read_mission(self._links[vehicle], self._clock)
+        return events.MissionRead(compare_onboard_mission(self.context, self.state, vehicle, items, None))
+
+    async def _ask_streams(self, vehicle: str) -> None:
+        try:
+            await stream_requests.request_streams_again(
+                self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect
+            )
+        except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
+            supervised.report_mistake(f"an order to {vehicle}", error)
+
+
+async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
+    """Send our heartbeat to every vehicle for ever: their ground-station failsafes wait for it, on their own time."""
+    while True:
+        for name, link in links.items():
+            supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
+        await asyncio.sleep(HEARTBEAT_S / clock.speedup)

@@ -1,0 +1,514 @@
+"""From the site file's tables to what planner, missions and core work with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+
+from executor.core.battery.account import NO_PRIOR
+from executor.core.battery.pack_history import PackHistory
+from executor.core.battery.resting_voltage import PackFacts
+from executor.core.context import Context, FenceRules, RelaunchPolicy, VehicleSetup, power_draw_table_pct_s
+from executor.core.limits import Limits
+from executor.core.preflight.failsafe_parameters import LinkFailsafe, effective_link_timeout_s
+from executor.core.replanning.replan_separation import find_layer_bound_vehicles, line_clear_time_s
+from executor.core.vehicle_learning import UNKNOWN, KnownVehicle
+from executor.errors import SiteError
+from executor.site.camera_tasks import build_looks, build_pylon_wishes
+from executor.site.site_areas import build_places, load_areas
+from executor.site.site_file import Site
+from executor.site.site_packs import SitePacks, load_site_packs
+from executor.site.tables.aircraft import VehicleTable
+from missions import (
+    Dialect,
+    FlightModel,
+    FlightPath,
+    FlightSetup,
+    Inspection,
+    MendingLimits,
+    Network,
+    Pad,
+    Performance,
+    Pricing,
+    Remark,
+    Selection,
+    Task,
+    build_open_task,
+    build_priced_instance,
+    check_line_heights,
+    default_network_path,
+    dialect_for,
+    import_network,
+    parse_where,
+    plan_flight_setup,
+    with_heights,
+)
+from missions.inspection_height import build_first_paths, find_low_segments
+from missions.pace import AS_MODELLED
+from missions.pads import column_radius_m
+from missions.plan_file import PlanFence, PlanTerrain
+from missions.pole_heights import add_ground_heights, add_structure_heights
+from missions.reachability import apply_areas
+from missions.readers.elevation_rasters import RasterOptions, read_elevation
+from missions.terrain import DETOUR_M, Terrain, reading_box_m
+from missions.viewpoints import add_viewpoints, build_pylon_tasks, extra_time_s
+from planner import PRESETS, Drone, Plan, Travel, Vehicle, build_steady_wind, segment_of, top_speed_m_s, travel_for
+
+STALL_REAL_S = 2.0
+"""A busy computer may keep a process waiting (1.0 s was seen); faster than real time that is a long flight."""
+UPLOAD_ALLOWANCE_S = 1.0
+"""Real seconds that putting a re-plan on board may take, for the choice of what is not touched any more."""
+FENCE_ALLOWANCE_S = 3.0
+"""What a wider fence before a new mission takes more, in the vehicles' time."""
+SEEN_S = 2.0
+"""A vehicle is this much farther than its last reports say."""
+DEFAULT_NETWORK = "default"
+"""As `network.file`: the network that comes with faultline."""
+
+
+@dataclass(frozen=True, slots=True)
+class SiteModel:
+    """What is known before any vehicle answers."""
+
+    site: Site
+    network: Network
+    inspection: Inspection
+    drone: Drone
+    travel: Travel
+    setup: FlightSetup
+    """Heights, and pads that are chosen around the depot."""
+    terrain: Terrain | None = None
+    """The ground between the lines, where a raster knows it."""
+    worth_a_look: tuple[str, ...] = ()
+    """What was mended or found of the network's file and its heights, in words."""
+    learned: Mapping[str, KnownVehicle] = field(default_factory=dict)
+    """What is known of vehicles from flights before, by their name."""
+    packs: SitePacks = field(default_factory=SitePacks)
+    """What earlier flights said of packs."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The vehicles' names, from the lowest layer to the highest."""
+        return tuple(vehicle.name for vehicle in self.site.vehicle)
+
+
+def load_site_model(site: Site, base: Path, learned: Mapping[str, KnownVehicle] = MappingProxyType({})) -> SiteModel:
+    """Read the network and prepare the models.
+
+    Args:
+        site: The site file's tables.
+        base: Its folder, which its paths are relative to.
+        learned: What is known of vehicles from flights before, by their name.
+
+    Raises:
+        MissionsError: the network cannot be used, or its heights cannot be flown by; or the ground is not known.
+    """
+    file = default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
+    depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
+    understood = import_network(file, build_selection(site), depot=depot, radius_m=site.network.radius_m)
+    network = add_structure_heights(understood.network, site.network.pylon_height_m)
+    found: tuple[str, ...] = ()
+    terrain = load_terrain(site, base, network)
+    if terrain is not None:
+        # A height of 0 that nobody said is what a file without a height of its depot is read with.
+        depot_known = network.frame.alt_m != 0.0 or (site.depot is not None and site.depot.alt_m is not None)
+        network, found = add_ground_heights(network, terrain.elevation, depot_known=depot_known)
+        found = (*terrain.elevation.remarks, *found)
+    network = with_heights(network, flat=site.inspection.heights == "flat")
+    worth_a_look = (
+        *describe_remarks(understood.found),
+        *found,
+        *check_line_heights(network, tallest_m=site.network.tallest_m),
+    )
+    ground = build_site_model(site, network, worth_a_look, base, terrain)
+    return replace(ground, learned=dict(learned), packs=load_site_packs(site, base))
+
+
+def load_terrain(site: Site, base: Path, network: Network) -> Terrain | None:
+    """Read the ground around a network; None where the site names no raster.
+
+    Raises:
+        MissionsError: a raster cannot be used, or knows nothing of the ground there.
+    """
+    table = site.terrain
+    if table is None:
+        return None
+    files = (table.files,) if isinstance(table.files, str) else table.files
+    box_m = reading_box_m(network, DETOUR_M) if site.area else reading_box_m(network)
+    reading = RasterOptions(network.frame, *box_m, table.vertical, table.uncertainty_m)
+    return Terrain(read_elevation([base / file for file in files], reading), table.margin_m, table.line_margin_m)
+
+
+def build_plan_terrain(ground: SiteModel) -> PlanTerrain | None:
+    """Return what plan files say of the ground that they were made over."""
+    terrain = ground.terrain
+    if terrain is None:
+        return None
+    known = terrain.elevation
+    return PlanTerrain(
+        known.source, known.digest, known.vertical, known.uncertainty_m, terrain.margin_m, terrain.line_margin_m
+    )
+
+
+def plan_fence(site: Site) -> PlanFence | None:
+    """Return what plan files say of the fences that vehicles are given; None where they are given none."""
+    table = site.fence
+    return None if table is None or not table.enabled else PlanFence(table.margin_m, table.rally)
+
+
+def build_selection(site: Site) -> Selection:
+    """Return what a site wants of its network's file."""
+    table = site.network
+    layers = (table.layer,) if isinstance(table.layer, str) else table.layer
+    where = () if table.where is None else parse_where(table.where)
+    return Selection(layers, where, table.crs, MendingLimits(table.snap_m, table.max_span_m), table.encoding)
+
+
+def describe_remarks(found: Iterable[Remark]) -> Iterator[str]:
+    """Yield a line for each matter that was found of a network's file: the first of it, and how many there are."""
+    by_matter: dict[str, list[Remark]] = {}
+    for finding in found:
+        by_matter.setdefault(finding.matter.value, []).append(finding)
+    for matter, own in by_matter.items():
+        more = f"; {len(own) - 1} more in 'faultline network'" if len(own) > 1 else ""
+        yield f"{matter}: {own[0].words}{more}"
+
+
+def build_site_model(
+    site: Site,
+    network: Network,
+    worth_a_look: tuple[str, ...] = (),
+    base: Path = Path(),
+    terrain: Terrain | None = None,
+) -> SiteModel:
+    """Return what is known before any vehicle answers, over a network whose heights are known.
+
+    Raises:
+        MissionsError: there is no room for pads or layers, or an area cannot be used.
+        SiteError: a speed is more than the battery can give.
+    """
+    table, drone = site.inspection, drone_of(site)
+    _check_speeds(site, drone)
+    travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
+    inspection = inspection_of(site, network)
+    network, wished = add_viewpoints(network, build_pylon_wishes(site, network), table.standoff_m)
+    names = tuple(vehicle.name for vehicle in site.vehicle)
+    found, (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
+    setup = plan_flight_setup(network, names, inspection, stated=stated, areas=found.areas, terrain=terrain)
+    pylons, higher = build_pylon_tasks(setup, wished)
+    setup = replace(setup, looks=build_looks(site, network, pylons))
+    if found.areas or alternates:
+        setup = apply_areas(setup, found.areas, alternates)
+    remarks = (*worth_a_look, *found.remarks, *_summarise_higher_viewpoints(higher))
+    return SiteModel(site, network, inspection, drone, travel, setup, terrain, remarks)
+
+
+def _summarise_higher_viewpoints(higher: Sequence[str]) -> Iterator[str]:
+    """Yield one line for all viewpoints that are flown higher than asked."""
+    if higher:
+        yield f"{higher[0]}; so are {len(higher) - 1} more" if len(higher) > 1 else higher[0]
+
+
+def _check_speeds(site: Site, drone: Drone) -> None:
+    most_m_s = top_speed_m_s(drone)
+    wind_m_s = math.hypot(*site.inspection.wind_m_s)
+    for key in ("speed_m_s", "transit_speed_m_s"):
+        asked_m_s = getattr(site.inspection, key)
+        if asked_m_s + wind_m_s > most_m_s:
+            against = f" against a wind of {wind_m_s:.1f} m/s" if wind_m_s else ""
+            raise SiteError(
+                f"inspection.{key}: expected at most {max(0.0, most_m_s - wind_m_s):.1f} m/s, what the battery of a "
+                f"{drone.name} can give{against}, got {asked_m_s:g}"
+            )
+
+
+def inspection_of(site: Site, network: Network) -> Inspection:
+    """Return how a network is to be flown."""
+    table = site.inspection
+    return Inspection(
+        height_m=table.height_m,
+        standoff_m=table.standoff_m,
+        speed_m_s=table.speed_m_s,
+        transit_speed_m_s=table.transit_speed_m_s,
+        layer_m=table.layer_m,
+        flat=network.flat,
+        ceiling_m=table.ceiling_m,
+        return_ceiling_m=table.return_ceiling_m,
+        same_distance=table.same_distance,
+    )
+
+
+def drone_of(site: Site) -> Drone:
+    """Return the multicopter: the preset with what the site file changes."""
+    changes = site.energy.model_dump(exclude={"drone", "chemistry", "packs"}, exclude_none=True)
+    return replace(PRESETS[site.energy.drone], **changes)
+
+
+def pack_of(site: Site) -> PackFacts:
+    """Return what the site file says of the packs: the cells of a preset are not said, they are a guess."""
+    return PackFacts(cells=site.energy.cells, chemistry=site.energy.chemistry)
+
+
+def budget_pct_of(known: PackHistory | None, drone: Drone, vehicle: VehicleTable) -> float:
+    """Return what a route of a vehicle may use: what the site asks for, or what its pack has."""
+    if known is None:
+        return vehicle.budget_pct
+    return known.budget_pct(vehicle.budget_pct, vehicle.reserve_pct, drone.capacity_ah)
+
+
+def empty_pct_of(known: PackHistory | None, drone: Drone, vehicle: VehicleTable) -> float:
+    """Return what a vehicle's autopilot reports when its pack is empty."""
+    counts = not dialect_for(vehicle.autopilot).rounds_twice  # PX4 without a capacity reads it off the voltage
+    return 0.0 if known is None else known.empty_reading_pct(drone.capacity_ah, counts=counts)
+
+
+def _with_pack(setup: VehicleSetup, known: PackHistory | None, drone: Drone, table: VehicleTable) -> VehicleSetup:
+    """Return a vehicle's setup with a pack of which this is known."""
+    if known is None:
+        return setup
+    empty_pct = empty_pct_of(known, drone, table)
+    return replace(
+        setup,
+        budget_pct=budget_pct_of(known, drone, table),
+        reserve_pct=table.reserve_pct + empty_pct,
+        pack=replace(setup.pack, share=1.0 - empty_pct / 100.0, ohm=known.ohm),
+        history=known,
+        empty_pct=empty_pct,
+    )
+
+
+def build_first_task(ground: SiteModel, segments: Iterable[int] | None = None, without: Collection[str] = ()) -> Task:
+    """Return the problem of a first plan, from the depot, with the budgets of the site file.
+
+    Args:
+        ground: What is known before any vehicle answers.
+        segments: What is to be inspected; everything if not given.
+        without: Vehicles that do not fly.
+
+    Raises:
+        SiteError: none of these segments can be reached.
+    """
+    vehicles = [
+        Vehicle(
+            vehicle.name, (0.0, 0.0), budget_pct_of(ground.packs.fitted.get(vehicle.name), ground.drone, vehicle),
+            consumption_factor_of(ground, vehicle.name),
+        )
+        for vehicle in ground.site.vehicle
+        if vehicle.name not in without
+    ]  # fmt: skip
+    wanted = set(range(len(ground.network.segments)) if segments is None else segments)
+    never = tuple(one for one in ground.setup.unreachable if one.segment in wanted)
+    if never and len(never) == len(wanted):
+        name = ground.network.segment_name(never[0].segment)
+        raise SiteError(
+            f"area: expected a segment that can be reached, found none of {len(never)}: {name} {never[0].why}"
+        )
+    task = build_open_task(build_pricing(ground), wanted - {one.segment for one in never}, vehicles)
+    return replace(task, unreachable=never)
+
+
+def consumption_factor_of(ground: SiteModel, name: str) -> float:
+    """Return what a vehicle uses relative to the energy model, as far as it is known."""
+    return ground.learned[name].consumption.factor if name in ground.learned else 1.0
+
+
+def build_flight_setup(ground: SiteModel, pads: Sequence[Pad] | None = None) -> FlightSetup:
+    """Return heights and pads; pads are chosen around the depot unless the vehicles' places are known.
+
+    Raises:
+        MissionsError: the pads leave no room.
+    """
+    return ground.setup if pads is None else replace(ground.setup, pads=tuple(pads))
+
+
+def build_pricing(
+    ground: SiteModel, setup: FlightSetup | None = None, performances: Mapping[str, Performance] = MappingProxyType({})
+) -> Pricing:
+    """Return what flights take.
+
+    Args:
+        ground: What is known before any vehicle answers.
+        setup: Heights and pads; by default those that were chosen.
+        performances: How vehicles fly by their own parameters, by their name, where they were asked.
+    """
+    table, setup = ground.site.inspection, setup or ground.setup
+    power = build_steady_wind(ground.drone, max(table.transit_speed_m_s, table.speed_m_s), table.wind_m_s)
+    models = {}
+    for vehicle in ground.site.vehicle:
+        known, usual = ground.learned.get(vehicle.name), dialect_for(vehicle.autopilot).performance
+        if known is not None and known.performance is not None:
+            usual = known.performance
+        models[vehicle.name] = FlightModel(
+            performances.get(vehicle.name, usual), power, table.transit_speed_m_s, table.speed_m_s,
+            AS_MODELLED if known is None else known.pace,
+        )  # fmt: skip
+    bases = {name: setup.base_of(name) for name in ground.names}
+    pads_m = tuple((pad.east_m, pad.north_m) for pad in setup.pads)
+    slowest = max((model.performance for model in models.values()), key=lambda one: one.hold_s + one.settle_s)
+    pylons = setup.looks.pylons.items()
+    longer = {segment: extra_time_s(look, slowest, table.speed_m_s) for segment, look in pylons}
+    from_layer = {
+        segment: extra_time_s(look, slowest, table.speed_m_s, in_layer=True)
+        for segment, look in pylons
+        if look.deepest_m
+    }
+    barred = {name: looks for name in ground.names if (looks := setup.looks.find_barred_segments(name))}
+    return Pricing(
+        setup.tracks_up_m,
+        bases,
+        models,
+        pads_m,
+        column_radius_m(setup.layers.layer_m),
+        loss_reaction_s(ground.site)
+        + max((line_clear_time_s(setup, models[name], name) for name in setup.steps_m), default=0.0),
+        kept_out=setup.kept_out,
+        relief=setup.layers.relief,
+        barred=barred,
+        besides_s=longer,
+        in_layer_s=from_layer,
+        deep_m={segment: setup.looks.pylons[segment].deepest_m for segment in from_layer},
+        steps_m=setup.steps_m,
+    )
+
+
+def loss_reaction_s(site: Site) -> float:
+    """Return how long after a loss everybody flies on as planned: the slowest way to find a loss is a silent link."""
+    return max(link_timeout_s(site, dialect_for(vehicle.autopilot)) for vehicle in site.vehicle) + horizon_s(site)
+
+
+def horizon_s(site: Site) -> float:
+    """Return how far ahead of a re-plan's begin missions stay as they are, in the vehicles' time."""
+    fence_s = FENCE_ALLOWANCE_S if site.fence is not None and site.fence.enabled else 0.0
+    return SEEN_S + fence_s + site.flight.speedup * (site.flight.solve_s + UPLOAD_ALLOWANCE_S)
+
+
+def stall_s(speedup: float) -> float:
+    """Return the shortest silence, in the vehicles' time, that a simulation can tell from a busy computer."""
+    return STALL_REAL_S * speedup if speedup > 1 else 0.0
+
+
+def link_timeout_s(site: Site, dialect: Dialect, own: LinkFailsafe | None = None) -> float:
+    """Return the silence after which a vehicle of a site is lost: see `effective_link_timeout_s`."""
+    return effective_link_timeout_s(dialect, site.faults.link_timeout_s, stall_s(site.flight.speedup), own)
+
+
+def build_limits(site: Site) -> Limits:
+    """Return the thresholds of the watchpoints."""
+    table = site.faults
+    return Limits(
+        link_stale_s=table.link_stale_s,
+        battery_step_pct=table.battery_step_pct,
+        battery_excess_pct=table.battery_excess_pct,
+        battery_window_s=table.battery_window_s,
+    )
+
+
+def name_routes(ground: SiteModel, task: Task, plan: Plan) -> Mapping[str, tuple[int, ...]]:
+    """Return each vehicle's visits of the network by its name."""
+    routes = task.plan_to_network(plan).routes
+    return {ground.names[route.vehicle]: route.visits for route in routes}
+
+
+def build_paths(
+    setup: FlightSetup,
+    routes: Mapping[str, tuple[int, ...]],
+    vehicles: Mapping[str, VehicleSetup] = MappingProxyType({}),
+) -> Mapping[str, FlightPath]:
+    """Return the flight path of every vehicle that has something to do.
+
+    Args:
+        setup: Heights and pads.
+        routes: Visits of the network, by the vehicle's name.
+        vehicles: As they answered. Who did not say that it returns in silence inspects in its own layer.
+    """
+    return build_first_paths(setup, routes, find_layer_bound_vehicles(vehicles))
+
+
+def adjust_task_to_layers(ground: SiteModel, task: Task, plan: Plan) -> Task:
+    """Return the task as its plan is flown: with the segments that vehicles inspect in their layers after all.
+
+    A plan is made as if everybody came down to every line, which takes the longest.
+    """
+    if task.pricing is None or not ground.inspection.same_distance:
+        return task
+    routes, numbers = name_routes(ground, task, plan), {one: number for number, one in enumerate(task.segment_ids)}
+    layered = dict(task.pricing.layered)
+    for name, path in build_paths(ground.setup, routes).items():
+        high = {segment_of(visit) for visit in routes[name]} - find_low_segments(path, routes[name])
+        layered[name] = layered.get(name, frozenset()) | {numbers[segment] for segment in high}
+    pricing = replace(task.pricing, layered=layered)
+    return replace(task, instance=build_priced_instance(pricing, task.instance.vehicles), pricing=pricing)
+
+
+def fencing_of(site: Site) -> FenceRules | None:
+    """Return what a site says of fences; None if it says nothing."""
+    table = site.fence
+    if table is None:
+        return None
+    return FenceRules(table.enabled, table.margin_m, table.height_margin_m, table.action, table.rally)
+
+
+def build_context(
+    ground: SiteModel,
+    setup: FlightSetup,
+    task: Task,
+    own: Mapping[str, LinkFailsafe] = MappingProxyType({}),
+    performances: Mapping[str, Performance] = MappingProxyType({}),
+) -> Context:
+    """Return everything that the decisions in flight may look at.
+
+    Args:
+        ground: What is known before any vehicle answers.
+        setup: Heights and pads.
+        task: The problem of the first plan.
+        own: What vehicles do by themselves in silence, by their name, where they were asked.
+        performances: As `pricing_of` has it.
+    """
+    site = ground.site
+    vehicles: dict[str, VehicleSetup] = {}
+    for table in site.vehicle:
+        dialect, pad = dialect_for(table.autopilot), setup.pad_of(table.name)
+        failsafe, known = own.get(table.name), ground.learned.get(table.name)
+        one = VehicleSetup(
+            name=table.name,
+            sysid=table.sysid,
+            dialect=dialect,
+            budget_pct=table.budget_pct,
+            reserve_pct=table.reserve_pct,
+            link_timeout_s=link_timeout_s(site, dialect, failsafe),
+            pad_m=(pad.east_m, pad.north_m),
+            failsafe_s=failsafe.after_s if failsafe is not None and failsafe.acts else None,
+            returns=failsafe is not None and failsafe.returns,
+            holds_s=failsafe.holds_s if failsafe is not None else 0.0,
+            prior=NO_PRIOR if known is None else known.prior,
+            start=UNKNOWN if known is None else known.start,
+            pack=pack_of(site),
+        )
+        others = {label: _with_pack(one, known, ground.drone, table) for label, known in ground.packs.labelled.items()}
+        first = _with_pack(one, ground.packs.fitted.get(table.name), ground.drone, table)
+        vehicles[table.name] = replace(first, packs={"": one, **others})
+    return Context(
+        frame=setup.frame,
+        setup=setup,
+        vehicles=vehicles,
+        limits=build_limits(site),
+        drone=ground.drone,
+        draws_pct_s=power_draw_table_pct_s(ground.drone),
+        wind_m_s=site.inspection.wind_m_s,
+        pricing=build_pricing(ground, setup, performances),
+        wanted=frozenset(task.segment_ids),
+        unreachable=task.unreachable,
+        corridor_m=site.inspection.corridor_m,
+        inspection_speed_m_s=site.inspection.speed_m_s,
+        fly_again=RelaunchPolicy(site.flight.fly_again),
+        pilot_grace_s=site.flight.pilot_grace_s,
+        pilot_returns=site.flight.pilot_return == "auto",
+        infers=site.flight.inferred == "count",
+        offer_s=site.flight.offer_s,
+        horizon_s=horizon_s(site),
+        fencing=fencing_of(site),
+        camera_home=site.faults.camera == "home",
+    )

@@ -1,0 +1,465 @@
+"""Plans outside of a flight: the first plan of a site, and what a loss would make of a plan."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from executor.site import site_model
+from executor.site.site_model import SiteModel
+from missions import (
+    BreakingLoss,
+    DayPlanFile,
+    PlanFile,
+    PlanFileError,
+    Pricing,
+    SolverRecord,
+    Task,
+    Window,
+    build_plan_document,
+    check_plan,
+    make_plan_file,
+)
+from missions.areas import Area, AreaKind
+from missions.inspection_height import Routes
+from missions.route_exchange import rearrange_routes
+from planner import (
+    DEFAULT_PARAMS,
+    Cost,
+    Instance,
+    Iterations,
+    NoImprovement,
+    ParetoPlan,
+    Plan,
+    Progress,
+    RemainingProblem,
+    ReplanWindow,
+    Result,
+    Route,
+    SearchParams,
+    Seconds,
+    StopRule,
+    any_of,
+    build_remaining_problem,
+    evaluate,
+    find_pareto_front,
+    replan,
+    replan_window,
+    segment_of,
+    solve,
+    solve_exact,
+    solve_grasp,
+    solve_window,
+)
+
+SAME_PLACE_M = 1.0
+"""A plan's segment that lies farther from the site's of the same number is another one."""
+SAME = 1e-9
+"""Figures that differ by less, absolutely or relatively, are the same: computers round differently."""
+CHANGES_NAMED = 3
+WINDOW_UP_TO = 150
+"""Segments up to which the window is searched for where nobody asked for a cost: more take longer than a plan may."""
+WINDOW_SETTLED = 30_000
+"""The same as `SETTLED` for a search on the window."""
+REARRANGED = 1.05
+"""Routes by which less is inspected from layers may make the plan this much worse."""
+LATE_S = 10.0
+"""Who is this much later than planned is still out of the way of who comes after it."""
+SETTLED = 50_000
+"""Iterations without an improvement after which a first plan is good enough."""
+
+
+class PlanSolver(Enum):
+    """Who plans."""
+
+    SEARCH = "search"
+    GRASP = "grasp"
+    EXACT = "exact"
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRequest:
+    """What a first plan is asked to be."""
+
+    cost: Cost | None
+    """None: the largest re-plan window."""
+    seconds: float
+    """The solver's time."""
+    seed: int
+    iterations: int | None = None
+    """Of a search; then `seconds` are only its limit, and a slow computer finds the same plan later."""
+    solver: PlanSolver = PlanSolver.SEARCH
+    all_vehicles: bool = False
+    """Keep no vehicle on the ground."""
+    stretch: float = 0.1
+    """With a window: how much longer than the best MinMax plan's the longest route may be, as a share of it."""
+    starts: int = 0
+    """Searches side by side; 0 for as many as there are processors."""
+    params: SearchParams = DEFAULT_PARAMS
+    """What the search is tuned by."""
+    usual: bool = False
+    """Whether nobody asked for a cost: then it is the window where there is one to search for in this time, and else
+    MinMax."""
+
+    def __post_init__(self) -> None:
+        """Check that the solver can do it.
+
+        Raises:
+            PlanFileError: the window is asked of a solver that does not know it, or the paper's solver is to be tuned.
+        """
+        if self.cost is None and not self.usual and self.solver is not PlanSolver.SEARCH:
+            raise PlanFileError(f"--solver: expected search for --cost window, got {self.solver.value}")
+        if self.params != DEFAULT_PARAMS and self.solver is PlanSolver.GRASP:
+            raise PlanFileError("--search: expected none beside --solver grasp, whose numbers are the paper's")
+
+    @property
+    def threads(self) -> int:
+        """Searches side by side."""
+        return self.starts or os.cpu_count() or 1
+
+    def adapt_to_task(self, task: Task) -> PlanRequest:
+        """Return what is asked of a task."""
+        if not self.usual:
+            return self
+        able = self.solver is PlanSolver.SEARCH and len(task.instance.vehicles) > 1
+        searched = able and 0 < len(task.segment_ids) <= WINDOW_UP_TO
+        return replace(self, cost=None if searched else Cost.MINMAX, usual=False)
+
+
+DEFAULT = PlanRequest(cost=None, seconds=5.0, seed=1, stretch=0.05, usual=True)
+"""What every command plans by where it is not told otherwise: what was looked at is what is flown.
+
+The window, so that the fleet can finish without any one vehicle from as early as possible, at a small price in time."""
+
+
+def plan_site(
+    ground: SiteModel,
+    wanted: PlanRequest,
+    on_progress: Callable[[Progress], None] | None = None,
+    task: Task | None = None,
+) -> PlanFile:
+    """Plan a whole site, or one task of it.
+
+    Raises:
+        planner.PlannerError: the solver cannot take this problem.
+    """
+    task = site_model.build_first_task(ground) if task is None else task
+    wanted = wanted.adapt_to_task(task)
+    window: Window | None
+    if wanted.cost is None:
+        stop = _build_stop_rule(wanted, NoImprovement(WINDOW_SETTLED))
+        found = solve_window(
+            task.instance, stretch=wanted.stretch, stop=stop, seed=wanted.seed,
+            all_vehicles=wanted.all_vehicles, starts=wanted.threads, params=wanted.params, on_progress=on_progress,
+            fly_again=may_fly_again(ground),
+        )  # fmt: skip
+        plan, seconds, window = found.plan, found.seconds, to_plan_window(found.window, task.instance)
+    else:
+        result = _solve_task(task.instance, wanted, wanted.cost, on_progress)
+        plan, seconds, window = result.plan, result.seconds, None
+    if ground.inspection.same_distance:
+        plan = rearrange_plan(ground, task, plan, wanted.cost or Cost.MINMAX, window)
+        task = site_model.adjust_task_to_layers(ground, task, plan)
+        if window is not None:
+            window = to_plan_window(replan_window(task.instance, plan, fly_again=may_fly_again(ground)), task.instance)
+    solved = SolverRecord(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
+    return build_site_plan_file(ground, task, plan, wanted.cost, solved, window)
+
+
+def rearrange_plan(ground: SiteModel, task: Task, plan: Plan, cost: Cost, window: Window | None = None) -> Plan:
+    """Return a plan of which routes are changed a little, so that less is inspected from layers.
+
+    Args:
+        ground: The site, with everybody at the asked distance.
+        task: What was planned.
+        plan: For it.
+        cost: What it was planned by.
+        window: Its re-plan window, which does not become smaller.
+    """
+    if task.pricing is None:
+        return plan
+    fly_again, was = may_fly_again(ground), evaluate(task.instance, plan, cost)
+
+    def plan_of(routes: Routes) -> Plan:
+        own = (Route(number, task.from_network(routes.get(name, ()))) for number, name in enumerate(ground.names))
+        return Plan(tuple(own), plan.uncovered)
+
+    def cost_of(routes: Routes) -> float:
+        found = evaluate(task.instance, plan_of(routes), cost)
+        worse = max(found.value / was.value, found.longest_route_s / was.longest_route_s)
+        return math.inf if found.violations or worse > REARRANGED else worse
+
+    def may(routes: Routes) -> bool:
+        return window is None or (
+            replan_window(task.instance, plan_of(routes), fly_again=fly_again).earliest_s <= window.earliest_s + SAME
+        )
+
+    routes = site_model.name_routes(ground, task, plan)
+    ahead_s = site_model.horizon_s(ground.site) + LATE_S
+    better = rearrange_routes(ground.setup, routes, task.pricing.models, ahead_s, cost_of, may)
+    return plan if better == routes else plan_of(better)
+
+
+def build_site_plan_file(
+    ground: SiteModel, task: Task, plan: Plan, cost: Cost | None, solved: SolverRecord, window: Window | None = None
+) -> PlanFile:
+    """Return a plan of a site's task as a plan file: with what the site says of its flights and of its ground."""
+    content = make_plan_file(
+        ground.network, task, ground.travel, plan, cost, solved, window=window, inspection=ground.inspection,
+    )  # fmt: skip
+    return replace(
+        content, fly_again=may_fly_again(ground), terrain=site_model.build_plan_terrain(ground),
+        autopilots={one.name: one.autopilot for one in ground.site.vehicle}, fence=site_model.plan_fence(ground.site),
+    )  # fmt: skip
+
+
+def may_fly_again(ground: SiteModel) -> bool:
+    """Return whether a site's vehicles may fly again once they have landed: by themselves, or by the crew's word."""
+    return ground.site.flight.fly_again != "never"
+
+
+def plan_front(
+    ground: SiteModel, wanted: PlanRequest, on_progress: Callable[[Progress], None] | None = None
+) -> tuple[PlanFile, ...]:
+    """Return the plans of a site that no other one found beats in longest route, energy and window at once.
+
+    Raises:
+        planner.PlanError: there is one vehicle only.
+    """
+    task = site_model.build_first_task(ground)
+    found = find_pareto_front(
+        task.instance, stop=Seconds(wanted.seconds), seed=wanted.seed, all_vehicles=wanted.all_vehicles,
+        starts=wanted.threads, params=wanted.params, on_progress=on_progress, fly_again=may_fly_again(ground),
+    )  # fmt: skip
+    solved = SolverRecord(solver=wanted.solver.value, seed=wanted.seed, seconds=wanted.seconds)
+    return tuple(_build_front_plan(ground, task, entry, solved) for entry in found)
+
+
+def _build_front_plan(ground: SiteModel, task: Task, entry: ParetoPlan, solved: SolverRecord) -> PlanFile:
+    window = entry.window
+    if ground.inspection.same_distance:
+        task = site_model.adjust_task_to_layers(ground, task, entry.plan)
+        window = replan_window(task.instance, entry.plan, fly_again=may_fly_again(ground))
+    return build_site_plan_file(ground, task, entry.plan, None, solved, to_plan_window(window, task.instance))
+
+
+def plan_references(ground: SiteModel, wanted: PlanRequest) -> Mapping[str, PlanFile]:
+    """Return what each of the paper's cost functions gives in a tenth of the time, by its name: to compare with."""
+    plans = {}
+    for cost in Cost:
+        content = plan_site(ground, replace(wanted, cost=cost, seconds=max(0.2, wanted.seconds / 10)))
+        instance = content.build_instance()
+        found = replan_window(instance, content.plan, fly_again=content.fly_again)
+        plans[cost.value] = replace(content, window=to_plan_window(found, instance))
+    return plans
+
+
+def _solve_task(
+    instance: Instance, wanted: PlanRequest, cost: Cost, on_progress: Callable[[Progress], None] | None
+) -> Result:
+    limit = Seconds(wanted.seconds)
+    match wanted.solver:
+        case PlanSolver.GRASP:
+            return solve_grasp(
+                instance, cost=cost, stop=limit, seed=wanted.seed, all_vehicles=wanted.all_vehicles,
+                on_progress=on_progress,
+            )  # fmt: skip
+        case PlanSolver.EXACT:
+            return solve_exact(
+                instance, cost=cost, stop=limit, all_vehicles=wanted.all_vehicles, params=wanted.params,
+                on_progress=on_progress,
+            )  # fmt: skip
+        case PlanSolver.SEARCH:
+            return solve(
+                instance, cost=cost, stop=_build_stop_rule(wanted, NoImprovement(SETTLED)), seed=wanted.seed,
+                starts=wanted.threads, all_vehicles=wanted.all_vehicles, params=wanted.params, on_progress=on_progress,
+            )  # fmt: skip
+
+
+def _build_stop_rule(wanted: PlanRequest, settled: StopRule) -> StopRule:
+    """Return when a search ends: after its iterations if they are given, and else once it is settled."""
+    return any_of(Seconds(wanted.seconds), settled if wanted.iterations is None else Iterations(wanted.iterations))
+
+
+def to_plan_window(found: ReplanWindow, instance: Instance) -> Window:
+    """Return a re-plan window as plan files keep it."""
+    loss = None
+    if found.breaking is not None:
+        breaking = found.breaking
+        loss = BreakingLoss(instance.vehicles[breaking.vehicle].name, breaking.from_s, breaking.to_s)
+    return Window(found.window_pct, found.earliest_s, found.longest_route_s, loss)
+
+
+def check_plan_fits(plan: PlanFile, ground: SiteModel, source: str) -> None:
+    """Check that a plan file is what a site asks for: its figures are right, and the site is as it was then.
+
+    Raises:
+        PlanFileError: it is another site's, or the site has changed since: one line that says where.
+    """
+    check_plan_belongs(plan, ground, source)
+    for line in check_plan(plan, search_window=False):
+        raise PlanFileError(f"{source}: {line}; `faultline check` says more")
+    changed = describe_site_changes(plan, ground)
+    if changed:
+        more = f"; and {len(changed) - CHANGES_NAMED} more" if len(changed) > CHANGES_NAMED else ""
+        raise PlanFileError(f"{source}: the site has changed: {'; '.join(changed[:CHANGES_NAMED])}{more}: plan again")
+
+
+def describe_site_changes(plan: PlanFile, ground: SiteModel) -> list[str]:
+    """Return in words where a site says something else now than when a plan was made for it.
+
+    Args:
+        plan: One that belongs to the site.
+        ground: The site.
+    """
+    never = {one.segment: one.why for one in ground.setup.unreachable}
+    if barred := [segment for segment in plan.segments if segment.id in never]:
+        return [f"{segment.display_name} {never[segment.id]}" for segment in barred]
+    task = site_model.build_first_task(ground, [segment.id for segment in plan.segments])
+    nothing = Plan(tuple(Route(number, ()) for number in range(len(plan.vehicles))), tuple(range(len(plan.segments))))
+    inspection = None if plan.inspection is None else ground.inspection
+    now = make_plan_file(
+        ground.network, task, ground.travel, nothing, Cost.MINMAX, plan.solved, inspection=inspection,
+    )  # fmt: skip
+    return list(
+        _describe_differences(
+            _collect_site_facts(plan), _collect_site_facts(replace(now, terrain=site_model.build_plan_terrain(ground)))
+        )
+    )
+
+
+def _collect_site_facts(plan: PlanFile) -> dict[str, object]:
+    """Return what a plan file says of the site that it was made for.
+
+    Pads and layers are not among it: they are chosen by who else flies, and the next sortie does so without the lost.
+    """
+    document = build_plan_document(plan)
+    model = None if plan.pricing is None else {"power": asdict(next(iter(plan.pricing.models.values())).power)}
+    # Whether a height limit is in anybody's way is a matter of layers.
+    areas = [area for area in plan.areas if area.kind is not AreaKind.HEIGHT_LIMIT]
+    return {
+        **{key: document.get(key) for key in ("depot", "travel", "inspection", "terrain")},
+        "model": model,
+        "areas": len(areas),
+        "area": [_outline_area(area) for area in areas],
+        "vehicles": {
+            vehicle.name: asdict(vehicle)
+            | ({} if plan.pricing is None else {"performance": asdict(plan.pricing.models[vehicle.name].performance)})
+            for vehicle in plan.vehicles
+        },
+        "segments": {
+            segment.id: {"elevation_m": segment.elevation_m, "height_m": segment.height_m} for segment in plan.segments
+        },
+    }
+
+
+def _outline_area(area: Area) -> dict[str, object]:
+    rings = [[[round(figure, 2) for figure in corner] for corner in ring] for ring in area.rings_m]
+    return {"name": area.name, "margin_m": area.margin_m, "width_m": area.width_m, "corners": rings}
+
+
+def _find_low_starts(pricing: Pricing, left: RemainingProblem) -> Iterator[str]:
+    """Yield who is below its layer when it becomes free: it has inspected there last."""
+    for vehicle, free in zip(left.instance.vehicles, left.survivors, strict=True):
+        last = next(iter(free.completed[::-1]), None) if free.finishing is None else free.finishing
+        layered = pricing.layered.get(vehicle.name, frozenset())
+        if (
+            vehicle.airborne
+            and last is not None
+            and pricing.steps_m.get(vehicle.name)
+            and segment_of(last) not in layered
+        ):
+            yield vehicle.name
+
+
+def _describe_differences(before: object, now: object, place: str = "") -> Iterator[str]:
+    if isinstance(before, Mapping) and isinstance(now, Mapping):
+        for key in {**before, **now}:
+            yield from _describe_differences(before.get(key), now.get(key), f"{place}.{key}" if place else str(key))
+    elif isinstance(before, list | tuple) and isinstance(now, list | tuple) and len(before) == len(now):
+        for index, (one, other) in enumerate(zip(before, now, strict=True)):
+            yield from _describe_differences(one, other, f"{place}[{index}]")
+    elif not _is_alike(before, now):
+        yield f"{place} is {_format_value(now)}, the plan was made with {_format_value(before)}"
+
+
+def _is_alike(before: object, now: object) -> bool:
+    if isinstance(before, int | float) and isinstance(now, int | float):
+        return math.isclose(before, now, rel_tol=SAME, abs_tol=SAME)
+    return before == now
+
+
+def _format_value(value: object) -> str:
+    return f"{value:.7g}" if isinstance(value, float) else "not known" if value is None else str(value)
+
+
+def check_plan_belongs(plan: PlanFile, ground: SiteModel, source: str) -> None:
+    """Check that a plan file is about a site's vehicles and segments.
+
+    Raises:
+        PlanFileError: it has other vehicles, or segments that are not the site's.
+    """
+    names = tuple(vehicle.name for vehicle in plan.vehicles)
+    if names != ground.names:
+        raise PlanFileError(f"{source}: vehicles: expected {', '.join(ground.names)}, got {', '.join(names)}")
+    check_same_segments(plan, ground, source)
+
+
+def check_same_segments(plan: PlanFile | DayPlanFile, ground: SiteModel, source: str) -> None:
+    """Check that a plan's segments, all of a site's or some of them, are where the site's are.
+
+    Raises:
+        PlanFileError: one is not.
+    """
+    ends_m = ground.network.ends_m
+    for segment in plan.segments:
+        place = f"{source}: {segment.display_name}"
+        if not 0 <= segment.id < len(ends_m):
+            raise PlanFileError(f"{place}: expected one of the site's {len(ends_m)} segments")
+        off_m = np.abs(ends_m[segment.id] - np.array([segment.a_enu_m[:2], segment.b_enu_m[:2]])).max()
+        if off_m > SAME_PLACE_M:
+            raise PlanFileError(
+                f"{place}: expected where the site's {ground.network.segment_name(segment.id)} is, got {off_m:.1f} m "
+                "beside it"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class LossPreview:
+    """What a loss makes of a plan."""
+
+    left: RemainingProblem
+    plan: PlanFile
+    feasible: bool
+
+
+def preview_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: float, seed: int) -> LossPreview:
+    """Re-plan a plan file for the loss of one vehicle at a time.
+
+    Raises:
+        PlanFileError: the plan has no such vehicle.
+        planner.PlanError: nobody is left.
+    """
+    names = [vehicle.name for vehicle in plan.vehicles]
+    if lost not in names:
+        raise PlanFileError(f"{plan.source}: --lost: expected one of {', '.join(names)}, got {lost}")
+    task = plan.build_task()
+    left = build_remaining_problem(task.instance, plan.plan, names.index(lost), at_s, fly_again=plan.fly_again)
+    stop = any_of(Seconds(seconds), NoImprovement(SETTLED))
+    result = replan(left.instance, warm=left.warm, cost=cost, stop=stop, seed=seed)
+    pricing = plan.pricing and plan.pricing.select_segments(
+        left.open_segments, (one.name for one in left.instance.vehicles)
+    )
+    if pricing is not None and plan.pricing is not None:
+        pricing = replace(pricing, low_starts=frozenset(_find_low_starts(plan.pricing, left)))
+    reduced = Task(left.instance, left.open_segments, pricing)
+    solved = SolverRecord(solver=PlanSolver.SEARCH.value, seed=seed, seconds=result.seconds)
+    content = make_plan_file(
+        plan.build_network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection,
+    )  # fmt: skip
+    return LossPreview(left, content.with_site_of(plan), result.feasible)

@@ -1,0 +1,43 @@
+"""The solver of a flight in virtual time: in this process, and with an end that no clock decides."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+
+from executor.adapters.solver import SETTLED, SolverSetup, solve_for_survivors
+from executor.core.interface.commands import Solve
+from executor.core.interface.events import SolveEnded
+from missions import Pricing
+
+NO_LIMIT_S = 3600.0
+"""Of real time: what ends a search is that it finds nothing better."""
+
+
+class InProcessSolver:
+    """`ports.Solver`: the same problem always has the same answer, after the same time."""
+
+    def __init__(self, seed: int, *, takes_s: float, settled: int = SETTLED) -> None:
+        """Solve with a seed.
+
+        Args:
+            seed: Of the search.
+            takes_s: What a re-plan takes of the flight's time.
+            settled: Iterations without an improvement after which a re-plan is good enough.
+        """
+        self._setup = SolverSetup(NO_LIMIT_S, seed)
+        self._takes_s = takes_s
+        self._settled = settled
+        self._cancelled = -1
+
+    async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
+        """Take the time, then answer; or say that it was cancelled meanwhile."""
+        await asyncio.sleep(self._takes_s)
+        if self._cancelled >= problem.revision:
+            return SolveEnded(problem.revision, None, (), self._takes_s, "cancelled")
+        ended = solve_for_survivors(self._setup, problem, pricing, lambda: False, settled=self._settled)
+        return replace(ended, solve_s=self._takes_s)
+
+    def cancel(self, revision: int) -> None:
+        """Let this and older problems have no answer."""
+        self._cancelled = max(self._cancelled, revision)

@@ -1,0 +1,125 @@
+"""The plan of days of many sorties: what its file holds, and the check of every figure from the file's own content."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from missions.errors import PlanFileError
+from missions.flight_model import Base
+from missions.geo import FloatArray, LocalFrame
+from missions.plan_file import PlanSegment, SolverRecord, is_same_figure
+from missions.pricing import Pricing
+from missions.sortie_pricing import build_priced_sorties
+from missions.validation import Figure, Text
+from planner import InstanceError
+from planner.sorties import (
+    LossWindow,
+    Objective,
+    SortieBase,
+    SortieEvaluation,
+    SortieInstance,
+    SortiePlan,
+    SortieVehicle,
+    count_packs_needed,
+    evaluate_sorties,
+)
+
+Window = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class BasePlace:
+    """Where a base is."""
+
+    name: Text
+    lat_deg: Figure
+    lon_deg: Figure
+    alt_m: Annotated[Figure, Field()]
+    """Ground above mean sea level."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DayPlanFile:
+    """A day plan's content."""
+
+    frame: LocalFrame
+    segments: tuple[PlanSegment, ...]
+    pricing: Pricing
+    """Tracks of the segments, and how each vehicle flies; its bases are the vehicles' own."""
+    places: tuple[BasePlace, ...]
+    bases: tuple[SortieBase, ...]
+    vehicles: tuple[SortieVehicle, ...]
+    pads: tuple[tuple[Base, ...], ...]
+    """For each vehicle its pad at each base."""
+    days: tuple[Window, ...]
+    transfer_s: FloatArray
+    stagger_s: float
+    able: npt.NDArray[np.bool_]
+    plan: SortiePlan
+    evaluation: SortieEvaluation
+    objective: Objective
+    solved: SolverRecord
+    windows: tuple[LossWindow, ...] = ()
+    """Until when each vehicle must not be lost; empty if nobody looked."""
+    source: str = field(default="day plan", compare=False)
+    """Where it was read, for messages."""
+
+    def build_instance(self) -> SortieInstance:
+        """Return the planning problem over positions in ``segments``.
+
+        Raises:
+            PlanFileError: its content does not make one.
+        """
+        try:
+            return build_priced_sorties(
+                self.pricing, self.vehicles, self.pads, self.bases, self.days, self.transfer_s, able=self.able,
+                stagger_s=self.stagger_s,
+            )  # fmt: skip
+        except InstanceError as error:
+            raise PlanFileError(f"{self.source}: {error}") from error
+
+    @property
+    def count_packs(self) -> tuple[int, ...]:
+        """Packs that each base needs, as ``count_packs_needed`` has it."""
+        return count_packs_needed(self.build_instance(), self.plan, self.evaluation)
+
+    def count_swaps(self, base: int) -> int:
+        """Return how many sorties take a pack of a base."""
+        return sum(one.base == base for own in self.plan.sorties for one in own)
+
+
+def check_day_plan(content: DayPlanFile) -> list[str]:
+    """Return in words every figure of a day plan that its own content does not bear out; empty if all is well.
+
+    Recomputed are times, energies, packs, hours, take-offs and coverage; windows after losses are not searched anew.
+
+    Raises:
+        PlanFileError: its content makes no planning problem at all.
+    """
+    return list(_check_content(content))
+
+
+def _check_content(content: DayPlanFile) -> Iterator[str]:
+    computed = evaluate_sorties(content.build_instance(), content.plan)
+    written = content.evaluation
+    for number, own in enumerate(content.vehicles):
+        for key, mine, its in (
+            ("duration_s", written.lasts_s[number], computed.lasts_s[number]),
+            ("energy_pct", written.energies_pct[number], computed.energies_pct[number]),
+        ):
+            for index, (said, is_so) in enumerate(zip(mine, its, strict=True)):
+                if not is_same_figure(said, is_so):
+                    yield f"sortie {index + 1} of {own.name}: {key} is {said:.6g}, its content gives {is_so:.6g}"
+    for key, said, is_so in (
+        ("finish_s", written.finish_s, computed.finish_s),
+        ("flight_s", written.flight_s, computed.flight_s),
+    ):
+        if not is_same_figure(said, is_so):
+            yield f"{key} is {said:.6g}, its content gives {is_so:.6g}"
+    yield from computed.violations

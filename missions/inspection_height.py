@@ -1,0 +1,372 @@
+"""Who may inspect at the asked distance, below its own layer, without meeting anybody there whatever the timing.
+
+A vehicle that comes down to the line has the air between the line and its own layer for itself, along the whole of what
+it inspects there: it comes down at one end, goes up at the other, and its RTL begins with a climb from any place
+between. That air is a wall. Nobody below that layer may cross it, on a mission or straight home, and walls keep away
+from each other; who flies above it is a layer away as ever. So nothing here depends on when anybody flies: a vehicle
+may be late, silent or lost.
+
+Where the layers follow hills, returns are stacked above all layers (`safety.Layers.return_up_m`) and cross no wall.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from missions.flight_model import SAME_PLACE_M
+from missions.geo import FloatArray
+from missions.geometry import SHORTEST_M2, leg_distances_m, wall_distances_m
+from missions.pads import column_radius_m
+from missions.routes import build_flight_path
+from missions.safety import legs_m
+from missions.setup import FlightSetup
+from missions.shortest_ways import Obstacle
+from missions.waypoints import FlightPath, Phase
+from planner import is_reversed, segment_of
+
+BoolArray = npt.NDArray[np.bool_]
+Routes = Mapping[str, Sequence[int]]
+PathMaker = Callable[..., FlightPath]
+"""`build_flight_path`, or what answers like it."""
+NOBODY: frozenset[str] = frozenset()
+ROUNDING_M = 1e-3
+"""Coordinates of waypoints are rounded to less."""
+AT_ONCE = 200_000
+"""Pairs of legs that are compared in one step: 50 MB."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Airway:
+    """What one vehicle may fly: the legs of a mission, or of what is left of it."""
+
+    vehicle: str
+    legs_m: FloatArray
+    """(n, 2, 3) float64."""
+    below_m: FloatArray
+    """(n, 2) float64: how far below its own layer the vehicle is at both ends of a leg."""
+    for_now: bool = False
+    """Whether it is flown only until the vehicle has its new mission, which is before those below it have theirs."""
+
+    @property
+    def over_ground_m(self) -> FloatArray:
+        """(n, 2, 2) float64: the legs seen from above."""
+        return self.legs_m[:, :, :2]
+
+    @property
+    def walls_m(self) -> FloatArray:
+        """(n,) float64: how high a leg's wall reaches over it; 0 where it is flown in the vehicle's layer."""
+        return np.asarray(self.below_m.max(axis=1, initial=0.0))
+
+    def to_layer(self) -> Airway:
+        """Return the same flown in the vehicle's layer: as it is on its way home, wherever that began."""
+        legs_m = self.legs_m.copy()
+        legs_m[:, :, 2] += self.below_m
+        return replace(self, legs_m=legs_m, below_m=np.zeros_like(self.below_m))
+
+    @property
+    def has_wall(self) -> BoolArray:
+        """(n,) whether a leg has a wall, or leads between a line and the layer."""
+        return np.asarray(self.walls_m > 0)
+
+
+def build_airway(setup: FlightSetup, path: FlightPath, first: int = 0) -> Airway:
+    """Return what a vehicle may fly of a path.
+
+    Args:
+        setup: Heights and pads.
+        path: Its flight.
+        first: The waypoint that it flies to: legs before that are over.
+    """
+    if first >= len(path.waypoints):
+        return Airway(path.vehicle, np.zeros((0, 2, 3)), np.zeros((0, 2)))
+    legs = legs_m(path, setup.frame, setup.frame.up_m(setup.pad_of(path.vehicle).alt_m))
+    below_m = np.array([0.0, *(point.below_m for point in path.waypoints)])
+    return Airway(path.vehicle, legs[first:], np.column_stack((below_m[:-1], below_m[1:]))[first:])
+
+
+def build_first_paths(
+    setup: FlightSetup, routes: Routes, stays: Collection[str] = NOBODY, made_by: PathMaker = build_flight_path
+) -> dict[str, FlightPath]:
+    """Return the whole flight of every vehicle that has something to do.
+
+    Args:
+        setup: Heights and pads.
+        routes: Visits of the setup's network, by the vehicle's name.
+        stays: Vehicles that inspect in their layers: nobody knows that they leave the line when they are lost.
+        made_by: What makes the path of a vehicle's visits; who tries many routes keeps those that it has made.
+    """
+    paths = {name: made_by(setup, name, visits) for name, visits in routes.items() if visits}
+    if not setup.inspection.same_distance:
+        return paths
+    low = select_low_segments(setup, routes, [build_airway(setup, path) for path in paths.values()], stays)
+    return {name: made_by(setup, name, routes[name], low[name]) if low[name] else path for name, path in paths.items()}
+
+
+def find_low_segments(path: FlightPath, visits: Sequence[int]) -> frozenset[int]:
+    """Return which segments of its visits a path inspects below its vehicle's layer."""
+    return frozenset(segment_of(visits[visit]) for visit in _find_low_visits(path))
+
+
+def _find_low_visits(path: FlightPath) -> frozenset[int]:
+    return frozenset(
+        point.visit
+        for point in path.waypoints
+        if point.visit is not None and point.below_m > 0 and (point.phase is Phase.INSPECT or point.captures)
+    )
+
+
+def visit_distances_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> tuple[float, ...]:
+    """Return at which distance a path makes each of its visits; one from too high by what it is too high."""
+    low, offset_m = _find_low_visits(path), setup.layers.offset_m(path.vehicle)
+    return tuple(
+        setup.inspection.height_m + (0.0 if number in low else offset_m + _viewpoint_depth_m(setup, segment_of(visit)))
+        for number, visit in enumerate(visits)
+    )
+
+
+def segment_distances_m(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> dict[int, float]:
+    """Return at which distance a path inspects each segment of its visits, the last time if it comes there twice."""
+    return dict(zip(map(segment_of, visits), visit_distances_m(setup, path, visits), strict=True))
+
+
+def _viewpoint_depth_m(setup: FlightSetup, segment: int) -> float:
+    """Return how far below the common surface the lowest viewpoint of a pylon lies; 0 for a span."""
+    look = setup.looks.pylons.get(segment)
+    return 0.0 if look is None else look.deepest_m
+
+
+def must_leave_layer(setup: FlightSetup, vehicle: str, segment: int) -> bool:
+    """Return whether a vehicle has to leave its layer to inspect a segment as asked."""
+    return setup.layers.offset_m(vehicle) + _viewpoint_depth_m(setup, segment) > 0
+
+
+def select_low_segments(
+    setup: FlightSetup,
+    routes: Routes,
+    taken: Sequence[Airway],
+    stays: Collection[str] = NOBODY,
+    begins_m: Mapping[str, tuple[float, float]] | None = None,
+) -> dict[str, frozenset[int]]:
+    """Return which segments of its route each vehicle may inspect below its layer.
+
+    The lowest layer is at the asked height itself: who has it needs none, but to viewpoints below it. Of what is
+    inspected in one go it is one stretch, the longest: so nobody goes up and down more often than it is priced with.
+
+    Args:
+        setup: Heights and pads.
+        routes: New visits, by the vehicle's name.
+        taken: All that anybody may fly: the new routes in their layers, and what was on board before, or still is.
+        stays: Vehicles that inspect in their layers.
+        begins_m: Where vehicles are below their layer when their route begins, east and north, by name.
+    """
+    order = setup.layers.vehicles
+    radius_m = column_radius_m(setup.inspection.layer_m)
+    closed = OccupiedAirspace(setup, taken)
+    low: dict[str, frozenset[int]] = {name: frozenset() for name in routes}
+    for name in order:
+        visits = list(routes.get(name, ()))
+        down = [number for number, visit in enumerate(visits) if must_leave_layer(setup, name, segment_of(visit))]
+        if name in stays or not down:
+            continue
+        parts_m = [inspection_ways_m(setup, segment_of(visits[number])) for number in down]
+        met = closed.find_closed_tracks(name, np.concatenate(parts_m), radius_m)
+        ends = np.cumsum([len(part_m) for part_m in parts_m])[:-1]
+        free = np.zeros(len(visits), dtype=np.bool_)
+        free[down] = [not part.any() for part in np.split(met, ends)]
+        chosen = _find_free_stretches(setup, visits, free, None if begins_m is None else begins_m.get(name))
+        low[name] = frozenset(segment_of(visits[number]) for number in chosen)
+        if chosen:
+            closed.add_walls(name, np.concatenate([inspection_ways_m(setup, segment) for segment in sorted(low[name])]))
+    return low
+
+
+def inspection_ways_m(setup: FlightSetup, segment: int) -> FloatArray:
+    """Return (n, 2, 2) where a segment is inspected, seen from above: its track, or from viewpoint to viewpoint."""
+    look = setup.looks.pylons.get(segment)
+    if look is None:
+        return setup.tracks_m[[segment]]
+    places_m = np.array([point.place_m for point in look.points])
+    return np.stack((places_m[:-1], places_m[1:]), axis=1)
+
+
+def check_inspection_airspace(setup: FlightSetup, taken: Sequence[Airway]) -> list[str]:
+    """Return in words who comes too near to the air in which another goes down to the line; empty if nobody does.
+
+    Args:
+        setup: Heights and pads.
+        taken: All that anybody may fly. Legs of one vehicle do not meet each other.
+    """
+    keep_m = setup.inspection.layer_m - ROUNDING_M
+    found = []
+    for owner, other in itertools.permutations(taken, 2):
+        if owner.vehicle == other.vehicle or not owner.has_wall.any():
+            continue
+        near_m, words = _find_nearest_airway(setup, owner, other)
+        if near_m < keep_m:
+            found.append(
+                f"{other.vehicle} {words} comes within {near_m:.2f} m of where {owner.vehicle} goes down to the line, "
+                f"{setup.inspection.layer_m:g} m expected"
+            )
+    return found
+
+
+def build_wall_obstacles(setup: FlightSetup, vehicle: str, taken: Sequence[Airway]) -> tuple[Obstacle, ...]:
+    """Return what a vehicle's ways lead around: the walls, among what others may fly, that reach above its layer."""
+    order, radius_m = setup.layers.vehicles, column_radius_m(setup.inspection.layer_m)
+    found: dict[tuple[tuple[float, float], ...], None] = {}
+    for one in taken:
+        if order.index(one.vehicle) > order.index(vehicle):
+            for begin, end in one.over_ground_m[one.has_wall].round(2).tolist():
+                found[tuple(dict.fromkeys((tuple(begin), tuple(end))))] = None
+    return tuple(Obstacle((line,), radius_m, is_line=True) for line in found)
+
+
+class OccupiedAirspace:
+    """The air that is not free for a vehicle which comes down to the line."""
+
+    def __init__(self, setup: FlightSetup, taken: Sequence[Airway]) -> None:
+        self._setup = setup
+        self._legs: dict[str, list[FloatArray]] = {}
+        self._walls: dict[str, list[FloatArray]] = {}
+        self._walls_for_now: dict[str, list[FloatArray]] = {}
+        self._pads_m = {pad.vehicle: np.array([pad.east_m, pad.north_m]) for pad in setup.pads}
+        for one in taken:
+            self._legs.setdefault(one.vehicle, []).append(one.over_ground_m)
+            walls = self._walls_for_now if one.for_now else self._walls
+            walls.setdefault(one.vehicle, []).append(one.over_ground_m[one.has_wall])
+
+    def add_walls(self, vehicle: str, tracks_m: FloatArray) -> None:
+        """Take note of new walls."""
+        self._walls.setdefault(vehicle, []).append(tracks_m)
+
+    def find_closed_tracks(self, vehicle: str, tracks_m: FloatArray, radius_m: float) -> BoolArray:
+        """Return (n,) which of (n, 2, 2) tracks a vehicle must not come down to."""
+        order = self._setup.layers.vehicles
+        met = np.zeros(len(tracks_m), dtype=np.bool_)
+        for name, pad_m in self._pads_m.items():
+            if name == vehicle:
+                continue
+            met |= find_near_tracks(tracks_m, np.broadcast_to(pad_m, (1, 2, 2)), radius_m)
+            for walls_m in self._walls.get(name, ()):
+                met |= find_near_tracks(tracks_m, walls_m, radius_m)
+            if order.index(name) > order.index(vehicle):
+                continue  # it flies above
+            for walls_m in self._walls_for_now.get(name, ()):
+                met |= find_near_tracks(tracks_m, walls_m, radius_m)
+            for below_m in self._legs.get(name, ()):
+                met |= find_near_tracks(tracks_m, below_m, radius_m)
+                if self._setup.layers.returns_in_layers:
+                    met |= find_tracks_near_returns(tracks_m, below_m, pad_m, radius_m)
+        return met
+
+
+def find_near_tracks(tracks_m: FloatArray, legs_m: FloatArray, radius_m: float) -> BoolArray:
+    """Return (n,) which of (n, 2, 2) tracks come nearer than a radius to any of (m, 2, 2) legs, seen from above."""
+    met = np.zeros(len(tracks_m), dtype=np.bool_)
+    if not len(tracks_m) or not len(legs_m):
+        return met
+    low_m, high_m = tracks_m.min(axis=(0, 1)) - radius_m, tracks_m.max(axis=(0, 1)) + radius_m
+    beside = ((legs_m.max(axis=1) >= low_m) & (legs_m.min(axis=1) <= high_m)).all(axis=1)
+    tracks, legs = _flatten_legs(tracks_m), _flatten_legs(legs_m[beside])
+    step = max(1, AT_ONCE // len(tracks))
+    for first in range(0, len(legs), step):
+        met |= (leg_distances_m(tracks, legs[first : first + step]) < radius_m).any(axis=1)
+    return met
+
+
+def find_tracks_near_returns(tracks_m: FloatArray, legs_m: FloatArray, pad_m: FloatArray, radius_m: float) -> BoolArray:
+    """Return (n,) which of (n, 2, 2) tracks a straight way home from anywhere on (m, 2, 2) legs comes too near to."""
+    met = np.zeros(len(tracks_m), dtype=np.bool_)
+    pads_m = np.broadcast_to(pad_m, (len(legs_m), 2))
+    for end in (0, 1):
+        met |= find_near_tracks(tracks_m, np.stack((legs_m[:, end], pads_m), axis=1), radius_m)
+    corners_m = np.stack((legs_m[:, 0], legs_m[:, 1], pads_m), axis=1)
+    turns = []
+    begins_m, ends_m = corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0]
+    wide = np.abs(begins_m[:, 0] * ends_m[:, 1] - begins_m[:, 1] * ends_m[:, 0]) > SHORTEST_M2
+    for one in range(3):
+        side_m = corners_m[:, (one + 1) % 3] - corners_m[:, one]
+        off_m = tracks_m[:, np.newaxis, 0] - corners_m[:, one]
+        turns.append(side_m[:, 0] * off_m[..., 1] - side_m[:, 1] * off_m[..., 0])
+    within = np.all([turn >= 0 for turn in turns], axis=0) | np.all([turn <= 0 for turn in turns], axis=0)
+    return np.asarray(met | (within & wide).any(axis=1))
+
+
+def _find_nearest_airway(setup: FlightSetup, owner: Airway, other: Airway) -> tuple[float, str]:
+    """Return how near another vehicle comes to a vehicle's walls, and on which of its ways."""
+    walls = owner.has_wall
+    bottoms_m, tops_m = owner.legs_m[walls], owner.walls_m[walls]
+    upright = np.hypot(*(bottoms_m[:, 1, :2] - bottoms_m[:, 0, :2]).T) < SAME_PLACE_M
+    # A way up or down is all of its wall itself.
+    least = (math.inf, "")
+    if len(other.legs_m):
+        apart_m = wall_distances_m(bottoms_m, np.where(upright, 0.0, tops_m), other.legs_m).min()
+        least = min(least, (float(apart_m), "on its mission"))
+        if other.has_wall.any():
+            level = leg_distances_m(
+                _flatten_legs(bottoms_m[:, :, :2]), _flatten_legs(other.over_ground_m[other.has_wall])
+            )
+            least = min(least, (float(level.min()), "on the line"))
+    order = setup.layers.vehicles
+    lower = order.index(other.vehicle) < order.index(owner.vehicle)
+    if lower and setup.layers.returns_in_layers and least[0] >= setup.inspection.layer_m:
+        pad = setup.pad_of(other.vehicle)
+        pad_m = np.array([pad.east_m, pad.north_m])
+        keep_m = setup.inspection.layer_m - ROUNDING_M
+        if find_tracks_near_returns(bottoms_m[:, :, :2], other.over_ground_m, pad_m, keep_m).any():
+            return 0.0, "on its own way home"
+    return least
+
+
+def _find_free_stretches(
+    setup: FlightSetup, visits: Sequence[int], free: BoolArray, begin_m: tuple[float, float] | None
+) -> list[int]:
+    """Return of what is inspected in one go the longest free stretch of each, as positions among the visits."""
+    lengths_m = setup.network.lengths_m
+    chosen: list[int] = []
+    for chain, follows in _iterate_chains(setup, visits, begin_m):
+        runs = [list(run) for is_free, run in itertools.groupby(chain, lambda number: bool(free[number])) if is_free]
+        if follows:  # it is down already: what is not the beginning would be one way up and down more
+            runs = [run for run in runs if run[0] == chain[0]]
+        if runs:
+            chosen += max(runs, key=lambda run: sum(lengths_m[segment_of(visits[number])] for number in run))
+    return chosen
+
+
+def _iterate_chains(
+    setup: FlightSetup, visits: Sequence[int], begin_m: tuple[float, float] | None
+) -> Iterator[tuple[list[int], bool]]:
+    """Yield what is inspected in one go, and whether that goes on from where the vehicle is down already.
+
+    A pylon is always begun, and left, from the layer.
+    """
+    chain: list[int] = []
+    follows, here_m = False, begin_m
+    for number, visit in enumerate(visits):
+        if segment_of(visit) in setup.looks.pylons:
+            if chain:
+                yield chain, follows
+            yield [number], False
+            chain, here_m = [], None
+            continue
+        first_m, last_m = setup.tracks_m[segment_of(visit)][:: -1 if is_reversed(visit) else 1].tolist()
+        joined = here_m is not None and math.dist(here_m, first_m) <= SAME_PLACE_M
+        if chain and not joined:
+            yield chain, follows
+            chain = []
+        if not chain:
+            follows = joined
+        chain.append(number)
+        here_m = (last_m[0], last_m[1])
+    if chain:
+        yield chain, follows
+
+
+def _flatten_legs(legs_m: FloatArray) -> FloatArray:
+    return np.concatenate((legs_m, np.zeros((*legs_m.shape[:2], 1))), axis=2)

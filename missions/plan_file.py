@@ -1,0 +1,426 @@
+"""A plan with all that is needed to check it, and nothing else needed; ``planjson`` writes and reads it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from missions.areas import UNKNOWN_GROUND, Area, Unreachable
+from missions.errors import PlanFileError
+from missions.geo import FloatArray, LocalFrame
+from missions.network import Network, Pylon, Segment
+from missions.pricing import DEPOT_M, Pricing, build_priced_instance
+from missions.setup import Inspection
+from missions.shortest_ways import graph_of, obstacle_of
+from missions.tasks import Task
+from missions.validation import Figure, Id, Known, Pair, Place, Text, is_none
+from planner import (
+    Cost,
+    Instance,
+    InstanceError,
+    Plan,
+    PlanError,
+    Travel,
+    Vehicle,
+    build_instance,
+    evaluate,
+    replan_window,
+    segment_of,
+)
+
+PLACE_TOLERANCE_M = 0.05
+"""Local metres and latitude/longitude of one place agree to this; 1e-7 degrees are 1 cm."""
+FIGURE_TOLERANCE = 1e-6
+"""Recomputed figures agree to this, relative to the larger of the figure and 1: sums depend on their order."""
+
+
+WINDOW_COST = "window"
+"""What a file names as the cost of a plan that was chosen by its re-plan window."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanSegment:
+    """A stretch of line between two pylons, a and b: one segment of the plan's own network."""
+
+    id: Id
+    """The network's number of it; a plan over a part of a network skips some."""
+    name: Annotated[Text | None, Field(exclude_if=is_none)] = None
+    """What its network's file calls it."""
+    a_enu_m: Annotated[Place, Field(alias="a")]
+    """Metres east, north and up from the depot; up is 0 where the ground's height is not known."""
+    b_enu_m: Annotated[Place, Field(alias="b")]
+    a_lat_lon_deg: Pair
+    b_lat_lon_deg: Pair
+    pylons: tuple[str, str]
+    length_m: Figure
+    """Over the ground."""
+    elevation_m: Known = (None, None)
+    """Ground at a and b above mean sea level, where it is known."""
+    height_m: Known = (None, None)
+    """Structure at a and b, where it is known."""
+
+    @property
+    def display_name(self) -> str:
+        """What people call it."""
+        return self.name or f"segment {self.id}"
+
+
+@dataclass(frozen=True, slots=True)
+class BreakingLoss:
+    """A loss that nothing repairs."""
+
+    vehicle: Text
+    """Its name."""
+    from_s: Figure
+    to_s: Figure
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """The re-plan window: from when on the others can finish if any one vehicle is lost."""
+
+    window_pct: Figure
+    """Of the longest route."""
+    earliest_s: Figure
+    longest_route_s: Figure
+    breaking: Annotated[BreakingLoss | None, Field(exclude_if=is_none)] = None
+    """The loss just before it that has no re-plan."""
+
+
+@dataclass(frozen=True, slots=True)
+class SolverRecord:
+    """How the plan came about."""
+
+    solver: str
+    seed: int
+    seconds: float
+    """What the solver took."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanTerrain:
+    """The ground that a plan was made over; its heights are not part of the file."""
+
+    source: Text
+    """The raster, for people."""
+    digest: Text
+    """Of what was read of it: the same ground has the same."""
+    vertical: Text
+    """What its heights were counted from."""
+    uncertainty_m: Figure
+    """Nine of ten heights are nearer than this to the truth."""
+    margin_m: Figure
+    """That every leg keeps over the ground beside that."""
+    line_margin_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
+    """That every leg keeps over the tops of lines; without it a share of the inspection height."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanFence:
+    """What the site says of the fences of its vehicles, which other ground stations are given too."""
+
+    margin_m: Annotated[Figure, Field(gt=0)]
+    """How far a fence is at least from its vehicle's ways."""
+    rally: Literal["pad", "keep"]
+    """Where its own RTL may end: at its pad, or as the vehicle has it."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanFile:
+    """A plan file's content."""
+
+    frame: LocalFrame
+    segments: tuple[PlanSegment, ...]
+    vehicles: tuple[Vehicle, ...]
+    travel: Travel
+    plan: Plan
+    """Over positions in ``segments``, in the order of ``vehicles``."""
+    durations_s: tuple[float, ...]
+    energies_pct: tuple[float, ...]
+    cost: Cost | None
+    """What the plan was chosen by; None: by its re-plan window, the earlier it begins the better."""
+    cost_value: float
+    """In percent of a full battery; of a window, its ``earliest_s``."""
+    solved: SolverRecord
+    window: Window | None = None
+    inspection: Inspection | None = None
+    """How to fly it; without it the file can be checked but not exported."""
+    pricing: Pricing | None = field(default=None, compare=False)
+    """From which times and energies follow; without it from ``travel``, the paper's model."""
+    fly_again: bool = True
+    """Whether vehicles that have landed may fly again after a loss: what its window, and a re-plan, reckons with."""
+    unreachable: tuple[Unreachable, ...] = ()
+    """What was asked for as well, and no flight can inspect, by the network's numbers."""
+    unreachable_names: tuple[str, ...] = ()
+    """What their network's file calls them."""
+    terrain: PlanTerrain | None = None
+    """The ground, where a raster knows it."""
+    autopilots: Mapping[str, str] = field(default_factory=dict)
+    """Of each vehicle by its name, where it is known: in whose dialect its mission is."""
+    fence: PlanFence | None = None
+    """What its vehicles are given as fences; None: none, or nobody knows."""
+    says_distances: bool = True
+    """Whether it is known at which distance its segments are inspected: of a re-plan the missions alone say so."""
+    source: str = field(default="plan", compare=False)
+    """Where it was read, for messages."""
+
+    def with_site_of(self, other: PlanFile) -> PlanFile:
+        """Return this plan with what another one says of their site."""
+        return replace(
+            self, fly_again=other.fly_again, terrain=other.terrain, autopilots=other.autopilots, fence=other.fence
+        )
+
+    @property
+    def cost_name(self) -> str:
+        """The cost as files and people name it."""
+        return WINDOW_COST if self.cost is None else self.cost.value
+
+    @property
+    def areas(self) -> tuple[Area, ...]:
+        """Areas that its ways lead around."""
+        kept_out = () if self.pricing is None else self.pricing.kept_out
+        return tuple(one.area for one in kept_out if one.area.name != UNKNOWN_GROUND)
+
+    @property
+    def ends_m(self) -> FloatArray:
+        """(n, 2, 2) float64: east and north of every segment's a and b."""
+        ends = [(segment.a_enu_m[:2], segment.b_enu_m[:2]) for segment in self.segments]
+        return np.array(ends, dtype=np.float64).reshape(-1, 2, 2)
+
+    def inspection_height_m(self, vehicle: str, position: int) -> float | None:
+        """Return how high a vehicle inspects the segment at a position; None where everybody has its layer anyway."""
+        if self.inspection is None or self.pricing is None:
+            return None
+        if not (self.says_distances and self.inspection.same_distance):
+            return None
+        height_m, pricing = self.inspection.height_m, self.pricing
+        if position not in pricing.layered.get(vehicle, ()):
+            return height_m
+        return height_m + pricing.steps_m.get(vehicle, 0.0) + pricing.deep_m.get(position, 0.0)
+
+    def build_task(self) -> Task:
+        """Return the planning problem that the file is about.
+
+        Raises:
+            PlanFileError: its vehicles or coordinates do not make one.
+        """
+        ids = tuple(segment.id for segment in self.segments)
+        return Task(self.build_instance(), ids, self.pricing, self.unreachable)
+
+    def build_instance(self) -> Instance:
+        """Return the planning problem over positions in ``segments``.
+
+        Raises:
+            PlanFileError: its vehicles or coordinates do not make one.
+        """
+        try:
+            if self.pricing is not None:
+                return build_priced_instance(self.pricing, self.vehicles)
+            return build_instance(self.ends_m, DEPOT_M, self.vehicles, self.travel)
+        except InstanceError as error:
+            raise PlanFileError(f"{self.source}: {error}") from error
+
+    def build_network(self) -> Network:
+        """Return the file's segments as a network, numbered by their position; labels are their names.
+
+        Raises:
+            NetworkError: the segments do not make one.
+        """
+        pylons: dict[str, Pylon] = {}
+        for segment in self.segments:
+            places = (segment.a_lat_lon_deg, segment.b_lat_lon_deg)
+            for name, place, elevation_m, height_m in zip(
+                segment.pylons, places, segment.elevation_m, segment.height_m, strict=True
+            ):
+                pylons.setdefault(name, Pylon(name, *place, elevation_m, height_m))
+        index = {name: number for number, name in enumerate(pylons)}
+        segments = tuple(
+            Segment(number, index[segment.pylons[0]], index[segment.pylons[1]], segment.display_name)
+            for number, segment in enumerate(self.segments)
+        )
+        return Network(tuple(pylons.values()), segments, self.frame, self.source)
+
+
+def make_plan_file(
+    network: Network,
+    task: Task,
+    travel: Travel,
+    plan: Plan,
+    cost: Cost | None,
+    solved: SolverRecord,
+    *,
+    window: Window | None = None,
+    inspection: Inspection | None = None,
+) -> PlanFile:
+    """Return the content of a plan file; all figures come from the definition (``planner.evaluate``).
+
+    Args:
+        network: That the task was made from.
+        task: The problem that was solved.
+        travel: Speeds and rates, of the paper's model.
+        plan: Over the task's instance.
+        cost: What the plan was chosen by; None for ``window``, which must then be given.
+        solved: How the plan came about.
+        window: The re-plan window, if computed.
+        inspection: How the routes are to be flown.
+
+    Raises:
+        planner.PlanError: the plan does not belong to the task.
+        PlanFileError: it was chosen by a window that is not given.
+    """
+    if cost is None and window is None:
+        raise PlanFileError("cost: expected the re-plan window that the plan was chosen by")
+    evaluation = evaluate(task.instance, plan, cost or Cost.MINMAX)
+    if inspection is not None and network.flat:
+        # The file must say so itself: nothing else is asked when it is exported.
+        inspection = replace(inspection, flat=True)
+    return PlanFile(
+        frame=network.frame,
+        segments=tuple(build_plan_segment(network, segment) for segment in task.segment_ids),
+        vehicles=task.instance.vehicles,
+        travel=travel,
+        plan=plan,
+        durations_s=evaluation.durations_s,
+        energies_pct=evaluation.energies_pct,
+        cost=cost,
+        cost_value=evaluation.value if cost is not None or window is None else window.earliest_s,
+        solved=solved,
+        window=window,
+        inspection=inspection,
+        pricing=task.pricing,
+        unreachable=task.unreachable,
+        unreachable_names=tuple(network.segment_name(one.segment) for one in task.unreachable),
+    )
+
+
+def check_plan(content: PlanFile, *, search_window: bool = True) -> list[str]:
+    """Return in words every figure of a plan file that its own content does not bear out; empty if all is well.
+
+    Recomputed are the segments' places and lengths, every route's duration and energy, the cost, coverage, budgets and
+    the re-plan window.
+
+    Args:
+        content: The file.
+        search_window: Whether the window is searched for anew: a second or two for a hundred segments. Otherwise only
+            its percentage and longest route are recomputed.
+
+    Raises:
+        PlanFileError: its vehicles or coordinates make no planning problem at all.
+    """
+    findings = list(_check_content(content))
+    if search_window and content.window is not None and not findings:
+        findings.extend(_check_window(content, content.window))
+    return findings
+
+
+def _check_window(content: PlanFile, written: Window) -> Iterator[str]:
+    try:
+        found = replan_window(content.build_instance(), content.plan, fly_again=content.fly_again)
+    except PlanError as error:
+        yield f"window: {error}"
+        return
+    if not is_same_figure(written.earliest_s, found.earliest_s):
+        yield f"window.earliest_s is {written.earliest_s:.6g}, its content gives {found.earliest_s:.6g}"
+
+
+def _check_content(content: PlanFile) -> Iterator[str]:
+    yield from _check_places(content)
+    yield from _check_areas(content)
+    instance = content.build_instance()
+    evaluation = evaluate(instance, content.plan, content.cost or Cost.MINMAX)
+    figures = [
+        (f"route of {vehicle.name}: {key}", written, computed)
+        for key, all_written, all_computed in (
+            ("duration_s", content.durations_s, evaluation.durations_s),
+            ("energy_pct", content.energies_pct, evaluation.energies_pct),
+        )
+        for vehicle, written, computed in zip(content.vehicles, all_written, all_computed, strict=True)
+    ]
+    if content.cost is not None:
+        figures.append((f"cost.value ({content.cost_name})", content.cost_value, evaluation.value))
+    elif content.window is not None:
+        figures.append((f"cost.value ({content.cost_name})", content.cost_value, content.window.earliest_s))
+    if content.window is not None:
+        longest_s = evaluation.longest_route_s
+        window_pct = 100.0 * ((longest_s - content.window.earliest_s) / longest_s) if longest_s > 0 else 100.0
+        figures.append(("window.longest_route_s", content.window.longest_route_s, longest_s))
+        figures.append(("window.window_pct", content.window.window_pct, window_pct))
+    for name, written, computed in figures:
+        if not is_same_figure(written, computed):
+            yield f"{name} is {written:.6g}, its content gives {computed:.6g}"
+    yield from _check_coverage(content)
+    for vehicle, energy_pct in zip(content.vehicles, evaluation.energies_pct, strict=True):
+        if energy_pct > vehicle.budget_pct + FIGURE_TOLERANCE:
+            yield f"route of {vehicle.name}: spends {energy_pct:.3f} %, its budget is {vehicle.budget_pct:.3f} %"
+
+
+def _check_coverage(content: PlanFile) -> Iterator[str]:
+    visited = {segment_of(visit) for route in content.plan.routes for visit in route.visits}
+    for index, segment in enumerate(content.segments):
+        if index not in visited and index not in content.plan.uncovered:
+            yield f"{segment.display_name} is neither visited nor named as uncovered"
+
+
+def _check_places(content: PlanFile) -> Iterator[str]:
+    for segment in content.segments:
+        for key, enu_m, lat_lon_deg in (
+            ("a", segment.a_enu_m, segment.a_lat_lon_deg),
+            ("b", segment.b_enu_m, segment.b_lat_lon_deg),
+        ):
+            apart_m = math.dist(enu_m[:2], content.frame.to_local_m(*lat_lon_deg))
+            if not apart_m <= PLACE_TOLERANCE_M:
+                yield f"{segment.display_name}: {key} and {key}_lat_lon_deg are {apart_m:.2f} m apart"
+        length_m = math.dist(segment.a_enu_m[:2], segment.b_enu_m[:2])
+        if not is_same_figure(segment.length_m, length_m):
+            yield f"{segment.display_name}: length_m is {segment.length_m:.6g}, its ends are {length_m:.6g} m apart"
+
+
+def _check_areas(content: PlanFile) -> Iterator[str]:
+    """Yield what of the inspection legs that are flown, and of the pads, is in an area."""
+    if content.pricing is None:
+        return
+    flown = sorted({segment_of(visit) for route in content.plan.routes for visit in route.visits})
+    tracks_m = content.pricing.tracks_m[flown, :, :2]
+    for one in content.pricing.kept_out:
+        graph = graph_of((obstacle_of(one.area),))
+        begins_m, ends_m = tracks_m[:, 0], tracks_m[:, 1]
+        within = graph.is_inside(begins_m) | graph.is_inside(ends_m) | graph.is_blocked(begins_m, ends_m)
+        for number in np.flatnonzero(within).tolist():
+            yield f"{content.segments[flown[number]].display_name} is flown, and lies in area {one.area.name!r}"
+        for name in one.vehicles:
+            base = content.pricing.bases.get(name)
+            if base is not None and graph.is_inside(np.array([base.place_m[:2]]))[0]:
+                yield f"the pad of {name} lies in area {one.area.name!r}"
+
+
+def is_same_figure(written: float, computed: float) -> bool:
+    """Return whether a figure is what it was computed anew to be."""
+    return abs(written - computed) <= FIGURE_TOLERANCE * max(1.0, abs(computed))
+
+
+def build_plan_segment(network: Network, number: int) -> PlanSegment:
+    """Return a segment as plan files keep it."""
+    segment = network.segments[number]
+    a, b = network.pylons[segment.a], network.pylons[segment.b]
+    a_m, b_m = network.ends_m[number].tolist()
+    return PlanSegment(
+        id=number,
+        a_enu_m=(*a_m, _up_m(network.frame, a)),
+        b_enu_m=(*b_m, _up_m(network.frame, b)),
+        a_lat_lon_deg=(a.lat_deg, a.lon_deg),
+        b_lat_lon_deg=(b.lat_deg, b.lon_deg),
+        pylons=(a.id, b.id),
+        length_m=float(network.lengths_m[number]),
+        elevation_m=(a.elevation_m, b.elevation_m),
+        height_m=(a.height_m, b.height_m),
+        name=segment.label or None,
+    )
+
+
+def _up_m(frame: LocalFrame, pylon: Pylon) -> float:
+    return 0.0 if pylon.elevation_m is None else frame.up_m(pylon.elevation_m)

@@ -1,0 +1,224 @@
+"""Areas of GeoJSON, KML and KMZ files: polygons, and lines that others fly along.
+
+What a network's reader leaves out with a remark is refused here: an area that is not understood is one that somebody
+flies through.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from missions.errors import AreaError, NetworkError
+from missions.files import NESTED, decode_text
+from missions.readers import geojson, kml
+from missions.readers.archives import Archive, read_first_bytes, read_limited
+from missions.readers.attributes import name_of, read_metres
+from missions.readers.raw_network import MOST_VERTICES, Vertex
+from missions.readers.read_options import Comparison, ReadOptions
+from missions.readers.xml_tree import iterate_children, line_of, root_of, tag_of, text_of
+
+if TYPE_CHECKING:
+    from lxml import etree
+
+FORMATS = "GeoJSON, KML or KMZ"
+NAMES = ("name", "ref", "id", "label", "title")
+FIGURES = ("margin_m", "width_m", "max_agl_m", "max_amsl_m")
+"""What a feature may say of itself, by the names of the site file's keys."""
+
+LatLon = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class FileArea:
+    """An area as its file has it."""
+
+    place: str
+    """The file and the feature, for messages."""
+    name: str
+    """Empty where the file has none."""
+    rings_deg: tuple[tuple[LatLon, ...], ...]
+    """Latitude and longitude of the outline, not closed, and after it of those of holes; or of a line."""
+    is_line: bool
+    figures: Mapping[str, float]
+    """Of `FIGURES`, as far as the feature has them."""
+
+
+def read_areas(path: Path, *, layers: Sequence[str] = (), where: Sequence[Comparison] = ()) -> tuple[FileArea, ...]:
+    """Return the areas of a file, of several parts each part for itself.
+
+    Args:
+        path: The file.
+        layers: Folders of KML to read; all if none is given.
+        where: Only features of which this holds.
+
+    Raises:
+        AreaError: one line that names the file, the feature and what was expected.
+    """
+    choice = ReadOptions(tuple(layers), tuple(where))
+    try:
+        found = tuple(_read(path, choice))
+        choice.check_where(str(path))
+        for attribute, value in choice.uncompared:
+            raise AreaError(f"{path}: where: expected numbers of {attribute!r} to compare, got {value!r}")
+    except NetworkError as error:
+        raise AreaError(str(error)) from error
+    except RecursionError:
+        raise AreaError(f"{path}: content: {NESTED}") from None
+    if not found:
+        raise AreaError(f"{path}: areas: expected at least one polygon or line, found none")
+    if sum(len(ring) for area in found for ring in area.rings_deg) > MOST_VERTICES:
+        raise AreaError(f"{path}: areas: expected at most {MOST_VERTICES} positions; where, layer, or a cut choose")
+    return found
+
+
+def check_outline(rings_deg: Iterable[Sequence[LatLon]], place: str, *, is_line: bool) -> None:
+    """Refuse what is no outline or no line.
+
+    Raises:
+        AreaError: one line that names the place and what was expected.
+    """
+    for ring in rings_deg:
+        for lat_deg, lon_deg in ring:
+            if not (abs(lat_deg) <= 90 and abs(lon_deg) <= 180):
+                raise AreaError(
+                    f"{place}: expected latitudes up to 90 and longitudes up to 180, got {lat_deg:g}, {lon_deg:g}; are "
+                    "they swapped?"
+                )
+        least = 2 if is_line else 3
+        if len(set(ring)) < least:
+            what = "a line of at least 2 places" if is_line else "an outline of at least 3 corners"
+            raise AreaError(f"{place}: expected {what}, got {len(set(ring))}")
+
+
+def _read(path: Path, choice: ReadOptions) -> Iterator[FileArea]:
+    source = str(path)
+    read_first_bytes(path)  # says why a file cannot be read
+    content = read_limited(path)
+    if content.startswith(b"PK"):
+        archive = Archive(content, source)
+        if not archive.list_by_suffix(".kml"):
+            raise AreaError(f"{source}: content: expected {FORMATS}, found an archive without a .kml")
+        roots = [root_of(document, source) for document in kml.extract_kml(archive)]
+        yield from _read_kml(roots, source, choice, archive.list_by_suffix(".kml"))
+        return
+    if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") or path.suffix.lower() in {".kml", ".kmz"}:
+        yield from _read_kml([root_of(content, source)], source, choice)
+        return
+    text = decode_text(content, source, AreaError).lstrip()
+    if not text.startswith("{"):
+        raise AreaError(f"{source}: content: expected {FORMATS}, found none")
+    yield from _read_geojson(geojson.parse_features(text, source), source, choice)
+
+
+def _read_geojson(document: Mapping[str, object], source: str, choice: ReadOptions) -> Iterator[FileArea]:
+    choice.refuse_layers(source, geojson.FORMAT)
+    geojson.check_whole(document, source)
+    system = geojson.system_of(document, source)
+    for feature in geojson.features_of(document, source):
+        if not choice.is_wanted(feature.properties):
+            continue
+        name = name_of(feature.properties, NAMES) or name_of({"id": feature.id})
+        place = f"{source}: {feature.place}" + (f" {name!r}" if name else "")
+        figures = _read_figures(feature.properties, place)
+        at = f"{place}: coordinates"
+        match feature.kind:
+            case "Polygon" | "MultiPolygon":
+                polygons = [feature.coordinates] if feature.kind == "Polygon" else _expect_list(feature.coordinates, at)
+                for polygon in polygons:
+                    rings = tuple(
+                        _check_closed_ring(geojson.positions_of(ring, at, system), place)
+                        for ring in _expect_list(polygon, at)
+                    )
+                    yield _build_area(place, name, rings, figures)
+            case "LineString" | "MultiLineString":
+                lines = [feature.coordinates] if feature.kind == "LineString" else _expect_list(feature.coordinates, at)
+                for line in lines:
+                    yield _build_area(
+                        place, name, (_drop_heights(geojson.positions_of(line, at, system)),), figures, is_line=True
+                    )
+            case other:
+                raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {other or 'none'}")
+
+
+def _read_kml(
+    roots: Sequence[etree._Element], source: str, choice: ReadOptions, inside: Sequence[str] = ()
+) -> Iterator[FileArea]:
+    for root in roots:
+        if tag_of(root) not in {"kml", *kml.ROOTS}:
+            raise AreaError(f"{source}: content: expected {FORMATS}, got XML with {tag_of(root)!r}")
+    for link in kml.links_of(roots, inside):
+        raise AreaError(f"{source}: NetworkLink {text_of(link, 'name')!r}: expected the areas themselves, got a link")
+    marks = list(kml.placemarks_of(roots, ""))
+    wanted = choice.select_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
+    for mark, folder in marks:
+        name = text_of(mark, "name")
+        attributes = {**kml.attributes_of(mark), "folder": folder, **({"name": name} if name else {})}
+        if folder in wanted and choice.is_wanted(attributes):
+            place = f"{source}: Placemark {name!r}" if name else f"{source}: Placemark in {line_of(mark)}"
+            yield from _read_placemark(mark, name, place, _read_figures(attributes, place))
+
+
+def _read_placemark(mark: etree._Element, name: str, place: str, figures: Mapping[str, float]) -> Iterator[FileArea]:
+    empty = True
+    for geometry in kml.geometries_of(mark):
+        empty = False
+        match tag_of(geometry):
+            case "Polygon":
+                sides = [
+                    side for key in ("outerBoundaryIs", "innerBoundaryIs") for side in iterate_children(geometry, key)
+                ]
+                rings = [ring for side in sides for ring in iterate_children(side, "LinearRing")]
+                if next(iterate_children(geometry, "outerBoundaryIs"), None) is None or not rings:
+                    raise AreaError(f"{place}: outerBoundaryIs: expected a LinearRing, found none")
+                yield _build_area(
+                    place, name, tuple(_check_closed_ring(_read_ring(ring, place), place) for ring in rings), figures
+                )
+            case "LinearRing":
+                yield _build_area(place, name, (_check_closed_ring(_read_ring(geometry, place), place),), figures)
+            case "LineString":
+                yield _build_area(place, name, (_drop_heights(_read_ring(geometry, place)),), figures, is_line=True)
+            case other:
+                raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {other}")
+    if empty:
+        raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got none")
+
+
+def _build_area(
+    place: str, name: str, rings: tuple[tuple[LatLon, ...], ...], figures: Mapping[str, float], *, is_line: bool = False
+) -> FileArea:
+    if not rings:
+        raise AreaError(f"{place}: coordinates: expected an outline, got none")
+    check_outline(rings, place, is_line=is_line)
+    return FileArea(place, name, rings, is_line, figures)
+
+
+def _check_closed_ring(positions: Sequence[Vertex], place: str) -> tuple[LatLon, ...]:
+    places = _drop_heights(positions)
+    if len(places) < 4 or places[0] != places[-1]:
+        raise AreaError(
+            f"{place}: expected an outline of at least 3 corners that ends where it begins, got {len(places)} positions"
+        )
+    return places[:-1]
+
+
+def _drop_heights(positions: Iterable[Vertex]) -> tuple[LatLon, ...]:
+    return tuple((lat_deg, lon_deg) for lat_deg, lon_deg, _ in positions)
+
+
+def _read_ring(geometry: etree._Element, place: str) -> list[Vertex]:
+    return kml.vertices_of(geometry, place, Counter())
+
+
+def _read_figures(attributes: Mapping[str, object], place: str) -> dict[str, float]:
+    found = {key: read_metres(attributes, (key,), place) for key in FIGURES}
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def _expect_list(value: object, place: str) -> list[object]:
+    if not isinstance(value, list) or not value:
+        raise AreaError(f"{place}: expected a list of outlines, got {str(value)[:60]}")
+    return value

@@ -1,0 +1,310 @@
+"""From what is drawn to a network: ends are joined, lines become spans at poles, and whatever is odd is said.
+
+A file with poles: lines are split where they pass a pole, and a pole is made only where a line bends or ends without
+one. A file without: every position of a line is a pole, and spans that are longer than asked for are divided.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from missions.errors import NetworkError
+from missions.geo import MAX_LATITUDE_DEG, LocalFrame
+from missions.geometry import find_bends
+from missions.network import SHORTEST_SEGMENT_M, Pylon, Segment
+from missions.readers.network_checks import find_oddities
+from missions.readers.nodes import SAME_POLE_M, Nodes
+from missions.readers.planar import PlaceIndex
+from missions.readers.raw_network import Line, RawNetwork, Remark, RemarkTopic, Vertex, explain_empty_file
+
+SNAP_M = 0.5
+STRAIGHT_M = 1.0
+"""A position without a pole that is nearer to the straight between its neighbours than this is none of a pole."""
+NEAR_M = 20.0
+"""How far the nearest pole may be for a finding to name it."""
+LONG_M = 1000.0
+"""A span that is longer is worth a look."""
+MOST_SPANS = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class MendingLimits:
+    """How far a file may be mended."""
+
+    snap_m: float = SNAP_M
+    """Ends of lines, and lines and poles, that are nearer to each other than this meet."""
+    max_span_m: float | None = None
+    """Where a file has no poles, longer spans are divided."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnplacedNetwork:
+    """A network without its depot."""
+
+    pylons: tuple[Pylon, ...]
+    segments: tuple[Segment, ...]
+    lines: dict[str, str]
+    """The line of each segment, by the segment's label."""
+    found: tuple[Remark, ...]
+
+
+@dataclass(slots=True)
+class _Spans:
+    """The spans so far, each pair of nodes once."""
+
+    nodes: Nodes
+    pairs: list[tuple[int, int]] = field(default_factory=list)
+    labels: list[str] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)
+    known: dict[frozenset[int], int] = field(default_factory=dict)
+    used_labels: set[str] = field(default_factory=set)
+    found: list[Remark] = field(default_factory=list)
+
+    def add(self, a: int, b: int, label: str, line: str) -> None:
+        self.nodes.name_unnamed((a, b))
+        between = f"{self.nodes.nodes[a].name}-{self.nodes.nodes[b].name}"
+        # Two lines may have the same name; a crew must know which of them is meant.
+        label = f"{label} ({between})" if label in self.used_labels else label or between
+        self.used_labels.add(label)
+        self.known.setdefault(frozenset((a, b)), len(self.pairs))
+        self.pairs.append((a, b))
+        self.labels.append(label)
+        self.lines.append(line)
+
+
+def build_unplaced_network(drawing: RawNetwork, mending: MendingLimits) -> UnplacedNetwork:
+    """Return the network that a drawing shows.
+
+    Raises:
+        NetworkError: one line that names the file, the place in it and what was expected.
+    """
+    _check_ends(drawing)
+    frame = _frame_of(drawing)
+    nodes = Nodes(frame, mending.snap_m)
+    nodes.add_poles(drawing.poles, frozenset(end for span in drawing.spans for end in (span.a, span.b)))
+    spans = _Spans(nodes)
+    for span in drawing.spans:
+        spans.add(nodes.by_name[span.a], nodes.by_name[span.b], span.name, span.line)
+    has_poles = bool(nodes.nodes)
+    chains = list(_build_chains(drawing, nodes, has_poles=has_poles, found=spans.found))
+    chains = _split_at_nodes(chains, nodes, spans.found)
+    if has_poles:
+        chains = _remove_straight_nodes(chains, nodes, spans.found)
+    _lay_spans(chains, spans, None if has_poles else mending.max_span_m)
+    if len(spans.pairs) > MOST_SPANS:
+        raise NetworkError(
+            f"{drawing.source}: segments: expected at most {MOST_SPANS}, found {len(spans.pairs)}; layer, where, or a "
+            "cut of the file choose what is flown"
+        )
+    return _assemble_network(drawing, nodes, spans, mending)
+
+
+@dataclass(frozen=True, slots=True)
+class _Chain:
+    """A part of a line as the nodes that it runs over."""
+
+    line: Line
+    nodes: list[int]
+
+    @property
+    def asset(self) -> str:
+        return self.line.name or self.line.place
+
+
+def _check_ends(drawing: RawNetwork) -> None:
+    """Refuse spans between poles that are not there."""
+    names = {pole.name for pole in drawing.poles}
+    for span in drawing.spans:
+        for key, end in (("a", span.a), ("b", span.b)):
+            if end not in names:
+                raise NetworkError(
+                    f"{drawing.source}: {span.place}.{key}: expected the id of a pylon, got unknown {end!r}"
+                )
+
+
+def _frame_of(drawing: RawNetwork) -> LocalFrame:
+    """Return a plane about the first position, once every position is on the Earth."""
+    first = None
+    for place, lat_deg, lon_deg in _iterate_positions(drawing):
+        for key, value, bound in (("lat_deg", lat_deg, 90.0), ("lon_deg", lon_deg, 180.0)):
+            if not math.isfinite(value) or abs(value) > bound:
+                swapped = key == "lat_deg" and abs(lon_deg) <= bound and math.isfinite(value)
+                hint = "; are latitude and longitude swapped, or is it a grid's?" if swapped else ""
+                raise NetworkError(
+                    f"{drawing.source}: {place}: {key}: expected -{bound:g} to {bound:g}, got {value}{hint}"
+                )
+        first = first or (max(min(lat_deg, MAX_LATITUDE_DEG), -MAX_LATITUDE_DEG), lon_deg)
+    if first is None:
+        why = f"neither lines nor poles{explain_empty_file(drawing.remarks)}"
+        raise NetworkError(f"{drawing.source}: segments: expected at least one, found none: {why}")
+    return LocalFrame(*first)
+
+
+def _iterate_positions(drawing: RawNetwork) -> Iterator[tuple[str, float, float]]:
+    for pole in drawing.poles:
+        yield f"pylon {pole.name!r}" if pole.name else pole.place, pole.lat_deg, pole.lon_deg
+    for line in drawing.lines:
+        for vertex in itertools.chain.from_iterable(line.parts):
+            yield line.place, vertex[0], vertex[1]
+
+
+def _build_chains(drawing: RawNetwork, nodes: Nodes, *, has_poles: bool, found: list[Remark]) -> Iterator[_Chain]:
+    for line in drawing.lines:
+        asset = line.name or line.place
+        for part in line.parts:
+            places_m = nodes.frame.many_to_local_m(np.array([vertex[:2] for vertex in part], dtype=np.float64))
+            chain: list[int] = []
+            for vertex, at_m in zip(part, places_m.tolist(), strict=True):
+                index, away_m = nodes.find_or_add(vertex, (at_m[0], at_m[1]))
+                if not has_poles:  # then every position is one
+                    nodes.name_unnamed((index,))
+                if chain and chain[-1] == index:
+                    text = f"two positions at one place ({_format_vertex(vertex)}): taken once"
+                    found.append(Remark(RemarkTopic.ZERO, asset, text))
+                    continue
+                if away_m > (SAME_POLE_M if has_poles else SHORTEST_SEGMENT_M):
+                    to = repr(nodes.nodes[index].name) if nodes.nodes[index].name else "another line's position"
+                    found.append(Remark(RemarkTopic.SNAPPED, asset, f"joined to {to}, {away_m:.2f} m away"))
+                chain.append(index)
+            if len(chain) > 1:
+                yield _Chain(line, chain)
+            else:
+                found.append(Remark(RemarkTopic.ZERO, asset, "a part without length: left out"))
+
+
+def _format_vertex(vertex: Vertex | tuple[float, float]) -> str:
+    return f"{vertex[0]:.6f}, {vertex[1]:.6f}"
+
+
+def _split_at_nodes(chains: Sequence[_Chain], nodes: Nodes, found: list[Remark]) -> list[_Chain]:
+    """Let lines run over every node that they pass."""
+    if not chains:
+        return []
+    places_m = np.array([node.at_m for node in nodes.nodes], dtype=np.float64)
+    places, split = PlaceIndex(places_m), []
+    for chain in chains:
+        full, passed = [chain.nodes[0]], []
+        for a, b in itertools.pairwise(chain.nodes):
+            near, shares, _ = places.find_beside(places_m[a], places_m[b], nodes.snap_m)
+            between = [int(near[i]) for i in np.argsort(shares, kind="stable") if near[i] not in {a, b}]
+            passed += between
+            full += [*between, b]
+        if passed:
+            names = ", ".join(nodes.nodes[index].name or _format_node(nodes, index) for index in passed[:3])
+            more = ", ..." if len(passed) > 3 else ""
+            found.append(Remark(RemarkTopic.SPLIT, chain.asset, f"split at {len(passed)} on its way: {names}{more}"))
+        split.append(_Chain(chain.line, [index for index, _ in itertools.groupby(full)]))
+    return split
+
+
+def _remove_straight_nodes(chains: Sequence[_Chain], nodes: Nodes, found: list[Remark]) -> list[_Chain]:
+    """Keep of the positions without a pole those where a line ends, bends or meets another."""
+    uses = Counter(index for chain in chains for index in set(chain.nodes))
+    known_m = np.array([node.at_m for node in nodes.nodes if node.drawn], dtype=np.float64)
+    names = [node.name for node in nodes.nodes if node.drawn]
+    made: set[int] = set()
+    kept_chains = []
+    for chain in chains:
+        order = chain.nodes
+        fixed = [
+            at for at, index in enumerate(order) if nodes.nodes[index].drawn or uses[index] > 1
+            or at in {0, len(order) - 1}
+        ]  # fmt: skip
+        kept = set(fixed)
+        for first, last in itertools.pairwise(fixed):
+            if last - first > 1:
+                places_m = np.array([nodes.nodes[index].at_m for index in order[first : last + 1]])
+                kept |= {first + at for at in find_bends(places_m, STRAIGHT_M)}
+        if len(kept) < len(order):
+            text = f"{len(order) - len(kept)} positions on the straight between poles: no poles are made there"
+            found.append(Remark(RemarkTopic.LEFT_OUT, chain.asset, text))
+        for at in sorted(kept):
+            if not nodes.nodes[order[at]].drawn and order[at] not in made:
+                made.add(order[at])
+                nodes.name_unnamed((order[at],))
+                how = "ends" if at in {0, len(order) - 1} else "bends or meets another"
+                found.append(_build_made_remark(nodes, order[at], chain.asset, how, known_m, names))
+        kept_chains.append(_Chain(chain.line, [order[at] for at in sorted(kept)]))
+    return kept_chains
+
+
+def _build_made_remark(
+    nodes: Nodes, index: int, asset: str, how: str, known_m: np.ndarray, names: Sequence[str]
+) -> Remark:
+    node = nodes.nodes[index]
+    text = f"{how} at {node.lat_deg:.6f}, {node.lon_deg:.6f} without a pole of the file: {node.name!r} is made there"
+    away_m = np.hypot(*(known_m - np.array(node.at_m)).T)
+    nearest = int(np.argmin(away_m))
+    if away_m[nearest] <= NEAR_M:
+        snap_m = _round_up_distance(away_m[nearest])
+        text += f"; {names[nearest]!r} is {away_m[nearest]:.1f} m away, snap_m = {snap_m} takes it"
+    return Remark(RemarkTopic.MADE, asset, text)
+
+
+def _round_up_distance(distance_m: float) -> str:
+    """Return a figure for snap_m that is just more than a distance."""
+    return f"{math.ceil(distance_m * 10 + 1e-6) / 10:g}"
+
+
+def _format_node(nodes: Nodes, index: int) -> str:
+    return _format_vertex((nodes.nodes[index].lat_deg, nodes.nodes[index].lon_deg))
+
+
+def _lay_spans(chains: Sequence[_Chain], spans: _Spans, max_span_m: float | None) -> None:
+    numbers: Counter[int] = Counter()
+    for chain in chains:
+        for a, b in itertools.pairwise(chain.nodes):
+            for one, other in itertools.pairwise(_divide_span(a, b, spans, chain.asset, max_span_m)):
+                numbers[id(chain.line)] += 1
+                label = f"{chain.line.name}.{numbers[id(chain.line)]}" if chain.line.name else ""
+                twin = spans.known.get(frozenset((one, other)))
+                if twin is None:
+                    spans.add(one, other, label, chain.line.name or chain.line.place)
+                else:
+                    text = f"runs over the same poles as {spans.labels[twin]}: inspected once"
+                    spans.found.append(Remark(RemarkTopic.DUPLICATE, label or chain.asset, text, spans.labels[twin]))
+
+
+def _divide_span(a: int, b: int, spans: _Spans, asset: str, max_span_m: float | None) -> list[int]:
+    nodes = spans.nodes
+    nodes.name_unnamed((a, b))
+    from_m, to_m = nodes.nodes[a].at_m, nodes.nodes[b].at_m
+    length_m = math.dist(from_m, to_m)
+    count = 1 if max_span_m is None else math.ceil(length_m / max_span_m - 1e-9)
+    if count <= 1:
+        return [a, b]
+    if len(spans.pairs) + count > MOST_SPANS:
+        raise NetworkError(
+            f"{asset}: max_span_m: expected at most {MOST_SPANS} spans, {length_m:.0f} m by {max_span_m:g} m are more"
+        )
+    text = f"{length_m:.0f} m without a pole: divided into {count} spans of {length_m / count:.0f} m"
+    spans.found.append(Remark(RemarkTopic.CUT, asset, text))
+    ways = [number / count for number in range(1, count)]
+    places = [(from_m[0] + w * (to_m[0] - from_m[0]), from_m[1] + w * (to_m[1] - from_m[1])) for w in ways]
+    return [a, *(nodes.add_between(place) for place in places), b]
+
+
+def _assemble_network(drawing: RawNetwork, nodes: Nodes, spans: _Spans, mending: MendingLimits) -> UnplacedNetwork:
+    used = sorted({end for pair in spans.pairs for end in pair})
+    new_index = {old: new for new, old in enumerate(used)}
+    # What a file has drawn as spans by their poles' names may have poles beside; they were never on a line.
+    unused: Sequence[int] = [index for index, node in enumerate(nodes.nodes) if node.drawn and index not in new_index]
+    nodes.discard_hinted_heights(used, drawing.format)
+    found = [*drawing.remarks, *nodes.found, *spans.found, *find_oddities(nodes, spans.pairs, spans.labels, spans.lines,
+             unused, longest_m=mending.max_span_m or LONG_M)]  # fmt: skip
+    pylons = (nodes.nodes[old] for old in used)
+    return UnplacedNetwork(
+        tuple(Pylon(n.name, n.lat_deg, n.lon_deg, n.elevation_m, n.height_m, n.third_m) for n in pylons),
+        tuple(
+            Segment(number, new_index[a], new_index[b], label)
+            for number, ((a, b), label) in enumerate(zip(spans.pairs, spans.labels, strict=True))
+        ),
+        dict(zip(spans.labels, spans.lines, strict=True)),
+        tuple(found),
+    )

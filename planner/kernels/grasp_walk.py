@@ -1,0 +1,393 @@
+"""The paper's GRASP from inside: greedy randomised construction, four neighbourhoods, the tabu search over them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from planner.kernels.arrays import (
+    FLOATS,
+    INT_TABLE,
+    INTS,
+    PROBLEM,
+    RANDOM,
+    STATE,
+    WEIGHTS,
+    FloatArray,
+    IntArray,
+    Problem,
+    RandomState,
+    State,
+    Weights,
+)
+from planner.kernels.random_numbers import draw_integer, draw_uniform
+from planner.kernels.tours import copy_route, insert, measure
+
+
+class GraspWalk(NamedTuple):
+    """One run of the local search, between two rounds."""
+
+    current: State
+    """Where it stands."""
+    trial: State
+    """The same between two neighbours; work space."""
+    best: State
+    """The best of the run."""
+    cost: FloatArray
+    """(1,): of ``best``."""
+    scores: IntArray
+    """(4,): how often each neighbourhood is drawn, in relation to the others."""
+    counts: IntArray
+    """(3,): solutions that entered the tabu list, rounds, rounds since the last improvement."""
+    tabu_visits: IntArray
+    """(m, n): the visits of the last m solutions, route after route."""
+    tabu_lengths: IntArray
+    """(m, k): the lengths of their routes."""
+
+
+WALK = nb.types.NamedTuple((STATE, STATE, STATE, FLOATS, INTS, INTS, INT_TABLE, INT_TABLE), GraspWalk)
+_PAIR = nb.types.UniTuple(nb.int64, 2)
+
+
+@nb.njit(nb.float64(PROBLEM, WEIGHTS, nb.int64, nb.float64), cache=True)
+def penalised_cost(problem: Problem, weights: Weights, route: int, load: float) -> float:
+    """Return what a route of this load costs: the load, and what is beyond the budget at its weight."""
+    return float(load + weights.excess * max(0.0, load - problem.budget[route]))
+
+
+@nb.njit(nb.float64(PROBLEM, WEIGHTS, STATE), cache=True)
+def compute_plan_cost(problem: Problem, weights: Weights, state: State) -> float:
+    """Return the cost function of the plan; unlike the search's objective it lets routes go beyond their budgets."""
+    total = 0.0
+    over = 0.0
+    peak = 0.0
+    empty = 0
+    for route in range(len(state.lengths)):
+        load = state.loads[route]
+        total += load
+        over += max(0.0, load - problem.budget[route])
+        peak = max(peak, load)
+        empty += int(state.lengths[route] == 0)
+    return float(weights.total * total + weights.excess * over + weights.peak * peak + weights.empty * empty)
+
+
+@nb.njit(nb.float64(PROBLEM, STATE, nb.int64, nb.int64, nb.int64), cache=True)
+def added_energy(problem: Problem, state: State, route: int, position: int, visit: int) -> float:
+    """Return the energy that a visit adds to a route when it is inserted."""
+    length = state.lengths[route]
+    visits = state.visits[route]
+    consumption = problem.consumption[route]
+    move = problem.move[problem.profile[route]]
+    added = -state.legs[route, position]
+    added += problem.start[route, visit] if position == 0 else consumption * move[visits[position - 1], visit]
+    added += problem.home[route, visit] if position == length else consumption * move[visit, visits[position]]
+    return float(added)
+
+
+@nb.njit(nb.float64(PROBLEM, STATE, nb.int64), cache=True)
+def load_of(problem: Problem, state: State, route: int) -> float:
+    """Return the load of a route that has a visit, from its visits alone."""
+    length = state.lengths[route]
+    visits = state.visits[route]
+    move = problem.move[problem.profile[route]]
+    moved = 0.0
+    for position in range(1, length):
+        moved += move[visits[position - 1], visits[position]]
+    first, last = visits[0], visits[length - 1]
+    return float(problem.start[route, first] + problem.consumption[route] * moved + problem.home[route, last])
+
+
+@nb.njit(nb.int64(STATE, RANDOM), cache=True)
+def choose_giving_route(state: State, rng: RandomState) -> int:
+    """Return a random route of two visits or more; where there is none, one with a visit."""
+    least = 1
+    for route in range(len(state.lengths)):
+        if state.lengths[route] >= 2:
+            least = 2
+    route = draw_integer(rng, len(state.lengths))
+    while state.lengths[route] < least:
+        route = draw_integer(rng, len(state.lengths))
+    return route
+
+
+@nb.njit(nb.int64(PROBLEM, STATE, nb.int64, nb.int64), cache=True)
+def remove_visit(problem: Problem, state: State, route: int, position: int) -> int:
+    """Remove a visit from a route and return it."""
+    visits = state.visits[route]
+    visit = visits[position]
+    state.lengths[route] -= 1
+    for place in range(position, state.lengths[route]):
+        visits[place] = visits[place + 1]
+    measure(problem, state, route)
+    return int(visit)
+
+
+@nb.njit(_PAIR(PROBLEM, STATE, RANDOM), cache=True)
+def shift_at_random(problem: Problem, state: State, rng: RandomState) -> tuple[int, int]:
+    """Move a random visit to a random place, of its own route or of another's, in the better direction.
+
+    Returns:
+        The routes that were changed, as the other neighbourhoods do.
+    """
+    one = choose_giving_route(state, rng)
+    position = draw_integer(rng, state.lengths[one])
+    visit = remove_visit(problem, state, one, position)
+    routes = len(state.lengths)
+    if routes == 1 or (state.lengths[one] > 0 and draw_uniform(rng) < 0.5):
+        other = one
+        place = draw_integer(rng, state.lengths[one])
+        place = min(place + int(place >= position), state.lengths[one])
+    else:
+        other = draw_integer(rng, routes - 1)
+        other += int(other >= one)
+        place = draw_integer(rng, state.lengths[other] + 1)
+    ahead = added_energy(problem, state, other, place, visit)
+    turned = added_energy(problem, state, other, place, visit ^ 1)
+    insert(problem, state, other, place, visit ^ int(turned < ahead))
+    return one, other
+
+
+@nb.njit(_PAIR(PROBLEM, WEIGHTS, STATE, RANDOM), cache=True)
+def shift_best(problem: Problem, weights: Weights, state: State, rng: RandomState) -> tuple[int, int]:
+    """Move a random visit to the best place found behind another visit, in either direction.
+
+    A place is judged by what its route would cost, plus what the route of the best place so far costs without the
+    visit; if these are one route, it counts twice. The first direction that makes a place the best is taken. So the
+    search for a place depends on its order and leans towards short routes, as in the authors' solver.
+    """
+    one = choose_giving_route(state, rng)
+    best_route = one
+    best_place = draw_integer(rng, state.lengths[one])
+    visit = remove_visit(problem, state, one, best_place)
+    best_visit = visit
+    best = np.inf
+    for route in range(len(state.lengths)):
+        for place in range(1, state.lengths[route] + 1):
+            if route == best_route and place == best_place:
+                continue
+            beside = penalised_cost(problem, weights, best_route, state.loads[best_route])
+            same = route == best_route
+            for turned in range(2):
+                load = state.loads[route] + added_energy(problem, state, route, place, visit ^ turned)
+                cost = penalised_cost(problem, weights, route, load)
+                cost += cost if same else beside
+                if cost < best:
+                    best = cost
+                    best_route = route
+                    best_place = place
+                    best_visit = visit ^ turned
+                    break
+    insert(problem, state, best_route, best_place, best_visit)
+    return one, best_route
+
+
+@nb.njit(nb.void(STATE, nb.int64, nb.int64, nb.int64, nb.int64), cache=True)
+def swap_visits(state: State, one: int, position: int, other: int, place: int) -> None:
+    """Exchange two visits; legs and loads are the caller's."""
+    visits = state.visits
+    visits[one, position], visits[other, place] = visits[other, place], visits[one, position]
+
+
+@nb.njit(_PAIR(PROBLEM, WEIGHTS, STATE, RANDOM), cache=True)
+def swap_best(problem: Problem, weights: Weights, state: State, rng: RandomState) -> tuple[int, int]:
+    """Exchange a random visit with the one that promises most, each in either direction.
+
+    A partner is judged by what the two routes cost together, one route twice, while the exchanges tried before it are
+    still in place: so it is in the authors' solver, and it makes the choice a rather random one.
+    """
+    one = choose_giving_route(state, rng)
+    position = draw_integer(rng, state.lengths[one])
+    visits = state.visits
+    best = np.inf
+    best_route = one
+    best_place = position
+    best_turns = 0
+    for route in range(len(state.lengths)):
+        for place in range(state.lengths[route]):
+            if route == one and place == position:
+                continue
+            swap_visits(state, one, position, route, place)
+            for turns in range(4):
+                visits[one, position] ^= turns & 1
+                visits[route, place] ^= turns >> 1
+                cost = penalised_cost(problem, weights, one, load_of(problem, state, one))
+                cost += penalised_cost(problem, weights, route, load_of(problem, state, route))
+                visits[one, position] ^= turns & 1
+                visits[route, place] ^= turns >> 1
+                if cost < best:
+                    best = cost
+                    best_route = route
+                    best_place = place
+                    best_turns = turns
+    for route in range(len(state.lengths) - 1, -1, -1):
+        for place in range(state.lengths[route] - 1, -1, -1):
+            if route != one or place != position:
+                swap_visits(state, one, position, route, place)
+    swap_visits(state, one, position, best_route, best_place)
+    visits[one, position] ^= best_turns & 1
+    visits[best_route, best_place] ^= best_turns >> 1
+    measure(problem, state, one)
+    measure(problem, state, best_route)
+    return one, best_route
+
+
+@nb.njit(_PAIR(PROBLEM, STATE, RANDOM), cache=True)
+def turn_at_random(problem: Problem, state: State, rng: RandomState) -> tuple[int, int]:
+    """Turn a random visit around."""
+    one = draw_integer(rng, len(state.lengths))
+    while state.lengths[one] == 0:
+        one = draw_integer(rng, len(state.lengths))
+    state.visits[one, draw_integer(rng, state.lengths[one])] ^= 1
+    measure(problem, state, one)
+    return one, one
+
+
+@nb.njit(nb.void(PROBLEM, WEIGHTS, STATE, RANDOM), cache=True)
+def construct(problem: Problem, weights: Weights, state: State, rng: RandomState) -> None:
+    """Insert all segments into the empty routes of ``state``, each time at random from a restricted candidate list.
+
+    The list holds the quarter of all insertions whose route, budget soft, is the cheapest afterwards.
+    """
+    segments = len(state.route_of)
+    routes = len(state.lengths)
+    most = 2 * segments * (segments + routes)
+    costs = np.empty(most)
+    choices = np.empty((most, 3), dtype=np.int64)
+    for _ in range(segments):
+        count = 0
+        for segment in range(segments):
+            if state.route_of[segment] >= 0:
+                continue
+            for route in range(routes):
+                for place in range(state.lengths[route] + 1):
+                    for visit in range(2 * segment, 2 * segment + 2):
+                        load = state.loads[route] + added_energy(problem, state, route, place, visit)
+                        costs[count] = penalised_cost(problem, weights, route, load)
+                        choices[count, 0] = route
+                        choices[count, 1] = place
+                        choices[count, 2] = visit
+                        count += 1
+        rank = draw_integer(rng, count // 4 + 1)
+        chosen = np.argpartition(costs[:count], rank)[rank]
+        insert(problem, state, choices[chosen, 0], choices[chosen, 1], choices[chosen, 2])
+
+
+@nb.njit(nb.boolean(WALK), cache=True)
+def is_trial_tabu(walk: GraspWalk) -> bool:
+    """Return whether ``trial`` is in the tabu list."""
+    for entry in range(min(walk.counts[0], len(walk.tabu_visits))):
+        same = True
+        place = 0
+        for route in range(len(walk.trial.lengths)):
+            length = walk.trial.lengths[route]
+            if length != walk.tabu_lengths[entry, route]:
+                same = False
+                break
+            for position in range(length):
+                if walk.trial.visits[route, position] != walk.tabu_visits[entry, place]:
+                    same = False
+                    break
+                place += 1
+            if not same:
+                break
+        if same:
+            return True
+    return False
+
+
+@nb.njit(nb.void(WALK), cache=True)
+def forbid_current(walk: GraspWalk) -> None:
+    """Enter ``current`` in the tabu list, in the place of its oldest entry if it is full."""
+    entry = walk.counts[0] % len(walk.tabu_visits)
+    place = 0
+    for route in range(len(walk.current.lengths)):
+        walk.tabu_lengths[entry, route] = walk.current.lengths[route]
+        for position in range(walk.current.lengths[route]):
+            walk.tabu_visits[entry, place] = walk.current.visits[route, position]
+            place += 1
+    walk.counts[0] += 1
+
+
+@nb.njit(nb.int64(INTS, RANDOM), cache=True)
+def draw_neighbourhood(scores: IntArray, rng: RandomState) -> int:
+    """Return a neighbourhood, each with the probability of its share in all scores."""
+    number = draw_integer(rng, scores.sum())
+    kind = 0
+    while number >= scores[kind]:
+        number -= scores[kind]
+        kind += 1
+    return kind
+
+
+@nb.njit(_PAIR(PROBLEM, WEIGHTS, WALK, nb.int64, RANDOM), cache=True)
+def improve_by_neighbours(
+    problem: Problem, weights: Weights, walk: GraspWalk, draws: int, rng: RandomState
+) -> tuple[int, int]:
+    """Move ``current`` to the first neighbour drawn that is not tabu, then to each that is better than the last.
+
+    Returns:
+        The neighbourhood that led to where it stands then, -1 if all neighbours were tabu; the one drawn last.
+    """
+    lowest = np.inf
+    winner = -1
+    kind = -1
+    for _ in range(draws):
+        kind = draw_neighbourhood(walk.scores, rng)
+        if kind == 0:
+            one, other = shift_at_random(problem, walk.trial, rng)
+        elif kind == 1:
+            one, other = shift_best(problem, weights, walk.trial, rng)
+        elif kind == 2:
+            one, other = swap_best(problem, weights, walk.trial, rng)
+        else:
+            one, other = turn_at_random(problem, walk.trial, rng)
+        cost = compute_plan_cost(problem, weights, walk.trial)
+        if cost < lowest and not is_trial_tabu(walk):
+            lowest = cost
+            winner = kind
+            source, target = walk.trial, walk.current
+        else:
+            source, target = walk.current, walk.trial
+        copy_route(source, target, one)
+        copy_route(source, target, other)
+    return winner, kind
+
+
+@nb.njit(nb.int64(PROBLEM, WEIGHTS, WALK, nb.int64, nb.int64, RANDOM), cache=True)
+def improve(problem: Problem, weights: Weights, walk: GraspWalk, rounds: int, patience: int, rng: RandomState) -> int:
+    """Run rounds of the local search; return how many, fewer than asked where ``patience`` ended the run.
+
+    Args:
+        problem: the instance.
+        weights: the cost function.
+        walk: the run; changed.
+        rounds: at most so many.
+        patience: rounds without improvement that end the run.
+        rng: random state.
+    """
+    first_score = 5
+    score_of_round = 1
+    score_of_best = 5
+    rounds_of_scores = 20
+    for done in range(rounds):
+        if walk.counts[2] >= patience:
+            return done
+        if walk.counts[1] % rounds_of_scores == 0:
+            walk.scores[:] = first_score
+        walk.counts[1] += 1
+        walk.counts[2] += 1
+        winner, last = improve_by_neighbours(problem, weights, walk, len(walk.current.route_of), rng)
+        if winner >= 0:
+            forbid_current(walk)
+            walk.scores[winner] += score_of_round
+            cost = compute_plan_cost(problem, weights, walk.current)
+            if cost < walk.cost[0]:
+                walk.cost[0] = cost
+                walk.scores[last] += score_of_best
+                walk.counts[2] = 0
+                for route in range(len(walk.current.lengths)):
+                    copy_route(walk.current, walk.best, route)
+        walk.scores[0] += score_of_round
+    return rounds

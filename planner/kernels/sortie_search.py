@@ -1,0 +1,338 @@
+"""The search for days of sorties: ruin and recreate under annealing, each trial with its times and bases anew."""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+
+from planner.kernels.arrays import FLOATS, RANDOM, FloatArray, RandomState
+from planner.kernels.compiled import inner, kernel
+from planner.kernels.random_numbers import draw_integer, draw_uniform
+from planner.kernels.sortie_insertion import choose_bases_of_touched, enter_sortie, put_all_segments
+from planner.kernels.sortie_schedule import (
+    SORTIE_MEMORY,
+    SORTIE_PROBLEM,
+    SORTIE_STATE,
+    SortieProblem,
+    SortieState,
+    SortieWorkspace,
+    measure_row,
+    schedule_sorties,
+)
+
+MOST_REMOVED = 12
+"""Segments that are taken out at a time, but for whole sorties."""
+SAME = 1e-7
+"""Seconds by which figures may differ that are the same."""
+
+
+@kernel(nb.void(SORTIE_STATE, SORTIE_STATE))
+def copy_sorties(source: SortieState, target: SortieState) -> None:
+    """Make ``target`` the same as ``source``."""
+    for row in range(len(source.size)):
+        if target.size[row] > 0 and source.size[row] == 0:
+            target.size[row] = 0
+    for vehicle in range(len(source.counts)):
+        target.counts[vehicle] = source.counts[vehicle]
+        target.ends[vehicle] = source.ends[vehicle]
+        for base in range(source.bias.shape[1]):
+            target.bias[vehicle, base] = source.bias[vehicle, base]
+        for number in range(source.counts[vehicle]):
+            row = source.order[vehicle, number]
+            target.order[vehicle, number] = row
+            target.size[row] = source.size[row]
+            target.owner[row] = source.owner[row]
+            target.base[row] = source.base[row]
+            target.land[row] = source.land[row]
+            target.start[row] = source.start[row]
+            for figure in range(2):
+                target.between[row, figure] = source.between[row, figure]
+                target.whole[row, figure] = source.whole[row, figure]
+            for position in range(source.size[row]):
+                target.visits[row, position] = source.visits[row, position]
+    for segment in range(len(source.where)):
+        target.where[segment] = source.where[segment]
+    for entry in range(len(source.sums)):
+        target.sums[entry] = source.sums[entry]
+
+
+@inner(nb.int64(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.int64, nb.int64, nb.int64))
+def cut_sortie(
+    problem: SortieProblem, state: SortieState, memory: SortieWorkspace, row: int, begin: int, end: int, count: int
+) -> int:
+    """Take positions [begin, end) out of a sortie, which is struck off if nothing is left; return the new count."""
+    vehicle, size = state.owner[row], state.size[row]
+    for position in range(begin, end):
+        segment = state.visits[row, position] >> 1
+        memory.removed[count] = segment
+        state.where[segment] = -1
+        count += 1
+    for position in range(end, size):
+        state.visits[row, position - (end - begin)] = state.visits[row, position]
+    state.size[row] = size - (end - begin)
+    before = state.whole[row, 0]
+    memory.touched[vehicle] = 1
+    if state.size[row] == 0:
+        number = 0
+        while state.order[vehicle, number] != row:
+            number += 1
+        for later in range(number + 1, state.counts[vehicle]):
+            state.order[vehicle, later - 1] = state.order[vehicle, later]
+        state.counts[vehicle] -= 1
+        state.ends[vehicle] -= before + problem.turnaround[state.land[row]]
+        return count
+    measure_row(problem, state, row)
+    first, last = state.visits[row, 0], state.visits[row, state.size[row] - 1]
+    for figure in range(2):
+        state.whole[row, figure] = (
+            problem.out[vehicle, state.base[row], first, figure] + state.between[row, figure]
+            + problem.home[vehicle, last, state.land[row], figure]
+        )  # fmt: skip
+    state.ends[vehicle] += state.whole[row, 0] - before
+    return count
+
+
+@inner(nb.int64(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
+def ruin_sorties(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> int:
+    """Take segments out near a random one: singly, in strings, or a whole sortie; return how many."""
+    segments = len(state.where)
+    wanted = 1 + draw_integer(rng, min(MOST_REMOVED, segments))
+    kind = draw_uniform(rng)
+    seed = draw_integer(rng, segments)
+    count = 0
+    for rank in range(-1, problem.near.shape[1]):
+        if count >= wanted:
+            break
+        if rank >= 0 and draw_uniform(rng) < 0.2:
+            continue
+        segment = seed if rank < 0 else problem.near[seed, rank]
+        row = state.where[segment]
+        if row < 0:
+            continue
+        position = 0
+        while state.visits[row, position] >> 1 != segment:
+            position += 1
+        size = state.size[row]
+        if kind < 0.35:
+            count = cut_sortie(problem, state, memory, row, position, position + 1, count)
+        elif kind < 0.9:
+            string = min(1 + draw_integer(rng, 6), size)
+            begin = max(0, min(position - draw_integer(rng, string), size - string))
+            count = cut_sortie(problem, state, memory, row, begin, begin + string, count)
+        else:
+            count = cut_sortie(problem, state, memory, row, 0, size, count)
+    return count
+
+
+@inner(nb.void(SORTIE_PROBLEM, SORTIE_MEMORY, nb.int64, RANDOM))
+def arrange_segments(problem: SortieProblem, memory: SortieWorkspace, count: int, rng: RandomState) -> None:
+    """Put the removed segments into a random order, or those far from the bases first, or the nearest."""
+    removed, keys = memory.removed, memory.keys
+    kind = draw_uniform(rng)
+    for number in range(count):
+        keys[number] = draw_uniform(rng)
+        if kind > 0.5:
+            far = 1e18
+            for base in range(problem.out.shape[1]):
+                far = min(far, problem.out[0, base, 2 * removed[number], 0])
+            keys[number] = -far if kind < 0.8 else far
+    for last in range(1, count):
+        position = last
+        while position > 0 and keys[position - 1] > keys[position]:
+            keys[position - 1], keys[position] = keys[position], keys[position - 1]
+            removed[position - 1], removed[position] = removed[position], removed[position - 1]
+            position -= 1
+
+
+@inner(nb.void(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
+def reverse_part(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> None:
+    """Fly a part of a sortie the other way round."""
+    vehicle = draw_integer(rng, len(state.counts))
+    if state.counts[vehicle] == 0:
+        return
+    row = state.order[vehicle, draw_integer(rng, state.counts[vehicle])]
+    low, high = draw_integer(rng, state.size[row]), draw_integer(rng, state.size[row])
+    if low > high:
+        low, high = high, low
+    visits = state.visits[row]
+    while low <= high:
+        visits[low], visits[high] = visits[high] ^ 1, visits[low] ^ 1
+        low += 1
+        high -= 1
+    measure_row(problem, state, row)
+    memory.touched[vehicle] = 1
+
+
+@inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
+def move_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> bool:
+    """Give a whole sortie another place in the order of this vehicle or another; return whether it may have it."""
+    giver, taker = draw_integer(rng, len(state.counts)), draw_integer(rng, len(state.counts))
+    if state.counts[giver] == 0:
+        return False
+    number = draw_integer(rng, state.counts[giver])
+    row = state.order[giver, number]
+    for position in range(state.size[row]):
+        if problem.able[taker, state.visits[row, position] >> 1] == 0:
+            return False
+    for later in range(number + 1, state.counts[giver]):
+        state.order[giver, later - 1] = state.order[giver, later]
+    state.counts[giver] -= 1
+    enter_sortie(state, taker, draw_integer(rng, state.counts[taker] + 1), row)
+    state.owner[row] = taker
+    measure_row(problem, state, row)
+    memory.touched[giver] = 1
+    memory.touched[taker] = 1
+    return True
+
+
+@inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
+def split_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> bool:
+    """Make a part at the begin or the end of a sortie one of its own, of any vehicle; return whether that may be.
+
+    One segment after the other would never leave: the first one would pay the whole way there.
+    """
+    giver, taker = draw_integer(rng, len(state.counts)), draw_integer(rng, len(state.counts))
+    if state.counts[giver] == 0:
+        return False
+    row = state.order[giver, draw_integer(rng, state.counts[giver])]
+    size = state.size[row]
+    if size < 2:
+        return False
+    at = 1 + draw_integer(rng, size - 1)
+    begin, end = (at, size) if draw_uniform(rng) < 0.5 else (0, at)
+    for position in range(begin, end):
+        if problem.able[taker, state.visits[row, position] >> 1] == 0:
+            return False
+    new = 0
+    while state.size[new] > 0:
+        new += 1
+    state.size[new] = end - begin
+    state.owner[new] = taker
+    for position in range(begin, end):
+        visit = state.visits[row, position]
+        state.visits[new, position - begin] = visit
+        state.where[visit >> 1] = new
+    for position in range(end, size):
+        state.visits[row, position - (end - begin)] = state.visits[row, position]
+    state.size[row] = size - (end - begin)
+    enter_sortie(state, taker, draw_integer(rng, state.counts[taker] + 1), new)
+    measure_row(problem, state, row)
+    measure_row(problem, state, new)
+    memory.touched[giver] = 1
+    memory.touched[taker] = 1
+    return True
+
+
+@inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
+def move_end(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> bool:
+    """Move the end of a sortie beside a near segment of another, all at once; return whether that may be."""
+    segment = draw_integer(rng, len(state.where))
+    near = problem.near[segment, draw_integer(rng, problem.near.shape[1])]
+    row, other = state.where[segment], state.where[near]
+    if row < 0 or other < 0 or row == other:
+        return False
+    taker = state.owner[other]
+    at = 0
+    while state.visits[row, at] >> 1 != segment:
+        at += 1
+    to = 0
+    while state.visits[other, to] >> 1 != near:
+        to += 1
+    to += draw_integer(rng, 2)
+    begin, end = (at, state.size[row]) if draw_uniform(rng) < 0.5 else (0, at + 1)
+    length = end - begin
+    if length == state.size[row] or state.size[other] + length > state.visits.shape[1]:
+        return False
+    for position in range(begin, end):
+        if problem.able[taker, state.visits[row, position] >> 1] == 0:
+            return False
+    turned = draw_uniform(rng) < 0.5
+    for position in range(state.size[other] - 1, to - 1, -1):
+        state.visits[other, position + length] = state.visits[other, position]
+    for number in range(length):
+        visit = state.visits[row, end - 1 - number] ^ 1 if turned else state.visits[row, begin + number]
+        state.visits[other, to + number] = visit
+        state.where[visit >> 1] = other
+    for position in range(end, state.size[row]):
+        state.visits[row, position - length] = state.visits[row, position]
+    state.size[other] += length
+    state.size[row] -= length
+    measure_row(problem, state, row)
+    measure_row(problem, state, other)
+    memory.touched[state.owner[row]] = 1
+    memory.touched[taker] = 1
+    return True
+
+
+@inner(nb.void(SORTIE_STATE, SORTIE_MEMORY, nb.float64, RANDOM))
+def toggle_shunned_base(state: SortieState, memory: SortieWorkspace, most: float, rng: RandomState) -> None:
+    """Let a vehicle shun a base, or not any more."""
+    vehicle, base = draw_integer(rng, len(state.counts)), draw_integer(rng, state.bias.shape[1])
+    state.bias[vehicle, base] = 0.0 if draw_uniform(rng) < 0.5 else most * draw_uniform(rng)
+    memory.touched[vehicle] = 1
+
+
+@kernel(nb.boolean(SORTIE_PROBLEM, FLOATS, FLOATS))
+def has_better_sums(problem: SortieProblem, sums: FloatArray, other: FloatArray) -> bool:
+    """Return whether figures are better than others: what finds no day first, then by the objective."""
+    for rank in range(4):
+        entry = rank
+        if rank > 0:
+            first = 1 + problem.objective
+            entry = first if rank == 1 else (rank - 1 if rank - 1 < first else rank)
+        if abs(sums[entry] - other[entry]) > SAME:
+            return bool(sums[entry] < other[entry])
+    return False
+
+
+@kernel(
+    nb.int64(
+        SORTIE_PROBLEM, SORTIE_STATE, SORTIE_STATE, SORTIE_STATE, FLOATS, nb.float64, nb.float64, nb.int64, RANDOM,
+        SORTIE_MEMORY,
+    )
+)  # fmt: skip
+def anneal_sorties(
+    problem: SortieProblem, current: SortieState, trial: SortieState, best: SortieState, temperature: FloatArray,
+    cooling: float, most: float, iterations: int, rng: RandomState, memory: SortieWorkspace,
+) -> int:  # fmt: skip
+    """Try ``iterations`` changes of ``current``; keep the best in ``best``.
+
+    ``trial`` equals ``current`` before and after, ``most`` is the longest sortie. Returns the last iteration that found
+    a new best, counted from 1; 0 if none did.
+    """
+    fleet = len(current.counts)
+    improved = 0
+    for iteration in range(iterations):
+        kind = draw_uniform(rng)
+        complete = True
+        if kind < 0.06:
+            reverse_part(problem, trial, memory, rng)
+        elif kind < 0.16:
+            complete = move_sortie(problem, trial, memory, rng)
+        elif kind < 0.2:
+            toggle_shunned_base(trial, memory, most, rng)
+        elif kind < 0.24:
+            complete = split_sortie(problem, trial, memory, rng)
+        elif kind < 0.34:
+            complete = move_end(problem, trial, memory, rng)
+        else:
+            count = ruin_sorties(problem, trial, memory, rng)
+            arrange_segments(problem, memory, count, rng)
+            complete = put_all_segments(problem, trial, memory, memory.removed, count, rng) == 0
+        accepted = complete and choose_bases_of_touched(problem, trial, memory)
+        if accepted:
+            schedule_sorties(problem, trial, memory)
+            limit = current.sums[4] - temperature[0] * math.log(max(draw_uniform(rng), 1e-300))
+            accepted = trial.sums[4] < limit
+        for vehicle in range(fleet):
+            memory.touched[vehicle] = 0
+        if accepted:
+            copy_sorties(trial, current)
+            if has_better_sums(problem, current.sums, best.sums):
+                improved = iteration + 1
+                copy_sorties(current, best)
+        else:
+            copy_sorties(current, trial)
+        temperature[0] *= cooling
+    return improved

@@ -1,0 +1,236 @@
+"""All losses of one plan, gone through from the end: the seam between the window and its kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from planner.bounds import explain_infeasibility_fully
+from planner.construct import build_empty_state, build_random_state, copy_of, problem_of
+from planner.cost import BUDGET_TOLERANCE_PCT
+from planner.evaluate import completion_times_s, energy_use_pct, route_duration_s, route_energy_pct
+from planner.exact import find_covering_plan
+from planner.kernels.arrays import FloatArray, Problem, State
+from planner.kernels.loss_problem import SAME_TIME_S, Loss, LossClock, LossTiming, set_clock
+from planner.kernels.repair import RepairWorkspace
+from planner.kernels.tours import measure
+from planner.kernels.window_scan import Repairs, try_loss
+from planner.loss_row import LossRow, RepairStatus
+from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
+from planner.replan import RemainingProblem, build_remaining_problem
+
+EXACT_UP_TO = 13
+"""Open segments up to which a loss is decided exactly: some 20 ms."""
+QUICK = 20
+"""The first look at a loss takes this part of the effort; then its certificates are asked before the rest."""
+
+
+class LossScan:
+    """The losses of a plan; each re-plan begins with the one of the interval after."""
+
+    def __init__(
+        self, instance: Instance, plan: Plan, events_s: Sequence[float], *, seed: int, fly_again: bool
+    ) -> None:
+        self._instance = instance
+        self._plan = plan
+        self._events_s = events_s
+        self._fly_again = fly_again
+        self._rng = build_random_state(seed)
+        self._problem = problem_of(instance)
+        self._timing = timing_of(instance)
+        self._base = base_of(self._problem, [route.visits for route in plan.routes])
+        self._clock = clock_of(self._problem, self._timing, self._base)
+        self._loss = loss_of(self._problem)
+        self._repairs = build_empty_repairs(self._problem, len(plan.routes))
+        self._desk = workspace_of(self._base)
+        self._ends_s = [completion_times_s(instance, route) for route in plan.routes]
+        self._durations_s = [route_duration_s(instance, route) for route in plan.routes]
+        self._energies_pct = [route_energy_pct(instance, route) for route in plan.routes]
+
+    def iterate_rows(self, effort: int) -> Iterator[LossRow]:
+        """Yield all losses, each looked at when it is asked for."""
+        for interval in range(len(self._events_s) - 2, -1, -1):
+            for vehicle in self.find_flying_vehicles(interval):
+                yield self._build_row(interval, vehicle, effort)
+
+    def find_flying_vehicles(self, interval: int) -> list[int]:
+        """Return the vehicles that are in the air in an interval, or about to start."""
+        from_s = self._events_s[interval]
+        return [vehicle for vehicle, end_s in enumerate(self._durations_s) if end_s > from_s + SAME_TIME_S]
+
+    def last_impossible_s(self, broken: LossRow) -> float:
+        """Return the end of the last interval, from a broken one back, with a loss that certainly nothing repairs.
+
+        It is 0 where none is known.
+        """
+        for interval in range(len(self._events_s) - 2, -1, -1):
+            if self._events_s[interval] <= broken.from_s and any(
+                self._decide_loss(interval, vehicle) is True for vehicle in self.find_flying_vehicles(interval)
+            ):
+                return self._events_s[interval + 1]
+        return 0.0
+
+    def _build_row(self, interval: int, vehicle: int, effort: int) -> LossRow:
+        from_s, to_s = self._events_s[interval : interval + 2]
+        routes = self._try_repair(interval, vehicle, effort // QUICK)
+        if routes is None:
+            settled = self._decide_loss(interval, vehicle)
+            if isinstance(settled, Plan):
+                return LossRow(vehicle, from_s, to_s, RepairStatus.FEASIBLE, settled)
+            if settled:
+                return LossRow(vehicle, from_s, to_s, RepairStatus.IMPOSSIBLE, None)
+            routes = self._try_repair(interval, vehicle, effort)
+        if routes is None:
+            return LossRow(vehicle, from_s, to_s, RepairStatus.NOT_FOUND, None)
+        return LossRow(vehicle, from_s, to_s, RepairStatus.FEASIBLE, _build_reduced_plan(routes, vehicle))
+
+    def _decide_loss(self, interval: int, vehicle: int) -> Plan | bool:
+        """Return a re-plan, or whether it is certain that there is none."""
+        at_s = self._events_s[interval]
+        left = build_remaining_problem(self._instance, self._plan, vehicle, at_s, fly_again=self._fly_again)
+        if explain_infeasibility_fully(left.instance) is not None:
+            return True
+        if len(left.open_segments) > EXACT_UP_TO:
+            return False
+        plan = find_covering_plan(left.instance)
+        if plan is None:
+            return True
+        self._keep(vehicle, left, plan)
+        return plan
+
+    def _keep(self, vehicle: int, left: RemainingProblem, plan: Plan) -> None:
+        """Make a re-plan the known one of a loss, for the interval before to begin with."""
+        repairs = self._repairs
+        repairs.known[vehicle] = 1
+        repairs.lengths[vehicle] = 0
+        repairs.route_of[vehicle] = -1
+        for survivor, route in zip(left.survivors, plan.routes, strict=True):
+            visits = [left.original_visit(visit) for visit in route.visits]
+            repairs.visits[vehicle, survivor.vehicle, : len(visits)] = visits
+            repairs.lengths[vehicle, survivor.vehicle] = len(visits)
+            repairs.route_of[vehicle, [segment_of(visit) for visit in visits]] = survivor.vehicle
+
+    def _try_repair(self, interval: int, vehicle: int, effort: int) -> list[list[int]] | None:
+        """Return the new routes of all vehicles, in the plan's numbering; None if no re-plan was found."""
+        lacks = try_loss(
+            self._problem, self._timing, self._base, self._clock, vehicle, self._events_s[interval], self._fly_again,
+            self._loss, self._repairs, self._desk, effort, self._rng,
+        )  # fmt: skip
+        if lacks > 0:
+            return None
+        routes = [
+            [int(visit) for visit in self._repairs.visits[vehicle, route, :length]]
+            for route, length in enumerate(self._repairs.lengths[vehicle])
+        ]
+        return routes if self._is_valid_repair(self._events_s[interval], vehicle, routes) else None
+
+    def _is_valid_repair(self, at_s: float, lost: int, routes: list[list[int]]) -> bool:
+        """Return whether new routes visit everything open once and exceed no budget, by the slow definition."""
+        accounted = [segment_of(visit) for visits in routes for visit in visits]
+        for route in self._plan.routes:
+            until_s = at_s if route.vehicle == lost else at_s + self._instance.answer_s
+            done = sum(1 for end_s in self._ends_s[route.vehicle] if end_s <= until_s + SAME_TIME_S)
+            kept = route.visits[: done if route.vehicle == lost else done + 1]
+            accounted.extend(segment_of(visit) for visit in kept)
+            if route.vehicle != lost and routes[route.vehicle]:
+                used = self._survivor_energy_pct(route, kept, done, routes[route.vehicle])
+                if used > self._instance.vehicles[route.vehicle].budget_pct + BUDGET_TOLERANCE_PCT:
+                    return False
+        return not routes[lost] and sorted(accounted) == list(range(self._instance.segments))
+
+    def _survivor_energy_pct(self, route: Route, kept: tuple[int, ...], done: int, visits: list[int]) -> float:
+        """Return what a survivor uses in all: on one route if it has visits left, else on two."""
+        vehicle, instance = route.vehicle, self._instance
+        if done < len(route.visits) or not (route.visits or instance.vehicles[vehicle].airborne):
+            return route_energy_pct(instance, Route(vehicle, (*kept, *visits)))
+        again = Route(vehicle, tuple(visits))
+        first = instance.vehicles[vehicle].consumption * float(instance.depot_pct[vehicle, visits[0]])
+        flown = first - energy_use_pct(instance, again, 1) + route_energy_pct(instance, again)
+        return self._energies_pct[vehicle] + flown
+
+
+def timing_of(instance: Instance) -> LossTiming:
+    """Return the times and the moves from the landing place as the kernels take them."""
+    every = np.arange(2 * instance.segments)
+    moves = [
+        instance.moves.seconds(profile, every[:, np.newaxis], every[np.newaxis])
+        for profile in range(instance.moves.profiles)
+    ]
+    consumption = np.array([vehicle.consumption for vehicle in instance.vehicles])[:, np.newaxis]
+    return LossTiming(
+        move_s=np.array(moves, dtype=np.float64, order="C"),
+        start_s=_to_contiguous(instance.start_s),
+        home_s=_to_contiguous(instance.home_s),
+        idle_s=np.array(instance.idle_s, dtype=np.float64),
+        depot=_to_contiguous(consumption * instance.depot_pct),
+        airborne=np.array([vehicle.airborne for vehicle in instance.vehicles], dtype=np.int64),
+        answer_s=instance.answer_s,
+    )
+
+
+def base_of(problem: Problem, routes: Sequence[Sequence[int]]) -> State:
+    """Return the state of routes as they are, budgets or not."""
+    state = build_empty_state(problem)
+    for route, visits in enumerate(routes):
+        state.visits[route, : len(visits)] = visits
+        state.lengths[route] = len(visits)
+        measure(problem, state, route)
+    return state
+
+
+def clock_of(problem: Problem, timing: LossTiming, base: State) -> LossClock:
+    """Return when the visits of a measured state end."""
+    clock = LossClock(np.zeros(base.visits.shape), np.zeros(base.visits.shape), np.zeros(len(base.lengths)))
+    for route in range(len(base.lengths)):
+        set_clock(problem, timing, base, clock, route)
+    return clock
+
+
+def loss_of(problem: Problem) -> Loss:
+    """Return room for what a loss leaves."""
+    own = problem._replace(
+        start=problem.start.copy(),
+        idle=problem.idle.copy(),
+        budget=problem.budget.copy(),
+        twin=np.full(len(problem.budget), -1, dtype=np.int64),  # equal on the ground, but elsewhere after the loss
+    )
+    return Loss(own, np.zeros(len(problem.value), dtype=np.int64), np.zeros(len(problem.budget), dtype=np.int64))
+
+
+def workspace_of(base: State) -> RepairWorkspace:
+    """Return work space for repairs, and for walks, over states of this size."""
+    fleet, segments = len(base.lengths), len(base.route_of)
+    rooms = [np.zeros(segments, dtype=np.int64) for _ in range(4)]
+    return RepairWorkspace(
+        opened=rooms[0], missing=rooms[1], pending=rooms[2], keys=np.zeros(segments),
+        touched=np.zeros(fleet, dtype=np.int64), came_from=np.zeros((segments, 2), dtype=np.int64), spare=rooms[3],
+        current=copy_of(base), trial=copy_of(base), other=copy_of(base),
+    )  # fmt: skip
+
+
+def build_empty_repairs(problem: Problem, losses: int) -> Repairs:
+    """Return room for the repairs of a number of losses, none of them known."""
+    fleet, segments = len(problem.budget), len(problem.value)
+    return Repairs(
+        visits=np.zeros((losses, fleet, segments), dtype=np.int64),
+        legs=np.zeros((losses, fleet, segments + 1)),
+        lengths=np.zeros((losses, fleet), dtype=np.int64),
+        loads=np.zeros((losses, fleet)),
+        route_of=np.full((losses, segments), -1, dtype=np.int64),
+        known=np.zeros(losses, dtype=np.int64),
+    )
+
+
+def _to_contiguous(rows: FloatArray) -> FloatArray:
+    return np.array(rows, dtype=np.float64, order="C")
+
+
+def _build_reduced_plan(routes: list[list[int]], lost: int) -> Plan:
+    """Return new routes as a plan in the numbering of the reduced instance."""
+    number = {opened: place for place, opened in enumerate(sorted(segment_of(v) for visits in routes for v in visits))}
+    survivors = [visits for vehicle, visits in enumerate(routes) if vehicle != lost]
+    return Plan(tuple(
+        Route(place, tuple(visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in visits))
+        for place, visits in enumerate(survivors)
+    ))  # fmt: skip

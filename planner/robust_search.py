@@ -1,0 +1,427 @@
+"""The search behind ``solve_window``: plans to begin with, then rounds of walks on the window itself."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from planner.construct import build_random_state, copy_of, problem_of
+from planner.cost import Cost
+from planner.evaluate import evaluate, route_duration_s, route_energy_pct
+from planner.kernels.arrays import FloatArray, RandomState, State
+from planner.kernels.loss_problem import Loss
+from planner.kernels.repair import RepairWorkspace
+from planner.kernels.robust_walk import (
+    RobustWalk,
+    WalkLimits,
+    anneal_plan,
+    assess_repairs,
+    find_window_begin,
+    set_clocks,
+    take_repairs,
+)
+from planner.kernels.tours import measure
+from planner.kernels.window_scan import Repairs
+from planner.loss_scan import base_of, build_empty_repairs, clock_of, loss_of, timing_of, workspace_of
+from planner.model import Instance, Plan, Route
+from planner.params import DEFAULT_PARAMS, SearchParams
+from planner.solve import solve
+from planner.stop_rules import Iterations, Progress, StopRule, StopVerdict, Stopwatch, any_of
+from planner.window import WindowResult, replan_window
+
+
+@dataclass(frozen=True, slots=True)
+class FoundPlan:
+    """A plan with its window's begin, as far as a look showed."""
+
+    routes: tuple[tuple[int, ...], ...]
+    earliest_s: float
+
+
+@dataclass(slots=True)
+class Walker:
+    """One walk: its place, its aim, its chance."""
+
+    here: RobustWalk
+    there: RobustWalk
+    loss: Loss
+    desk: RepairWorkspace
+    """Work space of repairs."""
+    own: RepairWorkspace
+    """Work space of the walk."""
+    full: Repairs
+    """Work space for whole windows."""
+    rng: RandomState
+    best: FoundPlan
+    """What its aim is measured against."""
+    start: FoundPlan
+    """Where its cycles begin."""
+    step: float
+    """How far below the best it aims, as a share of the longest route."""
+    probes_s: FloatArray
+    length: int
+    """Iterations of a cycle."""
+    temperature: FloatArray = field(default_factory=lambda: np.zeros(1))
+    left: int = 0
+    """Iterations until the cycle ends."""
+    cycles: int = 0
+    """That ended in vain."""
+    rounds: int = 0
+    """Rounds of steps in vain."""
+    waits: bool = False
+    """Whether such a round has just ended: it is told where to go on."""
+    found: list[FoundPlan] = field(default_factory=list)
+    """What it has found since that was last gathered."""
+
+
+@dataclass(slots=True)
+class OuterStopRule:
+    """The stop rule of the whole search, as the searches inside ask it."""
+
+    stop: StopRule
+    watch: Stopwatch
+    earliest_s: float = math.inf
+    iterations: int = 0
+    """Done before the search inside began."""
+    improved_at: int = 0
+    reason: str = ""
+
+    def __call__(self, progress: Progress) -> StopVerdict:
+        """Ask the outer rule, with all iterations so far."""
+        iterations = self.iterations + progress.iterations
+        known = math.isfinite(self.earliest_s)
+        verdict = self.stop(Progress(
+            iterations=iterations,
+            since_improvement=iterations - self.improved_at if known else 0,
+            seconds=self.watch.seconds,
+            value=self.earliest_s,
+            uncovered=0 if known else progress.uncovered,
+            feasible=known,
+            impossible=progress.impossible,
+        ))  # fmt: skip
+        if verdict.allowed <= 0:
+            self.reason = verdict.reason
+        return verdict
+
+    def check_now(self) -> StopVerdict:
+        """Ask it from where nothing else counts."""
+        return self(Progress(0, 0, 0.0, 0.0, 1, feasible=False, impossible=False))
+
+
+class RobustSearch:
+    """One search; ``run`` is all that there is to call."""
+
+    def __init__(
+        self,
+        instance: Instance,
+        outer: OuterStopRule,
+        *,
+        seed: int,
+        all_vehicles: bool,
+        starts: int,
+        fly_again: bool,
+        params: SearchParams = DEFAULT_PARAMS,
+    ) -> None:
+        self._instance = instance
+        self._outer = outer
+        self._seed = seed
+        self._all_vehicles = all_vehicles
+        self._starts = max(1, starts)
+        self._fly_again = fly_again
+        self._plans_params = params
+        self._params = params.window
+        self._problem = problem_of(instance)
+        self._timing = timing_of(instance)
+        self._cap_s = math.inf
+        self._longest_s = 0.0
+        self._rate = 0.0
+        self._others = 0
+        self._looker = self._build_walker(seed, FoundPlan((), math.inf))
+        self.archive: list[FoundPlan] = []
+        """All complete plans looked at, and those that were the best when a walk found them."""
+
+    def run(self, *, stretch: float, longest_s: float | None, initial: Sequence[Plan]) -> WindowResult:
+        """Find plans to begin with, then improve until the stop rule says so."""
+        params = self._params
+        plans = [
+            self._solve_limited(self._instance, Cost.MINMAX, number, params.minmax_iterations)
+            for number in range(params.minmax_searches)
+        ]
+        plans += initial
+        complete = [plan for plan in plans if self._is_complete(plan)]
+        if complete:
+            shortest_s = min(self._route_s(plan) for plan in complete)
+            self._longest_s = shortest_s if longest_s is None else longest_s
+            self._cap_s = (1 + stretch) * self._longest_s * (1 + 1e-12)
+            self._measure_flight_power(min(complete, key=self._route_s))
+            plans += [self._find_other_plan() for _ in range(params.other_searches)]
+            for plan in plans:
+                self._archive_plan(plan)
+        if self.archive:
+            self._walk()
+        return self._build_result(plans)
+
+    def _measure_flight_power(self, minmax: Plan) -> None:
+        """Take from the best MinMax plan how much energy a second of flight costs."""
+        longest = max(minmax.routes, key=lambda route: route_duration_s(self._instance, route))
+        self._rate = route_energy_pct(self._instance, longest) / route_duration_s(self._instance, longest)
+
+    def _find_other_plan(self) -> Plan:
+        """Return the next plan of the other costs, its budgets cut to the energy of about the length allowed."""
+        number, self._others = self._others, self._others + 1
+        # Energy and time are not quite proportional: every second pair is a little shorter.
+        cap_pct = self._cap_s * self._rate * (1.0 - 0.01 * (number // 2 % 2))
+        capped = replace(self._instance, vehicles=tuple(
+            replace(vehicle, budget_pct=min(vehicle.budget_pct, cap_pct)) for vehicle in self._instance.vehicles
+        ))  # fmt: skip
+        return self._solve_limited(
+            capped, (Cost.MINCOMB, Cost.MINSUM)[number % 2], number // 2, self._params.other_iterations
+        )
+
+    def _solve_limited(self, instance: Instance, cost: Cost, number: int, iterations: int) -> Plan:
+        share = min(1.0, instance.segments / self._params.full_effort_from)
+        stop = any_of(Iterations(int(share * iterations)), self._outer)
+        result = solve(
+            instance,
+            cost=cost,
+            stop=stop,
+            seed=self._seed + number,
+            all_vehicles=self._all_vehicles,
+            params=self._plans_params,
+        )
+        self._outer.iterations += result.iterations
+        return result.plan
+
+    def _route_s(self, plan: Plan) -> float:
+        return max(route_duration_s(self._instance, route) for route in plan.routes)
+
+    def _is_complete(self, plan: Plan) -> bool:
+        if self._all_vehicles and not all(route.visits for route in plan.routes):
+            return False
+        return not plan.uncovered and not evaluate(self._instance, plan, Cost.MINMAX).violations
+
+    def _archive_plan(self, plan: Plan) -> None:
+        """Enter a plan into the archive, in its best orientation, if it is one that is allowed."""
+        if not self._is_complete(plan) or self._route_s(plan) > self._cap_s:
+            return
+        routes = [route.visits for route in plan.routes]
+        used = [vehicle for vehicle, visits in enumerate(routes) if visits]
+        choices = itertools.product((False, True), repeat=len(used) if len(used) <= self._params.most_flipped else 0)
+        found = [self._evaluate_orientation(routes, dict(zip(used, flipped, strict=False))) for flipped in choices]
+        self._archive_found(min(found, key=lambda one: one.earliest_s))
+
+    def _evaluate_orientation(self, routes: Sequence[tuple[int, ...]], flipped: Mapping[int, bool]) -> FoundPlan:
+        turned = tuple(
+            tuple(visit ^ 1 for visit in reversed(visits)) if flipped.get(vehicle, False) else visits
+            for vehicle, visits in enumerate(routes)
+        )
+        looker = self._looker
+        self._place_walker(looker, turned)
+        base, clock = looker.here.base, looker.here.clock
+        if (base.loads > self._problem.budget).any() or clock.durations_s.max() > self._cap_s:
+            return FoundPlan(turned, math.inf)
+        return FoundPlan(turned, self._find_window_begin(looker)[0])
+
+    def _archive_found(self, found: FoundPlan) -> None:
+        if math.isfinite(found.earliest_s):
+            self.archive.append(found)
+            if found.earliest_s < self._outer.earliest_s:
+                self._outer.earliest_s = found.earliest_s
+                self._outer.improved_at = self._outer.iterations
+
+    def _walk(self) -> None:
+        """Walk from the best plans, side by side, until the stop rule ends it or the window is full."""
+        elite = sorted(self.archive, key=lambda found: found.earliest_s)
+        walkers = [
+            self._build_walker(self._seed + 1_000 + number, elite[number % len(elite)])
+            for number in range(self._starts)
+        ]
+        with ThreadPoolExecutor(self._starts) as threads:
+            while self._outer.earliest_s > 0:
+                allowed = self._outer.check_now().allowed // self._starts
+                if allowed <= 0:
+                    break
+                batch = min(self._params.batch, allowed)
+                list(threads.map(self._advance, walkers, [batch] * len(walkers)))
+                self._outer.iterations += batch * len(walkers)
+                self._gather(walkers)
+
+    def _gather(self, walkers: Sequence[Walker]) -> None:
+        """Enter what the walks have found; those that long found nothing aim at the best of all, from elsewhere."""
+        for walker in walkers:
+            for found in walker.found:
+                self._archive_found(found)
+            walker.found.clear()
+        waiting = sum(walker.waits for walker in walkers)
+        if waiting == 0:
+            return
+        for _ in range(waiting):
+            self._archive_plan(self._find_other_plan())
+        elite = sorted(self.archive, key=lambda found: found.earliest_s)[: self._params.elite]
+        for walker in walkers:
+            if walker.waits:
+                walker.best, walker.start = elite[0], elite[walker.rounds % len(elite)]
+                walker.waits, walker.left = False, 0
+
+    def _build_walker(self, seed: int, best: FoundPlan) -> Walker:
+        fleet = len(self._instance.vehicles)
+        base = base_of(self._problem, [()] * fleet)
+        return Walker(
+            here=self._build_walk(base), there=self._build_walk(copy_of(base)), loss=loss_of(self._problem),
+            desk=workspace_of(base), own=workspace_of(base), full=build_empty_repairs(self._problem, fleet),
+            rng=build_random_state(seed), best=best, start=best, step=self._params.first_step,
+            probes_s=np.full(self._params.probes, -1.0), length=self._params.cycle,
+        )  # fmt: skip
+
+    def _build_walk(self, base: State) -> RobustWalk:
+        slots = self._params.probes * len(base.lengths)
+        return RobustWalk(
+            base, clock_of(self._problem, self._timing, base), build_empty_repairs(self._problem, slots),
+            np.zeros(slots),
+            opened=np.zeros((slots, len(base.route_of)), dtype=np.int64),
+            begun=np.zeros((slots, len(base.lengths)), dtype=np.int64),
+            left=np.zeros((slots, len(base.lengths))), order=np.zeros(slots, dtype=np.int64),
+        )  # fmt: skip
+
+    def _place_walker(self, walker: Walker, routes: Sequence[tuple[int, ...]]) -> None:
+        """Put both plans of a walker at given routes, without repairs."""
+        for walk_at in (walker.here, walker.there):
+            walk_at.base.route_of[:] = -1
+            for route, visits in enumerate(routes):
+                walk_at.base.visits[route, : len(visits)] = visits
+                walk_at.base.lengths[route] = len(visits)
+                measure(self._problem, walk_at.base, route)
+            set_clocks(self._problem, self._timing, walk_at.base, walk_at.clock)
+            walk_at.repairs.known[:] = 0
+
+    def _find_window_begin(self, walker: Walker) -> tuple[float, float]:
+        return find_window_begin(
+            self._problem, self._timing, walker.here.base, walker.here.clock, self._fly_again, walker.loss,
+            walker.full, walker.desk, self._params.look, walker.rng,
+        )  # fmt: skip
+
+    def _advance(self, walker: Walker, iterations: int) -> None:
+        while iterations > 0 and not walker.waits:
+            if walker.left <= 0:
+                self._begin_cycle(walker)
+            cooling = (self._params.cold / self._start_temperature(walker)) ** (1 / walker.length)
+            done = anneal_plan(
+                self._problem, self._timing, walker.here, walker.there, walker.loss, walker.desk, walker.own,
+                walker.probes_s, self._build_limits(walker), walker.temperature, cooling,
+                min(iterations, walker.left), walker.rng,
+            )  # fmt: skip
+            iterations -= max(1, done)
+            walker.left -= max(1, done)
+            if walker.left <= 0 < walker.here.lacks.sum():
+                self._redo_poor_repairs(walker)
+            if walker.here.lacks.sum() <= 0:
+                self._verify_window(walker)
+                iterations -= self._params.whole_look
+                if walker.best.earliest_s <= 0:
+                    return
+            elif walker.left <= 0:
+                self._lower_step(walker)
+
+    def _redo_poor_repairs(self, walker: Walker) -> None:
+        """Make those repairs anew that lack a little at the end of a cycle."""
+        if walker.here.lacks.sum() <= self._params.nearly * self._transit_pct(walker.here.base):
+            walker.here.repairs.known[walker.here.lacks > 0] = 0
+            self._assess(walker)
+
+    def _lower_step(self, walker: Walker) -> None:
+        """Aim less far in the next cycle; after the last step begin again, with longer cycles."""
+        walker.cycles += 1
+        if walker.step > self._params.last_step:
+            walker.step /= 2
+        else:
+            walker.step = self._params.first_step
+            walker.rounds += 1
+            often = walker.rounds & -walker.rounds
+            walker.length = min(self._params.cycle * often * often, self._params.longest_cycle)
+            walker.waits = True
+
+    def _build_limits(self, walker: Walker) -> WalkLimits:
+        params = self._params
+        early, polish = params.ways[walker.cycles % len(params.ways)]
+        rise = params.rise * float(walker.here.base.loads.sum())
+        return WalkLimits(self._cap_s, self._all_vehicles, self._fly_again, params.follow, rise, early, polish)
+
+    def _begin_cycle(self, walker: Walker) -> None:
+        self._place_walker(walker, walker.start.routes)
+        self._aim(walker)
+
+    def _aim(self, walker: Walker) -> None:
+        """Aim a step below the best of a walk, and begin to cool."""
+        longest_s = float(walker.here.clock.durations_s.max())
+        walker.probes_s[0] = max(0.0, walker.best.earliest_s - walker.step * longest_s)
+        walker.probes_s[walker.probes_s < walker.probes_s[0]] = -1.0
+        self._assess(walker)
+        walker.temperature[0] = self._start_temperature(walker) * self._transit_pct(walker.here.base)
+        walker.left = walker.length
+
+    def _assess(self, walker: Walker) -> None:
+        """Look at all repairs of a walk where it stands."""
+        assess_repairs(
+            self._problem, self._timing, walker.here, walker.there, walker.loss, walker.desk, walker.probes_s,
+            self._build_limits(walker), np.inf, walker.rng,
+        )  # fmt: skip
+        take_repairs(walker.there, walker.here)
+
+    def _start_temperature(self, walker: Walker) -> float:
+        """Return the temperature that a cycle begins with, in mean transits."""
+        return self._params.hot * math.sqrt(math.sqrt(walker.length / self._params.cycle))
+
+    def _transit_pct(self, base: State) -> float:
+        """Return the mean energy that a plan spends from visit to visit, inspections not counted."""
+        inspections = self._problem.move.reshape(-1, len(self._problem.value), 2).min(axis=(0, 2))
+        moves = len(inspections) + len(base.lengths)
+        return max(float(base.loads.sum() - inspections.sum()) / moves, 1e-3 * float(self._problem.effort.max()), 1e-9)
+
+    def _verify_window(self, walker: Walker) -> None:
+        """Look at the whole window of a plan whose losses at the probes can be repaired, and aim anew."""
+        earliest_s, broken_s = self._find_window_begin(walker)
+        if earliest_s < walker.best.earliest_s:
+            base = walker.here.base
+            routes = tuple(
+                tuple(int(visit) for visit in base.visits[route, :length]) for route, length in enumerate(base.lengths)
+            )
+            walker.best = walker.start = FoundPlan(routes, earliest_s)
+            walker.found.append(walker.best)
+            walker.step = min(self._params.first_step, 1.5 * walker.step)
+        elif broken_s in walker.probes_s or broken_s < walker.probes_s[0]:
+            # A repair that a walk has and a look does not find: elsewhere then.
+            self._lower_step(walker)
+            walker.left = 0
+            return
+        if broken_s > walker.probes_s[0]:
+            walker.probes_s[2:] = walker.probes_s[1:-1]
+            walker.probes_s[1] = broken_s
+        self._aim(walker)
+
+    def _build_result(self, plans: Sequence[Plan]) -> WindowResult:
+        outer, fly_again = self._outer, self._fly_again
+        best = sorted(self.archive, key=lambda found: found.earliest_s)[: self._params.finalists]
+        candidates = [plan_from_routes(found.routes) for found in best] or [
+            min(plans, key=lambda plan: (len(plan.uncovered), self._route_s(plan)))
+        ]
+        windows = [replan_window(self._instance, plan, fly_again=fly_again) for plan in candidates]
+        chosen = min(range(len(windows)), key=lambda number: windows[number].earliest_s)
+        return WindowResult(
+            plan=candidates[chosen],
+            window=windows[chosen],
+            evaluation=evaluate(self._instance, candidates[chosen], Cost.MINMAX),
+            feasible=bool(best),
+            iterations=outer.iterations,
+            seconds=outer.watch.seconds,
+            stopped_by=outer.reason or "full window",
+        )
+
+
+def plan_from_routes(routes: Sequence[tuple[int, ...]]) -> Plan:
+    """Return routes as a plan that leaves nothing out."""
+    return Plan(tuple(Route(vehicle, visits) for vehicle, visits in enumerate(routes)))

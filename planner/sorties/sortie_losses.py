@@ -1,0 +1,203 @@
+"""Days in which vehicles are lost for good: what is left then, and until when a loss still lets the days be finished.
+
+A sortie that has begun is flown to its end. What a vehicle did counts once it has landed: a lost one loses what it had
+on board. For the others new sorties are planned after those under way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.errors import PlanError
+from planner.sorties.sortie_evaluation import sortie_duration_s
+from planner.sorties.sortie_model import Objective, Sortie, SortieBase, SortieInstance, SortiePlan
+from planner.sorties.sortie_solve import solve_sorties
+from planner.stop_rules import FirstFeasible, Iterations, Progress, StopVerdict, any_of
+
+if TYPE_CHECKING:
+    from planner.sorties.sortie_state import MoveTable
+
+ENOUGH = 3_000
+"""Iterations in which a re-plan must be found that inspects everything."""
+POLISHED = 400
+"""Iterations that each re-plan has: one that only just fits would leave no time for the next loss."""
+SAME_TIME_S = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class _PolishedStopRule:
+    """Stop at the first plan that covers everything, but not at once; or when it is certain that there is none."""
+
+    def __call__(self, progress: Progress) -> StopVerdict:
+        if progress.feasible and not progress.impossible and progress.iterations < POLISHED:
+            return StopVerdict(POLISHED - progress.iterations, "polished")
+        return FirstFeasible()(progress)
+
+
+@dataclass(frozen=True, slots=True)
+class SortiesAfterLoss:
+    """What is left of a plan after losses."""
+
+    kept: tuple[tuple[Sortie, ...], ...]
+    """Sorties that count or are under way."""
+    instance: SortieInstance
+    """The rest: from where everybody and every pack will be."""
+    tails: tuple[tuple[Sortie, ...], ...]
+    """What those who are left were to fly next."""
+    broken: tuple[tuple[Sortie, ...], ...]
+    """What the lost were flying: nothing of it counts, but its packs are gone."""
+
+    def known_sorties(self, plan: SortiePlan) -> SortiePlan:
+        """Return all sorties that have taken off or will: for the next loss."""
+        joined = zip(self.kept, self.broken, plan.sorties, strict=True)
+        return SortiePlan(tuple(kept + broken + after for kept, broken, after in joined), plan.uncovered)
+
+    def whole_plan(self, plan: SortiePlan) -> SortiePlan:
+        """Return all sorties of the days, those of a plan for the rest included."""
+        joined = (before + after for before, after in zip(self.kept, plan.sorties, strict=True))
+        return SortiePlan(tuple(joined), plan.uncovered)
+
+
+def build_sorties_after_loss(
+    instance: SortieInstance, plan: SortiePlan, lost: Mapping[int, float], at_s: float
+) -> SortiesAfterLoss:
+    """Return what is left at a time when some vehicles are lost.
+
+    Args:
+        instance: the whole days.
+        plan: everybody's sorties, as known until now; those of the lost that count may be among them.
+        lost: when each was, by its number.
+        at_s: now.
+
+    Raises:
+        PlanError: a vehicle that there is not.
+    """
+    if len(plan.sorties) != len(instance.vehicles) or not all(0 <= one < len(instance.vehicles) for one in lost):
+        raise PlanError(f"expected sorties and losses of {len(instance.vehicles)} vehicles")
+    lasts = [[sortie_duration_s(instance, number, one) for one in own] for number, own in enumerate(plan.sorties)]
+    kept, tails, broken, vehicles = [], [], [], []
+    flown: list[tuple[Sortie, float]] = []
+    """All that took off, with how long it took, also what was lost: packs and take-offs are gone with it."""
+    wanted = instance.wanted.copy()
+    for number, own in enumerate(instance.vehicles):
+        begun, later, gone, place, ready_s = [], [], [], own.base, max(own.ready_s, at_s)
+        for one, long in zip(plan.sorties[number], lasts[number], strict=True):
+            if one.start_s >= min(at_s, lost.get(number, at_s)) - SAME_TIME_S:
+                later.append(one)
+                continue
+            counts = number not in lost or one.start_s + long < lost[number] - SAME_TIME_S
+            flown.append((one, long if counts else np.inf))
+            if counts:
+                begun.append(one)
+                place, ready_s = one.lands, max(ready_s, one.start_s + long + instance.bases[one.lands].turnaround_s)
+                wanted[[visit >> 1 for visit in one.visits]] = False
+            else:
+                gone.append(one)
+        kept.append(tuple(begun))
+        broken.append(tuple(gone))
+        tails.append(() if number in lost else tuple(later))
+        windows = () if number in lost else own.windows
+        vehicles.append(replace(own, base=place, ready_s=ready_s, windows=windows))
+    day = next((number for number, (_, closes) in enumerate(instance.days) if at_s < closes), len(instance.days) - 1)
+    days = instance.days[day:]
+    vehicles = [
+        replace(own, windows=tuple(window for window in own.windows if window[0] >= days[0][0])) for own in vehicles
+    ]
+    today = [(one, long) for one, long in flown if one.start_s >= days[0][0] - SAME_TIME_S]
+    rest = replace(
+        instance,
+        vehicles=tuple(vehicles),
+        days=days,
+        wanted=wanted,
+        bases=_build_bases(instance, days[0][0], today, day),
+    )
+    return SortiesAfterLoss(tuple(kept), rest, tuple(tails), tuple(broken))
+
+
+def _build_bases(
+    instance: SortieInstance, opens_s: float, flown: Sequence[tuple[Sortie, float]], day: int
+) -> tuple[SortieBase, ...]:
+    """Return bases with the packs that they have left today."""
+    pools = [
+        list(base.charged_s) if day == 0 and base.charged_s is not None else [opens_s] * (base.packs or 0)
+        for base in instance.bases
+    ]
+    last = [base.taken_off_s for base in instance.bases]
+    for one, long in sorted(flown, key=lambda pair: pair[0].start_s):
+        lands, pool = instance.bases[one.lands], pools[one.base]
+        last[one.base] = max(last[one.base], one.start_s)
+        if pool:
+            pool.remove(min(pool))
+        if lands.recharge_s is not None and np.isfinite(long):
+            pools[one.lands].append(one.start_s + long + lands.recharge_s)
+    return tuple(
+        replace(base, charged_s=None if base.packs is None else tuple(pool), taken_off_s=taken_off)
+        for base, pool, taken_off in zip(instance.bases, pools, last, strict=True)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class LossWindow:
+    """When one vehicle may be lost for good so that everything is still inspected by the end of the last day."""
+
+    vehicle: int
+    from_s: float
+    """From here on, on its last stretch of sorties that the others can all make good; NEVER lost too early is 0."""
+    breaks: int | None
+    """The number of its last sortie whose loss no re-plan was found for; None if it may be lost at any time."""
+
+
+def find_loss_windows(
+    instance: SortieInstance,
+    plan: SortiePlan,
+    *,
+    seed: int = 0,
+    iterations: int = ENOUGH,
+    table: MoveTable | None = None,
+    told: Callable[[int, int], None] = lambda _done, _of: None,
+) -> tuple[LossWindow, ...]:
+    """Return each vehicle's window over the days.
+
+    A loss is known at once. For the others it is never better to hear of it later, so of all the times of one sortie
+    the last, just before it lands, decides. That a re-plan exists was shown by one that was found; that none does is
+    only that the search found none.
+    """
+    # Only here: it loads the kernels.
+    from planner.sorties.sortie_state import build_move_table
+
+    table = build_move_table(instance) if table is None else table
+    total, done = sum(map(len, plan.sorties)), 0
+    found = []
+    for vehicle, own in enumerate(plan.sorties):
+        from_s, breaks = 0.0, None
+        for number in range(len(own) - 1, -1, -1):
+            lands_s = own[number].start_s + sortie_duration_s(instance, vehicle, own[number])
+            done += 1
+            told(done, total)
+            if not can_finish(
+                build_sorties_after_loss(instance, plan, {vehicle: lands_s}, lands_s), seed, iterations, table
+            ):
+                from_s, breaks = lands_s, number
+                done += number
+                break
+        found.append(LossWindow(vehicle, from_s, breaks))
+    return tuple(found)
+
+
+def can_finish(left: SortiesAfterLoss, seed: int, iterations: int, table: MoveTable | None) -> bool:
+    """Return whether a plan for what is left is found that inspects everything."""
+    return not replan_sorties(left, seed, iterations, table).uncovered
+
+
+def replan_sorties(left: SortiesAfterLoss, seed: int, iterations: int, table: MoveTable | None) -> SortiePlan:
+    """Return a plan for what is left: one that inspects everything, else the best after all iterations."""
+    if not left.instance.wanted.any():
+        return SortiePlan(tuple(() for _ in left.tails))
+    stop = any_of(_PolishedStopRule(), Iterations(iterations))
+    return solve_sorties(
+        left.instance, stop=stop, objective=Objective.FLIGHT, seed=seed, initial=left.tails, table=table
+    ).plan

@@ -1,1 +1,0 @@
-"""Names that are agreed and not applied yet, and what applies them."""

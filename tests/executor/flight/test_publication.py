@@ -1,0 +1,123 @@
+"""How a site's broker is read, and that no mistake in what is told of a flight reaches the flight."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from executor.adapters.clock import SystemClock
+from executor.core.fleet_view import FleetView
+from executor.core.imaging.asset_status import AssetView
+from executor.core.interface.commands import Level, Say
+from executor.core.interface.events import Tick
+from executor.core.state.fleet_state import FleetState
+from executor.errors import SiteError
+from executor.flight.mqtt_settings import MqttSettings, read_mqtt_settings
+from executor.flight.publication import Publication
+from executor.site.tables.links import MqttTable
+from tests.brokers import secured_in
+from tests.executor.flights import first_plan_file
+from tests.ports import free_port
+
+DOCUMENT = (Path(__file__).parents[3] / "docs" / "mqtt.md").read_text(encoding="utf-8")
+SECRETS = {"BROKER_USER": "crew", "BROKER_PASSWORD": "p4ss", "CREW_TOKEN": "t0ken"}
+
+
+def settings(base: Path = Path(), environment: dict[str, str] | None = None, **table: object) -> MqttSettings:
+    made = read_mqtt_settings(MqttTable.model_validate(table), base, "site.toml", environment or {})
+    assert made is not None
+    return made
+
+
+def documented(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", DOCUMENT, re.DOTALL)
+
+
+def test_a_site_without_a_broker() -> None:
+    assert read_mqtt_settings(None, Path(), "site.toml", {}) is None
+
+
+def test_the_documented_table(tmp_path: Path) -> None:
+    secured_in(tmp_path).authority.rename(tmp_path / "broker-ca.pem")
+    table = tomllib.loads(documented("toml")[0])["mqtt"] | {"tls": True, "host": "broker"}
+    read = settings(tmp_path, SECRETS, **table)
+    assert str(read.broker) == "broker:8883"
+    assert (read.broker.username, read.broker.password, read.rules.token) == ("crew", "p4ss", "t0ken")
+    assert read.broker.tls is not None
+    assert read.rules.closed == ""
+    shown = repr(read)
+    assert "p4ss" not in shown
+    assert "t0ken" not in shown
+
+
+def test_the_documented_messages_keep_to_their_schemas() -> None:
+    folder = Path(__file__).parents[3] / "docs" / "mqtt"
+    for name, message in zip(("assets", "telemetry"), documented("json"), strict=True):
+        schema = json.loads((folder / f"{name}.schema.json").read_text(encoding="utf-8"))
+        jsonschema.validate(json.loads(message), schema)
+    linked = set(re.findall(r"\(mqtt/([a-z.-]+)\)", DOCUMENT))
+    assert linked == {path.name for path in folder.iterdir()}
+
+
+def test_tls_has_a_port_of_its_own(tmp_path: Path) -> None:
+    assert settings(tls=True).broker.port == 8883
+    assert settings().broker.port == 1883
+    with pytest.raises(
+        SiteError, match=r"^site.toml: mqtt.ca_file: expected a certificate \(PEM\) in none.pem: No such"
+    ):
+        settings(tmp_path, tls=True, ca_file="none.pem")
+    (tmp_path / "noise.pem").write_text("noise", encoding="utf-8")
+    with pytest.raises(SiteError, match=r"^site.toml: mqtt.ca_file: expected a certificate"):
+        settings(tmp_path, tls=True, ca_file="noise.pem")
+
+
+def test_a_secret_that_is_not_set() -> None:
+    with pytest.raises(SiteError, match=r"^site.toml: mqtt.username_env: expected a value in .* BROKER_USER"):
+        settings(username_env="BROKER_USER")
+
+
+def test_when_intents_are_taken() -> None:
+    assert settings().rules.closed == ""
+    assert settings(host="broker").rules.closed == "the broker is not on this computer, and the site names no token_env"
+    assert settings(token_env="T").rules.closed == "the environment variable T is not set"  # noqa: S106
+    assert settings(host="broker", environment={"T": "x"}, token_env="T").rules.closed == ""  # noqa: S106
+    assert settings(environment={"T": ""}, token_env="T").rules.token is None  # noqa: S106
+
+
+def test_secrets_that_anybody_could_read_are_warned_of() -> None:
+    environment = {"T": "x", "U": "y"}
+    assert settings(host="broker", environment=environment, token_env="T").exposed  # noqa: S106
+    assert settings(host="broker", environment=environment, username_env="U").exposed
+    assert not settings(host="broker").exposed
+    assert not settings(host="broker", tls=True, environment=environment, token_env="T").exposed  # noqa: S106
+    assert not settings(environment=environment, token_env="T").exposed  # noqa: S106
+
+
+@pytest.mark.asyncio
+async def test_no_mistake_reaches_the_flight(tmp_path: Path) -> None:
+    """Nor does a broker that is not there; each is said once."""
+    publication = Publication(settings(port=free_port(), telemetry_rate_hz=10.0), tmp_path, SystemClock())
+    said: list[tuple[Level, str]] = []
+
+    def broken() -> FleetView:
+        raise ZeroDivisionError("a mistake")
+
+    def assets() -> tuple[AssetView, ...]:
+        raise ZeroDivisionError("a mistake")
+
+    publication.publish_plan(0, first_plan_file())
+    async with publication.run(broken, lambda _: None, lambda *line: said.append(line), assets):
+        for _ in range(3):
+            publication.publish_event(Tick(), FleetState({}))
+            publication.publish_line(Say(Level.INFO, "a line"), 1.0)
+            publication.publish_line(Say(Level.INFO, "another"), float("nan"))
+    assert said == [
+        (Level.FAULT, "internal error in mqtt: ZeroDivisionError: a mistake"),
+        (Level.WARNING, said[-1][1]),
+    ]
+    assert "messages never reached 127.0.0.1:" in said[-1][1]

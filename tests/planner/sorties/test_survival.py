@@ -1,0 +1,41 @@
+"""Days that are flown many times with losses by chance: how often they finish, and with how many packs."""
+
+from __future__ import annotations
+
+from planner.sorties import (
+    SurvivalCampaign,
+    SurvivalEstimate,
+    add_spares,
+    simulate_days,
+    split_samples,
+    summarise_samples,
+)
+from planner.sorties.survival import SampleChunk
+from tests.planner.sorties.builders import short_day
+
+
+def flown(campaign: SurvivalCampaign, samples: int) -> SurvivalEstimate:
+    """Return what so many times come to."""
+    return summarise_samples([simulate_days(campaign, part) for part in split_samples(samples)])
+
+
+def test_what_days_come_to_does_not_depend_on_how_they_are_parted() -> None:
+    instance, plan = short_day(end_s=1_500.0)
+    campaign = SurvivalCampaign(instance, plan, 0.5, 2)
+    assert sum(part.flights for part in split_samples(25)) == 25
+    assert flown(campaign, 25) == summarise_samples([simulate_days(campaign, SampleChunk(0, 25))])
+    assert flown(campaign, 25).losses > 0.0
+
+
+def test_more_spares_finish_more_often_and_nobody_fails_without_failures() -> None:
+    instance, plan = short_day(end_s=1_500.0)
+    certain = flown(SurvivalCampaign(instance, plan, 1e6), 20)
+    assert (certain.finished.estimate, certain.losses) == (1.0, 0.0)
+    shares = [
+        flown(SurvivalCampaign(add_spares(instance, spares), plan, 0.5, 2), 40).finished.estimate
+        for spares in ((), (0, 1))
+    ]
+    assert shares[0] < shares[1]
+    assert certain.packs_for_share(0.95) == tuple(
+        sum(one.base == base for own in plan.sorties for one in own) for base in range(2)
+    )
