@@ -1,4 +1,7 @@
-"""One name for one thing: what is defined more than once across the packages stands here, with its reason."""
+"""Names: one for one thing, and a function is a verb with its object, or the quantity that it returns.
+
+What is defined more than once across the packages stands here, with its reason.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,8 @@ import ast
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("planner", "missions", "simulator", "executor", "benchmarks")
@@ -20,6 +25,24 @@ REASONS = {
     "Sortie": "one of a day's plan, and what has become of the one in flight",
     "disarm": "the order, and the dialogue that gives it",
 }
+
+COPIES_AND_HANDLERS = frozenset({"with", "without", "from", "to", "on"})
+"""Prefixes that Python has for a changed copy, another way to construct, a conversion and what handles an event."""
+PARTICIPLES = frozenset(
+    "begun built caught done given gone heard kept known led lent left lost made meant met said seen sent shown sold sought "
+    "spent sunk taken taught thought thrown told won worn written".split()
+)
+NO_VERBS = frozenset(
+    "again all already alike also any anew anybody apart aside at away before behind besides between both by early every "
+    "everybody how in instead late meanwhile no nobody not nothing of once only over since somebody soon still together until "
+    "what when where which who whom whose why within".split()
+)
+THIRD_PERSON = frozenset(
+    "becomes begins belongs breaks brings carries comes crosses does ends falls feels finds fits flies follows gets gives "
+    "goes holds hovers includes keeps knows lands leads leaves lies lives loses makes matches meets names needs reaches reads "
+    "says sees sends serves shows sinks speaks stands stays suits takes tells turns uses waits wants works".split()
+)
+ENDS_IN_ED = frozenset({"embed", "exceed", "feed", "need", "proceed", "seed", "speed"})
 
 
 def defined() -> Iterator[tuple[str, str]]:
@@ -50,3 +73,49 @@ def test_no_name_is_defined_twice_without_a_reason() -> None:
 
 def test_every_reason_is_of_a_name_that_is_there_twice() -> None:
     assert set(REASONS) <= set(twice())
+
+
+def functions() -> Iterator[tuple[str, str]]:
+    """Yield the name of every function and method but properties and `__dunder__` methods, with its file."""
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and not node.name.startswith("__"):
+                    if not any("property" in ast.unparse(decorator) for decorator in node.decorator_list):
+                        yield node.name, f"{path.relative_to(ROOT)}:{node.lineno}"
+
+
+def is_named_as_a_function(name: str) -> bool:
+    """Return whether a name could begin with a verb or be a quantity: no participle, adverb or third person leads it."""
+    words = name.strip("_").split("_")
+    first = words[0]
+    if first in COPIES_AND_HANDLERS:
+        return len(words) > 1
+    if first in PARTICIPLES | NO_VERBS | THIRD_PERSON:
+        return False
+    return not first.endswith("ed") or first in ENDS_IN_ED
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("find_survivors", True),
+        ("_power_w", True),
+        ("with_pack", True),
+        ("on_message", True),
+        ("seed_walk", True),
+        ("told", False),
+        ("over", False),
+        ("looked_at", False),
+        ("of_all", False),
+        ("flies_to", False),
+        ("who_flies", False),
+        ("_without", False),
+    ],
+)
+def test_what_a_name_must_not_begin_with(name: str, expected: bool) -> None:
+    assert is_named_as_a_function(name) is expected
+
+
+def test_functions_are_a_verb_and_its_object_or_the_quantity_that_they_return() -> None:
+    assert [f"{where} {name}" for name, where in functions() if not is_named_as_a_function(name)] == []

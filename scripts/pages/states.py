@@ -39,8 +39,9 @@ def states_page(made: str) -> str:
     lines = [
         made, "", "# The states of a vehicle", "",
         "At any moment a vehicle is in one stage, and may have flags beside it. Both tables are those that the program",
-        "itself goes by (`vehicle_state.py` and `stage_flags.py` in `executor/core/state`): a change of stage that",
-        "is not in the first is refused as a mistake, and the flights of the tests are held to the second at every step.", "",
+        "itself goes by (`vehicle_state.py` and `stage_flags.py` in `executor/core/state`): a change of",
+        "stage that is not in the first is refused, and every step of the tests' flights is held",
+        "to the second.", "",
         "![The stages of a vehicle, and what may follow what](states.svg)", "",
         "## Stages", "", "| stage | meaning | may become |", "| --- | --- | --- |",
         *(f"| {stage.value} | {MEANINGS[stage]} | {_listed(TRANSITIONS[stage])} |" for stage in Stage), "",
