@@ -13,7 +13,7 @@ from benchmarks.machine import cores
 from benchmarks.scenario import Scenario, day_of, initial_timelines, read_scenario, solution_of, wrong_with
 from benchmarks.scenarios import DayInstance, DayLeft, DayResult, open_tasks, replan_losses, solve_day, warm_up_day
 from benchmarks.store import Json
-from planner import NoImprovement, Seconds, StopRule, any_of
+from planner import NoImprovement, Seconds, StopRule, combine_stop_rules
 
 FOLDER = "failures"
 LONG_ENOUGH = 100_000
@@ -54,7 +54,7 @@ class SolvedScenario:
 
 def stop_after(seconds: float) -> StopRule:
     """Return when a re-plan's search ends."""
-    return any_of(Seconds(seconds), NoImprovement(LONG_ENOUGH))
+    return combine_stop_rules(Seconds(seconds), NoImprovement(LONG_ENOUGH))
 
 
 def solve_scenario(scenario: Scenario, stop: StopRule, seed: int, prove_s: float | None = None) -> SolvedScenario:

@@ -302,7 +302,9 @@ def check_area(setup: FlightSetup) -> list[str]:
     axes = (np.arange(low_m[axis] + 0.5 * step_m, high_m[axis], step_m) for axis in (0, 1))
     places_m = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     places_m = places_m[grids.is_inside_convex(corners_m, places_m)]
-    low = find_terrain_shortfall(setup, np.column_stack((places_m, layers.surface.at_m(places_m) - layers.tolerance_m)))
+    low = find_terrain_shortfall(
+        setup, np.column_stack((places_m, layers.surface.interpolate_m(places_m) - layers.tolerance_m))
+    )
     return [] if low is None else [f"a transit could come {low.words}"]
 
 
@@ -372,7 +374,7 @@ def _sample_over_lines(setup: FlightSetup) -> Iterator[FloatArray]:
         along = (ends_m[1] - ends_m[0]) / np.linalg.norm(ends_m[1] - ends_m[0])
         aside = BESIDE_M * np.array([along[1], -along[0]])
         places = np.concatenate((places, places + 0.99 * aside, places - 0.99 * aside))
-        yield np.column_stack((places, layers.surface.at_m(places) - layers.tolerance_m))
+        yield np.column_stack((places, layers.surface.interpolate_m(places) - layers.tolerance_m))
 
 
 def _interpolate_heights(ends_m: FloatArray, share: FloatArray) -> FloatArray:
@@ -441,7 +443,7 @@ def _measure_over_ground(
             on_pad = to_pads_m.min(axis=1) < away_m[every, index]
             ground_m = np.where(on_pad, pads[to_pads_m.argmin(axis=1), 2], ground_m)
         if setup.terrain is not None:
-            known_m = setup.terrain.elevation.at_m(part[:, :2]) - setup.frame.alt_m
+            known_m = setup.terrain.elevation.interpolate_m(part[:, :2]) - setup.frame.alt_m
             ground_m = np.where(np.isnan(known_m), ground_m, known_m)
         heights_m.append(part[:, 2] - ground_m)
         near.append(close.segments[index])

@@ -45,9 +45,9 @@ class DetourObstacles:
             return self._find_ways_around(starts_m, goals_m)
         ends = zip(map(tuple, starts_m.tolist()), map(tuple, goals_m.tolist()), strict=True)
         return [
-            _cached_way_m(start, goal, self.centres_m, self.radius_m)
+            _find_way_m(start, goal, self.centres_m, self.radius_m)
             if start <= goal
-            else _cached_way_m(goal, start, self.centres_m, self.radius_m)[::-1]
+            else _find_way_m(goal, start, self.centres_m, self.radius_m)[::-1]
             for start, goal in ends
         ]
 
@@ -168,7 +168,7 @@ def price_detours(
 
 
 @lru_cache(maxsize=WAYS_KEPT)
-def _cached_way_m(start: Place, goal: Place, centres: tuple[Place, ...], radius_m: float) -> FloatArray:
+def _find_way_m(start: Place, goal: Place, centres: tuple[Place, ...], radius_m: float) -> FloatArray:
     """Return (w, 2) corners of a way around columns; each re-plan prices the same ways again, and so does the way back.
 
     They cannot be written to, as others have them too.

@@ -107,7 +107,7 @@ class Elevation:
         """The size of the smallest cells."""
         return self.tiles[0].cell_m
 
-    def at_m(self, places_m: FloatArray) -> FloatArray:
+    def interpolate_m(self, places_m: FloatArray) -> FloatArray:
         """Return (m,) the ground's heights at (m, 2) places, between the cells; not a number where nobody knows."""
 
         def between(tile: Tile, places_m: FloatArray) -> FloatArray:
@@ -138,7 +138,9 @@ class Elevation:
 
     def grid_m(self, easts_m: FloatArray, norths_m: FloatArray) -> FloatArray:
         """Return (norths, easts) heights between the cells on a regular grid, for who draws it."""
-        rows = [self.at_m(np.column_stack((easts_m, np.full(len(easts_m), north)))) for north in norths_m.tolist()]
+        rows = [
+            self.interpolate_m(np.column_stack((easts_m, np.full(len(easts_m), north)))) for north in norths_m.tolist()
+        ]
         return np.array(rows, dtype=np.float64).reshape(len(norths_m), len(easts_m))
 
     def _look_up(

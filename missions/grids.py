@@ -26,7 +26,7 @@ class Grid:
     heights_m: FloatArray
     """(easts, norths) float64."""
 
-    def at_m(self, places_m: FloatArray) -> FloatArray:
+    def interpolate_m(self, places_m: FloatArray) -> FloatArray:
         """Return (m,) heights at (m, 2) places; beyond the grid those of its edge."""
         most = np.array(self.heights_m.shape) - 1
         at = np.clip((places_m - np.array(self.low_m)) / self.step_m, 0.0, most)

@@ -29,7 +29,7 @@ def remove_double_corners(ring: Ring, *, closed: bool) -> Ring:
     return tuple(kept)
 
 
-def enclosed_area_m2(ring: Ring) -> float:
+def area_inside_m2(ring: Ring) -> float:
     """Return what an outline encloses."""
     corners = np.array(ring)
     after = np.roll(corners, -1, axis=0)

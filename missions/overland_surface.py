@@ -96,7 +96,7 @@ def _fit_slope(
         roof = known.build_roof(max(wishes.kept_m + off_m, wishes.ceiling_m - stack_m - off_m - SLACK_M), slope)
         surface = replace(next(iterate_surfaces(tracks_m, pylon_m[ends], (slope,)))[0], floor=floor, roof=roof)
         places = sample_tracks(tracks_m, pylon_m[ends], step_m)
-        fitted_m = float(np.abs(surface.at_m(places[:, :2]) - places[:, 2]).max())
+        fitted_m = float(np.abs(surface.interpolate_m(places[:, :2]) - places[:, 2]).max())
         if fitted_m <= max(error_m, FOLLOW_OVER_M):
             break
         error_m = fitted_m
@@ -137,5 +137,5 @@ def _shortfalls_m(floor: Grid, tracks_m: FloatArray, heights_m: FloatArray, shar
         shares = np.linspace(0.0, 1.0, math.ceil(longest_m / step_m) + 1)
     places_m = tracks_m[:, :1] + shares[:, np.newaxis] * (tracks_m[:, 1:] - tracks_m[:, :1])
     flown_m = heights_m[:, :1] + shares * (heights_m[:, 1:] - heights_m[:, :1])
-    under_m = floor.at_m(places_m.reshape(-1, 2)).reshape(flown_m.shape) - flown_m
+    under_m = floor.interpolate_m(places_m.reshape(-1, 2)).reshape(flown_m.shape) - flown_m
     return np.asarray(np.maximum(under_m, 0.0), dtype=np.float64)

@@ -38,7 +38,7 @@ def add_ground_heights(network: Network, elevation: Elevation, *, depot_known: b
         NetworkError: its heights contradict the raster's: one line with the pylon's name.
     """
     places_m = np.concatenate((network.positions_m, np.zeros((1, 2))))
-    ground_m = elevation.at_m(places_m)
+    ground_m = elevation.interpolate_m(places_m)
     unknown = np.flatnonzero(np.isnan(ground_m))
     if len(unknown):
         raise build_unknown_ground_error(elevation, places_m[unknown[0]], network.frame, network)

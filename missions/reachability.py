@@ -86,7 +86,7 @@ def _over_limit_m(setup: FlightSetup, area: Area) -> float | None:
     places_m = _sample_area(setup, area)
     if not len(places_m):
         return None
-    up_m = setup.layers.surface.at_m(places_m) + setup.layers.tolerance_m
+    up_m = setup.layers.surface.interpolate_m(places_m) + setup.layers.tolerance_m
     over_m = []
     if area.max_agl_m is not None:
         over_m.append(heights_over_ground_m(setup, np.column_stack((places_m, up_m))) - area.max_agl_m)

@@ -56,7 +56,7 @@ class Relief:
         begins_m, ends_m = ways_m[:, :-1, np.newaxis], ways_m[:, 1:, np.newaxis]
         inner_m = (begins_m + share * (ends_m - begins_m)).reshape(len(ways_m), -1, 3)
         whole_m = np.concatenate((inner_m, ways_m[:, -1:]), axis=1)
-        up_m = self.grid.at_m(whole_m[..., :2].reshape(-1, 2)).reshape(whole_m.shape[:2])
+        up_m = self.grid.interpolate_m(whole_m[..., :2].reshape(-1, 2)).reshape(whole_m.shape[:2])
         # Between the nodes the grid is a little off: by as much as at the ends, which are known.
         off_first_m, off_last_m = (ways_m[:, end, 2:] - up_m[:, end, np.newaxis] for end in (0, -1))
         along = np.linspace(0.0, 1.0, whole_m.shape[1])
@@ -70,7 +70,7 @@ def relief_of(surface: Surface, low_m: FloatArray, high_m: FloatArray) -> Relief
     step_m = max(STEP_M, math.sqrt(float((high_m - low_m).prod()) / MOST_NODES))
     counts = np.ceil((high_m - low_m) / step_m).astype(int) + 1
     grid = Grid((float(low_m[0]), float(low_m[1])), step_m, np.zeros(tuple(counts)))
-    heights_m = surface.at_m(grid.places_m.reshape(-1, 2)).reshape(tuple(counts))
+    heights_m = surface.interpolate_m(grid.places_m.reshape(-1, 2)).reshape(tuple(counts))
     # As a plan file has it: what is read gives back the same figures.
     return Relief(Grid(grid.low_m, step_m, np.asarray(np.round(heights_m, 1), dtype=np.float64)))
 

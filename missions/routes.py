@@ -210,7 +210,9 @@ class _PathBuilder:
         """Yield the way to a place: around the columns above others' pads and areas, up and down with the surface."""
         layers = self.setup.layers
         corners = self.setup.obstacles_for(self.vehicle).way_m(self.here_m[:2], goal_m[:2])
-        heights_m = layers.surface.at_m(corners) + layers.offset_m(self.vehicle) if len(corners) else np.zeros(0)
+        heights_m = (
+            layers.surface.interpolate_m(corners) + layers.offset_m(self.vehicle) if len(corners) else np.zeros(0)
+        )
         stops = [self.here_m, *np.column_stack((corners, heights_m)), goal_m]
         step = np.array([0.0, 0.0, layers.offset_m(self.vehicle)])
         speed_m_s = self.setup.inspection.transit_speed_m_s

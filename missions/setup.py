@@ -264,5 +264,5 @@ def _turning_places_m(pads: Sequence[Pad], areas: Sequence[Area], tracks_m: Floa
 
 def _put_pads_on_ground(pads: Sequence[Pad], terrain: Terrain) -> tuple[Pad, ...]:
     """Return pads at the height of the raster's ground, which is known there: known_ground has looked."""
-    ground_m = terrain.elevation.at_m(np.array([(pad.east_m, pad.north_m) for pad in pads])).round(1).tolist()
+    ground_m = terrain.elevation.interpolate_m(np.array([(pad.east_m, pad.north_m) for pad in pads])).round(1).tolist()
     return tuple(replace(pad, alt_m=alt_m) for pad, alt_m in zip(pads, ground_m, strict=True))

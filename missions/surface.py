@@ -50,21 +50,21 @@ class Surface:
     roof: Grid | None = None
     """It is not above, but where lines and floor are."""
 
-    def at_m(self, places_m: FloatArray) -> FloatArray:
+    def interpolate_m(self, places_m: FloatArray) -> FloatArray:
         """Return (m,) heights over (m, 2) places."""
         blocks = _distances_m(places_m, self.points_m)
         pairs = [_extensions_m(block, self.heights_m, self.slope) for block in blocks]
         least_m, most_m = (np.concatenate([pair[of] for pair in pairs]) for of in (0, 1))
         middle_m = 0.5 * (most_m + least_m)
         if self.roof is not None:
-            middle_m = np.minimum(middle_m, np.maximum(least_m, self.roof.at_m(places_m)))
+            middle_m = np.minimum(middle_m, np.maximum(least_m, self.roof.interpolate_m(places_m)))
         if self.floor is not None:
-            middle_m = np.maximum(middle_m, self.floor.at_m(places_m))
+            middle_m = np.maximum(middle_m, self.floor.interpolate_m(places_m))
         return np.asarray(middle_m, dtype=np.float64)
 
     def height_m(self, east_m: float, north_m: float) -> float:
         """Return the height over one place."""
-        return float(self.at_m(np.array([[east_m, north_m]]))[0])
+        return float(self.interpolate_m(np.array([[east_m, north_m]]))[0])
 
     def follow_m(self, start_m: FloatArray, goal_m: FloatArray, tolerance_m: float) -> FloatArray:
         """Return (w, 3) places between two (3,) places so that straight legs through them keep near the surface.
@@ -76,7 +76,7 @@ class Surface:
         steps = max(1, math.ceil(length_m / (CHECK_STEP_M if self.floor is None else CHECK_OVER_M)))
         share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
         line = start_m + share * (goal_m - start_m)
-        line[1:-1, 2] = self.at_m(line[:, :2])[1:-1]
+        line[1:-1, 2] = self.interpolate_m(line[:, :2])[1:-1]
         kept = sorted(_select_corners(line[:, 2], tolerance_m))
         return np.asarray(line[kept], dtype=np.float64)
 

@@ -85,7 +85,7 @@ from planner.stop_rules import (
     StopRule,
     StopVerdict,
     Stopwatch,
-    any_of,
+    combine_stop_rules,
 )
 from planner.synthetic import generate_network
 from planner.window import (
@@ -159,13 +159,13 @@ __all__ = [
     "WindowResult",
     "WindowSearchParams",
     "WorstLoss",
-    "any_of",
     "build_instance",
     "build_loss_table",
     "build_onboard_plan",
     "build_remaining_problem",
     "build_risk_campaign",
     "build_steady_wind",
+    "combine_stop_rules",
     "completion_times_s",
     "cost_value",
     "earliest_window_bound_s",

@@ -15,7 +15,7 @@ from planner.decomposition import part_of
 from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
 from planner.moves import FloatArray
 from planner.replan import FreeVehicle, RemainingProblem, build_remaining_problem, replan
-from planner.stop_rules import FirstFeasible, Iterations, any_of
+from planner.stop_rules import FirstFeasible, Iterations, combine_stop_rules
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +126,7 @@ def repair_plan(
     if len(state.fleet) == 1:
         return None
     left = build_remaining_problem(state.instance, state.plan, lost, at_s, fly_again=fly_again)
-    result = replan(left.instance, warm=left.warm, stop=any_of(FirstFeasible(), Iterations(effort)))
+    result = replan(left.instance, warm=left.warm, stop=combine_stop_rules(FirstFeasible(), Iterations(effort)))
     return (left, result.plan) if result.feasible else None
 
 

@@ -10,7 +10,15 @@ from planner.errors import PlanError
 from planner.evaluate import evaluate
 from planner.model import Instance, Plan
 from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.stop_rules import Iterations, Progress, StopRule, StopVerdict, Stopwatch, add_progress_report, any_of
+from planner.stop_rules import (
+    Iterations,
+    Progress,
+    StopRule,
+    StopVerdict,
+    Stopwatch,
+    add_progress_report,
+    combine_stop_rules,
+)
 from planner.window import ReplanWindow, replan_window
 
 STRETCHES = (0.0, 0.05, 0.1, 0.2)
@@ -92,7 +100,9 @@ def find_pareto_front(  # noqa: PLR0913 - what is asked for, how long to search,
     while not (shared.over or full):
         full = number > 0
         for stretch in sorted(stretches):
-            outer = OuterStopRule(add_progress_report(any_of(Iterations(length), shared), on_progress), shared.watch)
+            outer = OuterStopRule(
+                add_progress_report(combine_stop_rules(Iterations(length), shared), on_progress), shared.watch
+            )
             search = RobustSearch(
                 instance, outer, seed=seed + 100 * number, all_vehicles=all_vehicles, starts=starts,
                 fly_again=fly_again, params=params,

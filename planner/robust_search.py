@@ -31,7 +31,7 @@ from planner.loss_scan import base_of, build_empty_repairs, clock_of, loss_of, t
 from planner.model import Instance, Plan, Route
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.solve import solve
-from planner.stop_rules import Iterations, Progress, StopRule, StopVerdict, Stopwatch, any_of
+from planner.stop_rules import Iterations, Progress, StopRule, StopVerdict, Stopwatch, combine_stop_rules
 from planner.window import WindowResult, replan_window
 
 
@@ -185,7 +185,7 @@ class RobustSearch:
 
     def _solve_limited(self, instance: Instance, cost: Cost, number: int, iterations: int) -> Plan:
         share = min(1.0, instance.segments / self._params.full_effort_from)
-        stop = any_of(Iterations(int(share * iterations)), self._outer)
+        stop = combine_stop_rules(Iterations(int(share * iterations)), self._outer)
         result = solve(
             instance,
             cost=cost,

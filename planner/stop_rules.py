@@ -114,7 +114,7 @@ class AnyOf:
         return min(verdicts, key=lambda verdict: verdict.allowed, default=StopVerdict(UNLIMITED, "never"))
 
 
-def any_of(*rules: StopRule) -> StopRule:
+def combine_stop_rules(*rules: StopRule) -> StopRule:
     """Return the rule that stops when the first of ``rules`` does."""
     return AnyOf(rules)
 

@@ -177,7 +177,7 @@ async def _fly(
         behind = due_s - lived_s > CHUNK_STEPS * STEP_S
         wanted_s = lived_s + CHUNK_STEPS * STEP_S if behind else due_s
         # It may have lived further while a ground station was stopped.
-        until_s = max(lived_s, stations.until_s())
+        until_s = max(lived_s, stations.safe_time_s())
         lived_s = min(wanted_s, until_s)
         for link in links:
             link.vehicle.advance(lived_s)

@@ -43,10 +43,10 @@ class Stations:
         self.monotonic_s = monotonic_s
         self._here: set[Station] = set()
 
-    def until_s(self) -> float:
+    def safe_time_s(self) -> float:
         """Return how far the fleet may live now."""
         now_s = self.monotonic_s()
-        return min((station.until_s(now_s) for station in self._here), default=float("inf"))
+        return min((station.safe_time_s(now_s) for station in self._here), default=float("inf"))
 
     def send_time(self, lived_s: float) -> None:
         """Tell everybody how far the fleet has lived, after what it said until then."""
@@ -127,7 +127,7 @@ class Station(asyncio.Protocol):
         if not self._alone or self._transport.get_write_buffer_size() == 0:
             self._transport.write(format_time_line(lived_s))
 
-    def until_s(self, now_s: float) -> float:
+    def safe_time_s(self, now_s: float) -> float:
         """Return how far the fleet may live for its sake."""
         if self._turn is not None and self._turn.is_gone(now_s):
             self._alone = True

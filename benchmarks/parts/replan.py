@@ -22,8 +22,8 @@ from planner import (
     Route,
     Seconds,
     Stopwatch,
-    any_of,
     build_remaining_problem,
+    combine_stop_rules,
     completion_times_s,
     evaluate,
     replan,
@@ -73,7 +73,7 @@ def _measured(setting: Setting, case: Case) -> Json:
     losses = list(_losses(instance, plan))
     every = np.unique(np.linspace(0, len(losses) - 1, min(len(losses), setting.pieces(MOST_LOSSES, 100))).astype(int))
     feasible_s, given_up_s, given_up = [], [], []
-    effort = any_of(FirstFeasible(), Seconds(setting.seconds(EFFORT_S[case.name])))
+    effort = combine_stop_rules(FirstFeasible(), Seconds(setting.seconds(EFFORT_S[case.name])))
     for lost, at_s in (losses[place] for place in every):
         watch = Stopwatch()
         left = build_remaining_problem(instance, plan, lost, at_s)

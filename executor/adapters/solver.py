@@ -27,8 +27,8 @@ from planner import (
     PlannerError,
     Seconds,
     Vehicle,
-    any_of,
     build_onboard_plan,
+    combine_stop_rules,
     grant_onboard_budgets,
     rate_plan,
     replan,
@@ -119,7 +119,9 @@ def solve_for_survivors(
     task, tails = build_replan_task(pricing, problem)
     spare = {segment for segment, number in enumerate(task.segment_ids) if number in problem.left_over}
     carried = build_onboard_plan(task.instance, tails)
-    stop = any_of(Seconds(setup.limit_s if limit_s is None else limit_s), NoImprovement(settled), Cancelled(cancelled))
+    stop = combine_stop_rules(
+        Seconds(setup.limit_s if limit_s is None else limit_s), NoImprovement(settled), Cancelled(cancelled)
+    )
     try:
         own, own_tails = task, tails
         if spare:  # what is to spare must not take a part in what is not

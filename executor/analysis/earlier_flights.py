@@ -17,7 +17,7 @@ def read_earlier_flights(run: Path) -> tuple[EarlierRow, ...]:
     report = read_report(run)
     row = EarlierRow(
         run=run.resolve().name,
-        segments=inspected_segments_of(report),
+        segments=list_inspected_segments(report),
         sorties=len(report.sorties) or sum(1 for vehicle in report.vehicles if vehicle.energy_used_pct > 0.0),
         duration_s=report.duration_s,
         faults=tuple(dict.fromkeys(fault.vehicle for fault in report.faults)),
@@ -25,7 +25,7 @@ def read_earlier_flights(run: Path) -> tuple[EarlierRow, ...]:
     return (*report.earlier, row)
 
 
-def inspected_segments_of(report: FlightReport) -> tuple[int, ...]:
+def list_inspected_segments(report: FlightReport) -> tuple[int, ...]:
     """Return the ids of the segments that a flight inspected."""
     return tuple(sorted(segment for vehicle in report.vehicles for segment in vehicle.segments))
 
@@ -34,6 +34,6 @@ def describe_total_inspected(report: FlightReport) -> str:
     """Return what this flight and those before it inspected together; empty where it is the first."""
     if not report.earlier:
         return ""
-    done = {*inspected_segments_of(report), *(segment for row in report.earlier for segment in row.segments)}
+    done = {*list_inspected_segments(report), *(segment for row in report.earlier for segment in row.segments)}
     total = len(done | set(report.segments_uncovered))
     return f"with {format_count(len(report.earlier), 'flight')} before it {len(done)} of {total} segments are inspected"

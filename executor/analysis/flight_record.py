@@ -175,7 +175,7 @@ def build_launch_revision(content: PlanFile) -> PlanRevision:
     """Return the plan that a flight begins with."""
     instance = content.build_instance()
     routes = [build_planned_route(content, instance, route) for route in content.plan.routes if route.visits]
-    return PlanRevision(0, 0.0, tuple(routes), uncovered_ids_of(content))
+    return PlanRevision(0, 0.0, tuple(routes), list_uncovered_ids(content))
 
 
 def build_planned_route(
@@ -226,7 +226,7 @@ def _find_turns_m(content: PlanFile, route: Route) -> Iterator[tuple[Place, ...]
     yield tuple((float(east), float(north)) for east, north in around.way_m(here_m, np.array(base_m)))
 
 
-def uncovered_ids_of(content: PlanFile) -> tuple[int, ...]:
+def list_uncovered_ids(content: PlanFile) -> tuple[int, ...]:
     """Return the ids of the segments that a plan file does not cover."""
     return tuple(content.segments[index].id for index in content.plan.uncovered)
 
@@ -272,7 +272,7 @@ def compute_used_pct(battery: FloatArray) -> FloatArray:
     return np.column_stack((battery[:, 0], np.cumsum(drops)))
 
 
-def used_pct_at(vehicle: VehicleRecord, t_s: float) -> float:
+def draw_at_pct(vehicle: VehicleRecord, t_s: float) -> float:
     """Return the percent that a vehicle had used at a time; 0 if its battery never reported."""
     if len(vehicle.battery) == 0:
         return 0.0

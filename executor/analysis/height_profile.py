@@ -74,7 +74,7 @@ def _build_profile(setup: FlightSetup, path: FlightPath) -> HeightProfile:
         along_m=np.concatenate(along),
         flown_m=places[:, 2] + setup.frame.alt_m,
         inspecting=np.concatenate(phases),
-        ground_m=known.at_m(places[:, :2]),
+        ground_m=known.interpolate_m(places[:, :2]),
         most_m=known.highest_m(places[:, :2]) + known.uncertainty_m,
         least_m=known.highest_m(places[:, :2]) + terrain.kept_m,
         return_m=setup.return_height_m(path.vehicle) + pad.alt_m,

@@ -56,7 +56,7 @@ def _build_route_row(vehicle: str, revision: int, legs: Sequence[FlownLeg], laun
         return None
     planned_s = sum(leg.planned.duration_s for leg in legs)
     planned_pct = sum(leg.planned.energy_pct for leg in legs)
-    flown_s, flown_pct = end.at_s - began.at_s, _spent_pct(began, end)
+    flown_s, flown_pct = end.at_s - began.at_s, _draw_pct(began, end)
     return RouteRow(
         vehicle=vehicle,
         revision=revision,
@@ -76,7 +76,7 @@ def _build_route_row(vehicle: str, revision: int, legs: Sequence[FlownLeg], laun
 def _build_leg_row(leg: FlownLeg) -> LegRow:
     began, ended = leg.began, leg.ended
     flown_s = None if began is None or ended is None else ended.at_s - began.at_s
-    flown_pct = _spent_pct(began, ended)
+    flown_pct = _draw_pct(began, ended)
     return LegRow(
         waypoint=leg.waypoint,
         phase=leg.phase.value,
@@ -88,7 +88,7 @@ def _build_leg_row(leg: FlownLeg) -> LegRow:
     )
 
 
-def _spent_pct(began: LegBoundary | None, ended: LegBoundary | None) -> float | None:
+def _draw_pct(began: LegBoundary | None, ended: LegBoundary | None) -> float | None:
     if began is None or ended is None or began.given_pct is None or ended.given_pct is None:
         return None
     return ended.given_pct - began.given_pct

@@ -22,18 +22,18 @@ from executor.analysis.flight_record import (
     VehicleRecord,
     build_launch_revision,
     build_planned_route,
+    draw_at_pct,
     inspection_time_s,
+    list_uncovered_ids,
     route_join_time_s,
     take_off_time_s,
-    uncovered_ids_of,
-    used_pct_at,
 )
 from executor.core.battery.pack_history import PackHistory
 from executor.core.interface.commands import Level
 from executor.core.interface.events import Event, Heard, LaunchOrdered, SolveEnded, UploadEnded
 from executor.core.interface.messages import Battery, EstimatorStatus, Gps, Heartbeat, Position, SystemStatus
 from executor.core.state.inspection_run import PositionSample, Track
-from executor.core.state.positioning import positioning_heard
+from executor.core.state.positioning import update_positioning
 from executor.core.state.vehicle_parts import PositionFix, Positioning
 from executor.errors import LogError
 from executor.site import site_model
@@ -82,7 +82,7 @@ class _VehicleMessages:
 
     def take_positioning(self, said: Gps | EstimatorStatus | SystemStatus, t_s: float) -> None:
         """Take what it said of its GPS."""
-        self.positioning = positioning_heard(self.positioning, said, self.newest, t_s, stands=not self.armed)
+        self.positioning = update_positioning(self.positioning, said, self.newest, t_s, stands=not self.armed)
 
 
 @dataclass(slots=True)
@@ -239,6 +239,6 @@ def _build_replan_revision(
             began_s = route_join_time_s(vehicle.track, planned_for.start_m, log.solving_s.get(number, decided_s))
         else:
             began_s = take_off_time_s(vehicle.track, uploaded_s)
-        used_pct = used_pct_at(vehicle, began_s)
+        used_pct = draw_at_pct(vehicle, began_s)
         routes.append(build_planned_route(content, instance, route, began_s=began_s, used_pct=used_pct))
-    return PlanRevision(number, decided_s, tuple(routes), uncovered_ids_of(content))
+    return PlanRevision(number, decided_s, tuple(routes), list_uncovered_ids(content))

@@ -179,7 +179,7 @@ def build_report(
         heights=_build_heights(context, state),
         absences=tuple(_build_absence_row(absence, began_s) for absence in state.listening.absences),
         seen=tuple(_build_seen_row(row, state.coverage.inspected_at_m) for row in build_asset_rows(context, state)),
-        inferred=tuple(sorted(state.coverage.inferred_segments())),
+        inferred=tuple(sorted(state.coverage.list_inferred_segments())),
         min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
         inspection_speed_m_s=context.inspection_speed_m_s,
         inspections=tuple(

@@ -299,7 +299,7 @@ def _build_away_rows(report: FlightReport) -> Iterator[Sequence[object]]:
     for row in report.vehicles:
         at = row.last_position
         if not row.landed and at is not None:
-            place = words.known_place(at.lat_deg, at.lon_deg, at.known, at.accuracy_m)
+            place = words.format_known_place(at.lat_deg, at.lon_deg, at.known, at.accuracy_m)
             by_gps = (
                 ""
                 if (fix := at.last_fix) is None

@@ -284,7 +284,7 @@ def _describe_last_place(vehicle: VehicleView) -> str:
     at = vehicle.position
     if at is None:
         return "position unknown"
-    place = formatting.known_place(at.lat_deg, at.lon_deg, at.known, at.accuracy_m)
+    place = formatting.format_known_place(at.lat_deg, at.lon_deg, at.known, at.accuracy_m)
     reported = f"last at {place}, {at.relative_alt_m:.0f} m, {formatting.ago(at.age_s)}"
     if (fix := at.last_fix) is None:
         return reported

@@ -78,7 +78,7 @@ from executor.core.state.fleet_state import (
     Question,
     ReportedWarnings,
 )
-from executor.core.state.positioning import regained_words
+from executor.core.state.positioning import describe_gps_return
 from executor.core.state.vehicle_parts import Assignment, ModeCause, OnboardMission, PlannedSortie, Turnaround
 from executor.core.state.vehicle_position import (
     describe_down_place,
@@ -203,7 +203,7 @@ def _apply_message(context: Context, state: FleetState, event: Heard, now_s: flo
         start = context.vehicles[event.vehicle].start
         folded = replace(folded, state=leg_times.track_legs(before, folded.state, now_s, start))
     state = state.put(folded.state)
-    commands = _noticed(before, folded.state, now_s)
+    commands = _announce_link_findings(before, folded.state, now_s)
     if folded.text is not None:
         state, more = status_texts.show_status_text(state, folded.state, folded.text, now_s)
         commands.extend(more)
@@ -227,12 +227,12 @@ def _apply_message(context: Context, state: FleetState, event: Heard, now_s: flo
     return state, tuple(commands)
 
 
-def _noticed(before: VehicleState, after: VehicleState, now_s: float) -> list[Command]:
+def _announce_link_findings(before: VehicleState, after: VehicleState, now_s: float) -> list[Command]:
     """Say who else is on its link, and that it has GPS again."""
     lines = [
         (Level.WARNING, line) for line in describe_new_foreign_systems(before.link.strangers, after.link.strangers)
     ]
-    if regained := regained_words(before, after, now_s):
+    if regained := describe_gps_return(before, after, now_s):
         lines.append((Level.INFO, regained))
     return [Say(level, f"{after.name}: {line}") for level, line in lines]
 
@@ -324,7 +324,7 @@ def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float)
     if (
         vehicle.stage is not Stage.PILOT
         and not mode_causes.is_under_foreign_control(vehicle)
-        and stream_watch.needs_stream_request(view)
+        and stream_watch.is_stream_request_due(view)
     ):
         vehicle = replace(vehicle, orders=replace(vehicle.orders, streams_asked_s=now_s))
         commands.append(AskStreams(name))

@@ -284,7 +284,7 @@ def build_fleet_view(context: Context, state: FleetState, now_s: float) -> Fleet
         revision=state.replanning.revision,
         segments_total=context.segments,
         inspected=tuple(sorted(state.coverage.inspected)),
-        uncovered=_uncovered(state),
+        uncovered=_list_uncovered(state),
         missed=tuple(sorted(picture_proof.find_missed_segments(context, state))),
         replan=None
         if plan is None
@@ -312,7 +312,7 @@ def build_fleet_view(context: Context, state: FleetState, now_s: float) -> Fleet
     )  # fmt: skip
 
 
-def _uncovered(state: FleetState) -> tuple[int, ...]:
+def _list_uncovered(state: FleetState) -> tuple[int, ...]:
     return tuple(sorted((state.coverage.given_up | find_left_over_segments(state)) - set(state.coverage.inspected)))
 
 
@@ -343,7 +343,7 @@ def _build_vehicle_view(
         fault_kind=None if vehicle.fault is None else vehicle.fault.kind.value,
         fault_code=None if vehicle.fault is None else vehicle.fault.code,
         excluded=vehicle.orders.excluded,
-        loss=LossView(not outlook.uncovered, outlook.uncovered, round(now_s - outlook.at_s, 1), _uncovered(state))
+        loss=LossView(not outlook.uncovered, outlook.uncovered, round(now_s - outlook.at_s, 1), _list_uncovered(state))
         if known and outlook is not None
         else None,
         lands_in_s=_time_to_landing_s(vehicle),

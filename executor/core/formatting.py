@@ -95,7 +95,7 @@ def format_lat_lon(lat_deg: float, lon_deg: float, accuracy_m: float | None = No
     return f"{lat_deg:.{decimals}f}, {lon_deg:.{decimals}f}"
 
 
-def known_place(lat_deg: float, lon_deg: float, known: str, accuracy_m: float | None) -> str:
+def format_known_place(lat_deg: float, lon_deg: float, known: str, accuracy_m: float | None) -> str:
     """Return coordinates with how they are known, as `PositionView.known` has it.
 
     >>> known_place(49.5984123, -15.6, "fix", 3.0), known_place(49.6, -15.6, "reckoned", 441.0)

@@ -21,7 +21,7 @@ from executor.errors import ConnectionFailed, LogError, SiteError
 from executor.flight.flight_request import FlightRequest, MessageSink
 from executor.runtime.flight_loop import Flight
 from executor.site.ground_files import encode_ground, read_ground_files
-from executor.site.ground_view import GroundView, shown_area_of
+from executor.site.ground_view import GroundView, compute_shown_area
 from executor.site.tables.links import WebTable
 from executor.supervised import report_on_loop
 from missions import Window
@@ -131,5 +131,5 @@ def read_static_page_data(order: FlightRequest, console: MessageSink) -> StaticP
     except LogError as error:
         console.say(Level.WARNING, f"{error}: the page shows no ground")
         kept = {}
-    around = GroundView(*shown_area_of(order.ground.network.positions_m))
+    around = GroundView(*compute_shown_area(order.ground.network.positions_m))
     return StaticPageData(kept or encode_ground(around, order.ground.network.frame), order.plan.window)

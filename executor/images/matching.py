@@ -138,7 +138,7 @@ def _assign_owners(cards: list[MemoryCard], groups: dict[Key, list[ImageRow]], i
         for key, rows in groups.items():
             pictures = build_placed_times(frame, [(row.unix_s, row.lat_deg, row.lon_deg) for row in rows])
             found = find_clock_offset(files, pictures) if len(files.times_s) else None
-            if found is not None and found.pairs >= _required_matches(len(files.times_s), len(rows)):
+            if found is not None and found.pairs >= _count_matches_needed(len(files.times_s), len(rows)):
                 tried.append((found.score, number, key, found))
     owned: dict[int, tuple[Key, ClockOffset]] = {}
     left = {key: len(rows) for key, rows in groups.items()}
@@ -152,7 +152,7 @@ def _assign_owners(cards: list[MemoryCard], groups: dict[Key, list[ImageRow]], i
     ]
 
 
-def _required_matches(files: int, rows: int) -> int:
+def _count_matches_needed(files: int, rows: int) -> int:
     """Return how many must fall together: any two rows of times have some pairs at some offset."""
     return max(1, min(files, rows) // 2)
 

@@ -63,7 +63,7 @@ class DownloadDialogue(DialogueMachine):
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask how many items there are."""
-        return _asked(replace(self, heard_s=now_s), now_s)
+        return _request_open_items(replace(self, heard_s=now_s), now_s)
 
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take the count, then the items in their order."""
@@ -71,9 +71,9 @@ class DownloadDialogue(DialogueMachine):
             return self, ()
         match message:
             case MissionCount(count, kind) if kind is self.kind and self.count is None:
-                return self._taken(now_s, count, ())
+                return self._request_next(now_s, count, ())
             case MissionItemReceived(item, kind) if kind is self.kind and self._is_next(item):
-                return self._taken(now_s, self.count, (*self.items, item))
+                return self._request_next(now_s, self.count, (*self.items, item))
             case MissionAck(result, kind) if kind is self.kind and result != 0:
                 return replace(self, refusal=result), ()
             case _:
@@ -87,13 +87,13 @@ class DownloadDialogue(DialogueMachine):
             if self.refusal is not None:
                 return self._finish(build_rejection("download", self.refusal)), ()
             return self._finish(TimedOut(f"no answer when asked for {self._open}")), ()
-        state = replace(self, round_trip=self.round_trip.missed() if self.tries > 1 else self.round_trip)
+        state = replace(self, round_trip=self.round_trip.record_timeout() if self.tries > 1 else self.round_trip)
         ended = self.refusal is not None or now_s - self.heard_s >= LEFT_S
         if self.count is not None and ended and self.begun < ANEW:
             state = replace(
                 state, count=None, items=(), tries=0, refusal=None, begun=self.begun + 1, broke_off_at=self._open
             )
-        return _asked(state, now_s)
+        return _request_open_items(state, now_s)
 
     def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
         """Give up."""
@@ -111,21 +111,21 @@ class DownloadDialogue(DialogueMachine):
     def _is_next(self, item: MissionItem) -> bool:
         return self.count is not None and item.seq == len(self.items)
 
-    def _taken(
+    def _request_next(
         self, now_s: float, count: int | None, items: tuple[MissionItem, ...]
     ) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask for what comes after an answer, or say that all has come."""
-        trip = self.round_trip.measured(now_s - self.asked_s) if self.tries == 1 else self.round_trip
+        trip = self.round_trip.record_round_trip(now_s - self.asked_s) if self.tries == 1 else self.round_trip
         state = replace(
             self, count=count, items=items, round_trip=trip, heard_s=now_s, tries=0, refusal=None, broke_off_at=""
         )
         if len(items) == count:
             done = replace(state, outcome=Accepted(), deadline_s=float("inf"))
             return done, (SendMissionAck(0, self.kind),)
-        return _asked(state, now_s)
+        return _request_open_items(state, now_s)
 
 
-def _asked(state: D, now_s: float) -> tuple[D, tuple[Outgoing, ...]]:
+def _request_open_items(state: D, now_s: float) -> tuple[D, tuple[Outgoing, ...]]:
     """Ask what is open."""
     deadline_s = min(now_s + state.round_trip.waits_s, state.heard_s + SILENT_S)
     state = replace(state, tries=state.tries + 1, asked_s=now_s, deadline_s=deadline_s)

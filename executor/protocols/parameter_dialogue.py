@@ -74,7 +74,7 @@ class ParameterReading(DialogueMachine):
     heard_s: float = 0.0
 
     @classmethod
-    def of(cls, names: tuple[str, ...]) -> Self:
+    def start(cls, names: tuple[str, ...]) -> Self:
         """Return the reading of some parameters before it begins."""
         return cls(tuple(_Question(name) for name in dict.fromkeys(names)))
 
@@ -85,7 +85,7 @@ class ParameterReading(DialogueMachine):
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask for the first few."""
-        return _filled(replace(self, began_s=now_s, heard_s=now_s), now_s)
+        return _fill_pipeline(replace(self, began_s=now_s, heard_s=now_s), now_s)
 
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take an answer, and ask for the next."""
@@ -94,10 +94,10 @@ class ParameterReading(DialogueMachine):
         control, name = self.control, message.name
         question = next((one for one in (*self.asked, *self.waiting) if one.name == name and one.tries), None)
         if question is None and control is not None and control.name == name:
-            return _filled(_answered(replace(self, control=None), control, now_s), now_s)
+            return _fill_pipeline(_record_answer(replace(self, control=None), control, now_s), now_s)
         if question is None:
             return self, ()
-        state = _without(self, question)
+        state = _drop_question(self, question)
         match message:
             case ParamValue(value=value) if math.isfinite(value):
                 state = replace(state, values=(*state.values, message))
@@ -105,7 +105,7 @@ class ParameterReading(DialogueMachine):
                 state = replace(state, absent=state.absent | {name})
             case _:
                 state = replace(state, refused=state.refused | {name})
-        return _filled(_answered(state, question, now_s), now_s)
+        return _fill_pipeline(_record_answer(state, question, now_s), now_s)
 
     def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask again what was not answered in time; or give up."""
@@ -117,50 +117,50 @@ class ParameterReading(DialogueMachine):
         late = [one for one in self.asked if one.asked_s <= latest_s]
         state = self
         for question in late:
-            state = _missed(state, question)
+            state = _postpone_question(state, question)
         if self.control is not None and self.control.asked_s <= latest_s:
             state = replace(state, control=None, lost=state.lost + 1)
         if any(not one.outlived for one in late):  # a jam is not to be fed: fewer at a time, and then more seldom
-            trip = self.round_trip.missed() if self.room == 1 else self.round_trip
+            trip = self.round_trip.record_timeout() if self.room == 1 else self.round_trip
             state = replace(state, round_trip=trip, room=max(1, self.room // 2))
-        return _filled(state, now_s)
+        return _fill_pipeline(state, now_s)
 
 
-def _without(state: R, question: _Question) -> R:
+def _drop_question(state: R, question: _Question) -> R:
     asked = tuple(one for one in state.asked if one is not question)
     return replace(state, asked=asked, waiting=tuple(one for one in state.waiting if one is not question))
 
 
-def _answered(state: R, question: _Question, now_s: float) -> R:
+def _record_answer(state: R, question: _Question, now_s: float) -> R:
     """Note what an answer says of the link, and of what was asked before."""
     asked = tuple(one if one.number > question.first else replace(one, outlived=True) for one in state.asked)
-    trip = state.round_trip.measured(now_s - question.asked_s) if question.tries == 1 else state.round_trip
+    trip = state.round_trip.record_round_trip(now_s - question.asked_s) if question.tries == 1 else state.round_trip
     return replace(
         state, asked=asked, round_trip=trip, heard_s=now_s, room=min(state.room + 1, MOST_AT_ONCE),
         lost=state.lost + question.tries - 1, answered=state.answered + 1,
     )  # fmt: skip
 
 
-def _missed(state: R, question: _Question) -> R:
+def _postpone_question(state: R, question: _Question) -> R:
     """Put a question that was not answered in time behind the others; or believe that nobody ever will."""
     in_vain = question.in_vain + question.outlived
-    state = _without(state, question)
+    state = _drop_question(state, question)
     share = (state.lost + 1.0) / (state.lost + state.answered + 2.0)
     if share**in_vain <= BY_CHANCE:
         return replace(state, absent=state.absent | {question.name})
     return replace(state, waiting=(*state.waiting, replace(question, in_vain=in_vain)))
 
 
-def _filled(state: R, now_s: float) -> tuple[R, tuple[Outgoing, ...]]:
+def _fill_pipeline(state: R, now_s: float) -> tuple[R, tuple[Outgoing, ...]]:
     """Ask as many as may be under way, and one that is there behind them where none of them may be."""
     said: list[str] = []
     while state.waiting and len(state.asked) < state.room:
-        question = _sent(state, state.waiting[0], now_s)
+        question = _mark_sent(state, state.waiting[0], now_s)
         said.append(question.name)
         state = replace(state, waiting=state.waiting[1:], asked=(*state.asked, question), sent=question.number)
     silent = all(one.tries > 1 for one in state.asked) or now_s >= state.heard_s + state.round_trip.waits_s
     if said and silent and state.values and state.control is None:
-        control = _sent(state, _Question(state.values[state.sent % len(state.values)].name), now_s)
+        control = _mark_sent(state, _Question(state.values[state.sent % len(state.values)].name), now_s)
         said.append(control.name)
         state = replace(state, control=control, sent=control.number)
     if not state.asked and not state.waiting:
@@ -171,7 +171,7 @@ def _filled(state: R, now_s: float) -> tuple[R, tuple[Outgoing, ...]]:
     return replace(state, deadline_s=min(deadline_s, patience_s)), tuple(SendParamRequest(name) for name in said)
 
 
-def _sent(state: ParameterReading, question: _Question, now_s: float) -> _Question:
+def _mark_sent(state: ParameterReading, question: _Question, now_s: float) -> _Question:
     number = state.sent + 1
     first = question.first or number
     return replace(question, asked_s=now_s, number=number, first=first, tries=question.tries + 1, outlived=False)

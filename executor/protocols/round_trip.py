@@ -31,7 +31,7 @@ class RoundTrip:
         """By when most answers have come."""
         return self.least_s if self.mean_s is None else max(self.least_s, self.mean_s + self.varies_s)
 
-    def measured(self, took_s: float) -> Self:
+    def record_round_trip(self, took_s: float) -> Self:
         """Return what is known after a question that was asked once was answered."""
         if self.mean_s is None:
             mean_s, varies_s = took_s, took_s / 2
@@ -42,6 +42,6 @@ class RoundTrip:
         waits_s = min(max(waits_s, self.least_s), self.most_s)
         return replace(self, waits_s=waits_s, mean_s=mean_s, varies_s=varies_s)
 
-    def missed(self) -> Self:
+    def record_timeout(self) -> Self:
         """Return what is waited after nothing came in that time: a jam is not to be fed."""
         return replace(self, waits_s=min(2 * self.waits_s, self.most_s))

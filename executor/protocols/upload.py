@@ -126,7 +126,7 @@ class UploadDialogue(DialogueMachine):
         return self._finish(Aborted()), (SendMissionAck(RESULT_CANCELLED, self.kind),)
 
     def _answer(self, seq: int, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        trip = self._measured(now_s) if seq == self.answered + 1 else self.round_trip
+        trip = self._update_round_trip(now_s) if seq == self.answered + 1 else self.round_trip
         deadline_s = now_s + min(max(LAST_ITEM_PERIOD_S, trip.waits_s), self.silence_s)
         state = replace(
             self, furthest=max(self.furthest, seq), heard_s=now_s, refusal=None, round_trip=trip, deadline_s=deadline_s
@@ -138,14 +138,14 @@ class UploadDialogue(DialogueMachine):
         state = replace(state, answered=seq, answered_s=now_s, first_s=first_s)
         return state, (SendMissionItem(self.items[seq], self.kind),)
 
-    def _measured(self, now_s: float) -> RoundTrip:
+    def _update_round_trip(self, now_s: float) -> RoundTrip:
         """Return what is known of the link once the next item is asked for.
 
         Which of two copies arrived tells the time since the last: one that cannot have come and gone since was in vain.
         """
         since_s = now_s - self.answered_s
         vain = self.round_trip.mean_s is not None and since_s < self.round_trip.mean_s / 2
-        return self.round_trip.measured(now_s - self.first_s if vain else since_s)
+        return self.round_trip.record_round_trip(now_s - self.first_s if vain else since_s)
 
     def _handle_acknowledgement(self, result: int) -> Self:
         all_asked = self.furthest == len(self.items) - 1

@@ -208,7 +208,7 @@ def estimate_aircraft(notes: AircraftNotes) -> LearnedAircraft:
         ),
         climb_share=_estimate_climb(climbs, level),
         capacity_ah=_estimate_capacity(notes.flights),
-        told_capacity_ah=_reported_capacity_ah(notes.settings),
+        told_capacity_ah=_read_capacity_ah(notes.settings),
         resistance_ohm=_estimate_resistance(notes.flights),
         link_loss_pct=_estimate_link_loss(notes.minutes),
         switch=_estimate_switch(notes),
@@ -320,7 +320,7 @@ def _estimate_capacity(flights: Sequence[Sequence[_Report]]) -> LearnedFigure | 
     return LearnedFigure(mean, max(1 / math.sqrt(weights), SENSOR_SHARE * mean), count)
 
 
-def _reported_capacity_ah(settings: dict[str, float]) -> float | None:
+def _read_capacity_ah(settings: dict[str, float]) -> float | None:
     value = next((settings[name] for name in ("BATT_CAPACITY", "BAT1_CAPACITY", "BAT_CAPACITY") if name in settings), 0)
     return value / 1e3 if value > 0 else None
 

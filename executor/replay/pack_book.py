@@ -103,7 +103,7 @@ class PackBook:
             sag_cell_v=None if sag is None else self._highest_sag_v(sag.ohm * sag.current_a / cells),
             ohm=None if sag is None else max(0.0, sag.ohm),
             ohm_sd=None if sag is None else sag.ohm_sd,
-            counted_ah=self._used_ah(vehicle, facts, pct),
+            counted_ah=self._draw_ah(vehicle, facts, pct),
             set_ah=facts.capacity_ah,
             capacity_ah=None,
         )
@@ -121,7 +121,7 @@ class PackBook:
         whole = replace(flight, began_cell_v=mine[0].began_cell_v, counted_ah=counted_ah)
         return capacity_ah(whole, chemistry)
 
-    def _used_ah(self, vehicle: VehicleState, facts: PackFacts, pct: float) -> float | None:
+    def _draw_ah(self, vehicle: VehicleState, facts: PackFacts, pct: float) -> float | None:
         counter, began_pct = vehicle.power.battery.charge.consumed_ah, self._counted[1]
         if counter is not None and self._counted[0] is None:
             self._counted = (vehicle.power.battery.charge.began_ah, began_pct)

@@ -50,10 +50,10 @@ class _Beat:
     def end(self) -> None:
         self.users -= 1
         if self.users == 0 and self.next is not None:
-            self.lost_s = self.lost_real_s()
+            self.lost_s = self.total_lost_real_s()
             self.next.cancel()
 
-    def lost_real_s(self) -> float:
+    def total_lost_real_s(self) -> float:
         """Return how many real seconds this program has lost so far."""
         return self.lost_s + max(0.0, self._now_s() - self.at_s - MOST_REAL_S)
 
@@ -61,7 +61,7 @@ class _Beat:
         return self.clock.now_s() / self.clock.speedup
 
     def _beat(self) -> None:
-        self.lost_s, self.at_s = self.lost_real_s(), self._now_s()
+        self.lost_s, self.at_s = self.total_lost_real_s(), self._now_s()
         self.next = self.loop.call_later(BEAT_REAL_S, self._beat)
 
 
@@ -82,7 +82,7 @@ class AwakeClock:
 
     def now_s(self) -> float:
         """Seconds of the flight in which this program was able to do its work."""
-        return self.clock.now_s() - self.beat.lost_real_s() * self.clock.speedup
+        return self.clock.now_s() - self.beat.total_lost_real_s() * self.clock.speedup
 
 
 @contextmanager
@@ -119,7 +119,7 @@ def times_slower(clock: Clock, began_s: float, able_began_s: float) -> float:
     return max(1.0, took_s / able_s) if able_s > 0.0 else 1.0
 
 
-def by_awake_time(work: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, Coroutine[Any, Any, T]]:
+def count_awake_time(work: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, Coroutine[Any, Any, T]]:
     """Have a procedure count its time-outs by the time in which this program was able to do its work."""
     signature = inspect.signature(work)
 
@@ -148,7 +148,7 @@ class Lateness:
         self._behind_s = self._looked_behind_s = clock.now_s() - able.now_s()
         self._looked_s, self._said_s = clock.now_s(), float("-inf")
 
-    def since_last_s(self) -> float:
+    def take_lost_s(self) -> float:
         """Return how much was lost since this was asked last."""
         before_s, self._behind_s = self._behind_s, self._clock.now_s() - self._able.now_s()
         return round(max(0.0, self._behind_s - before_s), 3)

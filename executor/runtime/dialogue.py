@@ -9,7 +9,7 @@ from typing import TypeVar
 from executor.core.interface.messages import Message, Outgoing
 from executor.core.interface.ports import Clock, Link
 from executor.protocols.machine import DialogueMachine, TimedOut
-from executor.runtime.awake import LEAST_WAIT_S, by_awake_time, underlying
+from executor.runtime.awake import LEAST_WAIT_S, count_awake_time, underlying
 
 M = TypeVar("M", bound=DialogueMachine)
 
@@ -55,7 +55,7 @@ class _Patience:
         self.since_s, self.able_since_s = self.paced.now_s(), self.able.now_s()
         self.granted_s, self.repeat = None, ()
 
-    def at_deadline(self, machine: M) -> tuple[M, tuple[Outgoing, ...]]:
+    def pass_deadline(self, machine: M) -> tuple[M, tuple[Outgoing, ...]]:
         """Carry a machine over its deadline; who is given up had that time while this program was able to hear it.
 
         What is repeated goes by the flight's clock all the same: a vehicle's own time-outs do not wait for us.
@@ -71,7 +71,7 @@ class _Patience:
         return after, send
 
 
-@by_awake_time
+@count_awake_time
 async def run_dialogue(machine: M, link: Link, clock: Clock) -> M:
     """Run a dialogue to its one outcome.
 
@@ -94,9 +94,9 @@ async def run_dialogue(machine: M, link: Link, clock: Clock) -> M:
                 link.send(message)
             if machine.outcome is not None:
                 return machine
-            heard = await _heard_within(inbox, (machine.deadline_s - paced.now_s()) / paced.speedup)
+            heard = await _receive_within(inbox, (machine.deadline_s - paced.now_s()) / paced.speedup)
             if heard is None:
-                machine, send = patience.at_deadline(machine)
+                machine, send = patience.pass_deadline(machine)
                 continue
             before = machine
             machine, send = machine.on_message(heard, paced.now_s())
@@ -111,7 +111,7 @@ async def run_dialogue(machine: M, link: Link, clock: Clock) -> M:
         stop_listening()
 
 
-async def _heard_within(inbox: asyncio.Queue[Message], real_s: float) -> Message | None:
+async def _receive_within(inbox: asyncio.Queue[Message], real_s: float) -> Message | None:
     """Return the next message, or nothing once that time has passed."""
     try:
         async with asyncio.timeout(max(0.0, real_s)):

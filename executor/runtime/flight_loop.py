@@ -240,9 +240,9 @@ class Flight:
         with awake(self._clock) as able:
             late = Lateness(able, self._clock)
             while True:
-                self.apply(events.Tick(late.since_last_s()))
+                self.apply(events.Tick(late.take_lost_s()))
                 if told := late.to_be_said():
-                    self._told(told)
+                    self._record_note(told)
                 await asyncio.sleep(period_s)
 
     def _carry_out(self, command: Command, now_s: float) -> None:  # noqa: C901, PLR0912 - one case for each command
@@ -387,9 +387,9 @@ class Flight:
         return ended(done.accepted, done.mixed, done.reason, done.code, fenced)
 
     def _report(self, vehicle: str, text: str) -> None:
-        self._told(f"{vehicle}: {text}")
+        self._record_note(f"{vehicle}: {text}")
 
-    def _told(self, text: str) -> None:
+    def _record_note(self, text: str) -> None:
         line = commands.Say(commands.Level.WARNING, text)
         supervised.call_safely("what tells the crew", self._observer.told, line, self._clock.now_s())
 

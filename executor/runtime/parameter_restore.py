@@ -71,7 +71,7 @@ async def _read(link: Link, clock: Clock, names: Iterable[str]) -> Answers:
     present: dict[str, ParamValue] = {}
     began_s, unread = clock.now_s(), tuple(names)
     while unread:
-        reading = await run_dialogue(ParameterReading.of(unread), link, clock)
+        reading = await run_dialogue(ParameterReading.start(unread), link, clock)
         present |= {value.name: value for value in reading.values}
         unread = tuple(name for name in unread if name in reading.unread)
         if clock.now_s() - began_s >= procedures.PATIENCE_REAL_S * clock.speedup or reading.refused:

@@ -18,7 +18,7 @@ from executor.protocols.download import FIRST_TRIP, DownloadDialogue
 from executor.protocols.machine import Accepted, DialogueMachine, Outcome, Rejected, TimedOut
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.upload import UploadDialogue
-from executor.runtime.awake import LEAST_WAIT_S, by_awake_time, times_slower, underlying
+from executor.runtime.awake import LEAST_WAIT_S, count_awake_time, times_slower, underlying
 from executor.runtime.dialogue import run_dialogue
 from missions import Dialect, MissionItem, MissionKind, StartStep, find_mission_differences
 from missions.fences import find_list_differences
@@ -98,7 +98,7 @@ def code_of(outcome: Outcome | None) -> Ending | None:
             return Ending.BROKEN_OFF
 
 
-@by_awake_time
+@count_awake_time
 async def upload_and_verify(
     link: Link,
     clock: Clock,
@@ -359,7 +359,7 @@ async def _start_step(
             return await switch_mode(link, clock, vehicle_commands.set_mode(dialect.modes.mission), {mode})
 
 
-@by_awake_time
+@count_awake_time
 async def _arm(link: Link, clock: Clock, watch: _HostPauseWatch) -> ProcedureResult:
     """Arm, with patience: a check that fails may pass a few seconds later, while the estimator settles.
 
@@ -461,7 +461,7 @@ async def _wait_for_confirmation(
     )
 
 
-@by_awake_time
+@count_awake_time
 async def wait_for(link: Link, clock: Clock, wanted: Callable[[Message], bool], timeout_s: float) -> bool:
     """Wait for a message; returns whether it came."""
     came, until_s = asyncio.Event(), clock.now_s() + timeout_s
@@ -487,7 +487,7 @@ async def set_parameter(link: Link, clock: Clock, name: str, value: float, kind:
     return ProcedureResult(isinstance(ended.outcome, Accepted), reason_of(ended.outcome), code=code_of(ended.outcome))
 
 
-@by_awake_time
+@count_awake_time
 async def _run_patiently(question: M, link: Link, clock: Clock) -> M:
     """Ask, and ask again while a busy computer may be why nobody answers."""
     began_s = clock.now_s()

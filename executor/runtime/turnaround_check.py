@@ -7,7 +7,7 @@ from executor.core.interface.events import Examined
 from executor.core.interface.messages import Heartbeat
 from executor.core.interface.ports import Clock, Link
 from executor.core.preflight import fence_checks
-from executor.core.preflight.failsafe_parameters import not_read
+from executor.core.preflight.failsafe_parameters import describe_unread_parameters
 from executor.core.preflight.parameter_proposals import ParameterProposal, propose_return_changes
 from executor.core.preflight.vehicle_checks import Severity, VehicleFacts
 from executor.errors import PreflightFailed
@@ -68,7 +68,7 @@ async def _build_proposal(context: Context, name: str, link: Link, clock: Clock)
 def _unknown(facts: VehicleFacts, proposal: ParameterProposal) -> str:
     """Return what cannot be known of its parameters; empty if everything is."""
     if facts.unread:
-        return not_read(facts.unread)
+        return describe_unread_parameters(facts.unread)
     return next((check.text for check in proposal.checks if check.severity is Severity.STOP), "")
 
 

@@ -22,7 +22,7 @@ from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import failsafe_parameters, prearm
 from executor.core.preflight.fence_checks import OnboardLists
 from executor.core.preflight.vehicle_checks import VehicleFacts
-from executor.core.state.duplicate_ids import PlaceTold, Twins, with_place
+from executor.core.state.duplicate_ids import DuplicateIdWatch, ReportedPosition, add_reported_position
 from executor.core.telemetry.firmware import parse_banner_version
 from executor.core.telemetry.foreign_systems import ForeignSystem, add_foreign_system
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
@@ -58,7 +58,7 @@ class _VehicleAnswers:
     reasons_s: dict[str, float] = field(default_factory=dict)
     """Why it cannot be armed, by its own report, and when it said so last."""
     strangers: frozenset[ForeignSystem] = frozenset()
-    twins: Twins = field(default_factory=Twins)
+    twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
 
     def update(self, message: Message) -> None:
@@ -67,8 +67,8 @@ class _VehicleAnswers:
                 self.heartbeat = message
             case Position():
                 self.position = message
-                told = PlaceTold(self.clock.now_s(), message.boot_s, message.lat_deg, message.lon_deg)
-                self.twins = with_place(self.twins, told)
+                told = ReportedPosition(self.clock.now_s(), message.boot_s, message.lat_deg, message.lon_deg)
+                self.twins = add_reported_position(self.twins, told)
                 if self.twins.are_two:
                     self.strangers = add_foreign_system(self.strangers, DoubleHeard(0, ()))
             case Battery(remaining_pct=remaining):

@@ -34,10 +34,10 @@ def read_injected_faults(run: Path, clock: SystemClock) -> list[InjectedFault]:
     if not path.exists():
         return []
     dated = ((truth, (truth.unix_s - clock.began_unix_s) * clock.speedup) for truth in read_truths(path))
-    return [one for truth, at_s in dated if (one := injected_fault_of(truth, at_s)) is not None]
+    return [one for truth, at_s in dated if (one := find_injected_fault(truth, at_s)) is not None]
 
 
-def injected_fault_of(truth: Truth, at_s: float) -> InjectedFault | None:
+def find_injected_fault(truth: Truth, at_s: float) -> InjectedFault | None:
     """Return the fault that a truth is about, with its time on the ground station's clock; None if it is none."""
     if not truth.what.startswith("fault "):
         return None

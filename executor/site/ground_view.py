@@ -52,7 +52,7 @@ def build_ground_view(
         ExtraMissing: nothing is installed to read it with.
     """
     table = table or MapTable()
-    low_m, high_m = shown_area_of(places_m)
+    low_m, high_m = compute_shown_area(places_m)
     view = GroundView(low_m, high_m)
     if table.background is not None:
         require_extra(Extra.MAPS, "[map] background")
@@ -78,7 +78,7 @@ def view_for(ground: SiteModel, base: Path) -> GroundView:
     return build_ground_view(ground.site.map, base, ground.network.frame, places_m, heights)
 
 
-def shown_area_of(places_m: FloatArray) -> tuple[Corner, Corner]:
+def compute_shown_area(places_m: FloatArray) -> tuple[Corner, Corner]:
     """Return the corners of the area that is shown around (n, 2) places and the depot."""
     shown = np.concatenate((places_m, np.zeros((1, 2))))
     low, high = shown.min(axis=0), shown.max(axis=0)

@@ -15,7 +15,7 @@ from executor.site.tables.area_tables import AreaTable, Margin, OverGround, Over
 from missions import LocalFrame, Network, Pad, parse_where
 from missions.areas import Area, AreaKind, NamedPlace, PlaceKind, Ring
 from missions.errors import AreaError
-from missions.outlines import clip_outline, enclosed_area_m2, is_self_crossing, remove_double_corners, simplify_outline
+from missions.outlines import area_inside_m2, clip_outline, is_self_crossing, remove_double_corners, simplify_outline
 from missions.readers.area_files import FIGURES, FileArea, check_outline, read_areas
 
 NEAR_M = 20_000.0
@@ -155,7 +155,7 @@ def _to_rings_m(read: FileArea, frame: LocalFrame) -> list[Ring]:
         ring = remove_double_corners(ring, closed=not read.is_line)
         if read.is_line and len(ring) < 2:
             raise AreaError(f"{read.place}: expected a line of at least 2 places, got one")
-        if not read.is_line and (len(ring) < 3 or enclosed_area_m2(ring) < LEAST_M2):
+        if not read.is_line and (len(ring) < 3 or area_inside_m2(ring) < LEAST_M2):
             raise AreaError(f"{read.place}: expected an outline that encloses {LEAST_M2:g} m2 or more, got less")
         if not read.is_line and is_self_crossing(ring):
             raise AreaError(f"{read.place}: expected an outline that does not cross itself, got one that does")

@@ -44,8 +44,8 @@ from planner import (
     SearchParams,
     Seconds,
     StopRule,
-    any_of,
     build_remaining_problem,
+    combine_stop_rules,
     evaluate,
     find_pareto_front,
     replan,
@@ -283,7 +283,9 @@ def _solve_task(
 
 def _build_stop_rule(wanted: PlanRequest, settled: StopRule) -> StopRule:
     """Return when a search ends: after its iterations if they are given, and else once it is settled."""
-    return any_of(Seconds(wanted.seconds), settled if wanted.iterations is None else Iterations(wanted.iterations))
+    return combine_stop_rules(
+        Seconds(wanted.seconds), settled if wanted.iterations is None else Iterations(wanted.iterations)
+    )
 
 
 def to_plan_window(found: ReplanWindow, instance: Instance) -> Window:
@@ -450,7 +452,7 @@ def preview_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds:
         raise PlanFileError(f"{plan.source}: --lost: expected one of {', '.join(names)}, got {lost}")
     task = plan.build_task()
     left = build_remaining_problem(task.instance, plan.plan, names.index(lost), at_s, fly_again=plan.fly_again)
-    stop = any_of(Seconds(seconds), NoImprovement(SETTLED))
+    stop = combine_stop_rules(Seconds(seconds), NoImprovement(SETTLED))
     result = replan(left.instance, warm=left.warm, cost=cost, stop=stop, seed=seed)
     pricing = plan.pricing and plan.pricing.select_segments(
         left.open_segments, (one.name for one in left.instance.vehicles)

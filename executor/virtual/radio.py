@@ -39,9 +39,9 @@ class MemoryRadio:
             self.vehicle.receive(frame)
         self.vehicle.advance(now_s)
         for datagram in self.vehicle.drain():
-            self.heard(datagram)
+            self.receive(datagram)
 
-    def heard(self, datagram: bytes) -> None:
+    def receive(self, datagram: bytes) -> None:
         """Take what has come down."""
         self._router.route_frames(self._router.codec.decode(datagram), self.write)
 

@@ -36,7 +36,7 @@ from executor.flight.preparation import build_context_and_checklist, interview_v
 from executor.runtime.flight_loop import Flight, Observer, send_heartbeats
 from executor.runtime.parameter_restore import set_changes
 from executor.runtime.vehicle_preflight import load_lists
-from executor.simulated.injected_faults import injected_fault_of
+from executor.simulated.injected_faults import find_injected_fault
 from executor.simulated.simulated_fleet import fleet_of
 from executor.site import day_flight, site_model
 from executor.site.site_model import SiteModel
@@ -293,7 +293,7 @@ class _VirtualRun:
             for result in await asyncio.gather(*tasks, return_exceptions=True):
                 if isinstance(result, Exception):
                     raise result
-        happened = [one for truth in self._truths if (one := injected_fault_of(truth, truth.t_s)) is not None]
+        happened = [one for truth in self._truths if (one := find_injected_fault(truth, truth.t_s)) is not None]
         frames = {name: link.counts for name, link in links.items()}
         report = build_report(context, flight.state, ended_s, happened, frames, PreflightRecord(facts, found))
         crafts = {name: _build_outcome(radio.vehicle) for name, radio in self._radios.items()}

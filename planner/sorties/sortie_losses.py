@@ -16,7 +16,7 @@ from planner.errors import PlanError
 from planner.sorties.sortie_evaluation import sortie_duration_s
 from planner.sorties.sortie_model import Objective, Sortie, SortieBase, SortieInstance, SortiePlan
 from planner.sorties.sortie_solve import solve_sorties
-from planner.stop_rules import FirstFeasible, Iterations, Progress, StopVerdict, any_of
+from planner.stop_rules import FirstFeasible, Iterations, Progress, StopVerdict, combine_stop_rules
 
 if TYPE_CHECKING:
     from planner.sorties.sortie_state import MoveTable
@@ -51,7 +51,7 @@ class SortiesAfterLoss:
     broken: tuple[tuple[Sortie, ...], ...]
     """What the lost were flying: nothing of it counts, but its packs are gone."""
 
-    def known_sorties(self, plan: SortiePlan) -> SortiePlan:
+    def list_known_sorties(self, plan: SortiePlan) -> SortiePlan:
         """Return all sorties that have taken off or will: for the next loss."""
         joined = zip(self.kept, self.broken, plan.sorties, strict=True)
         return SortiePlan(tuple(kept + broken + after for kept, broken, after in joined), plan.uncovered)
@@ -197,7 +197,7 @@ def replan_sorties(left: SortiesAfterLoss, seed: int, iterations: int, table: Mo
     """Return a plan for what is left: one that inspects everything, else the best after all iterations."""
     if not left.instance.wanted.any():
         return SortiePlan(tuple(() for _ in left.tails))
-    stop = any_of(_PolishedStopRule(), Iterations(iterations))
+    stop = combine_stop_rules(_PolishedStopRule(), Iterations(iterations))
     return solve_sorties(
         left.instance, stop=stop, objective=Objective.FLIGHT, seed=seed, initial=left.tails, table=table
     ).plan

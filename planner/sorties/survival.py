@@ -158,7 +158,7 @@ def _simulate_once(
         at_s, number = min(failures)
         lost[number] = at_s
         left = build_sorties_after_loss(instance, plan, lost, at_s)
-        plan = left.known_sorties(replan_sorties(left, seed, iterations, table))
+        plan = left.list_known_sorties(replan_sorties(left, seed, iterations, table))
     return plan, len(lost)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from executor.site.ground_view import GroundView, shown_area_of
+from executor.site.ground_view import GroundView, compute_shown_area
 from executor.site.hillshade import compute_hillshade
 from missions.background import Background, choose_grid_size
 from missions.geo import FloatArray
@@ -57,7 +57,7 @@ def farmland(low_m: tuple[float, float], high_m: tuple[float, float], *, seed: i
 
 def ground_about(places_m: FloatArray, *, photo: bool = True, hills: Hills | None = None) -> GroundView:
     """Return the ground around places."""
-    low_m, high_m = shown_area_of(places_m)
+    low_m, high_m = compute_shown_area(places_m)
     background = farmland(low_m, high_m) if photo else None
     by = "© Land survey 2026" if photo else ""
     relief = None if hills is None else compute_hillshade(hills, low_m, high_m)

@@ -79,7 +79,7 @@ def test_cones_are_over_or_under_every_height_and_no_steeper(slope: float) -> No
     for one in (high, low):
         assert one.slope <= 1.4143 * slope + 1e-9
         for step in ((3.0, 0.0), (0.0, 3.0), (2.0, -2.0)):
-            rise = np.abs(one.at_m(places + np.array(step)) - one.at_m(places))
+            rise = np.abs(one.interpolate_m(places + np.array(step)) - one.interpolate_m(places))
             assert rise.max() <= one.slope * math.hypot(*step) + 1e-9
     # The highest peak stays as it is, and so does the lowest pit.
     assert high.heights_m.max() == grid.heights_m.max()

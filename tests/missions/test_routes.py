@@ -121,7 +121,7 @@ def test_a_transit_over_terrain_follows_the_surface() -> None:
         share = np.linspace(0.0, 1.0, 40)
         ground = places[index - 1] + share[:, np.newaxis] * (places[index] - places[index - 1])
         before, after = path.waypoints[index - 1].alt_rel_m, path.waypoints[index].alt_rel_m
-        off = np.abs(layers.surface.at_m(ground) - (before + share * (after - before)))
+        off = np.abs(layers.surface.interpolate_m(ground) - (before + share * (after - before)))
         assert off.max() <= allowed_m
         assert allowed_m < 1.0
 

@@ -27,10 +27,10 @@ def test_the_surface_never_leaves_the_lines_heights_and_is_never_steeper_than_it
     tracks = np.array([[[0.0, 0.0], [300.0, 0.0]], [[50.0, 80.0], [50.0, 400.0]]])
     surface = fit_surface(tracks, np.array([[40.0, 55.0], [30.0, 70.0]]), 5.0).surface
     places = grid_m(600.0, 15.0)
-    heights = surface.at_m(places)
+    heights = surface.interpolate_m(places)
     assert heights.min() >= 30.0 - 1e-9
     assert heights.max() <= 70.0 + 1e-9
-    east, north = (surface.at_m(places + np.array(step)) for step in ([0.5, 0.0], [0.0, 0.5]))
+    east, north = (surface.interpolate_m(places + np.array(step)) for step in ([0.5, 0.0], [0.0, 0.5]))
     assert max(np.abs(east - heights).max(), np.abs(north - heights).max()) <= 0.5 * surface.slope + 1e-9
 
 
@@ -50,7 +50,7 @@ def test_crossing_lines_of_different_height_cost_spacing() -> None:
 
 
 def test_a_flat_surface_is_flat() -> None:
-    assert build_flat_surface(15.0).at_m(grid_m(500.0, 250.0)).tolist() == [15.0] * 25
+    assert build_flat_surface(15.0).interpolate_m(grid_m(500.0, 250.0)).tolist() == [15.0] * 25
 
 
 def test_legs_that_follow_the_surface_stay_near_it_everywhere() -> None:
@@ -61,7 +61,7 @@ def test_legs_that_follow_the_surface_stay_near_it_everywhere() -> None:
     assert len(stops) > 3
     for first, last in itertools.pairwise(stops):
         places = first + np.linspace(0.0, 1.0, 50)[:, np.newaxis] * (last - first)
-        off = np.abs(surface.at_m(places[:, :2]) - places[:, 2])
+        off = np.abs(surface.interpolate_m(places[:, :2]) - places[:, 2])
         assert off.max() <= FOLLOW_M + surface.slope * CHECK_STEP_M
 
 

@@ -26,9 +26,9 @@ from planner import (
     Seconds,
     Travel,
     Vehicle,
-    any_of,
     build_instance,
     build_remaining_problem,
+    combine_stop_rules,
     evaluate,
     solve,
     solve_exact,
@@ -153,7 +153,7 @@ def test_a_stopped_proof_keeps_its_plan() -> None:
     assert (at_once.stopped_by, at_once.bound, at_once.gap) == ("iterations", None, None)
     assert at_once.feasible
     seen: list[Progress] = []
-    stop = any_of(TO_THE_END, Cancelled(lambda: len(seen) > 1))
+    stop = combine_stop_rules(TO_THE_END, Cancelled(lambda: len(seen) > 1))
     later = solve_exact(instance, cost=Cost.MINSUM, stop=stop, on_progress=seen.append)
     assert later.stopped_by == "cancelled"
     assert len(seen) == 2

@@ -22,8 +22,8 @@ from planner import (
     Seconds,
     Travel,
     Vehicle,
-    any_of,
     build_instance,
+    combine_stop_rules,
     evaluate,
     solve,
     solve_grasp,
@@ -130,7 +130,7 @@ def test_a_run_ends_when_nothing_better_is_found() -> None:
 def test_progress_is_told_and_the_stop_rule_obeyed() -> None:
     seen: list[Progress] = []
     instance = random_instance(8, 12, fleet(500.0, 500.0))
-    stop = any_of(Iterations(10**6), Cancelled(lambda: len(seen) == 4))
+    stop = combine_stop_rules(Iterations(10**6), Cancelled(lambda: len(seen) == 4))
     result = solve_grasp(instance, cost=Cost.MINSUM, stop=stop, on_progress=seen.append)
     assert result.stopped_by == "cancelled"
     assert [progress.iterations for progress in seen] == [0, 20, 40, 60]

@@ -13,9 +13,9 @@ from planner import (
     Route,
     Travel,
     Vehicle,
-    any_of,
     build_instance,
     build_remaining_problem,
+    combine_stop_rules,
     evaluate,
     replan,
     route_energy_pct,
@@ -192,7 +192,9 @@ def test_a_loss_on_the_papers_network_is_repaired_within_the_budgets() -> None:
     instance = build_instance(nechranice_ends_m(2000), (0.0, 0.0), fleet(*[7700.0] * 4), travel)
     flown = solve(instance, cost=Cost.MINCOMB, stop=Iterations(6000), all_vehicles=True)
     left = build_remaining_problem(instance, flown.plan, lost=2, at_s=0.6 * flown.evaluation.longest_route_s)
-    repaired = replan(left.instance, warm=left.warm, stop=any_of(FirstFeasible(), Iterations(20_000)), seed=1)
+    repaired = replan(
+        left.instance, warm=left.warm, stop=combine_stop_rules(FirstFeasible(), Iterations(20_000)), seed=1
+    )
     assert repaired.feasible
     assert repaired.evaluation.violations == ()
     for survivor, route in zip(left.survivors, repaired.plan.routes, strict=True):

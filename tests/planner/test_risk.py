@@ -21,10 +21,10 @@ from planner import (
     RiskCampaign,
     RiskEstimate,
     Route,
-    any_of,
     build_instance,
     build_remaining_problem,
     build_risk_campaign,
+    combine_stop_rules,
     estimate_probability,
     estimate_risks,
     evaluate,
@@ -184,7 +184,7 @@ def test_the_state_is_what_the_definition_makes_of_the_same_loss() -> None:
     plan = solve(instance, cost=Cost.MINMAX, stop=Iterations(500), seed=1).plan
     at_s = 0.4 * evaluate(instance, plan, Cost.MINMAX).longest_route_s
     left = build_remaining_problem(instance, plan, 1, at_s)
-    result = replan(left.instance, warm=left.warm, stop=any_of(FirstFeasible(), Iterations(500)))
+    result = replan(left.instance, warm=left.warm, stop=combine_stop_rules(FirstFeasible(), Iterations(500)))
     assert result.feasible
     state = build_state_before_losses(instance, plan).apply_plan(left, result.plan)
     assert state.fleet == (0, 2)

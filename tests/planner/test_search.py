@@ -19,8 +19,8 @@ from planner import (
     Route,
     Travel,
     Vehicle,
-    any_of,
     build_instance,
+    combine_stop_rules,
     evaluate,
     explain_infeasibility,
     route_energy_pct,
@@ -173,7 +173,7 @@ def test_a_vehicle_without_budget_need_not_fly() -> None:
 def test_an_airborne_vehicle_that_cannot_get_home_is_named() -> None:
     vehicles = [Vehicle("far", (100.0, 0.0), 50.0, airborne=True), Vehicle("near", (0.0, 0.0), 1000.0)]
     instance = build_instance([[[10.0, 0.0], [20.0, 0.0]]], (0.0, 0.0), vehicles, UNIT)
-    result = solve(instance, cost=Cost.MINSUM, stop=any_of(FirstFeasible(), Iterations(1000)))
+    result = solve(instance, cost=Cost.MINSUM, stop=combine_stop_rules(FirstFeasible(), Iterations(1000)))
     assert result.plan.routes[0].visits == ()
     assert result.plan.uncovered == ()
     assert not result.feasible
@@ -208,7 +208,7 @@ def test_progress_is_told_and_the_stop_rule_obeyed() -> None:
     result = solve(
         instance,
         cost=Cost.MINSUM,
-        stop=any_of(Iterations(100_000), Cancelled(lambda: len(seen) == 4)),
+        stop=combine_stop_rules(Iterations(100_000), Cancelled(lambda: len(seen) == 4)),
         on_progress=seen.append,
     )
     assert result.stopped_by == "cancelled"
@@ -253,7 +253,7 @@ def test_tight_budgets_are_met() -> None:
     """
     travel = Travel(5.0, 1.0, 1.0, 1.0)
     instance = build_instance(nechranice_ends_m(1000), (0.0, 0.0), fleet(*[3110.8] * 4), travel)
-    result = solve(instance, cost=Cost.MINSUM, stop=any_of(FirstFeasible(), Iterations(20_000)), seed=1)
+    result = solve(instance, cost=Cost.MINSUM, stop=combine_stop_rules(FirstFeasible(), Iterations(20_000)), seed=1)
     assert result.feasible
     assert max(result.evaluation.energies_pct) <= 3110.8 + 1e-6
 

@@ -13,7 +13,7 @@ from planner import (
     Progress,
     Seconds,
     Stopwatch,
-    any_of,
+    combine_stop_rules,
 )
 
 EARLY = Progress(
@@ -52,7 +52,7 @@ def test_somebody_outside_can_stop_it() -> None:
 
 
 def test_the_strictest_rule_decides_and_gives_the_reason() -> None:
-    verdict = any_of(Seconds(9.0), Iterations(130), NoImprovement(50))(EARLY)
+    verdict = combine_stop_rules(Seconds(9.0), Iterations(130), NoImprovement(50))(EARLY)
     assert (verdict.allowed, verdict.reason) == (10, "no improvement")
     assert AnyOf(())(EARLY).allowed > 10**9
 

@@ -24,9 +24,9 @@ from planner import (
     Route,
     Travel,
     Vehicle,
-    any_of,
     build_instance,
     build_remaining_problem,
+    combine_stop_rules,
     evaluate,
     find_covering_plan,
     route_energy_pct,
@@ -112,7 +112,7 @@ def test_what_the_search_finds_exists(seed: int, segments: int, vehicles: int, s
     loose = random_instance(seed, segments, fleet(*[1e6] * vehicles), dynamics=dynamics)
     best = solve(loose, cost=Cost.MINMAX, stop=Iterations(1500)).evaluation.value
     tight = random_instance(seed, segments, fleet(*[share * best] * vehicles), dynamics=dynamics)
-    found = solve(tight, cost=Cost.MINSUM, stop=any_of(FirstFeasible(), Iterations(3000)))
+    found = solve(tight, cost=Cost.MINSUM, stop=combine_stop_rules(FirstFeasible(), Iterations(3000)))
     plan = find_covering_plan(tight)
     assert (plan is not None) == found.feasible
     if plan is not None:

@@ -49,41 +49,41 @@ class Kept:
 
 
 def test_a_fleet_alone_lives_as_it_likes() -> None:
-    assert Stations(SPEEDUP, float).until_s() == EVER
+    assert Stations(SPEEDUP, float).safe_time_s() == EVER
 
 
 def test_it_lives_no_further_than_can_be_followed() -> None:
     kept = Kept()
-    assert kept.stations.until_s() == 50.0 + AHEAD_S
+    assert kept.stations.safe_time_s() == 50.0 + AHEAD_S
     kept.stations.send_time(50.1)
     assert kept.wire.said == [format_time_line(50.1)]
-    assert kept.stations.until_s() == 50.0 + AHEAD_S
+    assert kept.stations.safe_time_s() == 50.0 + AHEAD_S
     kept.real.now_s += PATIENCE_REAL_S - LOOK_REAL_S
-    assert kept.stations.until_s() == 50.0 + AHEAD_S, "a busy computer"
+    assert kept.stations.safe_time_s() == 50.0 + AHEAD_S, "a busy computer"
     kept.takes(50.1)
-    assert kept.stations.until_s() == 50.1 + AHEAD_S
+    assert kept.stations.safe_time_s() == 50.1 + AHEAD_S
 
 
 def test_nobody_takes_in_what_was_not_said() -> None:
     kept = Kept()
     kept.takes(1e9)
-    assert kept.stations.until_s() == 50.0 + AHEAD_S
+    assert kept.stations.safe_time_s() == 50.0 + AHEAD_S
 
 
 def test_one_that_says_nothing_for_long_is_a_silent_ground_station() -> None:
     kept = Kept()
     kept.stations.send_time(50.1)
     kept.real.now_s += PATIENCE_REAL_S
-    assert kept.stations.until_s() == EVER
+    assert kept.stations.safe_time_s() == EVER
     kept.stations.send_time(200.0)
     kept.takes(200.0)
-    assert kept.stations.until_s() == 200.0 + AHEAD_S, "it is waited for again"
+    assert kept.stations.safe_time_s() == 200.0 + AHEAD_S, "it is waited for again"
 
 
 def test_one_that_has_gone_is_not_waited_for() -> None:
     kept = Kept()
     kept.station.connection_lost(None)
-    assert kept.stations.until_s() == EVER
+    assert kept.stations.safe_time_s() == EVER
     assert kept.stations.moved.is_set()
 
 
@@ -92,7 +92,7 @@ def test_who_does_not_greet_is_not_waited_for() -> None:
     station = Station(stations)
     station.connection_made(wire)
     station.data_received(b"GET / HTTP/1.1\r\n\r\n")
-    assert stations.until_s() == EVER
+    assert stations.safe_time_s() == EVER
     assert not wire.open
 
 
@@ -102,12 +102,12 @@ def test_one_that_was_stopped_on_purpose_is_silent_at_once() -> None:
         kept = Kept(other.pid)
         kept.stations.send_time(50.1)
         kept.real.now_s += LOOK_REAL_S
-        assert kept.stations.until_s() == 50.0 + AHEAD_S
+        assert kept.stations.safe_time_s() == 50.0 + AHEAD_S
         os.kill(other.pid, signal.SIGSTOP)
         os.waitid(os.P_PID, other.pid, os.WSTOPPED | os.WNOWAIT)
         assert is_process_stopped(other.pid)
         kept.real.now_s += LOOK_REAL_S
-        assert kept.stations.until_s() == EVER
+        assert kept.stations.safe_time_s() == EVER
         os.kill(other.pid, signal.SIGCONT)
         other.kill()
 

@@ -269,14 +269,14 @@ def _read_message(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessa
     return StatusText(FAILURE, text)
 
 
-def _flies_to(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
+def _read_started_item(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
     """Read an item that is begun (MISE)."""
     current = MissionCurrent(int(fields["CNum"]), max(0, int(fields["CTot"]) - 1) or None)
-    listed = _listed(boot, t_usec, fields) if "CId" in fields else None
+    listed = _read_mission_item(boot, t_usec, fields) if "CId" in fields else None
     return (listed, current) if isinstance(listed, ListedItem) else current
 
 
-def _listed(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
+def _read_mission_item(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
     """Read an item: it is written when the mission is, and before Copter 4.2 once more when it is begun."""
     number, frame = int(fields["CNum"]), int(fields.get("Frame", Frame.GLOBAL_RELATIVE_ALT))
     x, y = (round(fields[name] * 1e7) for name in ("Lat", "Lng"))
@@ -296,7 +296,7 @@ READERS: Mapping[str, Callable[[ArduPilotBoot, int, Fields], ArduPilotMessages]]
     "MAVC": _read_command, "BAT": _read_battery, "CURR": _read_battery, "POS": _read_position, "GPS": _read_gps,
     "XKF1": _read_velocity,
     "NKF1": _read_velocity, "EKF1": _read_velocity, "ATT": _read_attitude, "CTUN": _read_throttle,
-    "MSG": _read_message, "MISE": _flies_to,
-    "CMD": _listed,
+    "MSG": _read_message, "MISE": _read_started_item,
+    "CMD": _read_mission_item,
 }  # fmt: skip
 """By the kind of the record."""

@@ -254,17 +254,17 @@ def _read_global_position(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4M
 def _read_gps(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     """Read the receiver's fix, and its place where the log has none of the filter."""
     vehicle.received_usec = t_usec
-    told = _fixed(t_usec, row)
-    place = _received_place(vehicle, t_usec, row)
+    told = _build_gps(t_usec, row)
+    place = _read_receiver_position(vehicle, t_usec, row)
     return told if place is None else (told, place)
 
 
-def _sensed(vehicle: Px4State, t_usec: int, row: TopicRow) -> Gps | None:
+def _read_receiver(vehicle: Px4State, t_usec: int, row: TopicRow) -> Gps | None:
     """Read a receiver's own topic, where the log has none of what is made of all of them."""
-    return None if t_usec - vehicle.received_usec < STALE_USEC else _fixed(t_usec, row)
+    return None if t_usec - vehicle.received_usec < STALE_USEC else _build_gps(t_usec, row)
 
 
-def _fixed(t_usec: int, row: TopicRow) -> Gps:
+def _build_gps(t_usec: int, row: TopicRow) -> Gps:
     off_m = float(row.get("eph", math.nan))
     return Gps(
         int(row["fix_type"]),
@@ -274,7 +274,7 @@ def _fixed(t_usec: int, row: TopicRow) -> Gps:
     )
 
 
-def _received_place(vehicle: Px4State, t_usec: int, row: TopicRow) -> Position | None:
+def _read_receiver_position(vehicle: Px4State, t_usec: int, row: TopicRow) -> Position | None:
     if row["fix_type"] < FIXED or t_usec - vehicle.placed_usec < STALE_USEC:
         return None
     if "latitude_deg" in row:
@@ -293,7 +293,7 @@ def _build_position(vehicle: Px4State, t_usec: int, place: tuple[float, float, f
     return Position(t_usec / 1e6, lat_deg, lon_deg, alt_m, height_m, north, east, down, None)
 
 
-def _aimed(vehicle: Px4State, _: int, row: TopicRow) -> HeightTarget | None:
+def _read_height_target(vehicle: Px4State, _: int, row: TopicRow) -> HeightTarget | None:
     """Read its controller's target; a landing and a take-off may have none."""
     down_m = float(row["z"])
     return HeightTarget(-down_m - vehicle.height_m) if vehicle.height_m is not None and math.isfinite(down_m) else None
@@ -350,8 +350,8 @@ TOPICS: Mapping[str, TopicReader] = {
     "vehicle_local_position": TopicReader(_read_local_position, 200_000),
     "vehicle_global_position": TopicReader(_read_global_position, 950_000),
     "vehicle_gps_position": TopicReader(_read_gps, 950_000),
-    "sensor_gps": TopicReader(_sensed, 950_000),
-    "vehicle_local_position_setpoint": TopicReader(_aimed, 950_000),
+    "sensor_gps": TopicReader(_read_receiver, 950_000),
+    "vehicle_local_position_setpoint": TopicReader(_read_height_target, 950_000),
     "vehicle_attitude": TopicReader(_read_attitude, 450_000),
     "vehicle_land_detected": TopicReader(_read_land_detected),
     "failsafe_flags": TopicReader(_read_failsafe_flags),

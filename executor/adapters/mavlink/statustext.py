@@ -91,7 +91,7 @@ class StatusTextAssembler:
                 given_up.append(StatusText(text.severity, text.assemble()))
         return given_up
 
-    def unfinished(self) -> list[tuple[Source, StatusText]]:
+    def list_unfinished_texts(self) -> list[tuple[Source, StatusText]]:
         """Return whose texts are still waited for, as far as they came, once nothing more comes."""
         return [
             (source, StatusText(text.severity, text.assemble()))

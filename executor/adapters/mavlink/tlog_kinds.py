@@ -124,7 +124,7 @@ def _read_mission_current(seq: int, total: int, _: int, __: int, number: int) ->
     return MissionCurrent(seq, total or None, number or None)
 
 
-def _navigated(*fields: float) -> HeightTarget:
+def _read_nav_output(*fields: float) -> HeightTarget:
     return HeightTarget(fields[2])
 
 
@@ -142,15 +142,15 @@ POS_HORIZ_ABS, CONST_POS_MODE = 16, 128
 
 def _gps(measured: int, *fields: int) -> Gps:
     fix, satellites, off_mm = fields[7], fields[8], fields[10]
-    return _received(measured, fix, satellites, off_mm, 0)
+    return _read_gps_raw(measured, fix, satellites, off_mm, 0)
 
 
 def _second_gps(measured: int, *fields: int) -> Gps:
     fix, satellites, off_mm = fields[8], fields[9], fields[13]
-    return _received(measured, fix, satellites, off_mm, 1)
+    return _read_gps_raw(measured, fix, satellites, off_mm, 1)
 
 
-def _received(measured: int, fix: int, satellites: int, off_mm: int, receiver: int) -> Gps:
+def _read_gps_raw(measured: int, fix: int, satellites: int, off_mm: int, receiver: int) -> Gps:
     known = None if satellites == NO_SATELLITES else satellites
     return Gps(fix, known, off_mm / 1e3 or None, measured / 1e6 or None, receiver)
 
@@ -197,7 +197,7 @@ KINDS: dict[int, MessageKind] = {
     ATTITUDE: MessageKind(39, struct.Struct("<I6f"), _read_attitude, EVERY_USEC, special=True),
     42: MessageKind(28, struct.Struct("<HHBBI"), _read_mission_current, STEADY_USEC),
     46: MessageKind(11, struct.Struct("<H"), MissionReached),
-    NAV_CONTROLLER_OUTPUT: MessageKind(183, struct.Struct("<5fhhH"), _navigated, SLOW_USEC),
+    NAV_CONTROLLER_OUTPUT: MessageKind(183, struct.Struct("<5fhhH"), _read_nav_output, SLOW_USEC),
     LOCAL_POSITION: MessageKind(185, struct.Struct("<I6f"), _ignore_message, SLOW_USEC, special=True),
     LOCAL_TARGET: MessageKind(140, struct.Struct("<I11fHB"), _ignore_message, SLOW_USEC, special=True),
     ITEM: MessageKind(254, struct.Struct("<7fHHBBBBBB"), _ignore_message, special=True),

@@ -63,7 +63,7 @@ from executor.core.interface.recorded_log import (
     TiltFilter,
     is_wanted_setting,
 )
-from executor.core.state.duplicate_ids import PlaceTold, Twins, with_place
+from executor.core.state.duplicate_ids import DuplicateIdWatch, ReportedPosition, add_reported_position
 from executor.core.telemetry.autopilot_component import AutopilotComponent, update_autopilot_component
 from executor.core.telemetry.plausibility import filter_implausible
 from missions import AUTOPILOTS, MissionItem
@@ -111,7 +111,7 @@ class _Source:
     """When its BATTERY_STATUS came last."""
     boot: BootTime | None = None
     """Its own time when it said it last."""
-    twins: Twins = field(default_factory=Twins)
+    twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
 
 
 @dataclass(slots=True)
@@ -161,7 +161,7 @@ class TelemetryFile(RecordedFile):
         System 0 stands for what is about the link as a whole.
         """
         yield from read_in_chunks(self.path, self._read_piece)
-        for (system, _), text in self._texts.unfinished():
+        for (system, _), text in self._texts.list_unfinished_texts():
             yield self._stamp, system, text
         self._explain_no_vehicle()
 
@@ -327,7 +327,7 @@ class TelemetryFile(RecordedFile):
         if number == STATUSTEXT:
             yield from self._read_statustext(stamp, system, component, fields)
         elif number in ORDERS | ITEMS:
-            sent = self._read_mode_order if number in ORDERS else self._listed
+            sent = self._read_mode_order if number in ORDERS else self._read_mission_item
             yield from sent(stamp, system, number, fields)
         elif isinstance(message, Heartbeat) and self._is_speaker(system, component, message):
             self._autopilots[system] = message.autopilot
@@ -356,7 +356,7 @@ class TelemetryFile(RecordedFile):
         if command in MODE_COMMANDS:
             yield stamp, target, OrderSeen(command, self._read_ordered_mode(number, fields, target), by)
 
-    def _listed(self, stamp: int, by: int, number: int, fields: tuple[Any, ...]) -> Iterator[Record]:
+    def _read_mission_item(self, stamp: int, by: int, number: int, fields: tuple[Any, ...]) -> Iterator[Record]:
         """Yield an item of a vehicle's mission, on its way to it or from it."""
         of, item = by if by in self._autopilots else fields[9], _item_of(number, fields)
         if item is not None and of in self._autopilots:
@@ -387,7 +387,7 @@ class TelemetryFile(RecordedFile):
             value = integers.from_wire(fields[0], fields[4], self._autopilots.get(system))
             return VehicleSetting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
         if number in {LOCAL_POSITION, LOCAL_TARGET}:
-            return self._aimed(system, number, fields[3])
+            return self._read_height_target(system, number, fields[3])
         if isinstance(message, Attitude):
             return self._tilts.setdefault(system, TiltFilter()).filter_attitude(stamp, message)
         if not isinstance(message, RcChannels):
@@ -397,7 +397,7 @@ class TelemetryFile(RecordedFile):
             return None  # ArduPilot sends the first eight channels once more
         return watch.filter_channels(stamp, message.values_us)
 
-    def _aimed(self, system: int, number: int, down_m: float) -> HeightTarget | None:
+    def _read_height_target(self, system: int, number: int, down_m: float) -> HeightTarget | None:
         """Return how far PX4 is below what it wants, where it says both; ArduPilot says the difference."""
         if number == LOCAL_POSITION:
             self._downs_m[system] = down_m
@@ -436,7 +436,7 @@ def _item_of(number: int, fields: tuple[Any, ...]) -> MissionItem | None:
 def _twins_heard(source: _Source, stamp: int, system: int, fields: tuple[Any, ...]) -> Iterator[Record]:
     """Follow where a vehicle is, and yield once that it is two."""
     known, (boot_ms, lat, lon, *_) = source.twins, fields
-    source.twins = with_place(known, PlaceTold(stamp / 1e6, boot_ms / 1e3, lat / 1e7, lon / 1e7))
+    source.twins = add_reported_position(known, ReportedPosition(stamp / 1e6, boot_ms / 1e3, lat / 1e7, lon / 1e7))
     if source.twins.are_two and not known.are_two:
         yield stamp, system, DoubleHeard(system, ())
 

@@ -108,7 +108,7 @@ class WebSnapshot:
             speedup=self._speedup,
             decided_age_s=None if tick_s is None else round(max(0.0, now_s - tick_s), 2),
             chart=_compute_route_stamp(state),
-            inferred=sorted(state.coverage.inferred_segments()),
+            inferred=sorted(state.coverage.list_inferred_segments()),
             assets=self._update_assets_stamp(state),
         )
         return _encode_json(content)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MultipleLocator
 
-from executor.analysis.flight_record import FlightRecord, compute_used_pct, used_pct_at
+from executor.analysis.flight_record import FlightRecord, compute_used_pct, draw_at_pct
 from executor.analysis.pictures.style import INK, LOSS, PAPER, WIDTH_IN, VehicleStyle, make_white_edge, style_of
 from executor.core.formatting import format_duration, format_flight_time
 
@@ -188,7 +188,7 @@ def _draw_measured(axes: Axes, record: FlightRecord, styles: Mapping[str, Vehicl
 
 def _draw_losses(panels: Sequence[Axes], record: FlightRecord) -> None:
     for vehicle, fault in record.losses:
-        place = (fault.detected_s, used_pct_at(vehicle, fault.detected_s))
+        place = (fault.detected_s, draw_at_pct(vehicle, fault.detected_s))
         panels[0].plot(*place, ls="", marker="X", ms=13, mfc=LOSS, mec=PAPER, mew=1.2, zorder=6)
         if fault.happened_s is not None:
             for axes in panels:

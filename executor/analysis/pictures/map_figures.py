@@ -97,7 +97,7 @@ def draw_plan_figure(content: PlanFile, ground: GroundView | None = None) -> Fig
 def draw_flight_figure(record: FlightRecord, ground: GroundView | None = None) -> Figure:
     """Return the first plan, and beside it what was flown and what was planned anew; over the ground if it is known."""
     styles = {vehicle.name: style_of(vehicle.layer) for vehicle in record.vehicles}
-    ends = np.array(_ends_of(record.segments)).reshape(-1, 2, 2)
+    ends = np.array(_get_segment_ends(record.segments)).reshape(-1, 2, 2)
     pads = [vehicle.pad_m for vehicle in record.vehicles]
     handles = [
         *_build_vehicle_handles(styles),
@@ -145,7 +145,7 @@ def _draw_first(
     draw_ground(axes, ends_m, pads_m)
     for route in routes:
         _draw_route(axes, route, styles[route.vehicle], replace(FIRST, cased=sheet.busy))
-    middles = {route.vehicle: _compute_middles_m(_inspected_lines_m(route)) for route in routes}
+    middles = {route.vehicle: _compute_middles_m(_split_inspected_lines_m(route)) for route in routes}
     placer = _make_placer(sheet, ends_m, (np.array(route.way_m) for route in routes))
     _label_vehicles(axes, sheet, placer, middles, styles)
 
@@ -174,7 +174,7 @@ def _draw_flown(
     for segment in record.segments:
         if segment.inspected_by is not None:
             inspected.setdefault(segment.inspected_by, []).append(segment)
-    middles = {name: _compute_middles_m(_ends_of(segments)) for name, segments in inspected.items()}
+    middles = {name: _compute_middles_m(_get_segment_ends(segments)) for name, segments in inspected.items()}
     _label_vehicles(axes, sheet, placer, middles, styles)
 
 
@@ -221,11 +221,11 @@ def _label_events(
             _draw_callout(axes, sheet, placer, np.array([place_m]), words, LOSS)
     for left_by, by, segments in _group_handovers(record):
         words = f"{by} took over {len(segments)}\nfrom {left_by}"
-        _draw_callout(axes, sheet, placer, _compute_middles_m(_ends_of(segments)), words, styles[by].colour)
+        _draw_callout(axes, sheet, placer, _compute_middles_m(_get_segment_ends(segments)), words, styles[by].colour)
     for group in group_connected(record.uncovered_segments):
         ids = ", ".join(segment.display_name for segment in group)
         words = "\n".join(["not inspected:", *textwrap.wrap(ids, LINE_LETTERS)])
-        _draw_callout(axes, sheet, placer, _compute_middles_m(_ends_of(group)), words, LOSS)
+        _draw_callout(axes, sheet, placer, _compute_middles_m(_get_segment_ends(group)), words, LOSS)
 
 
 def _group_handovers(record: FlightRecord) -> list[tuple[str, str, list[SegmentRecord]]]:
@@ -298,11 +298,11 @@ def _to_place(point_m: FloatArray) -> Place:
     return float(point_m[0]), float(point_m[1])
 
 
-def _inspected_lines_m(route: PlannedRoute) -> list[tuple[Place, Place]]:
+def _split_inspected_lines_m(route: PlannedRoute) -> list[tuple[Place, Place]]:
     return list(zip(route.way_m[1:-1:2], route.way_m[2:-1:2], strict=True))
 
 
-def _ends_of(segments: Iterable[SegmentRecord]) -> list[tuple[Place, Place]]:
+def _get_segment_ends(segments: Iterable[SegmentRecord]) -> list[tuple[Place, Place]]:
     return [(segment.a_m, segment.b_m) for segment in segments]
 
 

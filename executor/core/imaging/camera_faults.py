@@ -117,14 +117,14 @@ def _find_camera_faults(
     if capture.trigger is Trigger.ONCE:
         if memory.beside >= BESIDE:
             yield FaultCode.GIMBAL_STUCK, f"its gimbal pointed elsewhere at {memory.beside} viewpoints in a row"
-        if memory.left_behind >= _required_row(vehicle, memory, VIEWPOINTS_LATE):
+        if memory.left_behind >= _count_misses_needed(vehicle, memory, VIEWPOINTS_LATE):
             yield _build_silence_finding(memory, name, f"of {memory.left_behind} viewpoints", now_s)
     elif known.working is not None:
-        row = _required_row(vehicle, memory, PICTURES_LATE)
+        row = _count_misses_needed(vehicle, memory, PICTURES_LATE)
         yield from _find_late_pictures(context, capture, memory, row, known.working[1], now_s)
 
 
-def _required_row(vehicle: VehicleState, memory: CameraRecord, least: int) -> int:
+def _count_misses_needed(vehicle: VehicleState, memory: CameraRecord, least: int) -> int:
     """Return how many pictures in a row without a word are none that got lost; a MAVLink camera is asked again."""
     lost = vehicle.link.quality.lost or 0.0
     if memory.component >= FIRST_COMPONENT or lost <= 0.0:

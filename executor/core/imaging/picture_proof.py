@@ -33,7 +33,7 @@ AT_ONCE = 5
 """Pictures that are asked for in one turn."""
 
 
-def needs_pictures(context: Context, segment: int) -> bool:
+def requires_pictures(context: Context, segment: int) -> bool:
     """Return whether a segment asks for pictures."""
     return segment in context.setup.looks.spans or segment in context.setup.looks.pylons
 
@@ -54,7 +54,7 @@ def record_flown_segments(
         if segment in inspected:
             if not coverage.is_nearer_than_counted(segment, at_m):
                 continue
-            if needs_pictures(context, segment):
+            if requires_pictures(context, segment):
                 unseen[segment] = AwaitedPictures(vehicle, now_s, at_m)
                 continue
             again.add(segment)
@@ -62,7 +62,7 @@ def record_flown_segments(
             distances_m[segment] = at_m
         if how is not None:
             passes[segment] = how
-        if needs_pictures(context, segment):
+        if requires_pictures(context, segment):
             unseen[segment] = AwaitedPictures(vehicle, now_s)
         else:
             inspected[segment] = vehicle

@@ -295,7 +295,7 @@ def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -
 def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
     if intent.assets:
         return _look_again(context, state, intent, now_s)
-    wanted = state.coverage.inferred_segments() | picture_proof.find_missed_segments(context, state)
+    wanted = state.coverage.list_inferred_segments() | picture_proof.find_missed_segments(context, state)
     coverage = again.discard_proof(state.coverage, wanted)
     known = replace(state.replanning, ordered=True, trigger=f"proof requested by {intent.source}", trigger_s=now_s)
     text = f"re-flying {format_segments(context, wanted)} for proof"

@@ -300,7 +300,7 @@ def _refuse_replan(context: Context, state: FleetState, now_s: float) -> Refusal
 
 
 def _refuse_proof(context: Context, state: FleetState, now_s: float) -> Refusal:
-    if not state.coverage.inferred_segments() | picture_proof.find_missed_segments(context, state):
+    if not state.coverage.list_inferred_segments() | picture_proof.find_missed_segments(context, state):
         return IntentReason.NOTHING_TO_PLAN, "every counted segment is already proven by positions"
     return _refuse_without_vehicle(context, state, now_s)
 

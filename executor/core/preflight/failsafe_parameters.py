@@ -53,7 +53,7 @@ def list_older_parameters(dialect: Dialect, known: Collection[str]) -> tuple[str
     return () if any(name in known for name in stations) else stations[1:]
 
 
-def does_in_words(actions: Words, value: float) -> str:
+def describe_action(actions: Words, value: float) -> str:
     """Return what a value of an action means; a firmware may know more of them than this table."""
     return dict(actions).get(int(value), UNKNOWN)
 
@@ -93,7 +93,7 @@ def read_link_failsafe(dialect: Dialect, parameters: Parameters, unread: Collect
     after_s = timeout_s + slack_s + holds_s
     lacking = [name for name in link_names(dialect) if name in unread]
     if lacking:
-        words = f"GCS failsafe not known: {not_read(lacking)}"
+        words = f"GCS failsafe not known: {describe_unread_parameters(lacking)}"
         return LinkFailsafe(None, after_s, words, holds_s=holds_s, unread=True)
     action = parameters.get(rule.action)
     if action is None:
@@ -107,13 +107,13 @@ def read_link_failsafe(dialect: Dialect, parameters: Parameters, unread: Collect
     if int(parameters.get(name, 0.0)) & bit:
         words = f"no GCS failsafe in a mission ({setting}, but {name}={parameters[name]:g})"
         return LinkFailsafe(False, after_s, words, holds_s=holds_s)
-    does = does_in_words(rule.actions, action)
+    does = describe_action(rule.actions, action)
     words = f"GCS failsafe: {does} after {after_s:g} s ({setting})"
     acts = None if does == UNKNOWN else True
     return LinkFailsafe(acts, after_s, words, returns=int(action) == rule.action_return, holds_s=holds_s)
 
 
-def not_read(names: Collection[str]) -> str:
+def describe_unread_parameters(names: Collection[str]) -> str:
     """Return in words that parameters were not read.
 
     >>> not_read(["RTL_ALT"]), not_read(["FENCE_TYPE", "FENCE_ENABLE"])
@@ -204,12 +204,12 @@ def _read_battery_action(level: BatteryLevel, parameters: Parameters, capacity_m
         limits.append(f"{volts:g} V")
     if not limits:
         return None  # an action without a threshold is never taken
-    does = does_in_words(level.actions, action)
+    does = describe_action(level.actions, action)
     words = f"{does} below {' or '.join(limits)} ({level.action}={action:g})"
     return BatteryAction(below_pct, words, known=does != UNKNOWN)
 
 
-def early_returns(dialect: Dialect, parameters: Parameters, version: Version | None) -> list[str]:
+def list_early_returns(dialect: Dialect, parameters: Parameters, version: Version | None) -> list[str]:
     """Return in words what may end a mission before any level of the battery is reached; empty if nothing does."""
     found = []
     for rule in dialect.battery_failsafe.early:
@@ -217,7 +217,7 @@ def early_returns(dialect: Dialect, parameters: Parameters, version: Version | N
         older = rule.since is not None and version is not None and (version.major, version.minor) < rule.since
         if value is None or int(value) in rule.nothing or older:
             continue
-        does, setting = does_in_words(rule.actions, value), f"{rule.action}={value:g}"
+        does, setting = describe_action(rule.actions, value), f"{rule.action}={value:g}"
         if rule.since is not None and does == UNKNOWN:
             continue  # the level's own line says so
         may = " from " + ".".join(map(str, rule.since)) + " on" if rule.since is not None and version is None else ""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.interface.check_codes import CheckCode
-from executor.core.preflight.failsafe_parameters import UNKNOWN, Parameters, does_in_words, fence_names
+from executor.core.preflight.failsafe_parameters import UNKNOWN, Parameters, describe_action, fence_names
 from executor.core.preflight.parameter_proposals import (
     REAL32,
     ParameterChange,
@@ -108,7 +108,7 @@ def check_fence_settings(context: Context, name: str, said: Present, made: Seque
         return [Check(Severity.STOP, name, text, CheckCode.GEOFENCE)]
     rule, new = context.vehicles[name].dialect.geofence, {change.name: change.new for change in made}
     action = int(new.get(rule.action, said[rule.action].value))
-    does = does_in_words(rule.actions, action) if action else "nothing"
+    does = describe_action(rule.actions, action) if action else "nothing"
     setting = f"{rule.action}={action}"
     top = new.get(rule.height, said[rule.height].value)
     margin_m = 0.0 if context.fencing is None else context.fencing.margin_m
@@ -151,7 +151,9 @@ def _check_onboard_fence(
     if not lists.fence or lists.fence == ours.fence:
         return []
     what = f"a fence of {format_count(len(lists.fence), 'item')} that is not ours is on board"
-    if unread := facts.not_read(fence_names(dialect), f"{what}; whether it is switched on is", CheckCode.GEOFENCE):
+    if unread := facts.check_parameters_read(
+        fence_names(dialect), f"{what}; whether it is switched on is", CheckCode.GEOFENCE
+    ):
         return unread
     if not _is_polygon_fence_enabled(dialect, facts.parameters):
         return [Check(Severity.OK, name, f"{what}, switched off", CheckCode.GEOFENCE)]

@@ -81,7 +81,7 @@ def assess_pack_at_rest(setup: VehicleSetup, heard: PackReading) -> PackAtRest |
 def check_pack(context: Context, facts: VehicleFacts) -> list[Check]:
     """Hold the capacity that it counts by against the plan's, and its voltage at rest against its percentage."""
     names = context.vehicles[facts.name].dialect.pack_parameters
-    if unread := facts.not_read(names, "what its pack is taken for is", CheckCode.PACK):
+    if unread := facts.check_parameters_read(names, "what its pack is taken for is", CheckCode.PACK):
         return unread
     said = pack_facts_from_parameters(facts.parameters)
     heard = PackReading(facts.remaining_pct, facts.voltage_v, facts.cells, facts.parameters)

@@ -10,7 +10,7 @@ from enum import Enum
 from executor.core.context import Context
 from executor.core.interface.check_codes import CheckCode
 from executor.core.interface.messages import ParamValue
-from executor.core.preflight.failsafe_parameters import not_read
+from executor.core.preflight.failsafe_parameters import describe_unread_parameters
 from executor.core.preflight.vehicle_checks import Check, Severity
 from missions import Dialect, ReturnParameters, max_return_height_m
 
@@ -118,7 +118,8 @@ def propose_return_changes(
     for name, answers in answered.items():
         said = answers.present
         if answers.unread:
-            text = f"what must be set on it is not known: {not_read(answers.unread)}; is the link too bad?"
+            unread = describe_unread_parameters(answers.unread)
+            text = f"what must be set on it is not known: {unread}; is the link too bad?"
             checks.append(Check(Severity.STOP, name, text, CheckCode.RTL_ALTITUDE))
             continue
         allowed_m = max_return_height_m(context.setup, name) if ceiling_m is None else ceiling_m

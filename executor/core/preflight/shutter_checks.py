@@ -18,7 +18,9 @@ def check_shutter(facts: VehicleFacts, dialect: Dialect, path: FlightPath | None
     asked = {capture.trigger for point in path.waypoints for capture in point.captures} if path is not None else set()
     if not asked & rule.triggers:
         return []
-    if unread := facts.not_read((rule.parameter,), "whether its autopilot takes pictures is", CheckCode.CAMERA):
+    if unread := facts.check_parameters_read(
+        (rule.parameter,), "whether its autopilot takes pictures is", CheckCode.CAMERA
+    ):
         return unread
     value = facts.parameters.get(rule.parameter)
     if value:

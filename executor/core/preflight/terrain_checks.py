@@ -22,7 +22,7 @@ def list_terrain_parameters(dialect: Dialect) -> tuple[str, ...]:
 
 def check_terrain_following(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     """Say what a vehicle follows by itself: a warning where its flight is another for it than was planned."""
-    if unread := facts.not_read(
+    if unread := facts.check_parameters_read(
         list_terrain_parameters(dialect), "whether it follows the ground is", CheckCode.TERRAIN
     ):
         return unread
@@ -73,7 +73,7 @@ def check_pad_ground(context: Context, facts: VehicleFacts) -> list[Check]:
     if terrain is None:
         return []
     known = terrain.elevation
-    ground_m = float(known.at_m(np.array([[pad.east_m, pad.north_m]]))[0])
+    ground_m = float(known.interpolate_m(np.array([[pad.east_m, pad.north_m]]))[0])
     off_m = pad.alt_m - ground_m
     if not abs(off_m) > known.uncertainty_m + GPS_M:
         return []

@@ -80,12 +80,12 @@ class VehicleFacts:
     unread: frozenset[str] = frozenset()
     """Parameters of which nobody knows; what is in neither, the vehicle does not have."""
 
-    def not_read(self, names: Iterable[str], what: str, code: CheckCode) -> list[Check]:
+    def check_parameters_read(self, names: Iterable[str], what: str, code: CheckCode) -> list[Check]:
         """Return the reason not to fly where something cannot be checked, as a parameter of it was not read."""
         lacking = self.unread.intersection(names)
         if not lacking:
             return []
-        text = f"{what} not known: {failsafe_parameters.not_read(lacking)}; is the link too bad?"
+        text = f"{what} not known: {failsafe_parameters.describe_unread_parameters(lacking)}; is the link too bad?"
         return [Check(Severity.STOP, self.name, text, code)]
 
     @property
@@ -192,7 +192,9 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     found: list[Check] = []
     ours = GROUND_STATION[0]
     names = dialect.ground_station_failsafe.station_sysid
-    found += facts.not_read(names, "whose HEARTBEATs its GCS failsafe watches is", CheckCode.WATCHED_STATION)
+    found += facts.check_parameters_read(
+        names, "whose HEARTBEATs its GCS failsafe watches is", CheckCode.WATCHED_STATION
+    )
     counted = failsafe_parameters.find_watched_station(dialect, facts.parameters)
     if names and counted is None and not found:
         text = f"whose HEARTBEATs its GCS failsafe watches is not known: it has no {' or '.join(names)}"
@@ -211,7 +213,7 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
 
 def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_pct: float | None) -> list[Check]:
     """Say what the vehicle does on a low battery, and whether that fits a flight that lands with `left_pct`."""
-    if unread := facts.not_read(
+    if unread := facts.check_parameters_read(
         failsafe_parameters.battery_names(dialect), "battery failsafe", CheckCode.BATTERY_FAILSAFE
     ):
         return unread
@@ -228,7 +230,7 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
         text = f"battery failsafe not known ({settings})"
     severity = Severity.OK if known else Severity.WARNING
     found = [Check(severity, facts.name, text, CheckCode.BATTERY_FAILSAFE)]
-    for words in failsafe_parameters.early_returns(dialect, facts.parameters, facts.version):
+    for words in failsafe_parameters.list_early_returns(dialect, facts.parameters, facts.version):
         text = f"battery failsafe: {words}: it may leave its mission"
         found.append(Check(Severity.WARNING, facts.name, text, CheckCode.BATTERY_FAILSAFE))
     for action in rule.actions:
@@ -243,7 +245,9 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
 def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath | None) -> list[Check]:
     """Check that the flight, and the return by itself, fit into the vehicle's own geofence."""
     setup = context.vehicles[facts.name]
-    if unread := facts.not_read(failsafe_parameters.fence_names(setup.dialect), "its geofence is", CheckCode.GEOFENCE):
+    if unread := facts.check_parameters_read(
+        failsafe_parameters.fence_names(setup.dialect), "its geofence is", CheckCode.GEOFENCE
+    ):
         return unread
     cylinder = failsafe_parameters.read_geofence(setup.dialect, facts.parameters)
     if cylinder is None:
@@ -254,7 +258,7 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
         away_m = max(away_m, math.dist(setup.pad_m, context.frame.to_local_m(point.lat_deg, point.lon_deg)))
     rule, found = setup.dialect.geofence, list[Check]()
     action = facts.parameters.get(rule.action, 0.0)
-    if action and failsafe_parameters.does_in_words(rule.actions, action) == failsafe_parameters.UNKNOWN:
+    if action and failsafe_parameters.describe_action(rule.actions, action) == failsafe_parameters.UNKNOWN:
         text = f"at a breach of its geofence: {failsafe_parameters.UNKNOWN} ({rule.action}={action:g})"
         found.append(Check(Severity.WARNING, facts.name, text, CheckCode.GEOFENCE))
     # What its owner has set is no limit to be lifted for a fence of ours.
@@ -274,7 +278,7 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
 def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     """Say where it is not known how fast a vehicle flies: its times and its energy are planned by that."""
     names = [tuning.parameter for tuning in dialect.tunings]
-    if unread := facts.not_read(names, "how it flies is", CheckCode.ENERGY):
+    if unread := facts.check_parameters_read(names, "how it flies is", CheckCode.ENERGY):
         return unread
     absent = [name for name in names if name not in facts.parameters]
     if not absent:

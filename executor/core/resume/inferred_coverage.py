@@ -67,7 +67,7 @@ def infer_coverage(context: Context, state: VehicleState, board: OnboardMission,
         return NOTHING
     if not context.infers:
         return InferredCoverage(why_not="the site asks for proof by positions")
-    if why_not := _no_evidence(before.fix, fix):
+    if why_not := _explain_missing_evidence(before.fix, fix):
         return InferredCoverage(why_not=why_not)
     if not state.armed:
         return _infer_after_landing(context, state, before, fix, board)
@@ -76,7 +76,7 @@ def infer_coverage(context: Context, state: VehicleState, board: OnboardMission,
     return _infer_in_flight(context, before, fix, board, waypoint, _pace_of(state))
 
 
-def _no_evidence(before: PositionFix, fix: PositionFix) -> str:
+def _explain_missing_evidence(before: PositionFix, fix: PositionFix) -> str:
     """Return why two positions say nothing of the way between them; empty if they may."""
     if fix.boot_s <= before.boot_s:
         return "its clock was reset"

@@ -22,7 +22,7 @@ METRES_A_DEGREE = 111_320.0
 
 
 @dataclass(frozen=True, slots=True)
-class PlaceTold:
+class ReportedPosition:
     """A position as it came."""
 
     at_s: float
@@ -32,12 +32,12 @@ class PlaceTold:
 
 
 @dataclass(frozen=True, slots=True)
-class Twins:
+class DuplicateIdWatch:
     """What positions of one system say of how many vehicles it is."""
 
-    one: PlaceTold | None = None
+    one: ReportedPosition | None = None
     """The last one."""
-    other: PlaceTold | None = None
+    other: ReportedPosition | None = None
     """The last one of another clock, or of another place."""
     swaps: int = 0
     swapped_s: float = float("-inf")
@@ -49,31 +49,31 @@ class Twins:
         return self.swaps >= ENOUGH
 
 
-def with_place(known: Twins, told: PlaceTold) -> Twins:
+def add_reported_position(known: DuplicateIdWatch, told: ReportedPosition) -> DuplicateIdWatch:
     """Take a position."""
-    if known.one is None or _goes_on(known.one, told):
-        return replace(known, one=told, recent=_remembered(known, told))
+    if known.one is None or _is_continuation(known.one, told):
+        return replace(known, one=told, recent=_append_position(known, told))
     if (told.boot_s, told.lat_deg, told.lon_deg) in known.recent:
         return known
-    if known.other is None or not _goes_on(known.other, told):
-        return replace(known, one=told, other=known.one, recent=_remembered(known, told))
+    if known.other is None or not _is_continuation(known.other, told):
+        return replace(known, one=told, other=known.one, recent=_append_position(known, told))
     if known.one.boot_s - told.boot_s <= CLOCK_S and _is_near(known.one, told):
         # What only comes late, however unevenly, never goes back in time.
-        return replace(known, one=told, other=known.one, recent=_remembered(known, told))
+        return replace(known, one=told, other=known.one, recent=_append_position(known, told))
     swaps = known.swaps + 1 if told.at_s - known.swapped_s <= WITHIN_S else 1
-    return Twins(told, known.one, swaps, told.at_s, _remembered(known, told))
+    return DuplicateIdWatch(told, known.one, swaps, told.at_s, _append_position(known, told))
 
 
-def _remembered(known: Twins, told: PlaceTold) -> tuple[tuple[float, float, float], ...]:
+def _append_position(known: DuplicateIdWatch, told: ReportedPosition) -> tuple[tuple[float, float, float], ...]:
     return (*known.recent[-COPIES:], (told.boot_s, told.lat_deg, told.lon_deg))
 
 
-def _goes_on(before: PlaceTold, told: PlaceTold) -> bool:
+def _is_continuation(before: ReportedPosition, told: ReportedPosition) -> bool:
     elapsed_s = told.at_s - before.at_s
     return abs(told.boot_s - before.boot_s - elapsed_s) <= CLOCK_S and _is_near(before, told)
 
 
-def _is_near(before: PlaceTold, told: PlaceTold) -> bool:
+def _is_near(before: ReportedPosition, told: ReportedPosition) -> bool:
     elapsed_s = told.at_s - before.at_s
     north_m = (told.lat_deg - before.lat_deg) * METRES_A_DEGREE
     east_m = (told.lon_deg - before.lon_deg) * METRES_A_DEGREE * math.cos(math.radians(before.lat_deg))

@@ -226,7 +226,7 @@ class Coverage:
         counted_m = self.inspected_at_m.get(segment) if segment in self.inspected else None
         return counted_m is not None and at_m is not None and at_m < counted_m - SAME_M
 
-    def inferred_segments(self) -> frozenset[int]:
+    def list_inferred_segments(self) -> frozenset[int]:
         """Return the segments that count as inspected by evidence alone."""
         return self.inferred & set(self.inspected)
 

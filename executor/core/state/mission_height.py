@@ -58,7 +58,7 @@ class _Slope:
             return 1.0  # straight up or down: where it ends is what counts
         return ((place_m[0] - east) * (x - east) + (place_m[1] - north) * (y - north)) / length2
 
-    def asked(self, fix: PositionFix, up_m: float) -> AskedHeight:
+    def height_for(self, fix: PositionFix, up_m: float) -> AskedHeight:
         """Return what it asks of a vehicle at a height."""
         rise_m = self.to_up_m - self.from_up_m
         height_m = self.from_up_m + rise_m * min(1.0, max(0.0, self.share(fix.place_m)))
@@ -67,26 +67,26 @@ class _Slope:
         return AskedHeight(height_m - up_m, sinks_m_s)
 
 
-def asked_height(context: Scene, setup: VehicleSetup, state: VehicleState) -> AskedHeight | None:
+def find_mission_height(context: Scene, setup: VehicleSetup, state: VehicleState) -> AskedHeight | None:
     """Return what a vehicle's mission asks for; None where it is on none, takes off or lands, or nobody knows."""
     beat, fix = state.telemetry.heartbeat, state.motion.fix
     if beat is None or fix is None or not state.armed or not is_mission_mode(setup.dialect, beat.custom_mode):
         return None
     if not state.sortie.took_off:
         return None
-    return _planned(state, fix) if setup.planned else _seen(context, state.own, fix)
+    return _find_planned_height(state, fix) if setup.planned else _find_onboard_height(context, state.own, fix)
 
 
-def lies_low(context: Scene, setup: VehicleSetup, state: VehicleState) -> bool:
+def is_stopped_below_mission(context: Scene, setup: VehicleSetup, state: VehicleState) -> bool:
     """Return whether a vehicle in mission mode has stopped far below its mission."""
     fix, anchor, limits = state.motion.fix, state.motion.anchor, context.limits
     if fix is None or anchor is None or fix.boot_s - anchor.boot_s < limits.lies_s:
         return False
-    asked = asked_height(context, setup, state)
+    asked = find_mission_height(context, setup, state)
     return asked is not None and asked.below_m >= limits.below_mission_m
 
 
-def _planned(state: VehicleState, fix: PositionFix) -> AskedHeight | None:
+def _find_planned_height(state: VehicleState, fix: PositionFix) -> AskedHeight | None:
     board, number = state.assignment.board, state.assignment.waypoint
     if board is None or state.assignment.carried.foreign_s is not None or number < 1:
         return None
@@ -99,7 +99,7 @@ def _planned(state: VehicleState, fix: PositionFix) -> AskedHeight | None:
         one = _Slope(
             board.places_m[index - 1], points[index - 1].alt_rel_m, board.places_m[index], points[index].alt_rel_m
         )
-        asked.append(one.asked(fix, fix.alt_rel_m))
+        asked.append(one.height_for(fix, fix.alt_rel_m))
         if one.share(fix.place_m) < 1.0 or index > number:
             break  # past its end it may be on the next leg already: its index comes once a second
     if not asked:
@@ -107,7 +107,7 @@ def _planned(state: VehicleState, fix: PositionFix) -> AskedHeight | None:
     return AskedHeight(min(one.below_m for one in asked), max(one.sinks_m_s for one in asked))
 
 
-def _seen(context: Scene, own: OwnMission, fix: PositionFix) -> AskedHeight | None:
+def _find_onboard_height(context: Scene, own: OwnMission, fix: PositionFix) -> AskedHeight | None:
     ends = item_of(own, own.leads_to)
     if ends is None or ends.command not in {WAYPOINT, SPLINE} | _STAYS or (up_m := _up_in(ends.frame, fix)) is None:
         return None
@@ -118,7 +118,7 @@ def _seen(context: Scene, own: OwnMission, fix: PositionFix) -> AskedHeight | No
         from_m, from_up_m = began.place_m, began_up_m
     else:
         return None
-    return _Slope(from_m, from_up_m, _place_m(context, ends, fix), ends.z).asked(fix, up_m)
+    return _Slope(from_m, from_up_m, _place_m(context, ends, fix), ends.z).height_for(fix, up_m)
 
 
 def _up_in(frame: int, fix: PositionFix) -> float | None:
@@ -141,7 +141,7 @@ def item_of(own: OwnMission, number: int | None) -> MissionItem | None:
     return next((one for one in own.listed if one.seq == number), None)
 
 
-def with_item(own: OwnMission, item: MissionItem) -> OwnMission:
+def add_onboard_item(own: OwnMission, item: MissionItem) -> OwnMission:
     """Return a mission with an item that was seen; the first one begins another mission."""
     others = () if item.seq == 0 else tuple(one for one in own.listed if one.seq != item.seq)
     if not others or others[-1].seq < item.seq:
@@ -149,7 +149,7 @@ def with_item(own: OwnMission, item: MissionItem) -> OwnMission:
     return replace(own, listed=tuple(sorted((*others, item), key=lambda one: one.seq)))
 
 
-def flown_to(own: OwnMission, number: int, fix: PositionFix | None) -> OwnMission:
+def record_current_item(own: OwnMission, number: int, fix: PositionFix | None) -> OwnMission:
     """Return a mission whose vehicle says which item it flies to; what a camera or a speed is told leads nowhere."""
     item = item_of(own, number)
     if number == own.leads_to or (item is not None and item.command > LAST_NAV):
@@ -157,6 +157,6 @@ def flown_to(own: OwnMission, number: int, fix: PositionFix | None) -> OwnMissio
     return replace(own, leads_to=number, came_from=own.leads_to, leg_from=fix)
 
 
-def begun_anew_here(own: OwnMission) -> OwnMission:
+def restart_mission_here(own: OwnMission) -> OwnMission:
     """Return a mission that its vehicle takes up where it is: in this mode, or after another one."""
     return own if own.leg_from is None and own.came_from is None else replace(own, came_from=None, leg_from=None)

@@ -54,7 +54,7 @@ class MissionOwnership:
         """Return whether it may carry another mission."""
         return self.foreign_s is not None or self.told_s is not None
 
-    def needs_reading(self, now_s: float) -> bool:
+    def is_reading_due(self, now_s: float) -> bool:
         """Return whether it is time to look up what it carries."""
         if self.told_s is None or now_s - self.read_s < READ_AGAIN_S:
             return False

@@ -29,7 +29,7 @@ USUAL_M = 3.0
 """What a fix is off by where its receiver does not say."""
 
 
-def positioning_heard(
+def update_positioning(
     known: Positioning,
     message: Gps | EstimatorStatus | SystemStatus,
     at: PositionFix | None,
@@ -64,14 +64,14 @@ def _gps_heard(known: Positioning, message: Gps, at: PositionFix | None, now_s: 
     repeated = message.measured_s is not None and message.measured_s == known.measured_s and not message.receiver
     known = replace(known, fixes=fixes, reported_s=now_s)
     if max(fix for _, fix in fixes) < FIXED:
-        return _lost(known, "no GPS fix", now_s)
+        return _record_gps_loss(known, "no GPS fix", now_s)
     if message.fix < FIXED or repeated:
         return known
     measured_s = known.measured_s if message.receiver else message.measured_s
     known = replace(known, measured_s=measured_s, accuracy_m=message.accuracy_m)
     if known.adrift_s is not None and now_s - known.estimated_s <= REPORTED_S:
         return known
-    return _regained(known, at, now_s)
+    return _record_gps_return(known, at, now_s)
 
 
 def _estimator_heard(known: Positioning, message: EstimatorStatus, now_s: float, *, stands: bool) -> Positioning:
@@ -85,30 +85,30 @@ def _estimator_heard(known: Positioning, message: EstimatorStatus, now_s: float,
     since_s = now_s if known.adrift_s is None else known.adrift_s
     if stands and known.lost_s is None:
         return replace(known, adrift_s=since_s, fixed=None)
-    return _lost(replace(known, adrift_s=since_s), "its estimator does not use GPS", now_s)
+    return _record_gps_loss(replace(known, adrift_s=since_s), "its estimator does not use GPS", now_s)
 
 
 def _health_heard(known: Positioning, unhealthy: int, now_s: float) -> Positioning:
     """Take SYS_STATUS for a receiver that says nothing itself."""
     if unhealthy & GPS_SENSOR and now_s - known.reported_s > REPORTED_S:
-        return _lost(known, "GPS not healthy", now_s)
+        return _record_gps_loss(known, "GPS not healthy", now_s)
     return known
 
 
-def _lost(known: Positioning, why: str, now_s: float) -> Positioning:
+def _record_gps_loss(known: Positioning, why: str, now_s: float) -> Positioning:
     if known.lost_s is not None or known.fixed is None:
         return known
     return replace(known, lost_s=now_s, why=why)
 
 
-def _regained(known: Positioning, at: PositionFix | None, now_s: float) -> Positioning:
+def _record_gps_return(known: Positioning, at: PositionFix | None, now_s: float) -> Positioning:
     if known.lost_s is None:
         return known if at is None else replace(known, fixed=at)
     # The newest position is from before: the next report confirms one.
     return replace(known, lost_s=None, why="", regained_s=now_s)
 
 
-def without_fix_s(known: Positioning, at: PositionFix) -> float:
+def time_without_fix_s(known: Positioning, at: PositionFix) -> float:
     """Return how long before a position the last one with a fix was, by the vehicle's own clock; 0 where it has one."""
     if not at.reckoned or known.fixed is None:
         return 0.0
@@ -118,7 +118,7 @@ def without_fix_s(known: Positioning, at: PositionFix) -> float:
 def is_adrift(vehicle: VehicleState) -> bool:
     """Return whether its newest position proves nothing: it is reckoned for longer than a gap that is tolerated."""
     fix = vehicle.motion.fix
-    return fix is not None and without_fix_s(vehicle.sensors.positioning, fix) > GAP_S
+    return fix is not None and time_without_fix_s(vehicle.sensors.positioning, fix) > GAP_S
 
 
 def jumps_by_itself(known: Positioning, now_s: float) -> bool:
@@ -126,7 +126,7 @@ def jumps_by_itself(known: Positioning, now_s: float) -> bool:
     return known.lost_s is not None or now_s - known.regained_s <= SETTLES_S
 
 
-def regained_words(before: VehicleState, after: VehicleState, now_s: float) -> str:
+def describe_gps_return(before: VehicleState, after: VehicleState, now_s: float) -> str:
     """Return in words that GPS was regained in the air; empty if it was not."""
     lost_s = before.sensors.positioning.lost_s
     if lost_s is None or after.sensors.positioning.lost_s is not None or not after.airborne:
@@ -155,6 +155,6 @@ def accuracy_of(vehicle: VehicleState) -> Accuracy | None:
         return None
     usual_m = USUAL_M if known.accuracy_m is None else known.accuracy_m
     if fix.reckoned:
-        without_s = without_fix_s(known, fix)
+        without_s = time_without_fix_s(known, fix)
         return Accuracy("reckoned", usual_m + 0.5 * DRIFT_M_S2 * without_s**2, without_s, known.fixed)
     return Accuracy("unsaid" if known.fixed is None else "fix", usual_m)

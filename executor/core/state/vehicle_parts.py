@@ -20,7 +20,7 @@ from executor.core.interface.messages import (
     StationHeard,
     Wind,
 )
-from executor.core.state.duplicate_ids import Twins
+from executor.core.state.duplicate_ids import DuplicateIdWatch
 from executor.core.state.inspection_run import InspectionRun, Track
 from executor.core.state.link_quality import LinkQuality
 from executor.core.state.mission_ownership import MissionOwnership
@@ -223,7 +223,7 @@ class LinkState:
     quality: LinkQuality = field(default_factory=LinkQuality)
     strangers: frozenset[StationHeard | DoubleHeard] = frozenset()
     """Other ground stations on its link, and other vehicles with its number."""
-    twins: Twins = field(default_factory=Twins)
+    twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
     """Whether its positions are those of one vehicle."""
 
     def with_contact(self, now_s: float, *, silent: bool) -> LinkState:

@@ -7,7 +7,7 @@ import re
 
 from executor.core import formatting
 from executor.core.context import Scene
-from executor.core.state.positioning import accuracy_of, is_adrift, without_fix_s
+from executor.core.state.positioning import accuracy_of, is_adrift, time_without_fix_s
 from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import Phase
@@ -23,8 +23,8 @@ def format_coordinates(context: Scene, vehicle: VehicleState) -> str:
     if fix is None or how is None:
         return "an unknown place"
     if how.known != "reckoned" or how.fixed is None:
-        return formatting.known_place(*context.frame.to_wgs84_deg(*fix.place_m), how.known, how.off_m)
-    return f"{last_fix(context, vehicle)}, {reckoned(context, vehicle)}"
+        return formatting.format_known_place(*context.frame.to_wgs84_deg(*fix.place_m), how.known, how.off_m)
+    return f"{last_fix(context, vehicle)}, {describe_dead_reckoning(context, vehicle)}"
 
 
 def last_fix(context: Scene, vehicle: VehicleState) -> str:
@@ -33,11 +33,11 @@ def last_fix(context: Scene, vehicle: VehicleState) -> str:
     if fixed is None or fix is None:
         return "no GPS fix known"
     place = _place(context, fixed, vehicle.sensors.positioning.accuracy_m)
-    speed_m_s, without_s = math.hypot(*fixed.velocity_m_s[:2]), without_fix_s(vehicle.sensors.positioning, fix)
+    speed_m_s, without_s = math.hypot(*fixed.velocity_m_s[:2]), time_without_fix_s(vehicle.sensors.positioning, fix)
     return f"last GPS fix {place}, {without_s:.0f} s before, at {speed_m_s:.0f} m/s"
 
 
-def reckoned(context: Scene, vehicle: VehicleState) -> str:
+def describe_dead_reckoning(context: Scene, vehicle: VehicleState) -> str:
     """Return where a vehicle without GPS is by its own reckoning, and by how much that may be off."""
     fix, how = vehicle.motion.fix, accuracy_of(vehicle)
     if fix is None or how is None:
@@ -145,10 +145,10 @@ def describe_lean(vehicle: VehicleState) -> str:
 
 def is_over_pad(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether it is where it may land, seen from above; a place that is reckoned does not show it."""
-    return not is_adrift(vehicle) and takes_itself_home(context, vehicle)
+    return not is_adrift(vehicle) and is_home_by_own_estimate(context, vehicle)
 
 
-def takes_itself_home(context: Scene, vehicle: VehicleState) -> bool:
+def is_home_by_own_estimate(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether its autopilot takes itself to be over its pad: that is what it acts by."""
     fix = vehicle.motion.fix
     return fix is None or math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.off_pad_m

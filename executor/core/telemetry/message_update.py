@@ -38,7 +38,7 @@ from executor.core.interface.messages import (
     Wind,
 )
 from executor.core.state import link_quality, mission_height, mission_ownership, positioning
-from executor.core.state.duplicate_ids import PlaceTold, with_place
+from executor.core.state.duplicate_ids import ReportedPosition, add_reported_position
 from executor.core.state.inspection_run import GAP_S, PositionSample, SegmentPass, advance_run
 from executor.core.state.vehicle_parts import Assignment, LinkState, MotionState, PositionFix, Positioning
 from executor.core.state.vehicle_state import Stage, VehicleState, last_known_of
@@ -106,7 +106,9 @@ def apply_message(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of
         case Heartbeat():
             return MessageEffect(_apply_heartbeat(context, state, link, message, now_s))
         case Position():
-            return _apply_position(context, state, _followed(link, state.name, message, now_s, context), message, now_s)
+            return _apply_position(
+                context, state, _update_link_position(link, state.name, message, now_s, context), message, now_s
+            )
         case Battery():
             return MessageEffect(state.with_parts(link, power=apply_battery_status(context, state, message, now_s)))
         case SystemStatus(unhealthy=unhealthy):
@@ -117,7 +119,7 @@ def apply_message(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of
         case MissionCurrent():
             return MessageEffect(_current_item(context, state, link, message, now_s))
         case ListedItem(item):
-            return MessageEffect(replace(state, own=mission_height.with_item(state.own, item)))
+            return MessageEffect(replace(state, own=mission_height.add_onboard_item(state.own, item)))
         case HeightTarget(below_m):
             return MessageEffect(replace(state, link=link, own=replace(state.own, below_m=below_m, below_s=now_s)))
         case LandedState(on_ground):
@@ -159,7 +161,7 @@ def _current_item(
     after = state.with_parts(link, telemetry=telemetry, assignment=assignment)
     if context.vehicles[state.name].planned:
         return after
-    return replace(after, own=mission_height.flown_to(state.own, message.seq, state.motion.fix))
+    return replace(after, own=mission_height.record_current_item(state.own, message.seq, state.motion.fix))
 
 
 DOUBT_S = 2.5
@@ -212,7 +214,7 @@ def _apply_heartbeat(
     )
     known = mode_evidence.record_critical_heartbeat(state.evidence, old.heartbeat, message, now_s)
     if other:
-        after = replace(after, own=mission_height.begun_anew_here(state.own))
+        after = replace(after, own=mission_height.restart_mission_here(state.own))
     return after if known is state.evidence else replace(after, evidence=known)
 
 
@@ -273,7 +275,7 @@ def _is_first_after_silence(context: Scene, link: LinkState, regained_s: float |
 def _positioning(state: VehicleState, message: Gps | EstimatorStatus | SystemStatus, now_s: float) -> Positioning:
     beat = state.telemetry.heartbeat
     stands = beat is not None and not beat.armed and not state.sortie.took_off
-    return positioning.positioning_heard(state.sensors.positioning, message, state.motion.fix, now_s, stands=stands)
+    return positioning.update_positioning(state.sensors.positioning, message, state.motion.fix, now_s, stands=stands)
 
 
 def _apply_link_report(
@@ -336,9 +338,9 @@ def _apply_current_item(state: VehicleState, assignment: Assignment, seq: int) -
     return replace(assignment, waypoint=waypoint)
 
 
-def _followed(link: LinkState, name: str, message: Position, now_s: float, context: Scene) -> LinkState:
+def _update_link_position(link: LinkState, name: str, message: Position, now_s: float, context: Scene) -> LinkState:
     """Return the link after a position, which may show that another vehicle answers by the same number."""
-    twins = with_place(link.twins, PlaceTold(now_s, message.boot_s, message.lat_deg, message.lon_deg))
+    twins = add_reported_position(link.twins, ReportedPosition(now_s, message.boot_s, message.lat_deg, message.lon_deg))
     if not twins.are_two or link.twins.are_two or name not in context.vehicles:
         return replace(link, twins=twins)
     double = DoubleHeard(context.vehicles[name].sysid, ())
@@ -387,7 +389,7 @@ def _apply_position(
     motion = MotionState(fix, last, anchor, jump, falls_s, climbs_m_s, sinks_s, drops_s, behind_s, fell_back_s)
     sample = PositionSample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
     if fix.reckoned:
-        covered = _not_proven(context, state, positioning.without_fix_s(known, fix))
+        covered = _break_unproven_run(context, state, positioning.time_without_fix_s(known, fix))
     else:
         covered = _advance_coverage(context, _keep_state_before_gap(state, elapsed_s), sample)
     assignment = covered.assignment
@@ -480,7 +482,7 @@ def _advance_coverage(context: Scene, state: VehicleState, sample: PositionSampl
     return _CoverageStep(replace(old, run=step.run, run_visit=visit))
 
 
-def _not_proven(context: Scene, state: VehicleState, without_s: float) -> _CoverageStep:
+def _break_unproven_run(context: Scene, state: VehicleState, without_s: float) -> _CoverageStep:
     """Break the inspection under way once GPS has been lost for longer than positions may be missing.
 
     A position that is reckoned proves nothing: it is as if none had come, and a gap of `GAP_S` is tolerated alike.

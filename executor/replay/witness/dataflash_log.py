@@ -72,7 +72,7 @@ class _State:
 
 def read_onboard(path: Path) -> dict[int, LogEvidence]:
     """Return what ArduPilot's own log says; nothing if it is none."""
-    told, state, log = LogEvidence(1, on_board=True), _State(), _opened(path)
+    told, state, log = LogEvidence(1, on_board=True), _State(), _open_log(path)
     if log is None:
         return {}
     own = any(OWN_TIMES & set(one.columns) for one in log.formats.values() if one.name in TYPES and one.name != "GPS")
@@ -118,7 +118,7 @@ def _satellites_usec(message: Any, last: int) -> int | None:  # noqa: ANN401 - p
     return int(t_msec) * 1000 if fixed else None
 
 
-def _opened(path: Path) -> Any:  # noqa: ANN401
+def _open_log(path: Path) -> Any:  # noqa: ANN401
     with silence_c_stderr():
         try:
             text = path.read_bytes()[:2] != b"\xa3\x95"
@@ -238,7 +238,7 @@ def _record_fix(told: LogEvidence, state: _State, t_usec: int, row: Any) -> None
                                    state.climb_m_s))  # fmt: skip
 
 
-def _pressed(told: LogEvidence, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
+def _record_switch(told: LogEvidence, _: _State, t_usec: int, row: Any) -> None:  # noqa: ANN401
     if not int(getattr(row, "I", 0)):
         told.note_height("BARO.Alt", t_usec, float(row.Alt))
 
@@ -299,5 +299,5 @@ _TELLS: dict[str, Callable[[LogEvidence, _State, int, Any], None]] = dict.fromke
     "BAT": _record_battery, "CURR": _record_battery,
     "GPS": _record_fix, "POS": _record_place, "CTUN": _record_control_tuning, "ATT": _record_attitude,
     "RCIN": _record_mode_switch, "PARM": _record_parameter,
-    "CMD": _record_mission_item, "BARO": _pressed,
+    "CMD": _record_mission_item, "BARO": _record_switch,
 }  # fmt: skip

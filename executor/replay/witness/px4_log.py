@@ -54,7 +54,7 @@ def read_px4(path: Path) -> dict[int, LogEvidence]:
         "vehicle_attitude": _record_attitude, "vehicle_command": _record_commands,
         "manual_control_setpoint": _record_switches,
         "manual_control_switches": _record_switches, "mission_result": _record_mission,
-        "vehicle_air_data": _pressed, "vehicle_gps_position": _fix,
+        "vehicle_air_data": _record_switch, "vehicle_gps_position": _fix,
     }  # fmt: skip
     for dataset in log.data_list:
         read = readers.get(dataset.name)
@@ -118,7 +118,7 @@ def _record_local_position(told: LogEvidence, rows: list[Row]) -> None:
         )  # fmt: skip
 
 
-def _pressed(told: LogEvidence, rows: list[Row]) -> None:
+def _record_switch(told: LogEvidence, rows: list[Row]) -> None:
     for row in rows:
         told.note_height("vehicle_air_data", int(row["timestamp"]), float(row["baro_alt_meter"]))
 

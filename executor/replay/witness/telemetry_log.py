@@ -65,7 +65,7 @@ def read_tlog_frames(data: bytes) -> Iterator[tuple[int, bytes]]:
         t_usec = int(struct.unpack_from(">Q", data, at)[0])
         after = at + STAMP + size
         following = after + STAMP >= end or _find_frame_size(data, after + STAMP)
-        near_it = not last or abs(t_usec - last) < DAYS_USEC or _goes_on(data, after, t_usec)
+        near_it = not last or abs(t_usec - last) < DAYS_USEC or _is_continuation(data, after, t_usec)
         if size and after <= end and following and near_it:
             last = t_usec
             yield t_usec, data[at + STAMP : after]
@@ -74,7 +74,7 @@ def read_tlog_frames(data: bytes) -> Iterator[tuple[int, bytes]]:
             at += 1
 
 
-def _goes_on(data: bytes, at: int, t_usec: int) -> bool:
+def _is_continuation(data: bytes, at: int, t_usec: int) -> bool:
     """Return whether the record that follows one of a strange time has nearly the same."""
     return at + STAMP <= len(data) and abs(int(struct.unpack_from(">Q", data, at)[0]) - t_usec) < SECOND
 
@@ -277,13 +277,13 @@ def _fix(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
         vehicle.told.note_height("GPS_RAW_INT", t_usec, message.alt / 1e3)
 
 
-def _pressed(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+def _record_switch(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
     if message.press_abs > 0:
         height_m = 44_330.0 * (1.0 - (message.press_abs / SEA_LEVEL_HPA) ** 0.190263)  # of the standard atmosphere
         vehicle.told.note_height("SCALED_PRESSURE", t_usec, height_m)
 
 
-def _shown(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
+def _record_position(vehicle: _Vehicle, t_usec: int, message: Any) -> None:  # noqa: ANN401
     vehicle.told.note_height("VFR_HUD", t_usec, float(message.alt))
 
 
@@ -348,8 +348,8 @@ _TELLS: dict[int, Callable[[_Vehicle, int, Any], None]] = {
     mav.MAVLINK_MSG_ID_STATUSTEXT: _record_text,
     mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _record_place,
     mav.MAVLINK_MSG_ID_GPS_RAW_INT: _fix,
-    mav.MAVLINK_MSG_ID_SCALED_PRESSURE: _pressed,
-    mav.MAVLINK_MSG_ID_VFR_HUD: _shown,
+    mav.MAVLINK_MSG_ID_SCALED_PRESSURE: _record_switch,
+    mav.MAVLINK_MSG_ID_VFR_HUD: _record_position,
     mav.MAVLINK_MSG_ID_ATTITUDE: _record_attitude,
     mav.MAVLINK_MSG_ID_SYS_STATUS: _record_status,
     mav.MAVLINK_MSG_ID_BATTERY_STATUS: _record_battery,

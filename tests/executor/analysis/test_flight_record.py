@@ -97,10 +97,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "what a battery has given at a time",
-        lambda: [recorded.used_pct_at(vehicle_of(), t_s) for t_s in (-5.0, 0.0, 5.0, 25.0, 99.0)],
+        lambda: [recorded.draw_at_pct(vehicle_of(), t_s) for t_s in (-5.0, 0.0, 5.0, 25.0, 99.0)],
         [0.0, 0.0, 1.0, 20.5, 20.1],
     ),
-    ("a battery that never reported", lambda: recorded.used_pct_at(vehicle_of(battery=np.empty((0, 2))), 5.0), 0.0),
+    ("a battery that never reported", lambda: recorded.draw_at_pct(vehicle_of(battery=np.empty((0, 2))), 5.0), 0.0),
     (
         "where it was last",
         lambda: [recorded.find_last_place_m(vehicle_of(), t_s) for t_s in (-0.1, 0.0, 19.9, 20.0, 99.0)],

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from executor.analysis.flight_record import (
     FaultRecord,
     compute_used_pct,
+    draw_at_pct,
     find_abandoned_segments,
     find_last_place_m,
     inspection_time_s,
     route_join_time_s,
     take_off_time_s,
-    used_pct_at,
 )
 from executor.analysis.read_run import read_run
 from executor.core.interface.commands import Level
@@ -159,8 +159,8 @@ def test_what_falls_steadily_is_used_in_full(reports: list[float]) -> None:
 def test_used_between_two_reports(tmp_path: Path) -> None:
     write_run(tmp_path)
     one = read_run(tmp_path).vehicles[0]
-    assert used_pct_at(one, 65.0) == pytest.approx(6.5)
-    assert used_pct_at(one, 1000.0) == pytest.approx(15.0)
+    assert draw_at_pct(one, 65.0) == pytest.approx(6.5)
+    assert draw_at_pct(one, 1000.0) == pytest.approx(15.0)
 
 
 def _track(east_m: list[float], alt_m: float = 30.0) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:

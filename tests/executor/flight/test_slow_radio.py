@@ -101,7 +101,7 @@ class SharedRadio:
                 self.vehicles[frame.name].receive(frame)
                 self._carry(frame.name)
             else:
-                self._ends[frame.name].heard(frame)
+                self._ends[frame.name].receive(frame)
 
     def _carry(self, name: str) -> None:
         for datagram in self.vehicles[name].drain():

@@ -34,7 +34,7 @@ class Wire:
     def read(self, names: tuple[str, ...] = NAMES) -> tuple[ParameterReading, float]:
         """Return how a reading ends, and after how long."""
         rng, coming, count, now_s = random.Random(self.seed), list[tuple[float, int, Message]](), 0, 0.0
-        machine, sent = ParameterReading.of(names).begin(now_s)
+        machine, sent = ParameterReading.start(names).begin(now_s)
         while True:
             for question in sent:
                 assert isinstance(question, SendParamRequest)
@@ -128,7 +128,7 @@ def test_a_vehicle_that_says_that_it_has_no_such_parameter_is_believed_at_once()
 
 
 def test_an_answer_that_nobody_asked_for_changes_nothing() -> None:
-    state, _ = ParameterReading.of(NAMES).begin(0.0)
+    state, _ = ParameterReading.start(NAMES).begin(0.0)
     assert state.on_message(ParamValue("P25", 1.0, 9), 0.1) == (state, ()), "it is not asked for yet"
     assert state.on_message(ParamValue("OTHER", 1.0, 9), 0.1) == (state, ())
     ended, _ = Wire().read()
@@ -138,7 +138,7 @@ def test_an_answer_that_nobody_asked_for_changes_nothing() -> None:
 
 def test_a_timer_that_ends_a_hair_early_is_the_end_of_the_silence_all_the_same() -> None:
     """Else it would be asked, and asked again, in no time."""
-    state, _ = ParameterReading.of(NAMES).begin(100.0)
+    state, _ = ParameterReading.start(NAMES).begin(100.0)
     for _ in range(60):
         state, _ = state.on_deadline(state.deadline_s - 1e-9)
     assert isinstance(state.outcome, TimedOut)

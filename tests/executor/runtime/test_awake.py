@@ -176,7 +176,7 @@ def test_what_a_flight_loses_is_said_once_in_a_while() -> None:
             late = Lateness(able, clock)
             for _ in range(120):
                 await asyncio.sleep(0.2)
-                late.since_last_s()
+                late.take_lost_s()
                 if text := late.to_be_said():
                     lines.append(text)
                 loop().advance(1.0)
@@ -198,7 +198,7 @@ def test_a_flight_that_keeps_up_says_nothing() -> None:
             for _ in range(100):
                 await asyncio.sleep(0.2)
                 told.append(late.to_be_said())
-                assert late.since_last_s() == 0.0
+                assert late.take_lost_s() == 0.0
         return told
 
     assert not any(run_virtual(said))

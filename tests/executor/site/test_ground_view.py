@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from executor.errors import SiteError
-from executor.site.ground_view import BESIDE_M, MOST_PIXELS, build_ground_view, shown_area_of
+from executor.site.ground_view import BESIDE_M, MOST_PIXELS, build_ground_view, compute_shown_area
 from executor.site.site_file import check_site
 from executor.site.tables.map import MapTable
 from missions.errors import BackgroundError
@@ -24,10 +24,10 @@ LEAST = {
 
 
 def test_the_area_holds_the_depot_and_the_line_with_room_around_them() -> None:
-    low_m, high_m = shown_area_of(PLACES_M)
+    low_m, high_m = compute_shown_area(PLACES_M)
     assert low_m == (-400.0, -400.0)
     assert high_m == (800.0, 450.0)
-    assert shown_area_of(np.zeros((1, 2))) == ((-BESIDE_M, -BESIDE_M), (BESIDE_M, BESIDE_M))
+    assert compute_shown_area(np.zeros((1, 2))) == ((-BESIDE_M, -BESIDE_M), (BESIDE_M, BESIDE_M))
 
 
 def test_without_anything_said_nothing_lies_below(tmp_path: Path) -> None:
@@ -42,7 +42,7 @@ def test_a_picture_and_heights_are_read_around_the_line(tmp_path: Path) -> None:
     assert view.background is not None
     assert view.relief is not None
     assert view.background.pixels.size <= 4 * MOST_PIXELS
-    assert (view.background.low_m, view.background.high_m) == (view.low_m, view.high_m) == shown_area_of(PLACES_M)
+    assert (view.background.low_m, view.background.high_m) == (view.low_m, view.high_m) == compute_shown_area(PLACES_M)
     assert view.relief.interval_m == 25.0
     assert view.attribution == "Land survey"
 

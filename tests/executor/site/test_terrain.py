@@ -146,7 +146,9 @@ def test_a_run_needs_no_raster_any_more(ground: SiteModel, plan: PlanFile, folde
     assert again.network.pylons == ground.network.pylons
     assert describe_site_changes(read_plan(RunDirectory(tmp_path).plan_path(0)), again) == []
     places = np.random.default_rng(1).uniform(-600, 600, (200, 2))
-    np.testing.assert_array_equal(again.setup.layers.surface.at_m(places), ground.setup.layers.surface.at_m(places))
+    np.testing.assert_array_equal(
+        again.setup.layers.surface.interpolate_m(places), ground.setup.layers.surface.interpolate_m(places)
+    )
 
 
 def test_a_plan_over_another_ground_is_not_flown(plan: PlanFile, folder: Path, tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ def places_m(count: int = 500) -> FloatArray:
 
 def off_m(found: Elevation) -> float:
     places = places_m()
-    return float(np.abs(found.at_m(places) - SMOOTH.at_m(places[:, 0], places[:, 1])).max())
+    return float(np.abs(found.interpolate_m(places) - SMOOTH.at_m(places[:, 0], places[:, 1])).max())
 
 
 @pytest.mark.parametrize(("crs", "cell"), [("EPSG:4326", 1 / 3600), ("EPSG:32632", 30.0), ("EPSG:31254", 25.0),
@@ -74,7 +74,7 @@ def test_small_cells_are_combined_and_the_highest_kept(tmp_path: Path) -> None:
     at = np.array([[100.0, 50.0]])
     truth = Mountain(gorge_m=0, step_m=0).at_m(at[:, 0], at[:, 1])[0]
     assert found.highest_m(at)[0] > truth + spike - 1.0
-    assert found.at_m(at)[0] < truth + 0.6 * spike
+    assert found.interpolate_m(at)[0] < truth + 0.6 * spike
 
 
 def test_several_tiles_are_one_ground_without_a_seam(tmp_path: Path) -> None:
@@ -86,7 +86,7 @@ def test_several_tiles_are_one_ground_without_a_seam(tmp_path: Path) -> None:
     assert off_m(found) < 4.0
     seam = np.column_stack((np.linspace(-60, 60, 241), np.zeros(241)))
     truth = SMOOTH.at_m(seam[:, 0], seam[:, 1])
-    assert not np.isnan(found.at_m(seam)).any()
+    assert not np.isnan(found.interpolate_m(seam)).any()
     assert (found.highest_m(seam) - truth).min() > -1.0
     assert west != east
 
@@ -96,14 +96,14 @@ def test_a_finer_raster_goes_first_and_a_coarser_one_fills_its_holes(tmp_path: P
     write_raster(tmp_path / "fine.tif", SMOOTH, crs="EPSG:32632", cell=10.0, holes_m=((0.0, 0.0, 200.0),))
     found = read_elevation([tmp_path], reading())
     assert [round(tile.cell_m) for tile in found.tiles] == [10, 60]
-    assert not np.isnan(found.at_m(np.zeros((1, 2)))).any()
+    assert not np.isnan(found.interpolate_m(np.zeros((1, 2)))).any()
 
 
 def test_a_hole_is_not_known(tmp_path: Path) -> None:
     path = write_raster(tmp_path / "ground.tif", SMOOTH, holes_m=((300.0, -200.0, 120.0),))
     found = read_elevation([path], reading())
     at = np.array([[300.0, -200.0], [-800.0, 500.0]])
-    assert np.isnan(found.at_m(at)).tolist() == [True, False]
+    assert np.isnan(found.interpolate_m(at)).tolist() == [True, False]
     assert np.isnan(found.highest_m(at)).tolist() == [True, False]
 
 
@@ -123,12 +123,12 @@ def test_srtm_tiles_are_known_by_their_names(tmp_path: Path) -> None:
     found = read_elevation([hgt(tmp_path / "N46E010.hgt")], reading("file", None))
     assert (found.vertical, found.uncertainty_m) == ("EGM96", 16.0)
     assert off_m(found) < 25.0
-    assert np.median(np.abs(found.at_m(places_m()) - SMOOTH.at_m(*places_m().T))) < 2.0
+    assert np.median(np.abs(found.interpolate_m(places_m()) - SMOOTH.at_m(*places_m().T))) < 2.0
 
 
 def test_the_void_of_srtm_is_not_known(tmp_path: Path) -> None:
     found = read_elevation([hgt(tmp_path / "N46E010.hgt", hole=True)], reading("file", None))
-    assert np.isnan(found.at_m(np.zeros((1, 2)))).all()
+    assert np.isnan(found.interpolate_m(np.zeros((1, 2)))).all()
 
 
 def test_glo30_is_known_by_its_name_and_its_geoid_costs_a_metre(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ def is_mission_read_due(vehicle: VehicleState, now_s: float) -> bool:
     flies = (
         vehicle.stage in {Stage.FLYING, Stage.PILOT} and vehicle.assignment.pending is None and not vehicle.link.stale
     )
-    return flies and vehicle.assignment.carried.needs_reading(now_s)
+    return flies and vehicle.assignment.carried.is_reading_due(now_s)
 
 
 def apply_mission_read(state: FleetState, found: Found, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:

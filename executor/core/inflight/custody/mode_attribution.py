@@ -101,19 +101,19 @@ def _match_failsafe(setup: VehicleSetup, vehicle: VehicleState, at_s: float, mod
         return Attribution(Actor.FAILSAFE, failed.words, failed)
     if safe and abs(known.critical_s - at_s) <= CRITICAL_S:
         return Attribution(Actor.FAILSAFE, "its HEARTBEAT is critical")
-    if safe and (breached_about(vehicle, at_s) or vehicle.sensors.unhealthy & GEOFENCE_SENSOR):
+    if safe and (is_fence_breached_near(vehicle, at_s) or vehicle.sensors.unhealthy & GEOFENCE_SENSOR):
         return Attribution(
             Actor.FAILSAFE, "its fence was breached", OwnFailsafe("fence", active=True, words="fence breached")
         )
     return None
 
 
-def breached_about(vehicle: VehicleState, at_s: float) -> bool:
+def is_fence_breached_near(vehicle: VehicleState, at_s: float) -> bool:
     """Return whether it said about then that its fence is breached, or still says so."""
     return vehicle.sensors.fence_breached or abs(vehicle.sensors.breached_s - at_s) <= BREACHED_S
 
 
-def led_by_fence(setup: VehicleSetup, vehicle: VehicleState) -> str:
+def describe_fence_action(setup: VehicleSetup, vehicle: VehicleState) -> str:
     """Return in words that its fence put it into its mode; nothing if that is not known."""
     who = attribute_mode_change(setup, vehicle)
     named = who.by is Actor.FAILSAFE and who.failed is not None and who.failed.what == "fence"

@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from executor.core.context import Scene
-from executor.core.inflight.custody.mode_attribution import attribute_mode_change, breached_about
+from executor.core.inflight.custody.mode_attribution import attribute_mode_change, is_fence_breached_near
 from executor.core.interface.messages import CRITICAL, Actor, Heartbeat
 from executor.core.state.fleet_state import GroundStationAbsence
 from executor.core.state.onboard_fence import describe_fence_departure
 from executor.core.state.vehicle_parts import FOLLOWED_LATE_S, ModeCause
-from executor.core.state.vehicle_position import takes_itself_home
+from executor.core.state.vehicle_position import is_home_by_own_estimate
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.core.telemetry.failsafe_texts import FENCE_BREACH
 from missions import Dialect, Phase
@@ -246,7 +246,7 @@ def _is_landing_elsewhere(context: Scene, before: VehicleState, vehicle: Vehicle
     ordered = beat.custom_mode in vehicle.orders.ordered_modes and old.custom_mode not in vehicle.orders.ordered_modes
     fix, limits = vehicle.motion.fix, context.limits
     home = fix is None or (
-        vehicle.telemetry.mode_since_s - fix.at_s <= limits.link_stale_s and takes_itself_home(context, vehicle)
+        vehicle.telemetry.mode_since_s - fix.at_s <= limits.link_stale_s and is_home_by_own_estimate(context, vehicle)
     )
     return not ordered and not home
 
@@ -284,7 +284,7 @@ def _is_explained_by_failsafe(
     return (
         said
         or _is_newly_critical(vehicle, context.limits.alarm_s)
-        or breached_about(vehicle, vehicle.telemetry.mode_since_s)
+        or is_fence_breached_near(vehicle, vehicle.telemetry.mode_since_s)
         or bool(describe_fence_departure(vehicle, now_s, context.limits.link_stale_s))
         or vehicle.power.battery.charge_state >= CHARGE_EMERGENCY
         or (_is_unseen_change(vehicle) and _may_follow_silence(context, vehicle, beat.custom_mode))
@@ -400,7 +400,7 @@ def _may_follow_silence(context: Scene, vehicle: VehicleState, mode: int) -> boo
     if not setup.returns:
         return True
     if mode == dialect.modes.land.custom_mode:
-        return dialect.ends_in_other_mode and takes_itself_home(context, vehicle)
+        return dialect.ends_in_other_mode and is_home_by_own_estimate(context, vehicle)
     return mode != dialect.modes.hold.custom_mode or dialect.ground_station_failsafe.pause is not None
 
 

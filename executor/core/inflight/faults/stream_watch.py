@@ -84,7 +84,7 @@ def describe_missing_stream(of: Callable[[WatchView], StreamStatus], view: Watch
     return f"{stream.words} for {stream.age_s:.0f} s, while other messages come"
 
 
-def needs_stream_request(view: WatchView) -> bool:
+def is_stream_request_due(view: WatchView) -> bool:
     """Return whether it is to be asked for its streams again."""
     if view.now_s - view.state.orders.streams_asked_s < ASK_AGAIN_S or not is_link_alive(view):
         return False

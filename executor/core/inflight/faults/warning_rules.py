@@ -14,7 +14,7 @@ from executor.core.inflight.faults.battery_watchpoints import BATTERY_SENSOR, LO
 from executor.core.inflight.faults.watchpoint_types import Verdict, WatchView
 from executor.core.state import landing_projection
 from executor.core.state.fleet_state import ReportedWarnings
-from executor.core.state.mission_height import asked_height
+from executor.core.state.mission_height import find_mission_height
 from executor.core.state.vehicle_position import describe_position, last_fix
 from executor.core.state.vehicle_state import FaultKind, Stage
 from missions import Phase
@@ -146,7 +146,7 @@ def low(view: WatchView) -> str:
     state, limits = view.state, view.context.limits
     if not view.setup.planned or state.stage is not Stage.FLYING or state.motion.fix is None:
         return ""
-    asked = asked_height(view.context, view.setup, state)
+    asked = find_mission_height(view.context, view.setup, state)
     stale = view.now_s - state.motion.fix.at_s > limits.link_stale_s
     if asked is None or stale or asked.below_m < limits.below_mission_m or state.motion.climbs_m_s > CLIMBS_M_S:
         return ""

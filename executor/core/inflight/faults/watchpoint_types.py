@@ -68,7 +68,7 @@ def describe_reported_failure(view: WatchView, kind: str) -> str:
 LOST_ITSELF_S = 30.0
 
 
-def loses_itself(view: WatchView) -> bool:
+def is_estimate_lost(view: WatchView) -> bool:
     """Return whether its autopilot says that it does not know where it is, nor how fast it moves."""
     return any(
         failed.what in {"ekf", "gps"} and view.now_s - said_s <= LOST_ITSELF_S
@@ -76,7 +76,7 @@ def loses_itself(view: WatchView) -> bool:
     )
 
 
-def in_mission_mode(view: WatchView) -> bool:
+def is_in_mission_mode(view: WatchView) -> bool:
     """Return whether it says that it is in mission mode."""
     heartbeat = view.state.telemetry.heartbeat
     return heartbeat is not None and is_mission_mode(view.setup.dialect, heartbeat.custom_mode)

@@ -13,8 +13,8 @@ from executor.core.context import Scene, VehicleSetup
 from executor.core.inflight.custody.mode_attribution import (
     GEOFENCE_SENSOR,
     attribute_mode_change,
+    describe_fence_action,
     is_attribution_final,
-    led_by_fence,
 )
 from executor.core.inflight.faults import battery_watchpoints, height_watch, stream_watch
 from executor.core.inflight.faults.watchpoint_types import (
@@ -26,8 +26,8 @@ from executor.core.inflight.faults.watchpoint_types import (
     WatchView,
     alarm_words,
     describe_reported_failure,
-    in_mission_mode,
-    loses_itself,
+    is_estimate_lost,
+    is_in_mission_mode,
 )
 from executor.core.interface.messages import Actor
 from executor.core.state.onboard_fence import describe_fence_departure
@@ -169,7 +169,7 @@ def check_fence_breach(view: WatchView) -> Finding:
     bit = view.setup.planned and state.sortie.took_off and bool(sensors.unhealthy & GEOFENCE_SENSOR)
     told = sensors.fence_breached or bit
     off = describe_fence_departure(state, view.now_s, view.context.limits.link_stale_s)
-    led = "" if said or told or off or not _newly_led(view) else led_by_fence(view.setup, state)
+    led = "" if said or told or off or not _newly_led(view) else describe_fence_action(view.setup, state)
     if not said and not told and not off and not led:
         return OK
     parts = ("its fence was breached" if led else "its fence is breached", off, said)
@@ -178,7 +178,7 @@ def check_fence_breach(view: WatchView) -> Finding:
 
 def _newly_led(view: WatchView) -> bool:
     """Return whether it has left its mission just now: it may be inside its fence again before that is heard."""
-    left = view.state.sortie.flew_mission and not in_mission_mode(view)
+    left = view.state.sortie.flew_mission and not is_in_mission_mode(view)
     return left and view.now_s - view.state.telemetry.mode_since_s <= view.context.limits.alarm_s
 
 
@@ -210,7 +210,7 @@ def _is_sinking(view: WatchView) -> bool:
     beat, fix, before = view.state.telemetry.heartbeat, view.state.motion.fix, view.state.motion.last_fix
     if beat is None or is_manual_mode(view.setup.dialect, beat.custom_mode) or not view.state.sortie.took_off:
         return False
-    if fix is None or before is None or fix.boot_s <= before.boot_s or loses_itself(view):
+    if fix is None or before is None or fix.boot_s <= before.boot_s or is_estimate_lost(view):
         return False
     lost_m = before.alt_rel_m - fix.alt_rel_m
     # It may have begun to fall at any time since the fix before.
@@ -224,7 +224,7 @@ def check_position_jump(view: WatchView) -> Finding:
     """Its position is suddenly elsewhere: where it is, and where it flies to, is not known any more."""
     off_m, at_s = view.state.motion.jump
     limits = view.context.limits
-    if not view.setup.planned and (not in_mission_mode(view) or loses_itself(view)):
+    if not view.setup.planned and (not is_in_mission_mode(view) or is_estimate_lost(view)):
         return OK  # it is not flown by its position; or knows itself that it is elsewhere
     if off_m >= limits.jump_m and view.now_s - at_s <= limits.link_stale_s:
         return Finding(Verdict.FAIL, f"its position jumped by {off_m:.0f} m")
@@ -244,7 +244,7 @@ def check_stall(view: WatchView) -> Finding:
         return STALE
     if state.orders.held_s is not None:
         return OK  # the operator's order
-    if view.setup.planned is False and not in_mission_mode(view):
+    if view.setup.planned is False and not is_in_mission_mode(view):
         return OK  # somebody flies it by hand
     # By its own clock: a simulator that the computer lets wait stands still, and so does its time.
     stood_s = state.motion.fix.boot_s - state.motion.anchor.boot_s
@@ -261,11 +261,9 @@ CRASH = Watchpoint("crash", FaultKind.INTERRUPTION, check_crash, 0.0, _IN_THE_AI
 TABLE: tuple[Watchpoint, ...] = (
     Watchpoint("off-pad", FaultKind.INTERRUPTION, check_unexpected_disarm, 0.0, _IN_THE_AIR, FaultCode.DISARMED),
     Watchpoint("falling", FaultKind.INTERRUPTION, check_fall, 0.4, _IN_THE_AIR, FaultCode.FALLING),
-    Watchpoint("sinking", FaultKind.INTERRUPTION, height_watch.sinks_below, 2.0, _ON_MISSION, FaultCode.SINKING),
-    Watchpoint(
-        "thrust", FaultKind.INTERRUPTION, height_watch.sinks_off_target, 3.5, _ON_MISSION, FaultCode.THRUST_LOST
-    ),
-    Watchpoint("lies", FaultKind.DOWN, height_watch.lies_on_mission, 0.0, _ON_MISSION, FaultCode.DOWN),
+    Watchpoint("sinking", FaultKind.INTERRUPTION, height_watch.check_sinking, 2.0, _ON_MISSION, FaultCode.SINKING),
+    Watchpoint("thrust", FaultKind.INTERRUPTION, height_watch.check_thrust, 3.5, _ON_MISSION, FaultCode.THRUST_LOST),
+    Watchpoint("lies", FaultKind.DOWN, height_watch.check_grounded_on_mission, 0.0, _ON_MISSION, FaultCode.DOWN),
     CRASH,
     Watchpoint("terminated", FaultKind.INTERRUPTION, check_termination, 0.0, _IN_THE_AIR, FaultCode.TERMINATED),
     Watchpoint("link", FaultKind.LINK, check_link_silence, 0.0, _OUT_THERE, FaultCode.LINK_LOST),

@@ -18,7 +18,7 @@ from executor.analysis.pictures import draw_flight_figure, draw_plan_figure, sav
 from executor.analysis.pictures.map_background import describe_ground
 from executor.analysis.pictures.style import DPI
 from executor.analysis.read_run import read_run
-from executor.site.ground_view import GroundView, shown_area_of
+from executor.site.ground_view import GroundView, compute_shown_area
 from missions.background import Background
 from tests.executor.flights import first_plan_file, write_run
 from tests.executor.grounds import Hills, ground_about
@@ -50,7 +50,7 @@ def colour_at(figure: Figure, axes: Axes, place_m: tuple[float, float]) -> list[
 
 def halves() -> GroundView:
     """Return ground that is red in the north and blue in the south."""
-    low_m, high_m = shown_area_of(PLACES_M)
+    low_m, high_m = compute_shown_area(PLACES_M)
     pixels = np.full((100, 100, 4), 255, dtype=np.uint8)
     north = np.linspace(high_m[1], low_m[1], 201)[1::2] > 0.0
     pixels[north, :, 1:3] = 0
@@ -72,7 +72,7 @@ def test_the_view_stays_as_it_is_without_ground(record: FlightRecord) -> None:
         plain, over = draw_flight_figure(record), draw_flight_figure(record, view)
         for one, other in zip(plain.axes, over.axes, strict=True):
             assert (one.get_xlim(), one.get_ylim()) == (other.get_xlim(), other.get_ylim())
-    nothing = GroundView(*shown_area_of(PLACES_M))
+    nothing = GroundView(*compute_shown_area(PLACES_M))
     assert (drawn(draw_flight_figure(record)) == drawn(draw_flight_figure(record, nothing))).all()
 
 
@@ -97,7 +97,7 @@ def test_contour_lines_are_drawn_with_their_heights(record: FlightRecord) -> Non
 
 
 def test_whom_the_ground_is_by_has_room_in_the_strip(record: FlightRecord) -> None:
-    long = GroundView(*shown_area_of(PLACES_M), halves().background, attribution="© " + "a very long name " * 30)
+    long = GroundView(*compute_shown_area(PLACES_M), halves().background, attribution="© " + "a very long name " * 30)
     figure = draw_flight_figure(record, long)
     drawn(figure)
     for axes in figure.axes:

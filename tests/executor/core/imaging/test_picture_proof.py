@@ -51,7 +51,7 @@ def test_a_span_that_counts_counts_by_the_nearer_of_two(counted_m: float, by: st
     state = record_flown_segments(chosen, state, "uav1", [(0, HOW)], NOW_S)
     assert (state.coverage.inspected[0], state.coverage.inspected_at_m[0]) == (by, at_m)
     # Nobody has to take it on evidence any more that all of it was flown.
-    assert (state.coverage.flown.get(0), state.coverage.inferred_segments()) == (
+    assert (state.coverage.flown.get(0), state.coverage.list_inferred_segments()) == (
         (HOW, frozenset()) if by == "uav1" else (None, {0})
     )
 

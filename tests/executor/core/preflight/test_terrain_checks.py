@@ -49,7 +49,7 @@ def test_a_gps_that_is_too_high_flies_low_over_the_ground(tmp_path: Path) -> Non
     known = setup.terrain
     assert known is not None
     (first, *others) = setup.pads
-    ground_m = float(known.elevation.at_m(setup.tracks_m[0, :1])[0])
+    ground_m = float(known.elevation.interpolate_m(setup.tracks_m[0, :1])[0])
 
     def found(by_m: float) -> list[tuple[Severity, str]]:
         east_m, north_m = setup.tracks_m[0, 0].tolist()

@@ -6,17 +6,17 @@ from collections.abc import Callable, Iterable
 
 import pytest
 
-from executor.core.state.duplicate_ids import PlaceTold, Twins, with_place
+from executor.core.state.duplicate_ids import DuplicateIdWatch, ReportedPosition, add_reported_position
 
 A_DEGREE_M = 111_320.0
 Told = tuple[float, float, float]
 """When it came, its time since boot, metres north."""
 
 
-def followed(told: Iterable[Told]) -> Twins:
-    known = Twins()
+def followed(told: Iterable[Told]) -> DuplicateIdWatch:
+    known = DuplicateIdWatch()
     for at_s, boot_s, north_m in told:
-        known = with_place(known, PlaceTold(at_s, boot_s, 50.0 + north_m / A_DEGREE_M, 13.0))
+        known = add_reported_position(known, ReportedPosition(at_s, boot_s, 50.0 + north_m / A_DEGREE_M, 13.0))
     return known
 
 

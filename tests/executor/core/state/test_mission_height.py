@@ -9,7 +9,14 @@ import pytest
 
 from executor.core.context import VehicleSetup
 from executor.core.interface.messages import Heartbeat
-from executor.core.state.mission_height import asked_height, begun_anew_here, flown_to, item_of, lies_low, with_item
+from executor.core.state.mission_height import (
+    add_onboard_item,
+    find_mission_height,
+    is_stopped_below_mission,
+    item_of,
+    record_current_item,
+    restart_mission_here,
+)
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.state.vehicle_parts import OnboardMission, OwnMission, PositionFix
 from executor.core.state.vehicle_state import VehicleState
@@ -37,7 +44,7 @@ def over(share: float, leg: int, up_m: float) -> PositionFix:
 
 
 def below_m(one: VehicleState, setup: VehicleSetup = SETUP) -> float | None:
-    found = asked_height(CONTEXT, setup, one)
+    found = find_mission_height(CONTEXT, setup, one)
     return None if found is None else round(found.below_m, 2)
 
 
@@ -58,7 +65,7 @@ def test_a_leg_leads_straight_from_one_height_to_the_next(
 
 
 def test_how_fast_it_leads_down_follows_from_its_speed() -> None:
-    found = asked_height(CONTEXT, SETUP, flying(board=board(15.0, 35.0, 15.0), fix=over(0.5, 2, 10.0)))
+    found = find_mission_height(CONTEXT, SETUP, flying(board=board(15.0, 35.0, 15.0), fix=over(0.5, 2, 10.0)))
     assert found is not None
     assert found.sinks_m_s == pytest.approx(0.6)  # 20 m down on 100 m, at 3 m/s
 
@@ -119,20 +126,20 @@ def test_the_items_of_a_log_ask_alike(one: VehicleState, expected: float | None)
 def test_the_items_of_a_log_are_put_together() -> None:
     own = OwnMission()
     for seq in (0, 2, 1, 1):
-        own = with_item(own, item(seq))
+        own = add_onboard_item(own, item(seq))
     assert [one.seq for one in own.listed] == [0, 1, 2]
     assert item_of(own, 2) == item(2)
     assert item_of(own, 7) is None
-    assert [one.seq for one in with_item(own, item(0)).listed] == [0], "another mission begins"
+    assert [one.seq for one in add_onboard_item(own, item(0)).listed] == [0], "another mission begins"
 
 
 def test_what_a_speed_is_told_leads_nowhere() -> None:
     own = OwnMission(listed=(item(0), item(1), item(2, command=178), item(3)), leads_to=1)
-    assert flown_to(own, 2, FROM) == own
-    assert flown_to(own, 1, FROM) == own
-    on = flown_to(own, 3, FROM)
+    assert record_current_item(own, 2, FROM) == own
+    assert record_current_item(own, 1, FROM) == own
+    on = record_current_item(own, 3, FROM)
     assert (on.leads_to, on.came_from, on.leg_from) == (3, 1, FROM)
-    again = begun_anew_here(on)
+    again = restart_mission_here(on)
     assert (again.leads_to, again.came_from, again.leg_from) == (3, None, None)
 
 
@@ -140,6 +147,6 @@ def test_what_a_speed_is_told_leads_nowhere() -> None:
 def test_who_has_stopped_far_below_its_mission_lies_there(stood_s: float, up_m: float, lies: bool) -> None:
     one = flying(fix=over(0.5, 2, up_m), anchor=replace(over(0.5, 2, up_m), boot_s=NOW_S - stood_s))
     assert LIMITS.lies_s == 8.0
-    assert lies_low(CONTEXT, SETUP, one) is lies
-    assert not lies_low(CONTEXT, SETUP, replace(one, motion=replace(one.motion, anchor=None)))
+    assert is_stopped_below_mission(CONTEXT, SETUP, one) is lies
+    assert not is_stopped_below_mission(CONTEXT, SETUP, replace(one, motion=replace(one.motion, anchor=None)))
     assert Heartbeat(3, AUTO, True, 4) == one.telemetry.heartbeat

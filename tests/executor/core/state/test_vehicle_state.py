@@ -12,7 +12,7 @@ from executor.core.battery.load_voltage import VoltageState
 from executor.core.battery.pack_condition import PackState
 from executor.core.battery.percent_rounding import PercentRounding
 from executor.core.payload.camera_state import PayloadState
-from executor.core.state.duplicate_ids import Twins
+from executor.core.state.duplicate_ids import DuplicateIdWatch
 from executor.core.state.link_quality import LinkQuality
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.state.vehicle_parts import ModeCause, Positioning, TextWindow
@@ -108,7 +108,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "began_pct": None,
             "gps": None,
             "positioning": Positioning(),
-            "twins": Twins(),
+            "twins": DuplicateIdWatch(),
             "wind": None,
             "attitude": None,
             "tilted_since_s": None,

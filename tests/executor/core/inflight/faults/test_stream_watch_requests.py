@@ -16,7 +16,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who is asked for its streams",
         lambda: [
-            stream_watch.needs_stream_request(WatchView(CONTEXT, PLANNED, flying(**given), False, NOW_S))
+            stream_watch.is_stream_request_due(WatchView(CONTEXT, PLANNED, flying(**given), False, NOW_S))
             for given in (
                 {},
                 {"item_s": NOW_S - 30.0},
