@@ -348,6 +348,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/planner/test_window_search.py": (
         "planner/kernels/plan_changes.py",
         "planner/kernels/robust_walk.py",
+        "planner/pareto_front.py",
     ),
     "tests/planner/test_search.py": (
         "planner/construct.py",
