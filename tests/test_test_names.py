@@ -109,7 +109,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/flightmodel.py",
     ),
     "tests/benchmarks/test_fleet.py": (
-        "executor/adapters/mavlink/codec_cost.py",
+        "benchmarks/codec_cost.py",
         "benchmarks/browser.py",
         "benchmarks/fleetsite.py",
         "benchmarks/garbage.py",
@@ -131,7 +131,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/solvers.py",
     ),
     "tests/benchmarks/test_upload.py": (
-        "executor/adapters/mavsdk/mavsdk_upload.py",
+        "benchmarks/mavsdk_upload.py",
         "benchmarks/commands.py",
     ),
     "tests/executor/cli/test_network.py": (
