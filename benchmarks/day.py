@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.exact_sorties import solve_sorties_exact
 from benchmarks.machine import cores
 from benchmarks.store import Json
 from executor.simulated.demo_site import LISTENING, build_vehicle_tables
@@ -29,7 +30,6 @@ from planner.sorties import (
     evaluate_sorties,
     simulate_days,
     solve_sorties,
-    solve_sorties_exact,
     split_samples,
     summarise_samples,
     warm_up_sorties,

@@ -16,7 +16,6 @@ from planner.sorties.sortie_evaluation import (
     sortie_duration_s,
     sortie_energy_pct,
 )
-from planner.sorties.sortie_exact import solve_sorties_exact
 from planner.sorties.sortie_losses import LossWindow, SortiesAfterLoss, build_sorties_after_loss, find_loss_windows
 from planner.sorties.sortie_model import (
     Objective,
@@ -60,7 +59,6 @@ __all__ = [
     "find_loss_windows",
     "simulate_days",
     "solve_sorties",
-    "solve_sorties_exact",
     "sortie_duration_s",
     "sortie_energy_pct",
     "split_samples",
