@@ -331,11 +331,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/missions/test_routes.py": ("missions/setup.py",),
     "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),
     "tests/benchmarks/scenarios/test_losses.py": ("planner/road_graph.py",),
-    "tests/benchmarks/scenarios/test_search.py": (
-        "benchmarks/scenarios/evaluate.py",
-        "benchmarks/scenarios/model.py",
-        "benchmarks/scenarios/solve.py",
-    ),
     "tests/planner/test_exact.py": (
         "planner/highs.py",
         "planner/partition.py",
@@ -350,6 +345,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/table/window_bound.py",
         "planner/kernels/plan_changes.py",
         "planner/kernels/robust_walk.py",
+        "planner/pareto_front.py",
     ),
     "tests/planner/test_search.py": (
         "planner/construct.py",
@@ -358,8 +354,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/model.py",
         "planner/result.py",
         "planner/solve.py",
-        "planner/search_rounds.py",
-        "planner/search_start.py",
+        "planner/plan_search.py",
     ),
     "tests/planner/test_window.py": (
         "planner/kernels/loss_problem.py",

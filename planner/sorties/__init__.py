@@ -11,6 +11,7 @@ cheap; the first plan, or ``warm_up_sorties``, loads the compiled kernels.
 
 from planner.sorties.sortie_evaluation import (
     SortieEvaluation,
+    SortieResult,
     count_packs_needed,
     evaluate_sorties,
     sortie_duration_s,
@@ -26,7 +27,6 @@ from planner.sorties.sortie_model import (
     SortieVehicle,
     subtract_quiet_times,
 )
-from planner.sorties.sortie_result import SortieResult
 from planner.sorties.sortie_solve import solve_sorties, warm_up_sorties
 from planner.sorties.survival import (
     SparesEstimate,

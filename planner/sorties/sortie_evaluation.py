@@ -31,6 +31,17 @@ class SortieEvaluation:
     """In words; empty if every wanted segment is flown or named as uncovered, by sorties that may be."""
 
 
+@dataclass(frozen=True, slots=True)
+class SortieResult:
+    """The best plan that a search found, with its figures from the definition."""
+
+    plan: SortiePlan
+    evaluation: SortieEvaluation
+    iterations: int
+    seconds: float
+    stopped_by: str
+
+
 def sortie_duration_s(instance: SortieInstance, vehicle: int, sortie: Sortie) -> float:
     """Return how long a sortie takes.
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.moves import MoveTables
+from planner.sorties.sortie_evaluation import SortieResult
 from planner.sorties.sortie_model import Objective, Sortie, SortieBase, SortieInstance, SortieVehicle
-from planner.sorties.sortie_result import SortieResult
 from planner.stop_rules import Iterations, Progress, StopRule, add_progress_report
 
 if TYPE_CHECKING:
