@@ -12,6 +12,7 @@ import numpy as np
 from benchmarks.exact_sorties import solve_sorties_exact
 from benchmarks.machine import cores
 from benchmarks.store import Json
+from benchmarks.warm_sorties import warm_up_sorties
 from executor.simulated.demo_site import LISTENING, build_vehicle_tables
 from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
 from executor.site.day_summary import compute_base_needs, compute_rule_packs
@@ -32,7 +33,6 @@ from planner.sorties import (
     solve_sorties,
     split_samples,
     summarise_samples,
-    warm_up_sorties,
 )
 
 Told = Callable[[str, int, int], None]

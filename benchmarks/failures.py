@@ -13,8 +13,9 @@ from benchmarks.machine import cores
 from benchmarks.scenario import Scenario, day_of, initial_timelines, read_scenario, solution_of, wrong_with
 from benchmarks.scenarios import open_tasks, replan_losses
 from benchmarks.store import Json
+from benchmarks.warm_sorties import warm_up_sorties
 from planner import NoImprovement, Seconds, StopRule, combine_stop_rules
-from planner.sorties import Sortie, SortieInstance, SortiePlan, solve_sorties, warm_up_sorties
+from planner.sorties import Sortie, SortieInstance, SortiePlan, solve_sorties
 
 FOLDER = "failures"
 LONG_ENOUGH = 100_000

@@ -18,7 +18,7 @@ from planner.bounds import explain_infeasibility
 from planner.cost import BUDGET_TOLERANCE_PCT, Cost
 from planner.decomposition import part_of, sort_along_curve, split_into_routes
 from planner.evaluate import cost_of, evaluate, route_energy_pct
-from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
+from planner.model import Instance, Plan, Route, renumber_visits, segment_of
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.plan_search import PlanSearch
 from planner.result import Result
@@ -111,19 +111,13 @@ class LargeSearch(Search):
             part_of(self._instance, region.vehicles, region.segments),
             cost=region.cost,
             seed=seed,
-            initial=Plan(tuple(
-                Route(place, tuple(visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in visits))
-                for place, visits in enumerate(routes)
-            )),
+            initial=Plan(tuple(Route(place, renumber_visits(visits, number)) for place, visits in enumerate(routes))),
             all_vehicles=self._all_vehicles,
             watch=Stopwatch(),
             params=self._of_regions,
-        )  # fmt: skip
+        )
         plan = search.run(Iterations(iterations)).plan
-        return [
-            tuple(visit_of(region.segments[segment_of(visit)], is_reversed(visit)) for visit in route.visits)
-            for route in plan.routes
-        ]
+        return [renumber_visits(route.visits, region.segments) for route in plan.routes]
 
     def _put_back(self, region: _Region, routes: Sequence[tuple[int, ...]]) -> None:
         """Take over a region's routes; with MinComb only if what they save is not lost by a longer longest."""

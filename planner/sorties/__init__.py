@@ -6,7 +6,7 @@
 
 A *sortie* is one flight on one pack: from a base, along visits, to a base where its vehicle may land. Moves are priced
 as for a single flight, so that one sortie of one vehicle is what ``planner.solve`` plans. Importing this package is
-cheap; the first plan, or ``warm_up_sorties``, loads the compiled kernels.
+cheap; the first plan loads the compiled kernels.
 """
 
 from planner.sorties.sortie_evaluation import (
@@ -27,7 +27,7 @@ from planner.sorties.sortie_model import (
     SortieVehicle,
     subtract_quiet_times,
 )
-from planner.sorties.sortie_solve import solve_sorties, warm_up_sorties
+from planner.sorties.sortie_solve import solve_sorties
 from planner.sorties.survival import (
     SparesEstimate,
     SurvivalCampaign,
@@ -64,5 +64,4 @@ __all__ = [
     "split_samples",
     "subtract_quiet_times",
     "summarise_samples",
-    "warm_up_sorties",
 ]

@@ -56,11 +56,6 @@ class SortiesAfterLoss:
         joined = zip(self.kept, self.broken, plan.sorties, strict=True)
         return SortiePlan(tuple(kept + broken + after for kept, broken, after in joined), plan.uncovered)
 
-    def whole_plan(self, plan: SortiePlan) -> SortiePlan:
-        """Return all sorties of the days, those of a plan for the rest included."""
-        joined = (before + after for before, after in zip(self.kept, plan.sorties, strict=True))
-        return SortiePlan(tuple(joined), plan.uncovered)
-
 
 def build_sorties_after_loss(
     instance: SortieInstance, plan: SortiePlan, lost: Mapping[int, float], at_s: float
