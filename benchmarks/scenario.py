@@ -11,10 +11,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from benchmarks.errors import BenchError
 from benchmarks.scenarios import Day, TimedTrip, Timeline
+from benchmarks.scenarios.road_graph import build_road_graph
 from benchmarks.store import Json
 from missions import format_first_error
 from missions.files import MOST_FIGURE, parse_json, read_text
-from planner.road_graph import build_road_graph
 
 SAME_S = 1e-6
 """Times nearer to each other than this are the same."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,15 +13,6 @@ if TYPE_CHECKING:
 
 Matrix = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]
 """Where each row's (or column's) entries begin, the columns (or rows) that they are in, and what they are."""
-
-
-def build_row_matrix(rows: Sequence[Mapping[int, float]]) -> Matrix:
-    """Return rows that are given by columns and weights."""
-    return (
-        np.cumsum([0, *map(len, rows)]),
-        np.array([column for row in rows for column in row]),
-        np.array([weight for row in rows for weight in row.values()]),
-    )
 
 
 def build_program(

@@ -78,6 +78,8 @@ class FlightChunk:
 
     flights: int
     seed: np.random.SeedSequence
+    first: int = 0
+    """The number of the first of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,9 +173,11 @@ def split_flights(flights: int, seed: int, *, per_chunk: int = FLIGHTS_PER_CHUNK
     """
     if flights < 1:
         raise InstanceError(f"flights is {flights}, expected one or more")
-    sizes = [min(per_chunk, flights - first) for first in range(0, flights, per_chunk)]
-    seeds = np.random.SeedSequence(seed).spawn(len(sizes))
-    return tuple(FlightChunk(size, own) for size, own in zip(sizes, seeds, strict=True))
+    firsts = range(0, flights, per_chunk)
+    seeds = np.random.SeedSequence(seed).spawn(len(firsts))
+    return tuple(
+        FlightChunk(min(per_chunk, flights - first), own, first) for first, own in zip(firsts, seeds, strict=True)
+    )
 
 
 def simulate_chunk(campaign: RiskCampaign, chunk: FlightChunk) -> tuple[ChunkTally, ...]:

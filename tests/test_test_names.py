@@ -330,7 +330,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/missions/test_plan_file.py": ("missions/plan_json.py",),
     "tests/missions/test_routes.py": ("missions/setup.py",),
     "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),
-    "tests/benchmarks/scenarios/test_losses.py": ("planner/road_graph.py",),
+    "tests/benchmarks/scenarios/test_losses.py": ("benchmarks/scenarios/road_graph.py",),
     "tests/planner/test_exact.py": (
         "planner/highs.py",
         "planner/partition.py",

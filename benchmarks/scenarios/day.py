@@ -12,9 +12,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from benchmarks.scenarios.road_graph import RoadGraph, build_road_graph
 from planner import InstanceError, MoveTables, PlanError
 from planner.moves import FloatArray
-from planner.road_graph import RoadGraph, build_road_graph
 from planner.sorties import Sortie, SortieBase, SortieInstance, SortieVehicle
 
 LONG_S = 1e9

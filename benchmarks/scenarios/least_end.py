@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from benchmarks.row_matrix import build_row_matrix
 from benchmarks.scenarios.day import TOLERANCE_S
 from planner import InstanceError, Stopwatch, highs
 from planner.sorties import SortieInstance
@@ -196,7 +197,7 @@ def _run(instance: SortieInstance, program: _Program) -> tuple[list[float], floa
         [float(number == last) for number in range(len(most))],
         most,
         (program.lower, program.upper),
-        highs.build_row_matrix(program.rows),
+        build_row_matrix(program.rows),
         whole=[True] * (columns + fleet) + [False] * (fleet + 1) + [True] * (fleet * depots),
     )
     solver.setOptionValue("time_limit", max(0.0, program.limit_s - program.stopwatch.seconds))

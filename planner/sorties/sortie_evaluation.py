@@ -149,10 +149,7 @@ def _check_take_offs(instance: SortieInstance, plan: SortiePlan) -> Iterator[str
 
 def _check_packs(instance: SortieInstance, plan: SortiePlan, lasts: tuple[tuple[float, ...], ...]) -> Iterator[str]:
     for day, (opens, closes) in enumerate(instance.days):
-        pools = [
-            list(base.charged_s) if day == 0 and base.charged_s is not None else [opens] * (base.packs or 0)
-            for base in instance.bases
-        ]
+        pools = [base.list_packs(day, opens) for base in instance.bases]
         flown = sorted(
             ((one, long) for own, row in zip(plan.sorties, lasts, strict=True)
              for one, long in zip(own, row, strict=True) if opens <= one.start_s < closes),

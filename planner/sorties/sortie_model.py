@@ -44,6 +44,12 @@ class SortieBase:
     taken_off_s: float = -math.inf
     """When a vehicle took off here last."""
 
+    def list_packs(self, day: int, opens_s: float) -> list[float]:
+        """Return when each pack is charged, at the begin of a day; nothing where there are always enough."""
+        if self.packs is not None and day == 0 and self.charged_s is not None:
+            return list(self.charged_s)
+        return [opens_s] * (self.packs or 0)
+
 
 @dataclass(frozen=True, slots=True)
 class SortieVehicle:

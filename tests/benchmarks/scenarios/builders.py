@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.scenarios import Day, Stand, build_day_instance
-from planner.road_graph import build_road_graph
+from benchmarks.scenarios.road_graph import build_road_graph
 from planner.sorties import SortieInstance
 
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from benchmarks.exact_sorties import solve_sorties_exact
 from benchmarks.scenarios import Day, Stand, build_day_instance
+from benchmarks.scenarios.road_graph import build_road_graph
 from planner import InstanceError, Iterations
-from planner.road_graph import build_road_graph
 from planner.sorties import SortiePlan, evaluate_sorties, solve_sorties
 from tests.benchmarks.scenarios.builders import instance_of, random_day, row_day
 

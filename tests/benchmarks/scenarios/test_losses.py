@@ -18,8 +18,8 @@ from benchmarks.scenarios import (
     open_tasks,
     replan_losses,
 )
+from benchmarks.scenarios.road_graph import build_road_graph
 from planner import InstanceError, Iterations, PlanError
-from planner.road_graph import build_road_graph
 from planner.sorties import Sortie, SortieInstance, SortiePlan, solve_sorties
 from tests.benchmarks.scenarios.builders import instance_of, random_day
 
