@@ -213,7 +213,7 @@ def _solve_program(
         [cost.get(number, 0.0) for number in range(columns + 1)],
         [1.0] * columns + [np.inf],
         ([lower for _, lower, _ in rows], [upper for _, _, upper in rows]),
-        build_row_matrix([row for row, _, _ in rows]),
+        build_row_matrix([row for row, _, _ in rows], columns + 1),
         whole=[True] * columns + [False],
     )
     solver.run()

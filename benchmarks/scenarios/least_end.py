@@ -197,7 +197,7 @@ def _run(instance: SortieInstance, program: _Program) -> tuple[list[float], floa
         [float(number == last) for number in range(len(most))],
         most,
         (program.lower, program.upper),
-        build_row_matrix(program.rows),
+        build_row_matrix(program.rows, len(most)),
         whole=[True] * (columns + fleet) + [False] * (fleet + 1) + [True] * (fleet * depots),
     )
     solver.setOptionValue("time_limit", max(0.0, program.limit_s - program.stopwatch.seconds))
