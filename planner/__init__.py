@@ -3,7 +3,7 @@
 
     >>> instance = build_instance(ends_m, landing_m, vehicles, travel)            # doctest: +SKIP
     >>> result = solve(instance, cost=Cost.MINCOMB, stop=Seconds(5))              # doctest: +SKIP
-    >>> left = remaining(instance, result.plan, lost=1, at_s=300)                 # doctest: +SKIP
+    >>> left = build_remaining_problem(instance, result.plan, lost=1, at_s=300)   # doctest: +SKIP
     >>> repaired = replan(left.instance, warm=left.warm, stop=FirstFeasible())    # doctest: +SKIP
 
 Importing this package is cheap; the first plan, or ``warm_up``, loads the compiled kernels.

@@ -1,7 +1,8 @@
 """A fleet under way after any number of losses: who still flies what, from when, and with what left.
 
-``remaining`` looks at one loss of a plan that begins everywhere at once. Here the answer to a loss becomes a state that
-can lose a vehicle itself: routes go on from the launch of the first plan, so that one clock counts for all of them.
+``build_remaining_problem`` looks at one loss of a plan that begins everywhere at once. Here the answer to a loss
+becomes a state that can lose a vehicle itself: routes go on from the launch of the first plan, so that one clock counts
+for all of them.
 """
 
 from __future__ import annotations

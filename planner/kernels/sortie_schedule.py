@@ -1,8 +1,8 @@
 """Days of sorties: their arrays, when sorties begin, and the best bases for a vehicle's sorties.
 
 The search only says which visits a sortie has, whose it is and in which order a vehicle flies its own. When each one
-begins follows: at every moment the sortie that can take off soonest does (``schedule``). Where each one begins and
-lands is a shortest path over the bases between them (``settle``).
+begins follows: at every moment the sortie that can take off soonest does (``schedule_sorties``). Where each one begins
+and lands is a shortest path over the bases between them (``choose_bases``).
 """
 
 from __future__ import annotations

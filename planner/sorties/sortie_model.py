@@ -188,7 +188,7 @@ class SortiePlan:
 def subtract_quiet_times(days: Iterable[Window], quiet: Iterable[Window]) -> tuple[Window, ...]:
     """Return days without quiet times.
 
-    >>> parted_windows([(8.0, 16.0)], [(12.0, 13.0), (15.0, 20.0)])
+    >>> subtract_quiet_times([(8.0, 16.0)], [(12.0, 13.0), (15.0, 20.0)])
     ((8.0, 12.0), (13.0, 15.0))
     """
     windows = list(days)
