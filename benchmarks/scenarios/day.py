@@ -17,7 +17,7 @@ from planner import InstanceError, MoveTables, PlanError
 from planner.moves import FloatArray
 from planner.sorties import Sortie, SortieBase, SortieInstance, SortieVehicle
 
-LONG_S = 1e9
+LONG_S = 1e15
 """No day is over before."""
 TOLERANCE_S = 1e-6
 """By which a trip may be longer than allowed: sums depend on their order."""
