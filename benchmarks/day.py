@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.exact_sorties import solve_sorties_exact
 from benchmarks.machine import cores
 from benchmarks.store import Json
+from benchmarks.warm_sorties import warm_up_sorties
 from executor.simulated.demo_site import LISTENING, build_vehicle_tables
 from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
 from executor.site.day_summary import compute_base_needs, compute_rule_packs
@@ -29,10 +31,8 @@ from planner.sorties import (
     evaluate_sorties,
     simulate_days,
     solve_sorties,
-    solve_sorties_exact,
     split_samples,
     summarise_samples,
-    warm_up_sorties,
 )
 
 Told = Callable[[str, int, int], None]

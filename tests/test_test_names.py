@@ -329,12 +329,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/missions/test_plan_file.py": ("missions/plan_json.py",),
     "tests/missions/test_routes.py": ("missions/setup.py",),
     "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),
-    "tests/benchmarks/scenarios/test_losses.py": ("planner/road_graph.py",),
-    "tests/benchmarks/scenarios/test_search.py": (
-        "benchmarks/scenarios/evaluate.py",
-        "benchmarks/scenarios/model.py",
-        "benchmarks/scenarios/solve.py",
-    ),
+    "tests/benchmarks/scenarios/test_losses.py": ("benchmarks/scenarios/road_graph.py",),
     "tests/planner/test_exact.py": (
         "planner/highs.py",
         "planner/partition.py",
@@ -342,10 +337,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),
     "tests/planner/test_large.py": (
         "planner/decomposition.py",
-        "planner/synthetic.py",
+        "benchmarks/synthetic.py",
     ),
     "tests/planner/test_risk.py": ("planner/after_losses.py",),
     "tests/planner/test_window_search.py": (
+        "benchmarks/table/window_bound.py",
         "planner/kernels/plan_changes.py",
         "planner/kernels/robust_walk.py",
         "planner/pareto_front.py",
@@ -357,14 +353,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/model.py",
         "planner/result.py",
         "planner/solve.py",
-        "planner/search_rounds.py",
-        "planner/search_start.py",
-    ),
-    "tests/benchmarks/scenarios/test_properties.py": (
-        "benchmarks/scenarios/construct.py",
-        "benchmarks/scenarios/kernels/day.py",
-        "benchmarks/scenarios/kernels/dayinsertion.py",
-        "benchmarks/scenarios/kernels/daysearch.py",
+        "planner/plan_search.py",
     ),
     "tests/planner/test_window.py": (
         "planner/kernels/loss_problem.py",
@@ -393,7 +382,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/sorties/sortie_annealing.py",
         "planner/sorties/sortie_solve.py",
     ),
-    "tests/planner/sorties/test_sortie_exact.py": ("planner/sorties/sortie_model.py",),
+    "tests/benchmarks/test_exact_sorties.py": ("planner/sorties/sortie_model.py",),
     "tests/executor/cli/test_day.py": (
         "executor/analysis/pictures/gantt_figure.py",
         "executor/site/day_summary.py",

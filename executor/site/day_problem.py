@@ -19,7 +19,6 @@ from missions.day_plan import Window
 from missions.geo import FloatArray
 from missions.setup import LOWEST_FLIGHT_M
 from planner import Progress, StopRule, build_steady_wind, top_speed_m_s
-from planner.road_graph import build_road_graph
 from planner.sorties import (
     Objective,
     SortieBase,
@@ -235,8 +234,13 @@ def _compute_transfers_s(table: DayTable, names: list[str], at_m: list[tuple[flo
     for road in table.road:
         one, other = sorted(number[name] for name in road.between)
         roads[one, other] = 60.0 * road.minutes
-    edges = [(one, other, seconds) for (one, other), seconds in roads.items() if one != other]
-    return build_road_graph(len(names), edges).times_s
+    times_s = np.full((len(names), len(names)), np.inf)
+    for (one, other), seconds in roads.items():
+        times_s[one, other] = times_s[other, one] = seconds
+    np.fill_diagonal(times_s, 0.0)
+    for middle in range(len(names)):  # Floyd, Warshall 1962
+        np.minimum(times_s, times_s[:, [middle]] + times_s[middle], out=times_s)
+    return times_s
 
 
 def _find_able_vehicles(ground: SiteModel, table: DayTable) -> npt.NDArray[np.bool_]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.row_matrix import build_row_matrix
 from planner import highs
 from planner.errors import InstanceError
 from planner.sorties.sortie_evaluation import TOLERANCE
@@ -212,7 +213,7 @@ def _solve_program(
         [cost.get(number, 0.0) for number in range(columns + 1)],
         [1.0] * columns + [np.inf],
         ([lower for _, lower, _ in rows], [upper for _, _, upper in rows]),
-        highs.build_row_matrix([row for row, _, _ in rows]),
+        build_row_matrix([row for row, _, _ in rows], columns + 1),
         whole=[True] * columns + [False],
     )
     solver.run()

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.exact_sorties import solve_sorties_exact
 from planner import InstanceError, Iterations
-from planner.sorties import Objective, SortieInstance, evaluate_sorties, solve_sorties, solve_sorties_exact
+from planner.sorties import Objective, SortieInstance, evaluate_sorties, solve_sorties
 from tests.planner.sorties.builders import BROAD, DAY, TRAVEL, line_instance
 
 LIMITED: dict[str, Any] = {"packs": 2, "days": DAY[:1]}
