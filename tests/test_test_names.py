@@ -157,6 +157,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/elevation.py",
         "missions/readers/geoids.py",
         "missions/readers/kept_elevation.py",
+        "missions/readers/rasters.py",
     ),
     "tests/missions/test_overland_surface.py": ("missions/terrain.py",),
     "tests/missions/test_relief.py": ("missions/grids.py",),
