@@ -10,7 +10,7 @@
 """
 
 from missions.autopilots.ardupilot import ARDUPILOT
-from missions.autopilots.dialect import Dialect, ModeNumber, ReturnParameters, SetCurrent, StartStep
+from missions.autopilots.dialect import Dialect, ModeNumber, ReturnParameters, StartStep
 from missions.autopilots.failsafes import BatteryLevel, ThresholdUnit, Words
 from missions.autopilots.px4 import PX4
 from missions.autopilots.registry import AUTOPILOTS, dialect_for, dialect_of

@@ -69,6 +69,12 @@ class Tile:
         shares = np.stack(((1 - down) * (1 - right), (1 - down) * right, down * (1 - right), down * right), axis=1)
         return rows, columns, shares
 
+    def reduce_around(self, cells_m: Heights, places_m: FloatArray, best: np.ufunc) -> FloatArray:
+        """Return (m,) the best of the cells around places; not a number where a place is outside of the raster."""
+        rows, columns, shares = self.find_cells_around(places_m)
+        found_m = best.reduce(cells_m[rows, columns], axis=1).astype(np.float64)
+        return np.where(np.isnan(shares[:, 0]), np.nan, found_m)
+
     def is_near_edge(self, places_m: FloatArray) -> npt.NDArray[np.bool_]:
         """Return (m,) which places have the raster's edge within a cell: the next raster knows what is beyond."""
         at = self.to_rows_columns(places_m)
@@ -118,23 +124,11 @@ class Elevation:
 
     def highest_m(self, places_m: FloatArray) -> FloatArray:
         """Return (m,) heights that the ground at (m, 2) places is not above: of the highest of the cells around."""
-
-        def highest(tile: Tile, places_m: FloatArray) -> FloatArray:
-            rows, columns, shares = tile.find_cells_around(places_m)
-            known_m = tile.highest_m[rows, columns].max(axis=1).astype(np.float64)
-            return np.where(np.isnan(shares[:, 0]), np.nan, known_m)
-
-        return self._look_up(places_m, highest, np.fmax)
+        return self._look_up(places_m, lambda tile, at_m: tile.reduce_around(tile.highest_m, at_m, np.maximum), np.fmax)
 
     def lowest_m(self, places_m: FloatArray) -> FloatArray:
         """Return (m,) heights that the ground at (m, 2) places is not below: of the lowest of the cells around."""
-
-        def lowest(tile: Tile, places_m: FloatArray) -> FloatArray:
-            rows, columns, shares = tile.find_cells_around(places_m)
-            known_m = tile.heights_m[rows, columns].min(axis=1).astype(np.float64)
-            return np.where(np.isnan(shares[:, 0]), np.nan, known_m)
-
-        return self._look_up(places_m, lowest, np.fmin)
+        return self._look_up(places_m, lambda tile, at_m: tile.reduce_around(tile.heights_m, at_m, np.minimum), np.fmin)
 
     def grid_m(self, easts_m: FloatArray, norths_m: FloatArray) -> FloatArray:
         """Return (norths, easts) heights between the cells on a regular grid, for who draws it."""
