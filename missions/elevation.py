@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from missions.geo import FloatArray, LocalFrame
+from missions.geo import BoolArray, FloatArray, IndexArray, LocalFrame
 
 Heights = npt.NDArray[np.float32]
 EDGE = 0.5
@@ -51,7 +51,7 @@ class Tile:
         south, north = one + share_e * (two - one), three + share_e * (four - three)
         return np.asarray(south + share_n * (north - south), dtype=np.float64)
 
-    def find_cells_around(self, places_m: FloatArray) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], FloatArray]:
+    def find_cells_around(self, places_m: FloatArray) -> tuple[IndexArray, IndexArray, FloatArray]:
         """Return (m, 4) rows and columns of the cells around places, and (m, 4) their shares in what lies between.
 
         Where a place is outside of the raster the shares are not numbers.
@@ -75,7 +75,7 @@ class Tile:
         found_m = best.reduce(cells_m[rows, columns], axis=1).astype(np.float64)
         return np.where(np.isnan(shares[:, 0]), np.nan, found_m)
 
-    def is_near_edge(self, places_m: FloatArray) -> npt.NDArray[np.bool_]:
+    def is_near_edge(self, places_m: FloatArray) -> BoolArray:
         """Return (m,) which places have the raster's edge within a cell: the next raster knows what is beyond."""
         at = self.to_rows_columns(places_m)
         return np.asarray(((at < 1.0) | (at > np.array(self.heights_m.shape) - 2.0)).any(axis=1))

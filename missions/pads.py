@@ -11,7 +11,7 @@ import numpy as np
 
 from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray
 from missions.geometry import place_distances_m
 from missions.shortest_ways import VisibilityGraph, graph_of, obstacle_of
 
@@ -183,9 +183,7 @@ def _find_shortest_way(nodes: FloatArray, centres_m: FloatArray, radius_m: float
     return way[::-1]
 
 
-def _is_clear(
-    start_m: FloatArray, goals_m: FloatArray, centres_m: FloatArray, radius_m: float
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _is_clear(start_m: FloatArray, goals_m: FloatArray, centres_m: FloatArray, radius_m: float) -> BoolArray:
     """Return (g,) whether the straight legs from a start to (g, 2) goals keep the radius from all centres."""
     # `_met` for legs from one place, by squares and by component: a way around takes its time here.
     along_e, along_n = (goals_m - start_m).T
@@ -196,9 +194,7 @@ def _is_clear(
     return np.asarray(~(apart < (radius_m - 1e-9) ** 2).any(axis=0))
 
 
-def _find_near_legs(
-    legs_m: FloatArray, centres_m: FloatArray, radius_m: float
-) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
+def _find_near_legs(legs_m: FloatArray, centres_m: FloatArray, radius_m: float) -> BoolArray:
     """Return (c, g) whether (g, 2, 2) legs come nearer to (c, 2) centres than the radius."""
     return np.asarray(place_distances_m(legs_m, centres_m) < radius_m - 1e-9)
 
