@@ -151,7 +151,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/background.py",
         "missions/readers/imagery.py",
         "missions/readers/mbtiles.py",
-        "missions/readers/picture_window.py",
     ),
     "tests/missions/readers/test_elevation_rasters.py": (
         "missions/elevation.py",

@@ -9,12 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from missions.background import Background, choose_grid_size
+from missions.background import Background, PictureArea, PictureWindow, choose_grid_size
 from missions.errors import BackgroundError
 from missions.files import to_printable
 from missions.readers import imagery, mbtiles
 from missions.readers.geopackage import MAGIC
-from missions.readers.picture_window import PictureArea, PictureWindow
 
 TIFF = (b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+")
 

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyproj
 
-from missions.background import Pixels
+from missions.background import PictureArea, PictureWindow, Pixels, strip_markup
 from missions.errors import BackgroundError
-from missions.readers.picture_window import PictureArea, PictureWindow, strip_markup
 from missions.readers.rasters import check_georeference, find_window, locate_cells, measure_cell_m, open_raster
 
 if TYPE_CHECKING:

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 import pyproj
 
-from missions.background import Pixels
+from missions.background import PictureArea, PictureWindow, Pixels, strip_markup
 from missions.errors import BackgroundError
 from missions.files import to_printable
 from missions.readers.geopackage import open_sqlite
-from missions.readers.picture_window import PictureArea, PictureWindow, strip_markup
 
 WEB = pyproj.CRS("EPSG:3857")
 """The grid of web maps."""
