@@ -197,7 +197,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/readers/kml.py",
         "missions/readers/osm.py",
         "missions/readers/shapes.py",
-        "missions/readers/network_geojson.py",
+        "missions/readers/network_import.py",
     ),
     "tests/executor/cli/test_init_site.py": ("executor/site/template.py",),
     "tests/executor/cli/test_main.py": (
