@@ -120,7 +120,7 @@ class Elevation:
             rows, columns, shares = tile.find_cells_around(places_m)
             return np.asarray((tile.heights_m[rows, columns] * shares).sum(axis=1), dtype=np.float64)
 
-        return self._look_up(places_m, between, _fill_unknown)
+        return self._look_up(places_m, between, lambda known, other: np.where(np.isnan(known), other, known))
 
     def highest_m(self, places_m: FloatArray) -> FloatArray:
         """Return (m,) heights that the ground at (m, 2) places is not above: of the highest of the cells around."""
@@ -170,10 +170,6 @@ def box_of(places_m: FloatArray, margin_m: float) -> tuple[tuple[float, float], 
     """Return the south-western and north-eastern corners of a box around (m, 2) places."""
     low, high = places_m.min(axis=0) - margin_m, places_m.max(axis=0) + margin_m
     return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
-
-
-def _fill_unknown(known: FloatArray, other: FloatArray) -> FloatArray:
-    return np.where(np.isnan(known), other, known)
 
 
 def sort_tiles(tiles: Sequence[Tile]) -> tuple[Tile, ...]:
