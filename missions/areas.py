@@ -1,4 +1,4 @@
-"""Areas that flights keep out of, or keep low in, and places that have a name.
+"""Areas that flights keep out of, or keep low in.
 
 An area is known by its outlines in local metres. Everything that flies keeps ``keep_m`` from them: what is nearer, over
 the ground, is in the area.
@@ -37,15 +37,6 @@ class AreaKind(Enum):
     """The same, on both sides of a line: where others fly."""
     HEIGHT_LIMIT = "height-limit"
     """Flight above a height."""
-
-
-class PlaceKind(Enum):
-    """What a named place is for."""
-
-    PAD = "pad"
-    """Where a vehicle starts and lands."""
-    ALTERNATE = "alternate"
-    """Where a vehicle may come down that does not come home."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,18 +126,6 @@ class Unreachable:
     """Its number in the network."""
     why: str
     """In words, to be put behind its name: "lies in area 'airfield'"."""
-
-
-@dataclass(frozen=True, slots=True)
-class NamedPlace:
-    """A place that people call by a name."""
-
-    name: str
-    kind: PlaceKind
-    east_m: float
-    north_m: float
-    alt_m: float | None = None
-    """The ground's, above mean sea level, where it is known."""
 
 
 def _build_capsule(begin_m: tuple[float, float], end_m: tuple[float, float], radius_m: float) -> Ring:

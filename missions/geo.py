@@ -16,6 +16,9 @@ import pyproj
 from pyproj.exceptions import CRSError
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+IndexArray = npt.NDArray[np.intp]
 
 MAX_LATITUDE_DEG = 89.0
 """Nearer to a pole, east and north mean nothing over a few kilometres."""

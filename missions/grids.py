@@ -7,9 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray
 from missions.geometry import build_convex_hull
 
 DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
@@ -103,7 +102,7 @@ def hull_m(places_m: FloatArray) -> FloatArray:
     return np.array(build_convex_hull(sorted(set(map(tuple, places_m.tolist())))), dtype=np.float64)
 
 
-def is_inside_convex(corners_m: FloatArray, places_m: FloatArray, beyond_m: float = 0.0) -> npt.NDArray[np.bool_]:
+def is_inside_convex(corners_m: FloatArray, places_m: FloatArray, beyond_m: float = 0.0) -> BoolArray:
     """Return (m,) which of (m, 2) places are in a convex polygon, or no farther than so from each of its sides."""
     found = np.ones(len(places_m), dtype=np.bool_)
     for corner, following in zip(corners_m, np.roll(corners_m, -1, axis=0), strict=True):

@@ -11,7 +11,7 @@ import numpy as np
 
 from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray
 from missions.geometry import place_distances_m
 from missions.shortest_ways import VisibilityGraph, graph_of, obstacle_of
 
@@ -113,7 +113,7 @@ def way_around_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray,
         # A shortest way around some circles that keeps clear of all is a shortest way around all: most are never met.
         nodes = np.concatenate((start_m[np.newaxis], way_m, goal_m[np.newaxis]))
         legs_m = np.stack((nodes[:-1], nodes[1:]), axis=1)
-        hit = _find_near_legs(legs_m, centres_m, radius_m).any(axis=1) & ~met
+        hit = (place_distances_m(legs_m, centres_m) < radius_m - 1e-9).any(axis=1) & ~met
         if not hit.any():
             return way_m
         met |= hit
@@ -183,24 +183,15 @@ def _find_shortest_way(nodes: FloatArray, centres_m: FloatArray, radius_m: float
     return way[::-1]
 
 
-def _is_clear(
-    start_m: FloatArray, goals_m: FloatArray, centres_m: FloatArray, radius_m: float
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _is_clear(start_m: FloatArray, goals_m: FloatArray, centres_m: FloatArray, radius_m: float) -> BoolArray:
     """Return (g,) whether the straight legs from a start to (g, 2) goals keep the radius from all centres."""
-    # `_met` for legs from one place, by squares and by component: a way around takes its time here.
+    # As in `way_around_m` for legs from one place, by squares and by component: a way around takes its time here.
     along_e, along_n = (goals_m - start_m).T
     off_e, off_n = (centres_m - start_m).T[..., np.newaxis]
     share = (off_e * along_e + off_n * along_n) / np.maximum(along_e**2 + along_n**2, 1e-12)
     np.clip(share, 0.0, 1.0, out=share)
     apart = (off_e - share * along_e) ** 2 + (off_n - share * along_n) ** 2
     return np.asarray(~(apart < (radius_m - 1e-9) ** 2).any(axis=0))
-
-
-def _find_near_legs(
-    legs_m: FloatArray, centres_m: FloatArray, radius_m: float
-) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
-    """Return (c, g) whether (g, 2, 2) legs come nearer to (c, 2) centres than the radius."""
-    return np.asarray(place_distances_m(legs_m, centres_m) < radius_m - 1e-9)
 
 
 def _distances_m(places_m: FloatArray, place_m: FloatArray) -> FloatArray:

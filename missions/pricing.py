@@ -17,12 +17,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from missions.areas import AreaRestriction
-from missions.detours import DetourObstacles, IntArray, price_detours
+from missions.detours import DetourObstacles, price_detours
 from missions.flight_model import SAME_PLACE_M, UNKNOWN, Base, FlightModel, arrival_vectors_m
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray, IntArray
 from missions.relief import FEW_PIECES, Relief, price_uneven_ways
 from missions.shortest_ways import Obstacle, obstacle_of
-from missions.vertical_legs import NEVER, BoolArray, VerticalLegs
+from missions.vertical_legs import NEVER, VerticalLegs
 from planner import Instance, Moves, MoveTables, Vehicle, Visits
 
 TABLES_UP_TO = 1000

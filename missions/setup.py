@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from missions.areas import Area, AreaRestriction, NamedPlace, Unreachable
+from missions.areas import Area, AreaRestriction, Unreachable
 from missions.cameras import NO_LOOKS, CameraTasks
 from missions.detours import DetourObstacles
 from missions.errors import SafetyError
@@ -79,8 +79,8 @@ class FlightSetup:
     """Those of them that somebody must lead around, as `reach.apply_areas` finds them."""
     unreachable: tuple[Unreachable, ...] = ()
     """Segments that no flight can inspect for them."""
-    alternates: tuple[NamedPlace, ...] = ()
-    """Where a vehicle may come down that does not come home."""
+    alternates: tuple[str, ...] = ()
+    """The names of places where a vehicle may come down that does not come home."""
     terrain: Terrain | None = None
     """The ground, where a raster knows it."""
     closed: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)

@@ -15,14 +15,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from missions.areas import Area, Ring
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray, IntArray
 from missions.geometry import find_nearest_on_legs
 
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
 Place = tuple[float, float]
 
 TURN = math.radians(30.0)

@@ -8,7 +8,7 @@ falls by no more than a slope; their roof keeps them below the ceiling where the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,18 +67,15 @@ class KnownGround:
     """Nowhere below the ground, as the raster has it; `UNKNOWN_M` outside of the area."""
     lowest: Grid
     """Nowhere above it; its negative outside."""
-    top: GroundPoint
     bottom: GroundPoint
 
     def build_floor(self, over_m: float, slope: float) -> Grid:
         """Return the lowest heights that are so far over the ground, and no steeper than a slope."""
-        raised = Grid(self.highest.low_m, self.highest.step_m, self.highest.heights_m + over_m)
-        return grids.limit_slope_above(raised, slope)
+        return grids.limit_slope_above(replace(self.highest, heights_m=self.highest.heights_m + over_m), slope)
 
     def build_roof(self, over_m: float, slope: float) -> Grid:
         """Return the highest heights that are no farther over the ground, and no steeper than a slope."""
-        raised = Grid(self.lowest.low_m, self.lowest.step_m, self.lowest.heights_m + over_m)
-        return grids.limit_slope_below(raised, slope)
+        return grids.limit_slope_below(replace(self.lowest, heights_m=self.lowest.heights_m + over_m), slope)
 
 
 def flight_area_m(places_m: FloatArray) -> FloatArray:
@@ -139,13 +136,7 @@ def build_known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame
     start = (float(low_m[0]), float(low_m[1]))
     highest = Grid(start, step_m, _node_heights_m(cells_high, np.maximum, UNKNOWN_M))
     lowest = Grid(start, step_m, _node_heights_m(cells_low, np.minimum, -UNKNOWN_M))
-    return KnownGround(
-        corners,
-        highest,
-        lowest,
-        _build_ground_point(highest, int(highest.heights_m.argmax())),
-        _build_ground_point(lowest, int(lowest.heights_m.argmin())),
-    )
+    return KnownGround(corners, highest, lowest, _find_lowest_point(lowest))
 
 
 def build_unknown_ground_error(
@@ -184,7 +175,7 @@ def _node_heights_m(cells_m: FloatArray, best: np.ufunc, beyond_m: float) -> Flo
     return np.asarray(best(along[:, :-1], along[:, 1:]), dtype=np.float64)
 
 
-def _build_ground_point(grid: Grid, index: int) -> GroundPoint:
-    east, north = (int(one) for one in np.unravel_index(index, grid.heights_m.shape))
+def _find_lowest_point(grid: Grid) -> GroundPoint:
+    east, north = (int(one) for one in np.unravel_index(int(grid.heights_m.argmin()), grid.heights_m.shape))
     place_m = grid.low_m[0] + grid.step_m * east, grid.low_m[1] + grid.step_m * north
     return GroundPoint(float(grid.heights_m[east, north]), place_m)

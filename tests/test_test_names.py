@@ -151,12 +151,12 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/background.py",
         "missions/readers/imagery.py",
         "missions/readers/mbtiles.py",
-        "missions/readers/picture_window.py",
     ),
     "tests/missions/readers/test_elevation_rasters.py": (
         "missions/elevation.py",
         "missions/readers/geoids.py",
         "missions/readers/kept_elevation.py",
+        "missions/readers/rasters.py",
     ),
     "tests/missions/test_overland_surface.py": ("missions/terrain.py",),
     "tests/missions/test_relief.py": ("missions/grids.py",),
@@ -197,7 +197,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/readers/kml.py",
         "missions/readers/osm.py",
         "missions/readers/shapes.py",
-        "missions/readers/network_geojson.py",
+        "missions/readers/network_import.py",
     ),
     "tests/executor/cli/test_init_site.py": ("executor/site/template.py",),
     "tests/executor/cli/test_main.py": (
