@@ -61,13 +61,13 @@ class Scenario(_Part):
     published: Published = Published()
 
     @model_validator(mode="after")
-    def _fits(self) -> Scenario:
+    def _check_consistency(self) -> Scenario:
         """Check what concerns several keys."""
-        for reason in (*self._misplaced(), *self._unfit_fleet(), *self._off_edges()):
+        for reason in (*self._list_misplaced(), *self._unfit_fleet(), *self._off_edges()):
             raise ValueError(reason)
         return self
 
-    def _misplaced(self) -> Iterator[str]:
+    def _list_misplaced(self) -> Iterator[str]:
         known = self.places
         if len(known) > MOST_PLACES:
             yield f"edges: expected {MOST_PLACES} places at most, got {len(known)}"
@@ -124,7 +124,7 @@ def day_of(scenario: Scenario) -> Day:
     """Return a scenario's day for the planner."""
     number = scenario.places
     ways = build_road_graph(len(number), ((number[a], number[b], seconds) for a, b, seconds, _ in scenario.edges))
-    wanted = sorted({(min(pair), max(pair)) for pair in _required(scenario)})
+    wanted = sorted({(min(pair), max(pair)) for pair in _list_required_edges(scenario)})
     pairs = [(number[a], number[b]) for a, b in wanted]
     return Day(
         streets=ways,
@@ -136,14 +136,14 @@ def day_of(scenario: Scenario) -> Day:
     )
 
 
-def _required(scenario: Scenario) -> Iterator[tuple[int, int]]:
+def _list_required_edges(scenario: Scenario) -> Iterator[tuple[int, int]]:
     return ((a, b) for a, b, _, required in scenario.edges if required)
 
 
 def initial_timelines(scenario: Scenario, day: Day) -> tuple[Timeline, ...]:
     """Return the scenario's own plan, begun at 0 without pauses."""
     number = scenario.places
-    return tuple(day.timed([number[place] for place in nodes] for nodes in trips) for trips in scenario.initial)
+    return tuple(day.time_walks([number[place] for place in nodes] for nodes in trips) for trips in scenario.initial)
 
 
 def solution_of(scenario: Scenario, history: Sequence[Sequence[Timeline]]) -> Json:

@@ -58,7 +58,7 @@ def evaluate_day(instance: DayInstance, plan: DayPlan) -> DayEvaluation:
     """
     if len(plan.trips) != len(instance.vehicles):
         raise PlanError(f"the plan is for {len(plan.trips)} vehicles, the instance has {len(instance.vehicles)}")
-    timed = [_timed(instance, own, trips) for own, trips in zip(instance.vehicles, plan.trips, strict=True)]
+    timed = [_time_trips(instance, own, trips) for own, trips in zip(instance.vehicles, plan.trips, strict=True)]
     ends = tuple(end for _, end in timed)
     return DayEvaluation(
         last_end_s=max(ends),
@@ -69,7 +69,7 @@ def evaluate_day(instance: DayInstance, plan: DayPlan) -> DayEvaluation:
     )
 
 
-def _timed(instance: DayInstance, own: DayVehicle, trips: tuple[Trip, ...]) -> tuple[tuple[float, ...], float]:
+def _time_trips(instance: DayInstance, own: DayVehicle, trips: tuple[Trip, ...]) -> tuple[tuple[float, ...], float]:
     """Return when each trip begins, and the end of the last one."""
     starts: list[float] = []
     ready, end = own.ready_s, own.ended_s

@@ -76,11 +76,11 @@ def solve_day_exact(instance: DayInstance) -> DayPlan | None:
     program = _program(instance, columns)
     fleet = len(instance.vehicles)
     last, total = len(columns) + 3 * fleet, range(len(columns) + 2 * fleet, len(columns) + 3 * fleet)
-    best = _connected(instance, program, {last: 1.0}).values
+    best = _solve_connected(instance, program, {last: 1.0}).values
     if best is None:
         return None
     program.add({last: 1.0}, -np.inf, best[last] + TOLERANCE_S)
-    best = _connected(instance, program, dict.fromkeys(total, 1.0)).values or best
+    best = _solve_connected(instance, program, dict.fromkeys(total, 1.0)).values or best
     return _plan(instance, columns, best)
 
 
@@ -99,7 +99,7 @@ def least_last_end_s(instance: DayInstance, until_s: Sequence[float] = (), limit
     """
     columns = _columns(instance)
     program = _program(instance, columns, until_s, limit_s)
-    return _connected(instance, program, {len(columns) + 3 * len(instance.vehicles): 1.0}).bound
+    return _solve_connected(instance, program, {len(columns) + 3 * len(instance.vehicles): 1.0}).bound
 
 
 def _columns(instance: DayInstance) -> list[_Column]:
@@ -214,7 +214,7 @@ def _program(
     return program
 
 
-def _connected(instance: DayInstance, program: _Program, cost: dict[int, float]) -> _Choice:
+def _solve_connected(instance: DayInstance, program: _Program, cost: dict[int, float]) -> _Choice:
     """Return the best choice whose trips hang together for each vehicle."""
     bound = 0.0
     while True:
@@ -283,7 +283,7 @@ def _plan(instance: DayInstance, columns: Sequence[_Column], found: Sequence[flo
         waiting = [
             one for number, one in enumerate(columns) for _ in range(round(found[number])) if one.vehicle == vehicle
         ]
-        order = _in_a_row(waiting)
+        order = _chain_trips(waiting)
         trips: list[Trip] = []
         place = own.place
         for one in order:
@@ -296,7 +296,7 @@ def _plan(instance: DayInstance, columns: Sequence[_Column], found: Sequence[flo
     return DayPlan(tuple(everybody))
 
 
-def _in_a_row(waiting: list[_Column]) -> list[_Column]:
+def _chain_trips(waiting: list[_Column]) -> list[_Column]:
     """Return a vehicle's trips so that each begins where the one before landed (Hierholzer 1873)."""
     stack: list[tuple[int, _Column | None]] = [(-1, None)]
     order: list[_Column] = []

@@ -53,7 +53,7 @@ class Day:
     capacity_s: float
     turnaround_s: float
 
-    def timed(self, walks: Iterable[Sequence[int]], from_s: float = 0.0) -> Timeline:
+    def time_walks(self, walks: Iterable[Sequence[int]], from_s: float = 0.0) -> Timeline:
         """Return trips along walks, one after the other without a pause besides the turnaround.
 
         Raises:
@@ -86,7 +86,7 @@ class DayLeft:
     """What the survivors were to visit next, in order: the instance's visits."""
 
 
-def left_after(day: Day, timelines: Sequence[Timeline], lost: Sequence[int], at_s: float) -> DayLeft:
+def build_day_left(day: Day, timelines: Sequence[Timeline], lost: Sequence[int], at_s: float) -> DayLeft:
     """Return what is left when the last of ``lost`` is lost at ``at_s``, the others before.
 
     Raises:
@@ -95,15 +95,15 @@ def left_after(day: Day, timelines: Sequence[Timeline], lost: Sequence[int], at_
     if len(timelines) != len(day.starts) or not all(0 <= vehicle < len(day.starts) for vehicle in lost):
         raise PlanError(f"expected timelines and losses of {len(day.starts)} vehicles")
     kept = tuple(
-        timeline if vehicle in lost[:-1] else _begun(timeline, at_s) if vehicle not in lost
+        timeline if vehicle in lost[:-1] else _select_begun_trips(timeline, at_s) if vehicle not in lost
         else _brought_home(timeline, at_s, day.turnaround_s)
         for vehicle, timeline in enumerate(timelines)
     )  # fmt: skip
     survivors = tuple(vehicle for vehicle in range(len(timelines)) if vehicle not in lost)
-    return _left(day, timelines, kept, survivors, at_s)
+    return _build_day_left(day, timelines, kept, survivors, at_s)
 
 
-def _left(
+def _build_day_left(
     day: Day, timelines: Sequence[Timeline], kept: tuple[Timeline, ...], flying: tuple[int, ...], at_s: float
 ) -> DayLeft:
     waiting = open_tasks(day, kept)
@@ -120,7 +120,7 @@ def _left(
     return DayLeft(kept, flying, waiting, instance, _tails(day, timelines, kept, flying, waiting))
 
 
-def known_after(
+def build_day_left_with_foresight(
     day: Day, timelines: Sequence[Timeline], losses: Sequence[tuple[int, float]]
 ) -> tuple[DayLeft, tuple[float, ...]]:
     """Return what is left at the first loss for somebody who knows all the others, and until when each may fly.
@@ -133,14 +133,14 @@ def known_after(
         losses: vehicle and time of each, in the order of their times.
     """
     at_s, lost_s = losses[0][1], dict(losses)
-    begun = tuple(_begun(timeline, at_s) for timeline in timelines)
+    begun = tuple(_select_begun_trips(timeline, at_s) for timeline in timelines)
     kept = tuple(
         _brought_home(timeline, lost_s[vehicle], day.turnaround_s) if vehicle in lost_s else timeline
         for vehicle, timeline in enumerate(begun)
     )
     # Whoever loses what it has on board now brings nothing home later.
     flying = tuple(vehicle for vehicle in range(len(begun)) if kept[vehicle] == begun[vehicle])
-    left = _left(day, timelines, kept, flying, at_s)
+    left = _build_day_left(day, timelines, kept, flying, at_s)
     return left, tuple(lost_s.get(vehicle, inf) for vehicle in flying)
 
 
@@ -157,7 +157,7 @@ def day_after(day: Day, left: DayLeft, plan: DayPlan) -> tuple[Timeline, ...]:
     if left.instance is not None:
         for vehicle, own, trips in zip(left.survivors, left.instance.vehicles, plan.trips, strict=True):
             walks = [trip_places(day.streets, left.instance, trip) for trip in trips]
-            timelines[vehicle] += day.timed(walks, own.ready_s)
+            timelines[vehicle] += day.time_walks(walks, own.ready_s)
     return tuple(timelines)
 
 
@@ -181,7 +181,7 @@ def replan_losses(
     now, lost = tuple(timelines), [vehicle for vehicle, _ in losses]
     for number, (_, at_s) in enumerate(losses, 1):
         watch = Stopwatch()
-        left = left_after(day, now, lost[:number], at_s)
+        left = build_day_left(day, now, lost[:number], at_s)
         now = left.kept if left.instance is None else day_after(day, left, solve(left, left.instance).plan)
         took(watch.seconds)
         history.append(now)
@@ -198,7 +198,7 @@ def trip_places(streets: RoadGraph, instance: DayInstance, trip: Trip) -> tuple[
     return tuple(places)
 
 
-def _begun(timeline: Timeline, at_s: float) -> Timeline:
+def _select_begun_trips(timeline: Timeline, at_s: float) -> Timeline:
     return tuple(trip for trip in timeline if trip.start_s < at_s - SAME_TIME_S)
 
 
