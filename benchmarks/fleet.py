@@ -22,6 +22,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from benchmarks.browser import browser, oldest_shown_s
+from benchmarks.codec_cost import measure_bare_codec_s
 from benchmarks.errors import BenchError
 from benchmarks.fleetsite import site_of, write_network
 from benchmarks.garbage import FRAMES_S, Flood
@@ -29,7 +30,6 @@ from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import figure, markdown_page, markdown_table
 from benchmarks.store import keep_result
 from executor.adapters.eventlog import LogHeader, read_head
-from executor.adapters.mavlink.codec_cost import measure_bare_codec_s
 from executor.adapters.run_directory import RunDirectory
 from executor.adapters.worker_pool import start_worker_pool
 from executor.core.interface.commands import Level

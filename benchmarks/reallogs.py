@@ -1,6 +1,6 @@
 """`faultline bench detection --logs FOLDER`: declarations in logs of real aircraft, held against them.
 
-Nobody injected anything into them: what is true is what the log says, read by `executor.replay.witness`, which shares
+Nobody injected anything into them: what is true is what the log says, read by `benchmarks.witness`, which shares
 no code with what is judged.
 """
 
@@ -19,7 +19,9 @@ import numpy as np
 from benchmarks.detection import poisson_interval
 from benchmarks.store import Json
 from benchmarks.tuning import few_lines
+from benchmarks.witness.log_evidence import LogEvidence
 from benchmarks.witness.scoring import found_all
+from benchmarks.witness.statements import StatementKind, find_statements, read_log_evidence
 from benchmarks.witness.verdicts import Stand, hold_against
 from executor.adapters.worker_pool import start_worker_pool
 from executor.core.state.vehicle_state import FaultKind
@@ -28,8 +30,6 @@ from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.log_replay import LINK_TIMEOUT_S, replay_log, rules_of
 from executor.replay.open_log import open_log
 from executor.replay.replay_result import Declaration, LogReplay
-from executor.replay.witness.log_evidence import LogEvidence
-from executor.replay.witness.statements import StatementKind, find_statements, read_log_evidence
 
 SUFFIXES = frozenset({".tlog", ".bin", ".ulg", ".log"})
 DETECTORS = ("watchpoints", "few_lines")

@@ -14,7 +14,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from benchmarks.few_lines_detector import PERCENT, FewLines
+from benchmarks.tuning_picture import ThresholdPoint, draw_tuning
 from benchmarks.witness import scoring
+from benchmarks.witness.log_evidence import LogEvidence
+from benchmarks.witness.statements import find_statements, read_log_evidence
 from benchmarks.witness.verdicts import Stand, hold_against
 from executor.adapters.worker_pool import start_worker_pool
 from executor.core.state.vehicle_state import FaultKind
@@ -22,9 +25,7 @@ from executor.errors import LogError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.log_replay import ReplayRules, replay_log
 from executor.replay.open_log import open_log
-from executor.replay.replay_result import Declaration, LogReplay, RecordedTruth, ThresholdPoint
-from executor.replay.witness.log_evidence import LogEvidence
-from executor.replay.witness.statements import find_statements, read_log_evidence
+from executor.replay.replay_result import Declaration, LogReplay, RecordedTruth
 
 SCALES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 LINK = "link_timeout_s"
@@ -191,8 +192,6 @@ def print_tuning(paths: Sequence[Path], rules: ReplayRules, output: Path | None,
     """Sweep, print, and draw the picture where a folder for it is given."""
     points = sweep_thresholds(paths, rules, os.cpu_count() or 1)
     if output is not None:
-        from benchmarks.tuning_picture import draw_tuning
-
         output.mkdir(parents=True, exist_ok=True)
         draw_tuning(points, output / "tuning.png")
     if as_json:

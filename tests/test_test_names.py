@@ -15,8 +15,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/benchmarks/test_reallogs.py": (
         "benchmarks/detectionbench.py",
         "benchmarks/reallogspage.py",
-        "executor/replay/witness/dataflash_log.py",
-        "executor/replay/witness/px4_log.py",
+        "benchmarks/witness/dataflash_log.py",
+        "benchmarks/witness/px4_log.py",
         "benchmarks/witness/scoring.py",
     ),
     "tests/executor/virtual/test_areas.py": ("executor/core/preflight/area_checks.py", "missions/area_check.py"),
@@ -32,9 +32,9 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/benchmarks/witness/test_verdicts.py": (
         "benchmarks/witness/hands.py",
         "benchmarks/witness/packs.py",
-        "executor/replay/witness/statements.py",
-        "executor/replay/witness/telemetry_log.py",
-        "executor/replay/witness/log_evidence.py",
+        "benchmarks/witness/statements.py",
+        "benchmarks/witness/telemetry_log.py",
+        "benchmarks/witness/log_evidence.py",
     ),
     "tests/e2e/test_fleet.py": (
         "executor/flight/flight_request.py",
@@ -109,7 +109,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/flightmodel.py",
     ),
     "tests/benchmarks/test_fleet.py": (
-        "executor/adapters/mavlink/codec_cost.py",
+        "benchmarks/codec_cost.py",
         "benchmarks/browser.py",
         "benchmarks/fleetsite.py",
         "benchmarks/garbage.py",

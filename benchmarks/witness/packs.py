@@ -10,8 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from executor.replay.replay_result import Declaration
-from executor.replay.witness.log_evidence import (
+from benchmarks.witness.log_evidence import (
     SECOND,
     LogEvidence,
     MotionSample,
@@ -19,7 +18,8 @@ from executor.replay.witness.log_evidence import (
     select_between,
     select_near,
 )
-from executor.replay.witness.statements import BATTERY, StatementKind, find_statements
+from benchmarks.witness.statements import BATTERY, StatementKind, find_statements
+from executor.replay.replay_result import Declaration
 
 V = TypeVar("V")
 Say = Callable[[str], V]

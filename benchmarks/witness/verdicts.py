@@ -11,10 +11,7 @@ from itertools import pairwise
 
 from benchmarks.witness.falls import never_ordered_m_s, sank_m_s
 from benchmarks.witness.hands import hand_of
-from benchmarks.witness.packs import pack_verdict
-from executor.core.state.vehicle_state import FaultKind
-from executor.replay.replay_result import Declaration
-from executor.replay.witness.log_evidence import (
+from benchmarks.witness.log_evidence import (
     SECOND,
     Controller,
     LogEvidence,
@@ -24,7 +21,10 @@ from executor.replay.witness.log_evidence import (
     select_near,
     select_pairs_between,
 )
-from executor.replay.witness.statements import CRASH, EKF, EMERGENCY_STATES, StatementKind, find_statements
+from benchmarks.witness.packs import pack_verdict
+from benchmarks.witness.statements import CRASH, EKF, EMERGENCY_STATES, StatementKind, find_statements
+from executor.core.state.vehicle_state import FaultKind
+from executor.replay.replay_result import Declaration
 
 
 class Stand(StrEnum):

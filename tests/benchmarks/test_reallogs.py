@@ -13,9 +13,9 @@ from benchmarks import reallogs
 from benchmarks.reallogs import aircraft_of, compute_clustered_interval, judge_logs, real_summary
 from benchmarks.reallogspage import print_real, real_document, real_markdown
 from benchmarks.store import keep_result
+from benchmarks.witness.log_evidence import Controller
+from benchmarks.witness.statements import read_log_evidence
 from executor.cli import main
-from executor.replay.witness.log_evidence import Controller
-from executor.replay.witness.statements import read_log_evidence
 from tests.onboard import DataFlashWriter
 from tests.recorded import Writer, flight, heartbeat, position, station, text
 

@@ -270,7 +270,7 @@ class TelemetryFile(RecordedFile):
         system, component, number = key[0], key[1], int.from_bytes(key[2:], "little")
         source = self._sources.setdefault(system << 8 | component, _Source(seq))
         kind = KINDS.get(number)
-        every_usec = 0 if kind is None or number == POSITION else kind.every_usec
+        every_usec = 0 if kind is None or number == POSITION or self.every_record else kind.every_usec
         lane = self._lanes[key] = _MessageStream(source, kind, system, component, number, every_usec)
         return lane
 
@@ -285,7 +285,7 @@ class TelemetryFile(RecordedFile):
             source.battery_usec = stamp
         elif lane.number in BOOT_TIMED:
             source.boot = BootTime(_boot_usec(frame), stamp)
-        elif lane.number == SYSTEM:
+        elif lane.number == SYSTEM and not self.every_record:
             # Beside BATTERY_STATUS it is wanted seldom, if it says the same.
             beside = not source.rounds_twice and 0 <= stamp - source.battery_usec < STAND_IN_USEC
             lane.every_usec = STAND_IN_USEC if beside else SLOW_USEC
@@ -293,7 +293,7 @@ class TelemetryFile(RecordedFile):
         if lane.number == POSITION and source.vehicle:
             # Every one of them: of one in seconds all may be of the same of two vehicles.
             yield from _twins_heard(source, stamp, lane.system, fields)
-            if 0 <= stamp - lane.told_usec < kind.every_usec:
+            if 0 <= stamp - lane.told_usec < kind.every_usec and not self.every_record:
                 return
             lane.told_usec = stamp
         message = kind.read(*fields)
