@@ -6,8 +6,8 @@ is its planned consumption times a factor, normal about 1 and the same for the w
 budget and its reserve, it is lost too. Between the ends of visits energy is taken to be used evenly.
 
 A loss that leaves no visit unfinished costs nothing. After any other the survivors get a new plan, at once, from where
-they are by ``planner.remaining``; if none is found that inspects everything, nobody re-plans any more, and whatever a
-lost vehicle has not finished stays undone, then and later. Re-plans count with the planned consumption, not with the
+they are by `planner.build_remaining_problem`; if no plan inspects everything, there is no further re-plan, and whatever
+a lost vehicle has not finished stays undone, then and later. Re-plans count with the planned consumption, not with the
 true one: the reserve is there for the difference, and whether a loss can be repaired then depends on nothing but who
 was lost in which interval between the ends of visits. All flights that share this share one re-plan.
 """

@@ -2,8 +2,8 @@
 
 A window is bought with time, so the length is given: ``1 + stretch`` times the longest route of the best MinMax plan.
 Ordinary plans, in all orientations of their routes, are where the search begins; it then works on the window itself
-(kernels/robust.py): it aims a step below the earliest time so far, and when it has a plan all of whose losses there
-can be repaired, the whole window of that plan is computed and the aim goes lower.
+(kernels/robust_walk.py): it aims a step below the earliest time so far, and when it has a plan all of whose losses
+there can be repaired, the whole window of that plan is computed and the aim goes lower.
 """
 
 from __future__ import annotations

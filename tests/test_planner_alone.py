@@ -35,7 +35,7 @@ PLAN = """
 import planner
 travel = planner.travel_for(planner.PRESETS["mavic3"], 8.0, 3.0)
 fleet = [planner.Vehicle(name, (0.0, 0.0), 75.0) for name in ("uav1", "uav2")]
-instance = planner.build_instance(planner.generated_network(6, 1), (0.0, 0.0), fleet, travel)
+instance = planner.build_instance(planner.generate_network(6, 1), (0.0, 0.0), fleet, travel)
 found = planner.solve(instance, cost=planner.Cost.MINMAX, stop=planner.Iterations(50))
 assert found.feasible
 assert not any(name.partition(".")[0] in {"missions", "executor"} for name in sys.modules)

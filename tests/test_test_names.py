@@ -131,7 +131,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/solvers.py",
     ),
     "tests/benchmarks/test_upload.py": (
-        "executor/adapters/mavsdk/mavsdk_upload.py",
+        "benchmarks/mavsdk_upload.py",
         "benchmarks/commands.py",
     ),
     "tests/executor/cli/test_network.py": (
@@ -222,7 +222,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/core/operator/test_intent_handling_out_of_the_plan.py": ("executor/core/replanning/withdrawal.py",),
     "tests/executor/core/replanning/test_loss_preview.py": ("executor/runtime/loss_judging.py",),
     "tests/executor/core/test_fleet_step.py": ("executor/core/inflight/custody/mission_check.py",),
-    "tests/executor/core/test_fleet_step_disarmed.py": ("executor/core/inflight/homing/landing.py",),
     "tests/executor/core/test_fleet_step_messages.py": ("executor/core/inflight/closest_approach.py",),
     "tests/executor/core/test_fleet_step_uploads.py": ("executor/core/launch/upload_result.py",),
     "tests/executor/core/operator/test_intent_handling_back_in_the_plan.py": (
@@ -349,6 +348,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/planner/test_window_search.py": (
         "planner/kernels/plan_changes.py",
         "planner/kernels/robust_walk.py",
+        "planner/pareto_front.py",
     ),
     "tests/planner/test_search.py": (
         "planner/construct.py",

@@ -1,7 +1,7 @@
 """What a loss leaves, in the numbering of the whole instance: nothing is copied for what is left open.
 
 A loss changes where survivors start, what they may still spend, and which segments are open; ``begin_loss`` writes
-that into arrays of its own. ``planner.replan.remaining`` is the definition of the state after a loss.
+that into arrays of its own. ``planner.replan.build_remaining_problem`` is the definition of the state after a loss.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from tests.patience import PATIENCE_S
 ROOT = Path(__file__).parents[3]
 PROGRAM = """
 import os, signal, sys, time
-from executor.adapters.worker_pool import workers
+from executor.adapters.worker_pool import start_worker_pool
 
 def begun(path):
     with open(path, "a") as file:
@@ -20,7 +20,7 @@ def begun(path):
     time.sleep(3600.0)
 
 if __name__ == "__main__":
-    pool = workers(2)
+    pool = start_worker_pool(2)
     for number in range(2):
         pool.submit(begun, f"{sys.argv[1]}-{number}")
     while not all(os.path.exists(f"{sys.argv[1]}-{number}") for number in range(2)):

@@ -54,7 +54,7 @@ def stage_setters(path: Path) -> list[int]:
 def test_nothing_but_the_table_gives_a_vehicle_another_stage() -> None:
     """One of the two is `change_stage`, the other what is only supposed."""
     found = {path.name: lines for path in CORE.rglob("*.py") if (lines := stage_setters(path))}
-    assert {name: len(lines) for name, lines in found.items()} == {"vehicle.py": 2}
+    assert {name: len(lines) for name, lines in found.items()} == {"vehicle_state.py": 2}
 
 
 @pytest.mark.parametrize("stage", Stage)
@@ -145,7 +145,7 @@ def test_what_every_message_makes_anew_keeps_the_rest() -> None:
         return kind(**{one.name: object() for one in fields(kind)})
 
     vehicle, link, fleet = marked(VehicleState), marked(LinkState), replace(marked(FleetState), vehicles={})
-    assert vehicle.after(vehicle.link) == vehicle
+    assert vehicle.with_parts(vehicle.link) == vehicle
     assert link.heard(5.0, silent=True) == replace(link, heard_s=5.0, spoke_s=5.0, regained_s=5.0)
     assert link.heard(5.0, silent=False) == replace(link, heard_s=5.0, spoke_s=5.0)
     assert fleet.put(vehicle) == replace(fleet, vehicles={vehicle.name: vehicle})
