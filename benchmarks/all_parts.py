@@ -55,7 +55,7 @@ def make_parts(parts: Sequence[PartName], data: Path | None, out: Path, *, seed:
         work = WORK[part]
         store = Store(out / "solvers" / part.value, fresh=fresh)
         with ShownProgress() as shown:
-            result = work.make(Setting(data, store, shown.told, seed, quick))
+            result = work.make(Setting(data, store, shown.show_stage, seed, quick))
         about = machine()
         write_result(out / f"solvers-{part.value}.json", {"machine": about, "seed": seed, "quick": quick, **result})
         tried = "**Only tried: a tenth of every time, and fewer pieces.**" if quick else ""

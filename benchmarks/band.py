@@ -16,7 +16,7 @@ from statistics import median
 
 import numpy as np
 
-from benchmarks.prediction import RouteCase, cases, plan_with, planned, random_routes
+from benchmarks.prediction import RouteCase, cases, estimate_mission, plan_with, random_routes
 from benchmarks.store import Json
 from executor.core.context import Context
 from executor.core.inflight.faults import battery_watchpoints, warning_rules, watchpoints
@@ -198,7 +198,7 @@ def _look(context: Context, state: VehicleState, seen: _Watched, now_s: float) -
     ahead = landing_projection.project_landing(context, state, setup)
     if ahead is None or state.assignment.waypoint == 0:
         return
-    whole_s = planned(board)[0]
+    whole_s = estimate_mission(board)[0]
     behind_s = sum(leg.duration_s for leg in board.legs[: state.assignment.waypoint])
     # A leg may be longer than a tenth: what was not reached before it counts where it ends.
     while len(seen.sights) < TENTHS and behind_s >= len(seen.sights) / TENTHS * whole_s:
@@ -228,8 +228,8 @@ def band_held(flights: Sequence[BandFlight]) -> Json:
             name: sum(one.autopilot == name for one in routes) for name in sorted({r.autopilot for r in routes})
         },
         "tenths": [_tenth(routes, tenth) for tenth in range(TENTHS)],
-        "above": _said(above),
-        "below": _said(below),
+        "above": _count_warnings_and_faults(above),
+        "below": _count_warnings_and_faults(below),
         "not_counted": [flight.wrong for flight in flights if flight.wrong],
         "flown_s": round(sum(flight.flown_s for flight in flights), 1),
     }
@@ -250,7 +250,7 @@ def _tenth(routes: Sequence[BandRoute], tenth: int) -> Json:
     }
 
 
-def _said(routes: Sequence[BandRoute]) -> Json:
+def _count_warnings_and_faults(routes: Sequence[BandRoute]) -> Json:
     return {
         "routes": len(routes),
         "warned": sum(route.warned_s is not None for route in routes),

@@ -107,11 +107,11 @@ def solvers(
         _measure(part, data, out, seed=seed, quick=quick, fresh=fresh)
         return
     from benchmarks.machine import cores
-    from benchmarks.problems import named_problem
+    from benchmarks.problems import read_problem
     from benchmarks.single import solve_single
     from executor.site.site_planning import PlanSolver
 
-    problem = named_problem(instance, radius_m=radius, vehicles=vehicles, budget=budget, dynamics=dynamics)
+    problem = read_problem(instance, radius_m=radius, vehicles=vehicles, budget=budget, dynamics=dynamics)
     result = solve_single(
         problem, PlanSolver(solver.value), cost=Cost(cost.value), seconds=seconds, seed=seed, starts=starts or cores()
     )

@@ -20,7 +20,7 @@ def data_directory(given: Path | None) -> Path | None:
     Raises:
         BenchError: the one given does not exist.
     """
-    return shared_folder(given, "data", f"a directory with {NECHRANICE}")
+    return find_shared_folder(given, "data", f"a directory with {NECHRANICE}")
 
 
 def papers_network(given: Path | None, otherwise: str = "") -> Path:
@@ -39,7 +39,7 @@ def papers_network(given: Path | None, otherwise: str = "") -> Path:
     return found / NECHRANICE
 
 
-def shared_folder(given: Path | None, name: str, expected: str) -> Path | None:
+def find_shared_folder(given: Path | None, name: str, expected: str) -> Path | None:
     """Return the folder given by the option of its name, or else that of ../shared beside the project or from here.
 
     Raises:

@@ -94,8 +94,8 @@ def small_day(seed: int, packs: int | None) -> SortieInstance:
     first_m = np.stack((pylons_m[:-1], pylons_m[1:]), axis=1).reshape(-1, 2)
     last_m = first_m.reshape(-1, 2, 2)[:, ::-1].reshape(-1, 2)
     along_s = np.hypot(*(last_m - first_m).T) / travel.inspection_speed_m_s
-    there_s = _apart_m(bases_m, first_m) / travel.transit_speed_m_s
-    back_s = _apart_m(last_m, bases_m) / travel.transit_speed_m_s
+    there_s = _distance_m(bases_m, first_m) / travel.transit_speed_m_s
+    back_s = _distance_m(last_m, bases_m) / travel.transit_speed_m_s
     out_pct = there_s * travel.transit_pct_per_s + along_s * travel.inspection_pct_per_s + 2.0
     fleet = range(VEHICLES)
     return SortieInstance(
@@ -109,13 +109,13 @@ def small_day(seed: int, packs: int | None) -> SortieInstance:
         out_pct=np.stack([out_pct for _ in fleet]),
         home_s=np.stack([back_s + 15.0 for _ in fleet]),
         home_pct=np.stack([back_s * travel.transit_pct_per_s + 1.0 for _ in fleet]),
-        transfer_s=_apart_m(bases_m, bases_m) / 3.0,
+        transfer_s=_distance_m(bases_m, bases_m) / 3.0,
         able=np.ones((VEHICLES, SEGMENTS), dtype=np.bool_),
         wanted=np.ones(SEGMENTS, dtype=np.bool_),
     )
 
 
-def _apart_m(one_m: FloatArray, other_m: FloatArray) -> FloatArray:
+def _distance_m(one_m: FloatArray, other_m: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(one_m[:, np.newaxis] - other_m[np.newaxis], axis=-1))
 
 
@@ -176,10 +176,10 @@ def centres_m(places_m: FloatArray, count: int) -> FloatArray:
     """Return the centres of parts, each begun at the place farthest from the others, busiest first (Lloyd 1982)."""
     centres = places_m[:1]
     for _ in range(count - 1):
-        centres = np.vstack((centres, places_m[_apart_m(places_m, centres).min(axis=1).argmax()]))
-    part = _apart_m(places_m, centres).argmin(axis=1)
+        centres = np.vstack((centres, places_m[_distance_m(places_m, centres).min(axis=1).argmax()]))
+    part = _distance_m(places_m, centres).argmin(axis=1)
     for _ in range(100):
-        part = _apart_m(places_m, centres).argmin(axis=1)
+        part = _distance_m(places_m, centres).argmin(axis=1)
         centres = np.array([places_m[part == number].mean(axis=0) for number in range(count)])
     return np.asarray(centres[np.argsort(-np.bincount(part, minlength=count))])
 
@@ -238,7 +238,7 @@ def own_day(seed: int) -> DayPlanFile:
 
 def crowded_m(places_m: FloatArray, count: int, reach_m: float) -> FloatArray:
     """Return places, each where most of what no place before it reaches is within `reach_m`."""
-    near = _apart_m(places_m, places_m) <= reach_m
+    near = _distance_m(places_m, places_m) <= reach_m
     left, found = np.ones(len(places_m), dtype=np.bool_), []
     for _ in range(count):
         best = int((near & left).sum(axis=1).argmax())

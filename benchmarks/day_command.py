@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from benchmarks.flight_commands import ended
+from benchmarks.flight_commands import finish_command
 from executor.cli.options import DataOption, JsonOption, SecondsOption, SeedOption, make_output_option
 
 
@@ -30,9 +30,9 @@ def day(
 
     network = papers_network(data)
     with ShownProgress() as shown:
-        content = day_figures(network, seconds=seconds, samples=samples, seed=seed, told=shown.told)
+        content = day_figures(network, seconds=seconds, samples=samples, seed=seed, told=shown.show_stage)
     command = f"faultline bench day --seconds {seconds:g} --samples {samples} --seed {seed}"
     document = day_document(content, command, samples)
     whole = content["network"]
     failed = whole["uncovered"] or whole["wrong"] or not all(row["same"] for row in content["exact"])
-    ended(document, keep_day, lambda done: print(day_page(done)), out, as_json=as_json, failed=bool(failed))
+    finish_command(document, keep_day, lambda done: print(day_page(done)), out, as_json=as_json, failed=bool(failed))

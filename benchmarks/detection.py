@@ -95,7 +95,7 @@ def judge_flight(
     for at_s, message in (*flight.heard, (end_s, None)):
         while next_s < at_s and first is None:
             if few_lines:
-                said = simple.says(next_s)
+                said = simple.find_fault(next_s)
                 first = None if said is None else (next_s, said, "few lines")
             else:
                 state, found = passive_watch.step_watch(context, state, Tick(), next_s)

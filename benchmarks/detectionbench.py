@@ -8,11 +8,11 @@ from pathlib import Path
 from benchmarks.detection import campaign, detection_summary
 from benchmarks.detectionpage import (
     detection_document,
+    judge_recorded_flights,
     logs_directory,
     markdown,
     print_recorded,
     print_summary,
-    recorded,
 )
 from benchmarks.progress import ShownProgress
 from benchmarks.reallogs import judge_logs, logs_under
@@ -36,11 +36,11 @@ def make_detection(modelled: tuple[int, int] | None, seed: int, jobs: int, logs:
     """
     folder = logs_directory(logs)
     content: Json = {"recorded": [], "real": None}
-    rows = [] if folder is None else recorded(folder)
+    rows = [] if folder is None else judge_recorded_flights(folder)
     if modelled is not None:
         healthy, faulty = modelled
         with ShownProgress() as shown:
-            pairs = campaign(healthy, faulty, seed, jobs, partial(shown.told, "flights"))
+            pairs = campaign(healthy, faulty, seed, jobs, partial(shown.show_stage, "flights"))
         figures = {
             "watchpoints": detection_summary([pair.watchpoints for pair in pairs]),
             "few_lines": detection_summary([pair.few_lines for pair in pairs]),
@@ -51,7 +51,7 @@ def make_detection(modelled: tuple[int, int] | None, seed: int, jobs: int, logs:
     content["recorded"] = rows
     if folder is not None and logs_under(folder):
         with ShownProgress() as shown:
-            content["real"] = real_document(folder, judge_logs(folder, jobs, partial(shown.told, "logs")))
+            content["real"] = real_document(folder, judge_logs(folder, jobs, partial(shown.show_stage, "logs")))
         if out is not None:
             keep_result("real-logs", content["real"], real_markdown(content["real"]), out)
     content["skipped"] = "" if folder is not None else "no recorded flights: ../shared/logs is not there"

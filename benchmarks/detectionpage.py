@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.data import shared_folder
+from benchmarks.data import find_shared_folder
 from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import MISSING, figure, markdown_page, markdown_table
 from benchmarks.store import Json
@@ -35,10 +35,10 @@ def logs_directory(given: Path | None) -> Path | None:
     Raises:
         BenchError: the one given does not exist.
     """
-    return shared_folder(given, "logs", "a folder of telemetry logs with their truths")
+    return find_shared_folder(given, "logs", "a folder of telemetry logs with their truths")
 
 
-def recorded(folder: Path) -> list[Json]:
+def judge_recorded_flights(folder: Path) -> list[Json]:
     """Return what either detector declares in each telemetry log of a folder that has a truth, first of all."""
     truths, rows = read_recorded_truths(folder), []
     for path in sorted(folder.glob("*.tlog")):
@@ -53,14 +53,18 @@ def recorded(folder: Path) -> list[Json]:
             {
                 "log": path.name,
                 "fault": None if truth.kind is None else truth.kind.value,
-                "watchpoints": _said(sorted(declared, key=lambda one: one[0]), truth.kind, truth.fault_usec),
-                "few_lines": _said([(usec, kind, "") for usec, kind in simple], truth.kind, truth.fault_usec),
+                "watchpoints": _score_declarations(
+                    sorted(declared, key=lambda one: one[0]), truth.kind, truth.fault_usec
+                ),
+                "few_lines": _score_declarations(
+                    [(usec, kind, "") for usec, kind in simple], truth.kind, truth.fault_usec
+                ),
             }
         )
     return rows
 
 
-def _said(
+def _score_declarations(
     declared: Sequence[tuple[int, FaultKind, str]], kind: FaultKind | None, fault_usec: int | None
 ) -> dict[str, object]:
     right = [(usec, reason) for usec, one, reason in declared if one is kind and usec >= (fault_usec or 0)]
@@ -94,7 +98,7 @@ def markdown(content: Mapping[str, Any]) -> str:
         "A mild drain that leaves the reserve whole need not be found.",
         _kinds(ours["drains"]),
         "## Recorded flights" if content["recorded"] else "",
-        _recorded(content["recorded"]),
+        _render_recorded_flights(content["recorded"]),
     )
 
 
@@ -131,7 +135,7 @@ def _kinds(kinds: Mapping[str, Any]) -> str:
     )  # fmt: skip
 
 
-def _recorded(rows: Sequence[Mapping[str, Any]]) -> str:
+def _render_recorded_flights(rows: Sequence[Mapping[str, Any]]) -> str:
     if not rows:
         return ""
 

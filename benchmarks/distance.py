@@ -155,7 +155,7 @@ def fly_distance(case: FlightCase, *, uses_pct: float = USES_PCT) -> DistanceFli
     count = int(rng.integers(VEHICLES[0], VEHICLES[1] + 1))
     speed_m_s, course = float(rng.uniform(0.0, WIND_M_S)), float(rng.uniform(0.0, 2.0 * math.pi))
     wind_m_s = (speed_m_s * math.sin(course), speed_m_s * math.cos(course))
-    ground, plan, layered_s = _planned(
+    ground, plan, layered_s = _plan_site(
         case, count, float(rng.choice(RADII_M)), wind_m_s, int(rng.integers(1 << 30)), uses_pct
     )
     faults = drawn_faults(ground.names, FAULTS, rng)
@@ -177,7 +177,7 @@ def fly_distance(case: FlightCase, *, uses_pct: float = USES_PCT) -> DistanceFli
         )  # fmt: skip
     except ExecutorError as error:
         return replace(empty, wrong=str(error))
-    return _judged(empty, flight, watched)
+    return _judge_flight(empty, flight, watched)
 
 
 def drawn_faults(
@@ -198,7 +198,7 @@ def kind_of(fault: str) -> str:
     return re.split("[:=@]", fault)[1]
 
 
-def _planned(
+def _plan_site(
     case: FlightCase, vehicles: int, radius_m: float, wind_m_s: tuple[float, float], seed: int, uses_pct: float
 ) -> tuple[SiteModel, PlanFile, float]:
     """Return a site, a plan at the asked distance, and how long its longest route is with everybody in its layer."""
@@ -215,7 +215,7 @@ def _planned(
     return ground, plan_with(ground, routes), max(plan_with(layered, routes).durations_s)
 
 
-def _judged(empty: DistanceFlight, flight: VirtualFlight, watched: _Watched) -> DistanceFlight:
+def _judge_flight(empty: DistanceFlight, flight: VirtualFlight, watched: _Watched) -> DistanceFlight:
     """Hold a flight against the simulator's places."""
     asked_m, rows = watched.ground.setup.inspection.height_m, flight.report.inspections
     off = []

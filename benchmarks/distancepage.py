@@ -68,11 +68,11 @@ def _fleets(content: Mapping[str, Any]) -> Rows:
     ]  # fmt: skip
 
 
-def _told(content: Mapping[str, Any]) -> str:
+def _summarize_flights(content: Mapping[str, Any]) -> str:
     return TOLD.format(**content, off_m=OFF_M, off_count=len(content["off"]), near_count=len(content["too_near"]))
 
 
-def _lasted(calm: Mapping[str, Any]) -> str:
+def _describe_duration(calm: Mapping[str, Any]) -> str:
     """Return how much longer than planned flights last in which nothing befalls anybody, as parts are flown again."""
     if not calm["flights"]:
         return ""
@@ -83,7 +83,7 @@ def _lasted(calm: Mapping[str, Any]) -> str:
     )
 
 
-def _named(content: Mapping[str, Any]) -> list[str]:
+def _list_failures(content: Mapping[str, Any]) -> list[str]:
     """Return what went wrong, line by line."""
     return [*content["too_near"], *content["off"], *(f"not flown: {line}" for line in content["not_flown"])]
 
@@ -94,14 +94,14 @@ def distance_page(content: Mapping[str, Any]) -> str:
         **content, least=VEHICLES[0], most=VEHICLES[1], near=RADII_M[0], far=RADII_M[-1], wind=WIND_M_S, slower=SLOWER,
         second=SECOND, budget=BUDGET_PCT,
     )  # fmt: skip
-    named, longer = _named(content), content["longer_pct"]
+    named, longer = _list_failures(content), content["longer_pct"]
     return markdown_page(
         TITLE,
         machine_line(content["machine"]),
         about,
-        _told(content),
+        _summarize_flights(content),
         f"The longest route is {figure(longer['median'])} % longer in the median than with everybody in its layer, "
-        f"{figure(longer['most'])} % at most. {_lasted(content['undisturbed'])}".rstrip(),
+        f"{figure(longer['most'])} % at most. {_describe_duration(content['undisturbed'])}".rstrip(),
         markdown_table(FLEETS, _fleets(content)),
         markdown_table(("what befell vehicles", "times"), [(kind, str(n)) for kind, n in content["faults"].items()]),
         "## By name" if named else "",
@@ -114,5 +114,5 @@ def print_distance(content: Mapping[str, Any]) -> None:
     """Print the tables."""
     console = Console()
     print_table(console, TITLE, FLEETS, _fleets(content))
-    for line in (_told(content), *_named(content)):
+    for line in (_summarize_flights(content), *_list_failures(content)):
         console.print(line, markup=False, highlight=False)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from benchmarks.flight_commands import ended
+from benchmarks.flight_commands import finish_command
 from executor.cli.options import RESULTS, DataOption, JsonOption, SecondsOption, SeedOption, require_finite
 from missions.files import json_text
 
@@ -79,12 +79,16 @@ def failures(
         print(f"faultline: the failure scenarios are left out: {missing}", file=sys.stderr)
         raise typer.Exit(0)
     with ShownProgress() as shown:
-        rows = solve_all(scenario_files(place, family or "*"), seconds, seed, partial(shown.told, "scenarios"), prove)
+        rows = solve_all(
+            scenario_files(place, family or "*"), seconds, seed, partial(shown.show_stage, "scenarios"), prove
+        )
     asked = ("" if prove is None else f" --prove {prove:g}") + ("" if family is None else f" --family {family}")
     command = f"faultline bench failures --seconds {seconds:g} --seed {seed}{asked}"
     content = failures_document(rows, command, seconds, LONG_ENOUGH, seed, prove)
     failed = any(row["left"] or row["wrong"] for row in rows)
-    ended(content, keep_failures, print_failures, RESULTS if out is None else out, as_json=as_json, failed=failed)
+    finish_command(
+        content, keep_failures, print_failures, RESULTS if out is None else out, as_json=as_json, failed=failed
+    )
 
 
 def _tell(solved: SolvedScenario) -> None:

@@ -30,7 +30,7 @@ class FewLines:
         elif isinstance(message, Battery) and message.remaining_pct is not None:
             self.remaining_pct = message.remaining_pct
 
-    def says(self, now_s: float) -> FaultKind | None:
+    def find_fault(self, now_s: float) -> FaultKind | None:
         """Return what it takes to be wrong now."""
         if not self.armed:
             return None

@@ -149,9 +149,9 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
         # The simulation and the planner's process begin here, and stay off the executor's processor.
         os.sched_setaffinity(0, others)
         with run_simulated_fleet(run, burden.faults, seed), _borne(site, burden, watch.flood, seed) as browsers:
-            flown = fair_event_loop.run_on_fair_loop(_watched(order, watch), fair_event_loop.make_fair_event_loop)
+            flown = fair_event_loop.run_on_fair_loop(_fly_watched(order, watch), fair_event_loop.make_fair_event_loop)
             seen = [told.recv() for told in browsers if told.poll(ENDS_S)]
-        head, launched_s, events = _launched(RunDirectory(run).events)
+        head, launched_s, events = _read_launch(RunDirectory(run).events)
         began_usec = 1e6 * (head.began_unix_s + launched_s)
         rows = flown.report.vehicles
         return FleetFlight(
@@ -165,7 +165,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
             replans=len(flown.report.replans),
             cpu_s=watch.cpu_s,
             codec_s=measure_bare_codec_s(sorted(run.glob("*.tlog")), began_usec),
-            blocked_ms=watch.blocked_ms(),
+            blocked_ms=watch.find_blocked_ms(),
             memory_mib=tuple(watch.memory_mib),
             garbage=watch.garbage,
             shown_s=max((oldest_shown_s(one, head.began_unix_s, speedup, launched_s) for one in seen), default=None),
@@ -188,7 +188,7 @@ def _processors() -> tuple[set[int], set[int]]:
     return {every[0]}, set(every[1:]) or {every[0]}
 
 
-async def _watched(order: FlightRequest, watch: _Watch) -> flying.FlightResult:
+async def _fly_watched(order: FlightRequest, watch: _Watch) -> flying.FlightResult:
     watching = asyncio.create_task(watch.run())
     try:
         return await flying.run_flight(order, watch)
@@ -214,7 +214,7 @@ class _Watch(SilentConsole):
         self.garbage = 0
         self.memory_mib: list[float] = []
 
-    def blocked_ms(self) -> tuple[float, float, float]:
+    def find_blocked_ms(self) -> tuple[float, float, float]:
         """Return how late the watch woke: 99 %, 99.99 % and the longest."""
         late = sorted(self._late_ms)
         return late[int(0.99 * len(late))], late[int(0.9999 * len(late))], late[-1]
@@ -252,7 +252,7 @@ class _Watch(SilentConsole):
             self._ended = True
             self.taken_s = time.perf_counter() - self._began_s
             self.cpu_s = time.process_time() - self._cpu_began_s
-            self.garbage = self.flood.sent()
+            self.garbage = self.flood.count_sent()
             self.memory_mib.append(_resident_mib())
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
@@ -268,7 +268,7 @@ def _resident_mib() -> float:
     return pages * resource.getpagesize() / 2**20
 
 
-def _launched(log: Path) -> tuple[LogHeader, float, int]:
+def _read_launch(log: Path) -> tuple[LogHeader, float, int]:
     """Return how a log begins, when its flight was launched, and the events since."""
     launched_s, events = 0.0, 0
     with log.open("rb") as file:

@@ -81,14 +81,14 @@ def prediction(
     counted.
     """
     from benchmarks.band import band_cases, fly_band
-    from benchmarks.prediction import cases, fly_case, recorded_routes
+    from benchmarks.prediction import cases, fly_case, read_recorded_routes
     from benchmarks.predictionpage import keep_prediction, prediction_document, print_prediction
 
     if run:
         command = shlex.join(["faultline", "bench", "prediction", *(f"--run={one.name}" for one in run)])
-        content = prediction_document(recorded_routes(run), command)
+        content = prediction_document(read_recorded_routes(run), command)
     else:
-        autopilots, asked = _named(autopilot)
+        autopilots, asked = _select_autopilots(autopilot)
         flown = _flown(fly_case, cases(routes, seed, autopilots, [None, *(network or ())]), jobs)
         beside = _flown(fly_band, band_cases(varied, seed, autopilots), jobs, "varied flights")
         asked += [part for one in network or () for part in ("--network", one.name)]
@@ -99,7 +99,9 @@ def prediction(
         names = ["faultline's own network", *(one.name for one in network or ())]
         found = [route for flight in flown for route in flight.routes]
         content = prediction_document(found, command, seed=seed, flights=flown, networks=names, varied=beside)
-    ended(content, keep_prediction, print_prediction, out, as_json=as_json, failed=bool(content["not_nominal"]))
+    finish_command(
+        content, keep_prediction, print_prediction, out, as_json=as_json, failed=bool(content["not_nominal"])
+    )
 
 
 def window(
@@ -126,7 +128,7 @@ def window(
     """
     from benchmarks.machine import cores
     from benchmarks.progress import ShownProgress
-    from benchmarks.window import WindowSettings, results, tried
+    from benchmarks.window import WindowSettings, results, try_plans
     from benchmarks.windowpage import keep_window, print_window, window_document
 
     count, radius, tightness = jobs or cores(), radius or [USUAL_RADIUS_M], tightness or [TIGHTNESS]
@@ -145,16 +147,16 @@ def window(
         for number, within_m in enumerate(radius)
     ]
     with ShownProgress() as shown:
-        trials = tried(plans, losses, before, count, partial(shown.told, "plans"))
+        trials = try_plans(plans, losses, before, count, partial(shown.show_stage, "plans"))
     command = shlex.join([
         "faultline", "bench", "window", *([] if network is None else ["--network", network.name]),
-        *_repeated("--radius", radius), "--losses", str(losses), "--before", str(before), "--seed", str(seed),
-        "--autopilot", autopilot.value, "--vehicles", str(vehicles), *_repeated("--tightness", tightness),
+        *_repeat_option("--radius", radius), "--losses", str(losses), "--before", str(before), "--seed", str(seed),
+        "--autopilot", autopilot.value, "--vehicles", str(vehicles), *_repeat_option("--tightness", tightness),
         "--budget", f"{budget:g}",
     ])  # fmt: skip
     content = window_document(plans[0], command, results(trials))
     kept = content["finished_after"] == content["losses_after"] and content["unnamed_before"] == 0
-    ended(content, keep_window, print_window, out, as_json=as_json, failed=not kept)
+    finish_command(content, keep_window, print_window, out, as_json=as_json, failed=not kept)
 
 
 def distance(
@@ -178,7 +180,7 @@ def distance(
     from benchmarks.distancepage import distance_document, keep_distance, print_distance
     from executor.virtual.parallel_flights import make_flight_cases
 
-    autopilots, asked = _named(autopilot)
+    autopilots, asked = _select_autopilots(autopilot)
     flown = _flown(partial(fly_distance, uses_pct=uses), make_flight_cases(flights, seed, autopilots), jobs)
     used = [] if uses == USES_PCT else ["--uses", f"{uses:g}"]
     command = shlex.join([
@@ -186,7 +188,7 @@ def distance(
     ])  # fmt: skip
     content = distance_document(flown, command, seed, uses)
     failed = content["too_near"] or content["off"] or content["not_flown"]
-    ended(content, keep_distance, print_distance, out, as_json=as_json, failed=bool(failed))
+    finish_command(content, keep_distance, print_distance, out, as_json=as_json, failed=bool(failed))
 
 
 def pictures(
@@ -207,12 +209,12 @@ def pictures(
     from benchmarks.picturespage import keep_pictures, pictures_document, print_pictures
     from executor.virtual.parallel_flights import make_flight_cases
 
-    autopilots, asked = _named(autopilot)
+    autopilots, asked = _select_autopilots(autopilot)
     flown = _flown(fly_pictures, make_flight_cases(flights, seed, autopilots), jobs)
     command = shlex.join(["faultline", "bench", "pictures", *asked, "--flights", str(flights), "--seed", str(seed)])
     content = pictures_document(flown, command, seed)
     failed = content["wrong"] or content["not_flown"]
-    ended(content, keep_pictures, print_pictures, out, as_json=as_json, failed=bool(failed))
+    finish_command(content, keep_pictures, print_pictures, out, as_json=as_json, failed=bool(failed))
 
 
 def sorties(
@@ -247,20 +249,20 @@ def sorties(
     from benchmarks.sorties import SortiesCase, fly_sorties, sorties_over
     from benchmarks.sortiespage import keep_sorties, print_sorties, sorties_document
 
-    autopilots, asked = _named(autopilot)
+    autopilots, asked = _select_autopilots(autopilot)
     over = sorties_over(network, radius)
     cases = [
         SortiesCase(number, seed, autopilots[number % len(autopilots)], iterations, over) for number in range(days)
     ]
     flown = _flown(fly_sorties, cases, jobs, "days")
-    asked += [] if radius is None else _repeated("--radius", [radius])
+    asked += [] if radius is None else _repeat_option("--radius", [radius])
     asked += [] if network is None else ["--network", network.name]
     figures = ["--days", str(days), "--seed", str(seed), "--iterations", str(iterations)]
     content = sorties_document(flown, shlex.join(["faultline", "bench", "sorties", *asked, *figures]), seed, over)
-    ended(content, keep_sorties, print_sorties, out, as_json=as_json, failed=bool(content["wrong"]))
+    finish_command(content, keep_sorties, print_sorties, out, as_json=as_json, failed=bool(content["wrong"]))
 
 
-def _named(autopilot: AutopilotName | None) -> tuple[list[str], list[str]]:
+def _select_autopilots(autopilot: AutopilotName | None) -> tuple[list[str], list[str]]:
     """Return the autopilots that are meant, and the option that asks for them."""
     if autopilot is None:
         return [one.value for one in AutopilotName], []
@@ -274,10 +276,10 @@ def _flown(fly: Callable[[C], F], cases: Sequence[C], jobs: int | None, stage: s
     from executor.virtual.parallel_flights import map_in_processes
 
     with ShownProgress() as shown:
-        return map_in_processes(fly, cases, jobs=jobs or cores(), told=partial(shown.told, stage))
+        return map_in_processes(fly, cases, jobs=jobs or cores(), told=partial(shown.show_stage, stage))
 
 
-def ended(
+def finish_command(
     content: Json, keep: Callable[[Json, Path], object], show: Callable[[Json], object], out: Path | None,
     *, as_json: bool, failed: bool,
 ) -> None:  # fmt: skip
@@ -295,5 +297,5 @@ def ended(
     raise typer.Exit(1 if failed else 0)
 
 
-def _repeated(option: str, values: Sequence[float]) -> list[str]:
+def _repeat_option(option: str, values: Sequence[float]) -> list[str]:
     return [part for value in values for part in (option, f"{value:g}")]

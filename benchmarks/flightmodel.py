@@ -96,7 +96,7 @@ class ModelledFlight:
     """The last that it said of itself."""
 
 
-def injected(what: str, rng: np.random.Generator, mission_s: float) -> Injected:
+def draw_fault(what: str, rng: np.random.Generator, mission_s: float) -> Injected:
     """Return one fault of a kind, anywhere in the middle of a mission."""
     at_s = float(rng.uniform(0.1, 0.85)) * mission_s
     match what:
@@ -142,7 +142,7 @@ class _Gauge:
         self._cells = bool(rng.random() < 0.5)
         self._count = 3 if self._counts else 4
 
-    def passed(self, used_pct: float) -> None:
+    def advance_second(self, used_pct: float) -> None:
         """Let a second pass."""
         self._used_pct += used_pct * self._scale
         keep = math.exp(-1.0 / 30.0)
@@ -164,12 +164,12 @@ class _Gauge:
             current = pack.current_a * self._scale * (1 + 0.03 * self._rng.normal())
             left = self._began_pct - self._used_pct - lost_pct
             consumed = (self._used_pct + lost_pct) / 100 * CAPACITY_AH
-            return Battery(0, _rounded(left), volts, max(0.0, current), round(consumed, 3), 1, 0, cells)
+            return Battery(0, _round_pct(left), volts, max(0.0, current), round(consumed, 3), 1, 0, cells)
         left = pack.charge_pct + self._waver + self._off - (1.0 if climbs else 0.0)
-        return Battery(0, _rounded(left), volts, None, None, 1, 0, cells)
+        return Battery(0, _round_pct(left), volts, None, None, 1, 0, cells)
 
 
-def _rounded(percent: float) -> float:
+def _round_pct(percent: float) -> float:
     return float(np.clip(round(percent), 0, 100))
 
 
@@ -178,7 +178,7 @@ def fly_modelled(site: ModelledSite, autopilot: str, what: str, rng: np.random.G
     number = int(rng.integers(len(site.boards)))
     board = site.boards[number]
     mission_s = sum(leg.duration_s for leg in board.legs)
-    fault = injected(what, rng, mission_s)
+    fault = draw_fault(what, rng, mission_s)
     flight = ModelledFlight(number, autopilot, fault)
     pack = Pack(
         site.context.drone, charge_pct=float(rng.uniform(94.0, 100.0)), health=float(rng.uniform(0.88, 1.0)),
@@ -205,12 +205,12 @@ def fly_modelled(site: ModelledSite, autopilot: str, what: str, rng: np.random.G
         speed = weather.air_speed_m_s(velocity[0], velocity[1])
         pack.step(1.0, motors=True, speed_m_s=speed, climb_m_s=velocity[2])
         rate = before - pack.charge_pct
-        gauge.passed(rate)
+        gauge.advance_second(rate)
         flight.remaining_pct.append(pack.charge_pct)
         flight.rate_pct_s.append(rate)
         pad = site.context.vehicles[site.drones[number]].pad_m
         flight.home_pct.append(rate * (math.dist(place, pad) / HOME_M_S + height_m / DOWN_M_S))
-        said = _said(site, autopilot, t_s, (waypoint, seq_of), (place, height_m, velocity))
+        said = _build_messages(site, autopilot, t_s, (waypoint, seq_of), (place, height_m, velocity))
         if autopilot == "ardupilot" or int(t_s) % 2 == 0:
             report = gauge.report(lost_pct, climbs=velocity[2] > 0.3)
             flight.reported_pct = report.remaining_pct or 0.0
@@ -258,7 +258,7 @@ def _seconds(board: OnboardMission) -> list[Moment]:
     return found
 
 
-def _said(
+def _build_messages(
     site: ModelledSite,
     autopilot: str,
     t_s: float,

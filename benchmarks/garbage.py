@@ -81,7 +81,7 @@ class Flood:
         """Let it loose."""
         self._begun.set()
 
-    def sent(self) -> int:
+    def count_sent(self) -> int:
         """Return how many datagrams have gone."""
         return self._sent.value
 

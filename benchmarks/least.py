@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks.scenario import Scenario, day_of, initial_timelines
-from benchmarks.scenarios import known_after, least_last_end_s
+from benchmarks.scenarios import build_day_left_with_foresight, least_last_end_s
 from planner import InstanceError
 
 SAME = 1e-6
@@ -19,7 +19,7 @@ def least_value(scenario: Scenario, limit_s: float) -> float:
     first = initial_timelines(scenario, day)
     if not scenario.losses:
         return max((trip.end_s for own in first for trip in own), default=0.0)
-    left, until_s = known_after(day, first, [(one.vehicle - 1, one.at) for one in scenario.losses])
+    left, until_s = build_day_left_with_foresight(day, first, [(one.vehicle - 1, one.at) for one in scenario.losses])
     under_way_s = max((trip.end_s for own in left.kept for trip in own), default=0.0)
     if left.instance is None:
         return under_way_s

@@ -43,7 +43,7 @@ def solve_pyvrp(instance: Instance, *, seconds: float, seed: int, scale: float =
     locations = [pyvrp.Location(0, 0) for _ in range(first + clients)]
     groups = [pyvrp.ClientGroup([2 * segment, 2 * segment + 1]) for segment in range(instance.segments)]
     visits = [pyvrp.Client(first + visit, required=False, group=visit // 2) for visit in range(clients)]
-    alike = _alike(instance)
+    alike = _group_equal_vehicles(instance)
     matrices = [_distances(instance, vehicles[0], scale) for vehicles in alike]
     types = [
         pyvrp.VehicleType(
@@ -71,7 +71,7 @@ def solve_pyvrp(instance: Instance, *, seconds: float, seed: int, scale: float =
     return PeerPlan(None, None) if evaluation.violations else PeerPlan(plan, evaluation.value)
 
 
-def _alike(instance: Instance) -> list[list[int]]:
+def _group_equal_vehicles(instance: Instance) -> list[list[int]]:
     """Return the vehicles in lists of those that can stand for each other."""
     kinds: dict[tuple[object, ...], list[int]] = {}
     for number, vehicle in enumerate(instance.vehicles):

@@ -130,11 +130,11 @@ class _Taken:
         at_s = row.unix_s - BEGAN_UNIX_S
         after = bisect_left(own, at_s, key=lambda one: one[0].t_s)
         near = [shot for shot, _ in own[max(0, after - 1) : after + 1] if abs(shot.t_s - at_s) <= SAME_S]
-        near = [shot for shot in near if _apart_m(row, shot.lat_deg, shot.lon_deg) <= SAME_M]
+        near = [shot for shot in near if _distance_m(row, shot.lat_deg, shot.lon_deg) <= SAME_M]
         return min(near, key=lambda shot: abs(shot.t_s - at_s), default=None)
 
 
-def _apart_m(row: ImageRow, lat_deg: float, lon_deg: float) -> float:
+def _distance_m(row: ImageRow, lat_deg: float, lon_deg: float) -> float:
     """Return how far from a place a picture was taken, over the ground."""
     east_m, north_m = LocalFrame(row.lat_deg, row.lon_deg).to_local_m(lat_deg, lon_deg)
     return math.hypot(east_m, north_m)
@@ -156,7 +156,7 @@ def fly_pictures(case: FlightCase) -> PicturesFlight:
         "faults": {"camera": str(rng.choice(["home", "on"]))},
     }
     over = partial(build_virtual_site, None, float(rng.choice(RADII_M)), vehicles, case.autopilot, tables=tables)
-    ground, routes = _planned(over, int(rng.integers(1 << 30)))
+    ground, routes = _plan_site(over, int(rng.integers(1 << 30)))
     kinds = FAULTS if speaks else tuple(kind for kind in FAULTS if kind not in ONLY_SPOKEN)
     faults = drawn_faults(ground.names, kinds, rng, (5, 90))
     ahead_s = {
@@ -181,10 +181,10 @@ def fly_pictures(case: FlightCase) -> PicturesFlight:
             )  # fmt: skip
         except ExecutorError as error:
             return replace(empty, not_flown=str(error))
-        return _judged(empty, ground, flight, taken, Path(folder))
+        return _judge_flight(empty, ground, flight, taken, Path(folder))
 
 
-def _planned(over: Callable[..., SiteModel], seed: int) -> tuple[SiteModel, dict[str, tuple[int, ...]]]:
+def _plan_site(over: Callable[..., SiteModel], seed: int) -> tuple[SiteModel, dict[str, tuple[int, ...]]]:
     """Return a site with packs that fit, and routes over everything."""
     capacity_ah = AMPLE_AH
     ground = over(capacity_ah=capacity_ah)
@@ -198,7 +198,7 @@ def _planned(over: Callable[..., SiteModel], seed: int) -> tuple[SiteModel, dict
     return ground, routes
 
 
-def _judged(
+def _judge_flight(
     empty: PicturesFlight, ground: SiteModel, flight: VirtualFlight, taken: _Taken, folder: Path
 ) -> PicturesFlight:
     """Hold a flight, its index and its cards against what was really taken."""
@@ -222,7 +222,10 @@ def _judged(
     failed |= set(taken.shots) if empty.camera == "wired" else set()
     wrong += [f"{name} took a picture that the index lacks" for name in unknown if name not in failed]
     wrong += [f"{segment} was not seen, and is not named" for segment in sorted(unseen - uncovered)]
-    wrong += [f"the camera of {name} is said to have failed, and did not" for name in _accused(flight, empty.faults)]
+    wrong += [
+        f"the camera of {name} is said to have failed, and did not"
+        for name in _find_false_camera_faults(flight, empty.faults)
+    ]
     wrong += _gaps(ground, index, taken)
     wrong += _misses(ground, flight, index, taken)
     wrong += _doubles(index)
@@ -248,7 +251,7 @@ def _judged(
     )
 
 
-def _accused(flight: VirtualFlight, faults: Sequence[str]) -> list[str]:
+def _find_false_camera_faults(flight: VirtualFlight, faults: Sequence[str]) -> list[str]:
     """Return whose cameras are said to have failed while nothing befell them."""
     befell = {fault.split(":")[0] for fault in faults if kind_of(fault) in OF_CAMERAS}
     return [name for name, vehicle in flight.state.vehicles.items() if vehicle.payload.broken and name not in befell]
@@ -323,8 +326,8 @@ def _doubles(index: ImageIndex) -> list[str]:
         if before is None or row.unix_s - before.unix_s > PASS_S:
             continue
         along = row.viewpoint.endswith(" m")
-        met = along and any(_apart_m(row, *place) < PYLON_M for place in pylons)
-        near = _apart_m(row, before.lat_deg, before.lon_deg) < DOUBLE * EVERY_M
+        met = along and any(_distance_m(row, *place) < PYLON_M for place in pylons)
+        near = _distance_m(row, before.lat_deg, before.lon_deg) < DOUBLE * EVERY_M
         if not met and (near if along else row.viewpoint == before.viewpoint):
             found.append(f"{row.asset}, {row.viewpoint}, was taken twice by {row.vehicle}")
     return found

@@ -51,7 +51,7 @@ def _rows(content: Mapping[str, Any]) -> Rows:
     return [(words, str(content[name])) for words, name in told]
 
 
-def _told(content: Mapping[str, Any]) -> str:
+def _summarize_flights(content: Mapping[str, Any]) -> str:
     wrong = len(content["wrong"]) + len(content["not_flown"])
     return (
         "Held against the pictures that were really taken: no asset called seen that they do not show, none unseen "
@@ -60,7 +60,7 @@ def _told(content: Mapping[str, Any]) -> str:
     )
 
 
-def _named(content: Mapping[str, Any]) -> list[str]:
+def _list_failures(content: Mapping[str, Any]) -> list[str]:
     return [*content["wrong"], *(f"not flown: {line}" for line in content["not_flown"])]
 
 
@@ -69,12 +69,12 @@ def pictures_page(content: Mapping[str, Any]) -> str:
     about = INTRODUCTION.format(
         **content, least=VEHICLES[0], most=VEHICLES[1], every_m=EVERY_M, lost=LOST_SHARE, clock_min=CLOCK_S / 60.0
     )
-    named = _named(content)
+    named = _list_failures(content)
     return markdown_page(
         TITLE,
         machine_line(content["machine"]),
         about,
-        _told(content),
+        _summarize_flights(content),
         markdown_table(COLUMNS, _rows(content)),
         markdown_table(("what befell vehicles", "times"), [(kind, str(n)) for kind, n in content["faults"].items()]),
         "## By name" if named else "",
@@ -87,5 +87,5 @@ def print_pictures(content: Mapping[str, Any]) -> None:
     """Print the table."""
     console = Console()
     print_table(console, TITLE, COLUMNS, _rows(content))
-    for line in (_told(content), *_named(content)):
+    for line in (_summarize_flights(content), *_list_failures(content)):
         console.print(line, markup=False, highlight=False)

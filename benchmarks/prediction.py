@@ -148,7 +148,7 @@ def fly_case(case: RouteCase) -> Flown:
     ground = size_batteries(ground, plan_with(ground, routes), float(rng.uniform(*USES_PCT)))
     plan = plan_with(ground, routes)
     flight = fly_virtual(ground, plan, seed=case.number, craft=lambda craft: replace(craft, wind_m_s=wind_m_s))
-    wrong = _not_nominal(flight)
+    wrong = _describe_anomaly(flight)
     found = []
     for number, (name, board) in enumerate(flight.boards.items()):
         if wrong or board is None:
@@ -158,7 +158,7 @@ def fly_case(case: RouteCase) -> Flown:
         found.append(
             FlownRoute(
                 f"flight {case.number}", name, case.autopilot, len(routes[name]), relief_m, speed_m_s, figures,
-                by_phase(_route_of(flight, name)), planner,
+                sum_by_phase(_route_of(flight, name)), planner,
             )
         )  # fmt: skip
     return Flown(tuple(found), flight.flown_s, flight.took_s, wrong)
@@ -219,7 +219,7 @@ def plan_with(ground: SiteModel, routes: Mapping[str, tuple[int, ...]]) -> PlanF
     return build_site_plan_file(ground, task, plan, Cost.MINMAX, solved)
 
 
-def planned(board: OnboardMission) -> tuple[float, float]:
+def estimate_mission(board: OnboardMission) -> tuple[float, float]:
     """Return what a mission should take, in seconds and in percent of the battery: what the ground station goes by."""
     return sum(leg.duration_s for leg in board.legs), sum(leg.energy_pct for leg in board.legs)
 
@@ -227,12 +227,12 @@ def planned(board: OnboardMission) -> tuple[float, float]:
 def _truly(board: OnboardMission, name: str, truths: Sequence[Truth]) -> Figures:
     """Return what really was, by the simulator."""
     at = {truth.what: truth for truth in truths if truth.vehicle == name}
-    planned_s, planned_pct = planned(board)
+    planned_s, planned_pct = estimate_mission(board)
     given_pct = (at["armed"].charge_pct or 0.0) - (at["disarmed"].charge_pct or 0.0)
     return Figures(planned_s, at["disarmed"].t_s - at["armed"].t_s, planned_pct, given_pct)
 
 
-def _not_nominal(flight: VirtualFlight) -> str:
+def _describe_anomaly(flight: VirtualFlight) -> str:
     """Return why a flight without a fault was not as it should be; empty if it was."""
     report = flight.report
     if report.faults:
@@ -248,7 +248,7 @@ def _route_of(flight: VirtualFlight, name: str) -> RouteRow:
     return next(row for row in flight.report.routes if row.vehicle == name)
 
 
-def by_phase(route: RouteRow) -> dict[str, Figures]:
+def sum_by_phase(route: RouteRow) -> dict[str, Figures]:
     """Return the sums over a route's legs of each kind; legs that were not heard from end to end are left out."""
 
     def total(legs: Sequence[LegRow]) -> Figures:
@@ -265,7 +265,7 @@ def by_phase(route: RouteRow) -> dict[str, Figures]:
     }
 
 
-def recorded_routes(runs: Sequence[Path]) -> list[FlownRoute]:
+def read_recorded_routes(runs: Sequence[Path]) -> list[FlownRoute]:
     """Return the whole routes of recorded flights; one whose report does not hold them is replayed first.
 
     What the battery gave is a simulator's truth where there is one, or else what the vehicle reported.
@@ -274,7 +274,7 @@ def recorded_routes(runs: Sequence[Path]) -> list[FlownRoute]:
         ExecutorError: a run directory cannot be read.
         BenchError: there is no route from take-off to landing in all of them.
     """
-    found = [_recorded(run, row) for run in runs for row in _rows(run) if row.whole]
+    found = [_read_route(run, row) for run in runs for row in _rows(run) if row.whole]
     if not found:
         raise BenchError("--run: expected a flight in which a vehicle flew its mission from take-off to landing")
     return found
@@ -284,7 +284,7 @@ def _rows(run: Path) -> Sequence[RouteRow]:
     return read_report(run).routes or build_route_rows(replay_run(run).state)
 
 
-def _recorded(run: Path, row: RouteRow) -> FlownRoute:
+def _read_route(run: Path, row: RouteRow) -> FlownRoute:
     truths = RunDirectory(run).truths
     known = read_truths(truths) if truths.exists() else ()
     armed, disarmed = (
@@ -296,7 +296,7 @@ def _recorded(run: Path, row: RouteRow) -> FlownRoute:
         given_pct = armed[0] - disarmed[0]
     figures = Figures(row.planned_s, row.flown_s, row.planned_pct, given_pct)
     segments = sum(leg.phase == Phase.INSPECT.value for leg in row.legs)
-    return FlownRoute(run.name, row.vehicle, "", segments, None, None, figures, by_phase(row))
+    return FlownRoute(run.name, row.vehicle, "", segments, None, None, figures, sum_by_phase(row))
 
 
 def prediction_errors(routes: Sequence[FlownRoute]) -> Json:

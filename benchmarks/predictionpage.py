@@ -100,11 +100,11 @@ def keep_prediction(content: Mapping[str, Any], folder: Path) -> None:
     """Write prediction.json and prediction.md."""
     path = folder / "prediction.json"
     if path.exists():
-        content = joined(json.loads(path.read_text(encoding="utf-8")), content)
+        content = join_content(json.loads(path.read_text(encoding="utf-8")), content)
     keep_result("prediction", content, prediction_page(content), folder)
 
 
-def joined(before: Mapping[str, Any], content: Mapping[str, Any]) -> Json:
+def join_content(before: Mapping[str, Any], content: Mapping[str, Any]) -> Json:
     """Return the content of a page with what another run of the command measured, and this one did not."""
     if content["routes"] == 0 and before["routes"]:
         return {**before, "band": content["band"]}
@@ -151,7 +151,7 @@ def _band(band: Mapping[str, Any] | None) -> tuple[str, ...]:
         markdown_table(TENTHS, _tenths(band)),
         '## "Below its reserve"',
         SAYINGS.format(low=MARGIN_PCT[0], high=MARGIN_PCT[1]),
-        markdown_table(SAID, _said(band)),
+        markdown_table(SAID, _build_band_rows(band)),
         f"{len(wrong)} flights did not end as planned, and are not counted: {'; '.join(wrong)}." if wrong else "",
     )  # fmt: skip
 
@@ -197,7 +197,7 @@ def _tenths(band: Mapping[str, Any]) -> Rows:
     ]  # fmt: skip
 
 
-def _said(band: Mapping[str, Any]) -> Rows:
+def _build_band_rows(band: Mapping[str, Any]) -> Rows:
     rows: Rows = []
     for name, part in (("above their reserve", band["above"]), ("below it", band["below"])):
         counts = (part["warned"], part["faults"])
@@ -226,7 +226,7 @@ def print_prediction(content: Mapping[str, Any]) -> None:
     console = Console()
     if content["band"] is not None:
         print_table(console, "Whether the band of the landing percentage holds", TENTHS, _tenths(content["band"]))
-        print_table(console, '"Below its reserve"', SAID, _said(content["band"]))
+        print_table(console, '"Below its reserve"', SAID, _build_band_rows(content["band"]))
     if not content["routes"]:
         return
     print_table(console, f"{TITLE}: {content['routes']} routes", ERRORS, _errors(content))

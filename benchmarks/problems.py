@@ -37,7 +37,7 @@ class NamedProblem:
         return [{"segment": segment_of(visit), "reversed": is_reversed(visit)} for visit in route.visits]
 
 
-def named_problem(
+def read_problem(
     path: Path | None, *, radius_m: float | None, vehicles: int, budget: float | None, dynamics: bool
 ) -> NamedProblem:
     """Read a problem: a TSPLIB file, a network file, or the project's own network where there is no file.
@@ -97,10 +97,10 @@ def _instance(
 ) -> Instance:
     fleet = [Vehicle(f"uav{number}", depot_m, 0.0) for number in range(1, vehicles + 1)]
     instance = build_instance(ends_m, depot_m, fleet, travel)
-    return with_budget(instance, _no_limit_pct(instance) if budget_pct is None else budget_pct)
+    return with_budget(instance, _ample_budget_pct(instance) if budget_pct is None else budget_pct)
 
 
-def _no_limit_pct(instance: Instance) -> float:
+def _ample_budget_pct(instance: Instance) -> float:
     """Return twice what it takes to fly to each segment and home again one by one: no good route comes near that."""
     there_and_back = (instance.start_pct[0] + instance.home_pct[0]).reshape(-1, 2).min(axis=1)
     return 2.0 * float(there_and_back.sum()) + 1.0

@@ -34,7 +34,7 @@ class ShownProgress:
     ) -> None:
         self._bars.stop()
 
-    def told(self, stage: str, done: int, total: int) -> None:
+    def show_stage(self, stage: str, done: int, total: int) -> None:
         """Show how many pieces of a stage are done."""
         if stage not in self._stages:
             self._stages[stage] = self._bars.add_task(stage, total=total)

@@ -1,6 +1,6 @@
 """`faultline bench detection --logs FOLDER`: declarations in logs of real aircraft, held against them.
 
-Nobody injected anything into them: what is true is what the log says, read by `executor.replay.witness`, which shares
+Nobody injected anything into them: what is true is what the log says, read by `benchmarks.witness`, which shares
 no code with what is judged.
 """
 
@@ -19,7 +19,9 @@ import numpy as np
 from benchmarks.detection import poisson_interval
 from benchmarks.store import Json
 from benchmarks.tuning import few_lines
+from benchmarks.witness.log_evidence import LogEvidence
 from benchmarks.witness.scoring import found_all
+from benchmarks.witness.statements import StatementKind, find_statements, read_log_evidence
 from benchmarks.witness.verdicts import Stand, hold_against
 from executor.adapters.worker_pool import start_worker_pool
 from executor.core.state.vehicle_state import FaultKind
@@ -28,8 +30,6 @@ from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.log_replay import LINK_TIMEOUT_S, replay_log, rules_of
 from executor.replay.open_log import open_log
 from executor.replay.replay_result import Declaration, LogReplay
-from executor.replay.witness.log_evidence import LogEvidence
-from executor.replay.witness.statements import StatementKind, find_statements, read_log_evidence
 
 SUFFIXES = frozenset({".tlog", ".bin", ".ulg", ".log"})
 DETECTORS = ("watchpoints", "few_lines")
@@ -73,10 +73,10 @@ def judge_log(path: Path, folder: Path) -> Json:
         return row | {"notes": [str(error).replace(f"{path}: ", "")]}
     except Exception as error:  # noqa: BLE001 - a campaign over foreign logs goes on, and counts it
         return row | {"failed": f"{type(error).__name__}: {error}"}
-    return row | _judged(path, folder, done, simple, told)
+    return row | _judge_log(path, folder, done, simple, told)
 
 
-def _judged(
+def _judge_log(
     path: Path, folder: Path, done: LogReplay, simple: Sequence[tuple[int, FaultKind]], told: Mapping[int, LogEvidence]
 ) -> Json:
     said: dict[str, list[tuple[int, Declaration]]] = {
@@ -92,9 +92,15 @@ def _judged(
         "hours": sum(vehicle.flown_s for vehicle in done.vehicles) / 3600,
         "notes": list(done.notes),
         "declared": [
-            {"by": by, **_declared(one, told.get(system), began)} for by, those in said.items() for system, one in those
+            {"by": by, **_build_declaration(one, told.get(system), began)}
+            for by, those in said.items()
+            for system, one in those
         ],
-        "stated": [row for system, one in told.items() for row in _stated_in(one, _of(said, system), began)],
+        "stated": [
+            row
+            for system, one in told.items()
+            for row in _build_statements(one, _select_system(said, system), began)
+        ],
     }  # fmt: skip
 
 
@@ -107,7 +113,7 @@ def _system_at(told: Mapping[int, LogEvidence], usec: int) -> int:
     return next(iter(armed or told), 0)
 
 
-def _declared(one: Declaration, told: LogEvidence | None, began: int) -> Json:
+def _build_declaration(one: Declaration, told: LogEvidence | None, began: int) -> Json:
     verdict = None if told is None else hold_against(one, told, LINK_TIMEOUT_S)
     return {
         "at_s": _s(one.t_usec, began), "kind": one.kind.value, "reason": one.reason, "evidence": one.evidence,
@@ -116,11 +122,13 @@ def _declared(one: Declaration, told: LogEvidence | None, began: int) -> Json:
     }  # fmt: skip
 
 
-def _of(said: Mapping[str, Sequence[tuple[int, Declaration]]], system: int) -> dict[str, list[tuple[int, FaultKind]]]:
+def _select_system(
+    said: Mapping[str, Sequence[tuple[int, Declaration]]], system: int
+) -> dict[str, list[tuple[int, FaultKind]]]:
     return {by: [(one.t_usec, one.kind) for number, one in those if number == system] for by, those in said.items()}
 
 
-def _stated_in(told: LogEvidence, said: Mapping[str, Sequence[tuple[int, FaultKind]]], began: int) -> list[Json]:
+def _build_statements(told: LogEvidence, said: Mapping[str, Sequence[tuple[int, FaultKind]]], began: int) -> list[Json]:
     """Return what a log states, and how either detector declared it."""
     stated = find_statements(told, LINK_TIMEOUT_S)
     outcomes = {by: found_all(told, stated, those, LINK_TIMEOUT_S) for by, those in said.items()}
@@ -195,7 +203,7 @@ def _figures(rows: Sequence[Json], by: str) -> Json:
     return {
         **_outcomes(rows, by, None),
         "kinds": {name: _outcomes(rows, by, name) for name in names},
-        "stated": {what.value: _stated(rows, by, what.value) for what in StatementKind},
+        "stated": {what.value: _count_statements(rows, by, what.value) for what in StatementKind},
     }
 
 
@@ -216,7 +224,7 @@ def _outcomes(rows: Sequence[Json], by: str, name: str | None) -> Json:
     for row in rows:
         hours[row["aircraft"]] += row["hours"]
     total = sum(hours.values())
-    low, high = clustered_interval(wrong, hours)
+    low, high = compute_clustered_interval(wrong, hours)
     return {
         "declared": len(chosen),
         **{outcome.value: counts[outcome.value] for outcome in Stand},
@@ -225,7 +233,7 @@ def _outcomes(rows: Sequence[Json], by: str, name: str | None) -> Json:
     }
 
 
-def clustered_interval(wrong: Mapping[str, int], hours: Mapping[str, float]) -> tuple[float, float]:
+def compute_clustered_interval(wrong: Mapping[str, int], hours: Mapping[str, float]) -> tuple[float, float]:
     """Return the 95 % interval of how many are refuted in 50 hours.
 
     Flights of one aircraft are wrong together, so aircraft are drawn, with replacement, not flights. Where nothing was
@@ -245,7 +253,7 @@ def clustered_interval(wrong: Mapping[str, int], hours: Mapping[str, float]) -> 
     return float(np.quantile(rates, 0.025)), float(np.quantile(rates, 0.975))
 
 
-def _stated(rows: Sequence[Json], by: str, what: str) -> Json:
+def _count_statements(rows: Sequence[Json], by: str, what: str) -> Json:
     """Return how what logs state was found: in logs that are followed, and in those that are not."""
     those = [(row, one[by]) for row in rows for one in row["stated"] if one["what"] == what]
     outcomes = Counter(one["outcome"] for _, one in those)

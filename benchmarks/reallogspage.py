@@ -56,15 +56,15 @@ def real_markdown(content: Mapping[str, Any]) -> str:
         ),
         "## What the logs state",
         STATED,
-        _stated(content),
+        _render_statements(content),
         "## Refuted",
         _verdicts(content["rows"], "refuted") or "Nothing.",
         "## Undecided",
         _verdicts(content["rows"], "undecided") or "Nothing.",
         "## Missed or late",
-        _missed(content["rows"]) or "Nothing.",
+        _render_missed(content["rows"]) or "Nothing.",
         "## Not followed",
-        _not_followed(content),
+        _render_not_followed(content),
     )  # fmt: skip
 
 
@@ -92,7 +92,7 @@ def _row(figures: Mapping[str, Any], what: str) -> Mapping[str, Any]:
     return figures["stated"][what]  # type: ignore[no-any-return]  # JSON
 
 
-def _stated(content: Mapping[str, Any]) -> str:
+def _render_statements(content: Mapping[str, Any]) -> str:
     rows = []
     for what in content["watchpoints"]["stated"]:
         for by, words in NAMES.items():
@@ -119,7 +119,7 @@ def _verdicts(rows: Sequence[Mapping[str, Any]], verdict: str) -> str:
     return markdown_table(("log", "at (s)", "declared", "because", "the log says"), those) if those else ""
 
 
-def _missed(rows: Sequence[Mapping[str, Any]]) -> str:
+def _render_missed(rows: Sequence[Mapping[str, Any]]) -> str:
     those = [
         (row["log"], f"{one['at_s']:.1f}", one["what"], one["words"], one["watchpoints"]["outcome"],
          figure(one["watchpoints"]["after_s"]), "" if row["vehicles"] else "not followed")
@@ -131,7 +131,7 @@ def _missed(rows: Sequence[Mapping[str, Any]]) -> str:
     return markdown_table(columns, those) if those else ""
 
 
-def _not_followed(content: Mapping[str, Any]) -> str:
+def _render_not_followed(content: Mapping[str, Any]) -> str:
     reasons = sorted(content["not_followed"].items(), key=lambda pair: -pair[1])
     reasons += [(f"the program failed: {words}", 1) for words in content["failed"]]
     return markdown_table(("reason", "logs"), reasons) if reasons else "Every log is followed."

@@ -97,7 +97,7 @@ def measure_resume(vehicles: int, *, minutes: float, hours: float, speedup: floa
         plan = plan_site(ground, replace(DEFAULT, seconds=PLAN_S, seed=seed, all_vehicles=True), lambda _: None)
         write_run_start(FlightRequest(ground.site, base, ground, plan, run, lambda _: ()))
         with run_simulated_fleet(run, (), seed):
-            with _called(run):
+            with _run_resume(run):
                 _wait_for(
                     lambda: _is_old(run, 60.0 * minutes),
                     60.0 * minutes / speedup + PATIENCE_S,
@@ -111,13 +111,13 @@ def measure_resume(vehicles: int, *, minutes: float, hours: float, speedup: floa
                 raise BenchError("resume: expected a checkpoint that fits")
             size, lines = RunDirectory(run).events.stat().st_size, count_lines_after(RunDirectory(run).events, None)
             rest = count_lines_after(RunDirectory(run).events, found.place)
-            content, write_ms, late_ms = asyncio.run(_written(found, (run / PLAN).read_bytes()))
+            content, write_ms, late_ms = asyncio.run(_measure_write(found, (run / PLAN).read_bytes()))
             began_s = time.perf_counter()
-            with _called(run) as process:
-                heartbeat_s = _said(process, "hear our heartbeat") - began_s
-                _wait_for(lambda: _follows(run, size, b'"Reopened"'), PATIENCE_S, "supervision")
+            with _run_resume(run) as process:
+                heartbeat_s = _wait_for_line(process, "hear our heartbeat") - began_s
+                _wait_for(lambda: _is_logged_after(run, size, b'"Reopened"'), PATIENCE_S, "supervision")
                 charge_s, cpu_s = time.perf_counter() - began_s, _cpu_s(process.pid)
-                _wait_for(lambda: _follows(run, size, b'"Resumed"'), PATIENCE_S, "the vehicles' answers")
+                _wait_for(lambda: _is_logged_after(run, size, b'"Resumed"'), PATIENCE_S, "the vehicles' answers")
                 asked_s = time.perf_counter() - began_s
     return ResumedFlight(
         vehicles, hours, 1e-6 * size, lines, rest, 1e-3 * len(content), write_ms, late_ms, heartbeat_s, charge_s,
@@ -126,7 +126,7 @@ def measure_resume(vehicles: int, *, minutes: float, hours: float, speedup: floa
 
 
 @contextmanager
-def _called(run: Path) -> Iterator[subprocess.Popen[bytes]]:
+def _run_resume(run: Path) -> Iterator[subprocess.Popen[bytes]]:
     """Call `faultline resume`, and kill it in the end."""
     command = [sys.executable, "-m", "executor", "resume", str(run), "--yes"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
@@ -137,7 +137,7 @@ def _called(run: Path) -> Iterator[subprocess.Popen[bytes]]:
         process.communicate()
 
 
-def _said(process: subprocess.Popen[bytes], words: str) -> float:
+def _wait_for_line(process: subprocess.Popen[bytes], words: str) -> float:
     """Return when a line was said."""
     for line in process.stderr or ():
         if words.encode() in line:
@@ -174,7 +174,7 @@ def _cpu_s(pid: int) -> float:
     return 0.0
 
 
-def _follows(run: Path, size: int, words: bytes) -> bool:
+def _is_logged_after(run: Path, size: int, words: bytes) -> bool:
     with RunDirectory(run).events.open("rb") as file:
         file.seek(size)
         return words in file.read()
@@ -221,7 +221,7 @@ def _put_before(run: Path, hours: float) -> None:
         checkpoint.write_bytes(json.dumps(found).encode() + b"\n" + rest)
 
 
-async def _written(checkpoint: Checkpoint, plan: bytes) -> tuple[bytes, float, float]:
+async def _measure_write(checkpoint: Checkpoint, plan: bytes) -> tuple[bytes, float, float]:
     """Return a checkpoint's file, the milliseconds that a thread needs for it, and how late the loop was meanwhile."""
     late_ms = [0.0]
 

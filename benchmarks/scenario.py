@@ -124,7 +124,7 @@ def day_of(scenario: Scenario) -> Day:
     """Return a scenario's day for the planner."""
     number = scenario.places
     ways = build_road_graph(len(number), ((number[a], number[b], seconds) for a, b, seconds, _ in scenario.edges))
-    wanted = sorted({(min(pair), max(pair)) for pair in _required(scenario)})
+    wanted = sorted({(min(pair), max(pair)) for pair in _list_required_edges(scenario)})
     return Day(
         streets=ways,
         tasks=tuple((number[a], number[b]) for a, b in wanted),
@@ -135,14 +135,14 @@ def day_of(scenario: Scenario) -> Day:
     )
 
 
-def _required(scenario: Scenario) -> Iterator[tuple[int, int]]:
+def _list_required_edges(scenario: Scenario) -> Iterator[tuple[int, int]]:
     return ((a, b) for a, b, _, required in scenario.edges if required)
 
 
 def initial_timelines(scenario: Scenario, day: Day) -> tuple[Timeline, ...]:
     """Return the scenario's own plan, begun at 0 without pauses."""
     number = scenario.places
-    return tuple(day.timed([number[place] for place in nodes] for nodes in trips) for trips in scenario.initial)
+    return tuple(day.time_walks([number[place] for place in nodes] for nodes in trips) for trips in scenario.initial)
 
 
 def solution_of(scenario: Scenario, history: Sequence[Sequence[Timeline]]) -> Json:

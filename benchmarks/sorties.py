@@ -241,7 +241,7 @@ def fly_sorties(case: SortiesCase) -> SortiesDay:
         )  # fmt: skip
     except ExecutorError as error:
         return replace(empty, wrong=str(error))
-    return _judged(empty, ground, flight, watched, packs, away_s)
+    return _judge_day(empty, ground, flight, watched, packs, away_s)
 
 
 class _Packs:
@@ -275,7 +275,7 @@ def _pads_m(ground: SiteModel) -> dict[str, tuple[float, float, float]]:
     return {name: (pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for name, pad in pads.items()}
 
 
-def _judged(
+def _judge_day(
     empty: SortiesDay, ground: SiteModel, flight: VirtualFlight, watched: _Watched, packs: _Packs,
     away_s: tuple[float, ...],
 ) -> SortiesDay:  # fmt: skip

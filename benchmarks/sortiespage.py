@@ -69,7 +69,7 @@ def _days(content: Mapping[str, Any]) -> Rows:
     ]  # fmt: skip
 
 
-def _happened(content: Mapping[str, Any]) -> Rows:
+def _build_loss_rows(content: Mapping[str, Any]) -> Rows:
     return [
         (
             str(day["number"] + 1), ", ".join(day["losses"]), ", ".join(f"{at_s:.0f}" for at_s in day["died_s"]),
@@ -79,7 +79,7 @@ def _happened(content: Mapping[str, Any]) -> Rows:
     ]  # fmt: skip
 
 
-def _told(content: Mapping[str, Any]) -> str:
+def _summarize_days(content: Mapping[str, Any]) -> str:
     wrong, days = len(content["wrong"]), content["days"]
     replans, swaps = (sum(day[what] for day in days) for what in ("replans", "swaps"))
     return (
@@ -102,9 +102,9 @@ def sorties_page(content: Mapping[str, Any]) -> str:
         TITLE,
         machine_line(content["machine"]),
         about,
-        _told(content),
+        _summarize_days(content),
         markdown_table(COLUMNS, _days(content)),
-        markdown_table(HAPPENED, _happened(content)),
+        markdown_table(HAPPENED, _build_loss_rows(content)),
         "## What went wrong" if content["wrong"] else "",
         "\n".join(f"- {line}" for line in content["wrong"]),
     )
@@ -114,6 +114,6 @@ def print_sorties(content: Mapping[str, Any]) -> None:
     """Print the tables."""
     console = Console()
     print_table(console, TITLE, COLUMNS, _days(content))
-    print_table(console, "What happened", HAPPENED, _happened(content))
-    for line in (_told(content), *content["wrong"]):
+    print_table(console, "What happened", HAPPENED, _build_loss_rows(content))
+    for line in (_summarize_days(content), *content["wrong"]):
         console.print(line, markup=False, highlight=False)

@@ -31,7 +31,7 @@ class Store:
         except OSError as error:
             raise BenchError(f"{directory}: expected a directory to write to: {error.strerror}") from error
 
-    def known(self, key: str, settings: Mapping[str, object]) -> Json | None:
+    def find_result(self, key: str, settings: Mapping[str, object]) -> Json | None:
         """Return a result that is there and was made with these settings."""
         try:
             content = json.loads(self._path(key).read_text(encoding="utf-8"))
@@ -45,9 +45,9 @@ class Store:
         write_result(self._path(key), {"settings": settings, "result": result})
         return json.loads(json.dumps(result))  # type: ignore[no-any-return]  # a JSON object stays one
 
-    def known_or(self, key: str, settings: Mapping[str, object], make: Callable[[], Json]) -> Json:
+    def find_or_make(self, key: str, settings: Mapping[str, object], make: Callable[[], Json]) -> Json:
         """Return a result that is there, or make and keep it."""
-        result = self.known(key, settings)
+        result = self.find_result(key, settings)
         return self.keep(key, settings, make()) if result is None else result
 
     def _path(self, key: str) -> Path:

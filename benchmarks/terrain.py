@@ -153,7 +153,7 @@ def _feature(kind: str, coordinates: object, properties: dict[str, str]) -> dict
 
 
 def _step(folder: Path, kind: str, seconds: float) -> MeasuredStep:
-    code = "import sys; from benchmarks.terrain import measured_steps; measured_steps(*sys.argv[1:])"
+    code = "import sys; from benchmarks.terrain import measure_steps; measure_steps(*sys.argv[1:])"
     done = subprocess.run(
         [sys.executable, "-c", code, str(folder), kind, str(seconds)], capture_output=True, text=True, check=False
     )
@@ -162,7 +162,7 @@ def _step(folder: Path, kind: str, seconds: float) -> MeasuredStep:
     return MeasuredStep(**json.loads(done.stdout.splitlines()[-1]))
 
 
-def measured_steps(folder: str, kind: str, seconds: str) -> None:
+def measure_steps(folder: str, kind: str, seconds: str) -> None:
     """Do one step in this process, and print it."""
     base, begun_s = Path(folder), time.perf_counter()
     site = check_site(_site(), SITE)

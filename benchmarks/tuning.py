@@ -14,7 +14,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from benchmarks.few_lines_detector import PERCENT, FewLines
+from benchmarks.tuning_picture import ThresholdPoint, draw_tuning
 from benchmarks.witness import scoring
+from benchmarks.witness.log_evidence import LogEvidence
+from benchmarks.witness.statements import find_statements, read_log_evidence
 from benchmarks.witness.verdicts import Stand, hold_against
 from executor.adapters.worker_pool import start_worker_pool
 from executor.core.state.vehicle_state import FaultKind
@@ -22,9 +25,7 @@ from executor.errors import LogError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.log_replay import ReplayRules, replay_log
 from executor.replay.open_log import open_log
-from executor.replay.replay_result import Declaration, LogReplay, RecordedTruth, ThresholdPoint
-from executor.replay.witness.log_evidence import LogEvidence
-from executor.replay.witness.statements import find_statements, read_log_evidence
+from executor.replay.replay_result import Declaration, LogReplay, RecordedTruth
 
 SCALES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 LINK = "link_timeout_s"
@@ -50,11 +51,11 @@ Declared = Sequence[tuple[int, Declaration]]
 """By system."""
 
 
-def _declared(found: LogReplay) -> list[tuple[int, Declaration]]:
+def _list_declarations(found: LogReplay) -> list[tuple[int, Declaration]]:
     return [(vehicle.sysid, one) for vehicle in found.vehicles for one in vehicle.declarations]
 
 
-def _scored(said: Declared, truth: RecordedTruth, flown_s: float) -> Score:
+def _score_truth(said: Declared, truth: RecordedTruth, flown_s: float) -> Score:
     declared = sorted(((one.t_usec, one.kind) for _, one in said), key=lambda pair: pair[0])
     if truth.kind is None or truth.fault_usec is None:
         return Score(len(declared), (), 0, flown_s)
@@ -65,7 +66,7 @@ def _scored(said: Declared, truth: RecordedTruth, flown_s: float) -> Score:
     return Score(before, ((after[0][0] - truth.fault_usec) / 1e6,), 1, flown_s)
 
 
-def _witnessed(said: Declared, told: Mapping[int, LogEvidence], link_timeout_s: float, flown_s: float) -> Score:
+def _score_witnessed(said: Declared, told: Mapping[int, LogEvidence], link_timeout_s: float, flown_s: float) -> Score:
     """Hold what was declared in a log that nobody planned against what it says itself."""
     false, faults = 0, 0
     delays: list[float] = []
@@ -91,7 +92,7 @@ def few_lines(path: Path) -> tuple[list[tuple[int, FaultKind]], float]:
         began, last = began or usec, last or usec
         for at_usec in (*range(last + LOOK_USEC, min(usec, last + LONGEST_USEC), LOOK_USEC), usec):
             for number, one in systems.items():
-                kind = one.says((at_usec - began) / 1e6)
+                kind = one.find_fault((at_usec - began) / 1e6)
                 if kind is not None and (number, kind) not in said and not (opened.on_board and kind is FaultKind.LINK):
                     said.add((number, kind))
                     declared.append((at_usec, kind))
@@ -155,20 +156,20 @@ def _swept(job: _Job) -> list[Score]:
 
     def scored(said: Declared, flown_s: float) -> Score:
         if job.truth is not None:
-            return _scored(said, job.truth, flown_s)
-        return _witnessed(said, told, job.rules.link_timeout_s, flown_s)
+            return _score_truth(said, job.truth, flown_s)
+        return _score_witnessed(said, told, job.rules.link_timeout_s, flown_s)
 
     found = []
     for _, _, _, rules in _settings(job.rules):
-        done = _replayed(job.path, rules)
-        found.append(scored(_declared(done), sum(vehicle.flown_s for vehicle in done.vehicles)))
+        done = _replay_log(job.path, rules)
+        found.append(scored(_list_declarations(done), sum(vehicle.flown_s for vehicle in done.vehicles)))
     simple, flown_s = few_lines(job.path)
     system = next(iter(told), 0)
     said = [(system, Declaration(kind, "few lines", usec, "")) for usec, kind in simple]
     return [*found, scored(said, flown_s)]
 
 
-def _replayed(path: Path, rules: ReplayRules) -> LogReplay:
+def _replay_log(path: Path, rules: ReplayRules) -> LogReplay:
     opened = open_log(path)
     return replay_log(opened.file, path, rules, on_board=opened.on_board)
 
@@ -191,8 +192,6 @@ def print_tuning(paths: Sequence[Path], rules: ReplayRules, output: Path | None,
     """Sweep, print, and draw the picture where a folder for it is given."""
     points = sweep_thresholds(paths, rules, os.cpu_count() or 1)
     if output is not None:
-        from benchmarks.tuning_picture import draw_tuning
-
         output.mkdir(parents=True, exist_ok=True)
         draw_tuning(points, output / "tuning.png")
     if as_json:

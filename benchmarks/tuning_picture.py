@@ -3,13 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from executor.analysis.pictures import save_figure
 from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, WIDTH_IN, style_of
-from executor.replay.replay_result import ThresholdPoint
+
+
+@dataclass(frozen=True, slots=True)
+class ThresholdPoint:
+    """One value of one threshold, over all flights."""
+
+    threshold: str
+    value: float
+    chosen: bool
+    """Whether it is the value in use."""
+    found: int
+    faults: int
+    mean_delay_s: float | None
+    """Of the faults that were found."""
+    false_alarms: int
+    flight_hours: float
+
+    @property
+    def false_per_hour(self) -> float:
+        """False alarms in a flight hour."""
+        return self.false_alarms / self.flight_hours if self.flight_hours else 0.0
 
 
 def draw_tuning(points: Sequence[ThresholdPoint], path: Path) -> None:

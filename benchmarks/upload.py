@@ -152,12 +152,12 @@ async def _rows(cells: Sequence[UploadCase], repeats: int, seed: int, said: Call
     slow = sorted((cell for cell in cells if cell not in fast), key=_expected_s, reverse=True)
     for cell in fast:  # the computer's own speed counts here: one at a time
         for repeat in range(repeats):
-            ended[cell].append(await _both(cell, repeat, seed, room))
+            ended[cell].append(await _upload_with_both(cell, repeat, seed, room))
     gate = asyncio.Semaphore(AT_ONCE)
 
     async def one(cell: UploadCase, repeat: int) -> None:
         async with gate:
-            ended[cell].append(await _both(cell, repeat, seed, room))
+            ended[cell].append(await _upload_with_both(cell, repeat, seed, room))
         said(f"{sum(map(len, ended.values()))} of {len(cells) * repeats}")
 
     async with asyncio.TaskGroup() as tasks:
@@ -185,7 +185,9 @@ def _timing(attempts: Sequence[Attempt]) -> UploadTiming:
     )
 
 
-async def _both(cell: UploadCase, repeat: int, seed: int, room: asyncio.Semaphore) -> tuple[Attempt, Attempt]:
+async def _upload_with_both(
+    cell: UploadCase, repeat: int, seed: int, room: asyncio.Semaphore
+) -> tuple[Attempt, Attempt]:
     """Upload by both programs to one vehicle, in turn the one or the other first."""
     dialect = dialect_for(cell.autopilot)
     async with _vehicle(cell.autopilot, cell.loss, cell.delay_s, seed + repeat) as connection:
@@ -194,16 +196,16 @@ async def _both(cell: UploadCase, repeat: int, seed: int, room: asyncio.Semaphor
             # Not the same content twice: PX4 would ignore it.
             mission = _mission(dialect, cell.items, height_m=20.0 + len(attempts))
             if name == "native":
-                attempts[name] = await _by_us(connection, dialect, mission)
+                attempts[name] = await _upload_with_own(connection, dialect, mission)
             else:
                 async with room:
-                    attempts[name] = await _by_mavsdk(connection, mission)
+                    attempts[name] = await _upload_with_mavsdk(connection, mission)
             if attempts[name].failure:
                 await asyncio.sleep(dialect.upload_silence_s + IDLE_S)
     return attempts["native"], attempts["mavsdk"]
 
 
-async def _by_us(connection: Connection, dialect: Dialect, items: tuple[MissionItem, ...]) -> Attempt:
+async def _upload_with_own(connection: Connection, dialect: Dialect, items: tuple[MissionItem, ...]) -> Attempt:
     async with endpoints.open_mavlink_links({NAME: LinkRequest(connection, SYSID)}) as links:
         began_s = time.perf_counter()
         clock = SystemClock(1.0)
@@ -216,7 +218,7 @@ async def _by_us(connection: Connection, dialect: Dialect, items: tuple[MissionI
         return Attempt(time.perf_counter() - began_s, failure)
 
 
-async def _by_mavsdk(connection: Connection, items: tuple[MissionItem, ...]) -> Attempt:
+async def _upload_with_mavsdk(connection: Connection, items: tuple[MissionItem, ...]) -> Attempt:
     async with open_uploader(connection, SYSID, FIND_S) as uploader:
         began_s = time.perf_counter()
         failure = await uploader.upload(items)
@@ -311,10 +313,10 @@ def _line(row: Row) -> str:
     cell, reasons = row.cell, Counter(row.mavsdk.failures)
     why = ", ".join(f"{reason} ({times})" for reason, times in sorted(reasons.items()))
     case = f"| {cell.items} | {1e3 * cell.delay_s:.0f} | {100 * cell.loss:.0f} | {row.floor_s:.2f} |"
-    return f"{case} {_shown(row.native)} | {_shown(row.mavsdk)} | {why} |"
+    return f"{case} {_format_timing(row.native)} | {_format_timing(row.mavsdk)} | {why} |"
 
 
-def _shown(timing: UploadTiming) -> str:
+def _format_timing(timing: UploadTiming) -> str:
     times = len(timing.accepted_s) + len(timing.failures)
     median = "-" if timing.median_s is None else f"{timing.median_s:.2f}"
     return f"{median} ({len(timing.accepted_s)}/{times})"

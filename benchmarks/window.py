@@ -98,7 +98,7 @@ class LossOutcome:
     flown_s: float
 
 
-def claimed(settings: WindowSettings) -> Claim:
+def plan_claim(settings: WindowSettings) -> Claim:
     """Plan for the largest window, with batteries of such a size that budgets are as tight as asked.
 
     Raises:
@@ -149,12 +149,12 @@ def fly_losses(claim: Claim, drawn: Sequence[RandomLoss], *, jobs: int = 1, seed
     """
     branches = [Branch(loss.vehicle, loss.at_s, loss.spec) for loss in drawn]
     return fly_branches(
-        claim.ground, claim.plan, branches, lambda flight, number: judged_loss(flight, drawn[number]),
+        claim.ground, claim.plan, branches, lambda flight, number: judge_loss(flight, drawn[number]),
         jobs=jobs, seed=seed,
     )  # fmt: skip
 
 
-def judged_loss(flight: VirtualFlight, loss: RandomLoss) -> LossOutcome:
+def judge_loss(flight: VirtualFlight, loss: RandomLoss) -> LossOutcome:
     """Hold a flight against the claim, by the simulator's truth where it knows better."""
     report, reserves = flight.report, {name: one.reserve_pct for name, one in flight.context.vehicles.items()}
     survivors = {name: craft for name, craft in flight.crafts.items() if name != loss.vehicle}
@@ -196,7 +196,7 @@ class _Order:
     jobs: int
 
 
-def tried(
+def try_plans(
     plans: Sequence[WindowSettings], after: int, before: int, jobs: int,
     told: Callable[[int, int], None] = lambda *_: None,
 ) -> list[Trial]:  # fmt: skip
@@ -215,7 +215,7 @@ def tried(
     """
     trials = []
     for number, settings in enumerate(plans):
-        claim = claimed(settings)
+        claim = plan_claim(settings)
         late = losses(claim, _part(after, number, len(plans)), settings.seed + number)
         early = losses(claim, _part(before, number, len(plans)), settings.seed + number, before=True)
         order = _Order(settings, claim, (*late, *early), len(late), jobs)

@@ -15,8 +15,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/benchmarks/test_reallogs.py": (
         "benchmarks/detectionbench.py",
         "benchmarks/reallogspage.py",
-        "executor/replay/witness/dataflash_log.py",
-        "executor/replay/witness/px4_log.py",
+        "benchmarks/witness/dataflash_log.py",
+        "benchmarks/witness/px4_log.py",
         "benchmarks/witness/scoring.py",
     ),
     "tests/executor/virtual/test_areas.py": ("executor/core/preflight/area_checks.py", "missions/area_check.py"),
@@ -32,9 +32,9 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/benchmarks/witness/test_verdicts.py": (
         "benchmarks/witness/hands.py",
         "benchmarks/witness/packs.py",
-        "executor/replay/witness/statements.py",
-        "executor/replay/witness/telemetry_log.py",
-        "executor/replay/witness/log_evidence.py",
+        "benchmarks/witness/statements.py",
+        "benchmarks/witness/telemetry_log.py",
+        "benchmarks/witness/log_evidence.py",
     ),
     "tests/e2e/test_fleet.py": (
         "executor/flight/flight_request.py",
@@ -64,6 +64,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/adapters/logs/px4_vehicle.py",
     ),
     "tests/executor/adapters/mavlink/test_codec.py": (
+        "executor/adapters/mavlink/message_readers.py",
         "executor/adapters/mavlink/integers.py",
         "executor/adapters/mavlink/statustext.py",
     ),

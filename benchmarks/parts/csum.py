@@ -22,7 +22,9 @@ UNTIL_DONE = Seconds(3600.0)
 def make(setting: Setting) -> Json:
     """Measure all radii."""
     warm_up()
-    return {"rows": setting.kept(TITLE, CSUM, lambda one: f"csum-{one.radius_m:g}", _row, pyvrp=pyvrp_installed())}
+    return {
+        "rows": setting.make_cases(TITLE, CSUM, lambda one: f"csum-{one.radius_m:g}", _row, pyvrp=pyvrp_installed())
+    }
 
 
 def _row(setting: Setting, reference: CsumReference) -> Json:

@@ -30,7 +30,7 @@ def make(setting: Setting) -> Json:
     small = []
     for done, ((segments, vehicles), cost) in enumerate(cases):
         setting.told(TITLE, done, len(cases) + len(GROWTH))
-        small.append(_compared(setting, segments, vehicles, cost))
+        small.append(_compare_with_optimum(setting, segments, vehicles, cost))
     growth = []
     for done, segments in enumerate(GROWTH[: setting.pieces(len(GROWTH), 2)]):
         setting.told(TITLE, len(cases) + done, len(cases) + len(GROWTH))
@@ -49,7 +49,7 @@ def random_line(segments: int, vehicles: int, seed: int) -> Instance:
     return with_budget(instance, 1.2 * longest)
 
 
-def _compared(setting: Setting, segments: int, vehicles: int, cost: Cost) -> Json:
+def _compare_with_optimum(setting: Setting, segments: int, vehicles: int, cost: Cost) -> Json:
     seeds = range(setting.seed, setting.seed + setting.pieces(INSTANCES, 2))
     equal, worst, times = 0, 0.0, []
     for seed in seeds:

@@ -19,7 +19,7 @@ def make(setting: Setting) -> Json:
     """Measure all instances."""
     warm_up()
     references = mtsp_references(setting.directory)
-    rows = setting.kept(
+    rows = setting.make_cases(
         TITLE, references, lambda one: f"mtsp-{one.instance}-{one.vehicles}", _row, starts=setting.starts
     )
     return {"rows": rows}

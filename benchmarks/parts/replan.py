@@ -64,11 +64,11 @@ def make(setting: Setting) -> Json:
     warm_up()
     cases = [Case("real", tightness) for tightness in TIGHTNESS] if setting.data is not None else []
     cases += [Case("large", tightness) for tightness in LARGE_TIGHTNESS]
-    rows = setting.kept(TITLE, cases, lambda case: f"replan-{case.name}-{case.tightness:g}", _measured)
+    rows = setting.make_cases(TITLE, cases, lambda case: f"replan-{case.name}-{case.tightness:g}", _measure_case)
     return {"rows": rows, "peer": _peer(setting, rows) if pyvrp_installed() else None}
 
 
-def _measured(setting: Setting, case: Case) -> Json:
+def _measure_case(setting: Setting, case: Case) -> Json:
     instance, plan = _plan(setting, case)
     losses = list(_losses(instance, plan))
     every = np.unique(np.linspace(0, len(losses) - 1, min(len(losses), setting.pieces(MOST_LOSSES, 100))).astype(int))
@@ -172,7 +172,7 @@ class _Question:
 
 def _answers(setting: Setting, questions: list[_Question]) -> list[Json]:
     """Return what is known or asked now, one question on each core: PyVRP uses one."""
-    known = {one.key: setting.store.known(one.key, one.settings) for one in questions}
+    known = {one.key: setting.store.find_result(one.key, one.settings) for one in questions}
     missing = [one for one in questions if known[one.key] is None]
     setting.told(PEER_TITLE, len(questions) - len(missing), len(questions))
     pool = start_worker_pool(setting.starts)

@@ -47,7 +47,7 @@ def make(setting: Setting) -> Json:
             settings = {"seed": setting.seed, "quick": setting.quick, "budget": budget}
             order = _order(setting, name, vehicles, cost, budget)
             key = f"scale-{name}-{cost.value}"
-            rows.append(setting.store.known_or(key, settings, lambda order=order: _in_a_process(order)))  # type: ignore[misc]
+            rows.append(setting.store.find_or_make(key, settings, lambda order=order: _run_in_process(order)))  # type: ignore[misc]
             if cost is Cost.MINMAX:
                 budget = rows[-1]["value"] / TIGHTNESS
     setting.told(TITLE, len(rows), len(rows))
@@ -64,7 +64,7 @@ def _order(setting: Setting, name: str, vehicles: int, cost: Cost, budget: float
     }  # fmt: skip
 
 
-def _in_a_process(order: Json) -> Json:
+def _run_in_process(order: Json) -> Json:
     code = "import sys; from benchmarks.parts.scale import child; child(sys.argv[1])"
     done = subprocess.run(
         [sys.executable, "-c", code, json.dumps(order)],
@@ -118,7 +118,7 @@ def report(result: Json) -> str:
     rows = [
         (
             row["name"], row["segments"], row["vehicles"], row["cost"], figure(row["build_s"], 2),
-            figure(row["first_plan_s"], 2), *(_over(value, row["value"]) for value in row["values"][:-1]),
+            figure(row["first_plan_s"], 2), *(_format_excess_pct(value, row["value"]) for value in row["values"][:-1]),
             figure(row["value"], 1), row["uncovered"], figure(row["seconds"], 1), figure(row["peak_mib"], 0),
         )
         for row in result["rows"]
@@ -136,7 +136,7 @@ def report(result: Json) -> str:
     )
 
 
-def _over(value: float | None, last: float) -> str:
+def _format_excess_pct(value: float | None, last: float) -> str:
     return figure(None if value is None or last == 0 else 100 * (value / last - 1), 2)
 
 

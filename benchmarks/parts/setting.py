@@ -30,7 +30,7 @@ class Setting:
     quick: bool = False
     """To try it: a tenth of every time, and fewer pieces."""
 
-    def kept(
+    def make_cases(
         self,
         title: str,
         cases: Sequence[C],
@@ -51,7 +51,7 @@ class Setting:
         rows = []
         for done, case in enumerate(cases):
             self.told(title, done, len(cases))
-            rows.append(self.store.known_or(key(case), settings, partial(make, self, case)))
+            rows.append(self.store.find_or_make(key(case), settings, partial(make, self, case)))
         self.told(title, len(cases), len(cases))
         return rows
 

@@ -1,6 +1,6 @@
 """The public failure scenarios as days of sorties: a graph of streets, depots, vehicles lost one after another.
 
-    >>> left = left_after(day, timelines, lost=[0], at_s=12.0)                        # doctest: +SKIP
+    >>> left = build_day_left(day, timelines, lost=[0], at_s=12.0)                        # doctest: +SKIP
     >>> plan = solve_sorties(left.instance, stop=Seconds(0.5), initial=left.tails).plan    # doctest: +SKIP
     >>> timelines = day_after(day, left, plan)                                        # doctest: +SKIP
 
@@ -9,7 +9,14 @@ Trips are planned by ``planner.sorties``: a task is a segment, a trip a sortie t
 
 from benchmarks.scenarios.day import Day, Stand, TimedTrip, Timeline, build_day_instance
 from benchmarks.scenarios.least_end import MOST_COLUMNS, least_last_end_s
-from benchmarks.scenarios.losses import DayLeft, day_after, known_after, left_after, open_tasks, replan_losses
+from benchmarks.scenarios.losses import (
+    DayLeft,
+    build_day_left,
+    build_day_left_with_foresight,
+    day_after,
+    open_tasks,
+    replan_losses,
+)
 
 __all__ = [
     "MOST_COLUMNS",
@@ -19,10 +26,10 @@ __all__ = [
     "TimedTrip",
     "Timeline",
     "build_day_instance",
+    "build_day_left",
+    "build_day_left_with_foresight",
     "day_after",
-    "known_after",
     "least_last_end_s",
-    "left_after",
     "open_tasks",
     "replan_losses",
 ]

@@ -78,7 +78,7 @@ class Day:
         depots = sorted(set(self.depots))
         return (*depots, *sorted(set(self.starts) - set(depots)))
 
-    def timed(self, walks: Iterable[Sequence[int]], from_s: float = 0.0) -> Timeline:
+    def time_walks(self, walks: Iterable[Sequence[int]], from_s: float = 0.0) -> Timeline:
         """Return trips along walks, one after the other without a pause besides the turnaround.
 
         Raises:

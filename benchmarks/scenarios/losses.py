@@ -35,7 +35,7 @@ class DayLeft:
     """What the survivors were to fly next, of the tasks that are open."""
 
 
-def left_after(day: Day, timelines: Sequence[Timeline], lost: Sequence[int], at_s: float) -> DayLeft:
+def build_day_left(day: Day, timelines: Sequence[Timeline], lost: Sequence[int], at_s: float) -> DayLeft:
     """Return what is left when the last of ``lost`` is lost at ``at_s``, the others before.
 
     Raises:
@@ -63,7 +63,7 @@ def _left(
     return DayLeft(kept, flying, waiting, instance, _tails(day, timelines, kept, flying, waiting))
 
 
-def known_after(
+def build_day_left_with_foresight(
     day: Day, timelines: Sequence[Timeline], losses: Sequence[tuple[int, float]]
 ) -> tuple[DayLeft, tuple[float, ...]]:
     """Return what is left at the first loss for somebody who knows all the others, and until when each may fly.
@@ -99,7 +99,7 @@ def day_after(day: Day, left: DayLeft, plan: SortiePlan) -> tuple[Timeline, ...]
     timelines = list(left.kept)
     if left.instance is not None:
         for vehicle, own, sorties in zip(left.survivors, left.instance.vehicles, plan.sorties, strict=True):
-            timelines[vehicle] += day.timed(day.list_walks(left.open, own.base, sorties), own.ready_s)
+            timelines[vehicle] += day.time_walks(day.list_walks(left.open, own.base, sorties), own.ready_s)
     return tuple(timelines)
 
 
@@ -123,7 +123,7 @@ def replan_losses(
     now, lost = tuple(timelines), [vehicle for vehicle, _ in losses]
     for number, (_, at_s) in enumerate(losses, 1):
         watch = Stopwatch()
-        left = left_after(day, now, lost[:number], at_s)
+        left = build_day_left(day, now, lost[:number], at_s)
         now = left.kept if left.instance is None else day_after(day, left, solve(left.instance, left.tails))
         took(watch.seconds)
         history.append(now)

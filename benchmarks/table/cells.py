@@ -30,7 +30,7 @@ class PlanFigures:
     """Whether everything is inspected within the budgets; the window of any other plan is empty."""
 
     @classmethod
-    def of(cls, content: Json) -> PlanFigures:
+    def from_content(cls, content: Json) -> PlanFigures:
         """Read the figures of a result."""
         return cls(**{field.name: content[field.name] for field in fields(cls)})
 

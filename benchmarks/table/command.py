@@ -23,7 +23,7 @@ def make_table(settings: TableSettings, out: Path, *, jobs: int, fresh: bool) ->
     """
     store = Store(out / "table", fresh=fresh)
     with ShownProgress() as shown:
-        cells = make(Maker(settings, store, jobs, shown.told))
+        cells = make(Maker(settings, store, jobs, shown.show_stage))
     about, summaries = machine(), tuple(summary_of(cells, solver.value) for solver in SOLVERS)
     network = "own" if settings.network is None else settings.network.name
     content = {

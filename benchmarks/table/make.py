@@ -29,17 +29,17 @@ class Maker:
     jobs: int
     told: Told
 
-    def all(self, stage: str, tasks: Sequence[TableTask]) -> Results:
+    def make_all(self, stage: str, tasks: Sequence[TableTask]) -> Results:
         """Return the results of all tasks: those that are there, and those that are made now."""
-        found = {task: self.store.known(task.key, task.settings(self.table)) for task in tasks}
+        found = {task: self.store.find_result(task.key, task.settings(self.table)) for task in tasks}
         results = {task: result for task, result in found.items() if result is not None}
         self.told(stage, len(results), len(tasks))
-        for task, result in self._made([task for task in tasks if task not in results]):
+        for task, result in self._make_each([task for task in tasks if task not in results]):
             results[task] = self.store.keep(task.key, task.settings(self.table), result)
             self.told(stage, len(results), len(tasks))
         return {task: results[task] for task in tasks}
 
-    def _made(self, tasks: Sequence[TableTask]) -> Iterator[tuple[TableTask, Json]]:
+    def _make_each(self, tasks: Sequence[TableTask]) -> Iterator[tuple[TableTask, Json]]:
         if self.jobs == 1 or len(tasks) < 2:
             for task in tasks:
                 yield task, do(task, self.table)
@@ -57,18 +57,20 @@ class Maker:
 def make(maker: Maker) -> tuple[Cell, ...]:
     """Return all cells of a table."""
     table = maker.table
-    free = maker.all("MinMax without budgets", [
+    free = maker.make_all("MinMax without budgets", [
         TableTask(TaskKind.PLAN, radius, solver=solver, cost=Cost.MINMAX, seed=seed)
         for radius in table.radii_m for solver in SOLVERS for seed in range(table.seeds)
     ])  # fmt: skip
     frames = [_frame(radius, tightness, free) for radius in table.radii_m for tightness in table.tightness]
-    plans = maker.all("plans and their windows", [task for frame in frames for task in _plan_tasks(frame, free, table)])
-    bounds = maker.all("bounds", [frame.task(TaskKind.BOUND) for frame in frames])
+    plans = maker.make_all(
+        "plans and their windows", [task for frame in frames for task in _plan_tasks(frame, free, table)]
+    )
+    bounds = maker.make_all("bounds", [frame.task(TaskKind.BOUND) for frame in frames])
     series = {frame: _series(frame, plans) for frame in frames}
-    chosen = maker.all("plans chosen for their window", [
+    chosen = maker.make_all("plans chosen for their window", [
         *(_robust_task(frame, stretch, frame.best_routes) for frame in frames for stretch in STRETCHES),
         *(
-            _robust_task(frame, _taken(frame, series[frame], solver), _mincomb_routes(frame, plans, solver))
+            _robust_task(frame, _best_stretch(frame, series[frame], solver), _mincomb_routes(frame, plans, solver))
             for frame in frames for solver in SOLVERS
         ),
     ])  # fmt: skip
@@ -133,7 +135,7 @@ def _series(frame: _Frame, plans: Results) -> tuple[Series, ...]:
     def of(solver: PlanSolver, cost: Cost) -> tuple[PlanFigures, ...]:
         wanted = (frame.radius_m, frame.tightness, solver, cost)
         return tuple(
-            PlanFigures.of(result)
+            PlanFigures.from_content(result)
             for task, result in plans.items()
             if (task.radius_m, task.tightness, task.solver, task.cost) == wanted
         )
@@ -141,7 +143,7 @@ def _series(frame: _Frame, plans: Results) -> tuple[Series, ...]:
     return tuple(Series(solver.value, cost.value, of(solver, cost)) for solver in SOLVERS for cost in COSTS)
 
 
-def _taken(frame: _Frame, series: Sequence[Series], solver: PlanSolver) -> float:
+def _best_stretch(frame: _Frame, series: Sequence[Series], solver: PlanSolver) -> float:
     """Return the stretch that a solver's best MinComb plan takes; one that is shorter than MinMax takes none."""
     longest_s = best_mincomb(series, solver.value).longest_s
     return max(0.0, longest_s / frame.best_s - 1.0)
@@ -153,7 +155,7 @@ def _cell(
     def at(stretch: float) -> Stretched:
         # What was found for a shorter longest route is a plan for a longer one too.
         fitting = (
-            PlanFigures.of(result)
+            PlanFigures.from_content(result)
             for task, result in chosen.items()
             if (task.radius_m, task.tightness) == (frame.radius_m, frame.tightness) and (task.stretch or 0.0) <= stretch
         )
@@ -169,7 +171,10 @@ def _cell(
         windows=tuple(at(stretch) for stretch in STRETCHES),
         against=tuple(
             Against(
-                solver.value, best_mincomb(series, solver.value), at(_taken(frame, series, solver)), least_earliest_s
+                solver.value,
+                best_mincomb(series, solver.value),
+                at(_best_stretch(frame, series, solver)),
+                least_earliest_s,
             )
             for solver in SOLVERS
         ),

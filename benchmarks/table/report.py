@@ -23,7 +23,7 @@ def report(cells: Sequence[Cell], settings: TableSettings, machine: Json, pictur
         _preamble(settings),
         machine_line(machine),
         "## In short",
-        "\n".join(_in_short(cells, solver.value) for solver in SOLVERS),
+        "\n".join(_summarize_solver(cells, solver.value) for solver in SOLVERS),
         f"![Windows by tightness, one panel for each radius]({picture})",
         *(
             part
@@ -57,7 +57,7 @@ def _preamble(settings: TableSettings) -> str:
     )
 
 
-def _in_short(cells: Sequence[Cell], solver: str) -> str:
+def _summarize_solver(cells: Sequence[Cell], solver: str) -> str:
     summary = summary_of(cells, solver)
     mean = "there is no such cell."
     if summary.mean_reduction is not None:
@@ -100,11 +100,11 @@ def _radius(settings: TableSettings, cells: Sequence[Cell]) -> str:
         f"## {first.radius_m:g} m, {first.segments} segments",
         f"The best MinMax plan takes {first.minmax_s:.0f} s and {first.c_max_pct * first.tightness:.1f} %.",
         "Windows in percent, best (mean) of the seeds:",
-        _by_series(cells, lambda series: f"{_pct(series.best.window_pct)} ({_pct(series.mean_window_pct)})"),
+        _render_series(cells, lambda series: f"{_pct(series.best.window_pct)} ({_pct(series.mean_window_pct)})"),
         "t* in seconds, best (mean) of the seeds:",
-        _by_series(cells, lambda series: f"{series.best_earliest_s:.0f} ({series.mean_earliest_s:.0f})"),
+        _render_series(cells, lambda series: f"{series.best_earliest_s:.0f} ({series.mean_earliest_s:.0f})"),
         "Chosen for the window, at each stretch: window in percent; t* in seconds with this plan's own bound:",
-        _by_stretch(cells),
+        _render_stretches(cells),
     ]
     row = next((row for row in PAPER if row.radius_m == first.radius_m), None)
     if settings.network is not None and row is not None:
@@ -112,7 +112,7 @@ def _radius(settings: TableSettings, cells: Sequence[Cell]) -> str:
     return "\n\n".join(parts)
 
 
-def _by_series(cells: Sequence[Cell], shown: Callable[[Series], str]) -> str:
+def _render_series(cells: Sequence[Cell], shown: Callable[[Series], str]) -> str:
     columns = ["tightness", "C_max %", *(f"{COST_NAMES[one.cost]}, {one.solver}" for one in cells[0].series)]
     rows = [
         [f"{cell.tightness:.2f}", _pct(cell.c_max_pct), *(shown(series) for series in cell.series)] for cell in cells
@@ -120,13 +120,13 @@ def _by_series(cells: Sequence[Cell], shown: Callable[[Series], str]) -> str:
     return markdown_table(columns, rows)
 
 
-def _by_stretch(cells: Sequence[Cell]) -> str:
+def _render_stretches(cells: Sequence[Cell]) -> str:
     fixed = [f"stretch {100 * one.stretch:g} %" for one in cells[0].windows]
     rows = [
         [
             f"{cell.tightness:.2f}",
             *(_window(one.plan) for one in cell.windows),
-            *(_at(one.chosen) for one in cell.against),
+            *(_format_stretch(one.chosen) for one in cell.against),
             f"{cell.least_earliest_s:.0f}",
         ]
         for cell in cells
@@ -139,7 +139,7 @@ def _window(plan: PlanFigures) -> str:
     return f"{_pct(plan.window_pct)}; {plan.earliest_s:.0f} (>= {plan.certified_earliest_s:.0f})"
 
 
-def _at(one: Stretched) -> str:
+def _format_stretch(one: Stretched) -> str:
     return f"{100 * one.stretch:.1f} %: {_window(one.plan)}"
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from executor.replay.witness.log_evidence import SECOND, LogEvidence, select_pairs_between
+from benchmarks.witness.log_evidence import SECOND, LogEvidence, select_pairs_between
 
 INSTRUMENTS = (
     ("BARO.Alt", "CTUN.BarAlt", "SCALED_PRESSURE", "vehicle_air_data"),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-from executor.replay.witness.log_evidence import Controller, LogEvidence, ModeSet, select_near
-from executor.replay.witness.statements import BATTERY, CRASH, EKF
+from benchmarks.witness.log_evidence import Controller, LogEvidence, ModeSet, select_near
+from benchmarks.witness.statements import BATTERY, CRASH, EKF
 
 BEFORE_S, AFTER_S = 3.5, 1.5
 """HEARTBEAT shows a mode up to a second, on a bad link a few, after it was set; its acknowledgement may come after."""

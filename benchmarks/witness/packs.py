@@ -10,8 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from executor.replay.replay_result import Declaration
-from executor.replay.witness.log_evidence import (
+from benchmarks.witness.log_evidence import (
     SECOND,
     LogEvidence,
     MotionSample,
@@ -19,7 +18,8 @@ from executor.replay.witness.log_evidence import (
     select_between,
     select_near,
 )
-from executor.replay.witness.statements import BATTERY, StatementKind, find_statements
+from benchmarks.witness.statements import BATTERY, StatementKind, find_statements
+from executor.replay.replay_result import Declaration
 
 V = TypeVar("V")
 Say = Callable[[str], V]
@@ -96,13 +96,13 @@ def _judgements(
     """Yield what each kind of evidence says, the best one first."""
     at = declared.t_usec
     if declared.reason == "pack":
-        yield _by_rest(told, since, at, confirmed, refuted)
+        yield _judge_by_rest(told, since, at, confirmed, refuted)
     if declared.reason == "reserve":
-        yield _by_percent(told, at, confirmed, refuted)
-    if _feels_load(told):
-        yield _by_voltage(declared, told, at, confirmed, refuted)
+        yield _judge_by_percent(told, at, confirmed, refuted)
+    if _has_load_response(told):
+        yield _judge_by_voltage(declared, told, at, confirmed, refuted)
     if "drain" in declared.reason or "plunge" in declared.reason:
-        yield _by_counter(told, since, at, confirmed, refuted)
+        yield _judge_by_counter(told, since, at, confirmed, refuted)
 
 
 _TEXT = re.compile(r"failsafe|critical")
@@ -130,7 +130,7 @@ def _on_ground(told: LogEvidence, since: int, at: int) -> bool:
     return max(one.height_m or 0.0 for one in seen) < GROUND_M and max(one.speed_m_s for one in seen) < 1.5
 
 
-def _feels_load(told: LogEvidence) -> bool:
+def _has_load_response(told: LogEvidence) -> bool:
     """Return whether the voltage moves with the load: a simulator's battery may say the same whatever is drawn."""
     volts = [one.volts for one in told.powers if one.volts]
     drawn = [one.amperes for one in told.powers if one.amperes is not None]
@@ -138,7 +138,7 @@ def _feels_load(told: LogEvidence) -> bool:
     return bool(volts) and not (loaded and max(volts) - min(volts) <= MOVES * max(volts))
 
 
-def _by_percent(told: LogEvidence, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+def _judge_by_percent(told: LogEvidence, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
     """Hold a landing below the reserve against what was reported at it, where the percentage counted down to it."""
     end = told.find_disarm_usec(at)
     reported = [one.percent for one in select_between(told.powers, at, end) if one.percent is not None]
@@ -150,7 +150,9 @@ def _by_percent(told: LogEvidence, at: int, confirmed: Say[V], refuted: Say[V]) 
     return refuted(words) if reported[-1] >= MUCH_PCT else None
 
 
-def _by_voltage(declared: Declaration, told: LogEvidence, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+def _judge_by_voltage(
+    declared: Declaration, told: LogEvidence, at: int, confirmed: Say[V], refuted: Say[V]
+) -> V | None:
     cells = cells_of(told)
     if cells is None:
         return None
@@ -159,7 +161,7 @@ def _by_voltage(declared: Declaration, told: LogEvidence, at: int, confirmed: Sa
     if now is not None and now.volts is not None and now.volts / cells < EMPTY_V:
         return confirmed(f"{now.volts / cells:.2f} V a cell under load")
     if "step" in declared.reason:
-        return _stepped(told, at, cells, confirmed, refuted)
+        return _judge_voltage_step(told, at, cells, confirmed, refuted)
     last = _load(told, max(at, end - 25 * SECOND), end - 5 * SECOND)
     if (end - at) / 1e6 < STAYS_S or last is None or last.volts is None:
         return None
@@ -173,11 +175,11 @@ def _by_voltage(declared: Declaration, told: LogEvidence, at: int, confirmed: Sa
     return None
 
 
-def _by_rest(told: LogEvidence, since: int, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+def _judge_by_rest(told: LogEvidence, since: int, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
     """Hold a percentage against the voltages at rest before the flight and after it, in both chemistries."""
     cells, end = cells_of(told), told.find_disarm_usec(at)
-    before = _rested(told, since - round(RESTS_S * SECOND), since)
-    after = _rested(told, end + round(RESTED_S * SECOND), end + round(RESTS_S * SECOND))
+    before = _find_rest(told, since - round(RESTS_S * SECOND), since)
+    after = _find_rest(told, end + round(RESTED_S * SECOND), end + round(RESTS_S * SECOND))
     if cells is None or before is None or after is None or before[0] - after[0] < FELL_V * cells:
         return None
     counted = before[1] - after[1]
@@ -193,7 +195,7 @@ def _by_rest(told: LogEvidence, since: int, at: int, confirmed: Say[V], refuted:
     return refuted(f"{words} counted, {max(gone):.0f} % gone at most") if max(gone) <= AS_BEFORE * counted else None
 
 
-def _rested(told: LogEvidence, from_usec: int, to_usec: int) -> tuple[float, float] | None:
+def _find_rest(told: LogEvidence, from_usec: int, to_usec: int) -> tuple[float, float] | None:
     """Return the median voltage and percentage of a time in which it stood with its motors off."""
     rows: Sequence[PowerReport] = [
         one for one in select_between(told.powers, from_usec, to_usec)
@@ -204,7 +206,7 @@ def _rested(told: LogEvidence, from_usec: int, to_usec: int) -> tuple[float, flo
     return median(one.volts or 0.0 for one in rows), median(one.percent or 0.0 for one in rows)
 
 
-def _stepped(told: LogEvidence, at: int, cells: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+def _judge_voltage_step(told: LogEvidence, at: int, cells: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
     before, after = _load(told, at - 20 * SECOND, at - 6 * SECOND), _load(told, at + 2 * SECOND, at + 15 * SECOND)
     if before is None or after is None or before.volts is None or after.volts is None:
         return None
@@ -230,7 +232,7 @@ def _load(told: LogEvidence, from_usec: int, to_usec: int) -> PowerReport | None
     return PowerReport(from_usec, median(volts), median(drawn) if drawn else None, None, None)
 
 
-def _by_counter(told: LogEvidence, since: int, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
+def _judge_by_counter(told: LogEvidence, since: int, at: int, confirmed: Say[V], refuted: Say[V]) -> V | None:
     """Hold a drain against the current that was measured: before it, and in the half minute up to it."""
     flying = since + 10 * SECOND
     usual = [

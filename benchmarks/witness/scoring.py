@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from benchmarks.witness.log_evidence import SECOND, LogEvidence
+from benchmarks.witness.statements import RIGHT, Statement, StatementKind
 from executor.core.state.vehicle_state import FaultKind
-from executor.replay.witness.log_evidence import SECOND, LogEvidence
-from executor.replay.witness.statements import RIGHT, Statement, StatementKind
 
 LATE_S = 2.0
 """So long after the autopilot's own text, or after the time-out, a declaration still counts."""

@@ -10,14 +10,28 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from statistics import fmean, median, stdev
 
-from executor.replay.witness.log_evidence import SECOND, LogEvidence, select_between, select_near
-from executor.replay.witness.statements import read_log_evidence
+from executor.core.interface.messages import (
+    Battery,
+    FlightMessage,
+    Heartbeat,
+    Position,
+    RcChannels,
+    SystemStatus,
+    Traffic,
+    VehicleSetting,
+)
+from executor.core.state.vehicle_parts import ModeEvidence
+from executor.core.telemetry.mode_evidence import record_evidence
+from executor.errors import LogError
+from executor.replay.log_replay import LogClock, is_known_copter
+from executor.replay.open_log import open_log
 
 BLOCK_S, CLIMB_BLOCK_S = 6.0, 3.0
 """Climbs are short."""
@@ -122,50 +136,117 @@ class AircraftNotes:
     """Of mode."""
     moved: Counter[int] = field(default_factory=Counter)
     """How many of them a switch was moved before, by its channel."""
-    minutes: list[list[int]] = field(default_factory=list)
+    minutes: list[tuple[int, int]] = field(default_factory=list)
     """Frames received and missing, of each minute."""
 
-    def add_log(self, told: LogEvidence) -> None:
-        """Take what one log says."""
-        self.logs += 1
-        self.settings |= told.settings
-        self.minutes += told.frames.values()
-        self._count_mode_changes(told)
-        armed = [(began, told.find_disarm_usec(began)) for began, is_armed in told.armed if is_armed]
-        self.rests_v += [
-            one.volts for one in told.powers
-            if one.volts and not any(began <= one.t_usec <= ended + RESTS_S * SECOND for began, ended in armed)
-        ]  # fmt: skip
-        for began, ended in armed:
-            flown = [one for one in select_between(told.moments, began, ended) if (one.height_m or 0.0) > HIGH_M]
-            self.flown_s += sum(min(STALE_S, (after.t_usec - before.t_usec) / 1e6) for before, after in pairwise(flown))
-            self.flights.append(_integrate_charge(list(_extract_reports(told, began, ended))))
 
-    def _count_mode_changes(self, told: LogEvidence) -> None:
-        for change in told.modes[1:]:
-            self.changes += 1
-            near_it = select_near(told.switches, change.t_usec, BEFORE_S, AFTER_S)
-            self.moved.update({one.channel for one in near_it if one.channel is not None})
+@dataclass(slots=True)
+class _LogReading:
+    """One system in one log, message by message into its notes."""
 
+    notes: AircraftNotes
+    is_copter: bool = False
+    beat: Heartbeat | None = None
+    place: Position | None = None
+    placed_s: float = -math.inf
+    flown_until_s: float | None = None
+    """When a position showed last that it flies."""
+    disarmed_s: float = -math.inf
+    consumed_ah: float | None = None
+    has_status: bool = False
+    """Whether SYS_STATUS reports its battery: beside it BATTERY_STATUS says what was used."""
+    evidence: ModeEvidence = field(default_factory=ModeEvidence)
+    switched: list[tuple[float, int]] = field(default_factory=list)
+    """When a switch was moved, and its channel."""
+    changed_s: list[float] = field(default_factory=list)
+    """When the mode changed."""
+    minutes: dict[int, tuple[int, int]] = field(default_factory=dict)
 
-def _extract_reports(told: LogEvidence, began: int, ended: int) -> Iterator[_Report]:
-    """Yield what the battery said in the air, with how it flew then."""
-    moments, index = told.moments, 0
-    for power in select_between(told.powers, began, ended):
-        while index + 1 < len(moments) and moments[index + 1].t_usec <= power.t_usec:
-            index += 1
-        place = moments[index] if moments else None
-        if (
-            place is None
-            or not 0 <= power.t_usec - place.t_usec <= STALE_S * SECOND
-            or (place.height_m or 0.0) < HIGH_M
-        ):
-            continue
-        yield _Report(
-            power.t_usec / 1e6, power.volts, power.amperes,
-            None if power.consumed_mah is None else power.consumed_mah / 1e3, power.percent,
-            place.speed_m_s if place.lat_deg or told.on_board is False else math.nan, place.climb_m_s,
+    def read_message(self, message: FlightMessage, now_s: float) -> None:
+        """Take what the system says; until it is known to be a copter only its settings."""
+        if not self.is_copter and not isinstance(message, Heartbeat | VehicleSetting):
+            return
+        match message:
+            case Heartbeat():
+                self._read_heartbeat(message, now_s)
+            case Position():
+                self._read_position(message, now_s)
+            case Battery(battery=0) | SystemStatus():
+                self._read_battery(message, now_s)
+            case VehicleSetting() | RcChannels():
+                self._read_transmitter(message, now_s)
+            case Traffic(received, missing):
+                before = self.minutes.get(minute := int(now_s // 60), (0, 0))
+                self.minutes[minute] = (before[0] + received, before[1] + missing)
+            case _:
+                pass
+
+    def _read_heartbeat(self, beat: Heartbeat, now_s: float) -> None:
+        self.is_copter = self.is_copter or is_known_copter(beat)
+        if not self.is_copter:
+            return
+        before, self.beat = self.beat, beat
+        if before is not None and beat.custom_mode != before.custom_mode:
+            self.changed_s.append(now_s)
+        was_armed = before is not None and before.armed
+        if beat.armed and not was_armed:
+            self.notes.flights.append([])
+        elif was_armed and not beat.armed:
+            self.disarmed_s = now_s
+        self.flown_until_s = self.flown_until_s if beat.armed else None
+
+    def _read_position(self, place: Position, now_s: float) -> None:
+        self.place, self.placed_s = place, now_s
+        if not self._is_armed() or place.alt_rel_m <= HIGH_M:
+            return
+        if self.flown_until_s is not None:
+            self.notes.flown_s += min(STALE_S, now_s - self.flown_until_s)
+        self.flown_until_s = now_s
+
+    def _read_battery(self, said: Battery | SystemStatus, now_s: float) -> None:
+        if isinstance(said, Battery):
+            self.consumed_ah = said.consumed_ah
+        else:
+            self.has_status = True
+        if self.has_status == isinstance(said, SystemStatus):
+            self._add_report(said, now_s)
+
+    def _read_transmitter(self, said: VehicleSetting | RcChannels, now_s: float) -> None:
+        """Note a setting, of which some say what its channels mean, or a switch that was moved."""
+        known, self.evidence = self.evidence, record_evidence(self.evidence, said, now_s)
+        if isinstance(said, VehicleSetting):
+            self.notes.settings[said.name] = said.value
+        elif self.evidence.switched != known.switched:
+            self.switched.append((now_s, self.evidence.switched[-1].channel))
+
+    def _is_armed(self) -> bool:
+        return self.beat is not None and self.beat.armed
+
+    def _add_report(self, said: Battery | SystemStatus, now_s: float) -> None:
+        """Note what the battery says in the air, with how it flies, or at rest."""
+        if not self._is_armed():
+            if said.voltage_v and now_s > self.disarmed_s + RESTS_S:
+                self.notes.rests_v.append(said.voltage_v)
+            return
+        place = self.place
+        if place is None or now_s - self.placed_s > STALE_S or place.alt_rel_m < HIGH_M:
+            return
+        speed_m_s = math.hypot(place.north_m_s, place.east_m_s)
+        self.notes.flights[-1].append(
+            _Report(
+                now_s, said.voltage_v, said.current_a, self.consumed_ah, said.remaining_pct, speed_m_s,
+                -place.down_m_s,
+            )
         )  # fmt: skip
+
+    def end_log(self) -> None:
+        """Note what shows only once the log has ended."""
+        notes = self.notes
+        notes.logs += self.is_copter
+        notes.changes += len(self.changed_s)
+        for at_s in self.changed_s:
+            notes.moved.update({one for seen_s, one in self.switched if at_s - BEFORE_S <= seen_s <= at_s + AFTER_S})
+        notes.minutes += self.minutes.values()
 
 
 def _integrate_charge(reports: list[_Report]) -> list[_Report]:
@@ -179,19 +260,39 @@ def _integrate_charge(reports: list[_Report]) -> list[_Report]:
     return counted
 
 
-def read_aircraft_notes(paths: Iterable[Path]) -> dict[int, AircraftNotes]:
-    """Read logs, each once; returns what was noted, by system."""
+def read_aircraft_notes(paths: Sequence[Path]) -> dict[int, AircraftNotes]:
+    """Read logs, each once; returns what was noted, by system. Of many one that is no log costs nothing.
+
+    Raises:
+        ExtraMissing: there is a ULog, and nothing is installed to read it with.
+        LogError: the only log cannot be read.
+    """
     notes: dict[int, AircraftNotes] = {}
     for path in paths:
-        for system, told in read_log_evidence(path).items():
-            notes.setdefault(system, AircraftNotes()).add_log(told)
-    return notes
+        with suppress(*(() if len(paths) == 1 else (LogError,))):
+            _read_log(path, notes)
+    return {system: one for system, one in notes.items() if one.logs}
+
+
+def _read_log(path: Path, notes: dict[int, AircraftNotes]) -> None:
+    file, readings = open_log(path, every_record=True).file, dict[int, _LogReading]()
+    clock = LogClock(file.skipped)
+    for t_usec, system, message in file.read_records():
+        now_s = clock.advance(t_usec)
+        if not system or message is None:
+            continue
+        if system not in readings:
+            readings[system] = _LogReading(notes.setdefault(system, AircraftNotes()))
+        readings[system].read_message(message, now_s)
+    for reading in readings.values():
+        reading.end_log()
 
 
 def estimate_aircraft(notes: AircraftNotes) -> LearnedAircraft:
     """Return what the notes of one vehicle say of it."""
+    flights = [_integrate_charge(flight) for flight in notes.flights]
     blocks, climbs = (
-        [block for number, flight in enumerate(notes.flights) for block in _cut_blocks(number, flight, length_s)]
+        [block for number, flight in enumerate(flights) for block in _cut_blocks(number, flight, length_s)]
         for length_s in (BLOCK_S, CLIMB_BLOCK_S)
     )
     steady = [one for one in blocks if abs(one.climb_m_s) < LEVEL_M_S]
@@ -207,9 +308,9 @@ def estimate_aircraft(notes: AircraftNotes) -> LearnedAircraft:
             [one for one in hovers if one.voltage_v], lambda one: one.current_a * (one.voltage_v or 0.0)
         ),
         climb_share=_estimate_climb(climbs, level),
-        capacity_ah=_estimate_capacity(notes.flights),
+        capacity_ah=_estimate_capacity(flights),
         told_capacity_ah=_read_capacity_ah(notes.settings),
-        resistance_ohm=_estimate_resistance(notes.flights),
+        resistance_ohm=_estimate_resistance(flights),
         link_loss_pct=_estimate_link_loss(notes.minutes),
         switch=_estimate_switch(notes),
     )  # fmt: skip

@@ -31,7 +31,7 @@ from executor.core.interface.messages import (
     SystemStatus,
     VehicleSetting,
 )
-from executor.core.interface.recorded_log import Record, RecordedFile
+from executor.core.interface.recorded_log import Record, RecordedFile, SkippedRecords
 from executor.core.limits import Limits
 from executor.core.state import landing_projection
 from executor.core.state.vehicle_state import FaultKind, Stage, VehicleState
@@ -73,7 +73,7 @@ ANY_DRONE = Prior(2.5, 2.5, slack=0.5)
 minutes on, so that its own flight alone says what is usual."""
 NOBODY_KNOWS = "no site names the drone, so nothing is known of what it uses: only a change in its own flight is judged"
 COPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
-"""MAV_TYPE with rotors: other vehicles have other modes, and no energy model here."""
+"""MAV_TYPE with rotors."""
 BACK_USEC = 1_000_000
 """Records that are out of order by less share a moment."""
 LONGEST_GAP_S = 120.0
@@ -122,6 +122,41 @@ def replay_log(file: RecordedFile, path: Path, rules: ReplayRules, *, on_board: 
 _TICK = Tick()
 
 
+@dataclass(slots=True)
+class LogClock:
+    """The time of a log in seconds since it began, which never runs back."""
+
+    skipped: SkippedRecords
+    """Where it is counted how often the log's own clock jumped back."""
+    began_usec: int | None = None
+    _last_usec: int = 0
+    _shift_usec: int = 0
+
+    def advance(self, t_usec: int) -> float:
+        """Return the time of the next record."""
+        if self.began_usec is None:
+            self.began_usec = self._last_usec = t_usec
+        back_usec = self._last_usec - t_usec
+        if back_usec > BACK_USEC:
+            self.skipped.time_back += 1
+            self._shift_usec += back_usec
+        self._last_usec = t_usec if back_usec > BACK_USEC else max(t_usec, self._last_usec)
+        return self.to_s(self._last_usec)
+
+    def to_s(self, t_usec: int) -> float:
+        """Return a moment of the log's own clock as this one has it now."""
+        return (t_usec - (self.began_usec or 0) + self._shift_usec) / 1e6
+
+    def to_usec(self, at_s: float) -> int:
+        """Return a moment on the log's clock, as if that had never jumped back."""
+        return (self.began_usec or 0) + round(at_s * 1e6)
+
+
+def is_known_copter(beat: Heartbeat) -> bool:
+    """Return whether a vehicle can be followed: others have other modes, and no energy model here."""
+    return dialect_of(beat.autopilot) is not None and beat.vehicle_type in COPTERS
+
+
 class _Player:
     """Feeds records and ticks to the passive core; owns the time."""
 
@@ -132,9 +167,7 @@ class _Player:
         self._names: dict[int, str] = {}
         self._others: dict[int, str] = {}
         """Systems that are not followed, and why."""
-        self._first: int | None = None
-        self._last = 0
-        self._shift = 0
+        self._clock = LogClock(file.skipped)
         self._now_s = 0.0
         self._next_s = 0.0
         self._findings: list[Finding] = []
@@ -156,17 +189,7 @@ class _Player:
     def play_record(self, record: Record) -> None:
         """Let time pass to a record, and take what it says."""
         t_usec, system, message = record
-        if self._first is None:
-            self._first = self._last = t_usec
-        if t_usec < self._last:
-            if self._last - t_usec > BACK_USEC:
-                self._file.skipped.time_back += 1
-                self._shift += self._last - t_usec
-                self._last = t_usec
-            else:
-                t_usec = self._last
-        self._last = t_usec
-        now_s = (t_usec - self._first + self._shift) / 1e6
+        now_s = self._clock.advance(t_usec)
         if now_s >= self._next_s:
             self._advance_to(now_s)
         self._now_s = now_s
@@ -218,11 +241,9 @@ class _Player:
         """Look at everything; returns when to look again."""
         for system, name in self._names.items():
             usec = self._file.heard.get(system)
-            if usec is not None and self._first is not None:
-                heard_s = (usec - self._first + self._shift) / 1e6
-                self._state = passive_watch.record_contact(
-                    self._state, name, min(at_s, heard_s), self._beats.pop(name, None)
-                )
+            if usec is not None:
+                heard_s = min(at_s, self._clock.to_s(usec))
+                self._state = passive_watch.record_contact(self._state, name, heard_s, self._beats.pop(name, None))
         self._state, found = passive_watch.step_watch(self._scene, self._state, _TICK, at_s)
         self._findings += found
         calm = True
@@ -319,7 +340,7 @@ class _Player:
         if not isinstance(message, Heartbeat):
             return ""
         dialect = dialect_of(message.autopilot)
-        if dialect is None or message.vehicle_type not in COPTERS:
+        if dialect is None or not is_known_copter(message):
             self._others[system] = (
                 f"system {system} is not followed: {describe_vehicle_type(message.vehicle_type)} with "
                 f"{describe_autopilot(message.autopilot)} (MAV_TYPE {message.vehicle_type}, "
@@ -339,7 +360,7 @@ class _Player:
 
     def build_result(self, path: Path) -> LogReplay:
         """Return what was found, once the log has ended."""
-        if self._first is not None:
+        if self._clock.began_usec is not None:
             # What it said last is judged, too.
             self._next_s = min(self._next_s, self._now_s)
             self._advance_to(self._now_s)
@@ -360,18 +381,18 @@ class _Player:
         notes += [note for name, book in self._flights.items() if (note := book.describe_missionless(name))]
         if not vehicles:
             notes.insert(0, "no vehicle in it that can be followed")
-        return LogReplay(path, vehicles, self._file.skipped, self._first or 0, self._now_s, tuple(notes))
+        return LogReplay(path, vehicles, self._file.skipped, self._clock.began_usec or 0, self._now_s, tuple(notes))
 
     def _build_vehicle(self, system: int, name: str, found: Sequence[Finding]) -> VehicleReplay:
         mine = [one for one in found if one.vehicle == name]
         declarations = [
-            Declaration(one.kind, one.reason, self._to_log_usec(one.at_s), one.evidence)
+            Declaration(one.kind, one.reason, self._clock.to_usec(one.at_s), one.evidence)
             for one in mine
             if isinstance(one, DeclaredFault)
         ]
         degraded = [
             ImpairedPeriod(
-                one.kind, one.reason, self._to_log_usec(one.from_s), self._to_log_usec(one.to_s or self._now_s),
+                one.kind, one.reason, self._clock.to_usec(one.from_s), self._clock.to_usec(one.to_s or self._now_s),
                 one.evidence
             )
             for one in mine
@@ -387,15 +408,11 @@ class _Player:
             samples=tuple(self._traces[name].samples),
             packs=self._books[name].close_flights(),
             modes=tuple(
-                ModeTransition(self._to_log_usec(one.at_s), one.mode, one.by, one.why)
+                ModeTransition(self._clock.to_usec(one.at_s), one.mode, one.by, one.why)
                 for one in mine
                 if isinstance(one, ObservedModeChange)
             ),
         )
-
-    def _to_log_usec(self, at_s: float) -> int:
-        """Return a moment on the log's clock, as if that had never jumped back."""
-        return (self._first or 0) + round(at_s * 1e6)
 
 
 def _began_s(found: Finding) -> float:

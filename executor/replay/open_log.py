@@ -28,8 +28,12 @@ class OpenedLog:
     on_board: bool
 
 
-def open_log(path: Path) -> OpenedLog:
+def open_log(path: Path, *, every_record: bool = False) -> OpenedLog:
     """Return a reader for a log; damaged and empty ones have one too, by their name.
+
+    Args:
+        path: The log.
+        every_record: Whether all that it says is wanted; else each kind as often as some watchpoint needs it.
 
     Raises:
         ExtraMissing: it is a ULog, and nothing is installed to read it with.
@@ -44,16 +48,16 @@ def open_log(path: Path) -> OpenedLog:
     if kind == ".tlog":
         from executor.adapters.mavlink.tlog_reader import TelemetryFile
 
-        return OpenedLog(TelemetryFile(path), on_board=False)
+        return OpenedLog(TelemetryFile(path, every_record=every_record), on_board=False)
     if kind in {".bin", ".log"}:
         from executor.adapters.logs.dataflash import DataFlashFile
 
-        return OpenedLog(DataFlashFile(path, text=kind == ".log"), on_board=True)
+        return OpenedLog(DataFlashFile(path, text=kind == ".log", every_record=every_record), on_board=True)
     if kind == ".ulg":
         require_extra(Extra.LOGS, f"{path}: a ULog")
         from executor.adapters.logs.ulog import UlogFile
 
-        return OpenedLog(UlogFile(path), on_board=True)
+        return OpenedLog(UlogFile(path, every_record=every_record), on_board=True)
     if kind == ".raw":
         raise LogError(f"{path}: holds MAVLink without times: expected the telemetry log (.tlog) beside it")
     raise LogError(

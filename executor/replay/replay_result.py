@@ -129,24 +129,3 @@ class RecordedTruth:
     until_usec: int | None
     """When it was over; None if it lasts."""
     events: tuple[TrueEvent, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class ThresholdPoint:
-    """One value of one threshold, over all flights."""
-
-    threshold: str
-    value: float
-    chosen: bool
-    """Whether it is the value in use."""
-    found: int
-    faults: int
-    mean_delay_s: float | None
-    """Of the faults that were found."""
-    false_alarms: int
-    flight_hours: float
-
-    @property
-    def false_per_hour(self) -> float:
-        """False alarms in a flight hour."""
-        return self.false_alarms / self.flight_hours if self.flight_hours else 0.0

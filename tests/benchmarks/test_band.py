@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import band
 from benchmarks.band import TENTHS, BandFlight, BandRoute, Sight, band_cases, band_held, fly_band
-from benchmarks.predictionpage import joined, prediction_page
+from benchmarks.predictionpage import join_content, prediction_page
 from benchmarks.predictionpage import prediction_document as document
 from tests.executor.virtual.short_line import write_line
 
@@ -55,8 +55,8 @@ def test_a_saying_is_wrong_where_it_landed_above() -> None:
 
 def test_what_a_run_did_not_measure_is_kept() -> None:
     both = {**NOTHING, "routes": 40, "band": {"routes": 200}}
-    assert joined(both, {**NOTHING, "band": {"routes": 10}}) == {**both, "band": {"routes": 10}}
-    assert joined(both, {**NOTHING, "routes": 5}) == {**NOTHING, "routes": 5, "band": {"routes": 200}}
+    assert join_content(both, {**NOTHING, "band": {"routes": 10}}) == {**both, "band": {"routes": 10}}
+    assert join_content(both, {**NOTHING, "routes": 5}) == {**NOTHING, "routes": 5, "band": {"routes": 200}}
 
 
 @pytest.fixture(scope="module")

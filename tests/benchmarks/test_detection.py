@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.detection import KINDS, Pair, campaign, detection_summary, poisson_interval
-from benchmarks.detectionpage import detection_document, markdown, print_recorded, print_summary, recorded
+from benchmarks.detectionpage import detection_document, judge_recorded_flights, markdown, print_recorded, print_summary
 from benchmarks.store import keep_result
 from tests.recorded import BEGAN_USEC, Writer, flight
 
@@ -48,7 +48,7 @@ def test_the_page(few: list[Pair], tmp_path: Path, capsys: pytest.CaptureFixture
     truth = {"kind": "link loss", "events": [], "vehicle_silent": [gone]}
     (tmp_path / "all_truth.json").write_text(json.dumps({"logs": {"silent.tlog": truth}}))
     figures = {name: detection_summary([getattr(pair, name) for pair in few]) for name in ("watchpoints", "few_lines")}
-    [row] = recorded(tmp_path)
+    [row] = judge_recorded_flights(tmp_path)
     content = detection_document(4, 2, 3, figures, [row])
     keep_result("detection", content, markdown(content), tmp_path / "out")
     assert json.loads((tmp_path / "out" / "detection.json").read_text())["seed"] == 3

@@ -15,7 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.commands import cli
-from benchmarks.data import shared_folder
+from benchmarks.data import find_shared_folder
 from benchmarks.errors import BenchError
 from benchmarks.failures import families, scenario_files, solve_scenario
 from benchmarks.failurespage import failures_document, failures_page, keep_failures, print_failures
@@ -88,14 +88,14 @@ def test_what_breaks_a_rule_is_named() -> None:
     day = day_of(one)
     first = initial_timelines(one, day)
     begun = first[0]
-    early, long = TimedTrip(5.0, 6.0, (4, 3, 1, 0)), day.timed([(4, 2, 1, 2, 4)], 24.5)
+    early, long = TimedTrip(5.0, 6.0, (4, 3, 1, 0)), day.time_walks([(4, 2, 1, 2, 4)], 24.5)
     cases = {
         ((TimedTrip(0.0, 2.0, (0, 1)),), ()): "vehicle 1: what had begun was changed",
         (begun, first[1]): "vehicle 2: is lost and flies on",
         ((*begun, early), ()): "vehicle 1: trip 2 begins too early",
-        ((*begun, *day.timed([(0, 1, 0)], 30.0)), ()): "vehicle 1: trip 2 does not lead from where the vehicle is",
-        ((*begun, *day.timed([(4, 3, 1, 2)], 30.0)), ()): "to a depot",
-        ((*begun, *day.timed([(4, 3, 1, 0, 1, 0)], 30.0)), ()): "trip 2 takes 10 s of 9 s",
+        ((*begun, *day.time_walks([(0, 1, 0)], 30.0)), ()): "vehicle 1: trip 2 does not lead from where the vehicle is",
+        ((*begun, *day.time_walks([(4, 3, 1, 2)], 30.0)), ()): "to a depot",
+        ((*begun, *day.time_walks([(4, 3, 1, 0, 1, 0)], 30.0)), ()): "trip 2 takes 10 s of 9 s",
         ((*begun, replace(long[0], lasts_s=1.0)), ()): "trip 2 takes 9 s of 9 s",
     }
     for after, said in cases.items():
@@ -223,7 +223,7 @@ def test_what_is_not_valid_is_on_the_page(tmp_path: Path, capsys: pytest.Capture
 
 def test_the_public_checker_takes_every_answer() -> None:
     """As little search as there can be: what is valid must not depend on it."""
-    data, tools = shared_folder(None, "data", ""), shared_folder(None, "tools", "")
+    data, tools = find_shared_folder(None, "data", ""), find_shared_folder(None, "tools", "")
     if data is None or tools is None or not (data / "failures").is_dir():
         pytest.skip("no ../shared/data/failures and ../shared/tools beside the project")
     check = runpy.run_path(str(tools / "check_failures.py"))["check"]
@@ -236,7 +236,7 @@ def test_the_public_checker_takes_every_answer() -> None:
 
 @pytest.mark.parametrize("name", ["gdb.3", "bccm.1", "bccm.37"])
 def test_the_public_checker_takes_the_solutions(name: str, tmp_path: Path) -> None:
-    data, tools = shared_folder(None, "data", ""), shared_folder(None, "tools", "")
+    data, tools = find_shared_folder(None, "data", ""), find_shared_folder(None, "tools", "")
     if data is None or tools is None or not (data / "failures").is_dir():
         pytest.skip("no ../shared/data/failures and ../shared/tools beside the project")
     path = data / "failures" / f"{name}.json"

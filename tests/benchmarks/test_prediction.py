@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from benchmarks import prediction
 from benchmarks.commands import cli
 from benchmarks.errors import BenchError
-from benchmarks.prediction import Figures, Flown, FlownRoute, RouteCase, by_phase, cases, phases, prediction_errors
+from benchmarks.prediction import Figures, Flown, FlownRoute, RouteCase, cases, phases, prediction_errors, sum_by_phase
 from benchmarks.predictionpage import keep_prediction, prediction_document, print_prediction
 from executor.analysis.documents import LegRow, RouteRow
 from executor.virtual.virtual_site import AMPLE_AH, build_virtual_site
@@ -117,7 +117,7 @@ def test_legs_of_a_kind_are_summed_where_they_were_heard() -> None:
         vehicle="uav1", revision=0, whole=True, began_s=0.0, ended_s=40.0, planned_s=40.0, flown_s=40.0,
         time_error_pct=0.0, planned_pct=4.0, flown_pct=None, energy_error_pct=None, legs=legs,
     )  # fmt: skip
-    assert by_phase(route) == {"transit": Figures(20.0, 23.0, 2.0, 2.5), "land": Figures(10.0, 9.0, 1.0, None)}
+    assert sum_by_phase(route) == {"transit": Figures(20.0, 23.0, 2.0, 2.5), "land": Figures(10.0, 9.0, 1.0, None)}
     summed = phases([route_of(90.0, 10.5), route_of(120.0, 9.5)])
     assert summed == {"land": {"planned_s": 200.0, "flown_s": 210.0, "time_error_pct": 5.0, "energy_error_pct": 0.0}}
 
@@ -155,8 +155,8 @@ def test_recorded_flights_need_a_whole_route(tmp_path: Path) -> None:
     assert content["energy_error_pct"]["max"] == 0.0
     truths = [Truth("uav1", what, 0.0, 0.0, charge_pct=pct) for what, pct in (("armed", 99.5), ("disarmed", 98.4))]
     (tmp_path / "truth.jsonl").write_text("".join(json.dumps(asdict(one)) + "\n" for one in truths))
-    [route] = prediction.recorded_routes([tmp_path])
+    [route] = prediction.read_recorded_routes([tmp_path])
     assert route.figures.energy_error_pct == pytest.approx(10.0)
     report.model_copy(update={"routes": (part,)}).write(tmp_path / "report.json")
     with pytest.raises(BenchError, match="--run: expected a flight in which a vehicle flew its mission"):
-        prediction.recorded_routes([tmp_path])
+        prediction.read_recorded_routes([tmp_path])

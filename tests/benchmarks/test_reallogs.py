@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 from benchmarks import reallogs
-from benchmarks.reallogs import aircraft_of, clustered_interval, judge_logs, real_summary
+from benchmarks.reallogs import aircraft_of, compute_clustered_interval, judge_logs, real_summary
 from benchmarks.reallogspage import print_real, real_document, real_markdown
 from benchmarks.store import keep_result
+from benchmarks.witness.log_evidence import Controller
+from benchmarks.witness.statements import read_log_evidence
 from executor.cli import main
-from executor.replay.witness.log_evidence import Controller
-from executor.replay.witness.statements import read_log_evidence
 from tests.onboard import DataFlashWriter
 from tests.recorded import Writer, flight, heartbeat, position, station, text
 
@@ -147,13 +147,13 @@ def test_an_error_of_the_program_is_counted_and_not_raised(tmp_path: Path, monke
 
 def test_flights_of_one_aircraft_go_wrong_together() -> None:
     hours = {f"a{number}": 2.0 for number in range(10)}
-    spread = clustered_interval(dict.fromkeys(hours, 1), hours)
-    together = clustered_interval({"a0": 10}, hours)
+    spread = compute_clustered_interval(dict.fromkeys(hours, 1), hours)
+    together = compute_clustered_interval({"a0": 10}, hours)
     assert spread == (25.0, 25.0)
     assert together[0] == 0.0
     assert together[1] > 50.0
     # Nothing wrong in so many hours: up to Poisson's 3.7, not "never".
-    assert clustered_interval({}, {"a": 50.0}) == pytest.approx((0.0, 3.69), abs=0.01)
+    assert compute_clustered_interval({}, {"a": 50.0}) == pytest.approx((0.0, 3.69), abs=0.01)
 
 
 @pytest.mark.parametrize(

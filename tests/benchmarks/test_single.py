@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.data import CSUM, MTSP, NECHRANICE, data_directory
-from benchmarks.problems import AUTHORS_S, cities_problem, line_instance, named_problem, network_of
+from benchmarks.problems import AUTHORS_S, cities_problem, line_instance, network_of, read_problem
 from benchmarks.single import single_result
 from executor.cli.main import main
 from executor.site.site_planning import PlanSolver
@@ -82,7 +82,7 @@ def test_bad_input_is_one_line_and_exit_2(arguments: list[str], names: str, caps
 
 
 def test_a_graph_file_is_read_about_its_depot() -> None:
-    problem = named_problem(data() / NECHRANICE, radius_m=500, vehicles=1, budget=None, dynamics=True)
+    problem = read_problem(data() / NECHRANICE, radius_m=500, vehicles=1, budget=None, dynamics=True)
     in_order = Plan((Route(0, tuple(range(0, 36, 2))),))
     assert problem.instance.segments == 18
     assert evaluate(problem.instance, in_order, Cost.MINSUM).value == pytest.approx(4651.688, abs=0.01)

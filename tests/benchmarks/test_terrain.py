@@ -17,8 +17,8 @@ def test_a_step_reads_what_was_written(tmp_path: Path, capsys: pytest.CaptureFix
     with rasterio.open(tmp_path / terrain.RASTER) as dataset:
         assert dataset.shape == (700, 700)
         assert 700.0 < dataset.read(1).min() < dataset.read(1).max() < 1100.0
-    terrain.measured_steps(str(tmp_path), "network", "1")
-    terrain.measured_steps(str(tmp_path), "site", "1")
+    terrain.measure_steps(str(tmp_path), "network", "1")
+    terrain.measure_steps(str(tmp_path), "site", "1")
     alone, site = (terrain.MeasuredStep(**json.loads(line)) for line in capsys.readouterr().out.splitlines())
     assert alone.found == "40 spans"
     assert site.found.split(" cells kept, 10 m between nodes of its floor, ")[0].isdigit()

@@ -1,4 +1,4 @@
-"""The window bench on a short line: what is claimed, what is drawn, what is flown, and how it is judged_loss."""
+"""The window bench on a short line: what is claimed, what is drawn, what is flown, and how it is judged."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from benchmarks.window import (
     RandomLoss,
     Trial,
     WindowSettings,
-    claimed,
     fly_losses,
-    judged_loss,
+    judge_loss,
     losses,
+    plan_claim,
     results,
 )
 from benchmarks.windowpage import keep_window, print_window, window_document
@@ -83,24 +83,24 @@ def test_a_survivor_must_be_at_home_above_its_reserve(claim: Claim) -> None:
     from executor.virtual.virtual_flight import fly_virtual
 
     flight: VirtualFlight = fly_virtual(claim.ground, claim.plan, faults=[CRASH.spec])
-    assert judged_loss(flight, CRASH).finished
-    assert judged_loss(flight, RandomLoss(0, "uav1", "crash", 40.0)).wrong == ("uav2 not at home",)
+    assert judge_loss(flight, CRASH).finished
+    assert judge_loss(flight, RandomLoss(0, "uav1", "crash", 40.0)).wrong == ("uav2 not at home",)
     one = flight.crafts["uav1"]
     for changed, wrong in (
         (replace(one, charge_pct=14.9), "uav1 landed with 14.9 %, reserve 15 %"),
         (replace(one, armed=True), "uav1 not at home"),
         (replace(one, from_pad_m=9.0), "uav1 not at home"),
     ):
-        outcome = judged_loss(replace(flight, crafts={**flight.crafts, "uav1": changed}), CRASH)
+        outcome = judge_loss(replace(flight, crafts={**flight.crafts, "uav1": changed}), CRASH)
         assert (outcome.finished, outcome.wrong) == (False, (wrong,))
     left = flight.report.model_copy(update={"segments_uncovered": (3,)})
-    assert not judged_loss(replace(flight, report=left), CRASH).named
-    assert judged_loss(replace(flight, ended=False), CRASH).wrong == ("the supervision did not end",)
+    assert not judge_loss(replace(flight, report=left), CRASH).named
+    assert judge_loss(replace(flight, ended=False), CRASH).wrong == ("the supervision did not end",)
 
 
 def test_the_batteries_are_as_tight_as_asked(tmp_path: Path) -> None:
     settings = WindowSettings(write_line(tmp_path / "line.geojson"), None, "px4", vehicles=2, seconds=0.4, starts=1)
-    half, most = (claimed(replace(settings, tightness=tightness)) for tightness in (0.5, 0.8))
+    half, most = (plan_claim(replace(settings, tightness=tightness)) for tightness in (0.5, 0.8))
     assert half.ground.drone.capacity_ah > 1.3 * most.ground.drone.capacity_ah
     assert half.earliest_s <= most.earliest_s < most.longest_s
     # A plan that is chosen for its window may have a dearer route.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from executor.adapters.logs.ardupilot_boot import NO_MODE, READERS, WANTED, ArduPilotBoot
 from executor.adapters.logs.dataflash_rows import BinaryRows, Fields, Row, TextRows, WantedColumns
@@ -72,7 +72,8 @@ class DataFlashFile(RecordedFile):
             return
         if not self._find_writer():
             return
-        rows = self._open_rows(WANTED, self.skipped)
+        wanted = {kind: replace(one, every_usec=0) for kind, one in WANTED.items()} if self.every_record else WANTED
+        rows = self._open_rows(wanted, self.skipped)
         for row in rows:
             for t_usec, kind, fields in self._attach_time(row, rows):
                 yield from self._read(t_usec, kind, fields)

@@ -79,7 +79,7 @@ class UlogFile(RecordedFile):
             if not _is_near(t_usec, began_usec):
                 self.skipped.impossible += 1
                 continue
-            if t_usec - last_usec < topic.every_usec:
+            if t_usec - last_usec < topic.every_usec and not self.every_record:
                 continue
             if changing:
                 state = tuple(column[index] for column in changing)

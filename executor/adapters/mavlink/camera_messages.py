@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from executor.adapters.mavlink.message_readers import Frame
 from executor.core.formatting import escape_controls
 from executor.core.interface.messages import CameraStatus, GimbalAttitude, PictureTaken
 from missions.cameras import PictureProof
@@ -35,7 +36,7 @@ def _split_time(usec: int) -> tuple[float | None, float | None]:
     return (None, seconds) if seconds > FIRST_UNIX_S else (seconds, None)
 
 
-def _read_image_captured(frame: Any) -> PictureTaken:  # noqa: ANN401 - pymavlink's classes are generated and untyped
+def _read_image_captured(frame: Frame) -> PictureTaken:
     roll, pitch, yaw = angles_deg(frame.q)
     placed = (frame.lat, frame.lon) != (0, 0)
     return PictureTaken(
@@ -57,7 +58,7 @@ def _read_image_captured(frame: Any) -> PictureTaken:  # noqa: ANN401 - pymavlin
     )
 
 
-def _read_camera_feedback(frame: Any) -> PictureTaken:  # noqa: ANN401
+def _read_camera_feedback(frame: Frame) -> PictureTaken:
     boot_s, unix_s = _split_time(frame.time_usec)
     return PictureTaken(
         PictureProof.FEEDBACK,
@@ -77,24 +78,24 @@ def _read_camera_feedback(frame: Any) -> PictureTaken:  # noqa: ANN401
     )
 
 
-def _read_camera_trigger(frame: Any) -> PictureTaken:  # noqa: ANN401
+def _read_camera_trigger(frame: Frame) -> PictureTaken:
     boot_s, unix_s = _split_time(frame.time_usec)
     return PictureTaken(
         PictureProof.TRIGGER, frame.get_srcComponent(), 0, frame.seq, ok=True, boot_s=boot_s, unix_s=unix_s
     )
 
 
-def _read_capture_status(frame: Any) -> CameraStatus:  # noqa: ANN401
+def _read_capture_status(frame: Frame) -> CameraStatus:
     free_mib = frame.available_capacity if math.isfinite(frame.available_capacity) else None
     return CameraStatus(frame.get_srcComponent(), frame.video_status == 1, frame.image_count, free_mib)
 
 
-def _read_storage(frame: Any) -> CameraStatus:  # noqa: ANN401
+def _read_storage(frame: Frame) -> CameraStatus:
     ready = frame.status == 2  # STORAGE_STATUS_READY: only then its figures say something
     return CameraStatus(frame.get_srcComponent(), None, None, frame.available_capacity if ready else None)
 
 
-def _read_gimbal_attitude(frame: Any) -> GimbalAttitude | None:  # noqa: ANN401
+def _read_gimbal_attitude(frame: Frame) -> GimbalAttitude | None:
     _, pitch, yaw = angles_deg(frame.q)
     if pitch is None or yaw is None:
         return None
@@ -103,7 +104,7 @@ def _read_gimbal_attitude(frame: Any) -> GimbalAttitude | None:  # noqa: ANN401
     return GimbalAttitude(pitch, yaw, from_north, failed=frame.failure_flags != 0)
 
 
-def _read_mount_status(frame: Any) -> GimbalAttitude | None:  # noqa: ANN401
+def _read_mount_status(frame: Frame) -> GimbalAttitude | None:
     known = math.isfinite(frame.pitch) and math.isfinite(frame.yaw)
     return GimbalAttitude(frame.pitch, frame.yaw, from_north=False) if known else None
 

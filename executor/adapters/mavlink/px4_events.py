@@ -20,6 +20,8 @@ LAYOUT = struct.Struct("<IIHBBB40s")
 V2, HEAD, CHECKSUM = 0xFD, 10, 2
 _NUMBER = EVENT.to_bytes(3, "little")
 _NUMBERS = ("id", "event_time_boot_ms", "sequence", "destination_component", "destination_system", "log_levels")
+FIELDS = (*_NUMBERS, "arguments")
+"""Of the layout, in its order."""
 REMEMBERED = 64
 """Events that are recognised when they come again: a ground station that missed one has it sent once more to all."""
 

@@ -11,32 +11,19 @@ import math
 import struct
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 from executor.adapters.chunks import read_in_chunks
-from executor.adapters.mavlink import integers, px4_events
+from executor.adapters.mavlink import integers, message_readers, px4_events
 from executor.adapters.mavlink.checksum import compute_checksum
+from executor.adapters.mavlink.message_readers import Frame
 from executor.adapters.mavlink.own_clocks import AHEAD_USEC, BACK_USEC, LOOKS_USEC, BootTime, was_set_by_usec
 from executor.adapters.mavlink.statustext import StatusTextAssembler
 from executor.adapters.mavlink.tlog_kinds import (
-    ATTITUDE,
-    BATTERY,
-    COMMAND_ACK,
-    GCS_TYPE,
-    HEARTBEAT,
-    ITEM,
     ITEMS,
     KINDS,
-    LOCAL_POSITION,
-    LOCAL_TARGET,
     ORDERS,
-    PARAM_VALUE,
-    POSITION,
-    SET_MODE,
     SLOW_USEC,
     STAND_IN_USEC,
-    STATUSTEXT,
-    SYSTEM,
     TOLD_BY_VEHICLES,
     MessageKind,
 )
@@ -51,12 +38,10 @@ from executor.core.interface.messages import (
     OrderSeen,
     Radio,
     RcChannels,
-    StatusText,
     Traffic,
     VehicleSetting,
 )
 from executor.core.interface.recorded_log import (
-    MODE_COMMANDS,
     RcChangeFilter,
     Record,
     RecordedFile,
@@ -66,7 +51,7 @@ from executor.core.interface.recorded_log import (
 from executor.core.state.duplicate_ids import DuplicateIdWatch, ReportedPosition, add_reported_position
 from executor.core.telemetry.autopilot_component import AutopilotComponent, update_autopilot_component
 from executor.core.telemetry.plausibility import filter_implausible
-from missions import AUTOPILOTS, MissionItem
+from missions import AUTOPILOTS, PX4
 
 V1, V2 = 0xFE, 0xFD
 MARKS = frozenset({V1, V2})
@@ -82,14 +67,12 @@ ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128
 """A sequence number that is ahead by more is one that was overtaken on the way."""
+POSITION, BATTERY, SYSTEM = "GLOBAL_POSITION_INT", "BATTERY_STATUS", "SYS_STATUS"
+LOCAL_POSITION = "LOCAL_POSITION_NED"
 MOST_NAMED = 8
 ROUND_TWICE = frozenset(dialect.number for dialect in AUTOPILOTS if dialect.rounds_twice)
 """MAV_AUTOPILOT."""
-BOOT_TIMED = frozenset({POSITION, ATTITUDE})
-DO_SET_MODE = 176
-PX4 = 12
-ACCEPTED = frozenset({0, 5})
-"""MAV_RESULT: accepted, in progress."""
+BOOT_TIMED = frozenset({POSITION, "ATTITUDE"})
 _HEAD = struct.Struct(">Q5B")
 LOOKAHEAD = 1 << 16
 """Bytes of a piece that are left to the next one, so that what follows a leap of the clock is there to look at."""
@@ -123,7 +106,6 @@ class _MessageStream:
     """None if they are not read."""
     system: int
     component: int
-    number: int
     every_usec: int
     newest_usec: int = -STAND_IN_USEC
     """When one was read last."""
@@ -259,7 +241,7 @@ class TelemetryFile(RecordedFile):
             lane, frame = self._lanes.get(key), buffer[at + STAMP : end]
             if (
                 lane is not None and lane.source.boot is not None
-                and lane.kind is not None and lane.number in BOOT_TIMED and _is_whole(frame, lane.kind)
+                and lane.kind is not None and lane.kind.name in BOOT_TIMED and _is_whole(frame, lane.kind)
             ):  # fmt: skip
                 found.append((lane.source.boot, BootTime(_boot_usec(frame), stamp + self._shift)))
             at = end
@@ -270,8 +252,8 @@ class TelemetryFile(RecordedFile):
         system, component, number = key[0], key[1], int.from_bytes(key[2:], "little")
         source = self._sources.setdefault(system << 8 | component, _Source(seq))
         kind = KINDS.get(number)
-        every_usec = 0 if kind is None or number == POSITION else kind.every_usec
-        lane = self._lanes[key] = _MessageStream(source, kind, system, component, number, every_usec)
+        every_usec = 0 if kind is None or kind.name == POSITION or self.every_record else kind.every_usec
+        lane = self._lanes[key] = _MessageStream(source, kind, system, component, every_usec)
         return lane
 
     def _read_frame(self, frame: bytes, stamp: int, lane: _MessageStream) -> Iterator[Record]:
@@ -281,27 +263,27 @@ class TelemetryFile(RecordedFile):
         if kind is None or not _is_whole(frame, kind):
             self.skipped.bad_checksums += 1
             return
-        if lane.number == BATTERY:
+        if kind.name == BATTERY:
             source.battery_usec = stamp
-        elif lane.number in BOOT_TIMED:
+        elif kind.name in BOOT_TIMED:
             source.boot = BootTime(_boot_usec(frame), stamp)
-        elif lane.number == SYSTEM:
+        elif kind.name == SYSTEM and not self.every_record:
             # Beside BATTERY_STATUS it is wanted seldom, if it says the same.
             beside = not source.rounds_twice and 0 <= stamp - source.battery_usec < STAND_IN_USEC
             lane.every_usec = STAND_IN_USEC if beside else SLOW_USEC
-        fields = kind.unpack_fields(frame, 10 if frame[0] == V2 else 6, frame[1])
-        if lane.number == POSITION and source.vehicle:
+        fields = kind.unpack_fields(frame, 10 if frame[0] == V2 else 6)
+        if kind.name == POSITION and source.vehicle:
             # Every one of them: of one in seconds all may be of the same of two vehicles.
             yield from _twins_heard(source, stamp, lane.system, fields)
-            if 0 <= stamp - lane.told_usec < kind.every_usec:
+            if 0 <= stamp - lane.told_usec < kind.every_usec and not self.every_record:
                 return
             lane.told_usec = stamp
-        message = kind.read(*fields)
+        message = kind.read(fields)
         message = None if message is None else filter_implausible(message)
         if message is not None and source.vehicle and not kind.special:
             yield stamp, lane.system, message
         else:
-            yield from self._read_special((stamp, lane.system, lane.component, lane.number), fields, message, source)
+            yield from self._read_special(stamp, lane, fields, message)
 
     def _is_record_at(self, buffer: bytes, at: int, end: int, known: int) -> bool:
         """Return whether a whole record lies here, where what follows it does not show that."""
@@ -320,15 +302,16 @@ class TelemetryFile(RecordedFile):
         return end == size or _is_known(buffer, at, end)
 
     def _read_special(
-        self, head: tuple[int, int, int, int], fields: tuple[Any, ...], message: FlightMessage | None, source: _Source
+        self, stamp: int, lane: _MessageStream, frame: Frame, message: FlightMessage | None
     ) -> Iterator[Record]:
         """Yield what is about the link, about orders to others, or begins a vehicle."""
-        stamp, system, component, number = head
-        if number == STATUSTEXT:
-            yield from self._read_statustext(stamp, system, component, fields)
-        elif number in ORDERS | ITEMS:
-            sent = self._read_mode_order if number in ORDERS else self._read_mission_item
-            yield from sent(stamp, system, number, fields)
+        name = "" if lane.kind is None else lane.kind.name
+        source, system, component = lane.source, lane.system, lane.component
+        if name == "STATUSTEXT":
+            yield from self._read_statustext(stamp, system, component, frame)
+        elif name in ORDERS | ITEMS:
+            sent = self._read_mode_order if name in ORDERS else self._read_mission_item
+            yield from sent(stamp, system, frame)
         elif isinstance(message, Heartbeat) and self._is_speaker(system, component, message):
             self._autopilots[system] = message.autopilot
             source.vehicle, source.rounds_twice = True, message.autopilot in ROUND_TWICE
@@ -340,54 +323,50 @@ class TelemetryFile(RecordedFile):
                 yield stamp, system, text
         elif isinstance(message, Radio):
             yield stamp, 0, message
-        elif number in TOLD_BY_VEHICLES:
-            told = self._read_vehicle_message(stamp, system, number, fields, message) if source.vehicle else None
+        elif name in TOLD_BY_VEHICLES:
+            told = self._read_vehicle_message(stamp, system, name, frame, message) if source.vehicle else None
             if told is not None:
                 yield stamp, system, told
         else:
-            if number == HEARTBEAT and fields[1] == GCS_TYPE:
+            if name == "HEARTBEAT" and frame.type == message_readers.GCS_TYPE:
                 self.stations.add(system)
-            self.skipped.impossible += number == POSITION and message is None
+            self.skipped.impossible += name == POSITION and message is None
             yield stamp, 0, None
 
-    def _read_mode_order(self, stamp: int, by: int, number: int, fields: tuple[Any, ...]) -> Iterator[Record]:
+    def _read_mode_order(self, stamp: int, by: int, frame: Frame) -> Iterator[Record]:
         """Yield an order to change the mode, as of whom it is for."""
-        command, target = (DO_SET_MODE, fields[1]) if number == SET_MODE else (fields[7], fields[8])
-        if command in MODE_COMMANDS:
-            yield stamp, target, OrderSeen(command, self._read_ordered_mode(number, fields, target), by)
+        target = frame.target_system
+        ordered = message_readers.read_mode_order(frame, self._autopilots.get(target))
+        if ordered is not None:
+            yield stamp, target, OrderSeen(*ordered, by)
 
-    def _read_mission_item(self, stamp: int, by: int, number: int, fields: tuple[Any, ...]) -> Iterator[Record]:
-        """Yield an item of a vehicle's mission, on its way to it or from it."""
-        of, item = by if by in self._autopilots else fields[9], _item_of(number, fields)
-        if item is not None and of in self._autopilots:
-            yield stamp, of, ListedItem(item)
+    def _read_mission_item(self, stamp: int, by: int, frame: Frame) -> Iterator[Record]:
+        """Yield an item of a vehicle's mission, on its way to it or from it.
 
-    def _read_ordered_mode(self, number: int, fields: tuple[Any, ...], target: int) -> int | None:
-        if number == SET_MODE:
-            return int(fields[0])
-        if fields[7] != DO_SET_MODE or not all(0 <= value < HALF for value in fields[1:3]):
-            return None
-        main, sub = int(fields[1]), int(fields[2])
-        return main << 16 | sub << 24 if self._autopilots.get(target) == PX4 else main
+        One of a fence, of rally points, or a place to be flown to at once is none.
+        """
+        of = by if by in self._autopilots else frame.target_system
+        whole = not frame.mission_type and frame.current <= 1 and all(map(math.isfinite, (frame.x, frame.y, frame.z)))
+        if whole and of in self._autopilots:
+            yield stamp, of, ListedItem(message_readers.read_mission_item(frame))
 
     def _read_vehicle_message(
-        self, stamp: int, system: int, number: int, fields: tuple[Any, ...], message: FlightMessage | None
+        self, stamp: int, system: int, name: str, frame: Frame, message: FlightMessage | None
     ) -> FlightMessage | None:
         """Return what a vehicle says of an order, of its settings and of its pilot's transmitter."""
-        if number == COMMAND_ACK:
-            command = DO_SET_MODE if fields[0] == SET_MODE else fields[0]  # ArduPilot 3 names the message
-            return OrderSeen(command) if command in MODE_COMMANDS and fields[1] in ACCEPTED else None
-        if number == px4_events.EVENT:
-            event, boot_ms, sequence, *_, arguments = fields
-            px4s = self._autopilots.get(system) == PX4
+        if name == "COMMAND_ACK":
+            command = message_readers.read_accepted_order(frame)
+            return None if command is None else OrderSeen(command)
+        if name == px4_events.NAME:
             told = self._events.setdefault(system, px4_events.Px4EventDecoder())
-            return told.decode(event, boot_ms, sequence, arguments) if px4s else None
-        if number == PARAM_VALUE:
-            name = formatting.escape_controls(fields[3].split(b"\0", 1)[0].decode(errors="replace"))
-            value = integers.from_wire(fields[0], fields[4], self._autopilots.get(system))
-            return VehicleSetting(name, value) if is_wanted_setting(name) and math.isfinite(value) else None
-        if number in {LOCAL_POSITION, LOCAL_TARGET}:
-            return self._read_height_target(system, number, fields[3])
+            px4s = self._autopilots.get(system) == PX4.number
+            return told.decode(frame.id, frame.event_time_boot_ms, frame.sequence, frame.arguments) if px4s else None
+        if name == "PARAM_VALUE":
+            setting = formatting.escape_controls(frame.param_id.split(b"\0", 1)[0].decode(errors="replace"))
+            value = integers.from_wire(frame.param_value, frame.param_type, self._autopilots.get(system))
+            return VehicleSetting(setting, value) if is_wanted_setting(setting) and math.isfinite(value) else None
+        if name in {LOCAL_POSITION, "POSITION_TARGET_LOCAL_NED"}:
+            return self._read_height_target(system, name, frame.z)
         if isinstance(message, Attitude):
             return self._tilts.setdefault(system, TiltFilter()).filter_attitude(stamp, message)
         if not isinstance(message, RcChannels):
@@ -397,12 +376,12 @@ class TelemetryFile(RecordedFile):
             return None  # ArduPilot sends the first eight channels once more
         return watch.filter_channels(stamp, message.values_us)
 
-    def _read_height_target(self, system: int, number: int, down_m: float) -> HeightTarget | None:
+    def _read_height_target(self, system: int, name: str, down_m: float) -> HeightTarget | None:
         """Return how far PX4 is below what it wants, where it says both; ArduPilot says the difference."""
-        if number == LOCAL_POSITION:
+        if name == LOCAL_POSITION:
             self._downs_m[system] = down_m
             return None
-        is_px4 = self._autopilots.get(system) == PX4
+        is_px4 = self._autopilots.get(system) == PX4.number
         return filter_implausible(HeightTarget(self._downs_m.get(system, math.nan) - down_m)) if is_px4 else None
 
     def _is_speaker(self, system: int, component: int, beat: Heartbeat) -> bool:
@@ -413,30 +392,18 @@ class TelemetryFile(RecordedFile):
             before.vehicle = False
         return speaker.component == component
 
-    def _read_statustext(self, stamp: int, system: int, component: int, fields: tuple[Any, ...]) -> Iterator[Record]:
+    def _read_statustext(self, stamp: int, system: int, component: int, frame: Frame) -> Iterator[Record]:
         """Yield what a vehicle's autopilot says in words."""
         if component == self._speakers.get(system, AutopilotComponent()).component:
-            for text in self._assemble_texts((system, component), fields):
+            source = (system, component)
+            for text in self._texts.add_part(source, frame.severity, frame.text, frame.id, frame.chunk_seq):
                 yield stamp, system, text
 
-    def _assemble_texts(self, source: tuple[int, int], fields: tuple[Any, ...]) -> list[StatusText]:
-        severity, raw, number, part = fields
-        return self._texts.add_part(source, severity, raw, number, part)
 
-
-def _item_of(number: int, fields: tuple[Any, ...]) -> MissionItem | None:
-    """Return an item of a mission; one of a fence, of rally points, or a place to be flown to at once is none."""
-    one, two, three, four, x, y, z, seq, command, _, __, frame, current, goes_on, kind = fields
-    if kind or current > 1 or not all(map(math.isfinite, (x, y, z))):
-        return None
-    lat, lon = (round(degrees * 1e7) for degrees in (x, y)) if number == ITEM else (x, y)
-    return MissionItem(seq, frame, command, one, two, three, four, lat, lon, z, bool(current), bool(goes_on))
-
-
-def _twins_heard(source: _Source, stamp: int, system: int, fields: tuple[Any, ...]) -> Iterator[Record]:
+def _twins_heard(source: _Source, stamp: int, system: int, frame: Frame) -> Iterator[Record]:
     """Follow where a vehicle is, and yield once that it is two."""
-    known, (boot_ms, lat, lon, *_) = source.twins, fields
-    source.twins = add_reported_position(known, ReportedPosition(stamp / 1e6, boot_ms / 1e3, lat / 1e7, lon / 1e7))
+    known, place = source.twins, (frame.lat / 1e7, frame.lon / 1e7)
+    source.twins = add_reported_position(known, ReportedPosition(stamp / 1e6, frame.time_boot_ms / 1e3, *place))
     if source.twins.are_two and not known.are_two:
         yield stamp, system, DoubleHeard(system, ())
 

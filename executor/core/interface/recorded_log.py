@@ -53,6 +53,8 @@ class RecordedFile(ABC):
     """One log, read once from its beginning to its end."""
 
     path: Path
+    every_record: bool = field(default=False, kw_only=True)
+    """Whether all that it says is wanted; else each kind only as often as some watchpoint needs it."""
     skipped: SkippedRecords = field(default_factory=SkippedRecords, kw_only=True)
     stations: set[int] = field(default_factory=set, kw_only=True)
     """Systems that sent a ground station's HEARTBEAT."""

@@ -11,10 +11,10 @@ from benchmarks.scenarios import (
     Day,
     DayLeft,
     TimedTrip,
+    build_day_left,
+    build_day_left_with_foresight,
     day_after,
-    known_after,
     least_last_end_s,
-    left_after,
     open_tasks,
     replan_losses,
 )
@@ -26,7 +26,7 @@ from tests.benchmarks.scenarios.builders import instance_of, random_day
 ROW = build_road_graph(5, [(place, place + 1, 10.0) for place in range(4)])
 DAY = Day(ROW, tuple((place, place + 1) for place in range(4)), (0, 4), (0, 4), 80.0, 5.0)
 """Five places in a row, a depot at each end, everything to do; two vehicles."""
-PLAN = (DAY.timed([(0, 1, 0), (0, 1, 2, 1, 0)]), DAY.timed([(4, 3, 4), (4, 3, 2, 3, 4)]))
+PLAN = (DAY.time_walks([(0, 1, 0), (0, 1, 2, 1, 0)]), DAY.time_walks([(4, 3, 4), (4, 3, 2, 3, 4)]))
 """Each does the outer task, and the inner one after it: from 25 s on."""
 
 
@@ -38,7 +38,7 @@ def test_trips_follow_each_other_with_the_turnaround_between() -> None:
     assert [(trip.start_s, trip.lasts_s, trip.end_s) for trip in PLAN[0]] == [(0.0, 20.0, 20.0), (25.0, 40.0, 65.0)]
     assert open_tasks(DAY, PLAN) == ()
     with pytest.raises(PlanError, match="along no edge"):
-        DAY.timed([(0, 2, 0)])
+        DAY.time_walks([(0, 2, 0)])
 
 
 @pytest.mark.parametrize(
@@ -53,13 +53,13 @@ def test_trips_follow_each_other_with_the_turnaround_between() -> None:
     ],
 )
 def test_of_a_lost_vehicle_counts_what_was_brought_home(at_s: float, counts: int) -> None:
-    left = left_after(DAY, PLAN, [0], at_s)
+    left = build_day_left(DAY, PLAN, [0], at_s)
     assert left.kept[0] == PLAN[0][:counts]
     assert left.survivors == (1,)
 
 
 def test_a_survivor_ends_its_trip_and_may_be_given_another_after_its_turnaround() -> None:
-    left = left_after(DAY, PLAN, [0], 12.0)
+    left = build_day_left(DAY, PLAN, [0], 12.0)
     assert left.kept[1] == PLAN[1][:1]
     assert left.open == (0, 1, 2)
     assert left.instance is not None
@@ -67,18 +67,18 @@ def test_a_survivor_ends_its_trip_and_may_be_given_another_after_its_turnaround(
     assert left.tails == ((Sortie(1, (5,), 1, 25.0),),)  # the third of what is open, towards the start
     # One that has long been ready begins at the loss, where its next trip is not under way.
     waiting = (PLAN[0], PLAN[1][:1])
-    later = left_after(DAY, waiting, [0], 60.0)
+    later = build_day_left(DAY, waiting, [0], 60.0)
     assert later.instance is not None
     assert [(DAY.bases[own.base], own.ready_s) for own in later.instance.vehicles] == [(4, 60.0)]
 
 
 def test_a_trip_that_begins_at_the_loss_has_not_begun() -> None:
-    assert left_after(DAY, PLAN, [0], 25.0).kept[1] == PLAN[1][:1]
-    assert left_after(DAY, PLAN, [0], 25.1).kept[1] == PLAN[1]
+    assert build_day_left(DAY, PLAN, [0], 25.0).kept[1] == PLAN[1][:1]
+    assert build_day_left(DAY, PLAN, [0], 25.1).kept[1] == PLAN[1]
 
 
 def test_one_that_was_lost_before_keeps_what_it_had() -> None:
-    left = left_after(DAY, PLAN, [1, 0], 500.0)
+    left = build_day_left(DAY, PLAN, [1, 0], 500.0)
     assert left.kept[1] == PLAN[1]
     assert (left.survivors, left.instance) == ((), None)
 
@@ -107,7 +107,7 @@ def test_times_of_replans_are_told() -> None:
 
 def test_an_unknown_vehicle_is_refused() -> None:
     with pytest.raises(PlanError, match="of 2 vehicles"):
-        left_after(DAY, PLAN, [2], 12.0)
+        build_day_left(DAY, PLAN, [2], 12.0)
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)
@@ -163,19 +163,19 @@ def test_shortest_ways_lead_along_edges() -> None:
 
 
 def test_a_plan_for_nobody_changes_nothing() -> None:
-    left = left_after(DAY, PLAN, [0], 500.0)
+    left = build_day_left(DAY, PLAN, [0], 500.0)
     assert left.instance is None
     assert day_after(DAY, left, SortiePlan(())) == left.kept
 
 
 def test_who_knows_all_losses_counts_on_nobody_who_will_be_lost() -> None:
-    left, until_s = known_after(DAY, PLAN, [(0, 10.0), (1, 24.0)])
+    left, until_s = build_day_left_with_foresight(DAY, PLAN, [(0, 10.0), (1, 24.0)])
     assert (left.kept, left.survivors, left.open) == (((), ()), (), (0, 1, 2, 3))
-    left, until_s = known_after(DAY, PLAN, [(0, 10.0), (1, 50.0)])
+    left, until_s = build_day_left_with_foresight(DAY, PLAN, [(0, 10.0), (1, 50.0)])
     # Its first trip is home by 25; until 50 nothing else but a trip of 20 with its turnaround would be.
     assert (left.kept, left.survivors, left.open) == (((), PLAN[1][:1]), (1,), (0, 1, 2))
     assert until_s == (50.0,)
-    left, until_s = known_after(DAY, PLAN, [(0, 30.0)])
+    left, until_s = build_day_left_with_foresight(DAY, PLAN, [(0, 30.0)])
     assert (left.kept, left.open, until_s) == ((PLAN[0][:1], PLAN[1]), (1,), (np.inf,))
 
 
@@ -192,7 +192,7 @@ def test_no_answer_falls_below_the_bound_of_who_knows_all_losses(seed: int) -> N
     times = np.sort(chance.integers(1, horizon, 2)).tolist()
     losses = list(zip(chance.permutation(3)[:2].tolist(), times, strict=True))
     last = replan_losses(day, first, losses, replanned)[-1]
-    left, until_s = known_after(day, first, losses)
+    left, until_s = build_day_left_with_foresight(day, first, losses)
     ends = [trip.end_s for own in left.kept for trip in own]
     if left.instance is not None:
         ends.append(least_last_end_s(left.instance, until_s))

@@ -61,8 +61,8 @@ def test_the_told_progress_counts_what_is_there(tmp_path: Path) -> None:
     told: list[tuple[str, int, int]] = []
     maker = Maker(TINY, Store(tmp_path), 1, lambda *what: told.append(what))
     task = TableTask(TaskKind.BOUND, 500.0, 0.8, 100.0)
-    maker.all("bounds", [task])
-    maker.all("bounds", [task])
+    maker.make_all("bounds", [task])
+    maker.make_all("bounds", [task])
     assert told == [("bounds", 0, 1), ("bounds", 1, 1), ("bounds", 1, 1)]
 
 
@@ -70,6 +70,6 @@ def test_a_plan_beyond_its_budget_has_no_window() -> None:
     free = do(TableTask(TaskKind.PLAN, 500.0, cost=Cost.MINMAX, solver=PlanSolver.GRASP), TINY)
     routes = tuple(tuple(route) for route in free["routes"])
     task = TableTask(TaskKind.WINDOW, 500.0, 0.8, 0.9 * free["longest_pct"], routes=routes)
-    figures = PlanFigures.of(do(task, TINY))
+    figures = PlanFigures.from_content(do(task, TINY))
     assert not figures.feasible
     assert figures.window_pct == 0

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.witness import log_evidence
 from benchmarks.witness.falls import sank_m_s
+from benchmarks.witness.statements import read_log_evidence
 from benchmarks.witness.verdicts import Stand, hold_against
 from executor.core.state.vehicle_state import FaultKind
 from executor.replay.replay_result import Declaration
-from executor.replay.witness import log_evidence
-from executor.replay.witness.statements import read_log_evidence
 from tests.onboard import DataFlashWriter
 
 SECOND = log_evidence.SECOND

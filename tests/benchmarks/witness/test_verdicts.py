@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
+from benchmarks.witness.statements import StatementKind, find_statements, read_log_evidence
 from benchmarks.witness.verdicts import Stand, hold_against
 from executor.core.state.vehicle_state import FaultKind
 from executor.replay.replay_result import Declaration
-from executor.replay.witness.statements import StatementKind, find_statements, read_log_evidence
 from tests.recorded import BEGAN_USEC, Writer, heartbeat, position, station, text
 
 AUTO, LOITER, RTL = 3, 5, 6

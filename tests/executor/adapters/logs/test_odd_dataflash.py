@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import pytest
 from pymavlink import DFReader
 
+from benchmarks.witness.statements import read_log_evidence
 from executor.adapters.chunks import PIECE
 from executor.adapters.logs.dataflash import DataFlashFile
 from executor.adapters.logs.dataflash_rows import BinaryRows, WantedColumns
@@ -18,7 +19,6 @@ from executor.core.interface.messages import Battery, Heartbeat, LandedState, Po
 from executor.core.interface.recorded_log import Record, SkippedRecords
 from executor.errors import LogError
 from executor.replay.log_replay import replay_log, rules_of
-from executor.replay.witness.statements import read_log_evidence
 from tests.onboard import DataFlashWriter
 from tests.recorded import real_logs
 

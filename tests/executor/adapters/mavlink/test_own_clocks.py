@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.witness.statements import read_log_evidence
 from executor.adapters.mavlink.own_clocks import BootTime, was_set_by_usec
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
 from executor.replay.log_replay import replay_log, rules_of
 from executor.replay.replay_result import LogReplay
-from executor.replay.witness.statements import read_log_evidence
 from tests.recorded import Writer, battery, heartbeat, position, station
 
 SECOND = 1_000_000

@@ -9,8 +9,8 @@ from typing import Any
 
 from pyulog import ULog
 
-from executor.replay.witness.dataflash_log import silence_c_stderr
-from executor.replay.witness.log_evidence import (
+from benchmarks.witness.dataflash_log import silence_c_stderr
+from benchmarks.witness.log_evidence import (
     Controller,
     FailsafeEntry,
     LogEvidence,

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from benchmarks.witness.log_evidence import SECOND, LogEvidence
 from executor.core.state.vehicle_state import FaultKind
-from executor.replay.witness.log_evidence import SECOND, LogEvidence
 
 DATAFLASH, ULOG = b"\xa3\x95", b"ULog"
 
@@ -59,9 +59,9 @@ def read_log_evidence(path: Path) -> dict[int, LogEvidence]:
     Raises:
         OSError: it cannot be read.
     """
-    from executor.replay.witness.dataflash_log import read_onboard
-    from executor.replay.witness.px4_log import read_px4
-    from executor.replay.witness.telemetry_log import read_telemetry
+    from benchmarks.witness.dataflash_log import read_onboard
+    from benchmarks.witness.px4_log import read_px4
+    from benchmarks.witness.telemetry_log import read_telemetry
 
     with path.open("rb") as file:
         head = file.read(16)

@@ -12,7 +12,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.replay.witness.log_evidence import (
+from benchmarks.witness.log_evidence import (
     SECOND,
     LogEvidence,
     LogLine,

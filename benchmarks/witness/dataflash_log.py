@@ -15,7 +15,7 @@ from typing import Any
 
 from pymavlink import DFReader
 
-from executor.replay.witness.log_evidence import (
+from benchmarks.witness.log_evidence import (
     SECOND,
     Controller,
     FailsafeEntry,
