@@ -137,7 +137,7 @@ def test_a_fleet_that_says_nothing_for_long_is_gone_on_without_and_found_again()
     pair.real.now_s += 1.0
     assert pair.time.steady_s() == pytest.approx(alone_s + 1.0)
     pair.lives(100.2)
-    assert pair.time.together
+    assert pair.time.is_synchronised
     assert pair.time.steady_s() == pytest.approx(alone_s + 1.0), "time neither jumps nor goes back"
 
 
