@@ -19,14 +19,13 @@ from executor.analysis.report import PreflightRecord, build_report
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.interface.commands import Level, Say
-from executor.core.interface.events import Event, Reopened
+from executor.core.interface.events import Event
 from executor.core.interface.ports import EventSink
 from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import FlightNotFlown
-from executor.flight.checkpoint_files import round_trip_state
 from executor.flight.fencing import build_wanted_lists
 from executor.flight.flight_request import FlightRequest
 from executor.flight.parameter_changes import read_changes
@@ -41,12 +40,10 @@ from executor.site.site_model import SiteModel
 from executor.virtual.in_process_solver import InProcessSolver
 from executor.virtual.loop import run_virtual
 from executor.virtual.memory_flight import MemoryFlight, NullEventSink, run_until
-from executor.virtual.pad_crew import Packs, PadCrew
 from executor.virtual.radio import MemoryRadio
 from missions import DayPlanFile, PlanFile, dialect_for
 from missions.fences import Fence
 from simulator.config import SimVehicle
-from simulator.faults import parse_fault
 from simulator.truth import Truth
 from simulator.vehicle import SimulatedVehicle
 
@@ -54,11 +51,6 @@ LIMIT_S = 3 * 3600.0
 """A flight that takes longer than this is left: no pack lasts as long."""
 STEP_S = 0.1
 """Of the vehicles' lives between two looks at what they say."""
-AWAY_S = 15.0
-"""So long a ground station that has died is away."""
-PATIENCE_S = 10.0
-"""So long it waits for the first answer when it is back."""
-FALLS_FROM_M = 10.0
 STANDS_S = 5.0
 """After the end of the supervision the vehicles live on for so long: they disarm some seconds after they land."""
 
@@ -100,19 +92,6 @@ class VirtualFlight:
     """Of real time."""
 
 
-@dataclass(frozen=True, slots=True)
-class DayScenario:
-    """A day of several sorties, as its plan, its crew and its troubles have it."""
-
-    day: DayPlanFile
-    packs: Packs
-    """What the crew puts in, one after the other."""
-    losses: tuple[tuple[float, str], ...] = ()
-    """Seconds of the flight, and who is in the air then, or next, falls."""
-    away_s: tuple[float, ...] = ()
-    """When the ground station dies, at a moment in which nothing is being planned."""
-
-
 EventCallback = Callable[[Context, Event, FleetState, float], None]
 
 
@@ -136,13 +115,13 @@ def fly_virtual(
     seed: int = 0,
     craft: Callable[[SimVehicle], SimVehicle] = lambda vehicle: vehicle,
     onlookers: FlightObservers | None = None,
-    sorties: DayScenario | None = None,
     limit_s: float = LIMIT_S,
+    make: Callable[..., VirtualRun] | None = None,
 ) -> VirtualFlight:
     """Fly a plan over a site from the first heartbeat to the end of the supervision.
 
     The same arguments give the same flight. A vehicle flies again as the site's `fly_again` says; nobody answers
-    offers. On a day of several sorties a crew changes packs.
+    offers.
 
     Args:
         ground: The site; its speedup is taken to be 1.
@@ -151,8 +130,8 @@ def fly_virtual(
         seed: Of the links' chance.
         craft: Changes a simulated vehicle: its charge, its pack, the wind.
         onlookers: Who looks on.
-        sorties: The day whose first sorties the plan is; without it a single flight.
         limit_s: Of the flight's time after the launch.
+        make: Makes another run than the plain one, from the same six.
 
     Raises:
         SimulatorError: a fault cannot be read, or names nobody.
@@ -162,8 +141,8 @@ def fly_virtual(
     flight = ground.site.flight.model_copy(update={"speedup": 1.0})
     ground = replace(ground, site=ground.site.model_copy(update={"flight": flight}))
     began_s = time.perf_counter()
-    sky = partial(_VirtualRun, ground, plan, faults, seed, craft, onlookers or FlightObservers(), sorties)
-    flown = run_virtual(lambda: sky().fly(limit_s))
+    run = partial(make or VirtualRun, ground, plan, faults, seed, craft, onlookers or FlightObservers())
+    flown = run_virtual(lambda: run().fly(limit_s))
     return replace(flown, took_s=time.perf_counter() - began_s)
 
 
@@ -191,18 +170,18 @@ class SilentConsole:
         """There is nothing to end."""
 
 
-class _VirtualRun(MemoryFlight):
+class VirtualRun(MemoryFlight):
     """A flight on its way."""
 
     step_s = STEP_S
 
     def __init__(
         self, ground: SiteModel, plan: PlanFile, faults: Sequence[str], seed: int,
-        craft: Callable[[SimVehicle], SimVehicle], onlookers: FlightObservers, sorties: DayScenario | None,
+        craft: Callable[[SimVehicle], SimVehicle], onlookers: FlightObservers, day: DayPlanFile | None = None,
     ) -> None:  # fmt: skip
-        day = None if sorties is None else sorties.day
+        """Prepare; the arguments are those of `fly_virtual`, and the day whose first sorties the plan is."""
         self._order = FlightRequest(ground.site, Path(), ground, plan, Path(), lambda _: (), day=day)
-        self._onlookers, self._sorties = onlookers, sorties
+        self._onlookers = onlookers
         simulated = fleet_of(ground, speedup=1.0, faults=faults, seed=seed, wind=1.0, failsafe=True)
         setup = site_model.build_flight_setup(ground)
         radios = {}
@@ -214,13 +193,11 @@ class _VirtualRun(MemoryFlight):
         solver = InProcessSolver(plan.solved.seed, takes_s=ground.site.flight.solve_s)
         super().__init__(radios, solver, self._onlookers.sink)
         self._vehicles = {name: radio.vehicle for name, radio in radios.items()}
-        self._crew = None if sorties is None else PadCrew(self._vehicles, sorties.packs)
-        self._losses = [] if sorties is None else sorted(sorties.losses)
         self._launched_s = 0.0
 
     async def _upload_fences(self, context: Context, first: Mapping[str, Fence]) -> None:
         """Put the fences on board, with the parameters that they need; a day's are looked at after every boot."""
-        if not first and self._sorties is None:
+        if not first and self._order.day is None:
             return
         links = self.links
         changes = await read_changes(context, links, self.clock)
@@ -259,45 +236,16 @@ class _VirtualRun(MemoryFlight):
         )  # fmt: skip
 
     async def _supervise(self, context: Context, state: FleetState, until_s: float) -> tuple[Flight, bool]:
-        """Fly, with the ground station away as ordered; returns the last flight loop and whether it came to its end."""
-        begin = partial(self._begin_flight, context, applied=partial(self._onlookers.applied, context))
-        flight, reopened = begin(state), None
-        for away_s in () if self._sorties is None else sorted(self._sorties.away_s):
-            if await self._run_until_absence(flight, self._launched_s + away_s, reopened):
-                return flight, True
-            self.flight, reopened = None, Reopened(0.0, AWAY_S, ())
-            self._stop_heartbeats()
-            await asyncio.sleep(AWAY_S)
-            self._start_heartbeats()
-            flight = begin(round_trip_state(flight.state))
-        return flight, await run_until(flight, until_s, reopened, PATIENCE_S)
+        """Fly; returns the flight loop that was the last, and whether it came to its end."""
+        flight = self._begin_loop(context, state)
+        return flight, await run_until(flight, until_s)
+
+    def _begin_loop(self, context: Context, state: FleetState) -> Flight:
+        return self._begin_flight(context, state, partial(self._onlookers.applied, context))
 
     def _after_step(self, now_s: float) -> None:
         super()._after_step(now_s)
         self._onlookers.lived(self._vehicles)
-        if self.flight is not None and self._crew is not None and self._launched_s:
-            self._crew.attend(self.flight, now_s)
-        if self._losses and self._launched_s and now_s - self._launched_s >= self._losses[0][0]:
-            self._crash_vehicle(self._losses[0][1])
-
-    def _crash_vehicle(self, name: str) -> None:
-        """Have a vehicle fall, once it is well in the air."""
-        frame = self._vehicles[name].autopilot.frame
-        if frame.crashed_s is None and frame.body.up_m > FALLS_FROM_M:
-            del self._losses[0]
-            self._vehicles[name].apply_injection(parse_fault(f"{name}:crash@0s"))
-
-    async def _run_until_absence(self, flight: Flight, at_s: float, reopened: Reopened | None) -> bool:
-        """Supervise until the ground station dies; returns whether everything was over before."""
-        flying = asyncio.create_task(flight.run(reopened, PATIENCE_S))
-        try:
-            await asyncio.wait({flying}, timeout=at_s - asyncio.get_running_loop().time())
-            while not flying.done() and flight.state.replanning.replan is not None:
-                await asyncio.wait({flying}, timeout=STEP_S)
-            return flying.done()
-        finally:
-            flying.cancel()
-            await asyncio.gather(flying, return_exceptions=True)
 
 
 def _build_outcome(vehicle: SimulatedVehicle) -> VehicleOutcome:

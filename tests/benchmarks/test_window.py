@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.branches import Branch, fly_branches
 from benchmarks.commands import cli
+from benchmarks.virtual_site import dearest_route_pct, size_batteries
 from benchmarks.window import (
     Claim,
     LossOutcome,
@@ -25,9 +27,7 @@ from benchmarks.window import (
 )
 from benchmarks.windowpage import keep_window, print_window, window_document
 from executor.errors import FlightNotFlown
-from executor.virtual.branches import Branch, fly_branches
 from executor.virtual.virtual_flight import VirtualFlight
-from executor.virtual.virtual_site import dearest_route_pct, size_batteries
 from tests.executor.virtual.short_line import shared, short_ground, write_line
 
 CRASH = RandomLoss(0, "uav2", "crash", 40.0)
