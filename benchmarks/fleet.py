@@ -28,6 +28,7 @@ from benchmarks.garbage import FRAMES_S, Flood
 from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import figure, markdown_page, markdown_table
 from benchmarks.store import keep_result
+from benchmarks.virtual_flight import SilentConsole
 from executor.adapters.eventlog import LogHeader, read_head
 from executor.adapters.mavlink.codec_cost import measure_bare_codec_s
 from executor.adapters.run_directory import RunDirectory
@@ -41,7 +42,6 @@ from executor.simulated.demo_site import run_simulated_fleet
 from executor.site import site_model
 from executor.site.site_file import Site, check_site
 from executor.site.site_planning import DEFAULT, plan_site
-from executor.virtual.virtual_flight import SilentConsole
 
 COUNTS = (1, 10, 20, 50, 100)
 PLAN_S = 5.0

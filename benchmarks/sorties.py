@@ -22,6 +22,7 @@ from benchmarks.day import centres_m, crowded_m
 from benchmarks.parallel_flights import FlightCase
 from benchmarks.store import Json
 from benchmarks.virtual_day import DayScenario, VirtualDay
+from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from executor.errors import ExecutorError
 from executor.simulated.demo_site import LISTENING, SIMULATED_CEILING_M, build_vehicle_tables
 from executor.site import site_model
@@ -29,7 +30,6 @@ from executor.site.day_flight import build_first_sorties_plan, find_morning_pads
 from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
-from executor.virtual.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from missions import LocalFrame, default_network_path, read_network
 from missions.geometry import locate_on_leg
 from planner import Iterations

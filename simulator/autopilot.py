@@ -141,14 +141,18 @@ class Autopilot(ABC):
             MavCommand.DO_CHANGE_SPEED: self._change_speed,
             **self._own_commands(),
         }
-        body = self.frame.body
-        self._builders: Mapping[str, Callable[[], Outbound]] = {
+        self._builders = self._make_common_builders()
+
+    def _make_common_builders(self) -> Mapping[str, Callable[[], Outbound]]:
+        """Return what makes the telemetry that both dialects fill alike, by the message's name."""
+        home, body = self.home, self.frame.body
+        return {
             "GLOBAL_POSITION_INT": lambda: telemetry.build_global_position(
                 home, body, self.boot_ms, (self.positioning.off_m(self.now_s), self.positioning.off_m_s(self.now_s))
             ),
             "GPS_RAW_INT": lambda: telemetry.build_gps_raw(home, body, self.boot_ms, fix=self.gps_fix),
             "AUTOPILOT_VERSION": lambda: telemetry.build_autopilot_version(
-                capabilities=self.CAPABILITIES, version=self.VERSION, uid=vehicle.sysid
+                capabilities=self.CAPABILITIES, version=self.VERSION, uid=self.vehicle.sysid
             ),
             "LOCAL_POSITION_NED": lambda: telemetry.build_local_position(body, self.boot_ms),
             "ATTITUDE": lambda: telemetry.build_attitude(body, self.boot_ms),

@@ -259,7 +259,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/benchmarks/test_distance.py": ("benchmarks/distancepage.py",),
     "tests/benchmarks/test_pictures.py": ("benchmarks/picturespage.py",),
-    "tests/benchmarks/test_sorties.py": ("benchmarks/sortiespage.py", "benchmarks/pad_crew.py"),
+    "tests/benchmarks/test_sorties.py": (
+        "benchmarks/sortiespage.py",
+        "benchmarks/pad_crew.py",
+        "benchmarks/virtual_day.py",
+    ),
     "tests/benchmarks/test_prediction.py": ("benchmarks/predictionpage.py",),
     "tests/benchmarks/test_failures.py": (
         "benchmarks/failurespage.py",
@@ -273,7 +277,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/windowpage.py",
         "benchmarks/flight_commands.py",
     ),
-    "tests/executor/virtual/test_virtual_flight.py": (
+    "tests/benchmarks/test_virtual_flight.py": (
+        "executor/virtual/memory_flight.py",
         "executor/virtual/radio.py",
         "executor/virtual/in_process_solver.py",
     ),

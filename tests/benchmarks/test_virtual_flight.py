@@ -6,11 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from executor.core.interface.events import Heard, LaunchOrdered
 
+from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
+from executor.core.interface.events import Heard, LaunchOrdered
 from executor.errors import FlightNotFlown
 from executor.site.tables.fence_table import FenceTable
-from executor.virtual.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from simulator.errors import FaultSpecError
 from tests.executor.virtual.short_line import shared, short_ground
 from tests.stories.world import Sink
