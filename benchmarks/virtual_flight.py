@@ -177,7 +177,7 @@ class VirtualRun(MemoryFlight):
 
     def __init__(
         self, ground: SiteModel, plan: PlanFile, faults: Sequence[str], seed: int,
-        craft: Callable[[SimVehicle], SimVehicle], onlookers: FlightObservers, day: DayPlanFile | None = None,
+        craft: Callable[[SimVehicle], SimVehicle], onlookers: FlightObservers, *, day: DayPlanFile | None = None,
     ) -> None:  # fmt: skip
         """Prepare; the arguments are those of `fly_virtual`, and the day whose first sorties the plan is."""
         self._order = FlightRequest(ground.site, Path(), ground, plan, Path(), lambda _: (), day=day)
