@@ -12,13 +12,17 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.day import centres_m, crowded_m
+from benchmarks.parallel_flights import FlightCase
 from benchmarks.store import Json
+from benchmarks.virtual_day import DayScenario, VirtualDay
+from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from executor.errors import ExecutorError
 from executor.simulated.demo_site import LISTENING, SIMULATED_CEILING_M, build_vehicle_tables
 from executor.site import site_model
@@ -26,8 +30,6 @@ from executor.site.day_flight import build_first_sorties_plan, find_morning_pads
 from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
-from executor.virtual.parallel_flights import FlightCase
-from executor.virtual.virtual_flight import DayScenario, FlightObservers, VirtualFlight, fly_virtual
 from missions import LocalFrame, default_network_path, read_network
 from missions.geometry import locate_on_leg
 from planner import Iterations
@@ -233,10 +235,10 @@ def fly_sorties(case: SortiesCase) -> SortiesDay:
     away_s = tuple(float(rng.uniform(low_s, high_s)) for _ in range(DEATHS))
     packs = _Packs(ground.names, rng)
     watched = _Watched(ground.network.frame, _pads_m(ground))
-    sorties = DayScenario(content, packs.next, losses, away_s)
+    run = partial(VirtualDay, DayScenario(content, packs.next, losses, away_s))
     try:
         flight = fly_virtual(
-            ground, build_first_sorties_plan(content, ground), seed=case.number, craft=_patient, sorties=sorties,
+            ground, build_first_sorties_plan(content, ground), seed=case.number, craft=_patient, make=run,
             onlookers=FlightObservers(lived=watched.look), limit_s=3 * planned_s + 3600.0 * case.over.hours,
         )  # fmt: skip
     except ExecutorError as error:

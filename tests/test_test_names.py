@@ -259,7 +259,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/benchmarks/test_distance.py": ("benchmarks/distancepage.py",),
     "tests/benchmarks/test_pictures.py": ("benchmarks/picturespage.py",),
-    "tests/benchmarks/test_sorties.py": ("benchmarks/sortiespage.py", "executor/virtual/pad_crew.py"),
+    "tests/benchmarks/test_sorties.py": (
+        "benchmarks/sortiespage.py",
+        "benchmarks/pad_crew.py",
+        "benchmarks/virtual_day.py",
+    ),
     "tests/benchmarks/test_prediction.py": ("benchmarks/predictionpage.py",),
     "tests/benchmarks/test_failures.py": (
         "benchmarks/failurespage.py",
@@ -268,12 +272,13 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/failures_command.py",
     ),
     "tests/benchmarks/test_window.py": (
-        "executor/virtual/branches.py",
-        "executor/virtual/virtual_site.py",
+        "benchmarks/branches.py",
+        "benchmarks/virtual_site.py",
         "benchmarks/windowpage.py",
         "benchmarks/flight_commands.py",
     ),
-    "tests/executor/virtual/test_virtual_flight.py": (
+    "tests/benchmarks/test_virtual_flight.py": (
+        "executor/virtual/memory_flight.py",
         "executor/virtual/radio.py",
         "executor/virtual/in_process_solver.py",
     ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import math
 
-from executor.virtual.parallel_flights import map_in_processes
+from benchmarks.parallel_flights import map_in_processes
 
 NUMBERS = [16.0, 4.0, 9.0]
 

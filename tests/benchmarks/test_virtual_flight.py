@@ -7,28 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from executor.core.interface.events import Event, Heard, LaunchOrdered
+from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
+from executor.core.interface.events import Heard, LaunchOrdered
 from executor.errors import FlightNotFlown
 from executor.site.tables.fence_table import FenceTable
-from executor.virtual.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from simulator.errors import FaultSpecError
 from tests.executor.virtual.short_line import shared, short_ground
+from tests.stories.world import Sink
 
 
-class Kept:
-    """Keeps events."""
-
-    def __init__(self) -> None:
-        self.events: list[tuple[float, Event]] = []
-
-    def write(self, event: Event, now_s: float) -> None:
-        self.events.append((now_s, event))
-
-    async def settle(self) -> None:
-        """Nothing is ever lost here."""
-
-
-def flown(folder: Path, autopilot: str, *faults: str, sink: Kept | None = None) -> VirtualFlight:
+def flown(folder: Path, autopilot: str, *faults: str, sink: Sink | None = None) -> VirtualFlight:
     ground = short_ground(folder, 2, autopilot)
     onlookers = None if sink is None else FlightObservers(sink=sink)
     return fly_virtual(ground, shared(ground), faults=faults, seed=1, onlookers=onlookers)
@@ -57,12 +45,12 @@ def test_a_loss_is_replanned_and_everything_inspected(tmp_path: Path, autopilot:
 
 
 def test_the_same_flight_is_the_same_to_the_last_event(tmp_path: Path) -> None:
-    one, two = Kept(), Kept()
+    one, two = Sink(), Sink()
     first = flown(tmp_path, "px4", "uav1:silent@30s", sink=one)
     again = flown(tmp_path, "px4", "uav1:silent@30s", sink=two)
-    assert one.events == two.events
-    assert any(isinstance(event, LaunchOrdered) for _, event in one.events)
-    assert sum(isinstance(event, Heard) for _, event in one.events) > 1000
+    assert one.written == two.written
+    assert any(isinstance(event, LaunchOrdered) for _, event in one.written)
+    assert sum(isinstance(event, Heard) for _, event in one.written) > 1000
     assert (first.report, first.truths, first.crafts) == (again.report, again.truths, again.crafts)
 
 
