@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from executor.cli import commandline
-from executor.cli.commandline import COMMANDS, CheckoutRequired, load_command
+from executor.cli.commandline import COMMANDS, CheckoutRequired, load_command, read_summary
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_overview_says_what_the_command_itself_says(name: str) -> None:
     summary = " ".join((load_command(name).help or "").split("\n\n")[0].split())
-    assert summary == COMMANDS[name].help
+    assert summary == read_summary(name)
 
 
 def test_the_overview_imports_no_command() -> None:
