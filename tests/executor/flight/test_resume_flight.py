@@ -152,7 +152,7 @@ def test_a_report_that_is_made_up_for_comes_with_what_the_packs_flew(tmp_path: P
     report = resume_flight.finish_report(run, replace(ended, state=state))
     assert report is not None
     assert "P1" in {row.pack for row in report.sorties}
-    assert [one.label for one in read_packs(RunDirectory(run).packs).flights] == ["P1"]
+    assert "P1" in {one.label for one in read_packs(RunDirectory(run).packs).flights}
 
 
 @pytest.mark.asyncio
