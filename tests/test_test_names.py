@@ -133,6 +133,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/benchmarks/test_upload.py": (
         "executor/adapters/mavsdk/mavsdk_upload.py",
         "benchmarks/commands.py",
+        "benchmarks/options.py",
     ),
     "tests/executor/cli/test_network.py": (
         "executor/analysis/pictures/network_figure.py",

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.flight_record import FaultRecord, FlightRecord, VehicleRecord
+from executor.analysis.documents import FaultRow
+from executor.analysis.flight_record import GAP_S, FlightRecord, VehicleRecord
 from executor.analysis.read_run import read_run
 from executor.errors import LogError
 from executor.site.site_file import read_site
@@ -45,8 +46,6 @@ from missions.inspection_height import build_first_paths
 from missions.plan_setup import setup_of_plan
 from planner import is_reversed, segment_of, visit_of
 
-GAP_S = 5.0
-"""Where nothing was heard for longer than this, nothing is drawn."""
 DECIMALS = 6
 """Of a degree: more than a decimetre no position carries."""
 STEP_S = 0.5
@@ -204,7 +203,7 @@ def _build_loss_places(record: FlightRecord, setup: FlightSetup) -> Iterator[Map
         )  # fmt: skip
 
 
-def _describe_fault(record: FlightRecord, fault: FaultRecord, age_s: float) -> dict[str, Fact]:
+def _describe_fault(record: FlightRecord, fault: FaultRow, age_s: float) -> dict[str, Fact]:
     happened = None if fault.happened_s is None else _format_time(record, fault.happened_s)
     return {
         "event": "fault",

@@ -15,7 +15,6 @@ from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import FlightReport, read_report
 from executor.analysis.flight_record import (
     DecisionLine,
-    FaultRecord,
     FlightRecord,
     PlanRevision,
     SegmentRecord,
@@ -179,7 +178,7 @@ def _build_vehicles(
     site: Site, packs: Mapping[str, PackHistory], report: FlightReport, log: _Log
 ) -> tuple[VehicleRecord, ...]:
     drone = site_model.drone_of(site)
-    faults = {row.vehicle: FaultRecord(row.kind, row.reason, row.detected_s, row.happened_s) for row in report.faults}
+    faults = {row.vehicle: row for row in report.faults}
     vehicles = []
     for layer, table in enumerate(site.vehicle):
         heard = log.heard[table.name]

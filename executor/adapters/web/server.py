@@ -18,6 +18,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from hashlib import sha256
 from importlib import resources
+from pathlib import PurePath
 from types import TracebackType
 from typing import Annotated, Any, Self
 
@@ -48,22 +49,16 @@ SEND_BYTES = 1 << 16
 ANSWER_S = 5.0
 """How long the flight may take to decide about an intent."""
 START_S = 10.0
-FILES: Mapping[str, str] = {
-    "page.css": "text/css; charset=utf-8",
-    "page.js": "text/javascript; charset=utf-8",
-    "map.js": "text/javascript; charset=utf-8",
-    "assets.js": "text/javascript; charset=utf-8",
-    "strips.js": "text/javascript; charset=utf-8",
-    "intents.js": "text/javascript; charset=utf-8",
-    "briefing.js": "text/javascript; charset=utf-8",
-    "freshness.js": "text/javascript; charset=utf-8",
-    "ground.js": "text/javascript; charset=utf-8",
-    "offers.js": "text/javascript; charset=utf-8",
-    "elements.js": "text/javascript; charset=utf-8",
-    "words.js": "text/javascript; charset=utf-8",
-    "icon.svg": "image/svg+xml",
+TYPES: Mapping[str, str] = {
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".json": "application/json",
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+    ".webp": "image/webp",
 }
-PICTURES: Mapping[str, str] = {".webp": "image/webp", ".png": "image/png"}
+"""Of the files that browsers are given, by what their names end in."""
+STATIC = resources.files("executor.adapters.web").joinpath("static")
 STATUS = {Outcome.ACCEPTED: 202, Outcome.DONE: 200, Outcome.REFUSED: 409, Outcome.FAILED: 409}
 
 Mistake = Callable[[str, BaseException], None]
@@ -291,13 +286,14 @@ class WebServer:
             await asyncio.sleep(PERIOD_S)
 
     async def _serve_page(self, request: Request) -> Response:  # noqa: ARG002
-        return Response(_read_resource("page.html"), media_type="text/html; charset=utf-8")
+        return Response(STATIC.joinpath("page.html").read_bytes(), media_type="text/html; charset=utf-8")
 
     async def _serve_file(self, request: Request) -> Response:
         name = request.path_params["name"]
-        if name not in FILES:
+        kind, file = TYPES.get(PurePath(name).suffix), STATIC.joinpath(name)
+        if kind is None or PurePath(name).name != name or not file.is_file():
             return PlainTextResponse("there is no such file", 404)
-        return Response(_read_resource(name), media_type=FILES[name])
+        return Response(file.read_bytes(), media_type=kind)
 
     async def _serve_ground_file(self, request: Request) -> Response:
         """Answer with a file that is the same during the whole flight: a browser that has it is told so."""
@@ -308,8 +304,7 @@ class WebServer:
         headers = {"cache-control": "private, no-cache", "etag": kept.etag}
         if kept.etag in request.headers.get("if-none-match", ""):
             return Response(status_code=304, headers=headers)
-        kind = PICTURES.get(name[name.rfind(".") :], "application/json")
-        return Response(kept.content, media_type=kind, headers=headers)
+        return Response(kept.content, media_type=TYPES.get(PurePath(name).suffix), headers=headers)
 
     async def _serve_events(self, request: Request) -> ASGIApp:  # noqa: ARG002
         return EventStream(self._newest, self._limits)
@@ -347,10 +342,6 @@ def _find_own_address() -> str:
         except OSError:
             return socket.gethostname()
         return str(one.getsockname()[0])
-
-
-def _read_resource(name: str) -> bytes:
-    return resources.files("executor.adapters.web").joinpath("static", name).read_bytes()
 
 
 def _record_to_plain(record: IntentRecord) -> dict[str, object]:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from executor.analysis import flight_record as recorded
+from executor.analysis.documents import FaultRow
 from executor.analysis.flight_record import (
-    FaultRecord,
     FlightRecord,
     PlannedRoute,
     PlanRevision,
@@ -55,7 +55,9 @@ THERE = tuple((3.0 * step, 15.0 * step) for step in range(8))
 
 
 def lost(name: str, at_s: float) -> VehicleRecord:
-    return vehicle_of(name, fault=FaultRecord(FaultKind.LINK, "why", at_s, None))
+    return vehicle_of(
+        name, fault=FaultRow(vehicle=name, kind=FaultKind.LINK, reason="why", detected_s=at_s, happened_s=None)
+    )
 
 
 def planned(number: int, decided_s: float, **routes: tuple[int, ...]) -> PlanRevision:

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executor.analysis.flight_record import (
-    FaultRecord,
     compute_used_pct,
     draw_at_pct,
     find_abandoned_segments,
@@ -48,7 +47,9 @@ def test_the_vehicles_as_they_were_heard(tmp_path: Path) -> None:
     assert one.track.shape == (151, 4)
     assert one.track[50] == pytest.approx([50.0, 450.0, 0.0, 30.0], abs=1e-3)
     assert one.battery.tolist() == [pytest.approx([10.0 * k, 100.0 - k]) for k in range(16)]
-    assert two.fault == FaultRecord(FaultKind.LINK, "link lost for 10 s", 50.0, 40.0)
+    assert two.fault is not None
+    assert (two.fault.kind, two.fault.reason) == (FaultKind.LINK, "link lost for 10 s")
+    assert (two.fault.detected_s, two.fault.happened_s) == (50.0, 40.0)
     assert (one.fault, three.fault) == (None, None)
     assert find_last_place_m(two, 50.0) == pytest.approx((250.0, 0.0), abs=1e-3)
     assert three.pad_m == pytest.approx((0.0, 0.0), abs=1e-3)

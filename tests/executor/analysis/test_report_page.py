@@ -161,7 +161,7 @@ def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, FlightR
     evil = """</td><script>alert("1 & 2")</script><img src='http://x/'>"""
     fault = record.vehicles[1].fault
     assert fault is not None
-    lost = replace(record.vehicles[1], name=evil, fault=replace(fault, reason=evil))
+    lost = replace(record.vehicles[1], name=evil, fault=fault.model_copy(update={"reason": evil}))
     record = replace(record, vehicles=(lost,), decisions=(DecisionLine(1.0, Level.INFO, evil),))
     vehicle = report.vehicles[0].model_copy(update={"name": evil, "segments": (3,)})
     replan = report.replans[0].model_copy(update={"trigger": evil})
