@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from executor.adapters.document import Document
-from executor.adapters.html_page import format_value, render_page, write_page
+from executor.adapters.templates import format_value, render_template, write_page
 from executor.analysis.documents import FlightReport, InspectionRow, SeenRow
 from executor.analysis.earlier_flights import describe_total_inspected
 from executor.analysis.flight_record import FlightRecord, find_abandoned_segments
@@ -49,7 +49,7 @@ def render_report_page(record: FlightRecord, report: FlightReport, pictures: Map
         report: The content of report.json.
         pictures: PNG files by what they show.
     """
-    return render_page(
+    return render_template(
         "report.html",
         outcome=describe_outcome(record),
         complete=not record.uncovered_segments and not record.never,

@@ -10,7 +10,7 @@ import io
 from dataclasses import dataclass
 from pathlib import Path
 
-from executor.adapters.html_page import render_page, write_page
+from executor.adapters.templates import render_template, write_page
 from executor.images.index_files import ImageIndex
 from executor.images.index_rows import AssetRow
 from executor.images.matching import FileMatch, Matching
@@ -63,7 +63,7 @@ def render_assets_page(index: ImageIndex, found: Matching) -> str:
     outcome = (
         f"{whole} of {len(assets)} assets were seen as asked; {len(found.matches)} of {len(index.images)} pictures"
     )
-    return render_page(
+    return render_template(
         "assets.html", outcome=outcome, complete=whole == len(assets) and not found.missing, assets=assets,
         most=MOST, size_px=THUMBNAIL_PX,
     )  # fmt: skip
@@ -91,7 +91,7 @@ def add_pictures(report: str, index: ImageIndex, found: Matching) -> str:
         thumbnails = asset.make_thumbnails(MOST_SMALL, SMALL_PX) if left > 0 else []
         left -= sum(len(content or b"") for _, content in thumbnails)
         shown.append((asset, thumbnails))
-    pictures = render_page("report_pictures.html", shown=shown, width_px=SMALL_PX[0])
+    pictures = render_template("report_pictures.html", shown=shown, width_px=SMALL_PX[0])
     return f"{before.rstrip()}\n{BEGIN}\n{pictures}{END}\n{after.lstrip()}"
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from executor.adapters.html_page import render_page, write_page
+from executor.adapters.templates import render_template, write_page
 from executor.replay.replay_result import LogReplay, RecordedTruth
 
 
 def write_replay_page(replay: LogReplay, truth: RecordedTruth | None, picture: Path, path: Path) -> None:
     """Write the page; the picture goes into it."""
-    write_page(path, render_page("replay.html", replay=replay, truth=truth, picture=picture.read_bytes()))
+    write_page(path, render_template("replay.html", replay=replay, truth=truth, picture=picture.read_bytes()))

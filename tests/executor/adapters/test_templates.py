@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.adapters.html_page import format_value, render_page, write_page
+from executor.adapters.templates import format_value, render_template, write_page
 
 
 @pytest.mark.parametrize(
@@ -28,7 +28,7 @@ def test_values_in_words(value: object, words: str) -> None:
 def test_markup_of_others_is_text(tmp_path: Path) -> None:
     evil = "<script>1 & 2</script>\ud83d"
     page = tmp_path / "page.html"
-    write_page(page, render_page("report_pictures.html", shown=[(_Asset(evil), [])], width_px=1))
+    write_page(page, render_template("report_pictures.html", shown=[(_Asset(evil), [])], width_px=1))
     text = page.read_text(encoding="utf-8")
     assert "<script>" not in text
     assert text.count("&lt;script&gt;1 &amp; 2&lt;/script&gt;&#55357;") == 2

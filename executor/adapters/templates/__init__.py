@@ -1,4 +1,4 @@
-"""HTML pages of one file each, from the templates beside this; whatever comes from outside them is escaped."""
+"""Texts made from the templates beside this: pages, in which what comes from outside is escaped, and a site."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from enum import Enum
 from functools import cache
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
 from missions.files import write_whole
 
 
-def render_page(template: str, **content: object) -> str:
-    """Return a page.
+def render_template(template: str, **content: object) -> str:
+    """Return the text of a page or a file.
 
     Args:
         template: The name of its template.
@@ -35,9 +35,13 @@ def write_page(path: Path, text: str) -> None:
 @cache
 def _load_environment() -> Environment:
     found = Environment(
-        loader=PackageLoader("executor.adapters"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, keep_trailing_newline=True,
-    )  # fmt: skip
+        loader=PackageLoader("executor.adapters"),
+        autoescape=select_autoescape(["html"]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
     found.filters |= {"words": format_value, "data_url": _encode_data_url}
     found.tests |= {"figure": _is_figure}
     return found
