@@ -255,9 +255,7 @@ async def supervise(
         listening = flight.listen_to_vehicles() if isinstance(begins, LaunchPreparation) else nullcontext()
         with hearing, listening, Interrupts(flight, console) as interrupts:
             async with (
-                web_page.serve_page(
-                    order.site.web, flight, clock, console, web_page.read_static_page_data(order, console)
-                ),
+                web_page.serve_page(order.site.web, flight, clock, console, order),
                 _publish_flight(publication, flight, keeper, clock),
             ):
                 gc.collect()  # 0.1 s for a hundred vehicles: not between the crew's yes and the take-off
