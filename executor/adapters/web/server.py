@@ -20,24 +20,24 @@ from hashlib import sha256
 from importlib import resources
 from pathlib import PurePath
 from types import TracebackType
-from typing import Annotated, Any, Self
+from typing import Any, Self
 
 import uvicorn
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import ValidationError
 from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
-from executor.adapters.assets import NamedAssets
+from executor.adapters.intent_body import IntentBody
 from executor.adapters.web.connection_limits import ConnectionLimits, ConnectionRegistry, WebConnection
 from executor.adapters.web.guard import Guard
 from executor.adapters.web.snapshot import Describe, Now, WebSnapshot
 from executor.adapters.web.stream import EventStream, LatestValue
 from executor.core.context import Context
 from executor.core.fleet_view import build_fleet_view
-from executor.core.interface.intents import PACK, Action, ActionName, Intent, IntentRecord, Outcome
+from executor.core.interface.intents import Intent, IntentRecord, Outcome
 from executor.errors import ConnectionFailed
 from executor.supervised import WAITS_S, run_beside
 from missions import Window, format_first_error
@@ -96,31 +96,6 @@ class _CachedFile:
     def etag(self) -> str:
         """What it is told by."""
         return f'"{sha256(self.content).hexdigest()[:20]}"'
-
-
-class _IntentBody(BaseModel):
-    """The body of an intent."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-    id: Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,64}$")]
-    action: ActionName
-    vehicle: Annotated[str, Field(min_length=1, max_length=32)] | None = None
-    confirmed: bool = False
-    pack: Annotated[str, Field(pattern=PACK)] = ""
-    base: Annotated[str, Field(max_length=64)] = ""
-    assets: NamedAssets = ()
-
-    @model_validator(mode="after")
-    def _check_assets(self) -> _IntentBody:
-        if self.assets and self.action != "prove":
-            raise ValueError(f"assets: expected none, as {self.action} is for no single one")
-        return self
-
-    @property
-    def intent(self) -> Intent:
-        """Return what is asked for."""
-        action = Action(self.action)
-        return Intent(self.id, action, self.vehicle, "page", self.confirmed, self.pack, self.base, self.assets)
 
 
 _uvicorn_log = logging.getLogger("uvicorn.error")
@@ -314,14 +289,14 @@ class WebServer:
         if kind != "application/json":
             return PlainTextResponse("expected content-type application/json", 415)
         try:
-            wish = _IntentBody.model_validate_json(await request.body())
+            wish = IntentBody.model_validate_json(await request.body())
         except ClientDisconnect:
             return PlainTextResponse("the body did not come", 400)
         except ValidationError as error:
             return PlainTextResponse(format_first_error(error), 422)
         try:
             async with asyncio.timeout(ANSWER_S):
-                record = await asyncio.wrap_future(self._submit(wish.intent))
+                record = await asyncio.wrap_future(self._submit(wish.build_intent("page")))
         except TimeoutError:
             return PlainTextResponse("the flight does not answer", 503)
         return JSONResponse(_record_to_plain(record), STATUS[record.outcome])
