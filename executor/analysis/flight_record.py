@@ -82,11 +82,6 @@ class VehicleRecord:
     reckoned: npt.NDArray[np.bool_] | None = None
     """(n,) bool: whether each of them came while GPS was lost; None where all are by GPS."""
 
-    @property
-    def by_gps(self) -> FloatArray:
-        """The rows of the track that are by GPS."""
-        return self.track if self.reckoned is None else self.track[~self.reckoned]
-
 
 @dataclass(frozen=True, slots=True)
 class PlannedRoute:
@@ -272,10 +267,11 @@ def draw_at_pct(vehicle: VehicleRecord, t_s: float) -> float:
     return float(np.interp(t_s, account[:, 0], account[:, 1]))
 
 
-def find_last_place_m(vehicle: VehicleRecord, t_s: float) -> Place | None:
-    """Return where a vehicle was by GPS last until a time; None if it was not heard."""
-    heard = vehicle.by_gps[vehicle.by_gps[:, 0] <= t_s]
-    return (float(heard[-1, 1]), float(heard[-1, 2])) if len(heard) else None
+def find_last_row(vehicle: VehicleRecord, t_s: float) -> int | None:
+    """Return which row of its track says where a vehicle was by GPS last until a time; None if it was not heard."""
+    by_gps = True if vehicle.reckoned is None else ~vehicle.reckoned
+    heard = np.flatnonzero((vehicle.track[:, 0] <= t_s) & by_gps)
+    return int(heard[-1]) if len(heard) else None
 
 
 def take_off_time_s(track: FloatArray, after_s: float) -> float:

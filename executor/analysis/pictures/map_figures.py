@@ -22,7 +22,7 @@ from executor.analysis.flight_record import (
     VehicleRecord,
     build_launch_revision,
     find_abandoned_segments,
-    find_last_place_m,
+    find_last_row,
 )
 from executor.analysis.pictures.label_placement import LabelPlacer, find_farthest, sample_line_m, to_place
 from executor.analysis.pictures.map_background import draw_below
@@ -213,11 +213,12 @@ def _label_events(
     axes: Axes, sheet: MapSheet, placer: LabelPlacer, record: FlightRecord, styles: Mapping[str, VehicleStyle]
 ) -> None:
     for vehicle, fault in record.losses:
-        place_m = find_last_place_m(vehicle, fault.detected_s)
-        if place_m is not None:
+        row = find_last_row(vehicle, fault.detected_s)
+        if row is not None:
+            place_m = vehicle.track[row, 1:3]
             axes.plot(*place_m, ls="", marker="X", ms=15, mfc=LOSS, mec=PAPER, mew=1.4, zorder=10)
             words = f"{vehicle.name} lost: {fault.kind.value}\n{format_flight_time(fault.detected_s)}"
-            _draw_callout(axes, sheet, placer, np.array([place_m]), words, LOSS)
+            _draw_callout(axes, sheet, placer, place_m[np.newaxis], words, LOSS)
     for left_by, by, segments in _group_handovers(record):
         words = f"{by} took over {len(segments)}\nfrom {left_by}"
         _draw_callout(axes, sheet, placer, _compute_middles_m(_get_segment_ends(segments)), words, styles[by].colour)

@@ -105,8 +105,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("a battery that never reported", lambda: recorded.draw_at_pct(vehicle_of(battery=np.empty((0, 2))), 5.0), 0.0),
     (
         "where it was last",
-        lambda: [recorded.find_last_place_m(vehicle_of(), t_s) for t_s in (-0.1, 0.0, 19.9, 20.0, 99.0)],
-        [None, (0.0, 0.0), (0.0, 0.0), (30.0, 0.0), (60.0, 40.0)],
+        lambda: [recorded.find_last_row(vehicle_of(), t_s) for t_s in (-0.1, 0.0, 19.9, 20.0, 99.0)],
+        [None, 0, 1, 2, 3],
     ),
     (
         "when it takes off",
