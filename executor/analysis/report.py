@@ -149,14 +149,7 @@ def build_report(
         segment_names={str(segment): context.segment_name(segment) for segment in sorted(context.wanted | never)},
         finished=not uncovered,
         duration_s=ended_s - began_s,
-        faults=tuple(
-            _build_fault_row(name, fault, began_s, truths)
-            for name, fault in (
-                *state.replanning.mended,
-                *((name, vehicle.fault) for name, vehicle in state.vehicles.items()),
-            )
-            if fault is not None
-        ),
+        faults=_build_fault_rows(state, began_s, truths),
         replans=tuple(_build_replan_row(record) for record in state.replanning.records if not record.sortie),
         vehicles=tuple(
             _build_vehicle_row(
@@ -170,10 +163,7 @@ def build_report(
         absences=tuple(
             AbsenceRow.build_from(absence, until_s=absence.until_s - began_s) for absence in state.listening.absences
         ),
-        seen=tuple(
-            SeenRow.build_from(row, name=row.asset, inspected_at_m=state.coverage.inspected_at_m.get(row.segment))
-            for row in build_asset_rows(context, state)
-        ),
+        seen=_build_seen_rows(context, state),
         inferred=tuple(sorted(state.coverage.list_inferred_segments())),
         min_separation_m=None if state.progress.separation is None else state.progress.separation.least_m,
         inspection_speed_m_s=context.inspection_speed_m_s,
@@ -245,6 +235,19 @@ def _build_inspection_row(context: Context, state: FleetState, segment: int) -> 
         inspected_at_m=state.coverage.inspected_at_m.get(segment),
         speed_mean_m_s=flown.mean_m_s,
         speed_max_m_s=flown.max_m_s,
+    )
+
+
+def _build_fault_rows(state: FleetState, began_s: float, truths: Sequence[InjectedFault]) -> tuple[FaultRow, ...]:
+    now = ((name, vehicle.fault) for name, vehicle in state.vehicles.items() if vehicle.fault is not None)
+    return tuple(_build_fault_row(name, fault, began_s, truths) for name, fault in (*state.replanning.mended, *now))
+
+
+def _build_seen_rows(context: Context, state: FleetState) -> tuple[SeenRow, ...]:
+    at_m = state.coverage.inspected_at_m
+    return tuple(
+        SeenRow.build_from(row, name=row.asset, inspected_at_m=at_m.get(row.segment))
+        for row in build_asset_rows(context, state)
     )
 
 

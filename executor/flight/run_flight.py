@@ -293,8 +293,9 @@ def write_results(
         writes["images"] = partial(write_index, run, build_image_index(context, state, began_unix_s))
     if report.sorties:
         writes["packs.json"] = partial(build_flown_packs(state, run.name, began_unix_s).write, kept.packs)
+    writes["report.json"] = partial(report.write, kept.report)
     failed = []
-    for name, write in (*writes.items(), ("report.json", partial(report.write, kept.report))):
+    for name, write in writes.items():
         try:
             write()
         except OSError as error:
