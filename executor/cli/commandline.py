@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping
-from dataclasses import dataclass
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import typer
@@ -27,51 +26,43 @@ class CheckoutRequired(ExecutorError):
     """A command needs what only a checkout of the project has."""
 
 
-@dataclass(frozen=True, slots=True)
-class _CommandPlace:
-    """Where a command is defined."""
-
-    module: str
-    attribute: str
-    help: str = ""
-    """Its line in the overview, where that is not the first paragraph of its own docstring."""
-
-
-COMMANDS: Mapping[str, _CommandPlace] = {
-    "demo": _CommandPlace("executor.cli.flights", "demo"),
-    "init": _CommandPlace("executor.cli.init_site", "init"),
-    "network": _CommandPlace("executor.cli.network", "network"),
-    "plan": _CommandPlace("executor.cli.plans", "plan"),
-    "check": _CommandPlace("executor.cli.plans", "check"),
-    "window": _CommandPlace("executor.cli.plans", "window"),
-    "replan": _CommandPlace("executor.cli.plans", "replan"),
-    "export": _CommandPlace("executor.cli.exports", "export"),
-    "risk": _CommandPlace("executor.cli.risk", "risk"),
-    "simulate": _CommandPlace("executor.cli.flights", "simulate"),
-    "fly": _CommandPlace("executor.cli.flights", "fly"),
-    "preflight": _CommandPlace("executor.cli.flights", "preflight"),
-    "resume": _CommandPlace("executor.cli.flights", "resume"),
-    "restore": _CommandPlace("executor.cli.restore", "restore"),
-    "images": _CommandPlace("executor.cli.images", "images"),
-    "day": _CommandPlace("executor.cli.flights", "fly_day"),
-    "replay": _CommandPlace("executor.cli.replay", "replay_logs"),
-    "bench": _CommandPlace(
-        BENCHMARKS,
-        "cli",
-        "Run the benchmarks: the planner against published figures, other solvers and the clock; uploads against "
-        "MAVSDK; what a fleet costs; how soon a flight is resumed; what the watchpoints detect; flown against planned.",
-    ),
+COMMANDS: Mapping[str, str] = {
+    "demo": "executor.cli.flights:demo",
+    "init": "executor.cli.init_site:init",
+    "network": "executor.cli.network:network",
+    "plan": "executor.cli.plans:plan",
+    "check": "executor.cli.plans:check",
+    "window": "executor.cli.plans:window",
+    "replan": "executor.cli.plans:replan",
+    "export": "executor.cli.exports:export",
+    "risk": "executor.cli.risk:risk",
+    "simulate": "executor.cli.flights:simulate",
+    "fly": "executor.cli.flights:fly",
+    "preflight": "executor.cli.flights:preflight",
+    "resume": "executor.cli.flights:resume",
+    "restore": "executor.cli.restore:restore",
+    "images": "executor.cli.images:images",
+    "day": "executor.cli.flights:fly_day",
+    "replay": "executor.cli.replay:replay_logs",
+    "bench": f"{BENCHMARKS}:cli",
 }
+
+
+BENCH = (
+    "Run the benchmarks: the planner against published figures, other solvers and the clock; uploads against MAVSDK; "
+    "what a fleet costs; how soon a flight is resumed; what the watchpoints detect; flown against planned."
+)
+"""What they say of themselves where they are installed."""
 
 
 def read_summary(name: str) -> str:
     """Return a command's line in the overview, from its docstring: nothing is imported."""
-    place = COMMANDS[name]
-    if place.help:
-        return place.help
-    source = (Path(__file__).parent / f"{place.module.rpartition('.')[2]}.py").read_text(encoding="utf-8")
+    module, _, attribute = COMMANDS[name].partition(":")
+    if module == BENCHMARKS:
+        return BENCH
+    source = (Path(__file__).parent / f"{module.rpartition('.')[2]}.py").read_text(encoding="utf-8")
     functions = [one for one in ast.parse(source).body if isinstance(one, ast.FunctionDef)]
-    docstring = next(ast.get_docstring(one) or "" for one in functions if one.name == place.attribute)
+    docstring = next(ast.get_docstring(one) or "" for one in functions if one.name == attribute)
     return " ".join(docstring.partition("\n\n")[0].split())
 
 
@@ -81,10 +72,9 @@ def load_command(name: str) -> Any:  # noqa: ANN401 - typer does not export what
     Raises:
         NotInstalled: it is `bench`, and this is no checkout.
     """
-    place = COMMANDS[name]
-    if place.module == BENCHMARKS and not _is_checkout():
+    if name == "bench" and not _is_checkout():
         raise CheckoutRequired(ONLY_IN_A_CHECKOUT)
-    defined = getattr(import_module(place.module), place.attribute)
+    defined = resolve_name(COMMANDS[name])
     if isinstance(defined, typer.Typer):
         return get_command(defined)
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
