@@ -46,8 +46,7 @@ COMMANDS: Mapping[str, str] = {
     "replay": "executor.cli.replay:replay_logs",
     "bench": f"{BENCHMARKS}:cli",
 }
-
-
+"""Where each command is defined."""
 BENCH = (
     "Run the benchmarks: the planner against published figures, other solvers and the clock; uploads against MAVSDK; "
     "what a fleet costs; how soon a flight is resumed; what the watchpoints detect; flown against planned."
@@ -70,7 +69,7 @@ def load_command(name: str) -> Any:  # noqa: ANN401 - typer does not export what
     """Import a command and return it, ready to be called.
 
     Raises:
-        NotInstalled: it is `bench`, and this is no checkout.
+        CheckoutRequired: it is `bench`, and this is no checkout.
     """
     if name == "bench" and not _is_checkout():
         raise CheckoutRequired(ONLY_IN_A_CHECKOUT)
