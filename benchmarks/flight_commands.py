@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
+from benchmarks.options import AutopilotsOption, make_output_option
 from executor.cli.options import (
     FIRST_AUTOPILOT,
     AutopilotName,
     AutopilotOption,
-    AutopilotsOption,
     JsonOption,
     NetworkOption,
     SecondsOption,
     SeedOption,
-    make_output_option,
 )
 from missions.files import json_text
 

@@ -134,6 +134,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/benchmarks/test_upload.py": (
         "benchmarks/mavsdk_upload.py",
         "benchmarks/commands.py",
+        "benchmarks/options.py",
     ),
     "tests/executor/cli/test_network.py": (
         "executor/analysis/pictures/network_figure.py",

@@ -13,10 +13,9 @@ import typer
 from executor.adapters.extras import Extra, describe_missing_extra, require_extra
 from executor.adapters.interrupts import discard_output
 from executor.adapters.run_directory import RunDirectory, create_run_directory
-from executor.analysis.documents import FlightReport
+from executor.analysis.documents import CheckRow, FlightReport
 from executor.analysis.earlier_flights import describe_total_inspected, read_earlier_flights
 from executor.analysis.flight_record import FlightRecord
-from executor.analysis.report import build_check_row
 from executor.cli.console import TerminalConsole
 from executor.cli.day import DAY_SECONDS, DayOptions, ObjectiveName, describe_day, plan_site_day
 from executor.cli.errors import OUR_ERRORS
@@ -345,7 +344,7 @@ def preflight(
     console.show_checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
     if as_json:
-        print(json_text({"ready": not stops, "checks": [build_check_row(check).to_plain() for check in found]}))
+        print(json_text({"ready": not stops, "checks": [CheckRow.build_from(check).to_plain() for check in found]}))
     elif not quiet:
         print("ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}")
     if stops:

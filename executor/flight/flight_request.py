@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -10,13 +10,12 @@ from typing import Protocol
 from executor.adapters.clock import SystemClock
 from executor.adapters.run_directory import RunDirectory, today, write_site
 from executor.analysis.documents import EarlierRow
-from executor.analysis.learned_document import build_learned_document, learn_from_flight
+from executor.analysis.learned_document import build_learned_document
 from executor.analysis.report import InjectedFault
 from executor.core.context import Context
 from executor.core.interface.commands import Level
 from executor.core.preflight.vehicle_checks import Check
 from executor.core.state.fleet_state import FleetState
-from executor.core.vehicle_learning import KnownVehicle
 from executor.flight.mqtt_settings import MqttSettings
 from executor.site import site_model
 from executor.site.ground_files import write_ground
@@ -80,15 +79,6 @@ class FlightRequest:
     """The day whose first sorties `plan` is; None for a single flight."""
     earlier: tuple[EarlierRow, ...] = ()
     """Flights whose rest is flown."""
-
-
-def write_learned(run: Path, context: Context, state: FleetState, before: Mapping[str, KnownVehicle]) -> None:
-    """Write what a flight taught about its vehicles.
-
-    Raises:
-        OSError: it cannot be written.
-    """
-    learn_from_flight(context, state, before, today()).write(RunDirectory(run).learned)
 
 
 def write_run_start(order: FlightRequest) -> None:

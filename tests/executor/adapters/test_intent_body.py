@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from executor.adapters.assets import NamedAssets
+from executor.adapters.intent_body import NamedAssets
 from missions import format_first_error
 
 
