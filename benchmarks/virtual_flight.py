@@ -30,8 +30,8 @@ from executor.flight.fencing import build_wanted_lists
 from executor.flight.flight_request import FlightRequest
 from executor.flight.parameter_changes import read_changes
 from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
+from executor.runtime.board_restore import set_changes
 from executor.runtime.flight_loop import Flight
-from executor.runtime.parameter_restore import set_changes
 from executor.runtime.vehicle_preflight import load_lists
 from executor.simulated.injected_faults import find_injected_fault
 from executor.simulated.simulated_fleet import fleet_of

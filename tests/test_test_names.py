@@ -10,7 +10,6 @@ from pathlib import Path
 from tests.test_architecture import PACKAGES, ROOT, modules
 
 SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
-    "tests/executor/flight/test_fencing.py": ("executor/flight/kept_lists.py",),
     "tests/simulator/test_fences.py": ("simulator/fence.py", "simulator/lists_ardupilot.py"),
     "tests/benchmarks/test_reallogs.py": (
         "benchmarks/detectionbench.py",
@@ -236,8 +235,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/core/state/test_vehicle_position.py": ("executor/core/interface/messages.py",),
     "tests/executor/flight/test_checkpoint_files.py": ("executor/flight/checkpointer.py",),
     "tests/executor/flight/test_parameter_changes.py": (
-        "executor/flight/kept_parameters.py",
-        "executor/runtime/parameter_restore.py",
+        "executor/flight/board_record.py",
+        "executor/runtime/board_restore.py",
     ),
     "tests/executor/flight/test_resume_flight.py": (
         "executor/adapters/clock.py",

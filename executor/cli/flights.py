@@ -53,7 +53,6 @@ from executor.cli.plan_inputs import (
 )
 from executor.core.formatting import command_line
 from executor.core.interface.commands import Level
-from executor.core.preflight.parameter_proposals import format_number
 from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import run_flight as flying
@@ -61,7 +60,7 @@ from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.flight.mqtt_settings import read_mqtt_settings
 from executor.flight.next_flight import describe_next_flight, plan_next_flight, read_segments_left
 from executor.flight.open_links import check_backends
-from executor.flight.parameter_changes import check_run, find_open_changes
+from executor.flight.restore_vehicles import check_run, find_open_parameters
 from executor.runtime import fair_event_loop
 from executor.simulated.demo_site import (
     OTHER_LOSS,
@@ -386,9 +385,9 @@ def resume(
         )
         return
     console.say(Level.INFO, f"{directory}: this flight is over")
-    for one in find_open_changes(directory):
+    for one in find_open_parameters(directory):
         restore = command_line("restore", directory)
-        text = f"{one.vehicle}: {one.name} (was {format_number(one.old)}) not restored: {restore}"
+        text = f"{one.vehicle}: {one.words_open} not restored: {restore}"
         console.say(Level.WARNING, text)
     _finish_flight(known.order, flying.FlightResult(report, left.begun.context, left=False), as_json=as_json)
 

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from executor import supervised
@@ -29,19 +28,20 @@ from executor.core.interface.events import Asked, IntentReceived, Reopened
 from executor.core.interface.intents import Action
 from executor.core.interface.ports import OpenLink
 from executor.core.preflight.fence_checks import OnboardLists
-from executor.core.preflight.parameter_proposals import KeptParameter, ParameterProposal
+from executor.core.preflight.parameter_proposals import ParameterProposal
 from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.core.state.fleet_state import CheckLine, FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import PreflightFailed
 from executor.flight import fencing, parameter_changes, web_page
+from executor.flight.board_record import build_parameter_rows
 from executor.flight.flight_recorder import NOTHING_LEFT, FlightRecorder, InheritedRecord, read_plan_in_force
 from executor.flight.flight_request import Console, FlightRequest
-from executor.flight.kept_parameters import build_parameter_rows
 from executor.flight.open_links import open_links
 from executor.flight.operator_interrupts import Interrupts
 from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
+from executor.flight.restore_vehicles import restore_board
 from executor.flight.simulation_clock import follow_fleet_time
 from executor.images.index_files import build_image_index, write_index
 from executor.runtime.flight_loop import Flight
@@ -119,7 +119,7 @@ async def _check_and_supervise(
         console.show_checks(proposal.checks)
         _raise_on_stop(proposal.checks)
     except PreflightFailed:
-        await _restore_vehicles(run, links, clock, console)  # of an earlier attempt in this directory
+        await restore_board(run, links, clock, console)  # of an earlier attempt in this directory
         raise
     found += proposal.checks
     fences = build_first_fences(context, boards)
@@ -145,16 +145,8 @@ async def _check_and_supervise(
     finally:
         if flown is None:
             # Nothing stays changed for a flight that is not flown; who flies all the same is armed, and left alone.
-            await _restore_vehicles(run, links, clock, console)
+            await restore_board(run, links, clock, console)
     return flown
-
-
-async def _restore_vehicles(
-    run: Path, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
-) -> tuple[KeptParameter, ...]:
-    """Give back what is on record, fences before the parameters that say how they are kept to."""
-    await fencing.restore_kept_lists(run, links, clock, console)
-    return await parameter_changes.restore_kept_parameters(run, links, clock, console)
 
 
 def _raise_on_stop(found: Sequence[Check]) -> None:
@@ -270,7 +262,7 @@ async def supervise(
         console.stop_drawing()
         seat.log.close()
     ended_s = clock.now_s()
-    given_back = await _restore_vehicles(order.run, links, clock, console)
+    given_back, _ = await restore_board(order.run, links, clock, console)
     frames = {name: link.counts for name, link in links.items()}
     report = build_report(
         context, flight.state, ended_s, order.truths(clock), frames, seat.said, build_parameter_rows(given_back)

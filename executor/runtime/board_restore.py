@@ -1,30 +1,35 @@
-"""A vehicle's parameters: read, set for a flight, and given back after it."""
+"""What a flight changes on a vehicle: parameters that are read and set for it, and what is given back after it."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Iterable, Sequence
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Generic
 
 from executor.core.interface.messages import Heartbeat, Message, ParamValue, SendParamRequest
 from executor.core.interface.ports import Clock, Link
+from executor.core.preflight.board_changes import (
+    Change,
+    ChangeStage,
+    KeptList,
+    KeptParameter,
+    ValueOrigin,
+    format_number,
+)
 from executor.core.preflight.parameter_proposals import (
     Answers,
-    ChangeStage,
-    KeptParameter,
     ParameterChange,
     Present,
-    ValueOrigin,
-    classify_value,
-    format_number,
     list_newer_return_parameters,
     list_return_parameters,
 )
 from executor.protocols.parameter_dialogue import ParameterReading
 from executor.runtime import procedures
 from executor.runtime.dialogue import run_dialogue
-from missions import Dialect, dialect_for
+from missions import Dialect, MissionKind, dialect_for
+from missions.fences import number_items
 
 HEARD_S = 5.0
 """Without a heartbeat for so long a vehicle does not answer; they come once a second."""
@@ -89,40 +94,35 @@ async def set_changes(link: Link, clock: Clock, changes: Iterable[ParameterChang
 
 
 @dataclass(frozen=True, slots=True)
-class RestoreResult:
-    """What became of one vehicle's parameters."""
+class RestoreResult(Generic[Change]):
+    """What became of what was changed on one vehicle."""
 
-    kept: tuple[KeptParameter, ...]
+    kept: tuple[Change, ...]
     """Each as it is on record now."""
     problems: tuple[str, ...] = ()
     """Why something stays; empty if all was given back."""
 
 
 @dataclass(slots=True)
-class _HeartbeatWatch:
-    """The last heartbeat."""
+class RestingVehicle:
+    """A vehicle that was waited for until it answers and is not armed; its heartbeats are followed."""
 
-    came: asyncio.Event
+    problem: str = ""
+    """What is in the way, in words; empty if nothing is."""
     heartbeat: Heartbeat | None = None
+    """The last one."""
+    came: asyncio.Event = field(default_factory=asyncio.Event)
 
     def update(self, message: Message) -> None:
+        """Take over a heartbeat."""
         if isinstance(message, Heartbeat):
             self.heartbeat = message
             self.came.set()
 
     @property
     def is_at_rest(self) -> bool:
+        """Whether it is not armed, by its last heartbeat."""
         return self.heartbeat is not None and not self.heartbeat.armed
-
-
-@dataclass(frozen=True, slots=True)
-class RestingVehicle:
-    """A vehicle that was waited for until it answers and is not armed."""
-
-    problem: str
-    """What is in the way, in words; empty if nothing is."""
-    rests: Callable[[], bool]
-    """Whether it still is not armed, by its last HEARTBEAT."""
 
 
 @asynccontextmanager
@@ -131,81 +131,62 @@ async def wait_for_rest(
 ) -> AsyncIterator[RestingVehicle]:
     """Wait for a vehicle at rest, to give something back to it; it is listened to until the block ends.
 
-    Args:
-        link: To it.
-        clock: The flight's.
-        autopilot: Which it has to be, by its name in site files.
-        heard_s: How long it is waited for, in its time.
-    """
-    watch = _HeartbeatWatch(asyncio.Event())
-    stop_listening = link.listen(watch.update)
-    try:
-        calls = list_return_parameters(dialect_for(autopilot))[0]
-        yield RestingVehicle(
-            await _wait_for_rest(link, clock, calls, autopilot, watch, heard_s), lambda: watch.is_at_rest
-        )
-    finally:
-        stop_listening()
-
-
-async def restore_vehicle_parameters(
-    link: Link, clock: Clock, kept: Sequence[KeptParameter], heard_s: float = HEARD_S
-) -> RestoreResult:
-    """Give one vehicle its parameters back, if it answers and is not armed; what somebody else set since stays.
+    Once it is heard and armed it is waited for no longer than for a heartbeat that was under way. It is called
+    meanwhile, as some only speak to who has spoken. What it answers is not looked at before its heartbeat has said
+    which autopilot it is: they write integers in two ways.
 
     It hears no heartbeat from here: one that begins and ends would set off its ground-station failsafe.
 
     Args:
         link: To it.
         clock: The flight's.
-        kept: What is on record of it, and open.
+        autopilot: Which it has to be, by its name in site files.
         heard_s: How long it is waited for, in its time.
     """
-    watch = _HeartbeatWatch(asyncio.Event())
-    stop_listening = link.listen(watch.update)
+    dialect, vehicle = dialect_for(autopilot), RestingVehicle()
+    stop_listening = link.listen(vehicle.update)
     try:
-        problem = await _wait_for_rest(link, clock, kept[0].name, kept[0].autopilot, watch, heard_s)
-        if problem:
-            return RestoreResult(tuple(kept), (problem,))
-        return await _restore_in_rounds(link, clock, kept, watch)
+        began_s, least_s = clock.now_s(), procedures.PATIENCE_REAL_S * clock.speedup
+        while not vehicle.is_at_rest:
+            patience_s = max(heard_s if vehicle.heartbeat is None else ARMED_S, least_s)
+            if clock.now_s() >= began_s + patience_s:
+                break
+            link.send(SendParamRequest(list_return_parameters(dialect)[0]))
+            vehicle.came.clear()
+            try:
+                async with asyncio.timeout(CALL_S / clock.speedup):
+                    await vehicle.came.wait()
+            except TimeoutError:
+                continue
+        vehicle.problem = _find_restore_problem(vehicle, dialect)
+        yield vehicle
     finally:
         stop_listening()
 
 
-async def _wait_for_rest(
-    link: Link, clock: Clock, calls: str, autopilot: str, watch: _HeartbeatWatch, heard_s: float
-) -> str:
-    """Wait for a vehicle at rest; returns what is in the way, empty if nothing is.
-
-    Once it is heard and armed it is waited for no longer than for a heartbeat that was under way. It is called
-    meanwhile, as some only speak to who has spoken. What it answers is not looked at before its heartbeat has said
-    which autopilot it is: they write integers in two ways.
-    """
-    began_s, least_s = clock.now_s(), procedures.PATIENCE_REAL_S * clock.speedup
-    while not watch.is_at_rest:
-        patience_s = max(heard_s if watch.heartbeat is None else ARMED_S, least_s)
-        if clock.now_s() >= began_s + patience_s:
-            break
-        link.send(SendParamRequest(calls))
-        watch.came.clear()
-        try:
-            async with asyncio.timeout(CALL_S / clock.speedup):
-                await watch.came.wait()
-        except TimeoutError:
-            continue
-    if watch.heartbeat is None:
+def _find_restore_problem(vehicle: RestingVehicle, dialect: Dialect) -> str:
+    if vehicle.heartbeat is None:
         return "does not answer"
-    if watch.heartbeat.armed:
+    if vehicle.heartbeat.armed:
         return "is armed"
-    if watch.heartbeat.autopilot != dialect_for(autopilot).number:
-        return f"is another vehicle now: its autopilot is {watch.heartbeat.autopilot}, expected {autopilot}"
+    if vehicle.heartbeat.autopilot != dialect.number:
+        return f"is another vehicle now: its autopilot is {vehicle.heartbeat.autopilot}, expected {dialect.name}"
     return ""
 
 
-async def _restore_in_rounds(
-    link: Link, clock: Clock, kept: Sequence[KeptParameter], watch: _HeartbeatWatch
-) -> RestoreResult:
-    """Look and set until everything is as it was in a round after the one that set it."""
+async def restore_parameters(
+    link: Link, clock: Clock, kept: Sequence[KeptParameter], vehicle: RestingVehicle
+) -> RestoreResult[KeptParameter]:
+    """Give one vehicle its parameters back; what somebody else set since stays.
+
+    Looks and sets until everything is as it was in a round after the one that set it.
+
+    Args:
+        link: To it.
+        clock: The flight's.
+        kept: What is on record of it, and open.
+        vehicle: It at rest.
+    """
     waiting = {one.name: one for one in kept}
     ended: dict[str, KeptParameter] = {}
     problems: list[str] = []
@@ -216,14 +197,14 @@ async def _restore_in_rounds(
         said = (await read_parameters(link, clock, waiting)).present
         for name, value in said.items():
             one = waiting[name]
-            what = classify_value(one, value.value)
+            what = one.classify(value.value)
             if what is ValueOrigin.OTHER:
                 ended[name] = replace(waiting.pop(name), stage=ChangeStage.LEFT)
                 problems.append(f"{name} is {format_number(value.value)}, which somebody set since: left as it is")
             elif what is ValueOrigin.OLD and turn:
                 ended[name] = replace(waiting.pop(name), stage=ChangeStage.RESTORED)
             elif what is ValueOrigin.OURS:
-                if not watch.is_at_rest:
+                if not vehicle.is_at_rest:
                     return _build_result(kept, ended, [*problems, "was armed meanwhile"])
                 await procedures.set_parameter(link, clock, name, one.old, value.kind)
         if not (waiting and said):
@@ -234,5 +215,51 @@ async def _restore_in_rounds(
     return _build_result(kept, ended, problems)
 
 
-def _build_result(kept: Sequence[KeptParameter], ended: dict[str, KeptParameter], problems: list[str]) -> RestoreResult:
+async def restore_lists(
+    link: Link, clock: Clock, kept: Sequence[KeptList], vehicle: RestingVehicle
+) -> RestoreResult[KeptList]:
+    """Give one vehicle its fence and its rally points back; what somebody else put on board since stays.
+
+    Args:
+        link: To it.
+        clock: The flight's.
+        kept: What is on record of it, and open.
+        vehicle: It at rest.
+    """
+    ended: dict[str, KeptList] = {}
+    problems: list[str] = []
+    for one in kept:
+        if not vehicle.is_at_rest:
+            problems.append("was armed meanwhile")
+            break
+        found = await procedures.read_list(link, clock, one.kind)
+        if found is None:
+            problems.append(f"{one.words_open} cannot be read")
+            continue
+        what = one.classify(found)
+        if what is ValueOrigin.OTHER:
+            ended[one.name] = replace(one, stage=ChangeStage.LEFT)
+            problems.append(f"somebody has changed the {one.words_open} since: left as found")
+            continue
+        problem = "" if what is ValueOrigin.OLD else await _put_list_back(link, clock, one)
+        if problem:
+            problems.append(problem)
+        else:
+            ended[one.name] = replace(one, stage=ChangeStage.RESTORED)
+    return _build_result(kept, ended, problems)
+
+
+async def _put_list_back(link: Link, clock: Clock, one: KeptList) -> str:
+    """Send a vehicle the fence, or the rally points, that it had; returns why it does not have them."""
+    dialect, items = dialect_for(one.autopilot), number_items(one.old)
+    if one.kind is MissionKind.FENCE:
+        done = await procedures.upload_and_verify_fence(link, clock, dialect, items)
+    else:
+        done = await procedures.upload_and_verify(link, clock, dialect, items, kind=one.kind)
+    return "" if done.accepted else done.reason
+
+
+def _build_result(
+    kept: Sequence[Change], ended: Mapping[str, Change], problems: Sequence[str]
+) -> RestoreResult[Change]:
     return RestoreResult(tuple(ended.get(one.name, one) for one in kept), tuple(problems))
