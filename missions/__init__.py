@@ -66,7 +66,7 @@ from missions.plan_file import (
     make_plan_file,
 )
 from missions.plan_json import build_plan_document, read_plan, write_plan
-from missions.pricing import PricedMoves, Pricing, build_priced_instance
+from missions.pricing import PricedMoves, Pricing, build_priced_instance, build_priced_sorties
 from missions.qgc import QgcPlan, format_qgc_plan, format_qgc_waypoints, parse_qgc_plan, parse_qgc_waypoints
 from missions.readers import (
     SNAP_M,
@@ -85,7 +85,6 @@ from missions.readers import (
 from missions.routes import build_flight_path, continue_path
 from missions.safety import HeightReference, Layers, check_separation, plan_layers, tracks_m
 from missions.setup import FlightSetup, Inspection, plan_flight_setup
-from missions.sortie_pricing import build_priced_sorties
 from missions.tasks import Task, build_open_task
 from missions.validation import format_first_error
 from missions.waypoints import FlightPath, Phase, Waypoint

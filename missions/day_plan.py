@@ -6,16 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Annotated
 
-import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
+from missions.areas import Unreachable
 from missions.errors import PlanFileError
 from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
-from missions.plan_file import PlanSegment, SolverRecord, is_same_figure
-from missions.pricing import Pricing
-from missions.sortie_pricing import build_priced_sorties
+from missions.plan_file import PlanSegment, PlanTerrain, SolverRecord, describe_area_conflicts, is_same_figure
+from missions.pricing import Pricing, build_priced_sorties
 from missions.validation import Figure, Text
 from planner import InstanceError
 from planner.sorties import (
@@ -51,7 +49,7 @@ class DayPlanFile:
     frame: LocalFrame
     segments: tuple[PlanSegment, ...]
     pricing: Pricing
-    """Tracks of the segments, and how each vehicle flies; its bases are the vehicles' own."""
+    """As a single flight has it; its bases are the vehicles' own."""
     places: tuple[BasePlace, ...]
     bases: tuple[SortieBase, ...]
     vehicles: tuple[SortieVehicle, ...]
@@ -60,13 +58,18 @@ class DayPlanFile:
     days: tuple[Window, ...]
     transfer_s: FloatArray
     stagger_s: float
-    able: npt.NDArray[np.bool_]
     plan: SortiePlan
     evaluation: SortieEvaluation
     objective: Objective
     solved: SolverRecord
     windows: tuple[LossWindow, ...] = ()
     """Until when each vehicle must not be lost; empty if nobody looked."""
+    unreachable: tuple[Unreachable, ...] = ()
+    """What was asked for as well, and no flight can inspect, by the network's numbers."""
+    unreachable_names: tuple[str, ...] = ()
+    """What their network's file calls them."""
+    terrain: PlanTerrain | None = None
+    """The ground, where a raster knows it."""
     source: str = field(default="day plan", compare=False)
     """Where it was read, for messages."""
 
@@ -78,7 +81,7 @@ class DayPlanFile:
         """
         try:
             return build_priced_sorties(
-                self.pricing, self.vehicles, self.pads, self.bases, self.days, self.transfer_s, able=self.able,
+                self.pricing, self.vehicles, self.pads, self.bases, self.days, self.transfer_s,
                 stagger_s=self.stagger_s,
             )  # fmt: skip
         except InstanceError as error:
@@ -123,3 +126,6 @@ def _check_content(content: DayPlanFile) -> Iterator[str]:
         if not is_same_figure(said, is_so):
             yield f"{key} is {said:.6g}, its content gives {is_so:.6g}"
     yield from computed.violations
+    visits = (visit for own in content.plan.sorties for one in own for visit in one.visits)
+    pads = ((own.name, content.pads[row][base]) for row, own in enumerate(content.vehicles) for base in own.lands)
+    yield from describe_area_conflicts(content.pricing, content.segments, visits, pads)

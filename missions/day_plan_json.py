@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from operator import not_
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
+from missions.areas import Unreachable
 from missions.day_plan import BasePlace, DayPlanFile
-from missions.errors import PlanFileError
+from missions.errors import PlanFileError, SafetyError
 from missions.files import read_text, to_printable, write_document
 from missions.flight_model import Base, FlightModel, Speed
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
-from missions.plan_file import PlanSegment, SolverRecord
-from missions.plan_json import DepotPart, VisitPart, WindPart
+from missions.plan_file import PlanSegment, PlanTerrain, SolverRecord
+from missions.plan_json import DepotPart, UnreachablePart, VisitPart, WaysPart, WindPart, add_ways, build_ways
 from missions.pricing import Pricing
 from missions.validation import Figure, Id, Place, Text, format_first_error, is_none
 from planner import PlanError, SteadyWind, is_reversed, segment_of, visit_of
@@ -76,6 +78,8 @@ class DayVehiclePart(BaseModel):
     transit_speed_m_s: Speed
     segments: Annotated[tuple[Id, ...] | None, Field(exclude_if=is_none)] = None
     """Ids of the only segments that it may inspect; without it all."""
+    step_m: Annotated[Figure, Field(ge=0, exclude_if=not_)] = 0.0
+    """How far it comes down from its layer to a line; without it it inspects in its layer."""
 
 
 class SortiePart(BaseModel):
@@ -143,6 +147,11 @@ class DayPlanDocument(BaseModel):
     """Ids of the segments that nobody flies."""
     windows: tuple[DayLossPart, ...] = ()
     """Until when each vehicle must not be lost, where that was looked at."""
+    ways: WaysPart = WaysPart()
+    unreachable: Annotated[tuple[UnreachablePart, ...], Field(exclude_if=not_)] = ()
+    """What was asked for and is not planned, because it lies in an area or behind one."""
+    terrain: Annotated[PlanTerrain | None, Field(exclude_if=is_none)] = None
+    """The ground that it was made over, where a raster knows it."""
     tracks: tuple[tuple[Place, Place], ...]
     """As in a plan file."""
     segments: tuple[PlanSegment, ...]
@@ -227,6 +236,8 @@ def read_day_plan(path: Path | str) -> DayPlanFile:
         return _read_content(DayPlanDocument.model_validate_json(text), str(path))
     except ValidationError as error:
         raise PlanFileError(f"{path}: {format_first_error(error)}") from error
+    except SafetyError as error:
+        raise PlanFileError(f"{path}: ways.areas: {error}") from error
     except PlanError as error:
         raise PlanFileError(f"{path}: sorties: {error}") from error
 
@@ -261,8 +272,8 @@ def build_day_plan_document(content: DayPlanFile) -> dict[str, object]:
                 "pads": content.pads[row], "performance": models[row].performance, "pace": models[row].pace,
                 "speed_m_s": models[row].inspection_speed_m_s,
                 "transit_speed_m_s": models[row].transit_speed_m_s,
-                "segments": None if content.able[row].all()
-                else [ids[segment] for segment in np.flatnonzero(content.able[row])],
+                "segments": _list_allowed_ids(content, own.name, ids),
+                "step_m": content.pricing.steps_m.get(own.name, 0.0),
             }
             for row, own in enumerate(content.vehicles)
         ],
@@ -286,6 +297,12 @@ def build_day_plan_document(content: DayPlanFile) -> dict[str, object]:
             {"vehicle": content.vehicles[one.vehicle].name, "from_s": one.from_s, "breaks": one.breaks}
             for one in content.windows
         ],
+        "ways": build_ways(content.pricing),
+        "unreachable": [
+            {"segment": one.segment, "name": name, "why": one.why}
+            for one, name in zip(content.unreachable, content.unreachable_names, strict=True)
+        ],
+        "terrain": content.terrain,
         "tracks": content.pricing.tracks_m.tolist(),
         "segments": content.segments,
     }  # fmt: skip
@@ -293,6 +310,11 @@ def build_day_plan_document(content: DayPlanFile) -> dict[str, object]:
         return DayPlanDocument.model_validate(document, from_attributes=True).model_dump(mode="json", by_alias=True)
     except ValidationError as error:
         raise PlanFileError(f"{content.source}: {format_first_error(error)}") from error
+
+
+def _list_allowed_ids(content: DayPlanFile, vehicle: str, ids: list[int]) -> list[int] | None:
+    barred = content.pricing.barred.get(vehicle)
+    return None if not barred else [one for number, one in enumerate(ids) if number not in barred]
 
 
 def _day_of(content: DayPlanFile, start_s: float) -> int:
@@ -303,22 +325,20 @@ def _read_content(document: DayPlanDocument, source: str) -> DayPlanFile:
     position = {segment.id: index for index, segment in enumerate(document.segments)}
     bases, names = [base.name for base in document.bases], [own.name for own in document.vehicles]
     power = SteadyWind(**dict(document.power))
-    able = np.ones((len(names), len(position)), dtype=np.bool_)
-    for row, own in enumerate(document.vehicles):
-        if own.segments is not None:
-            may = set(own.segments)
-            able[row] = [segment.id in may for segment in document.segments]
     rows = [[one for one in document.sorties if one.vehicle == name] for name in names]
     pricing = Pricing(
         np.array(document.tracks, dtype=np.float64).reshape(-1, 2, 3),
         {own.name: own.pads[bases.index(own.base)] for own in document.vehicles},
         {own.name: FlightModel(own.performance, power, own.transit_speed_m_s, own.speed_m_s, own.pace)
          for own in document.vehicles},
+        barred={own.name: frozenset(number for one, number in position.items() if one not in own.segments)
+                for own in document.vehicles if own.segments is not None},
+        steps_m={own.name: own.step_m for own in document.vehicles if own.step_m},
     )  # fmt: skip
     return DayPlanFile(
         frame=LocalFrame(**dict(document.depot)),
         segments=document.segments,
-        pricing=pricing,
+        pricing=add_ways(pricing, document.ways),
         places=tuple(BasePlace(base.name, base.lat_deg, base.lon_deg, base.alt_m) for base in document.bases),
         bases=tuple(
             SortieBase(base.name, base.turnaround_s, base.packs, base.recharge_s) for base in document.bases
@@ -335,7 +355,6 @@ def _read_content(document: DayPlanDocument, source: str) -> DayPlanFile:
         days=tuple((day.begin_s, day.end_s) for day in document.days),
         transfer_s=np.array([[math.inf if value is None else value for value in row] for row in document.transfers_s]),
         stagger_s=document.stagger_s,
-        able=able,
         plan=_read_sortie_plan(document, rows, position, bases),
         evaluation=SortieEvaluation(
             document.finish_s, document.flight_s, len(document.sorties),
@@ -345,6 +364,9 @@ def _read_content(document: DayPlanDocument, source: str) -> DayPlanFile:
         objective=Objective(document.objective),
         solved=SolverRecord(to_printable(document.solver), document.seed, document.seconds),
         windows=tuple(LossWindow(names.index(one.vehicle), one.from_s, one.breaks) for one in document.windows),
+        unreachable=tuple(Unreachable(one.segment, to_printable(one.why)) for one in document.unreachable),
+        unreachable_names=tuple(to_printable(one.name) for one in document.unreachable),
+        terrain=document.terrain,
         source=source,
     )  # fmt: skip
 

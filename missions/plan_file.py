@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
@@ -12,6 +12,7 @@ from pydantic import Field
 
 from missions.areas import UNKNOWN_GROUND, Area, Unreachable
 from missions.errors import PlanFileError
+from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
 from missions.network import Network, Pylon, Segment
 from missions.pricing import DEPOT_M, Pricing, build_priced_instance
@@ -330,7 +331,9 @@ def _check_window(content: PlanFile, written: Window) -> Iterator[str]:
 
 def _check_content(content: PlanFile) -> Iterator[str]:
     yield from _check_places(content)
-    yield from _check_areas(content)
+    if (pricing := content.pricing) is not None:
+        visits = (visit for route in content.plan.routes for visit in route.visits)
+        yield from describe_area_conflicts(pricing, content.segments, visits, pricing.bases.items())
     instance = content.build_instance()
     evaluation = evaluate(instance, content.plan, content.cost or Cost.MINMAX)
     figures = [
@@ -380,21 +383,20 @@ def _check_places(content: PlanFile) -> Iterator[str]:
             yield f"{segment.display_name}: length_m is {segment.length_m:.6g}, its ends are {length_m:.6g} m apart"
 
 
-def _check_areas(content: PlanFile) -> Iterator[str]:
-    """Yield what of the inspection legs that are flown, and of the pads, is in an area."""
-    if content.pricing is None:
-        return
-    flown = sorted({segment_of(visit) for route in content.plan.routes for visit in route.visits})
-    tracks_m = content.pricing.tracks_m[flown, :, :2]
-    for one in content.pricing.kept_out:
+def describe_area_conflicts(
+    pricing: Pricing, segments: Sequence[PlanSegment], visits: Iterable[int], pads: Iterable[tuple[str, Base]]
+) -> Iterator[str]:
+    """Yield what of the inspection legs that are flown, and of vehicles' pads, is in an area."""
+    flown, pads = sorted({segment_of(visit) for visit in visits}), list(pads)
+    tracks_m = pricing.tracks_m[flown, :, :2]
+    for one in pricing.kept_out:
         graph = graph_of((obstacle_of(one.area),))
         begins_m, ends_m = tracks_m[:, 0], tracks_m[:, 1]
         within = graph.is_inside(begins_m) | graph.is_inside(ends_m) | graph.is_blocked(begins_m, ends_m)
         for number in np.flatnonzero(within).tolist():
-            yield f"{content.segments[flown[number]].display_name} is flown, and lies in area {one.area.name!r}"
-        for name in one.vehicles:
-            base = content.pricing.bases.get(name)
-            if base is not None and graph.is_inside(np.array([base.place_m[:2]]))[0]:
+            yield f"{segments[flown[number]].display_name} is flown, and lies in area {one.area.name!r}"
+        for name, pad in pads:
+            if name in one.vehicles and graph.is_inside(np.array([pad.place_m[:2]]))[0]:
                 yield f"the pad of {name} lies in area {one.area.name!r}"
 
 

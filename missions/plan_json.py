@@ -238,22 +238,13 @@ class ReliefPart(_Part):
         return self
 
 
-class ModelPart(_Part):
-    """From which the times and energies of this file follow."""
+class WaysPart(_Part):
+    """What ways lead around and over, and which segments take longer than their tracks."""
 
-    name: Literal["flight"]
-    power: WindPart
-    vehicles: tuple[VehicleModelPart, ...]
-    """In the order of `vehicles`."""
-    tracks: tuple[tuple[Place, Place], ...]
-    """Where the inspection of each segment, in the order of `segments`, is flown from a to b: metres east, north and up
-    of the depot, in the lowest layer."""
     pads: tuple[tuple[Figure, Figure], ...] = ()
     """East and north of the depot in metres: ways lead around the columns above others' pads."""
     column_m: Annotated[Figure, Field(ge=0)] = 0.0
     """Radius of these columns; 0 where every way is straight."""
-    answer_s: Annotated[Figure, Field(ge=0)] = 0.0
-    """How long after a loss everybody flies on as planned: until it is known, a re-plan is found and is on board."""
     areas: Annotated[tuple[AreaPart, ...], Field(exclude_if=not_)] = ()
     """That ways lead around."""
     relief: Annotated[ReliefPart | None, Field(exclude_if=is_none)] = None
@@ -264,6 +255,20 @@ class ModelPart(_Part):
     """The same of pylons with viewpoints below the surface, for who looks at them from its layer."""
     deep_m: Annotated[tuple[tuple[Id, Figure], ...], Field(exclude_if=not_)] = ()
     """How far below the surface the lowest of these viewpoints lies."""
+
+
+class ModelPart(WaysPart):
+    """From which the times and energies of this file follow."""
+
+    name: Literal["flight"]
+    power: WindPart
+    vehicles: tuple[VehicleModelPart, ...]
+    """In the order of `vehicles`."""
+    tracks: tuple[tuple[Place, Place], ...]
+    """Where the inspection of each segment, in the order of `segments`, is flown from a to b: metres east, north and up
+    of the depot, in the lowest layer."""
+    answer_s: Annotated[Figure, Field(ge=0)] = 0.0
+    """How long after a loss everybody flies on as planned: until it is known, a re-plan is found and is on board."""
 
 
 class PlanDocument(_Part):
@@ -493,9 +498,16 @@ def _build_model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, obj
             for vehicle, model in zip(vehicles, models, strict=True)
         ],
         "tracks": pricing.tracks_m.tolist(),
+        "answer_s": pricing.answer_s,
+        **build_ways(pricing),
+    }
+
+
+def build_ways(pricing: Pricing) -> dict[str, object]:
+    """Return what a plan's ways lead around and over, as `WaysPart` has it."""
+    return {
         "pads": pricing.pads_m,
         "column_m": pricing.column_m,
-        "answer_s": pricing.answer_s,
         "areas": [
             {
                 **{key: getattr(one.area, key) for key in AREA_FIGURES},
@@ -521,30 +533,43 @@ def _build_relief(grid: Grid) -> dict[str, object]:
 def _read_pricing(document: PlanDocument) -> Pricing | None:
     if document.model is None:
         return None
-    travel, model, relief = document.travel, document.model, document.model.relief
+    travel, model = document.travel, document.model
     power = SteadyWind(**dict(model.power))
     named = {vehicle.name: own for vehicle, own in zip(document.vehicles, model.vehicles, strict=True)}
-    return Pricing(
+    pricing = Pricing(
         np.array(model.tracks, dtype=np.float64).reshape(-1, 2, 3),
         {name: own.base for name, own in named.items()},
         {
             name: FlightModel(own.performance, power, travel.transit_speed_m_s, travel.inspection_speed_m_s, own.pace)
             for name, own in named.items()
         },
-        model.pads,
-        model.column_m,
-        model.answer_s,
-        kept_out=tuple(map(_read_restriction, model.areas)),
-        relief=None
-        if relief is None
-        else Relief(Grid((relief.east_m, relief.north_m), relief.step_m, np.array(relief.heights_m))),
+        answer_s=model.answer_s,
         barred={name: frozenset(own.barred) for name, own in named.items() if own.barred},
-        besides_s=dict(model.besides_s),
-        in_layer_s=dict(model.in_layer_s),
-        deep_m=dict(model.deep_m),
         steps_m={name: own.step_m for name, own in named.items() if own.step_m},
         layered={name: frozenset(own.layered) for name, own in named.items() if own.layered},
         low_starts=frozenset(name for name, own in named.items() if own.low_start),
+    )
+    return add_ways(pricing, model)
+
+
+def add_ways(pricing: Pricing, ways: WaysPart) -> Pricing:
+    """Return a pricing with what ways lead around and over.
+
+    Raises:
+        SafetyError: an area's figures do not make one.
+    """
+    relief = ways.relief
+    return replace(
+        pricing,
+        pads_m=ways.pads,
+        column_m=ways.column_m,
+        kept_out=tuple(map(_read_restriction, ways.areas)),
+        relief=None
+        if relief is None
+        else Relief(Grid((relief.east_m, relief.north_m), relief.step_m, np.array(relief.heights_m))),
+        besides_s=dict(ways.besides_s),
+        in_layer_s=dict(ways.in_layer_s),
+        deep_m=dict(ways.deep_m),
     )
 
 

@@ -143,7 +143,7 @@ def plan_day(
         )
     else:
         _print_day(content, spares, shares, asked.mtbf_h)
-    if content.plan.uncovered:
+    if content.plan.uncovered or content.unreachable:
         raise typer.Exit(1)
 
 
