@@ -273,4 +273,4 @@ def test_a_day_lands_at_no_base_in_an_area(place: Place) -> None:
     place.write(NETWORK, DAY, closed, NORTH, SOUTH, VEHICLES)
     code, _, err = place.plan()
     assert (code, err.count("\n")) == (2, 1)
-    assert "base north: expected 5 m or more outside of area 'quarry', got a place in it" in err
+    assert "base north: expected 10 m or more outside of area 'quarry', got a place in it" in err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from executor.site.site_model import SiteModel
 from missions import DayPlanFile, MissionsError, Network, Task, check_day_plan, read_day_plan, write_day_plan
 from missions.pole_heights import add_ground_heights, add_structure_heights
 from missions.terrain import Terrain
-from planner import Plan, Route, evaluate, visit_of
+from planner import Cost, Plan, Route, evaluate, visit_of
 from planner.sorties import Sortie, SortiePlan, evaluate_sorties
 from tests.executor.builders import site_of
 from tests.executor.site.test_terrain import MOUNTAIN, RASTER
@@ -53,12 +54,6 @@ class Mountains:
         inspection = {"ceiling_m": 400, "return_ceiling_m": 800, **tables.pop("inspection", {})}
         names = tuple(f"uav{number}" for number in range(1, vehicles + 1))
         return site_of(names, "px4", **{"day": HOURS, "inspection": inspection, **tables})
-
-    def ground(self, tables: dict[str, Any], vehicles: int) -> SiteModel:
-        site = self.site_of(tables, vehicles)
-        return site_model.build_site_model(
-            site, self.network, (), self.folder, self.terrain if site.terrain is not None else None
-        )
 
 
 @pytest.fixture(scope="module")
@@ -132,6 +127,15 @@ def same_prices(task: Task, day: DayPlanFile) -> None:
             np.testing.assert_allclose(mine, its, **ALIKE)
 
 
+def words_of(made: Callable[[], object]) -> str:
+    """Return why something is refused; empty if it is not."""
+    try:
+        made()
+    except SiteError as error:
+        return str(error)
+    return ""
+
+
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_a_day_of_one_sortie_each_takes_what_the_flight_takes(mountains: Mountains, data: st.DataObject) -> None:
@@ -141,13 +145,11 @@ def test_a_day_of_one_sortie_each_takes_what_the_flight_takes(mountains: Mountai
     except (MissionsError, ExecutorError):
         assume(False)
         return
-    try:
-        task = site_model.build_first_task(ground)
-    except SiteError as error:
-        with pytest.raises(SiteError) as refused:
-            build_day_problem(ground)
-        assert str(refused.value) == str(error)
+    refused = {words_of(lambda: site_model.build_first_task(ground)), words_of(lambda: build_day_problem(ground))}
+    assert len(refused) == 1
+    if refused != {""}:
         return
+    task = site_model.build_first_task(ground)
     day = build_day_problem(ground)
     assert tuple(segment.id for segment in day.segments) == task.segment_ids
     assert day.unreachable == task.unreachable
@@ -159,7 +161,7 @@ def test_a_day_of_one_sortie_each_takes_what_the_flight_takes(mountains: Mountai
         able = [row for row, own in enumerate(barred) if segment not in own]
         routes[data.draw(st.sampled_from(able))].append(visit_of(segment, data.draw(st.booleans())))
     plan = Plan(tuple(Route(row, tuple(own)) for row, own in enumerate(routes)))
-    flight = evaluate(task.instance, plan)
+    flight = evaluate(task.instance, plan, Cost.MINMAX)
     flown = SortiePlan(
         tuple((Sortie(0, tuple(own), 0, 3e4 + 60 * row),) if own else () for row, own in enumerate(routes))
     )
