@@ -59,7 +59,7 @@ class VehicleMoves:
         """Return which visits it comes down to."""
         if not self.step_m:
             return NEVER
-        return np.asarray(~np.isin(np.asarray(visits) >> 1, list(self.layered)))
+        return np.asarray(~np.isin(np.asarray(visits, dtype=np.int64) >> 1, list(self.layered)))
 
     def price_visit_extras(self, visits: int) -> FloatArray:
         """Return (2, visits) float64: seconds and energy that visits take besides.

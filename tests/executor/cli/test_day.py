@@ -238,7 +238,10 @@ def test_days_that_cannot_be_used(place: Place, parts: tuple[str, ...], expected
     assert err.count("\n") == 1
 
 
-CLOSED = '[[area]]\nname = "quarry"\npolygon = [[49.6020, 15.6110], [49.6035, 15.6110], [49.6035, 15.6160], [49.6020, 15.6160]]\n'
+CLOSED = (
+    '[[area]]\nname = "quarry"\n'
+    "polygon = [[49.6020, 15.6110], [49.6035, 15.6110], [49.6035, 15.6160], [49.6020, 15.6160]]\n"
+)
 OWN = DAY.replace('"any"\nroad_m_s = 8', '"own"')
 
 

@@ -136,7 +136,7 @@ def words_of(made: Callable[[], object]) -> str:
     return ""
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_a_day_of_one_sortie_each_takes_what_the_flight_takes(mountains: Mountains, data: st.DataObject) -> None:
     tables, vehicles = data.draw(tables_over(mountains.network)), data.draw(st.integers(1, 3))
