@@ -281,17 +281,7 @@ def build_day_plan_document(content: DayPlanFile) -> dict[str, object]:
         "finish_s": content.evaluation.finish_s,
         "flight_s": content.evaluation.flight_s,
         "seed": content.solved.seed, "solver": content.solved.solver, "seconds": content.solved.seconds,
-        "sorties": [
-            {
-                "vehicle": own.name, "day": _day_of(content, one.start_s), "base": names[one.base],
-                "lands": names[one.lands], "start_s": one.start_s,
-                "duration_s": content.evaluation.lasts_s[row][number],
-                "energy_pct": content.evaluation.energies_pct[row][number],
-                "visits": [{"segment": ids[segment_of(visit)], "reversed": is_reversed(visit)}
-                           for visit in one.visits],
-            }
-            for row, own in enumerate(content.vehicles) for number, one in enumerate(content.plan.sorties[row])
-        ],
+        "sorties": _build_sorties(content, ids),
         "uncovered": [ids[segment] for segment in content.plan.uncovered],
         "windows": [
             {"vehicle": content.vehicles[one.vehicle].name, "from_s": one.from_s, "breaks": one.breaks}
@@ -310,6 +300,21 @@ def build_day_plan_document(content: DayPlanFile) -> dict[str, object]:
         return DayPlanDocument.model_validate(document, from_attributes=True).model_dump(mode="json", by_alias=True)
     except ValidationError as error:
         raise PlanFileError(f"{content.source}: {format_first_error(error)}") from error
+
+
+def _build_sorties(content: DayPlanFile, ids: list[int]) -> list[dict[str, object]]:
+    names = [base.name for base in content.bases]
+    return [
+        {
+            "vehicle": own.name, "day": _day_of(content, one.start_s), "base": names[one.base],
+            "lands": names[one.lands], "start_s": one.start_s,
+            "duration_s": content.evaluation.lasts_s[row][number],
+            "energy_pct": content.evaluation.energies_pct[row][number],
+            "visits": [{"segment": ids[segment_of(visit)], "reversed": is_reversed(visit)}
+                       for visit in one.visits],
+        }
+        for row, own in enumerate(content.vehicles) for number, one in enumerate(content.plan.sorties[row])
+    ]  # fmt: skip
 
 
 def _list_allowed_ids(content: DayPlanFile, vehicle: str, ids: list[int]) -> list[int] | None:

@@ -70,7 +70,7 @@ def place_pads(
         pad_spacing_m: The least distance of two pads.
         stated: Pads of some of them, which are where they are; the others keep away from these.
         areas: That no pad is in.
-        bases: Where those stand, by name, who do not stand at the depot; whoever shares one has an equal pad here.
+        bases: Where those stand, by name, who do not stand at the depot.
 
     Raises:
         SafetyError: there is no room for those at a base within ``SEARCH_RADIUS_M`` of it.

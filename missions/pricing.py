@@ -323,15 +323,19 @@ class PricedFleet:
     ) -> FloatArray:
         """Return (2, 2n): from rest at a place, which may be below the vehicle's layer, to the end of each visit."""
         flier, moves = self.fliers[row], self.moves
-        priced = np.array(flier.price_moves(from_m, facing_m, moves.first_m, moves.last_m, (is_low, self._low(row))))
+        priced = np.array(
+            flier.price_moves(from_m, facing_m, moves.first_m, moves.last_m, (is_low, self._find_low_visits(row)))
+        )
         return self._add_besides(row, priced) if besides else priced
 
     def price_home(self, row: int, base: Base) -> FloatArray:
         """Return (2, 2n): from the end of each visit onto a pad."""
         last_m = self.moves.last_m
-        return np.array(self.fliers[row].price_ways_home(last_m, last_m - self.moves.first_m, base, self._low(row)))
+        return np.array(
+            self.fliers[row].price_ways_home(last_m, last_m - self.moves.first_m, base, self._find_low_visits(row))
+        )
 
-    def _low(self, row: int) -> BoolArray:
+    def _find_low_visits(self, row: int) -> BoolArray:
         return self.fliers[row].find_low_visits(np.arange(self.moves.visits))
 
     def _add_besides(self, row: int, priced: FloatArray) -> FloatArray:

@@ -397,12 +397,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/cli/test_day.py": (
         "executor/analysis/pictures/gantt_figure.py",
         "executor/site/day_summary.py",
-        "executor/site/day_problem.py",
         "executor/site/tables/day_tables.py",
         "missions/day_plan.py",
         "missions/day_plan_json.py",
-        "missions/sortie_pricing.py",
     ),
+    "tests/executor/site/test_day_flight.py": ("executor/site/site_bases.py",),
     "tests/benchmarks/test_day.py": (
         "benchmarks/daypage.py",
         "benchmarks/day_command.py",
