@@ -53,6 +53,20 @@ def sorties_ahead_of(content: DayPlanFile) -> Mapping[str, tuple[PlannedSortie, 
     }
 
 
+def name_sortie_rounds(content: DayPlanFile) -> list[dict[str, tuple[int, ...]]]:
+    """Return the network's visits of everybody's first sorties by name, of the second ones, and so on.
+
+    Only of those that end at the base where the vehicle stands: others are not flown.
+    """
+    ids, rounds = [segment.id for segment in content.segments], list[dict[str, tuple[int, ...]]]()
+    for own, sorties in zip(content.vehicles, content.plan.sorties, strict=True):
+        at_home = (one for one in sorties if (one.base, one.lands) == (own.base, own.base))
+        for number, one in enumerate(at_home):
+            rounds += [{}] if number == len(rounds) else []
+            rounds[number][own.name] = _to_network_visits(ids, one.visits)
+    return rounds
+
+
 def build_day_rules(content: DayPlanFile) -> DayRules:
     """Return what a day plan says beside its sorties; its clock begins with the first planned take-off."""
     begins_s, until_s = _first_take_off_s(content), content.days[0][1]

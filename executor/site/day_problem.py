@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -24,7 +25,7 @@ from missions.day_plan import Window
 from missions.geo import FloatArray
 from missions.setup import LOWEST_FLIGHT_M
 from missions.shortest_ways import graph_of
-from planner import Progress, StopRule, top_speed_m_s
+from planner import Progress, Seconds, StopRule, top_speed_m_s
 from planner.road_graph import build_road_graph
 from planner.sorties import (
     Objective,
@@ -47,15 +48,18 @@ class DayPlanRequest:
     stop: StopRule
     seed: int
     starts: int
+    """Searches side by side; 0 for as many as there are processors."""
     spares: frozenset[str] = frozenset()
     """Vehicles for which nothing is planned."""
+    length: str = ""
+    """How long it is searched, in words."""
 
 
-def spares_of(ground: SiteModel) -> frozenset[str]:
-    """Return the vehicles of a site that stand by."""
-    return (
-        frozenset() if ground.site.day is None else frozenset(one.name for one in ground.site.day.vehicle if one.spare)
-    )
+def request_day_plan(ground: SiteModel, objective: Objective, seconds: float, seed: int, starts: int) -> DayPlanRequest:
+    """Return what is asked of the days of a site, with its spares standing by."""
+    table = ground.site.day or DayTable()
+    spares = frozenset(one.name for one in table.vehicle if one.spare)
+    return DayPlanRequest(objective, Seconds(seconds), seed, starts, spares, f"{seconds:g} s")
 
 
 def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) -> DayPlanFile:
@@ -131,7 +135,8 @@ def solve_day(
     flies = np.array([[own.name not in wanted.spares] for own in instance.vehicles])
     found = solve_sorties(
         replace(instance, able=instance.able & flies),
-        stop=wanted.stop, objective=wanted.objective, seed=wanted.seed, starts=wanted.starts, on_progress=on_progress,
+        stop=wanted.stop, objective=wanted.objective, seed=wanted.seed, starts=wanted.starts or os.cpu_count() or 1,
+        on_progress=on_progress,
     )  # fmt: skip
     return replace(
         content, plan=found.plan, evaluation=found.evaluation, objective=wanted.objective,

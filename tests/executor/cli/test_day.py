@@ -190,7 +190,7 @@ def test_how_many_vehicles_and_packs_are_needed(place: Place) -> None:
     [
         (("--front",), "--front: expected none beside --day"),
         (("--cost", "minmax"), "--cost: expected none beside --day"),
-        (("--objective", "speed"), "--objective: expected one of finish, flight, swaps, got 'speed'"),
+        (("--objective", "speed"), "'speed' is not one of 'finish', 'flight', 'swaps'"),
         (("--probability", "95,x"), "--probability: expected percentages"),
         (("-o", "nowhere/day.json"), "there is no directory"),
     ],

@@ -113,7 +113,7 @@ def test_a_site_without_any_height_is_flown_by_the_raster(ground: SiteModel, pla
 
 
 def test_plan_and_checklist_say_the_margin_and_how_sure_it_is(ground: SiteModel, plan: PlanFile) -> None:
-    planned = compute_planned_heights(ground, plan)
+    planned = compute_planned_heights(ground, [site_model.name_routes(ground, plan.build_task(), plan.plan)])
     assert f"; ground +-5 m by {RASTER}, and 18 m over that are kept" in planned.words
     assert ", lowest " in planned.words
     assert planned.document is not None
