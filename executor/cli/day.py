@@ -19,13 +19,11 @@ from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_d
 from executor.site.day_summary import (
     compute_base_needs,
     compute_rule_packs,
-    describe_base_needs,
-    describe_day_sorties,
-    describe_loss_windows,
+    describe_day,
     describe_spares,
-    describe_uncovered,
     find_enough_spares,
 )
+from executor.site.plan_summary import find_left_over
 from executor.site.planned_heights import compute_planned_heights
 from executor.site.site_model import SiteModel
 from missions import DayPlanFile, build_day_plan_document, check_day_plan, write_day_plan
@@ -160,15 +158,6 @@ def plan_day_and_report(
     return add_loss_windows(content, console, wanted.seed)
 
 
-def describe_day(content: DayPlanFile) -> list[str]:
-    """Return the days in words."""
-    return [
-        line
-        for lines in (describe_day_sorties, describe_base_needs, describe_uncovered, describe_loss_windows)
-        for line in lines(content)
-    ]
-
-
 def add_loss_windows(content: DayPlanFile, console: TerminalConsole, seed: int) -> DayPlanFile:
     """Return a day plan with the time from which on each vehicle may be lost, where everything is inspected."""
     if content.plan.uncovered or not content.evaluation.count:
@@ -207,7 +196,10 @@ def build_day_document(
     content: DayPlanFile, spares: list[SparesEstimate], shares: list[float], mtbf_h: float | None
 ) -> dict[str, object]:
     """Return what `--json` says beside the day plan itself."""
-    document: dict[str, object] = {"needs": [asdict(one) for one in compute_base_needs(content)]}
+    document: dict[str, object] = {
+        "needs": [asdict(one) for one in compute_base_needs(content)],
+        "left_over": [asdict(one) for one in find_left_over(content)],
+    }
     if mtbf_h is None:
         return document
     fleet = sum(1 for own in content.plan.sorties if own)

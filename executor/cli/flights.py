@@ -18,7 +18,7 @@ from executor.analysis.earlier_flights import describe_total_inspected, read_ear
 from executor.analysis.flight_record import FlightRecord
 from executor.analysis.report import build_check_row
 from executor.cli.console import TerminalConsole
-from executor.cli.day import DAY_SECONDS, ObjectiveOption, describe_day, plan_day_and_report
+from executor.cli.day import DAY_SECONDS, ObjectiveOption, plan_day_and_report
 from executor.cli.errors import OUR_ERRORS
 from executor.cli.options import (
     DEFAULT_STRETCH_PCT,
@@ -76,6 +76,7 @@ from executor.simulated.demo_site import (
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site import day_flight, site_model
 from executor.site.day_problem import request_day_plan
+from executor.site.day_summary import describe_day
 from executor.site.ground_files import read_ground
 from executor.site.ground_view import GroundView, view_for
 from executor.site.site_file import check_site, read_signing_key, read_site

@@ -7,16 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from executor.core.formatting import describe_unreachable, join_first_names
+from executor.site.plan_summary import describe_left_over
 from missions import DayPlanFile
 from planner.sorties import SparesEstimate, SurvivalEstimate
 
 DAY_S = 86_400.0
-NAMED = 50
-"""Segments that a line names."""
-FULL = 1e-9
-OUT_OF_REACH = "out of reach of every base on one pack"
-OUT_OF_TIME = "within reach, but no time is left"
 
 
 def format_day_time(seconds: float) -> str:
@@ -106,22 +101,6 @@ def describe_base_needs(content: DayPlanFile) -> Iterator[str]:
     )
 
 
-def describe_uncovered(content: DayPlanFile) -> Iterator[str]:
-    """Yield what is left over, and why."""
-    if content.plan.uncovered:
-        instance = content.build_instance()
-        pct = (instance.out_pct[:, :, :, np.newaxis].min(axis=1) + instance.home_pct).min(axis=2)
-        budgets = np.array([own.budget_pct for own in content.vehicles])[:, np.newaxis]
-        within = (pct <= budgets + FULL).reshape(len(budgets), -1, 2).any(axis=(0, 2))
-        for why, wanted in ((OUT_OF_REACH, False), (OUT_OF_TIME, True)):
-            names = [content.segments[one].display_name for one in content.plan.uncovered if within[one] == wanted]
-            if names:
-                yield f"left over, {why}: {len(names)}: {join_first_names(names, NAMED)}"
-    yield from describe_unreachable(
-        zip(content.unreachable_names, (one.why for one in content.unreachable), strict=True), NAMED
-    )
-
-
 def describe_loss_windows(content: DayPlanFile) -> Iterator[str]:
     """Yield until when each vehicle must not be lost for good."""
     end = format_day_time(content.days[-1][1])
@@ -175,6 +154,12 @@ def describe_spares(content: DayPlanFile, found: list[SparesEstimate], shares: l
         )
         spares = next(len(one.spares) for one in found if one.lives is enough)
         yield f"{100 * share:g} %: {fleet + spares} vehicles, {spares} of them spare; packs: {packs}"
+
+
+def describe_day(content: DayPlanFile) -> list[str]:
+    """Return the days in words."""
+    told = (describe_day_sorties(content), describe_base_needs(content), describe_left_over(content))
+    return [line for lines in (*told, describe_loss_windows(content)) for line in lines]
 
 
 def find_enough_spares(found: list[SparesEstimate], share: float) -> SurvivalEstimate | None:

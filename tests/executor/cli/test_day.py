@@ -121,7 +121,7 @@ def test_what_finds_no_day_is_named_and_a_no(place: Place) -> None:
     place.write(NETWORK, DAY.replace("11:00", "08:30"), NORTH.replace("packs = 9", "packs = 1"), SOUTH, VEHICLES)
     code, out, _ = place.plan()
     assert code == 1
-    assert "left over, within reach, but no time is left:" in out
+    assert "left over, within reach, but no time is left: " in out
 
 
 def test_quiet_hours_roads_and_cameras_hold(place: Place) -> None:
