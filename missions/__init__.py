@@ -33,8 +33,7 @@ from missions.clearance import (
     max_return_height_m,
     min_height_over_tops_m,
 )
-from missions.day_plan import BasePlace, DayPlanFile, check_day_plan
-from missions.day_plan_json import build_day_plan_document, is_day_plan, read_day_plan, write_day_plan
+from missions.day_plan import DayPlanFile, PlanBase, check_day_plan
 from missions.encode import EncodedMission, encode, flag_current
 from missions.errors import (
     EncodeError,
@@ -65,7 +64,7 @@ from missions.plan_file import (
     check_plan,
     make_plan_file,
 )
-from missions.plan_json import build_plan_document, read_plan, write_plan
+from missions.plan_json import build_plan_document, is_day_plan, read_any_plan, read_day_plan, read_plan, write_plan
 from missions.pricing import PricedMoves, Pricing, build_priced_instance
 from missions.qgc import QgcPlan, format_qgc_plan, format_qgc_waypoints, parse_qgc_plan, parse_qgc_waypoints
 from missions.readers import (
@@ -97,7 +96,6 @@ __all__ = [
     "PX4",
     "SNAP_M",
     "Base",
-    "BasePlace",
     "BatteryFailsafe",
     "BatteryLevel",
     "BreakingLoss",
@@ -134,6 +132,7 @@ __all__ = [
     "Pad",
     "Performance",
     "Phase",
+    "PlanBase",
     "PlanFile",
     "PlanFileError",
     "PlanSegment",
@@ -158,7 +157,6 @@ __all__ = [
     "Window",
     "Words",
     "apply_tunings",
-    "build_day_plan_document",
     "build_flight_path",
     "build_network_document",
     "build_open_task",
@@ -201,6 +199,7 @@ __all__ = [
     "place_pads",
     "plan_flight_setup",
     "plan_layers",
+    "read_any_plan",
     "read_day_plan",
     "read_network",
     "read_plan",
@@ -208,6 +207,5 @@ __all__ = [
     "read_text",
     "tracks_m",
     "with_heights",
-    "write_day_plan",
     "write_plan",
 ]

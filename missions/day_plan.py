@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -12,11 +12,11 @@ from pydantic import Field
 
 from missions.errors import PlanFileError
 from missions.flight_model import Base
-from missions.geo import FloatArray, LocalFrame
+from missions.geo import MAX_LATITUDE_DEG, FloatArray, LocalFrame
 from missions.plan_file import PlanSegment, SolverRecord, is_same_figure
 from missions.pricing import Pricing
-from missions.sortie_pricing import build_priced_sorties
-from missions.validation import Figure, Text
+from missions.sortie_pricing import Window, build_priced_sorties
+from missions.validation import Figure, From0, Id, Text
 from planner import InstanceError
 from planner.sorties import (
     LossWindow,
@@ -30,18 +30,22 @@ from planner.sorties import (
     evaluate_sorties,
 )
 
-Window = tuple[float, float]
-
 
 @dataclass(frozen=True, slots=True)
-class BasePlace:
-    """Where a base is."""
+class PlanBase:
+    """A place where vehicles take off and land."""
 
     name: Text
-    lat_deg: Figure
+    lat_deg: Annotated[Figure, Field(ge=-MAX_LATITUDE_DEG, le=MAX_LATITUDE_DEG)]
     lon_deg: Figure
-    alt_m: Annotated[Figure, Field()]
+    alt_m: Figure
     """Ground above mean sea level."""
+    turnaround_s: From0 = 0.0
+    """From a landing to the vehicle's next take-off."""
+    packs: Id | None = None
+    """Charged in the morning; without it there are always enough."""
+    recharge_s: From0 | None = None
+    """From a landing until the pack is charged; without it overnight."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,8 +56,7 @@ class DayPlanFile:
     segments: tuple[PlanSegment, ...]
     pricing: Pricing
     """Tracks of the segments, and how each vehicle flies; its bases are the vehicles' own."""
-    places: tuple[BasePlace, ...]
-    bases: tuple[SortieBase, ...]
+    bases: tuple[PlanBase, ...]
     vehicles: tuple[SortieVehicle, ...]
     pads: tuple[tuple[Base, ...], ...]
     """For each vehicle its pad at each base."""
@@ -67,8 +70,17 @@ class DayPlanFile:
     solved: SolverRecord
     windows: tuple[LossWindow, ...] = ()
     """Until when each vehicle must not be lost; empty if nobody looked."""
+    autopilots: Mapping[str, str] = field(default_factory=dict)
+    """Of each vehicle by its name, where it is known."""
     source: str = field(default="day plan", compare=False)
     """Where it was read, for messages."""
+
+    @property
+    def cost_value(self) -> float:
+        """What the plan was chosen by comes to: seconds, or a number of sorties."""
+        found = self.evaluation
+        values = {Objective.FINISH: found.finish_s, Objective.FLIGHT: found.flight_s, Objective.SWAPS: found.count}
+        return float(values[self.objective])
 
     def build_instance(self) -> SortieInstance:
         """Return the planning problem over positions in ``segments``.
@@ -77,8 +89,9 @@ class DayPlanFile:
             PlanFileError: its content does not make one.
         """
         try:
+            bases = [SortieBase(base.name, base.turnaround_s, base.packs, base.recharge_s) for base in self.bases]
             return build_priced_sorties(
-                self.pricing, self.vehicles, self.pads, self.bases, self.days, self.transfer_s, able=self.able,
+                self.pricing, self.vehicles, self.pads, bases, self.days, self.transfer_s, able=self.able,
                 stagger_s=self.stagger_s,
             )  # fmt: skip
         except InstanceError as error:

@@ -18,7 +18,7 @@ from missions.pricing import DEPOT_M, Pricing, build_priced_instance
 from missions.setup import Inspection
 from missions.shortest_ways import graph_of, obstacle_of
 from missions.tasks import Task
-from missions.validation import Figure, Id, Known, Pair, Place, Text, is_none
+from missions.validation import Above0, Figure, Id, Known, Pair, Place, Text
 from planner import (
     Cost,
     Instance,
@@ -49,7 +49,7 @@ class PlanSegment:
 
     id: Id
     """The network's number of it; a plan over a part of a network skips some."""
-    name: Annotated[Text | None, Field(exclude_if=is_none)] = None
+    name: Text | None = None
     """What its network's file calls it."""
     a_enu_m: Annotated[Place, Field(alias="a")]
     """Metres east, north and up from the depot; up is 0 where the ground's height is not known."""
@@ -88,7 +88,7 @@ class Window:
     """Of the longest route."""
     earliest_s: Figure
     longest_route_s: Figure
-    breaking: Annotated[BreakingLoss | None, Field(exclude_if=is_none)] = None
+    breaking: BreakingLoss | None = None
     """The loss just before it that has no re-plan."""
 
 
@@ -116,7 +116,7 @@ class PlanTerrain:
     """Nine of ten heights are nearer than this to the truth."""
     margin_m: Figure
     """That every leg keeps over the ground beside that."""
-    line_margin_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
+    line_margin_m: Figure | None = None
     """That every leg keeps over the tops of lines; without it a share of the inspection height."""
 
 
@@ -124,7 +124,7 @@ class PlanTerrain:
 class PlanFence:
     """What the site says of the fences of its vehicles, which other ground stations are given too."""
 
-    margin_m: Annotated[Figure, Field(gt=0)]
+    margin_m: Above0
     """How far a fence is at least from its vehicle's ways."""
     rally: Literal["pad", "keep"]
     """Where its own RTL may end: at its pad, or as the vehicle has it."""

@@ -28,7 +28,7 @@ from executor.site.day_summary import (
     find_enough_spares,
 )
 from executor.site.site_model import SiteModel
-from missions import DayPlanFile, build_day_plan_document, check_day_plan, write_day_plan
+from missions import DayPlanFile, build_plan_document, check_day_plan, write_plan
 from missions.files import json_text
 from planner import Progress, Seconds
 from planner.sorties import (
@@ -132,15 +132,13 @@ def plan_day(
             spares = _evaluate_spares(content, console, asked, fly, asked.mtbf_h, max(shares))
     console.show_progress("")
     if output is not None:
-        write_named_file(output, lambda: write_day_plan(output, content))
+        write_named_file(output, lambda: write_plan(output, content))
     if picture is not None:
         from executor.analysis.pictures import draw_gantt_figure, save_figure
 
         write_named_file(picture, lambda: save_figure(draw_gantt_figure(content), picture))
     if as_json:
-        print(
-            json_text({**build_day_plan_document(content), **build_day_document(content, spares, shares, asked.mtbf_h)})
-        )
+        print(json_text({**build_plan_document(content), **build_day_document(content, spares, shares, asked.mtbf_h)}))
     else:
         _print_day(content, spares, shares, asked.mtbf_h)
     if content.plan.uncovered:
@@ -260,7 +258,7 @@ def build_day_document(
     fleet = sum(1 for own in content.plan.sorties if own)
     document["mtbf_h"] = mtbf_h
     document["rule_packs"] = {
-        place.name: compute_rule_packs(content, number) for number, place in enumerate(content.places)
+        place.name: compute_rule_packs(content, number) for number, place in enumerate(content.bases)
     }
     document["fleets"] = [
         {
@@ -278,7 +276,7 @@ def build_day_document(
                 fleet + len(one.spares) for one in spares if one.lives is lives
             ),
             "packs": None if lives is None else dict(
-                zip((place.name for place in content.places), lives.packs_for_share(share), strict=True)
+                zip((place.name for place in content.bases), lives.packs_for_share(share), strict=True)
             ),
         }
         for share, lives in enough

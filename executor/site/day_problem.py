@@ -14,7 +14,7 @@ from executor.errors import SiteError
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel, budget_pct_of, build_pricing, consumption_factor_of
 from executor.site.tables.day_tables import BaseTable, DayTable, parse_clock_s
-from missions import Base, BasePlace, DayPlanFile, SolverRecord, build_plan_segment
+from missions import Base, DayPlanFile, PlanBase, SolverRecord, build_plan_segment
 from missions.day_plan import Window
 from missions.geo import FloatArray
 from missions.setup import LOWEST_FLIGHT_M
@@ -22,7 +22,6 @@ from planner import Progress, StopRule, build_steady_wind, top_speed_m_s
 from planner.road_graph import build_road_graph
 from planner.sorties import (
     Objective,
-    SortieBase,
     SortieEvaluation,
     SortiePlan,
     SortieVehicle,
@@ -129,8 +128,10 @@ def build_day_problem(ground: SiteModel, segments: Sequence[int] | None = None) 
             pricing, models=models, pads_m=(), column_m=0.0,
             bases={own.name: pads[row][own.base] for row, own in enumerate(vehicles)},
         ),
-        places=places,
-        bases=tuple(SortieBase(base.name, base.turnaround_s, base.packs, base.recharge_s) for base in tables),
+        bases=tuple(
+            replace(place, turnaround_s=base.turnaround_s, packs=base.packs, recharge_s=base.recharge_s)
+            for base, place in zip(tables, places, strict=True)
+        ),
         vehicles=vehicles,
         pads=pads,
         days=days,
@@ -141,6 +142,7 @@ def build_day_problem(ground: SiteModel, segments: Sequence[int] | None = None) 
         evaluation=SortieEvaluation(0.0, 0.0, 0, ((),) * len(vehicles), ((),) * len(vehicles), ()),
         objective=Objective.FINISH,
         solved=SolverRecord("search", 0, 0.0),
+        autopilots={one.name: one.autopilot for one in site.vehicle},
     )  # fmt: skip
 
 
@@ -184,7 +186,7 @@ def _build_depot(ground: SiteModel) -> BaseTable:
     return BaseTable(name=DEPOT, lat_deg=frame.lat_deg, lon_deg=frame.lon_deg, alt_m=frame.alt_m, vehicles=ground.names)
 
 
-def base_place(ground: SiteModel, base: BaseTable) -> BasePlace:
+def base_place(ground: SiteModel, base: BaseTable) -> PlanBase:
     """Return where a base is, its height taken from the nearest pylon where nobody says it."""
     alt_m = base.alt_m
     if alt_m is None:
@@ -194,10 +196,10 @@ def base_place(ground: SiteModel, base: BaseTable) -> BasePlace:
         segment = ground.network.segments[nearest // 2]
         elevation_m = ground.network.pylons[segment.b if nearest % 2 else segment.a].elevation_m
         alt_m = ground.network.frame.alt_m if elevation_m is None else elevation_m
-    return BasePlace(base.name, base.lat_deg, base.lon_deg, alt_m)
+    return PlanBase(base.name, base.lat_deg, base.lon_deg, alt_m)
 
 
-def _build_pad(ground: SiteModel, vehicle: str, place: BasePlace, at_m: tuple[float, float]) -> Base:
+def _build_pad(ground: SiteModel, vehicle: str, place: PlanBase, at_m: tuple[float, float]) -> Base:
     layers = ground.setup.layers
     up_m = layers.surface.height_m(*at_m)
     climb_m = up_m + layers.offset_m(vehicle) - ground.network.frame.up_m(place.alt_m)

@@ -79,13 +79,13 @@ def test_a_day_as_json_is_the_file_with_what_it_needs(place: Place) -> None:
     assert code == 0
     assert {key: told[key] for key in kept} == kept
     assert [one["name"] for one in told["needs"]] == ["north", "south"]
-    assert sum(one["sorties"] for one in told["needs"]) == len(kept["sorties"])
-    visited = [visit["segment"] for one in kept["sorties"] for visit in one["visits"]]
+    assert sum(one["sorties"] for one in told["needs"]) == len(kept["routes"])
+    visited = [visit["segment"] for one in kept["routes"] for visit in one["visits"]]
     assert sorted(visited) == sorted(one["id"] for one in kept["segments"])
 
 
 def spoilt(document: dict[str, Any], key: str, value: object) -> str:
-    document["sorties"][0][key] = value
+    document["routes"][0][key] = value
     return json.dumps(document)
 
 
@@ -96,10 +96,10 @@ def spoilt(document: dict[str, Any], key: str, value: object) -> str:
         ("energy_pct", 1.0, 1, "energy_pct is 1"),
         ("start_s", 0.0, 1, "flies outside of its hours"),
         ("base", "south", 1, "duration_s"),
-        ("base", "east", 2, "sorties[0]: expected one of north, south, got east"),
-        ("vehicle", "uav9", 2, "sorties[0].vehicle: expected one of uav1, uav2, got uav9"),
-        ("visits", [], 2, "sorties[0].visits"),
-        ("visits", [{"segment": 5000, "reversed": False}], 2, "unknown 5000"),
+        ("base", "east", 2, "routes[0].base: expected one of north, south, got east"),
+        ("vehicle", "uav9", 2, "routes[0].vehicle: expected one of uav1, uav2, got uav9"),
+        ("visits", [], 2, "routes[0].visits"),
+        ("visits", [{"segment": 5000, "reversed": False}], 2, "routes[0].visits[0].segment: expected the id of a segment, got 5000"),
     ],
 )
 def test_a_day_plan_that_does_not_hold(place: Place, key: str, value: object, code: int, expected: str) -> None:
@@ -137,7 +137,7 @@ def test_quiet_hours_roads_and_cameras_hold(place: Place) -> None:
     told = json.loads(out)
     assert code == 0
     assert told["transfers_s"][0][1] == 1800.0
-    assert [one["speed_m_s"] for one in told["vehicles"]] == [4.0, 3.0]
+    assert [own["inspection_speed_m_s"] for own in told["model"]["models"].values()] == [4.0, 3.0]
     for one in told["sorties"]:
         if one["vehicle"] == "uav2":
             assert one["start_s"] + one["duration_s"] <= 8 * 3600 + 600 or one["start_s"] >= 9.5 * 3600
