@@ -138,7 +138,10 @@ def plan_day(
 
         write_named_file(picture, lambda: save_figure(draw_gantt_figure(content), picture))
     if as_json:
-        print(json_text({**build_plan_document(content), **build_day_document(content, spares, shares, asked.mtbf_h)}))
+        document = build_plan_document(content)
+        # What plans of days called these before there was one format.
+        document |= {"objective": content.objective.value, "sorties": document["routes"]}
+        print(json_text({**document, **build_day_document(content, spares, shares, asked.mtbf_h)}))
     else:
         _print_day(content, spares, shares, asked.mtbf_h)
     if content.plan.uncovered:
