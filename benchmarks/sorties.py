@@ -22,7 +22,7 @@ from benchmarks.store import Json
 from executor.errors import ExecutorError
 from executor.simulated.demo_site import LISTENING, SIMULATED_CEILING_M, build_vehicle_tables
 from executor.site import site_model
-from executor.site.day_flight import build_first_sorties_plan, find_morning_pads
+from executor.site.day_flight import build_first_sorties_plan
 from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
@@ -270,9 +270,8 @@ def _patient(vehicle: SimVehicle) -> SimVehicle:
 
 def _pads_m(ground: SiteModel) -> dict[str, tuple[float, float, float]]:
     """Return where everybody stands in the morning: local east, north and up."""
-    setup, elsewhere = site_model.build_flight_setup(ground), find_morning_pads(ground)
-    pads = {name: elsewhere.get(name) or setup.pad_of(name) for name in ground.names}
-    return {name: (pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for name, pad in pads.items()}
+    setup = site_model.build_flight_setup(ground)
+    return {pad.vehicle: (pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for pad in setup.pads}
 
 
 def _judged(

@@ -33,7 +33,7 @@ from missions.clearance import (
     max_return_height_m,
     min_height_over_tops_m,
 )
-from missions.day_plan import DayPlanFile, PlanBase, check_day_plan
+from missions.day_plan import BasePlace, DayPlanFile, check_day_plan
 from missions.encode import EncodedMission, encode, flag_current
 from missions.errors import (
     EncodeError,
@@ -65,7 +65,7 @@ from missions.plan_file import (
     make_plan_file,
 )
 from missions.plan_json import build_plan_document, is_day_plan, read_any_plan, read_day_plan, read_plan, write_plan
-from missions.pricing import PricedMoves, Pricing, build_priced_instance
+from missions.pricing import PricedMoves, Pricing, build_priced_instance, build_priced_sorties
 from missions.qgc import QgcPlan, format_qgc_plan, format_qgc_waypoints, parse_qgc_plan, parse_qgc_waypoints
 from missions.readers import (
     SNAP_M,
@@ -84,7 +84,6 @@ from missions.readers import (
 from missions.routes import build_flight_path, continue_path
 from missions.safety import HeightReference, Layers, check_separation, plan_layers, tracks_m
 from missions.setup import FlightSetup, Inspection, plan_flight_setup
-from missions.sortie_pricing import build_priced_sorties
 from missions.tasks import Task, build_open_task
 from missions.validation import format_first_error
 from missions.waypoints import FlightPath, Phase, Waypoint
@@ -96,6 +95,7 @@ __all__ = [
     "PX4",
     "SNAP_M",
     "Base",
+    "BasePlace",
     "BatteryFailsafe",
     "BatteryLevel",
     "BreakingLoss",
@@ -132,7 +132,6 @@ __all__ = [
     "Pad",
     "Performance",
     "Phase",
-    "PlanBase",
     "PlanFile",
     "PlanFileError",
     "PlanSegment",

@@ -15,7 +15,7 @@ import numpy as np
 
 from missions.errors import SafetyError
 from missions.geo import FloatArray
-from missions.validation import Above0, Figure, From0, Pair, Text
+from missions.validation import Above0, Figure, From0, Id, Pair, Printable, Text
 
 Ring = tuple[Pair, ...]
 """East and north of corners, in metres; of an outline the last is joined to the first, which is not repeated."""
@@ -132,10 +132,12 @@ class AreaRestriction:
 class Unreachable:
     """A segment that no flight can inspect."""
 
-    segment: int
+    segment: Id
     """Its number in the network."""
-    why: str
+    why: Printable
     """In words, to be put behind its name: "lies in area 'airfield'"."""
+    name: Printable = ""
+    """What its network's file calls it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from missions.errors import PlanFileError
 from missions.flight_model import Base
-from missions.geo import MAX_LATITUDE_DEG, FloatArray, LocalFrame
-from missions.plan_file import PlanSegment, SolverRecord, is_same_figure
-from missions.pricing import Pricing
-from missions.sortie_pricing import Window, build_priced_sorties
+from missions.geo import MAX_LATITUDE_DEG, FloatArray
+from missions.plan_file import PlanContent, describe_area_conflicts, is_same_figure
+from missions.pricing import Pricing, build_priced_sorties
 from missions.validation import Figure, From0, Id, Text
 from planner import InstanceError
 from planner.sorties import (
@@ -30,9 +27,11 @@ from planner.sorties import (
     evaluate_sorties,
 )
 
+Window = tuple[float, float]
+
 
 @dataclass(frozen=True, slots=True)
-class PlanBase:
+class BasePlace:
     """A place where vehicles take off and land."""
 
     name: Text
@@ -48,32 +47,25 @@ class PlanBase:
     """From a landing until the pack is charged; without it overnight."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DayPlanFile:
-    """A day plan's content."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DayPlanFile(PlanContent):
+    """What a plan of days says."""
 
-    frame: LocalFrame
-    segments: tuple[PlanSegment, ...]
     pricing: Pricing
-    """Tracks of the segments, and how each vehicle flies; its bases are the vehicles' own."""
-    bases: tuple[PlanBase, ...]
+    """As a single flight has it; its bases are the vehicles' own."""
+    bases: tuple[BasePlace, ...]
     vehicles: tuple[SortieVehicle, ...]
     pads: tuple[tuple[Base, ...], ...]
     """For each vehicle its pad at each base."""
     days: tuple[Window, ...]
     transfer_s: FloatArray
     stagger_s: float
-    able: npt.NDArray[np.bool_]
     plan: SortiePlan
+    """Over positions in ``segments``, in the order of ``vehicles``."""
     evaluation: SortieEvaluation
     objective: Objective
-    solved: SolverRecord
     windows: tuple[LossWindow, ...] = ()
     """Until when each vehicle must not be lost; empty if nobody looked."""
-    autopilots: Mapping[str, str] = field(default_factory=dict)
-    """Of each vehicle by its name, where it is known."""
-    source: str = field(default="day plan", compare=False)
-    """Where it was read, for messages."""
 
     @property
     def cost_value(self) -> float:
@@ -91,7 +83,7 @@ class DayPlanFile:
         try:
             bases = [SortieBase(base.name, base.turnaround_s, base.packs, base.recharge_s) for base in self.bases]
             return build_priced_sorties(
-                self.pricing, self.vehicles, self.pads, bases, self.days, self.transfer_s, able=self.able,
+                self.pricing, self.vehicles, self.pads, bases, self.days, self.transfer_s,
                 stagger_s=self.stagger_s,
             )  # fmt: skip
         except InstanceError as error:
@@ -136,3 +128,6 @@ def _check_content(content: DayPlanFile) -> Iterator[str]:
         if not is_same_figure(said, is_so):
             yield f"{key} is {said:.6g}, its content gives {is_so:.6g}"
     yield from computed.violations
+    visits = (visit for own in content.plan.sorties for one in own for visit in one.visits)
+    pads = ((own.name, content.pads[row][base]) for row, own in enumerate(content.vehicles) for base in own.lands)
+    yield from describe_area_conflicts(content.pricing, content.segments, visits, pads)

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from operator import not_
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -20,24 +21,26 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from missions.areas import Unreachable
 from missions.autopilots.registry import AUTOPILOTS
-from missions.day_plan import DayPlanFile, PlanBase
+from missions.day_plan import BasePlace, DayPlanFile
 from missions.errors import PlanFileError, SafetyError
-from missions.files import read_text, to_printable, write_document
+from missions.files import read_text, write_document
 from missions.flight_model import Base
 from missions.geo import LocalFrame
 from missions.plan_file import WINDOW_COST, PlanFence, PlanFile, PlanSegment, PlanTerrain, SolverRecord, Window
 from missions.plan_json_v1 import upgrade_plan
 from missions.pricing import Pricing
 from missions.setup import Inspection
-from missions.validation import Above0, Figure, Flag, From0, Id, Name, Pair, Text, format_first_error, one_of
+from missions.validation import Above0, Figure, Flag, From0, Id, Name, Pair, Printable, Text, format_first_error, one_of
 from planner import Cost, InstanceError, Plan, PlanError, Route, Travel, Vehicle, is_reversed, segment_of, visit_of
 from planner.sorties import LossWindow, Objective, Sortie, SortieEvaluation, SortiePlan, SortieVehicle
 
 FORMAT = "faultline-plan/2"
 DEPOT = "depot"
 """The only base of a single flight."""
-FLIGHT_KEYS = ("window", "inspection", "fly_again", "terrain", "fence")
-"""What a single flight's document has as the flight itself has it."""
+SOLVER_KEYS = ("seed", "solver", "seconds")
+FLIGHT_KEYS = ("travel", "window", "inspection", "fly_again", "fence")
+DAY_KEYS = ("bases", "days", "stagger_s")
+"""What a document has as the plan itself has it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,8 +84,6 @@ class DayVehiclePart:
     """When it may fly, in seconds from the first midnight."""
     pads: tuple[Base, ...]
     """At each of the bases."""
-    segments: tuple[Id, ...] | None = None
-    """Ids of the only segments that it may inspect; without it all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,16 +137,6 @@ class DayCostPart:
 
 
 @dataclass(frozen=True, slots=True)
-class UnreachablePart:
-    """A segment that was asked for, and that no flight can inspect."""
-
-    segment: Id
-    """Its id in the network; it is none of `segments`."""
-    name: Text
-    why: Text
-
-
-@dataclass(frozen=True, slots=True)
 class DayLossPart:
     """From when on a vehicle may be lost for good, and everything is still inspected by the end of the last day."""
 
@@ -165,7 +156,7 @@ class _Document(BaseModel):
     format: Literal["faultline-plan/2"]
     depot: LocalFrame
     """WGS 84; the local metres of this file begin there."""
-    bases: Annotated[tuple[PlanBase, ...], Field(min_length=1)]
+    bases: Annotated[tuple[BasePlace, ...], Field(min_length=1)]
     """Where vehicles take off and land; the depot alone in a single flight."""
     vehicles: tuple[VehiclePart | DayVehiclePart, ...]
     routes: tuple[RoutePart, ...]
@@ -174,14 +165,18 @@ class _Document(BaseModel):
     """Ids of the segments that nobody flies."""
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)]
     """The solver's."""
-    solver: Text
+    solver: Printable
     """Its name."""
     seconds: Figure
     """What it took."""
     model: Pricing | None
+    unreachable: Annotated[tuple[Unreachable, ...], Field(exclude_if=not_)] = ()
+    """What was asked for and is not planned, because it lies in an area or behind one."""
+    terrain: PlanTerrain | None = None
+    """The ground that it was made over, where a raster knows it."""
     segments: tuple[PlanSegment, ...]
 
-    @property
+    @cached_property
     def positions(self) -> dict[int, int]:
         """Positions in `segments`, by id."""
         return {segment.id: index for index, segment in enumerate(self.segments)}
@@ -238,10 +233,6 @@ class PlanDocument(_Document):
     paper has it. Segments are named by their positions in `segments`."""
     fly_again: Flag = True
     """False: vehicles that have landed do not fly again after a loss, which the window reckons with."""
-    unreachable: Annotated[tuple[UnreachablePart, ...], Field(exclude_if=not_)] = ()
-    """What was asked for and is not planned, because it lies in an area or behind one."""
-    terrain: PlanTerrain | None = None
-    """The ground that it was made over, where a raster knows it."""
     fence: PlanFence | None = None
     """What vehicles are given as fences; without it none."""
 
@@ -389,124 +380,116 @@ def _names_days(text: str) -> bool:
 
 
 def _describe_common(content: PlanFile | DayPlanFile) -> dict[str, Any]:
-    """Return what plans of all kinds say."""
-    solved, model = content.solved, content.pricing
-    uncovered = tuple(content.segments[number].id for number in content.plan.uncovered)
     return {
-        "format": FORMAT, "depot": content.frame, "uncovered": uncovered, "seed": solved.seed, "solver": solved.solver,
-        "seconds": solved.seconds, "model": model, "segments": content.segments,
-    }  # fmt: skip
+        "format": FORMAT,
+        "depot": content.frame,
+        "uncovered": tuple(content.segments[number].id for number in content.plan.uncovered),
+        **{key: getattr(content.solved, key) for key in SOLVER_KEYS},
+        "model": content.pricing,
+        **{key: getattr(content, key) for key in ("unreachable", "terrain", "segments")},
+    }
 
 
 def _read_common(document: _Document, source: str) -> dict[str, Any]:
     return {
         "frame": document.depot,
-        "segments": document.segments,
-        "solved": SolverRecord(to_printable(document.solver), document.seed, document.seconds),
+        "solved": SolverRecord(**{key: getattr(document, key) for key in SOLVER_KEYS}),
         "pricing": document.model,
         "autopilots": {one.name: one.autopilot for one in document.vehicles if one.autopilot is not None},
         "source": source,
+        **{key: getattr(document, key) for key in ("unreachable", "terrain", "segments")},
     }
 
 
+def _describe_visit(content: PlanFile | DayPlanFile, visit: int, inspected_at_m: float | None = None) -> VisitPart:
+    return VisitPart(
+        segment=content.segments[segment_of(visit)].id, reversed=is_reversed(visit), inspected_at_m=inspected_at_m
+    )
+
+
+def _read_visits(document: _Document, route: RoutePart) -> tuple[int, ...]:
+    return tuple(visit_of(document.positions[visit.segment], visit.reversed) for visit in route.visits)
+
+
+def _read_uncovered(document: _Document) -> tuple[int, ...]:
+    return tuple(document.positions[segment] for segment in document.uncovered)
+
+
 def _describe_flight(content: PlanFile) -> PlanDocument:
-    ids, frame, names = [one.id for one in content.segments], content.frame, [one.name for one in content.vehicles]
-    rows = zip(names, content.plan.routes, content.durations_s, content.energies_pct, strict=True)
-
-    def describe(name: str, visit: int) -> VisitPart:
-        segment = segment_of(visit)
-        return VisitPart(
-            segment=ids[segment], reversed=is_reversed(visit), inspected_at_m=content.inspection_height_m(name, segment)
+    frame = content.frame
+    vehicles = (
+        VehiclePart(
+            name=one.name, start=one.start_m, budget_pct=one.budget_pct, consumption=one.consumption,
+            airborne=one.airborne, start_up_m=one.start_up_m, facing_m=one.facing_m,
+            autopilot=content.autopilots.get(one.name),
         )
-
+        for one in content.vehicles
+    )  # fmt: skip
+    routes = (
+        RoutePart(
+            vehicle=own.name, duration_s=duration_s, energy_pct=energy_pct,
+            visits=tuple(
+                _describe_visit(content, visit, content.inspection_height_m(own.name, segment_of(visit)))
+                for visit in route.visits
+            ),
+        )
+        for own, route, duration_s, energy_pct in zip(
+            content.vehicles, content.plan.routes, content.durations_s, content.energies_pct, strict=True
+        )
+    )  # fmt: skip
     return PlanDocument.model_construct(
         **_describe_common(content),
-        bases=(PlanBase(DEPOT, frame.lat_deg, frame.lon_deg, frame.alt_m),),
-        travel=content.travel,
-        vehicles=tuple(
-            VehiclePart(
-                name=one.name, start=one.start_m, budget_pct=one.budget_pct, consumption=one.consumption,
-                airborne=one.airborne, start_up_m=one.start_up_m, facing_m=one.facing_m,
-                autopilot=content.autopilots.get(one.name),
-            )
-            for one in content.vehicles
-        ),
-        routes=tuple(
-            RoutePart(
-                vehicle=name, visits=tuple(describe(name, visit) for visit in route.visits), duration_s=duration_s,
-                energy_pct=energy_pct,
-            )
-            for name, route, duration_s, energy_pct in rows
-        ),
-        cost=CostPart(content.cost_name, content.cost_value),
-        unreachable=tuple(
-            UnreachablePart(one.segment, name, one.why)
-            for one, name in zip(content.unreachable, content.unreachable_names, strict=True)
-        ),
         **{key: getattr(content, key) for key in FLIGHT_KEYS},
-    )  # fmt: skip
+        bases=(BasePlace(DEPOT, frame.lat_deg, frame.lon_deg, frame.alt_m),),
+        vehicles=tuple(vehicles),
+        routes=tuple(routes),
+        cost=CostPart(content.cost_name, content.cost_value),
+    )
 
 
 def _read_flight(document: PlanDocument, source: str) -> PlanFile:
-    position = document.positions
     asked = document.inspection is not None and document.inspection.same_distance
+    visits = (visit for route in document.routes for visit in route.visits)
+    routes = (Route(number, _read_visits(document, route)) for number, route in enumerate(document.routes))
     return PlanFile(
         **_read_common(document, source),
-        travel=document.travel,
+        **{key: getattr(document, key) for key in FLIGHT_KEYS},
         vehicles=tuple(
             Vehicle(one.name, one.start, one.budget_pct, one.consumption, one.airborne, one.start_up_m, one.facing_m)
             for one in document.vehicles
         ),
-        plan=Plan(
-            tuple(Route(number, _read_visits(position, route)) for number, route in enumerate(document.routes)),
-            tuple(position[segment] for segment in document.uncovered),
-        ),
+        plan=Plan(tuple(routes), _read_uncovered(document)),
         durations_s=tuple(route.duration_s for route in document.routes),
         energies_pct=tuple(route.energy_pct for route in document.routes),
         cost=None if document.cost.name == WINDOW_COST else Cost(document.cost.name),
         cost_value=document.cost.value,
-        unreachable=tuple(Unreachable(one.segment, to_printable(one.why)) for one in document.unreachable),
-        unreachable_names=tuple(to_printable(one.name) for one in document.unreachable),
-        says_distances=not asked
-        or all(visit.inspected_at_m is not None for route in document.routes for visit in route.visits),
-        **{key: getattr(document, key) for key in FLIGHT_KEYS},
+        says_distances=not asked or all(visit.inspected_at_m is not None for visit in visits),
     )
-
-
-def _read_visits(position: Mapping[int, int], route: RoutePart) -> tuple[int, ...]:
-    return tuple(visit_of(position[visit.segment], visit.reversed) for visit in route.visits)
 
 
 def _describe_days(content: DayPlanFile) -> DayPlanDocument:
-    ids, names, figures = (
-        [one.id for one in content.segments],
-        [base.name for base in content.bases],
-        content.evaluation,
-    )
+    names, figures, ends_s = [base.name for base in content.bases], content.evaluation, [end for _, end in content.days]
     vehicles = (
         DayVehiclePart(
-            name=own.name, start=content.pads[row][own.base].place_m[:2], budget_pct=own.budget_pct,
-            consumption=own.consumption, autopilot=content.autopilots.get(own.name), base=names[own.base],
-            lands=tuple(names[base] for base in own.lands), hours=own.windows, pads=content.pads[row],
-            segments=None if able.all() else tuple(ids[segment] for segment in np.flatnonzero(able)),
+            name=own.name, start=pads[own.base].place_m[:2], budget_pct=own.budget_pct, consumption=own.consumption,
+            autopilot=content.autopilots.get(own.name), base=names[own.base],
+            lands=tuple(names[base] for base in own.lands), hours=own.windows, pads=pads,
         )
-        for row, (own, able) in enumerate(zip(content.vehicles, content.able, strict=True))
+        for own, pads in zip(content.vehicles, content.pads, strict=True)
     )  # fmt: skip
     routes = (
         RoutePart(
-            vehicle=own.name, duration_s=figures.lasts_s[row][number], energy_pct=figures.energies_pct[row][number],
-            visits=tuple(VisitPart(segment=ids[segment_of(one)], reversed=is_reversed(one)) for one in sortie.visits),
-            base=names[sortie.base], lands=names[sortie.lands], start_s=sortie.start_s,
-            day=next((day for day, (_, end) in enumerate(content.days, 1) if sortie.start_s < end), len(content.days)),
+            vehicle=own.name, visits=tuple(_describe_visit(content, visit) for visit in one.visits),
+            duration_s=figures.lasts_s[row][number], energy_pct=figures.energies_pct[row][number],
+            base=names[one.base], lands=names[one.lands], start_s=one.start_s,
+            day=next((day for day, end_s in enumerate(ends_s, 1) if one.start_s < end_s), len(ends_s)),
         )
-        for row, own in enumerate(content.vehicles)
-        for number, sortie in enumerate(content.plan.sorties[row])
+        for row, own in enumerate(content.vehicles) for number, one in enumerate(content.plan.sorties[row])
     )  # fmt: skip
+    losses = (DayLossPart(content.vehicles[one.vehicle].name, one.from_s, one.breaks) for one in content.windows)
     return DayPlanDocument.model_construct(
         **_describe_common(content),
-        bases=content.bases,
-        days=content.days,
-        stagger_s=content.stagger_s,
+        **{key: getattr(content, key) for key in DAY_KEYS},
         transfers_s=tuple(
             tuple(one if math.isfinite(one) else None for one in row) for row in content.transfer_s.tolist()
         ),
@@ -515,48 +498,39 @@ def _describe_days(content: DayPlanFile) -> DayPlanDocument:
         cost=DayCostPart(content.objective.value, content.cost_value),
         finish_s=figures.finish_s,
         flight_s=figures.flight_s,
-        windows=tuple(
-            DayLossPart(content.vehicles[one.vehicle].name, one.from_s, one.breaks) for one in content.windows
-        ),
+        windows=tuple(losses),
     )
 
 
 def _read_days(document: DayPlanDocument, source: str) -> DayPlanFile:
     base = {one.name: index for index, one in enumerate(document.bases)}
-    names, position = document.names, document.positions
-    rows = [[route for route in document.routes if route.vehicle == name] for name in names]
+    rows = [[route for route in document.routes if route.vehicle == name] for name in document.names]
+    vehicles = (
+        SortieVehicle(
+            one.name, base[one.base], one.budget_pct, one.hours, tuple(base[name] for name in one.lands),
+            consumption=one.consumption, ready_s=document.days[0][0],
+        )
+        for one in document.vehicles
+    )  # fmt: skip
+    sorties = (
+        tuple(Sortie(base[one.base], _read_visits(document, one), base[one.lands], one.start_s) for one in own)
+        for own in rows
+    )
+    lasts_s, energies_pct = (
+        tuple(tuple(getattr(one, key) for one in own) for own in rows) for key in ("duration_s", "energy_pct")
+    )
     return DayPlanFile(
         **_read_common(document, source),
-        bases=document.bases,
-        vehicles=tuple(
-            SortieVehicle(
-                one.name, base[one.base], one.budget_pct, one.hours, tuple(base[name] for name in one.lands), 0,
-                one.consumption, document.days[0][0],
-            )
-            for one in document.vehicles
-        ),
+        **{key: getattr(document, key) for key in DAY_KEYS},
+        vehicles=tuple(vehicles),
         pads=tuple(one.pads for one in document.vehicles),
-        days=document.days,
         transfer_s=np.array([[math.inf if one is None else one for one in row] for row in document.transfers_s]),
-        stagger_s=document.stagger_s,
-        able=np.array([
-            [one.segments is None or segment.id in one.segments for segment in document.segments]
-            for one in document.vehicles
-        ]),
-        plan=SortiePlan(
-            tuple(
-                tuple(
-                    Sortie(base[one.base], _read_visits(position, one), base[one.lands], one.start_s) for one in own
-                )
-                for own in rows
-            ),
-            tuple(position[segment] for segment in document.uncovered),
-        ),
+        plan=SortiePlan(tuple(sorties), _read_uncovered(document)),
         evaluation=SortieEvaluation(
-            document.finish_s, document.flight_s, len(document.routes),
-            tuple(tuple(one.duration_s for one in own) for own in rows),
-            tuple(tuple(one.energy_pct for one in own) for own in rows), (),
+            document.finish_s, document.flight_s, len(document.routes), lasts_s, energies_pct, ()
         ),
         objective=Objective(document.cost.name),
-        windows=tuple(LossWindow(names.index(one.vehicle), one.from_s, one.breaks) for one in document.windows),
-    )  # fmt: skip
+        windows=tuple(
+            LossWindow(document.names.index(one.vehicle), one.from_s, one.breaks) for one in document.windows
+        ),
+    )

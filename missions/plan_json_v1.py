@@ -94,6 +94,12 @@ def _upgrade_days(document: Json) -> Json:
         )
         for name, one in vehicles.items()
     }  # fmt: skip
+    ids = [segment["id"] for segment in document["segments"]]
+    barred = {
+        name: [number for number, segment in enumerate(ids) if segment not in one["segments"]]
+        for name, one in vehicles.items()
+        if one.get("segments") is not None
+    }
     return {
         **document,
         "format": V2,
@@ -103,7 +109,7 @@ def _upgrade_days(document: Json) -> Json:
         ],
         "routes": document["sorties"],
         "cost": {"name": document["objective"], "value": values[document["objective"]]},
-        "model": {"tracks_m": document["tracks"], "bases": home, "models": models},
+        "model": {"tracks_m": document["tracks"], "bases": home, "models": models, "barred": barred},
     }
 
 

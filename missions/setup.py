@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Annotated
 
 import numpy as np
@@ -20,7 +21,7 @@ from missions.network import Network
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.safety import Layers, TerrainRequirements, plan_layers, tracks_m
 from missions.shortest_ways import Obstacle, graph_of, obstacle_of
-from missions.terrain import DETOUR_M, Terrain
+from missions.terrain import DETOUR_M, Terrain, around_bases_m
 from missions.validation import Flag
 
 FIGURES = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m", "return_ceiling_m")
@@ -214,6 +215,7 @@ def plan_flight_setup(
     stated: Sequence[Pad] = (),
     areas: Sequence[Area] = (),
     terrain: Terrain | None = None,
+    bases: Mapping[str, Pad] = MappingProxyType({}),
 ) -> FlightSetup:
     """Choose layers, and pads unless they are given, for a fleet over a network.
 
@@ -221,10 +223,11 @@ def plan_flight_setup(
         network: The part to inspect.
         vehicles: Names, from the lowest layer to the highest.
         inspection: Heights, speeds and distances.
-        pads: Where the vehicles really stand, once known; otherwise places are chosen around the depot.
+        pads: Where the vehicles really stand, once known; otherwise places are chosen around the depot and the bases.
         stated: Pads of some vehicles that are not to be chosen.
         areas: That no pad is chosen in; `reach.apply_areas` makes flights keep out of them.
         terrain: The ground, where a raster knows it; all pylons' heights must then be known.
+        bases: Around which those stand, by name, who do not stand at the depot.
 
     Raises:
         ElevationError: a part of the ground between lines and pads is not known.
@@ -241,7 +244,9 @@ def plan_flight_setup(
         standoff_m=inspection.standoff_m,
         over=None
         if terrain is None
-        else TerrainRequirements(terrain, inspection.ceiling_m, _turning_places_m(pads or stated, areas, tracks)),
+        else TerrainRequirements(
+            terrain, inspection.ceiling_m, _turning_places_m(pads or stated, bases, areas, tracks)
+        ),
     )
     if pads is None:
         pads = place_pads(
@@ -251,19 +256,23 @@ def plan_flight_setup(
             alt_m=network.frame.alt_m,
             stated=stated,
             areas=areas,
+            bases=bases,
         )
         if terrain is not None:
             pads = _put_pads_on_ground(pads, terrain)
     return FlightSetup(network, inspection, layers, tuple(pads), tracks, terrain=terrain)
 
 
-def _turning_places_m(pads: Sequence[Pad], areas: Sequence[Area], tracks_m: FloatArray) -> FloatArray:
+def _turning_places_m(
+    pads: Sequence[Pad], bases: Mapping[str, Pad], areas: Sequence[Area], tracks_m: FloatArray
+) -> FloatArray:
     """Return (m, 2) where ways begin, end or turn beside the lines; what is around areas that are far away is none."""
     low_m, high_m = tracks_m.min(axis=(0, 1)) - DETOUR_M, tracks_m.max(axis=(0, 1)) + DETOUR_M
     corners_m = graph_of(tuple(map(obstacle_of, areas))).nodes_m
     near_m = corners_m[((corners_m >= low_m) & (corners_m <= high_m)).all(axis=1)]
     stands_m = np.array([(pad.east_m, pad.north_m) for pad in pads], dtype=np.float64).reshape(-1, 2)
-    return np.concatenate((stands_m, near_m))
+    around_m = around_bases_m({(base.east_m, base.north_m) for base in bases.values()})
+    return np.concatenate((stands_m, around_m, near_m))
 
 
 def _put_pads_on_ground(pads: Sequence[Pad], terrain: Terrain) -> tuple[Pad, ...]:

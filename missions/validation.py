@@ -7,7 +7,15 @@ from collections.abc import Iterable
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, Field, GetCoreSchemaHandler, GetPydanticSchema, PlainSerializer, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    Field,
+    GetCoreSchemaHandler,
+    GetPydanticSchema,
+    PlainSerializer,
+    ValidationError,
+)
 from pydantic_core import CoreSchema, core_schema
 
 from missions.files import MOST_FIGURE, to_printable
@@ -18,6 +26,8 @@ MOST_SHOWN = 60
 Figure = Annotated[float, Field(strict=True, ge=-MOST_FIGURE, le=MOST_FIGURE, allow_inf_nan=False)]
 """A number that a place, a time or a share can have: no text, no boolean, nothing without end."""
 Text = Annotated[str, Field(min_length=1)]
+Printable = Annotated[Text, AfterValidator(to_printable)]
+"""A text for people, on one line."""
 Flag = Annotated[bool, Field(strict=True)]
 Id = Annotated[int, Field(strict=True, ge=0, le=2**53)]
 """JSON's readers elsewhere do not keep a greater number."""

@@ -144,7 +144,7 @@ def plan_day(
         print(json_text({**document, **build_day_document(content, spares, shares, asked.mtbf_h)}))
     else:
         _print_day(content, spares, shares, asked.mtbf_h)
-    if content.plan.uncovered:
+    if content.plan.uncovered or content.unreachable:
         raise typer.Exit(1)
 
 

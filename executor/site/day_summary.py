@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from executor.core.formatting import describe_unreachable, join_first_names
 from missions import DayPlanFile
 from planner.sorties import SparesEstimate, SurvivalEstimate
 
@@ -14,6 +15,8 @@ DAY_S = 86_400.0
 NAMED = 50
 """Segments that a line names."""
 FULL = 1e-9
+OUT_OF_REACH = "out of reach of every base on one pack"
+OUT_OF_TIME = "within reach, but no time is left"
 
 
 def format_day_time(seconds: float) -> str:
@@ -105,17 +108,16 @@ def describe_base_needs(content: DayPlanFile) -> Iterator[str]:
 
 def describe_uncovered(content: DayPlanFile) -> Iterator[str]:
     """Yield what is left over, and why."""
-    if not content.plan.uncovered:
-        return
-    instance = content.build_instance()
-    pct = (instance.out_pct[:, :, :, np.newaxis].min(axis=1) + instance.home_pct).min(axis=2)
-    budgets = np.array([own.budget_pct for own in content.vehicles])[:, np.newaxis]
-    within = (pct <= budgets + FULL).reshape(len(budgets), -1, 2).any(axis=(0, 2))
-    for why, wanted in (("out of reach of every base on one pack", False), ("within reach, but no time is left", True)):
-        names = [content.segments[one].display_name for one in content.plan.uncovered if within[one] == wanted]
-        if names:
-            more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-            yield f"left over, {why}: {len(names)}: {', '.join(names[:NAMED])}{more}"
+    if content.plan.uncovered:
+        instance = content.build_instance()
+        pct = (instance.out_pct[:, :, :, np.newaxis].min(axis=1) + instance.home_pct).min(axis=2)
+        budgets = np.array([own.budget_pct for own in content.vehicles])[:, np.newaxis]
+        within = (pct <= budgets + FULL).reshape(len(budgets), -1, 2).any(axis=(0, 2))
+        for why, wanted in ((OUT_OF_REACH, False), (OUT_OF_TIME, True)):
+            names = [content.segments[one].display_name for one in content.plan.uncovered if within[one] == wanted]
+            if names:
+                yield f"left over, {why}: {len(names)}: {join_first_names(names, NAMED)}"
+    yield from describe_unreachable(((one.name, one.why) for one in content.unreachable), NAMED)
 
 
 def describe_loss_windows(content: DayPlanFile) -> Iterator[str]:

@@ -12,15 +12,14 @@ import pytest
 
 from executor.simulated.simulated_fleet import fleet_of
 from executor.site.day_flight import (
-    base_places_m,
     build_day_rules,
     build_first_sorties_plan,
     describe_later_sorties,
     find_later_segments,
-    find_morning_pads,
     sorties_ahead_of,
 )
 from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
+from executor.site.site_bases import find_base_pads
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
 from missions import DayPlanFile, PlanFileError, check_plan
@@ -74,7 +73,6 @@ def test_the_days_clock_begins_with_its_first_take_off(ground: SiteModel, day: D
     assert rules.stagger_s == 30.0
     assert rules.windows_s["uav1"] == ((0.0, 3600.0), (5400.0, 7200.0))
     assert rules.ends_s == 7200.0
-    assert base_places_m(day, ground.network.frame)["uav1"] == pytest.approx((0.0, 0.0), abs=0.01)
 
 
 def test_simulated_vehicles_stand_at_their_bases_in_the_morning() -> None:
@@ -84,8 +82,8 @@ def test_simulated_vehicles_stand_at_their_bases_in_the_morning() -> None:
     bases: dict[str, Any] = {"base": [at_depot, north]}
     site = site_of(("uav1", "uav2", "uav3"), day=HOURS, energy=BATTERY, **bases)
     ground = ground_for(site, line_east(13))
-    stands = find_morning_pads(ground)
-    assert set(stands) == {"uav1", "uav3"}
+    assert set(find_base_pads(site, ground.network)) == {"uav1", "uav3"}
+    stands = {name: ground.setup.pad_of(name) for name in ("uav1", "uav3")}
     places = [(pad.east_m, pad.north_m) for pad in stands.values()]
     assert all(math.dist(place, (600.0, 400.0)) < 40.0 for place in places)
     assert math.dist(*places) >= 12.0
@@ -109,7 +107,8 @@ def test_who_has_a_pad_of_its_own_is_planned_from_there() -> None:
     moved = check_site({**tables, "place": [hill], "vehicle": [{**first, "pad": "hill"}, second]}, "test")
     ground = ground_for(moved, line_east(13))
     day = solve_day(build_day_problem(ground), DayPlanRequest(Objective.FINISH, Iterations(200), 1, 1))
-    assert [own[0].place_m[:2] for own in day.pads] == [pytest.approx((300.0, -200.0), abs=0.01), (0.0, 0.0)]
+    second_m = ground.setup.base_of("uav2").place_m[:2]
+    assert [own[0].place_m[:2] for own in day.pads] == [pytest.approx((300.0, -200.0), abs=0.01), second_m]
     build_first_sorties_plan(day, ground)
     assert "the pad of uav1 is elsewhere" in refused(replace(day, source="day.json"), ground_for(site, line_east(13)))
 
